@@ -1,0 +1,30 @@
+"""The decompositions as the chapter prints them: for comparison only, never for reduction."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .snapshots import Motion
+
+
+class NaiveSod(NamedTuple):
+    """What standard tools report on raw, uncentred, unweighted snapshots."""
+
+    values: np.ndarray  # smooth orthogonal values, infinite where a direction rests
+    rank: int  # numerical rank of the matrix of smooth orthogonal modes
+
+
+def naive_sod(motion: Motion) -> NaiveSod:
+    """The chapter's generalised SVD (equation 39.13) by QR and CS decomposition.
+
+    Its rank is decided at the level of rounding errors of the largest coordinate, so it depends
+    on the sample rate, the integrator's noise and the orientation of the axes.
+    """
+    x, v = np.asarray(motion.q), np.asarray(motion.v)
+    joint, triangle = np.linalg.qr(np.vstack([x, v]))
+    _, cosine, rotation = np.linalg.svd(joint[: len(x)])
+    cosine = np.clip(np.pad(cosine, (0, x.shape[1] - len(cosine))), 0.0, 1.0)
+    sine = np.linalg.norm(joint[len(x) :] @ rotation.T, axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = np.where(sine > 0, (cosine / sine) ** 2, np.inf)
+    return NaiveSod(values, int(np.linalg.matrix_rank(rotation @ triangle)))

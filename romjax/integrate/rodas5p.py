@@ -1,0 +1,153 @@
+"""Rodas5P: a stiffly accurate Rosenbrock method of order 5, without Newton iterations.
+
+Steinebach, "Construction of Rosenbrock-Wanner method Rodas5P and numerical benchmarks within the
+Julia Differential Equations package", BIT 63 (2023), in the transformed form of Hairer & Wanner,
+Solving Ordinary Differential Equations II, section IV.7.
+"""
+
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float, PyTree
+
+from .rodas5p_tableau import DENSE, GAMMA, SLOPES, TIMES, A, C
+from .term import MotionTerm
+
+Flat = Float[Array, " size"]
+
+
+class _Point(NamedTuple):
+    """Everything about the vector field at the start of a step."""
+
+    slope: Flat  # f
+    drift: Flat  # h ∂f/∂t
+    solve: Callable[[Flat], Flat]  # with I/(hγ) − J
+
+
+class RodasInterpolation(diffrax.AbstractLocalInterpolation):
+    """Dense output of order 4, from the stages of the step."""
+
+    t0: Any
+    t1: Any
+    y0: PyTree
+    y1: PyTree
+    k: PyTree  # stages, leading axis 8
+
+    def evaluate(self, t0: Any, t1: Any | None = None, left: bool = True) -> PyTree:
+        del left
+        if t1 is not None:
+            return jax.tree.map(lambda b, a: b - a, self.evaluate(t1), self.evaluate(t0))
+        span = self.t1 - self.t0
+        theta = jnp.where(span == 0, 0.0, (t0 - self.t0) / jnp.where(span == 0, 1.0, span))
+
+        def leaf(y0, y1, k):  # type: ignore[no-untyped-def]
+            x = theta.astype(y0.dtype)
+            h1, h2, h3 = jnp.tensordot(jnp.asarray(DENSE, k.dtype), k, axes=1)
+            return (1 - x) * y0 + x * (y1 + (1 - x) * (h1 + x * (h2 + x * h3)))
+
+        return jax.tree.map(leaf, self.y0, self.y1, self.k)
+
+
+class Rodas5P(diffrax.AbstractAdaptiveSolver):
+    """Linearly implicit, order 5 with an embedded method of order 4, L-stable, eight stages.
+
+    For stiff and for differential-algebraic systems of index one. A step costs one derivative of
+    the vector field, one factorisation and eight evaluations; there is no iteration to fail.
+    Works on any diffrax term. For equations of motion (a `MotionTerm`) it uses that q' = v: only
+    W = I/(hγ) − ∂a/∂v − hγ ∂a/∂q is factored, half as large as the Jacobian.
+    """
+
+    term_structure: ClassVar = diffrax.AbstractTerm
+    interpolation_cls: ClassVar[Callable[..., RodasInterpolation]] = RodasInterpolation
+
+    def order(self, terms: PyTree) -> int:
+        del terms
+        return 5
+
+    def init(self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree) -> None:
+        return None
+
+    def func(self, terms: PyTree, t0: Any, y0: PyTree, args: PyTree) -> PyTree:
+        return terms.vf(t0, y0, args)
+
+    def step(
+        self,
+        terms: PyTree,
+        t0: Any,
+        t1: Any,
+        y0: PyTree,
+        args: PyTree,
+        solver_state: None,
+        made_jump: Any,
+    ) -> tuple[PyTree, PyTree, dict[str, PyTree], None, diffrax.RESULTS]:
+        del solver_state, made_jump
+        y1, error, dense = _step(terms, t0, t1, y0, args)
+        return y1, error, dense, None, diffrax.RESULTS.successful
+
+
+@eqx.filter_jit
+def _step(
+    terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree
+) -> tuple[PyTree, PyTree, dict[str, PyTree]]:
+    # Jitted for its cache: diffrax traces a step several times, which takes seconds.
+    start, unravel = ravel_pytree(y0)
+    dtype = start.dtype
+    h = jnp.asarray(terms.contr(t0, t1), dtype)
+    point = _linearize(terms, t0, t1, y0, args, h)
+    first = point.solve(point.slope + SLOPES[0].astype(dtype) * point.drift)
+    stages = jnp.zeros((8, start.size), dtype).at[0].set(first)
+
+    def stage(carry, row):  # type: ignore[no-untyped-def]
+        stages, _ = carry
+        i, a, c, time, slope = row
+        y = start + a @ stages
+        f = ravel_pytree(terms.vf(t0 + time * (t1 - t0), unravel(y), args))[0]
+        k = point.solve(f + c @ stages / h + slope * point.drift)
+        return (stages.at[i].set(k), y), None
+
+    # Scanned: the vector field is compiled once, not eight times.
+    rows = (jnp.arange(1, 8), *(jnp.asarray(x[1:], dtype) for x in (A, C, TIMES, SLOPES)))
+    (stages, last), _ = jax.lax.scan(stage, (stages, start), rows)
+    error = unravel(stages[7])
+    y1 = unravel(last + stages[7])
+    dense = dict(y0=y0, y1=y1, k=jax.vmap(unravel)(stages))
+    return y1, error, dense
+
+
+def _linearize(
+    terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree, h: Float[Array, ""]
+) -> _Point:
+    inner = getattr(terms, "term", terms)  # diffrax wraps terms to carry the direction of time
+    if isinstance(inner, MotionTerm):
+        return _linearize_motion(inner, t0 * getattr(terms, "direction", 1), y0, h)
+    start, unravel = ravel_pytree(y0)
+
+    def field(t, y):  # type: ignore[no-untyped-def]
+        return ravel_pytree(terms.vf(t, unravel(y), args))[0]
+
+    t = jnp.asarray(t0, start.dtype)
+    slope, drift = jax.jvp(lambda t: field(t, start), (t,), (jnp.asarray(t1 - t0, t.dtype),))
+    jacobian = jax.jacfwd(field, argnums=1)(t, start)
+    inverse = jnp.linalg.inv(jnp.eye(start.size, dtype=start.dtype) / (h * GAMMA) - jacobian)
+    return _Point(slope, drift, lambda r: inverse @ r)
+
+
+def _linearize_motion(term: MotionTerm, t: Any, y: PyTree, h: Float[Array, ""]) -> _Point:
+    _, v = y
+    n, step = v.size, h * GAMMA
+    a, by_q, by_v, by_t = term.linearize(t, y)
+    # One inverse serves eight stages; at these sizes a product is far cheaper than two
+    # triangular solves, and W is well scaled (its diagonal is 1/(hγ)).
+    inverse = jnp.linalg.inv(jnp.eye(n, dtype=v.dtype) / step - by_v - step * by_q)
+
+    def solve(r: Flat) -> Flat:
+        rq, rv = r[:n], r[n:]
+        kv = inverse @ (rv + step * (by_q @ rq))
+        return jnp.concatenate([step * (rq + kv), kv])
+
+    return _Point(jnp.concatenate([v, a]), jnp.concatenate([jnp.zeros_like(v), h * by_t]), solve)

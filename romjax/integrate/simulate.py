@@ -1,0 +1,218 @@
+"""Simulation: the one way from a system to a trajectory."""
+
+import warnings
+from typing import Any, Literal
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from ..scene.fields import as_array, check_finite, check_shape, concrete
+from ..system.base import AbstractSystem
+from ..system.consistent import START_TOLERANCE, check_start_shapes
+from ..system.stabilization import Baumgarte
+from .default import default_stabilization
+from .rodas5p import Rodas5P
+from .term import MotionTerm, acceleration
+from .trajectory import REMEDIES, SimulationError, Status, Trajectory
+
+
+def simulate(
+    system: AbstractSystem,
+    ts: ArrayLike,
+    *,
+    q0: ArrayLike | None = None,
+    v0: ArrayLike | None = None,
+    solver: diffrax.AbstractSolver | None = None,
+    rtol: ArrayLike = 1e-6,
+    atol: ArrayLike | None = None,
+    dt: ArrayLike | None = None,
+    stabilization: Baumgarte | Literal["default"] | None = "default",
+    adjoint: diffrax.AbstractAdjoint | None = None,
+    max_steps: int = 100_000,
+    progress: bool = False,
+    throw: bool = True,
+) -> Trajectory:
+    """The motion of a system, full or reduced, at the times `ts`.
+
+    Compiled once for each structure: new numbers, tolerances and times of the same count
+    recompile nothing. Works under `jit`, `vmap`, `grad`, and `jacfwd` with
+    `adjoint=diffrax.ForwardMode()`.
+
+    **Arguments:**
+
+    - `ts` (k,): output times [s], increasing; the first is the start.
+
+    **Keyword arguments:**
+
+    - `q0`, `v0`: start in the system's coordinates; those of the system unless given.
+    - `solver`: any diffrax solver; `Rodas5P()` unless given.
+    - `rtol`, `atol`: tolerances of the step size control; `atol` equals `rtol` unless given.
+    - `dt`: a fixed step [s] instead of step size control.
+    - `stabilization`: `Baumgarte(alpha, beta)` or None; unless given, critical damping at the
+      mechanism's fastest rigid frequency.
+    - `adjoint`: how derivatives are taken; reverse mode with checkpoints unless given.
+    - `max_steps`: most steps before giving up.
+    - `progress`: show a progress bar.
+    - `throw`: raise if the simulation fails; otherwise see `Trajectory.status`.
+
+    Raises ValueError for a wrong argument or a start that violates the constraints (naming the
+    joint and the amount); SimulationError if the integration does not reach its end.
+    """
+    times = _check_times(ts)
+    q, v = check_start_shapes(system, q0, v0)
+    check_finite("simulate", "q0", q)
+    check_finite("simulate", "v0", v)
+    if q.dtype == jnp.float32:
+        warnings.warn(
+            "Simulating in single precision: expect errors from 1e-5. For double precision, call "
+            'jax.config.update("jax_enable_x64", True) before making any array.',
+            stacklevel=2,
+        )
+    rtol = jnp.asarray(rtol, q.dtype)
+    trajectory, start = _simulate(
+        system,
+        times.astype(q.dtype),
+        q,
+        v,
+        solver=Rodas5P() if solver is None else solver,
+        rtol=rtol,
+        atol=rtol if atol is None else jnp.asarray(atol, q.dtype),
+        dt=None if dt is None else jnp.asarray(dt, q.dtype),
+        stabilization=stabilization,
+        adjoint=diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
+        max_steps=max_steps,
+        meter=diffrax.TqdmProgressMeter() if progress else diffrax.NoProgressMeter(),
+    )
+    return _raise_failure(system, trajectory, start) if throw else trajectory
+
+
+def _check_times(ts: ArrayLike) -> Float[Array, " k"]:
+    times = as_array(ts)
+    check_shape("simulate", "ts", times, (None,))
+    check_finite("simulate", "ts", times)
+    known = concrete(times)
+    if times.shape[0] < 2:
+        raise ValueError(f"simulate: ts has {times.shape[0]} entries; give the start and the end.")
+    if known is not None and not np.all(np.diff(known) > 0):
+        place = int(np.argmin(np.diff(known)))
+        raise ValueError(
+            f"simulate: ts must increase, but ts[{place}] = {known[place]:g} is followed by "
+            f"{known[place + 1]:g}."
+        )
+    return times
+
+
+@eqx.filter_jit
+def _simulate(
+    system: AbstractSystem,
+    ts: Float[Array, " k"],
+    q0: Float[Array, " n"],
+    v0: Float[Array, " n"],
+    *,
+    solver: diffrax.AbstractSolver,
+    rtol: Float[Array, ""],
+    atol: Float[Array, ""],
+    dt: Float[Array, ""] | None,
+    stabilization: Baumgarte | Literal["default"] | None,
+    adjoint: diffrax.AbstractAdjoint,
+    max_steps: int,
+    meter: diffrax.AbstractProgressMeter,
+) -> tuple[Trajectory, Any]:
+    if stabilization == "default":
+        stabilization = default_stabilization(system, ts, q0, v0, dt)
+    # A short first step instead of diffrax's estimate, which would trace the acceleration twice
+    # more; the step size control needs three steps to grow it a thousandfold.
+    first = 1e-3 * rtol**0.2 * (ts[-1] - ts[0]) if dt is None else dt
+    solution = diffrax.diffeqsolve(
+        MotionTerm(system, stabilization),
+        solver,
+        t0=ts[0],
+        t1=ts[-1],
+        dt0=first,
+        y0=(q0, v0),
+        saveat=diffrax.SaveAt(ts=ts),
+        stepsize_controller=(
+            diffrax.PIDController(rtol=rtol, atol=atol)
+            if dt is None
+            else diffrax.ConstantStepSize()
+        ),
+        adjoint=adjoint,
+        max_steps=max_steps,
+        progress_meter=meter,
+        throw=False,
+    )
+    assert solution.ys is not None
+    q, v = solution.ys
+
+    def evaluate(t, q, v):  # type: ignore[no-untyped-def]
+        _, multipliers = acceleration(system, t, q, v, stabilization)
+        physical_q, physical_v = system.physical(q, v)
+        violation = jnp.max(jnp.abs(system.physical_constraint(t, q)), initial=0.0)
+        return physical_q, physical_v, multipliers, violation, system.constraint_state(t, q, v)
+
+    physical_q, physical_v, multipliers, violation, states = jax.vmap(evaluate)(ts, q, v)
+    start = jax.tree.map(lambda x: x[0], states)
+    result = solution.result
+    finite = jnp.all(jnp.isfinite(q)) & jnp.all(jnp.isfinite(v))
+    status = jnp.where(finite, Status.SUCCESS, Status.NOT_FINITE)
+    status = jnp.where(result == diffrax.RESULTS.successful, status, Status.SOLVER_FAILED)
+    status = jnp.where(result == diffrax.RESULTS.max_steps_reached, Status.MAX_STEPS, status)
+    status = jnp.where(_consistent(start, q0, v0), status, Status.INCONSISTENT_START)
+    stats = {
+        key: solution.stats[key]
+        for key in ("num_steps", "num_accepted_steps", "num_rejected_steps")
+    }
+    stats |= {"rtol": rtol, "atol": atol}
+    if stabilization is not None:
+        stats |= {"alpha": stabilization.alpha, "beta": stabilization.beta}
+    trajectory = Trajectory(
+        t=ts,
+        q=physical_q,
+        v=physical_v,
+        multipliers=multipliers,
+        violation=violation,
+        metric=system.physical_metric(),
+        stats=stats,
+        status=status,
+        labels=system.coordinate_labels(),
+        solver=type(solver).__name__,
+    )
+    return trajectory, start
+
+
+def _consistent(start: Any, q0: Float[Array, " n"], v0: Float[Array, " n"]) -> Array:
+    tolerance = START_TOLERANCE[q0.dtype]
+    scale_q = jnp.maximum(1.0, jnp.max(jnp.abs(q0)))
+    scale_v = jnp.maximum(1.0, jnp.max(jnp.abs(v0)))
+    return jnp.all(jnp.abs(start.violation) <= tolerance * scale_q) & jnp.all(
+        jnp.abs(start.rate) <= tolerance * scale_v
+    )
+
+
+def _raise_failure(system: AbstractSystem, trajectory: Trajectory, start: Any) -> Trajectory:
+    status = concrete(trajectory.status)
+    if status is None:
+        failed = trajectory.status != Status.SUCCESS
+        words = "; or ".join(remedy for remedy in REMEDIES.values() if remedy)
+        q = eqx.error_if(trajectory.q, failed, f"A simulation failed: {words}.")
+        return eqx.tree_at(lambda tr: tr.q, trajectory, q)
+    if status == Status.INCONSISTENT_START:
+        violation, rate = np.asarray(start.violation), np.asarray(start.rate)
+        which, values, unit = ("C", violation, "m or rad")
+        if np.max(np.abs(violation)) < np.max(np.abs(rate)):
+            which, values, unit = ("its rate", rate, "m/s or rad/s")
+        row = int(np.argmax(np.abs(values)))
+        raise ValueError(
+            f"simulate: the start violates {system.constraint_label(row)}: {which} = "
+            f"{values[row]:.6g} {unit}. Use q0, v0 = romjax.consistent(system, q0, v0)."
+        )
+    if status != Status.SUCCESS:
+        raise SimulationError(
+            f"simulate: {trajectory.solver} took {int(trajectory.stats['num_steps'])} steps and "
+            f"did not reach t = {float(trajectory.t[-1]):g} s: {trajectory.reason()}."
+        )
+    return trajectory

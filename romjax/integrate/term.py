@@ -1,0 +1,50 @@
+"""The equation of motion as a diffrax term that knows its second-order structure."""
+
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..system.base import AbstractSystem, Linearization
+from ..system.stabilization import Baumgarte
+
+State = tuple[Float[Array, " n"], Float[Array, " n"]]
+
+
+@eqx.filter_jit
+def acceleration(
+    system: AbstractSystem,
+    t: Float[Array, ""],
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    stabilization: Baumgarte | None,
+) -> tuple[Float[Array, " n"], Float[Array, " m"]]:
+    """`system.acceleration`, jitted so that a program that asks for it often traces it once."""
+    return system.acceleration(t, q, v, stabilization)
+
+
+class MotionTerm(diffrax.AbstractTerm):
+    """(q, v)' = (v, a(t, q, v)) (chapter equation 39.4)."""
+
+    system: AbstractSystem
+    stabilization: Baumgarte | None
+
+    def vf(self, t: Any, y: State, args: Any) -> State:
+        del args
+        q, v = y
+        t = jnp.asarray(t, q.dtype)
+        return v, acceleration(self.system, t, q, v, self.stabilization)[0]
+
+    def contr(self, t0: Any, t1: Any, **kwargs: Any) -> Any:
+        return t1 - t0
+
+    def prod(self, vf: State, control: Any) -> State:
+        return jax.tree.map(lambda f: control * f, vf)
+
+    def linearize(self, t: Any, y: State) -> Linearization:
+        """The acceleration and its derivatives at one state."""
+        q, v = y
+        return self.system.linearize(jnp.asarray(t, q.dtype), q, v, self.stabilization)

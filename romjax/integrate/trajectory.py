@@ -1,0 +1,68 @@
+"""What a simulation returns."""
+
+import enum
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array, Bool, Float, Int
+
+
+class Status(enum.IntEnum):
+    """How a simulation ended."""
+
+    SUCCESS = 0
+    MAX_STEPS = 1
+    NOT_FINITE = 2
+    INCONSISTENT_START = 3
+    SOLVER_FAILED = 4
+
+
+REMEDIES = {
+    Status.SUCCESS: "",
+    Status.MAX_STEPS: "the solver used up max_steps; loosen rtol and atol, raise max_steps, "
+    "or use a solver for stiff systems such as romjax.Rodas5P()",
+    Status.NOT_FINITE: "the motion became infinite or NaN; the system is unstable, the mechanism "
+    "passes a singular position, or the step is too long",
+    Status.INCONSISTENT_START: "the start violates the constraints; "
+    "use q0, v0 = romjax.consistent(system, q0, v0)",
+    Status.SOLVER_FAILED: "the solver failed inside a step; try another solver",
+}
+
+
+class SimulationError(RuntimeError):
+    """A simulation that did not reach its end, with the reason and the remedy."""
+
+
+class Trajectory(eqx.Module):
+    """A simulated motion at the output times, in physical coordinates.
+
+    - `t` (k,) [s]; `q`, `v` (k, n): coordinates and velocities, lifted if the system was reduced.
+    - `multipliers` (k, m): Lagrange multipliers λ of M q̈ + C_qᵀ λ = Q.
+    - `violation` (k,): largest |C| of the mechanism's own constraints.
+    - `metric` (n, n): mass matrix at the start, the metric of errors and bases.
+    - `stats`: numbers of steps (`num_steps`, `num_accepted_steps`, `num_rejected_steps`), the
+      tolerances `rtol`, `atol`, and the stabilisation used, `alpha` and `beta`.
+    - `status`: a number of `romjax.Status`; `success` says whether all went well.
+    - `labels`: names of the coordinates. `solver`: name of the method.
+    """
+
+    t: Float[Array, " k"]
+    q: Float[Array, "k n"]
+    v: Float[Array, "k n"]
+    multipliers: Float[Array, "k m"]
+    violation: Float[Array, " k"]
+    metric: Float[Array, "n n"]
+    stats: dict[str, Any]
+    status: Int[Array, ""]
+    labels: tuple[str, ...] = eqx.field(static=True)
+    solver: str = eqx.field(static=True)
+
+    @property
+    def success(self) -> Bool[Array, ""]:
+        """Whether the simulation reached its end with finite numbers."""
+        return self.status == Status.SUCCESS
+
+    def reason(self) -> str:
+        """The status in words, with the remedy."""
+        status = Status(int(self.status))
+        return "success" if status is Status.SUCCESS else f"{status.name}: {REMEDIES[status]}"

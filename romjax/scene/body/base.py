@@ -1,0 +1,95 @@
+"""What a body is to the rest of romjax."""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..fields import Number, SceneError, Vector, check_finite, check_shape
+from ..marker import GROUND, Marker
+
+
+class AbstractBody(eqx.Module):
+    """A body in a floating frame of reference.
+
+    Coordinates: x [m], y [m], φ [rad] of its frame, then modal amplitudes. Everything is written for one body; the assembled system maps it over equal bodies.
+    Forces, energies and the quadratic velocity vector follow from these functions by autodiff.
+    """
+
+    name: eqx.AbstractVar[str]
+
+    modes: eqx.AbstractVar[int]  # how many modal coordinates follow x, y, φ
+    constant_mass: eqx.AbstractVar[bool]  # if so, no quadratic-velocity code is traced
+
+    @property
+    def size(self) -> int:
+        """How many generalized coordinates the body has."""
+        return 3 + self.modes
+
+    @abc.abstractmethod
+    def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
+        """Initial coordinates and velocities."""
+
+    @abc.abstractmethod
+    def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
+        """Mass matrix of the body's own coordinates; a diagonal one as its diagonal, (size,)."""
+
+    @abc.abstractmethod
+    def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
+        """Strain energy [J]; asked only of bodies with modes."""
+
+    @abc.abstractmethod
+    def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "2"]:
+        """Mass times position of the centre of mass, ∫ρ r dV [kg m]."""
+
+    @abc.abstractmethod
+    def mode_shapes(self, point: Float[Array, "2"]) -> Float[Array, "3 modes"]:
+        """Displacement along local x and y and rotation of a material point, per unit amplitude.
+
+        All that joints and effects know of a body's flexibility: the point X sits at
+        r = R + A(φ) (X + S q_f), turned by φ + s q_f.
+        """
+
+    @abc.abstractmethod
+    def outline(self) -> Float[Array, "points 2"]:
+        """Material points [m] whose polygon pictures the body."""
+
+    @abc.abstractmethod
+    def check(self) -> None:
+        """Raise a SceneError that names body, field, value and remedy if a number is impossible."""
+
+    def labels(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        modal = tuple(f"q{k + 1}" for k in range(self.size - 3))
+        return tuple(f"{self.name}.{label}" for label in ("x", "y", "phi", *modal))
+
+    def at(self, point: Vector = (0.0, 0.0), angle: Number = 0.0) -> Marker:
+        """A marker at the material `point` X [m] of the body frame, turned by `angle` [rad]."""
+        return Marker(self.name, point, angle)
+
+
+def check_name(name: str) -> None:
+    if not isinstance(name, str) or not name or name == GROUND:
+        raise SceneError(
+            f"A body is named {name!r}; give it a non-empty name of its own ('{GROUND}' is taken)."
+        )
+
+
+def rectangle(extent: Float[Array, "2"]) -> Float[Array, "5 2"]:
+    """Closed outline of a rectangle about the origin."""
+    corners = jnp.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]], extent.dtype)
+    return 0.5 * extent[None] * corners
+
+
+def check_start(owner: str, body: Any) -> None:
+    """Check the initial place and motion that every kind of body has."""
+    for field, shape in (
+        ("position", (2,)),
+        ("angle", ()),
+        ("velocity", (2,)),
+        ("angular_velocity", ()),
+    ):
+        check_shape(owner, field, getattr(body, field), shape)
+        check_finite(owner, field, getattr(body, field))

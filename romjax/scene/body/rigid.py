@@ -1,0 +1,70 @@
+"""A rigid body."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..fields import check_finite, check_positive, check_shape, number
+from .base import AbstractBody, check_name, check_start, rectangle
+
+
+class RigidBody(AbstractBody):
+    """A rigid body with its frame in the centre of mass; coordinates x, y [m], φ [rad].
+
+    **Arguments:**
+
+    - `name`: unique in the scene.
+    - `mass`: Mass [kg].
+    - `inertia`: Moment of inertia about the centre of mass [kg m²].
+    - `position`, `angle`: initial place of the frame [m], [rad].
+    - `velocity`, `angular_velocity`: initial motion [m/s], [rad/s].
+    - `extent`: length and height [m] of the rectangle it is drawn as; no mechanical meaning.
+    """
+
+    name: str = eqx.field(static=True)
+    mass: Float[Array, ""] = number()
+    inertia: Float[Array, ""] = number()
+    position: Float[Array, "2"] = number((0.0, 0.0))
+    angle: Float[Array, ""] = number(0.0)
+    velocity: Float[Array, "2"] = number((0.0, 0.0))
+    angular_velocity: Float[Array, ""] = number(0.0)
+    extent: Float[Array, "2"] = number((0.2, 0.1))
+    modes: ClassVar[int] = 0
+    constant_mass: ClassVar[bool] = True
+
+    def __check_init__(self) -> None:
+        self.check()
+
+    def start(self) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+        return (
+            jnp.append(self.position, self.angle),
+            jnp.append(self.velocity, self.angular_velocity),
+        )
+
+    def mass_matrix(self, q: Float[Array, "3"]) -> Float[Array, "3"]:
+        del q
+        return jnp.stack([self.mass, self.mass, self.inertia])
+
+    def elastic_energy(self, q: Float[Array, "3"]) -> Float[Array, ""]:
+        return jnp.zeros((), q.dtype)
+
+    def first_moment(self, q: Float[Array, "3"]) -> Float[Array, "2"]:
+        return self.mass * q[:2]
+
+    def mode_shapes(self, point: Float[Array, "2"]) -> Float[Array, "3 0"]:
+        return jnp.zeros((3, 0), point.dtype)
+
+    def outline(self) -> Float[Array, "points 2"]:
+        return rectangle(self.extent)
+
+    def check(self) -> None:
+        check_name(self.name)
+        owner = f"body '{self.name}'"
+        for field in ("mass", "inertia"):
+            check_shape(owner, field, getattr(self, field), ())
+            check_finite(owner, field, getattr(self, field))
+            check_positive(owner, field, getattr(self, field), "Give a point mass a small inertia.")
+        check_shape(owner, "extent", self.extent, (2,))
+        check_start(owner, self)

@@ -1,0 +1,99 @@
+"""What an effect is: one scalar or one set of forces, as a function of the motion of its markers."""
+
+import abc
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+from jaxtyping import Array, Float
+
+from ..body.base import AbstractBody
+from ..marker import Marker, Pose, Twist, Wrench
+
+
+class AbstractEffect(eqx.Module):
+    """Anything that contributes to the generalized force Q."""
+
+    @property
+    @abc.abstractmethod
+    def markers(self) -> tuple[Marker, ...]:
+        """The markers that the effect sees."""
+
+    @abc.abstractmethod
+    def check(self) -> None:
+        """Raise a SceneError that names effect, field, value and remedy."""
+
+    def label(self) -> str:
+        """How messages call the effect: its kind and its bodies."""
+        return f"{type(self).__name__}({', '.join(marker.body for marker in self.markers)})"
+
+
+class AbstractMarkerEffect(AbstractEffect):
+    """An effect that acts on markers."""
+
+    # Whether the wrenches depend on velocities; where none do, no velocity is traced.
+    needs_twists: eqx.AbstractClassVar[bool]
+
+    @abc.abstractmethod
+    def wrenches(
+        self, t: Float[Array, ""], poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    ) -> tuple[Wrench, ...]:
+        """Force [N] and torque [N m] on each marker, in their order."""
+
+
+class AbstractPotential(AbstractMarkerEffect):
+    """A conservative effect, given by its energy; force = −∂energy/∂pose."""
+
+    needs_twists: ClassVar[bool] = False
+
+    @abc.abstractmethod
+    def energy(self, t: Float[Array, ""], *poses: Pose) -> Float[Array, ""]:
+        """Potential energy [J]."""
+
+    def wrenches(
+        self, t: Float[Array, ""], poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    ) -> tuple[Wrench, ...]:
+        del twists
+        slopes = jax.grad(lambda poses: self.energy(t, *poses))(poses)
+        return tuple(Wrench(-slope.position, -slope.angle) for slope in slopes)
+
+
+class AbstractDissipation(AbstractMarkerEffect):
+    """A dissipative effect, given by Rayleigh's function R; force = −∂R/∂twist.
+
+    For a linear damper R is half of the power that it takes out.
+    """
+
+    needs_twists: ClassVar[bool] = True
+
+    @abc.abstractmethod
+    def rayleigh(
+        self, t: Float[Array, ""], poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    ) -> Float[Array, ""]:
+        """Rayleigh's dissipation function [W]."""
+
+    def wrenches(
+        self, t: Float[Array, ""], poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    ) -> tuple[Wrench, ...]:
+        slopes = jax.grad(lambda twists: self.rayleigh(t, poses, twists))(twists)
+        return tuple(Wrench(-slope.velocity, -slope.angular_velocity) for slope in slopes)
+
+
+class AbstractField(AbstractEffect):
+    """A conservative effect on every body as a whole, given by its energy; Q = −∂energy/∂q."""
+
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        return ()
+
+    @abc.abstractmethod
+    def energy(self, body: AbstractBody, q: Float[Array, " size"]) -> Float[Array, ""]:
+        """Potential energy [J] of one body with the coordinates q."""
+
+
+def check_markers(effect: AbstractEffect) -> str:
+    """Check the markers of an effect; returns how messages call it."""
+    owner = f"effect '{effect.label()}'"
+    for marker in effect.markers:
+        marker.check(owner)
+    return owner

@@ -1,0 +1,42 @@
+"""A linear viscous damper."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..fields import check_finite, check_not_negative, check_shape, number
+from ..marker import Marker, Pose, Twist
+from .base import AbstractDissipation, check_markers
+
+
+class Damper(AbstractDissipation):
+    """A viscous damper between two markers, with the same constant in x and in y: R = ½ d |Δv|².
+
+    **Arguments:**
+
+    - `a`, `b`: the two ends.
+    - `damping`: d [N s/m].
+    """
+
+    a: Marker
+    b: Marker
+    damping: Float[Array, ""] = number()
+
+    def __check_init__(self) -> None:
+        self.check()
+
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        return (self.a, self.b)
+
+    def rayleigh(
+        self, t: Float[Array, ""], poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    ) -> Float[Array, ""]:
+        del t, poses
+        a, b = twists
+        return 0.5 * self.damping * jnp.sum((a.velocity - b.velocity) ** 2)
+
+    def check(self) -> None:
+        owner = check_markers(self)
+        check_shape(owner, "damping", self.damping, ())
+        check_finite(owner, "damping", self.damping)
+        check_not_negative(owner, "damping", self.damping)

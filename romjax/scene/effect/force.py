@@ -1,0 +1,56 @@
+"""A force on a point."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..fields import SceneError, check_finite, check_shape, concrete, number
+from ..marker import Marker, Pose, Twist, Wrench
+from ..signal import AbstractSignal
+from .base import AbstractMarkerEffect, check_markers
+
+
+class Force(AbstractMarkerEffect):
+    """A force of changing strength in a fixed direction of the inertial frame.
+
+    **Arguments:**
+
+    - `at`: the marker it acts on.
+    - `direction`: any non-zero vector; only its direction counts.
+    - `signal`: the strength over time [N].
+    """
+
+    at: Marker
+    direction: Float[Array, "2"] = number()
+    signal: AbstractSignal
+    needs_twists: ClassVar[bool] = False
+
+    def __check_init__(self) -> None:
+        self.check()
+
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        return (self.at,)
+
+    def wrenches(
+        self, t: Float[Array, ""], poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    ) -> tuple[Wrench, ...]:
+        del poses, twists
+        force = self.signal(t) * self.direction / jnp.linalg.norm(self.direction)
+        return (Wrench(force, jnp.zeros_like(force[0])),)
+
+    def check(self) -> None:
+        owner = check_markers(self)
+        check_shape(owner, "direction", self.direction, (2,))
+        check_finite(owner, "direction", self.direction)
+        known = concrete(self.direction)
+        if known is not None and not np.any(known):
+            raise SceneError(f"{owner}: direction is {known}; give a vector that is not zero.")
+        if not isinstance(self.signal, AbstractSignal):
+            raise SceneError(
+                f"{owner}: signal is {self.signal!r}; give a signal such as Constant(10.0) "
+                "or Sine(10.0, frequency=2.0)."
+            )
+        self.signal.check(owner)

@@ -1,0 +1,55 @@
+"""A linear spring."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..fields import check_finite, check_not_negative, check_shape, number
+from ..marker import Marker, Pose
+from .base import AbstractPotential, check_markers
+
+
+class Spring(AbstractPotential):
+    """A linear spring between two markers.
+
+    Without a rest length its energy is ½ k |Δ|²: the same stiffness in x and in y, smooth where
+    the points meet (the chapter's cart). With one it is ½ k (|Δ| − rest)², along the line between
+    the points.
+
+    **Arguments:**
+
+    - `a`, `b`: the two ends.
+    - `stiffness`: k [N/m].
+    - `rest_length`: unstretched length [m]; none unless given.
+    """
+
+    a: Marker
+    b: Marker
+    stiffness: Float[Array, ""] = number()
+    rest_length: Float[Array, ""] | None = number(None)
+
+    def __check_init__(self) -> None:
+        self.check()
+
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        return (self.a, self.b)
+
+    def energy(self, t: Float[Array, ""], *poses: Pose) -> Float[Array, ""]:
+        del t
+        a, b = poses
+        squared = jnp.sum((a.position - b.position) ** 2)
+        if self.rest_length is None:
+            return 0.5 * self.stiffness * squared
+        # The gradient of a length is NaN at zero; there the line has no direction and no force.
+        apart = squared > 0
+        length = jnp.where(apart, jnp.sqrt(jnp.where(apart, squared, 1.0)), 0.0)
+        return 0.5 * self.stiffness * (length - self.rest_length) ** 2
+
+    def check(self) -> None:
+        owner = check_markers(self)
+        for field in ("stiffness", "rest_length"):
+            value = getattr(self, field)
+            if value is not None:
+                check_shape(owner, field, value, ())
+                check_finite(owner, field, value)
+                check_not_negative(owner, field, value)

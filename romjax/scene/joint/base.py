@@ -1,0 +1,40 @@
+"""What a joint is: one residual of the poses of its two markers."""
+
+import abc
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ..marker import Marker, Pose, check_distinct
+
+
+class AbstractJoint(eqx.Module):
+    """A holonomic constraint between two markers.
+
+    A joint of one's own is a subclass with the fields `a`, `b`, `name`, the number of `rows`
+    and the `residual`. Its Jacobian, its time derivatives and the multipliers follow by autodiff.
+    """
+
+    a: eqx.AbstractVar[Marker]
+    b: eqx.AbstractVar[Marker]
+    name: eqx.AbstractVar[str]
+    rows: eqx.AbstractClassVar[int]
+
+    @abc.abstractmethod
+    def residual(self, t: Float[Array, ""], a: Pose, b: Pose) -> Float[Array, " rows"]:
+        """Zero where the joint holds; lengths [m] and angles [rad]."""
+
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        return (self.a, self.b)
+
+    def label(self) -> str:
+        """How messages call the joint: its name, or its kind and its bodies."""
+        return self.name or f"{type(self).__name__}({self.a.body}, {self.b.body})"
+
+    def check(self) -> None:
+        """Raise a SceneError that names joint, field, value and remedy."""
+        owner = f"joint '{self.label()}'"
+        for marker in self.markers:
+            marker.check(owner)
+        check_distinct(owner, self.a, self.b)

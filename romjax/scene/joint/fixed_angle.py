@@ -1,0 +1,35 @@
+"""Two bodies that keep their angle."""
+
+from typing import ClassVar
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ..fields import Number, check_finite, check_shape, number
+from ..marker import Marker, Pose
+from .base import AbstractJoint
+
+
+class FixedAngle(AbstractJoint):
+    """Marker `a` keeps the angle `value` [rad] against marker `b` (chapter equation 39.15)."""
+
+    a: Marker
+    b: Marker
+    value: Float[Array, ""] = number(0.0)
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 1
+
+    def __init__(self, a: Marker, b: Marker, value: Number = 0.0, *, name: str = ""):
+        self.a, self.b, self.value, self.name = a, b, value, name
+
+    def __check_init__(self) -> None:
+        self.check()
+
+    def residual(self, t: Float[Array, ""], a: Pose, b: Pose) -> Float[Array, "1"]:
+        del t
+        return (a.angle - b.angle - self.value)[None]
+
+    def check(self) -> None:
+        super().check()
+        check_shape(f"joint '{self.label()}'", "value", self.value, ())
+        check_finite(f"joint '{self.label()}'", "value", self.value)

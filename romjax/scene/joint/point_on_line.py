@@ -1,0 +1,27 @@
+"""A point that slides along a line."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..marker import Marker, Pose
+from .base import AbstractJoint
+
+
+class PointOnLine(AbstractJoint):
+    """Marker `a` stays on the local x axis of marker `b` (chapter equation 39.14); it may turn."""
+
+    a: Marker
+    b: Marker
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 1
+
+    def __check_init__(self) -> None:
+        self.check()
+
+    def residual(self, t: Float[Array, ""], a: Pose, b: Pose) -> Float[Array, "1"]:
+        del t
+        normal = jnp.stack([-jnp.sin(b.angle), jnp.cos(b.angle)])
+        return (normal @ (a.position - b.position))[None]

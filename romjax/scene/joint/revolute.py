@@ -1,0 +1,25 @@
+"""A hinge."""
+
+from typing import ClassVar
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ..marker import Marker, Pose
+from .base import AbstractJoint
+
+
+class Revolute(AbstractJoint):
+    """The two markers stay in one place (chapter equation 39.16); both bodies may turn."""
+
+    a: Marker
+    b: Marker
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 2
+
+    def __check_init__(self) -> None:
+        self.check()
+
+    def residual(self, t: Float[Array, ""], a: Pose, b: Pose) -> Float[Array, "2"]:
+        del t
+        return a.position - b.position

@@ -1,0 +1,74 @@
+"""Markers: the only connectors between bodies, joints and effects."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from .fields import Number, SceneError, Vector, check_finite, check_shape, number
+
+GROUND = "ground"
+
+
+class Pose(NamedTuple):
+    """Where a marker is."""
+
+    position: Float[Array, "2"]  # [m]
+    angle: Float[Array, ""]  # [rad]
+
+
+class Twist(NamedTuple):
+    """How fast a marker moves."""
+
+    velocity: Float[Array, "2"]  # [m/s]
+    angular_velocity: Float[Array, ""]  # [rad/s]
+
+
+class Wrench(NamedTuple):
+    """What acts on a marker."""
+
+    force: Float[Array, "2"]  # [N]
+    torque: Float[Array, ""]  # [N m]
+
+
+class Marker(eqx.Module):
+    """A frame fixed to a material point of a body.
+
+    Made by `body.at(point)` or `ground.at(point)`.
+
+    **Arguments:**
+
+    - `body`: name of the body that carries the marker, or "ground".
+    - `point`: the material point X in the body frame [m].
+    - `angle`: rotation of the marker against the body [rad].
+    """
+
+    body: str = eqx.field(static=True)
+    point: Float[Array, "2"] = number()
+    angle: Float[Array, ""] = number(0.0)
+
+    def check(self, owner: str) -> None:
+        check_shape(owner, f"marker on '{self.body}': point", self.point, (2,))
+        check_shape(owner, f"marker on '{self.body}': angle", self.angle, ())
+        check_finite(owner, f"marker on '{self.body}': point", self.point)
+        check_finite(owner, f"marker on '{self.body}': angle", self.angle)
+
+
+class Ground(eqx.Module):
+    """The inertial frame; `ground.at(point)` marks a fixed place."""
+
+    def at(self, point: Vector = (0.0, 0.0), angle: Number = 0.0) -> Marker:
+        """A marker at `point` [m] of the inertial frame, turned by `angle` [rad]."""
+        return Marker(GROUND, point, angle)
+
+
+ground = Ground()
+
+
+def check_distinct(owner: str, a: Marker, b: Marker) -> None:
+    """Raise if a joint would tie a body to itself."""
+    if a.body == b.body:
+        raise SceneError(
+            f"{owner}: both markers are on '{a.body}'; a joint needs two bodies, "
+            "or one body and the ground."
+        )

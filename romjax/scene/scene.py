@@ -1,0 +1,55 @@
+"""What is there: bodies, joints and effects."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+
+from .body.base import AbstractBody
+from .effect.base import AbstractEffect
+from .fields import SceneError
+from .joint.base import AbstractJoint
+from .marker import GROUND
+
+
+class Scene(eqx.Module):
+    """A mechanism as one would draw it, and the pytree of its parameters: a gradient is a Scene.
+
+    **Arguments:**
+
+    - `bodies`, `joints`, `effects`: sequences of the parts, in any order; the order of the bodies
+      is the order of the coordinates, that of the joints the order of the constraints.
+    """
+
+    bodies: tuple[AbstractBody, ...] = eqx.field(converter=tuple)
+    joints: tuple[AbstractJoint, ...] = eqx.field(converter=tuple, default=())
+    effects: tuple[AbstractEffect, ...] = eqx.field(converter=tuple, default=())
+
+    def check(self) -> None:
+        """Raise a SceneError that names the first part that makes no sense."""
+        if not self.bodies:
+            raise SceneError("The scene has no bodies; add at least one, such as a RigidBody.")
+        _check_kinds("bodies", self.bodies, AbstractBody)
+        _check_kinds("joints", self.joints, AbstractJoint)
+        _check_kinds("effects", self.effects, AbstractEffect)
+        names = [body.name for body in self.bodies]
+        for name in names:
+            if names.count(name) > 1:
+                raise SceneError(f"Two bodies are named '{name}'; every body needs its own name.")
+        for kind, parts in (("joint", self.joints), ("effect", self.effects)):
+            for part in parts:
+                for marker in part.markers:
+                    if marker.body != GROUND and marker.body not in names:
+                        raise SceneError(
+                            f"{kind} '{part.label()}': its marker is on the body '{marker.body}', "
+                            f"which the scene does not have. It has: {', '.join(names)}."
+                        )
+        # Again, since numbers may have been replaced since the parts were made.
+        for part in (*self.bodies, *self.joints, *self.effects):
+            part.check()
+
+
+def _check_kinds(field: str, parts: Sequence[Any], kind: type) -> None:
+    for part in parts:
+        if not isinstance(part, kind):
+            raise SceneError(f"Scene.{field} holds {part!r}, which is no {kind.__name__}.")

@@ -1,0 +1,71 @@
+"""A start that satisfies the constraints."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from ..scene.fields import SceneError, as_array, check_shape, concrete
+from .base import AbstractSystem
+
+_SWEEPS = 10
+# What counts as satisfied, in m, rad and their rates; the second for single precision.
+START_TOLERANCE = {jnp.dtype("float64"): 1e-8, jnp.dtype("float32"): 1e-4}
+_PROJECTED = {jnp.dtype("float64"): 1e-10, jnp.dtype("float32"): 1e-5}
+
+
+def consistent(
+    system: AbstractSystem,
+    q0: ArrayLike | None = None,
+    v0: ArrayLike | None = None,
+    t: ArrayLike = 0.0,
+) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """The nearest start that satisfies C = 0 and Ċ = 0, positions first, then velocities.
+
+    Nearest in the mass metric, which no choice of units changes: Gauss–Newton for the positions,
+    one projection for the velocities.
+
+    **Arguments:** start `q0`, `v0` (n,), those of the system unless given; time `t` [s].
+
+    Raises SceneError, naming the constraint and what is left of it, if ten sweeps do not get
+    |C| below 1e-10.
+    """
+    q, v = check_start_shapes(system, q0, v0)
+    time = jnp.asarray(t, q.dtype)
+    if system.m == 0:
+        return q, v
+    q, v, violation = jax.jit(_project)(system, q, v, time)
+    known = concrete(violation)
+    if known is not None:
+        scale = max(1.0, float(jnp.max(jnp.abs(q))))
+        worst = int(jnp.argmax(jnp.abs(violation)))
+        if not abs(known[worst]) <= scale * _PROJECTED[q.dtype]:
+            raise SceneError(
+                f"consistent: after {_SWEEPS} sweeps {system.constraint_label(worst)} is still "
+                f"violated by {known[worst]:.3g}; the joints cannot all hold, or the given start "
+                "is too far from any place where they do."
+            )
+    return q, v
+
+
+def _project(
+    system: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"], t: Float[Array, ""]
+) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " m"]]:
+    def sweep(q, _):  # type: ignore[no-untyped-def]
+        step, _ = system.saddle(t, q).solve(jnp.zeros_like(q), -system.constraint(t, q))
+        return q + step, None
+
+    q, _ = jax.lax.scan(sweep, q, None, length=_SWEEPS)
+    drift = system.constraint_state(t, q, jnp.zeros_like(v)).rate  # C_t
+    v, _ = system.saddle(t, q).solve(system.mass(q) @ v, -drift)
+    return q, v, system.constraint(t, q)
+
+
+def check_start_shapes(
+    system: AbstractSystem, q0: ArrayLike | None, v0: ArrayLike | None
+) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """The start, that of the system unless given; raise SceneError on a wrong shape."""
+    q = system.q0 if q0 is None else as_array(q0)
+    v = system.v0 if v0 is None else as_array(v0)
+    check_shape("start", "q0", q, (system.n,))
+    check_shape("start", "v0", v, (system.n,))
+    return q, v

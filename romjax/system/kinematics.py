@@ -1,0 +1,133 @@
+"""The motion of all markers of a family of elements, and the way back from wrenches to Q."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..scene.body.base import AbstractBody
+from ..scene.marker import GROUND, Marker, Pose, Wrench
+from .grouping import Index, group, stack
+
+
+class PoseGradient(NamedTuple):
+    """Derivatives of poses with respect to the coordinates of their bodies."""
+
+    position: Float[Array, "count 2 size"]
+    angle: Float[Array, "count size"]
+
+
+class Markers(eqx.Module):
+    """All markers of a family of elements; their poses are one Pose with a leading axis.
+
+    Bodies of all kinds share one formula, pose = frame ∘ (place + shapes · amplitudes), so the
+    program is the same for any number and mix of bodies. Bodies with fewer modes than the richest
+    one are padded with zero shapes; the ground is a frame that stays at zero.
+    """
+
+    points: Float[Array, "count 2"]  # in the body frame
+    angles: Float[Array, " count"]  # against the body
+    shapes: Float[Array, "count 3 modes"]
+    frames: Index = eqx.field(static=True)  # of x, y, φ in q; n stands for the ground
+    amplitudes: Index = eqx.field(static=True)  # of the modal coordinates; n stands for padding
+
+    def poses(self, q: Float[Array, " n"]) -> Pose:
+        """Where all markers are."""
+        extended = _extend(q)
+        angle = extended[self.frames.array[:, 2]]
+        arm, turn = self._local(extended)
+        origin = extended[self.frames.array[:, :2]]
+        return Pose(origin + _turn(angle, arm), angle + turn)
+
+    def jacobian(self, q: Float[Array, " n"]) -> PoseGradient:
+        """Derivatives of the poses; columns x, y, φ, amplitudes of each marker's body."""
+        extended = _extend(q)
+        angle = extended[self.frames.array[:, 2]]
+        arm, _ = self._local(extended)
+        count = len(self.angles)
+        unit = jnp.broadcast_to(jnp.eye(2, dtype=q.dtype), (count, 2, 2))
+        position = [unit, _perpendicular(_turn(angle, arm))[:, :, None]]
+        turning = [jnp.broadcast_to(jnp.array([0, 0, 1], q.dtype), (count, 3))]
+        if self.amplitudes.width:
+            turned = jax.vmap(_turn, in_axes=(None, 2), out_axes=2)(angle, self.shapes[:, :2])
+            position.append(turned)
+            turning.append(self.shapes[:, 2])
+        return PoseGradient(jnp.concatenate(position, axis=2), jnp.concatenate(turning, axis=1))
+
+    def coordinates(self) -> np.ndarray:
+        """Places in q of the columns of `jacobian`, (count, size); n where there is none."""
+        return np.concatenate([self.frames.array, self.amplitudes.array], axis=1).astype(int)
+
+    def pull_back(self, q: Float[Array, " n"], wrenches: Wrench) -> Float[Array, " n"]:
+        """Generalized forces of wrenches on all markers, stacked like the poses."""
+        _, transpose = jax.vjp(self.poses, q)
+        return transpose(Pose(wrenches.force, wrenches.torque))[0]
+
+    def _local(
+        self, extended: Float[Array, " n+1"]
+    ) -> tuple[Float[Array, "count 2"], Float[Array, " count"]]:
+        if not self.amplitudes.width:
+            return self.points, self.angles
+        bent = jnp.einsum("cik,ck->ci", self.shapes, extended[self.amplitudes.array])
+        return self.points + bent[:, :2], self.angles + bent[:, 2]
+
+
+def _extend(q: Float[Array, " n"]) -> Float[Array, " n+1"]:
+    return jnp.concatenate([q, np.zeros(1, q.dtype)])
+
+
+def _turn(angle: Float[Array, " count"], arm: Float[Array, "count 2"]) -> Float[Array, "count 2"]:
+    return jnp.cos(angle)[:, None] * arm + jnp.sin(angle)[:, None] * _perpendicular(arm)
+
+
+def _perpendicular(arm: Float[Array, "count 2"]) -> Float[Array, "count 2"]:
+    return arm[:, ::-1] * np.array([[-1, 1]], arm.dtype)
+
+
+class Slots(eqx.Module):
+    """The places of the markers of equal elements: a block for each side, one row per element."""
+
+    start: int = eqx.field(static=True)
+    count: int = eqx.field(static=True)
+    sides: int = eqx.field(static=True)
+
+    @property
+    def stop(self) -> int:
+        return self.start + self.count * self.sides
+
+    def take(self, stacked):  # type: ignore[no-untyped-def]
+        """The rows of each side, from any pytree with a row for each marker."""
+        begins = [self.start + side * self.count for side in range(self.sides)]
+        return tuple(jax.tree.map(lambda x, b=b: x[b : b + self.count], stacked) for b in begins)
+
+
+def place_markers(
+    markers: Sequence[Marker],
+    bodies: dict[str, AbstractBody],
+    coordinates: dict[str, tuple[int, ...]],
+    n: int,
+) -> Markers:
+    """Prepare all about the markers that does not change in time.
+
+    `bodies` are the bodies by name, `coordinates` their places in q, `n` the length of q.
+    """
+    points, angles = stack([(m.point, m.angle) for m in markers])
+    moving = [i for i, m in enumerate(markers) if m.body != GROUND and bodies[m.body].modes]
+    most = max((bodies[markers[i].body].modes for i in moving), default=0)
+    shapes = jnp.zeros((len(markers), 3, most), points.dtype)
+    for carriers, places in group([bodies[markers[i].body] for i in moving]):
+        slots = np.array([moving[place] for place in places])
+        shapes = shapes.at[slots, :, : carriers.modes].set(_shapes(carriers, points[slots]))
+    own = [coordinates.get(m.body, (n, n, n)) for m in markers]
+    frames = Index.of([c[:3] for c in own])
+    padded = Index.of([(*c[3:], *[n] * (most + 3 - len(c))) for c in own])
+    return Markers(points, angles, shapes, frames, padded)
+
+
+@jax.jit
+def _shapes(bodies: AbstractBody, points: Float[Array, "count 2"]) -> Float[Array, "count 3 modes"]:
+    return jax.vmap(lambda body, point: body.mode_shapes(point))(bodies, points)

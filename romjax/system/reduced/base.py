@@ -1,0 +1,60 @@
+"""What all reduced systems share: the way back to physical coordinates."""
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ..base import AbstractSystem
+
+
+class AbstractReducedSystem(AbstractSystem):
+    """A system in the coordinates z of an affine subspace, q = q̄ + Φ z.
+
+    A reduced system is a system: it simulates, compares and differentiates like any other.
+    """
+
+    full: eqx.AbstractVar[AbstractSystem]
+    modes: eqx.AbstractVar[Float[Array, "n r"]]
+    offset: eqx.AbstractVar[Float[Array, " n"]]
+    reason: eqx.AbstractVar[str]  # what was kept, and what freedom is left, in words
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Coordinates that the constraints leave free, r − m."""
+        return self.n - self.m
+
+    def lift(self, q: Float[Array, " r"]) -> Float[Array, " n"]:
+        """Physical coordinates q̄ + Φ z."""
+        return self.offset + self.modes @ q
+
+    def mass(self, q: Float[Array, " r"]) -> Float[Array, "r r"]:
+        """ΦᵀMΦ."""
+        place = self.lift(q)
+        diagonal = self.full.mass_diagonal(place)
+        if diagonal is None:
+            return self.modes.T @ self.full.mass(place) @ self.modes
+        return self.modes.T @ (diagonal[:, None] * self.modes)
+
+    def force(
+        self, t: Float[Array, ""], q: Float[Array, " r"], v: Float[Array, " r"]
+    ) -> Float[Array, " r"]:
+        """ΦᵀQ."""
+        return self.modes.T @ self.full.force(t, self.lift(q), self.modes @ v)
+
+    def coordinate_labels(self) -> tuple[str, ...]:
+        return self.full.coordinate_labels()
+
+    def physical(
+        self, q: Float[Array, " r"], v: Float[Array, " r"]
+    ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+        return self.lift(q), self.modes @ v
+
+    def physical_metric(self) -> Float[Array, "n n"]:
+        return self.full.physical_metric()
+
+    def physical_constraint(self, t: Float[Array, ""], q: Float[Array, " r"]) -> Float[Array, " M"]:
+        return self.full.physical_constraint(t, self.lift(q))
+
+    def rigid_frequency(
+        self, t: Float[Array, ""], q: Float[Array, " r"], v: Float[Array, " r"]
+    ) -> Float[Array, ""]:
+        return self.full.rigid_frequency(t, *self.physical(q, v))
