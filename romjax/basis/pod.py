@@ -44,7 +44,7 @@ def build(
     kind: str,
     reason: str,
 ) -> Basis:
-    """The Basis of orthonormal `vectors` in weighted coordinates, with a sign that is reproducible."""
+    """The Basis of orthonormal `vectors` in weighted coordinates, with reproducible signs."""
     modes = snapshots.unweight(vectors)
     largest = jnp.take_along_axis(modes, jnp.argmax(jnp.abs(modes), axis=0)[None], axis=0)
     sign = jnp.where(largest < 0, -1.0, 1.0).astype(modes.dtype)

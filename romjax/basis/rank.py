@@ -3,9 +3,8 @@
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Array, Float
-
 from jax.core import Tracer
+from jaxtyping import Array, Float
 
 Rank = int | Literal["drop"]
 
@@ -43,7 +42,7 @@ def choose_rank(
         raise ValueError(f"{name}: the snapshots are not finite; did the simulation succeed?")
     if not found[0] > 0:
         raise ValueError(
-            f"{name}: the snapshots do not move, so no direction stands out; simulate a motion first."
+            f"{name}: the snapshots do not move, so no direction stands out; simulate a motion."
         )
     relative = found / found[0]
     floor = 4 * np.finfo(found.dtype).eps * np.sqrt(max(len(found), snapshots))

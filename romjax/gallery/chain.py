@@ -1,5 +1,7 @@
 """A chain of equal bars."""
 
+import itertools
+
 from ..scene.body.rigid import RigidBody
 from ..scene.effect.gravity import Gravity
 from ..scene.fields import SceneError
@@ -20,8 +22,5 @@ def chain(links: int = 8) -> Scene:
         for i in range(links)
     ]
     hinges = [Revolute(bars[0].at((-0.5, 0.0)), ground.at())]
-    hinges += [
-        Revolute(b.at((-0.5, 0.0)), a.at((0.5, 0.0)))
-        for a, b in zip(bars[:-1], bars[1:], strict=True)
-    ]
+    hinges += [Revolute(b.at((-0.5, 0.0)), a.at((0.5, 0.0))) for a, b in itertools.pairwise(bars)]
     return Scene(bodies=bars, joints=hinges, effects=[Gravity()])

@@ -32,8 +32,8 @@ class _Point(NamedTuple):
 class RodasInterpolation(diffrax.AbstractLocalInterpolation):
     """Dense output of order 4, from the stages of the step."""
 
-    t0: Any
-    t1: Any
+    t0: Any  # type: ignore[misc]
+    t1: Any  # type: ignore[misc]
     y0: PyTree
     y1: PyTree
     k: PyTree  # stages, leading axis 8
@@ -87,7 +87,7 @@ class Rodas5P(diffrax.AbstractAdaptiveSolver):
     ) -> tuple[PyTree, PyTree, dict[str, PyTree], None, diffrax.RESULTS]:
         del solver_state, made_jump
         y1, error, dense = _step(terms, t0, t1, y0, args)
-        return y1, error, dense, None, diffrax.RESULTS.successful
+        return y1, error, dense, None, diffrax.RESULTS.successful  # type: ignore[return-value]
 
 
 @eqx.filter_jit
@@ -115,7 +115,7 @@ def _step(
     (stages, last), _ = jax.lax.scan(stage, (stages, start), rows)
     error = unravel(stages[7])
     y1 = unravel(last + stages[7])
-    dense = dict(y0=y0, y1=y1, k=jax.vmap(unravel)(stages))
+    dense = {"y0": y0, "y1": y1, "k": jax.vmap(unravel)(stages)}
     return y1, error, dense
 
 

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..scene.fields import Time
 from ..system.base import AbstractSystem, Linearization
 from ..system.stabilization import Baumgarte
 
@@ -17,7 +18,7 @@ State = tuple[Float[Array, " n"], Float[Array, " n"]]
 @eqx.filter_jit
 def acceleration(
     system: AbstractSystem,
-    t: Float[Array, ""],
+    t: Time,
     q: Float[Array, " n"],
     v: Float[Array, " n"],
     stabilization: Baumgarte | None,

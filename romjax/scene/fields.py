@@ -7,11 +7,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jaxtyping import Array, ArrayLike, Real
 
 # What a user may write for a number, a point or a list of numbers.
 Number = ArrayLike
 Vector = ArrayLike | Sequence[Any]
+Time = Real[ArrayLike, ""]  # [s]
 
 
 class SceneError(ValueError):

@@ -36,16 +36,18 @@ class Scene(eqx.Module):
         for name in names:
             if names.count(name) > 1:
                 raise SceneError(f"Two bodies are named '{name}'; every body needs its own name.")
-        for kind, parts in (("joint", self.joints), ("effect", self.effects)):
-            for part in parts:
-                for marker in part.markers:
-                    if marker.body != GROUND and marker.body not in names:
-                        raise SceneError(
-                            f"{kind} '{part.label()}': its marker is on the body '{marker.body}', "
-                            f"which the scene does not have. It has: {', '.join(names)}."
-                        )
+        connected: tuple[AbstractJoint | AbstractEffect, ...] = (*self.joints, *self.effects)
+        for part in connected:
+            for marker in part.markers:
+                if marker.body != GROUND and marker.body not in names:
+                    raise SceneError(
+                        f"'{part.label()}': its marker is on the body '{marker.body}', which the "
+                        f"scene does not have. It has: {', '.join(names)}."
+                    )
         # Again, since numbers may have been replaced since the parts were made.
-        for part in (*self.bodies, *self.joints, *self.effects):
+        for body in self.bodies:
+            body.check()
+        for part in connected:
             part.check()
 
 

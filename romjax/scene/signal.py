@@ -7,14 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .fields import SceneError, as_array, check_finite, check_shape, concrete, number
+from .fields import SceneError, Time, as_array, check_finite, check_shape, concrete, number
 
 
 class AbstractSignal(eqx.Module):
     """A function of time [s]; subclass it with one `__call__` for a signal of your own."""
 
     @abc.abstractmethod
-    def __call__(self, t: Float[Array, ""]) -> Float[Array, ""]:
+    def __call__(self, t: Time) -> Float[Array, ""]:
         """The value at time t [s]."""
 
     def check(self, owner: str) -> None:
@@ -27,7 +27,7 @@ class Constant(AbstractSignal):
 
     value: Float[Array, ""] = number()
 
-    def __call__(self, t: Float[Array, ""]) -> Float[Array, ""]:
+    def __call__(self, t: Time) -> Float[Array, ""]:
         del t
         return self.value
 
@@ -39,7 +39,7 @@ class Sine(AbstractSignal):
     frequency: Float[Array, ""] = number()
     phase: Float[Array, ""] = number(0.0)
 
-    def __call__(self, t: Float[Array, ""]) -> Float[Array, ""]:
+    def __call__(self, t: Time) -> Float[Array, ""]:
         return self.amplitude * jnp.sin(2 * jnp.pi * self.frequency * t + self.phase)
 
 
@@ -49,7 +49,7 @@ class Table(AbstractSignal):
     times: Float[Array, " k"] = number()
     values: Float[Array, " k"] = number()
 
-    def __call__(self, t: Float[Array, ""]) -> Float[Array, ""]:
+    def __call__(self, t: Time) -> Float[Array, ""]:
         return jnp.interp(t, self.times, self.values)
 
     def check(self, owner: str) -> None:

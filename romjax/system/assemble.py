@@ -9,6 +9,7 @@ import jax.tree_util as jtu
 
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect
 from ..scene.fields import SceneError, as_array
+from ..scene.marker import Marker
 from ..scene.scene import Scene
 from .assembled import AssembledSystem, BodyGroup, EffectGroup, JointGroup
 from .grouping import Index, group
@@ -43,7 +44,7 @@ def assemble(scene: Scene) -> AssembledSystem:
         elements: Sequence[Any],
     ) -> tuple[list[tuple[Any, Slots, list[int]]], Markers | None]:
         """Groups of equal elements with the places of their markers, and all the markers."""
-        groups, markers = [], []
+        groups, markers = [], list[Marker]()
         for stacked, places in group(elements):
             sides = list(zip(*(elements[i].markers for i in places), strict=True))
             groups.append((stacked, Slots(len(markers), len(places), len(sides)), places))

@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..scene.body.base import AbstractBody
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect
+from ..scene.fields import Time
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import Pose, Twist, Wrench
 from .base import AbstractSystem, quadratic_velocity_force
@@ -57,13 +58,13 @@ class JointGroup(eqx.Module):
     slots: Slots
     places: Index = eqx.field(static=True)  # of their rows among the constraints, (count, rows)
 
-    def residual(self, t: Float[Array, ""], poses: Pose) -> Float[Array, "count rows"]:
+    def residual(self, t: Time, poses: Pose) -> Float[Array, "count rows"]:
         return jax.vmap(lambda joint, a, b: joint.residual(t, a, b))(
             self.joints, *self.slots.take(poses)
         )
 
     def jacobian(
-        self, t: Float[Array, ""], poses: Pose, motion: PoseGradient
+        self, t: Time, poses: Pose, motion: PoseGradient
     ) -> Float[Array, "side count rows size"]:
         """Derivatives with respect to the coordinates of the bodies on both sides."""
 
@@ -85,7 +86,7 @@ class EffectGroup(eqx.Module):
     effects: AbstractMarkerEffect  # stacked
     slots: Slots
 
-    def wrenches(self, t: Float[Array, ""], poses: Pose, twists: Twist | None) -> list[Wrench]:
+    def wrenches(self, t: Time, poses: Pose, twists: Twist | None) -> list[Wrench]:
         """Wrenches on each side, one row per effect."""
         rates = self.slots.take(twists) if self.effects.needs_twists else ()
         return list(
@@ -142,9 +143,7 @@ class AssembledSystem(AbstractSystem):
             places.append(index[:, :, None] * self.n + index[:, None, :])
         return _spread(blocks, places, (self.n, self.n))
 
-    def force(
-        self, t: Float[Array, ""], q: Float[Array, " n"], v: Float[Array, " n"]
-    ) -> Float[Array, " n"]:
+    def force(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " n"]:
         own = [(group, group.force(self.fields, q, v)) for group in self.bodies]
         acting = [(group, force) for group, force in own if force is not None]
         places = [group.coordinates.array for group, _ in acting]
@@ -161,14 +160,14 @@ class AssembledSystem(AbstractSystem):
         wrenches = jax.tree.map(lambda *x: jnp.concatenate(x), *found)
         return total + self.effect_markers.pull_back(q, wrenches)
 
-    def constraint(self, t: Float[Array, ""], q: Float[Array, " n"]) -> Float[Array, " m"]:
+    def constraint(self, t: Time, q: Float[Array, " n"]) -> Float[Array, " m"]:
         if self.joint_markers is None:
             return jnp.zeros(0, q.dtype)
         poses = self.joint_markers.poses(q)
         blocks = [group.residual(t, poses) for group in self.joints]
         return _spread(blocks, [group.places.array for group in self.joints], (self.m,))
 
-    def jacobian(self, t: Float[Array, ""], q: Float[Array, " n"]) -> Float[Array, "m n"]:
+    def jacobian(self, t: Time, q: Float[Array, " n"]) -> Float[Array, "m n"]:
         """Constraint Jacobian C_q: one block for each joint and side, by the chain rule."""
         if self.joint_markers is None:
             return jnp.zeros((0, self.n), q.dtype)

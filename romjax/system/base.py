@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from ..scene.fields import Time
 from .saddle import Saddle
 from .stabilization import Baumgarte
 
@@ -53,13 +54,11 @@ class AbstractSystem(eqx.Module):
         """Mass matrix M, symmetric positive definite."""
 
     @abc.abstractmethod
-    def force(
-        self, t: Float[Array, ""], q: Float[Array, " n"], v: Float[Array, " n"]
-    ) -> Float[Array, " n"]:
+    def force(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " n"]:
         """Generalized force Q: applied, elastic, dissipative and quadratic-velocity forces."""
 
     @abc.abstractmethod
-    def constraint(self, t: Float[Array, ""], q: Float[Array, " n"]) -> Float[Array, " m"]:
+    def constraint(self, t: Time, q: Float[Array, " n"]) -> Float[Array, " m"]:
         """Constraints C; length zero if there are none."""
 
     # What a kind of system may know better.
@@ -86,7 +85,7 @@ class AbstractSystem(eqx.Module):
         """Mass matrix of the physical coordinates at the start: the metric of errors and bases."""
         return self.mass(self.q0)
 
-    def physical_constraint(self, t: Float[Array, ""], q: Float[Array, " n"]) -> Float[Array, " M"]:
+    def physical_constraint(self, t: Time, q: Float[Array, " n"]) -> Float[Array, " M"]:
         """The constraints of the mechanism that the state stands for, all of them."""
         return self.constraint(t, q)
 
@@ -95,7 +94,7 @@ class AbstractSystem(eqx.Module):
         del q
         return None
 
-    def jacobian(self, t: Float[Array, ""], q: Float[Array, " n"]) -> Float[Array, "m n"]:
+    def jacobian(self, t: Time, q: Float[Array, " n"]) -> Float[Array, "m n"]:
         """Constraint Jacobian C_q."""
         return jax.jacfwd(self.constraint, argnums=1)(t, q)
 
@@ -103,15 +102,17 @@ class AbstractSystem(eqx.Module):
 
     def constraint_state(
         self,
-        t: Float[Array, ""],
+        t: Time,
         q: Float[Array, " n"],
         v: Float[Array, " n"],
         a: Float[Array, " n"] | None = None,
     ) -> ConstraintState:
         """C, Ċ and C̈ (without an acceleration `a`, C̈ without its part C_q a).
 
-        By two nested derivatives along the motion, time included. A constraint that ignores t leaves no trace of it: its tangent is symbolically zero.
+        By two nested derivatives along the motion, time included. A constraint that ignores t
+        leaves no trace of it: its tangent is symbolically zero.
         """
+        t = jnp.asarray(t, q.dtype)
         one = jnp.ones_like(t)
 
         def rate(t, q, v):  # type: ignore[no-untyped-def]
@@ -124,14 +125,14 @@ class AbstractSystem(eqx.Module):
         (violation, first), (_, curvature) = turn
         return ConstraintState(violation, first, curvature)
 
-    def saddle(self, t: Float[Array, ""], q: Float[Array, " n"]) -> Saddle:
+    def saddle(self, t: Time, q: Float[Array, " n"]) -> Saddle:
         """The extended mass matrix at one configuration, factored."""
         diagonal = self.mass_diagonal(q)
         return Saddle(self.mass(q) if diagonal is None else diagonal, self.jacobian(t, q))
 
     def acceleration(
         self,
-        t: Float[Array, ""],
+        t: Time,
         q: Float[Array, " n"],
         v: Float[Array, " n"],
         stabilization: Baumgarte | None = None,
@@ -145,7 +146,7 @@ class AbstractSystem(eqx.Module):
 
     def gamma(
         self,
-        t: Float[Array, ""],
+        t: Time,
         q: Float[Array, " n"],
         v: Float[Array, " n"],
         stabilization: Baumgarte | None = None,
@@ -158,7 +159,7 @@ class AbstractSystem(eqx.Module):
 
     def linearize(
         self,
-        t: Float[Array, ""],
+        t: Time,
         q: Float[Array, " n"],
         v: Float[Array, " n"],
         stabilization: Baumgarte | None = None,
@@ -169,6 +170,7 @@ class AbstractSystem(eqx.Module):
         solve the extended system with the right-hand sides −∂R: one factorisation, instead of
         differentiating through the solve.
         """
+        t = jnp.asarray(t, q.dtype)
         n, saddle = self.n, self.saddle(t, q)
         a, multipliers = saddle.solve(self.force(t, q, v), self.gamma(t, q, v, stabilization))
 
@@ -193,7 +195,7 @@ class AbstractSystem(eqx.Module):
         return Linearization(a, slopes[:, :n], slopes[:, n : 2 * n], slopes[:, 2 * n])
 
     def rigid_frequency(
-        self, t: Float[Array, ""], q: Float[Array, " n"], v: Float[Array, " n"]
+        self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
     ) -> Float[Array, ""]:
         """Fastest rigid-body frequency [rad/s] at a state: ω² = |∂a/∂q| among rigid coordinates.
 

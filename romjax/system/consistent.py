@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from ..scene.fields import SceneError, as_array, check_shape, concrete
+from ..scene.fields import SceneError, Time, as_array, check_shape, concrete
 from .base import AbstractSystem
 
 _SWEEPS = 10
@@ -48,7 +48,7 @@ def consistent(
 
 
 def _project(
-    system: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"], t: Float[Array, ""]
+    system: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"], t: Time
 ) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " m"]]:
     def sweep(q, _):  # type: ignore[no-untyped-def]
         step, _ = system.saddle(t, q).solve(jnp.zeros_like(q), -system.constraint(t, q))

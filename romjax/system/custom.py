@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..scene.fields import SceneError, as_array, check_finite, check_shape
+from ..scene.fields import SceneError, Time, as_array, check_finite, check_shape
 from .base import AbstractSystem
 
 Function = Callable[..., Float[Array, "..."]]
@@ -72,12 +72,10 @@ class CustomSystem(AbstractSystem):
     def mass(self, q: Float[Array, " n"]) -> Float[Array, "n n"]:
         return self.mass_(q)
 
-    def force(
-        self, t: Float[Array, ""], q: Float[Array, " n"], v: Float[Array, " n"]
-    ) -> Float[Array, " n"]:
+    def force(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " n"]:
         return self.force_(t, q, v)
 
-    def constraint(self, t: Float[Array, ""], q: Float[Array, " n"]) -> Float[Array, " m"]:
+    def constraint(self, t: Time, q: Float[Array, " n"]) -> Float[Array, " m"]:
         return jnp.zeros(0, q.dtype) if self.constraint_ is None else self.constraint_(t, q)
 
 

@@ -80,7 +80,7 @@ class Saddle(eqx.Module):
     def solve(
         self, force: Float[Array, "n *k"], gamma: Float[Array, "m *k"]
     ) -> tuple[Float[Array, "n *k"], Float[Array, "m *k"]]:
-        """(a, λ) with M a + Cᵀ λ = force and C a = gamma; λ of least norm where it is not unique."""
+        """(a, λ) with M a + Cᵀ λ = force and C a = gamma; λ of least norm where not unique."""
 
         def matvec(x):  # type: ignore[no-untyped-def]
             a, multipliers = x

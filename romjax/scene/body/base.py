@@ -14,14 +14,19 @@ from ..marker import GROUND, Marker
 class AbstractBody(eqx.Module):
     """A body in a floating frame of reference.
 
-    Coordinates: x [m], y [m], φ [rad] of its frame, then modal amplitudes. Everything is written for one body; the assembled system maps it over equal bodies.
-    Forces, energies and the quadratic velocity vector follow from these functions by autodiff.
+    Coordinates: x [m], y [m], φ [rad] of its frame, then modal amplitudes. Everything is written
+    for one body; the assembled system maps it over equal bodies. Forces and the quadratic velocity
+    vector follow from these functions by autodiff.
     """
 
     name: eqx.AbstractVar[str]
 
     modes: eqx.AbstractVar[int]  # how many modal coordinates follow x, y, φ
-    constant_mass: eqx.AbstractVar[bool]  # if so, no quadratic-velocity code is traced
+
+    @property
+    @abc.abstractmethod
+    def constant_mass(self) -> bool:
+        """Whether the mass matrix is constant: then no quadratic-velocity code is traced."""
 
     @property
     def size(self) -> int:

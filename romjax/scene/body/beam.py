@@ -77,26 +77,27 @@ class Beam(AbstractBody):
         amplitudes: Vector | None = None,
         rates: Vector | None = None,
     ):
-        self.name, self.mass, self.length, self.EI, self.inertia = name, mass, length, EI, inertia
         if frequencies is not None and EI is not None:
             raise SceneError(f"body '{name}': give either EI or frequencies, not both.")
         if EI is None and frequencies is None and modes:
             raise SceneError(f"body '{name}': {modes} modes need EI or frequencies.")
         if EI is not None and modes is None:
             raise SceneError(f"body '{name}': with EI, say how many modes, such as modes=2.")
-        self.frequencies = frequencies
-        found = modes if frequencies is None else len(jnp.atleast_1d(as_array(frequencies)))
-        self.modes = found or 0
-        if modes is not None and modes != self.modes:
+        given = None if frequencies is None else jnp.atleast_1d(as_array(frequencies))
+        if given is not None and modes not in (None, len(given)):
             raise SceneError(
-                f"body '{name}': modes={modes}, but {self.modes} frequencies are given."
+                f"body '{name}': modes={modes}, but {len(given)} frequencies are given."
             )
-        self.axis = axis
-        self.position, self.angle = position, angle
-        self.velocity, self.angular_velocity = velocity, angular_velocity
+        self.name, self.axis = name, axis
+        self.modes = len(given) if given is not None else modes or 0
+        self.mass, self.length, self.frequencies = as_array(mass), as_array(length), given
+        self.EI = None if EI is None else as_array(EI)
+        self.inertia = None if inertia is None else as_array(inertia)
+        self.position, self.angle = as_array(position), as_array(angle)
+        self.velocity, self.angular_velocity = as_array(velocity), as_array(angular_velocity)
         zero = jnp.zeros(self.modes)
-        self.amplitudes = zero if amplitudes is None else amplitudes
-        self.rates = zero if rates is None else rates
+        self.amplitudes = zero if amplitudes is None else as_array(amplitudes)
+        self.rates = zero if rates is None else as_array(rates)
 
     def __check_init__(self) -> None:
         self.check()
@@ -111,7 +112,7 @@ class Beam(AbstractBody):
             return 2 * jnp.pi * self.frequencies
         if self.EI is None:
             return jnp.zeros(0)
-        root = free_free_roots(self.modes)
+        root = jnp.asarray(free_free_roots(self.modes), self.mass.dtype)
         return root**2 * jnp.sqrt(self.EI / (self.mass * self.length**3))
 
     def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 
 def free_free_roots(count: int) -> np.ndarray:
-    """The first `count` positive roots βL of cos(βL) cosh(βL) = 1 (published: 4.730041, 7.853205, …).
+    """The first `count` positive roots βL of cos(βL) cosh(βL) = 1: 4.730041, 7.853205, …
 
     Newton on cos x − 1/cosh x, whose terms stay of order one, from the asymptote (k + ½) π.
     """
@@ -34,7 +34,7 @@ def free_free_shapes(
     root = free_free_roots(count)
     even = np.arange(1, count + 1) % 2 == 1
     beta, half = root / length, root / 2
-    sign = np.where(even, 1.0, -1.0)
+    sign = jnp.where(even, 1.0, -1.0)
     # Even: cos(βs)/cos(βL/2) + cosh(βs)/cosh(βL/2); odd: the same with sine and hyperbolic sine.
     trig = jnp.where(even, jnp.cos(beta * s), jnp.sin(beta * s))
     dtrig = jnp.where(even, -jnp.sin(beta * s), jnp.cos(beta * s))

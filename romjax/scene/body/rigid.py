@@ -31,11 +31,14 @@ class RigidBody(AbstractBody):
     velocity: Float[Array, "2"] = number((0.0, 0.0))
     angular_velocity: Float[Array, ""] = number(0.0)
     extent: Float[Array, "2"] = number((0.2, 0.1))
-    modes: ClassVar[int] = 0
-    constant_mass: ClassVar[bool] = True
+    modes: ClassVar[int] = 0  # type: ignore[misc]
 
     def __check_init__(self) -> None:
         self.check()
+
+    @property
+    def constant_mass(self) -> bool:
+        return True
 
     def start(self) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
         return (

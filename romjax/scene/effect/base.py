@@ -1,4 +1,4 @@
-"""What an effect is: one scalar or one set of forces, as a function of the motion of its markers."""
+"""What an effect is: one scalar or one set of forces, given the motion of its markers."""
 
 import abc
 from typing import ClassVar
@@ -8,6 +8,7 @@ import jax
 from jaxtyping import Array, Float
 
 from ..body.base import AbstractBody
+from ..fields import Time
 from ..marker import Marker, Pose, Twist, Wrench
 
 
@@ -36,7 +37,7 @@ class AbstractMarkerEffect(AbstractEffect):
 
     @abc.abstractmethod
     def wrenches(
-        self, t: Float[Array, ""], poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> tuple[Wrench, ...]:
         """Force [N] and torque [N m] on each marker, in their order."""
 
@@ -47,11 +48,11 @@ class AbstractPotential(AbstractMarkerEffect):
     needs_twists: ClassVar[bool] = False
 
     @abc.abstractmethod
-    def energy(self, t: Float[Array, ""], *poses: Pose) -> Float[Array, ""]:
+    def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         """Potential energy [J]."""
 
     def wrenches(
-        self, t: Float[Array, ""], poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> tuple[Wrench, ...]:
         del twists
         slopes = jax.grad(lambda poses: self.energy(t, *poses))(poses)
@@ -68,12 +69,12 @@ class AbstractDissipation(AbstractMarkerEffect):
 
     @abc.abstractmethod
     def rayleigh(
-        self, t: Float[Array, ""], poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> Float[Array, ""]:
         """Rayleigh's dissipation function [W]."""
 
     def wrenches(
-        self, t: Float[Array, ""], poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> tuple[Wrench, ...]:
         slopes = jax.grad(lambda twists: self.rayleigh(t, poses, twists))(twists)
         return tuple(Wrench(-slope.velocity, -slope.angular_velocity) for slope in slopes)

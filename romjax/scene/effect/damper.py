@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..fields import check_finite, check_not_negative, check_shape, number
+from ..fields import Time, check_finite, check_not_negative, check_shape, number
 from ..marker import Marker, Pose, Twist
 from .base import AbstractDissipation, check_markers
 
@@ -29,7 +29,7 @@ class Damper(AbstractDissipation):
         return (self.a, self.b)
 
     def rayleigh(
-        self, t: Float[Array, ""], poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> Float[Array, ""]:
         del t, poses
         a, b = twists

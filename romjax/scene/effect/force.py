@@ -2,11 +2,12 @@
 
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..fields import SceneError, check_finite, check_shape, concrete, number
+from ..fields import SceneError, Time, check_finite, check_shape, concrete, number
 from ..marker import Marker, Pose, Twist, Wrench
 from ..signal import AbstractSignal
 from .base import AbstractMarkerEffect, check_markers
@@ -24,7 +25,7 @@ class Force(AbstractMarkerEffect):
 
     at: Marker
     direction: Float[Array, "2"] = number()
-    signal: AbstractSignal
+    signal: AbstractSignal = eqx.field()  # type: ignore[misc]
     needs_twists: ClassVar[bool] = False
 
     def __check_init__(self) -> None:
@@ -35,7 +36,7 @@ class Force(AbstractMarkerEffect):
         return (self.at,)
 
     def wrenches(
-        self, t: Float[Array, ""], poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> tuple[Wrench, ...]:
         del poses, twists
         force = self.signal(t) * self.direction / jnp.linalg.norm(self.direction)

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..fields import check_finite, check_not_negative, check_shape, number
+from ..fields import Time, check_finite, check_not_negative, check_shape, number
 from ..marker import Marker, Pose
 from .base import AbstractPotential, check_markers
 
@@ -34,7 +34,7 @@ class Spring(AbstractPotential):
     def markers(self) -> tuple[Marker, ...]:
         return (self.a, self.b)
 
-    def energy(self, t: Float[Array, ""], *poses: Pose) -> Float[Array, ""]:
+    def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         del t
         a, b = poses
         squared = jnp.sum((a.position - b.position) ** 2)

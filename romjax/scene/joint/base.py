@@ -5,6 +5,7 @@ import abc
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from ..fields import Time
 from ..marker import Marker, Pose, check_distinct
 
 
@@ -21,7 +22,7 @@ class AbstractJoint(eqx.Module):
     rows: eqx.AbstractClassVar[int]
 
     @abc.abstractmethod
-    def residual(self, t: Float[Array, ""], a: Pose, b: Pose) -> Float[Array, " rows"]:
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, " rows"]:
         """Zero where the joint holds; lengths [m] and angles [rad]."""
 
     @property

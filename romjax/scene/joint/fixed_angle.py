@@ -5,7 +5,7 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..fields import Number, check_finite, check_shape, number
+from ..fields import Time, check_finite, check_shape, number
 from ..marker import Marker, Pose
 from .base import AbstractJoint
 
@@ -19,13 +19,10 @@ class FixedAngle(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
 
-    def __init__(self, a: Marker, b: Marker, value: Number = 0.0, *, name: str = ""):
-        self.a, self.b, self.value, self.name = a, b, value, name
-
     def __check_init__(self) -> None:
         self.check()
 
-    def residual(self, t: Float[Array, ""], a: Pose, b: Pose) -> Float[Array, "1"]:
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         del t
         return (a.angle - b.angle - self.value)[None]
 

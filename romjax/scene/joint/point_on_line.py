@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..fields import Time
 from ..marker import Marker, Pose
 from .base import AbstractJoint
 
@@ -21,7 +22,7 @@ class PointOnLine(AbstractJoint):
     def __check_init__(self) -> None:
         self.check()
 
-    def residual(self, t: Float[Array, ""], a: Pose, b: Pose) -> Float[Array, "1"]:
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         del t
         normal = jnp.stack([-jnp.sin(b.angle), jnp.cos(b.angle)])
         return (normal @ (a.position - b.position))[None]

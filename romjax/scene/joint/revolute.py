@@ -5,6 +5,7 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from ..fields import Time
 from ..marker import Marker, Pose
 from .base import AbstractJoint
 
@@ -20,6 +21,6 @@ class Revolute(AbstractJoint):
     def __check_init__(self) -> None:
         self.check()
 
-    def residual(self, t: Float[Array, ""], a: Pose, b: Pose) -> Float[Array, "2"]:
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "2"]:
         del t
         return a.position - b.position

@@ -3,6 +3,7 @@
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from ...scene.fields import Time
 from ..base import AbstractSystem
 
 
@@ -34,9 +35,7 @@ class AbstractReducedSystem(AbstractSystem):
             return self.modes.T @ self.full.mass(place) @ self.modes
         return self.modes.T @ (diagonal[:, None] * self.modes)
 
-    def force(
-        self, t: Float[Array, ""], q: Float[Array, " r"], v: Float[Array, " r"]
-    ) -> Float[Array, " r"]:
+    def force(self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]) -> Float[Array, " r"]:
         """ΦᵀQ."""
         return self.modes.T @ self.full.force(t, self.lift(q), self.modes @ v)
 
@@ -51,10 +50,10 @@ class AbstractReducedSystem(AbstractSystem):
     def physical_metric(self) -> Float[Array, "n n"]:
         return self.full.physical_metric()
 
-    def physical_constraint(self, t: Float[Array, ""], q: Float[Array, " r"]) -> Float[Array, " M"]:
+    def physical_constraint(self, t: Time, q: Float[Array, " r"]) -> Float[Array, " M"]:
         return self.full.physical_constraint(t, self.lift(q))
 
     def rigid_frequency(
-        self, t: Float[Array, ""], q: Float[Array, " r"], v: Float[Array, " r"]
+        self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]
     ) -> Float[Array, ""]:
         return self.full.rigid_frequency(t, *self.physical(q, v))

@@ -4,6 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ...scene.fields import Time
 from ..base import AbstractSystem
 from .base import AbstractReducedSystem
 
@@ -28,12 +29,12 @@ class GalerkinSystem(AbstractReducedSystem):
     def m(self) -> int:
         return self.combinations.shape[1]
 
-    def constraint(self, t: Float[Array, ""], q: Float[Array, " r"]) -> Float[Array, " m"]:
+    def constraint(self, t: Time, q: Float[Array, " r"]) -> Float[Array, " m"]:
         if self.m == 0:
             return jnp.zeros(0, q.dtype)
         return self.combinations.T @ self.full.constraint(t, self.lift(q))
 
-    def jacobian(self, t: Float[Array, ""], q: Float[Array, " r"]) -> Float[Array, "m r"]:
+    def jacobian(self, t: Time, q: Float[Array, " r"]) -> Float[Array, "m r"]:
         if self.m == 0:
             return jnp.zeros((0, self.n), q.dtype)
         return self.combinations.T @ self.full.jacobian(t, self.lift(q)) @ self.modes

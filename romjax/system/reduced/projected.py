@@ -3,6 +3,7 @@
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from ...scene.fields import Time
 from ..base import AbstractSystem, Linearization
 from ..stabilization import Baumgarte
 from .base import AbstractReducedSystem
@@ -28,7 +29,7 @@ class ProjectedSystem(AbstractReducedSystem):
     def m(self) -> int:
         return self.full.m
 
-    def constraint(self, t: Float[Array, ""], q: Float[Array, " r"]) -> Float[Array, " m"]:
+    def constraint(self, t: Time, q: Float[Array, " r"]) -> Float[Array, " m"]:
         return self.full.constraint(t, self.lift(q))
 
     def constraint_label(self, row: int) -> str:
@@ -36,7 +37,7 @@ class ProjectedSystem(AbstractReducedSystem):
 
     def acceleration(
         self,
-        t: Float[Array, ""],
+        t: Time,
         q: Float[Array, " r"],
         v: Float[Array, " r"],
         stabilization: Baumgarte | None = None,
@@ -47,7 +48,7 @@ class ProjectedSystem(AbstractReducedSystem):
 
     def linearize(
         self,
-        t: Float[Array, ""],
+        t: Time,
         q: Float[Array, " r"],
         v: Float[Array, " r"],
         stabilization: Baumgarte | None = None,

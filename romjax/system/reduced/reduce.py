@@ -61,12 +61,14 @@ def _galerkin(system: AbstractSystem, basis: Basis, count: int | None) -> Galerk
     kept, r = selection.combinations.shape[1], basis.rank
     active = active_freedoms(system, basis)
     if active is not None and r - kept < active:
+        remedy = (
+            f"keep fewer constraints (constraints={r - active}), or take more modes"
+            if r >= active
+            else "take more modes"
+        )
         raise ReductionError(
             f"reduce: the basis locks the mechanism. Its {r} modes with {kept} kept constraints "
-            f"leave {r - kept} degrees of freedom, but the snapshots move in {active}. "
-            f"Take more modes, or keep fewer constraints (constraints={r - active})."
-            if r >= active
-            else f"reduce: {r} modes cannot move in the {active} degrees of freedom of the snapshots."
+            f"leave {r - kept} degrees of freedom, but the snapshots move in {active}; {remedy}."
         )
     reason = f"{r} modes, {kept} of {system.m} constraints kept, {r - kept} degrees of freedom" + (
         "" if active is None else f" ({active} used by the snapshots)"
