@@ -1,5 +1,8 @@
 """Proper orthogonal decomposition."""
 
+import functools
+
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
@@ -29,12 +32,21 @@ def pod(
 
     Raises ValueError if the snapshots do not move, are not finite, or do not allow the rank.
     """
-    snapshots = weigh(motion, None if offset is None else jnp.asarray(offset))
-    vectors, values, _ = jnp.linalg.svd(snapshots.positions, full_matrices=False)
+    snapshots, vectors, values = _decompose(motion, offset)
     chosen = choose_rank("pod", values, rank, tol, snapshots.positions.shape[1])
     return build(motion, snapshots, vectors[:, : chosen.rank], values, values, "POD", chosen.reason)
 
 
+@jax.jit
+def _decompose(
+    motion: Motion, offset: ArrayLike | None
+) -> tuple[Snapshots, Float[Array, "n k"], Float[Array, " k"]]:
+    snapshots = weigh(motion, None if offset is None else jnp.asarray(offset))
+    vectors, values, _ = jnp.linalg.svd(snapshots.positions, full_matrices=False)
+    return snapshots, vectors, values
+
+
+@functools.partial(jax.jit, static_argnames=("kind", "reason"))
 def build(
     motion: Motion,
     snapshots: Snapshots,

@@ -1,12 +1,13 @@
 """Smooth orthogonal decomposition, with a rank that does not flip."""
 
+import jax
 import jax.numpy as jnp
-from jaxtyping import ArrayLike
+from jaxtyping import Array, ArrayLike, Float
 
 from .basis import Basis
 from .pod import build
 from .rank import Rank, choose_rank
-from .snapshots import Motion, weigh
+from .snapshots import Motion, Snapshots, weigh
 
 
 def sod(
@@ -29,11 +30,28 @@ def sod(
 
     Raises ValueError if the snapshots do not move, are not finite, or do not allow the rank.
     """
+    snapshots, vectors, sigma = _decompose(motion, offset)
+    chosen = choose_rank("sod", sigma, rank, tol, snapshots.velocities.shape[1])
+    kept, values = _smooth(snapshots, vectors[:, : chosen.rank], sigma[: chosen.rank])
+    return build(motion, snapshots, kept, values, sigma, "SOD", chosen.reason)
+
+
+@jax.jit
+def _decompose(
+    motion: Motion, offset: ArrayLike | None
+) -> tuple[Snapshots, Float[Array, "n k"], Float[Array, " k"]]:
     snapshots = weigh(motion, None if offset is None else jnp.asarray(offset))
     vectors, sigma, _ = jnp.linalg.svd(snapshots.velocities, full_matrices=False)
-    chosen = choose_rank("sod", sigma, rank, tol, snapshots.velocities.shape[1])
-    u, s = vectors[:, : chosen.rank], sigma[: chosen.rank]
-    p, d, _ = jnp.linalg.svd(u.T @ snapshots.positions / s[:, None], full_matrices=False)
-    # Only the span counts for the reduction: orthonormal, in the order of the smooth values.
-    orthonormal, _ = jnp.linalg.qr(u @ (s[:, None] * p))
-    return build(motion, snapshots, orthonormal, d**2, sigma, "SOD", chosen.reason)
+    return snapshots, vectors, sigma
+
+
+@jax.jit
+def _smooth(
+    snapshots: Snapshots, vectors: Float[Array, "n r"], sigma: Float[Array, " r"]
+) -> tuple[Float[Array, "n r"], Float[Array, " r"]]:
+    """Orthonormal vectors of the smooth modes, in the order of their values, and the values."""
+    seen = vectors.T @ snapshots.positions / sigma[:, None]
+    p, d, _ = jnp.linalg.svd(seen, full_matrices=False)
+    # Only the span counts for the reduction.
+    orthonormal, _ = jnp.linalg.qr(vectors @ (sigma[:, None] * p))
+    return orthonormal, d**2

@@ -1,5 +1,6 @@
 """What a simulation returns."""
 
+import dataclasses
 import enum
 from typing import Any
 
@@ -61,6 +62,11 @@ class Trajectory(eqx.Module):
     def success(self) -> Bool[Array, ""]:
         """Whether the simulation reached its end with finite numbers."""
         return self.status == Status.SUCCESS
+
+    def every(self, stride: int) -> "Trajectory":
+        """The same motion at every `stride`-th output time."""
+        arrays = ("t", "q", "v", "multipliers", "violation")
+        return dataclasses.replace(self, **{name: getattr(self, name)[::stride] for name in arrays})
 
     def reason(self) -> str:
         """The status in words, with the remedy."""

@@ -10,7 +10,8 @@ from .base import AbstractSystem
 _SWEEPS = 10
 # What counts as satisfied, in m, rad and their rates; the second for single precision.
 START_TOLERANCE = {jnp.dtype("float64"): 1e-8, jnp.dtype("float32"): 1e-4}
-_PROJECTED = {jnp.dtype("float64"): 1e-10, jnp.dtype("float32"): 1e-5}
+# What a projection reaches.
+ROUNDING = {jnp.dtype("float64"): 1e-10, jnp.dtype("float32"): 1e-5}
 
 
 def consistent(
@@ -38,7 +39,7 @@ def consistent(
     if known is not None:
         scale = max(1.0, float(jnp.max(jnp.abs(q))))
         worst = int(jnp.argmax(jnp.abs(violation)))
-        if not abs(known[worst]) <= scale * _PROJECTED[q.dtype]:
+        if not abs(known[worst]) <= scale * ROUNDING[q.dtype]:
             raise SceneError(
                 f"consistent: after {_SWEEPS} sweeps {system.constraint_label(worst)} is still "
                 f"violated by {known[worst]:.3g}; the joints cannot all hold, or the given start "

@@ -1,16 +1,17 @@
 """From a system and a basis to a reduced system."""
 
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...basis.basis import Basis
+from ...scene.fields import concrete
 from ..base import AbstractSystem
-from ..consistent import consistent
+from ..consistent import ROUNDING, consistent
 from .base import AbstractReducedSystem
-from .constraints import active_freedoms, select_constraints
+from .constraints import active_freedoms, count_kept, reduced_constraints
 from .galerkin import GalerkinSystem
 from .projected import ProjectedSystem
 
@@ -57,9 +58,9 @@ def reduce(
 
 
 def _galerkin(system: AbstractSystem, basis: Basis, count: int | None) -> GalerkinSystem:
-    selection = select_constraints(system, basis, count)
-    kept, r = selection.combinations.shape[1], basis.rank
-    active = active_freedoms(system, basis)
+    found = reduced_constraints(system, basis)
+    kept = count_kept(found) if count is None else count
+    r, active = basis.rank, active_freedoms(found, basis)
     if active is not None and r - kept < active:
         remedy = (
             f"keep fewer constraints (constraints={r - active}), or take more modes"
@@ -73,14 +74,14 @@ def _galerkin(system: AbstractSystem, basis: Basis, count: int | None) -> Galerk
     reason = f"{r} modes, {kept} of {system.m} constraints kept, {r - kept} degrees of freedom" + (
         "" if active is None else f" ({active} used by the snapshots)"
     )
-    q0, v0 = _start(system, basis.modes, basis.offset)
-    start = GalerkinSystem(
-        system, basis.modes, basis.offset, selection.combinations, q0, v0, reason
-    )
-    if kept == 0:
-        return start
-    q0, v0 = consistent(start, q0, v0, t=basis.t[0])
-    return GalerkinSystem(system, basis.modes, basis.offset, selection.combinations, q0, v0, reason)
+    combinations = found.combinations[:, :kept]
+    start = _start(system, basis.modes, basis.offset, combinations, basis.t[0])
+    rom = GalerkinSystem(system, basis.modes, basis.offset, combinations, start.q, start.v, reason)
+    violation = concrete(start.violation)
+    if kept == 0 or (violation is not None and violation <= ROUNDING[start.q.dtype]):
+        return rom
+    q0, v0 = consistent(rom, t=basis.t[0])
+    return GalerkinSystem(system, basis.modes, basis.offset, combinations, q0, v0, reason)
 
 
 def _projected(system: AbstractSystem, basis: Basis) -> ProjectedSystem:
@@ -90,12 +91,25 @@ def _projected(system: AbstractSystem, basis: Basis) -> ProjectedSystem:
     return ProjectedSystem(system, modes, basis.offset, q0, v0, reason)
 
 
+class _Start(NamedTuple):
+    q: Float[Array, " r"]
+    v: Float[Array, " r"]
+    violation: Float[Array, ""]  # of the kept constraints and their rates
+
+
 @jax.jit
 def _start(
-    system: AbstractSystem, modes: Float[Array, "n r"], offset: Float[Array, " n"]
-) -> tuple[Float[Array, " r"], Float[Array, " r"]]:
+    system: AbstractSystem,
+    modes: Float[Array, "n r"],
+    offset: Float[Array, " n"],
+    combinations: Float[Array, "m kept"],
+    t: Float[Array, ""],
+) -> _Start:
     """The start of the full system, projected in the mass metric."""
     weighted = system.mass(system.q0) @ modes
     gram = jax.scipy.linalg.cho_factor(modes.T @ weighted)
-    q0 = jax.scipy.linalg.cho_solve(gram, weighted.T @ (system.q0 - offset))
-    return q0, jax.scipy.linalg.cho_solve(gram, weighted.T @ system.v0)
+    q = jax.scipy.linalg.cho_solve(gram, weighted.T @ (system.q0 - offset))
+    v = jax.scipy.linalg.cho_solve(gram, weighted.T @ system.v0)
+    state = system.constraint_state(t, offset + modes @ q, modes @ v)
+    left = jnp.abs(combinations.T @ jnp.stack([state.violation, state.rate], axis=1))
+    return _Start(q, v, jnp.max(left, initial=0.0))

@@ -1,0 +1,143 @@
+"""The command line: the same verbs as the library."""
+
+import argparse
+import os
+import runpy
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import jax
+from tqdm import tqdm
+
+from . import report
+from .gallery.catalogue import EXAMPLES, Example, find
+from .integrate.trajectory import SimulationError
+from .scene.fields import SceneError
+from .scene.scene import Scene
+from .study.reduction import reduction_study
+from .system.assemble import assemble
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit status."""
+    options = _parser().parse_args(arguments)
+    _set_up_jax()
+    try:
+        return options.verb(options)
+    except (SceneError, SimulationError, ValueError, OSError) as error:
+        print(f"romjax: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("romjax: interrupted", file=sys.stderr)
+        return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="romjax",
+        description="Differentiable reduced-order simulation of flexible multibody systems.",
+    )
+    verbs = parser.add_subparsers(required=True, metavar="VERB")
+    scenes = verbs.add_parser("scenes", help="list the ready scenes")
+    scenes.set_defaults(verb=_scenes)
+    run = verbs.add_parser(
+        "run",
+        help="simulate a scene, reduce it by POD and SOD, compare",
+        description="Simulate a scene, reduce it by POD and SOD in both formulations, compare, "
+        "print the table and write figures, an animation and the trajectories.",
+    )
+    run.add_argument("scene", help="name of a ready scene, or a Python file that defines `scene`")
+    run.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (romjax-NAME)")
+    run.add_argument("--end", type=float, metavar="S", help="simulated time (that of the scene)")
+    run.add_argument("--rate", type=float, metavar="HZ", help="sample rate (that of the scene)")
+    run.add_argument("--rtol", type=float, default=1e-8, help="tolerance of all runs (1e-8)")
+    run.add_argument("--pod-rank", type=int, metavar="R", help="modes of POD (drop point)")
+    run.add_argument("--sod-rank", type=int, metavar="R", help="modes of SOD (drop point)")
+    run.add_argument("--no-animation", action="store_true", help="leave out the animation")
+    run.set_defaults(verb=_run)
+    return parser
+
+
+def _scenes(options: argparse.Namespace) -> int:
+    del options
+    width = max(len(example.name) for example in EXAMPLES)
+    for example in EXAMPLES:
+        print(f"{example.name:{width}}  {example.title}")
+    return 0
+
+
+def _run(options: argparse.Namespace) -> int:
+    example = _load(options.scene)
+    folder = _writable(options.out or Path(f"romjax-{example.name}"))
+    scene = example.make()
+    system = assemble(scene)
+    print(f"{example.name}: {example.title}")
+    print(f"{system.n} coordinates, {system.m} constraints")
+    # Six stages: five runs and the pictures.
+    with tqdm(total=6, bar_format="{desc:32} {bar:24} {elapsed}", file=sys.stderr) as bar:
+
+        def advance(stage: str) -> None:
+            bar.update(1 if bar.desc else 0)
+            bar.set_description_str(stage)
+
+        study = reduction_study(
+            system,
+            options.end or example.end,
+            options.rate or example.rate,
+            pod_rank=options.pod_rank or example.pod_rank,
+            sod_rank=options.sod_rank or example.sod_rank,
+            rtol=options.rtol,
+            report=advance,
+        )
+        advance("figures and files")
+        files = report.write(study, scene, folder, animation=not options.no_animation)
+        bar.set_description_str("done")
+        bar.update(bar.total - bar.n)
+    print(report.summary(study, chapter=example.name == "cart-pendulum"))
+    print(f"\nWrote {len(files)} files to {folder}{os.sep}: {', '.join(f.name for f in files)}")
+    return 0
+
+
+def _load(name: str) -> Example:
+    """A ready scene by name, or the `scene` that a Python file defines."""
+    if not name.endswith(".py"):
+        return find(name)
+    path = Path(name)
+    if not path.is_file():
+        raise SceneError(f"There is no file {path}; give a Python file that defines `scene`.")
+    found = runpy.run_path(str(path)).get("scene")
+    scene = found() if callable(found) and not isinstance(found, Scene) else found
+    if not isinstance(scene, Scene):
+        raise SceneError(
+            f"{path} defines no `scene`; it must hold a romjax.Scene of that name, or a function "
+            "of that name that returns one."
+        )
+    return Example(path.stem, f"from {path}", lambda: scene)
+
+
+def _writable(folder: Path) -> Path:
+    """The folder, made if need be; raises OSError with a remedy before any work is done."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise OSError(
+            f"Cannot write to the folder {folder}: {error.strerror}; choose another with --out."
+        ) from error
+    return folder
+
+
+def _set_up_jax() -> None:
+    """Double precision, quick compilation, and compiled programs kept between runs."""
+    jax.config.update("jax_enable_x64", True)
+    # XLA's newer fusion emitters compile for twice as long and run no faster here. Only for
+    # versions that are known to know the flag: an unknown one would end the process.
+    if (0, 9) <= jax.__version_info__ < (0, 11):
+        flags = os.environ.get("XLA_FLAGS", "")
+        os.environ["XLA_FLAGS"] = f"{flags} --xla_cpu_use_fusion_emitters=false".strip()
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    jax.config.update("jax_compilation_cache_dir", str(home / "romjax"))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)

@@ -1,0 +1,48 @@
+"""The ready scenes by name, each with the run that shows it best."""
+
+import dataclasses
+import difflib
+from collections.abc import Callable
+
+from ..scene.fields import SceneError
+from ..scene.scene import Scene
+from .cart_pendulum import cart_pendulum
+from .chain import chain
+
+
+@dataclasses.dataclass(frozen=True)
+class Example:
+    """A scene and how to run it: for `end` [s], sampled at `rate` [Hz].
+
+    `pod_rank`, `sod_rank`: numbers of modes, None for the drop point.
+    """
+
+    name: str
+    title: str
+    make: Callable[[], Scene]
+    end: float = 1.0
+    rate: float = 100.0
+    pod_rank: int | None = None
+    sod_rank: int | None = None
+
+
+EXAMPLES = (
+    Example(
+        "cart-pendulum",
+        "cart on a diagonal rail with a flexible pendulum: the chapter's example",
+        cart_pendulum,
+        pod_rank=6,
+        sod_rank=5,
+    ),
+    Example("chain", "eight bars hinged end to end, falling from the horizontal", chain),
+)
+
+
+def find(name: str) -> Example:
+    """The example of that name; raises SceneError with the nearest match."""
+    names = [example.name for example in EXAMPLES]
+    if name in names:
+        return EXAMPLES[names.index(name)]
+    near = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
+    hint = f"did you mean '{near[0]}'? " if near else ""
+    raise SceneError(f"There is no scene '{name}'; {hint}The scenes are: {', '.join(names)}.")

@@ -1,0 +1,7 @@
+"""Figures of motions, bases and mechanisms; the only importer of matplotlib."""
+
+from .animation import animate as animate
+from .errors import errors as errors
+from .modes import modes as modes
+from .response import response as response
+from .values import values as values

@@ -1,0 +1,112 @@
+"""Modes as shapes of the mechanism."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..basis.basis import Basis
+from ..scene.scene import Scene
+from ..system.base import AbstractSystem
+from .geometry import outlines
+from .mechanism import Picture, bounds, stage, view
+from .style import COLOURS, GREY, SMALL, symbol
+
+MOST = 8  # modes
+ROWS = 24  # of the table
+VISIBLE = 0.15  # largest displacement, as a share of the mechanism's size
+NEGLIGIBLE = 1e-9  # component, relative to the largest of its mode
+
+
+def modes(scene: Scene, basis: Basis, system: AbstractSystem | None = None) -> Figure:
+    """Each mode as a shape of the mechanism, over a table of its components (table 39.1).
+
+    The mechanism at rest in grey, and displaced by the mode in colour, so far that the point that
+    moves most moves by 15 % of the mechanism's size. The table has a row for each coordinate and
+    a column for each mode; it is left out for more than 24 coordinates, as are modes after the
+    eighth. The components have the units of the coordinates over kg^½ m, the modes being
+    orthonormal in the mass metric.
+
+    **Arguments:**
+
+    - `scene`, `basis`: modes (n, r) of that scene.
+    - `system`: its start q0 (n,) is the place of rest, instead of the offset of the basis.
+
+    Raises ValueError if scene and basis do not fit.
+    """
+    vectors = np.asarray(basis.modes)
+    rest = np.asarray(basis.offset if system is None else system.q0)
+    if rest.shape != vectors.shape[:1]:
+        raise ValueError(
+            f"modes: the place of rest has shape {rest.shape}, but the modes have shape "
+            f"{vectors.shape}; give the full system that the basis was made from."
+        )
+    n, r = len(rest), min(basis.rank, MOST)
+    base = outlines(scene, rest[None])
+    box = bounds(base)
+    moved = [rest + _amplitude(scene, rest, vectors[:, j], box) * vectors[:, j] for j in range(r)]
+    frame = view(bounds([*base, *outlines(scene, np.stack(moved))]))
+    width, height = frame[1] - frame[0]
+
+    # As many pictures side by side as suit their shape.
+    columns = min(r, 6 if height > 1.3 * width else 4 if height > 0.5 * width else 2)
+    rows = -(-r // columns)
+    across = 9.0
+    tall = rows * (min(across / columns * height / width, 4.0) + 0.5)
+    low = 0.3 + 0.2 * (n + 1) if n <= ROWS else 0.0
+    figure = Figure(figsize=(across, tall + low + 0.5))
+    figure.set_layout_engine("constrained")
+    parts = figure.add_gridspec(2 if low else 1, 1, height_ratios=[tall, low] if low else [tall])
+    pictures = parts[0].subgridspec(rows, columns)
+    for j in range(r):
+        axes = figure.add_subplot(pictures[j // columns, j % columns])
+        stage(axes, scene, frame)
+        Picture(axes, scene, rest[None], color=GREY, linewidth=2.2)
+        Picture(axes, scene, moved[j][None], color=COLOURS[5], linewidth=1.6)
+        axes.set_axis_off()
+        axes.set_title(_title(basis, j), fontsize=SMALL + 1)
+    if low:
+        _table(
+            figure.add_subplot(parts[1]), basis, [b for body in scene.bodies for b in body.labels()]
+        )
+    kind = "Modes" if basis.kind == "given" else f"{basis.kind} modes"
+    figure.suptitle(f"{kind} (first {r} of {basis.rank})" if r < basis.rank else kind, fontsize=11)
+    return figure
+
+
+def _amplitude(scene: Scene, rest: np.ndarray, mode: np.ndarray, box: np.ndarray) -> float:
+    """How much of the mode makes the largest displacement VISIBLE; 0 if nothing is displaced."""
+    step = 1e-6 / np.max(np.abs(mode))
+    pair = outlines(scene, np.stack([rest, rest + step * mode]))
+    speed = max(float(np.max(np.linalg.norm(p[1] - p[0], axis=-1))) for p in pair) / step
+    return VISIBLE * float(np.linalg.norm(box[1] - box[0])) / speed if speed > 0 else 0.0
+
+
+def _title(basis: Basis, j: int) -> str:
+    value = float(basis.values[j])
+    if basis.kind == "POD":
+        share = value / float(basis.values[0])
+        return f"mode {j + 1}\n$\\sigma/\\sigma_1$ = {share:.1e}"
+    if basis.kind == "SOD":
+        return f"mode {j + 1}\n$\\lambda$ = {value:.1e} s$^2$"
+    return f"mode {j + 1}"
+
+
+def _table(axes: Axes, basis: Basis, labels: list[str]) -> None:
+    """The components; what is rounding beside the largest of the mode is printed as 0."""
+    axes.set_axis_off()
+    vectors = np.asarray(basis.modes)[:, :MOST]
+    small = NEGLIGIBLE * np.max(np.abs(vectors), axis=0)
+    cells = [
+        ["0" if abs(x) <= least else f"{x:.3g}" for x, least in zip(row, small, strict=True)]
+        for row in vectors
+    ]
+    table = axes.table(
+        cells,
+        rowLabels=[symbol(label) for label in labels],
+        colLabels=[f"mode {j + 1}" for j in range(vectors.shape[1])],
+        bbox=(0.14, 0.0, 0.86, 1.0),
+        cellLoc="right",
+        edges="horizontal",
+    )
+    table.auto_set_font_size(False)
+    table.set_fontsize(SMALL)

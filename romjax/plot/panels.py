@@ -1,0 +1,102 @@
+"""One panel per coordinate over time: which coordinates, and the grid they are drawn in."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..integrate.trajectory import Trajectory
+from ..study.compare import compare
+from .style import SMALL
+
+MOST = 8  # panels, unless the coordinates are named
+
+
+def check_motion(owner: str, motion: Trajectory) -> None:
+    """Raise ValueError unless `motion` is a single motion, not a batch."""
+    if np.ndim(motion.q) != 2 or len(motion.labels) != np.shape(motion.q)[1]:
+        raise ValueError(
+            f"{owner}: q has shape {np.shape(motion.q)} for {len(motion.labels)} labels, but it "
+            "must be (times, coordinates); take one motion out of a batch, such as "
+            "jax.tree.map(lambda x: x[0], trajectory)."
+        )
+
+
+def check_coordinates(owner: str, truth: Trajectory, name: str, approx: Trajectory) -> None:
+    """Raise ValueError unless both are single motions of equally many coordinates."""
+    check_motion(f"{owner}: the truth", truth)
+    check_motion(f"{owner}: '{name}'", approx)
+    if truth.q.shape[1] != approx.q.shape[1]:
+        raise ValueError(
+            f"{owner}: '{name}' has {approx.q.shape[1]} coordinates, but the truth has "
+            f"{truth.q.shape[1]}; plot models of one mechanism."
+        )
+
+
+def check_times(owner: str, truth: Trajectory, name: str, approx: Trajectory) -> None:
+    """Raise ValueError unless both motions have the same output times."""
+    if truth.t.shape != approx.t.shape or not np.allclose(truth.t, approx.t, rtol=1e-6, atol=0):
+        raise ValueError(
+            f"{owner}: '{name}' has {_times(approx)}, but the truth has {_times(truth)}; "
+            "simulate both with the same ts."
+        )
+
+
+def _times(motion: Trajectory) -> str:
+    t = np.asarray(motion.t)
+    return f"{len(t)} times from {t[0]:g} s to {t[-1]:g} s"
+
+
+def choose(
+    owner: str, truth: Trajectory, coordinates: Sequence[str] | None
+) -> tuple[list[int], str]:
+    """The places in q to show, and a note if some that move are left out.
+
+    `coordinates` are labels; without them, those that move. Of many, the ones whose motion is
+    largest in the metric, √M_ii max |q_i − q_i(0)|, since metres and radians do not compare.
+    """
+    labels = list(truth.labels)
+    if coordinates is not None:
+        unknown = [name for name in coordinates if name not in labels]
+        if unknown or len(coordinates) == 0:
+            what = f"there is no coordinate '{unknown[0]}'" if unknown else "no coordinates given"
+            raise ValueError(f"{owner}: {what}; the motion has: {', '.join(labels)}.")
+        return [labels.index(name) for name in coordinates], ""
+    moving = np.flatnonzero(np.asarray(compare(truth, truth).moving))
+    if not len(moving):
+        moving = np.arange(len(labels))
+    if len(moving) <= MOST:
+        return moving.tolist(), ""
+    q = np.asarray(truth.q)
+    reach = np.sqrt(np.diag(np.asarray(truth.metric))) * np.max(np.abs(q - q[0]), axis=0)
+    largest = np.sort(moving[np.argsort(-reach[moving], kind="stable")[:MOST]])
+    note = f"the {MOST} of {len(moving)} moving coordinates that move most in the mass metric"
+    return largest.tolist(), note
+
+
+def grid(count: int) -> tuple[Figure, list[Axes]]:
+    """`count` panels over a shared time axis, in two columns if there are more than three."""
+    columns = 1 if count <= 3 else 2
+    rows = -(-count // columns)
+    figure = Figure(figsize=(4 + 2 * columns + columns // 2, 1.3 + 1.45 * rows))
+    figure.set_layout_engine("constrained")
+    cells = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
+    for cell in cells[count:]:
+        cell.remove()
+    for place, axes in enumerate(cells[:count]):
+        axes.grid(color="0.9")
+        axes.margins(x=0.01)
+        # Also the panel above an empty cell is the lowest of its column.
+        if place + columns >= count:
+            axes.tick_params(labelbottom=True)
+            axes.set_xlabel("time $t$ [s]")
+    return figure, list(cells[:count])
+
+
+def finish(figure: Figure, axes: Axes, title: str, note: str) -> None:
+    """Title, note, and one legend for all panels below them."""
+    figure.suptitle(f"{title}\n{note}" if note else title, fontsize=11)
+    handles, names = axes.get_legend_handles_labels()
+    columns = max(1, min(len(names), 100 // (8 + max(map(len, names)))))
+    figure.legend(handles, names, loc="outside lower center", ncols=columns, fontsize=SMALL + 1)

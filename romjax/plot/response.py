@@ -1,0 +1,56 @@
+"""Coordinates over time."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..integrate.trajectory import Trajectory
+from .panels import check_coordinates, check_motion, choose, finish, grid
+from .style import line, marks, symbol, unit
+
+
+def response(
+    truth: Trajectory,
+    *approx: Trajectory,
+    coordinates: Sequence[str] | None = None,
+    labels: Sequence[str] | None = None,
+) -> Figure:
+    """Coordinates over time: the truth solid, approximations dashed over it (chapter Fig. 39.4).
+
+    One panel per coordinate; x and y in m, φ in rad, modal amplitudes in kg^½ m.
+
+    **Arguments:**
+
+    - `truth`, `approx`: motions with q (k, n), of the same coordinates; times may differ.
+    - `coordinates`: labels of the coordinates to draw, such as ["cart.x"]. Without it, those that
+      move; of more than eight, the eight that move most in the mass metric.
+    - `labels`: names of the motions, that of the truth first.
+
+    Raises ValueError if coordinates or names do not fit.
+    """
+    motions = (truth, *approx)
+    names = _default(len(approx)) if labels is None else [str(name) for name in labels]
+    if len(names) != len(motions):
+        raise ValueError(
+            f"response: {len(names)} labels for {len(motions)} motions; give one for each, that "
+            "of the truth first."
+        )
+    check_motion("response: the truth", truth)
+    for name, motion in zip(names[1:], approx, strict=True):
+        check_coordinates("response", truth, name, motion)
+    places, note = choose("response", truth, coordinates)
+    figure, panels = grid(len(places))
+    for axes, place in zip(panels, places, strict=True):
+        for index, (name, motion) in enumerate(zip(names, motions, strict=True)):
+            look = line(index) | marks(index, len(motions), len(motion.t))
+            axes.plot(np.asarray(motion.t), np.asarray(motion.q[:, place]), label=name, **look)
+        label = truth.labels[place]
+        axes.set_ylabel(f"{symbol(label)} {unit(label)}".strip())
+    finish(figure, panels[0], "Response", note)
+    return figure
+
+
+def _default(count: int) -> list[str]:
+    numbers = [""] if count == 1 else [f" {i + 1}" for i in range(count)]
+    return ["truth", *(f"approximation{number}" for number in numbers)]

@@ -1,0 +1,89 @@
+"""Singular values and the ranks chosen from them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from ..basis.basis import Basis
+from .style import COLOURS, DASHES, MARKERS, SMALL
+
+
+def values(*bases: Basis) -> Figure:
+    """Singular values relative to the largest, on a logarithmic axis (chapter Fig. 39.3).
+
+    Against the index, a line for each basis: the modes that are kept filled, the ones that are
+    dropped hollow, the rank as a vertical line between them. What lies in the grey band is
+    rounding; zeros are drawn at its foot. With SOD bases, a second panel shows the smooth
+    orthogonal values λ [s²] of the kept modes.
+
+    Raises ValueError without any basis.
+    """
+    if not bases:
+        raise ValueError("values: no basis given; pass some, such as values(romjax.pod(truth)).")
+    names = _names(bases)
+    smooth = [i for i, basis in enumerate(bases) if basis.kind == "SOD"]
+    figure = Figure(figsize=(8.5 if smooth else 5.5, 4))
+    figure.set_layout_engine("constrained")
+    panels = figure.subplots(1, 2 if smooth else 1, squeeze=False)[0]
+    axes = panels[0]
+    rounding = max(float(np.finfo(np.asarray(basis.spectrum).dtype).eps) for basis in bases)
+    foot = 1e-3 * rounding
+    lowest = 1.0
+    for i, (basis, name) in enumerate(zip(bases, names, strict=True)):
+        spectrum = np.asarray(basis.spectrum)
+        relative = np.maximum(spectrum / np.max(spectrum), foot)
+        lowest = min(lowest, float(np.min(relative)))
+        _stems(axes, i, relative, basis.rank, f"{name}, rank {basis.rank}")
+        # Moved a little, so that equal ranks stay two lines.
+        place = basis.rank + 0.5 + 0.06 * (i - 0.5 * (len(bases) - 1))
+        axes.axvline(place, color=_colour(i), linestyle=DASHES[(i + 1) % len(DASHES)], linewidth=1)
+    if lowest < rounding:
+        axes.axhspan(foot / 10, rounding, color="0.9", zorder=0)
+        axes.set_ylim(bottom=foot / 3)
+    _dress(axes, "index", r"singular value $\sigma_i / \sigma_1$", "Singular values")
+    if smooth:
+        for i in smooth:
+            found = np.asarray(bases[i].values)
+            positive = np.maximum(found, max(float(np.max(found)) * foot, np.finfo(float).tiny))
+            _stems(panels[1], i, positive, len(found), names[i])
+        _dress(panels[1], "mode", r"$\lambda_i$ [s$^2$]", "Smooth orthogonal values")
+    return figure
+
+
+def _colour(index: int) -> str:
+    return COLOURS[(index + 1) % len(COLOURS)]
+
+
+def _stems(axes: Axes, index: int, heights: np.ndarray, rank: int, name: str) -> None:
+    """One line over 1, 2, …; filled markers up to `rank`, hollow ones beyond."""
+    number = np.arange(1, len(heights) + 1)
+    look = {"color": _colour(index), "marker": MARKERS[(index + 1) % len(MARKERS)]}
+    dashes = DASHES[(index + 1) % len(DASHES)]
+    axes.plot(number[:rank], heights[:rank], linestyle=dashes, label=name, **look)
+    dropped = slice(rank - 1, None)
+    axes.plot(
+        number[dropped], heights[dropped], linestyle=dashes, linewidth=0.8, color=look["color"]
+    )
+    hollow = {**look, "linestyle": "none", "markerfacecolor": "white"}
+    axes.plot(number[rank:], heights[rank:], **hollow)
+
+
+def _dress(axes: Axes, across: str, up: str, title: str) -> None:
+    axes.set_yscale("log")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlabel(across)
+    axes.set_ylabel(up)
+    axes.set_title(title, fontsize=11)
+    axes.grid(color="0.85")
+    axes.legend(fontsize=SMALL + 1)
+
+
+def _names(bases: Sequence[Basis]) -> list[str]:
+    kinds = [basis.kind for basis in bases]
+    return [
+        kind if kinds.count(kind) == 1 else f"{kind} {kinds[: i + 1].count(kind)}"
+        for i, kind in enumerate(kinds)
+    ]

@@ -1,0 +1,25 @@
+"""Settings of all tests, and the runs that several of them look at."""
+
+import jax
+import jax.numpy as jnp
+import pytest
+
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_rank_promotion", "raise")
+
+import romjax as rj  # noqa: E402  (after the precision is set)
+
+# Step size control of the runs that others are measured against: a hundredth of SOLVED at a step.
+TIGHT = 1e-10
+
+
+@pytest.fixture(scope="session")
+def cart_pendulum() -> rj.AbstractSystem:
+    """The chapter's example."""
+    return rj.assemble(rj.gallery.cart_pendulum())
+
+
+@pytest.fixture(scope="session")
+def truth(cart_pendulum) -> rj.Trajectory:
+    """One second of the chapter's example at 300 Hz, at a tight tolerance."""
+    return rj.simulate(cart_pendulum, jnp.linspace(0.0, 1.0, 301), rtol=TIGHT)
