@@ -45,3 +45,4 @@ from .system.custom import CustomSystem as CustomSystem
 from .system.reduced.reduce import ReductionError as ReductionError
 from .system.reduced.reduce import reduce as reduce
 from .system.stabilization import Baumgarte as Baumgarte
+from .system.stabilization import Projection as Projection

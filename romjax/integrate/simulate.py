@@ -12,9 +12,10 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..scene.fields import as_array, check_finite, check_shape, concrete
 from ..system.base import AbstractSystem
-from ..system.consistent import START_TOLERANCE, check_start_shapes
-from ..system.stabilization import Baumgarte
+from ..system.consistent import START_SWEEPS, START_TOLERANCE, check_start_shapes, project
+from ..system.stabilization import Baumgarte, Projection, Stabilization
 from .default import default_stabilization
+from .projection import ProjectedSolver
 from .rodas5p import Rodas5P
 from .term import MotionTerm, acceleration
 from .trajectory import REMEDIES, SimulationError, Status, Trajectory
@@ -30,7 +31,7 @@ def simulate(
     rtol: ArrayLike = 1e-6,
     atol: ArrayLike | None = None,
     dt: ArrayLike | None = None,
-    stabilization: Baumgarte | Literal["default"] | None = "default",
+    stabilization: Stabilization | Literal["default"] = "default",
     adjoint: diffrax.AbstractAdjoint | None = None,
     max_steps: int = 100_000,
     progress: bool = False,
@@ -52,8 +53,8 @@ def simulate(
     - `solver`: any diffrax solver; `Rodas5P()` unless given.
     - `rtol`, `atol`: tolerances of the step size control; `atol` equals `rtol` unless given.
     - `dt`: a fixed step [s] instead of step size control.
-    - `stabilization`: `Baumgarte(alpha, beta)` or None; unless given, critical damping at the
-      mechanism's fastest rigid frequency.
+    - `stabilization`: `Baumgarte(alpha, beta)`, `Projection()` or None; unless given, critical
+      damping at the mechanism's fastest rigid frequency.
     - `adjoint`: how derivatives are taken; reverse mode with checkpoints unless given.
     - `max_steps`: most steps before giving up.
     - `progress`: show a progress bar.
@@ -117,19 +118,24 @@ def _simulate(
     rtol: Float[Array, ""],
     atol: Float[Array, ""],
     dt: Float[Array, ""] | None,
-    stabilization: Baumgarte | Literal["default"] | None,
+    stabilization: Stabilization | Literal["default"],
     adjoint: diffrax.AbstractAdjoint,
     max_steps: int,
     meter: diffrax.AbstractProgressMeter,
 ) -> tuple[Trajectory, Any]:
     if stabilization == "default":
         stabilization = default_stabilization(system, ts, q0, v0, dt)
+    baumgarte = stabilization if isinstance(stabilization, Baumgarte) else None
+    # None where there is nothing to project.
+    projection = stabilization if isinstance(stabilization, Projection) and system.m else None
+    if projection:
+        q0, v0 = project(system, ts[0], q0, v0, START_SWEEPS)
     # A short first step instead of diffrax's estimate, which would trace the acceleration twice
     # more; the step size control needs three steps to grow it a thousandfold.
     first = 1e-3 * rtol**0.2 * (ts[-1] - ts[0]) if dt is None else dt
     solution = diffrax.diffeqsolve(
-        MotionTerm(system, stabilization),
-        solver,
+        MotionTerm(system, baumgarte),
+        ProjectedSolver(solver, projection.sweeps) if projection else solver,
         t0=ts[0],
         t1=ts[-1],
         dt0=first,
@@ -147,9 +153,11 @@ def _simulate(
     )
     assert solution.ys is not None
     q, v = solution.ys
+    if projection:
+        q, v = jax.vmap(lambda t, q, v: project(system, t, q, v, projection.sweeps))(ts, q, v)
 
     def evaluate(t, q, v):  # type: ignore[no-untyped-def]
-        _, multipliers = acceleration(system, t, q, v, stabilization)
+        _, multipliers = acceleration(system, t, q, v, baumgarte)
         physical_q, physical_v = system.physical(q, v)
         violation = jnp.max(jnp.abs(system.physical_constraint(t, q)), initial=0.0)
         return physical_q, physical_v, multipliers, violation, system.constraint_state(t, q, v)
@@ -167,8 +175,8 @@ def _simulate(
         for key in ("num_steps", "num_accepted_steps", "num_rejected_steps")
     }
     stats |= {"rtol": rtol, "atol": atol}
-    if stabilization is not None:
-        stats |= {"alpha": stabilization.alpha, "beta": stabilization.beta}
+    if baumgarte is not None:
+        stats |= {"alpha": baumgarte.alpha, "beta": baumgarte.beta}
     trajectory = Trajectory(
         t=ts,
         q=physical_q,

@@ -199,8 +199,8 @@ class AbstractSystem(eqx.Module):
     ) -> Float[Array, ""]:
         """Fastest rigid-body frequency [rad/s] at a state: ω² = |∂a/∂q| among rigid coordinates.
 
-        By power iteration, with products only. It sees springs, gravity on hinged bodies (√(g/l),
-        even where a pendulum is level and feels no restoring force) and rotation.
+        By power iteration, with products only. It sees springs, gravity on hinged bodies and
+        rotation.
         """
         rigid, mass = self.rigid(), jnp.diagonal(self.mass(q))
         # A difference quotient: the derivative would double the program for a rough number.
@@ -216,7 +216,8 @@ class AbstractSystem(eqx.Module):
         # No symmetric direction, so that no mode of a symmetric mechanism is missed.
         x = jnp.where(rigid, jnp.cos(1.0 + jnp.arange(self.n, dtype=q.dtype) ** 1.5), 0)
         _, sizes = jax.lax.scan(push, x / jnp.sqrt(jnp.sum(mass * x**2)), None, length=12)
-        return jnp.sqrt(sizes[-1])
+        # The largest stretch met, not the last: a level pendulum's ∂a/∂q is nilpotent.
+        return jnp.sqrt(jnp.max(sizes))
 
     def kinetic_energy(self, q: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, ""]:
         """T = ½ vᵀ M v [J]."""

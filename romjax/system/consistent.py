@@ -4,10 +4,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from ..scene.fields import SceneError, Time, as_array, check_shape, concrete
+from ..scene.fields import SceneError, as_array, check_shape, concrete
 from .base import AbstractSystem
 
-_SWEEPS = 10
+START_SWEEPS = 10
 # What counts as satisfied, in m, rad and their rates; the second for single precision.
 START_TOLERANCE = {jnp.dtype("float64"): 1e-8, jnp.dtype("float32"): 1e-4}
 # What a projection reaches.
@@ -34,30 +34,46 @@ def consistent(
     time = jnp.asarray(t, q.dtype)
     if system.m == 0:
         return q, v
-    q, v, violation = jax.jit(_project)(system, q, v, time)
+    q, v, violation = _project_start(system, q, v, time)
     known = concrete(violation)
     if known is not None:
         scale = max(1.0, float(jnp.max(jnp.abs(q))))
         worst = int(jnp.argmax(jnp.abs(violation)))
         if not abs(known[worst]) <= scale * ROUNDING[q.dtype]:
             raise SceneError(
-                f"consistent: after {_SWEEPS} sweeps {system.constraint_label(worst)} is still "
+                f"consistent: after {START_SWEEPS} sweeps {system.constraint_label(worst)} is still "
                 f"violated by {known[worst]:.3g}; the joints cannot all hold, or the given start "
                 "is too far from any place where they do."
             )
     return q, v
 
 
-def _project(
-    system: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"], t: Time
-) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " m"]]:
+def project(
+    system: AbstractSystem,
+    t: Float[Array, ""],
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    sweeps: int,
+) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """The nearest state on C = 0 and Ċ = 0 in the mass metric: Gauss–Newton, then one solve."""
+
     def sweep(q, _):  # type: ignore[no-untyped-def]
         step, _ = system.saddle(t, q).solve(jnp.zeros_like(q), -system.constraint(t, q))
         return q + step, None
 
-    q, _ = jax.lax.scan(sweep, q, None, length=_SWEEPS)
-    drift = system.constraint_state(t, q, jnp.zeros_like(v)).rate  # C_t
-    v, _ = system.saddle(t, q).solve(system.mass(q) @ v, -drift)
+    q, _ = jax.lax.scan(sweep, q, None, length=sweeps)
+    # Subtracting the part that violates Ċ = 0, not solving for what remains of M v: a velocity
+    # that is already right keeps its last digit.
+    excess = system.constraint_state(t, q, v).rate
+    step, _ = system.saddle(t, q).solve(jnp.zeros_like(v), -excess)
+    return q, v + step
+
+
+@jax.jit
+def _project_start(
+    system: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"], t: Float[Array, ""]
+) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " m"]]:
+    q, v = project(system, t, q, v, START_SWEEPS)
     return q, v, system.constraint(t, q)
 
 

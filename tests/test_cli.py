@@ -1,0 +1,90 @@
+"""The command line: what a newcomer types and sees."""
+
+import csv
+import subprocess
+import sys
+
+import jax
+import numpy as np
+import pytest
+from PIL import Image
+
+from romjax.cli import main
+
+WIDTH = 80  # columns of a terminal
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch):
+    """Keep the command line's settings out of the other tests."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("XLA_FLAGS", "")
+    before = jax.config.jax_compilation_cache_dir
+    yield
+    jax.config.update("jax_compilation_cache_dir", before)
+
+
+def test_scenes_lists_every_example(capsys):
+    assert main(["scenes"]) == 0
+    assert "cart-pendulum" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["scenes", "--help"]])
+def test_help(arguments, capsys):
+    with pytest.raises(SystemExit) as exit_:
+        main(arguments)
+    assert exit_.value.code == 0
+    assert "usage: romjax" in capsys.readouterr().out
+
+
+def test_unknown_scene_names_the_nearest(capsys):
+    assert main(["run", "cart-pendulem"]) == 2
+    assert "did you mean 'cart-pendulum'?" in capsys.readouterr().err
+
+
+def test_unwritable_folder_is_refused_before_any_work(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert main(["run", "cart-pendulum", "--out", str(tmp_path / "file" / "out")]) == 2
+    assert "choose another with --out" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "message"), [(None, "There is no file"), ("scene = 1", "defines no `scene`")]
+)
+def test_bad_scene_file(tmp_path, capsys, text, message):
+    path = tmp_path / "mine.py"
+    if text:
+        path.write_text(text)
+    assert main(["run", str(path), "--out", str(tmp_path)]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_bad_rate(tmp_path, capsys):
+    assert main(["run", "chain", "--out", str(tmp_path), "--rate", "-1"]) == 2
+    assert "no sample" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_run_cart_pendulum(tmp_path):
+    """The main job: table, figures, animation and trajectories."""
+    result = subprocess.run(
+        [sys.executable, "-m", "romjax", "run", "cart-pendulum", "--out", str(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    lines = result.stdout.splitlines()
+    table = [line for line in lines if line.startswith(("full", "POD", "SOD", "model"))]
+    assert len(table) == 6
+    assert max(len(line) for line in table) <= WIDTH
+    assert "12 %" in result.stdout
+    assert "30 %" in result.stdout
+    for name in ("singular_values", "responses", "errors", "modes_pod", "modes_sod"):
+        with Image.open(tmp_path / f"{name}.png") as picture:
+            assert min(picture.size) > 300
+    with Image.open(tmp_path / "animation.gif") as picture:
+        assert picture.n_frames > 10
+    with open(tmp_path / "trajectory_full.csv", newline="") as file:
+        rows = list(csv.reader(file))
+    assert rows[0][:2] == ["t", "cart.x"]
+    assert np.array(rows[1:], float).shape == (301, 1 + 8 + 8 + 4)
