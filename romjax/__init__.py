@@ -1,6 +1,7 @@
 """romjax: differentiable reduced-order simulation of constrained flexible multibody systems."""
 
 from . import gallery as gallery
+from . import plot as plot
 from .basis.basis import Basis as Basis
 from .basis.pod import pod as pod
 from .basis.sod import sod as sod

@@ -76,7 +76,8 @@ def _run(options: argparse.Namespace) -> int:
     print(f"{example.name}: {example.title}")
     print(f"{system.n} coordinates, {system.m} constraints")
     # Six stages: five runs and the pictures.
-    with tqdm(total=6, bar_format="{desc:32} {bar:24} {elapsed}", file=sys.stderr) as bar:
+    stages = 6
+    with tqdm(total=stages, bar_format="{desc:32} {bar:24} {elapsed}", file=sys.stderr) as bar:
 
         def advance(stage: str) -> None:
             bar.update(1 if bar.desc else 0)
@@ -94,7 +95,7 @@ def _run(options: argparse.Namespace) -> int:
         advance("figures and files")
         files = report.write(study, scene, folder, animation=not options.no_animation)
         bar.set_description_str("done")
-        bar.update(bar.total - bar.n)
+        bar.update(stages - bar.n)
     print(report.summary(study, chapter=example.name == "cart-pendulum"))
     print(f"\nWrote {len(files)} files to {folder}{os.sep}: {', '.join(f.name for f in files)}")
     return 0

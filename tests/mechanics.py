@@ -15,9 +15,7 @@ def mixed_scene() -> rj.Scene:
     """A sprung slider, a flexible arm along x and a flexible tip along y, with every effect."""
     slider = rj.RigidBody("slider", mass=1.3, inertia=0.2, position=(0.2, 0.1))
     arm = rj.Beam("arm", 0.7, 1.1, EI=4.0, modes=3, position=(0.75, 0.1))
-    tip = rj.Beam(
-        "tip", 0.4, 0.6, EI=2.0, modes=2, axis="y", inertia=0.02, position=(1.3, -0.2)
-    )
+    tip = rj.Beam("tip", 0.4, 0.6, EI=2.0, modes=2, axis="y", inertia=0.02, position=(1.3, -0.2))
     return rj.Scene(
         bodies=[slider, arm, tip],
         joints=[

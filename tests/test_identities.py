@@ -14,6 +14,9 @@ SCENES = {
     "mixed": mechanics.mixed_scene,
 }
 STATES = 6
+# Redundant multipliers: the proximal solve divides the rounding errors of their difference, 1e-16
+# of a right-hand side of order ten, by its 1e-10.
+SHARED = 1e-5
 TIME = 0.37  # [s] between two entries of the table of forces
 STABILIZATION = rj.Baumgarte(alpha=10.0, beta=25.0)
 
@@ -113,20 +116,20 @@ def test_jacobian_is_the_derivative_of_the_constraints(case):
     assert agree(found, wanted)
 
 
-@pytest.mark.parametrize("stabilization", [None, STABILIZATION])
-def test_linearization_is_the_derivative_of_the_acceleration(case, stabilization):
-    """∂a/∂q, ∂a/∂v and ∂a/∂t, against derivatives through the solve."""
-    system, time = case.system, jnp.asarray(TIME)
-    found = on_all(lambda q, v: system.linearize(time, q, v, stabilization), case.q, case.v)
+def test_linearization_is_the_derivative_of_the_acceleration(case):
+    """a, ∂a/∂q, ∂a/∂v and ∂a/∂t, against derivatives through the solve."""
 
     def acceleration(t, q, v):
-        return system.acceleration(t, q, v, stabilization)[0]
+        return case.system.acceleration(t, q, v, STABILIZATION)[0]
 
-    slopes = jax.jacfwd(acceleration, argnums=(1, 2, 0))
-    wanted = on_all(lambda q, v: slopes(time, q, v), case.q, case.v)
-    assert agree(found.acceleration, on_all(lambda q, v: acceleration(time, q, v), case.q, case.v))
-    for ours, derivative in zip(found[1:], wanted, strict=True):
-        assert agree(ours, derivative)
+    def both(q, v):
+        time = jnp.asarray(TIME)
+        slopes = jax.jacfwd(acceleration, argnums=(1, 2, 0))(time, q, v)
+        wanted = (acceleration(time, q, v), *slopes)
+        return case.system.linearize(time, q, v, STABILIZATION), wanted
+
+    for found, wanted in zip(*on_all(both, case.q, case.v), strict=True):
+        assert agree(found, wanted)
 
 
 def test_quadratic_velocity_force_is_that_of_lagrange():
@@ -188,4 +191,4 @@ def test_a_hinge_made_twice_changes_nothing():
     b, shared = rj.assemble(twice).acceleration(0.0, q, v)
     assert agree(b, a)
     halves = jnp.concatenate([multipliers[:2] / 2, multipliers[:2] / 2, multipliers[2:]])
-    assert agree(shared, halves)
+    assert jnp.all(jnp.abs(shared - halves) <= SHARED * jnp.max(jnp.abs(halves)))

@@ -66,7 +66,7 @@ def test_slider_pendulum(slider_pendulum, place, q, v):
 
 def test_arevalo_particle():
     """A particle driven around a circle: x = sin t², y = cos t², λ = 4t² (Arévalo and Lubich,
-    BIT 35, 1995), without stabilisation.
+    BIT 35, 1995).
 
     Position, velocity and multiplier, each relative to its size, for t from 1 to 5.
     """
@@ -78,7 +78,7 @@ def test_arevalo_particle():
         v0=[2 * np.cos(1.0), -2 * np.sin(1.0)],
     )
     t = jnp.linspace(1.0, 5.0, 41)
-    found = rj.simulate(system, t, rtol=TIGHT / 10, stabilization=None)
+    found = rj.simulate(system, t, rtol=TIGHT / 100)
     along = jnp.stack([jnp.sin(t**2), jnp.cos(t**2)], axis=1)
     across = 2 * t[:, None] * jnp.stack([jnp.cos(t**2), -jnp.sin(t**2)], axis=1)
     assert np.allclose(found.q, along, rtol=0, atol=PUBLISHED)

@@ -1,12 +1,12 @@
 """How many modes: by number, by tolerance, or by the drop point."""
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-Rank = int | Literal["drop"]
+Rank = int | str  # a number of modes, or "drop"
 
 
 class Choice(NamedTuple):

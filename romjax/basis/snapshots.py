@@ -1,12 +1,13 @@
 """Snapshots of a motion, weighted so that their singular values mean energy and time."""
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+import jax
 import jax.numpy as jnp
-import jax.scipy.linalg as jsl
 from jaxtyping import Array, Float
 
 
+@runtime_checkable
 class Motion(Protocol):
     """What a basis is made from; a Trajectory is one."""
 
@@ -28,17 +29,25 @@ class Snapshots(NamedTuple):
     velocities: Float[Array, "n h"]
     offset: Float[Array, " n"]
     root: Float[Array, "n n"]  # S, upper triangular
-
-    def unweight(self, columns: Float[Array, "n r"]) -> Float[Array, "n r"]:
-        """S⁻¹ times the columns."""
-        return jsl.solve_triangular(self.root, columns)
+    weights: Float[Array, " h"]  # √w
 
 
-def weigh(motion: Motion, offset: Float[Array, " n"] | None = None) -> Snapshots:
-    """The weighted snapshots about `offset`, the first configuration unless given."""
-    centre = motion.q[0] if offset is None else offset
-    step = jnp.diff(motion.t)
-    weights = 0.5 * (jnp.append(step, 0) + jnp.append(jnp.zeros(1, step.dtype), step))
-    root = jnp.linalg.cholesky(motion.metric).T
-    time = jnp.sqrt(weights)[None]
-    return Snapshots(root @ (motion.q - centre).T * time, root @ motion.v.T * time, centre, root)
+def weigh(motion: Motion, offset: Any) -> Snapshots:
+    """The weighted snapshots about `offset` (n,), the first configuration if that is None."""
+    centre = motion.q[0] if offset is None else jnp.asarray(offset, motion.q.dtype)
+    return _weigh(motion.t, motion.q, motion.v, motion.metric, centre)
+
+
+@jax.jit
+def _weigh(
+    t: Float[Array, " h"],
+    q: Float[Array, "h n"],
+    v: Float[Array, "h n"],
+    metric: Float[Array, "n n"],
+    offset: Float[Array, " n"],
+) -> Snapshots:
+    step, none = jnp.diff(t), jnp.zeros(1, t.dtype)
+    weights = jnp.sqrt(0.5 * (jnp.append(step, none) + jnp.append(none, step)))
+    root = jnp.linalg.cholesky(metric).T
+    positions, velocities = root @ (q - offset[None]).T, root @ v.T
+    return Snapshots(positions * weights[None], velocities * weights[None], offset, root, weights)

@@ -1,11 +1,13 @@
 """Smooth orthogonal decomposition, with a rank that does not flip."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from .basis import Basis
-from .pod import build
+from .build import build
 from .rank import Rank, choose_rank
 from .snapshots import Motion, Snapshots, weigh
 
@@ -15,7 +17,7 @@ def sod(
     rank: Rank | None = None,
     *,
     tol: float | None = None,
-    offset: ArrayLike | None = None,
+    offset: Any = None,
 ) -> Basis:
     """Smooth orthogonal modes and values of a motion (chapter equation 39.12).
 
@@ -30,19 +32,11 @@ def sod(
 
     Raises ValueError if the snapshots do not move, are not finite, or do not allow the rank.
     """
-    snapshots, vectors, sigma = _decompose(motion, offset)
+    snapshots = weigh(motion, offset)
+    vectors, sigma, _ = jnp.linalg.svd(snapshots.velocities, full_matrices=False)
     chosen = choose_rank("sod", sigma, rank, tol, snapshots.velocities.shape[1])
     kept, values = _smooth(snapshots, vectors[:, : chosen.rank], sigma[: chosen.rank])
     return build(motion, snapshots, kept, values, sigma, "SOD", chosen.reason)
-
-
-@jax.jit
-def _decompose(
-    motion: Motion, offset: ArrayLike | None
-) -> tuple[Snapshots, Float[Array, "n k"], Float[Array, " k"]]:
-    snapshots = weigh(motion, None if offset is None else jnp.asarray(offset))
-    vectors, sigma, _ = jnp.linalg.svd(snapshots.velocities, full_matrices=False)
-    return snapshots, vectors, sigma
 
 
 @jax.jit

@@ -20,7 +20,7 @@ class ProjectedSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrapp
     projects the saved points too.
     """
 
-    solver: diffrax.AbstractSolver
+    solver: diffrax.AbstractSolver  # type: ignore[misc]
     sweeps: int = 2
 
     @property
@@ -28,7 +28,7 @@ class ProjectedSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrapp
         return self.solver.term_structure
 
     @property
-    def interpolation_cls(self) -> Any:
+    def interpolation_cls(self) -> Any:  # type: ignore[override]
         return self.solver.interpolation_cls
 
     @property

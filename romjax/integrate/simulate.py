@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..scene.fields import as_array, check_finite, check_shape, concrete
+from ..scene.fields import Vector, as_array, check_finite, check_shape, concrete
 from ..system.base import AbstractSystem
 from ..system.consistent import START_SWEEPS, START_TOLERANCE, check_start_shapes, project
 from ..system.stabilization import Baumgarte, Projection, Stabilization
@@ -23,10 +23,10 @@ from .trajectory import REMEDIES, SimulationError, Status, Trajectory
 
 def simulate(
     system: AbstractSystem,
-    ts: ArrayLike,
+    ts: Vector,
     *,
-    q0: ArrayLike | None = None,
-    v0: ArrayLike | None = None,
+    q0: Vector | None = None,
+    v0: Vector | None = None,
     solver: diffrax.AbstractSolver | None = None,
     rtol: ArrayLike = 1e-6,
     atol: ArrayLike | None = None,
@@ -91,7 +91,7 @@ def simulate(
     return _raise_failure(system, trajectory, start) if throw else trajectory
 
 
-def _check_times(ts: ArrayLike) -> Float[Array, " k"]:
+def _check_times(ts: Vector) -> Float[Array, " k"]:
     times = as_array(ts)
     check_shape("simulate", "ts", times, (None,))
     check_finite("simulate", "ts", times)

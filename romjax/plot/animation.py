@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.animation import PillowWriter
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..integrate.trajectory import Trajectory
@@ -21,8 +22,8 @@ def animate(
     scene: Scene,
     trajectories: Mapping[str, Trajectory],
     path: str | Path,
-    fps: float = 25.0,
-    seconds: float | None = None,
+    fps: int | float = 25,
+    seconds: int | float | None = None,
 ) -> Path:
     """Write a GIF of the mechanism as it moves in each model; the title tells the time.
 
@@ -39,6 +40,8 @@ def animate(
     """
     if not trajectories:
         raise ValueError("animate: there are no motions; give {'name': trajectory}.")
+    if Path(path).suffix.lower() != ".gif":
+        raise ValueError(f"animate: path is '{path}', but it must end in .gif.")
     if not fps > 0 or (seconds is not None and not seconds > 0):
         raise ValueError(f"animate: fps={fps} and seconds={seconds} must be positive.")
     first = next(iter(trajectories.values()))
@@ -49,29 +52,48 @@ def animate(
     count = min(FRAMES, len(t)) if seconds is None else max(1, round(seconds * fps))
     chosen = _nearest(t, np.linspace(t[0], t[-1], count))
 
-    # The layout is made once, not by an engine at each frame: that would double the time.
-    figure = Figure(figsize=(6, 5), dpi=DPI)
-    axes = figure.add_axes((0.12, 0.11, 0.84, 0.79))
-    pictures = {
-        name: Picture(axes, scene, np.asarray(motion.q)[chosen], **line(index))
-        for index, (name, motion) in enumerate(trajectories.items())
-    }
-    shapes = [outline for picture in pictures.values() for outline in picture.outlines]
-    stage(axes, scene, view(bounds(shapes)))
-    axes.set_xlabel("$x$ [m]")
-    axes.set_ylabel("$y$ [m]")
-    handles = [picture.lines[0] for picture in pictures.values()]
-    axes.legend(handles, list(pictures), loc="upper right", fontsize=SMALL + 1)
-    title = axes.set_title("")
+    figure = Figure(dpi=DPI)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    pictures = [
+        Picture(axes, scene, np.asarray(motion.q)[chosen], **line(index))
+        for index, motion in enumerate(trajectories.values())
+    ]
+    box = view(bounds([part for picture in pictures for part in picture.outlines]))
+    stage(axes, scene, box)
+    _lay_out(figure, axes, box, pictures, list(trajectories))
+    # A fixed height, since matplotlib would look for a free place above all ticks at each frame.
+    title = axes.set_title("", y=1.01)
     digits = max(0, int(np.ceil(-np.log10(max(t[-1] - t[0], 1e-12) / count))))
     writer = PillowWriter(fps=fps)
     with writer.saving(figure, str(path), DPI):
         for frame, place in enumerate(chosen):
-            for picture in pictures.values():
+            for picture in pictures:
                 picture.show(frame)
             title.set_text(f"t = {t[place]:.{digits}f} s")
             writer.grab_frame()
     return Path(path)
+
+
+def _lay_out(
+    figure: Figure, axes: Axes, box: np.ndarray, pictures: list[Picture], names: list[str]
+) -> None:
+    """A figure as slim as the mechanism, with the legend below; in inches.
+
+    Made once: an engine would lay out each frame anew, in twice the time.
+    """
+    width, height = (box[1] - box[0]) * np.min(np.array([5.0, 3.6]) / (box[1] - box[0]))
+    wide = max(width + 1.1, 3.6)
+    columns = int(np.clip(13 * wide / (max(map(len, names)) + 8), 1, len(names)))
+    foot = 0.75 + 0.2 * -(-len(names) // columns)
+    tall = foot + height + 0.4
+    figure.set_size_inches(wide, tall)
+    left = 0.8 + 0.5 * (wide - 1.1 - width)
+    axes.set_position((left / wide, foot / tall, width / wide, height / tall))
+    axes.locator_params(nbins=5)
+    axes.set_xlabel("$x$ [m]")
+    axes.set_ylabel("$y$ [m]")
+    handles = [picture.lines[0] for picture in pictures]
+    figure.legend(handles, names, loc="lower center", ncols=columns, fontsize=SMALL + 1)
 
 
 def _nearest(t: np.ndarray, wanted: np.ndarray) -> np.ndarray:

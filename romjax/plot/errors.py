@@ -52,6 +52,12 @@ def errors(
         axes.set_yscale("log")
         if bottom < top:
             axes.set_ylim(max(bottom, top * 10.0**-DECADES) / 2, top * 3)
-        axes.set_ylabel(f"{symbol(truth.labels[place])}: $|e|$")
-    finish(figure, panels[0], "Relative errors; legend: energy norm of the whole motion", note)
+        axes.set_ylabel(f"$|e|$ of\n{symbol(truth.labels[place])}", multialignment="center")
+    finish(
+        figure,
+        panels,
+        r"Relative errors $|e_i(t)|$",
+        note,
+        "error of the motion in the energy norm",
+    )
     return figure

@@ -1,7 +1,6 @@
 """Where the parts of a mechanism are: outlines, hinges and rails, as NumPy arrays."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Real
 
@@ -55,8 +54,10 @@ def _split(scene: Scene, q: np.ndarray) -> dict[str, np.ndarray]:
 
 def _place(body: AbstractBody, points: jax.Array, q: np.ndarray) -> np.ndarray:
     """Places (k, points, 2) of the material `points` (points, 2) of a body at its own `q`."""
-    shapes = np.asarray(jax.vmap(body.mode_shapes)(jnp.asarray(points)))
-    local = np.asarray(points)[None] + np.einsum("pim,km->kpi", shapes[:, :2], q[:, 3:])
+    local = np.asarray(points)[None]
+    if body.modes:
+        shapes = np.asarray(jax.vmap(body.mode_shapes)(points))
+        local = local + np.einsum("pim,km->kpi", shapes[:, :2], q[:, 3:])
     cos, sin = np.cos(q[:, 2:3]), np.sin(q[:, 2:3])
     x = q[:, 0:1] + cos * local[:, :, 0] - sin * local[:, :, 1]
     y = q[:, 1:2] + sin * local[:, :, 0] + cos * local[:, :, 1]

@@ -85,9 +85,9 @@ def _title(basis: Basis, j: int) -> str:
     value = float(basis.values[j])
     if basis.kind == "POD":
         share = value / float(basis.values[0])
-        return f"mode {j + 1}\n$\\sigma/\\sigma_1$ = {share:.1e}"
+        return f"mode {j + 1}\n$\\sigma/\\sigma_1$ = {share:.2g}"
     if basis.kind == "SOD":
-        return f"mode {j + 1}\n$\\lambda$ = {value:.1e} s$^2$"
+        return f"mode {j + 1}\n$\\lambda$ = {value:.2g} s$^2$"
     return f"mode {j + 1}"
 
 
@@ -105,8 +105,11 @@ def _table(axes: Axes, basis: Basis, labels: list[str]) -> None:
         rowLabels=[symbol(label) for label in labels],
         colLabels=[f"mode {j + 1}" for j in range(vectors.shape[1])],
         bbox=(0.14, 0.0, 0.86, 1.0),
-        cellLoc="right",
+        cellLoc="center",
         edges="horizontal",
     )
+    for cell in table.get_celld().values():
+        cell.set_edgecolor(GREY)
+        cell.set_linewidth(0.5)
     table.auto_set_font_size(False)
     table.set_fontsize(SMALL)

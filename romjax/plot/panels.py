@@ -76,27 +76,41 @@ def choose(
 
 
 def grid(count: int) -> tuple[Figure, list[Axes]]:
-    """`count` panels over a shared time axis, in two columns if there are more than three."""
+    """`count` panels over a shared time axis, in two columns if there are more than three.
+
+    Column after column. An odd number leaves the upper right place free, for the legend: there it
+    parts no panel from the time axis below.
+    """
     columns = 1 if count <= 3 else 2
     rows = -(-count // columns)
-    figure = Figure(figsize=(4 + 2 * columns + columns // 2, 1.3 + 1.45 * rows))
+    figure = Figure(figsize=(6.5 if columns == 1 else 9.0, 1.3 + 1.45 * rows))
     figure.set_layout_engine("constrained")
-    cells = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
-    for cell in cells[count:]:
-        cell.remove()
-    for place, axes in enumerate(cells[:count]):
+    places = figure.add_gridspec(rows, columns)
+    free = rows * columns - count
+    panels: list[Axes] = []
+    for cell in range(count):
+        column, row = divmod(cell + (free if cell >= rows else 0), rows)
+        axes = figure.add_subplot(places[row, column], sharex=panels[0] if panels else None)
         axes.grid(color="0.9")
         axes.margins(x=0.01)
-        # Also the panel above an empty cell is the lowest of its column.
-        if place + columns >= count:
-            axes.tick_params(labelbottom=True)
+        axes.tick_params(labelbottom=row == rows - 1)
+        if row == rows - 1:
             axes.set_xlabel("time $t$ [s]")
-    return figure, list(cells[:count])
+        panels.append(axes)
+    if free:
+        figure.add_subplot(places[0, 1]).set_axis_off()
+    return figure, panels
 
 
-def finish(figure: Figure, axes: Axes, title: str, note: str) -> None:
-    """Title, note, and one legend for all panels below them."""
+def finish(figure: Figure, panels: list[Axes], title: str, note: str, key: str = "") -> None:
+    """Title and note above, and one legend with the heading `key` for all panels."""
     figure.suptitle(f"{title}\n{note}" if note else title, fontsize=11)
-    handles, names = axes.get_legend_handles_labels()
-    columns = max(1, min(len(names), 100 // (8 + max(map(len, names)))))
-    figure.legend(handles, names, loc="outside lower center", ncols=columns, fontsize=SMALL + 1)
+    figure.align_ylabels(panels)
+    handles, names = panels[0].get_legend_handles_labels()
+    look = {"fontsize": SMALL + 1, "title": key or None, "title_fontsize": SMALL + 1}
+    free = [axes for axes in figure.axes if axes not in panels]
+    if free:
+        free[0].legend(handles, names, loc="center", **look)
+    else:
+        columns = max(1, min(len(names), 100 // (8 + max(map(len, names)))))
+        figure.legend(handles, names, loc="outside lower center", ncols=columns, **look)

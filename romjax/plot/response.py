@@ -45,9 +45,9 @@ def response(
         for index, (name, motion) in enumerate(zip(names, motions, strict=True)):
             look = line(index) | marks(index, len(motions), len(motion.t))
             axes.plot(np.asarray(motion.t), np.asarray(motion.q[:, place]), label=name, **look)
-        label = truth.labels[place]
-        axes.set_ylabel(f"{symbol(label)} {unit(label)}".strip())
-    finish(figure, panels[0], "Response", note)
+        name = symbol(truth.labels[place], separator="\n")
+        axes.set_ylabel(f"{name} {unit(truth.labels[place])}".strip(), multialignment="center")
+    finish(figure, panels, "Response", note)
     return figure
 
 

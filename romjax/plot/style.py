@@ -19,7 +19,7 @@ def line(index: int) -> dict[str, Any]:
     return {
         "color": COLOURS[index % len(COLOURS)],
         "linestyle": DASHES[index % len(DASHES)],
-        "linewidth": 1.4 if index else 2.2,
+        "linewidth": 1.4 if index else 2.0,
     }
 
 
@@ -34,14 +34,17 @@ def marks(index: int, models: int, points: int) -> dict[str, Any]:
     }
 
 
-def symbol(label: str) -> str:
-    """A coordinate's label as one prints it: `beam.q1` becomes 'beam q₁' in mathematical type."""
+def symbol(label: str, separator: str = " ") -> str:
+    """A coordinate's label as one prints it: `beam.q1` becomes 'beam q₁' in mathematical type.
+
+    `separator` stands between the name of the body and the symbol.
+    """
     body, _, name = label.rpartition(".")
     plain = body.replace("$", r"\$")
-    if name in UNITS:
-        return rf"{plain} ${'varphi' if name == 'phi' else name}$".replace("varphi", r"\varphi")
+    if body and name in UNITS:
+        return plain + separator + (r"$\varphi$" if name == "phi" else f"${name}$")
     if body and re.fullmatch(r"q\d+", name):
-        return f"{plain} $q_{{{name[1:]}}}$"
+        return f"{plain}{separator}$q_{{{name[1:]}}}$"
     return label.replace("$", r"\$")
 
 

@@ -1,6 +1,7 @@
 """Singular values and the ranks chosen from them."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -40,16 +41,25 @@ def values(*bases: Basis) -> Figure:
         # Moved a little, so that equal ranks stay two lines.
         place = basis.rank + 0.5 + 0.06 * (i - 0.5 * (len(bases) - 1))
         axes.axvline(place, color=_colour(i), linestyle=DASHES[(i + 1) % len(DASHES)], linewidth=1)
+    _dress(axes, "index $i$", r"singular value $\sigma_i / \sigma_1$", "Singular values")
+    axes.set_ylim(top=4)
     if lowest < rounding:
         axes.axhspan(foot / 10, rounding, color="0.9", zorder=0)
-        axes.set_ylim(bottom=foot / 3)
-    _dress(axes, "index", r"singular value $\sigma_i / \sigma_1$", "Singular values")
+        axes.set_ylim(bottom=foot / 4)
+        axes.text(
+            0.02,
+            rounding / 2,
+            "rounding",
+            va="top",
+            fontsize=SMALL + 1,
+            transform=axes.get_yaxis_transform(),
+        )
     if smooth:
         for i in smooth:
             found = np.asarray(bases[i].values)
             positive = np.maximum(found, max(float(np.max(found)) * foot, np.finfo(float).tiny))
             _stems(panels[1], i, positive, len(found), names[i])
-        _dress(panels[1], "mode", r"$\lambda_i$ [s$^2$]", "Smooth orthogonal values")
+        _dress(panels[1], "mode $i$", r"$\lambda_i$ [s$^2$]", "Smooth orthogonal values")
     return figure
 
 
@@ -60,7 +70,8 @@ def _colour(index: int) -> str:
 def _stems(axes: Axes, index: int, heights: np.ndarray, rank: int, name: str) -> None:
     """One line over 1, 2, …; filled markers up to `rank`, hollow ones beyond."""
     number = np.arange(1, len(heights) + 1)
-    look = {"color": _colour(index), "marker": MARKERS[(index + 1) % len(MARKERS)]}
+    look: dict[str, Any] = {"color": _colour(index), "marker": MARKERS[(index + 1) % len(MARKERS)]}
+    look["markersize"] = max(3.5, 8 - 2 * index)  # the first still shows behind the next
     dashes = DASHES[(index + 1) % len(DASHES)]
     axes.plot(number[:rank], heights[:rank], linestyle=dashes, label=name, **look)
     dropped = slice(rank - 1, None)

@@ -42,7 +42,7 @@ def concrete(value: Any) -> np.ndarray | None:
     return None if isinstance(value, jax.core.Tracer) else np.asarray(value)
 
 
-def check_shape(owner: str, field: str, value: Array, shape: tuple[int | None, ...]) -> None:
+def check_shape(owner: str, field: str, value: Any, shape: tuple[int | None, ...]) -> None:
     """Raise unless `value` has `shape`, where None stands for any length."""
     found = jnp.shape(value)
     fits = len(found) == len(shape) and all(
@@ -53,19 +53,19 @@ def check_shape(owner: str, field: str, value: Array, shape: tuple[int | None, .
         raise SceneError(f"{owner}: {field} has shape {found}, but it must have shape {wanted}.")
 
 
-def check_finite(owner: str, field: str, value: Array) -> None:
+def check_finite(owner: str, field: str, value: Any) -> None:
     known = concrete(value)
     if known is not None and not np.all(np.isfinite(known)):
         raise SceneError(f"{owner}: {field} is {known}; every number must be finite.")
 
 
-def check_positive(owner: str, field: str, value: Array, remedy: str = "") -> None:
+def check_positive(owner: str, field: str, value: Any, remedy: str = "") -> None:
     known = concrete(value)
     if known is not None and not np.all(known > 0):
         raise SceneError(f"{owner}: {field} is {known}, but it must be positive. {remedy}".rstrip())
 
 
-def check_not_negative(owner: str, field: str, value: Array) -> None:
+def check_not_negative(owner: str, field: str, value: Any) -> None:
     known = concrete(value)
     if known is not None and not np.all(known >= 0):
         raise SceneError(f"{owner}: {field} is {known}, but it must not be negative.")

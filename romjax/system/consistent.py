@@ -1,10 +1,11 @@
 """A start that satisfies the constraints."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from ..scene.fields import SceneError, as_array, check_shape, concrete
+from ..scene.fields import SceneError, Vector, as_array, check_shape, concrete
 from .base import AbstractSystem
 
 START_SWEEPS = 10
@@ -16,8 +17,8 @@ ROUNDING = {jnp.dtype("float64"): 1e-10, jnp.dtype("float32"): 1e-5}
 
 def consistent(
     system: AbstractSystem,
-    q0: ArrayLike | None = None,
-    v0: ArrayLike | None = None,
+    q0: Vector | None = None,
+    v0: Vector | None = None,
     t: ArrayLike = 0.0,
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
     """The nearest start that satisfies C = 0 and Ċ = 0, positions first, then velocities.
@@ -40,10 +41,11 @@ def consistent(
         scale = max(1.0, float(jnp.max(jnp.abs(q))))
         worst = int(jnp.argmax(jnp.abs(violation)))
         if not abs(known[worst]) <= scale * ROUNDING[q.dtype]:
+            label = system.constraint_label(worst)
             raise SceneError(
-                f"consistent: after {START_SWEEPS} sweeps {system.constraint_label(worst)} is still "
-                f"violated by {known[worst]:.3g}; the joints cannot all hold, or the given start "
-                "is too far from any place where they do."
+                f"consistent: after {START_SWEEPS} sweeps {label} is still violated by "
+                f"{known[worst]:.3g}; the joints cannot all hold, or the given start is too far "
+                "from any place where they do."
             )
     return q, v
 
@@ -69,7 +71,7 @@ def project(
     return q, v + step
 
 
-@jax.jit
+@eqx.filter_jit
 def _project_start(
     system: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"], t: Float[Array, ""]
 ) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " m"]]:
@@ -78,7 +80,7 @@ def _project_start(
 
 
 def check_start_shapes(
-    system: AbstractSystem, q0: ArrayLike | None, v0: ArrayLike | None
+    system: AbstractSystem, q0: Vector | None, v0: Vector | None
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
     """The start, that of the system unless given; raise SceneError on a wrong shape."""
     q = system.q0 if q0 is None else as_array(q0)

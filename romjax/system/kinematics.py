@@ -68,7 +68,7 @@ class Markers(eqx.Module):
         return transpose(Pose(wrenches.force, wrenches.torque))[0]
 
     def _local(
-        self, extended: Float[Array, " n+1"]
+        self, extended: Float[Array, " extended"]
     ) -> tuple[Float[Array, "count 2"], Float[Array, " count"]]:
         if not self.amplitudes.width:
             return self.points, self.angles
@@ -76,7 +76,7 @@ class Markers(eqx.Module):
         return self.points + bent[:, :2], self.angles + bent[:, 2]
 
 
-def _extend(q: Float[Array, " n"]) -> Float[Array, " n+1"]:
+def _extend(q: Float[Array, " n"]) -> Float[Array, " extended"]:
     return jnp.concatenate([q, np.zeros(1, q.dtype)])
 
 

@@ -1,7 +1,5 @@
 """A slender elastic beam in a floating frame."""
 
-from typing import Literal
-
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -57,7 +55,7 @@ class Beam(AbstractBody):
     amplitudes: Float[Array, " modes"] = number(())
     rates: Float[Array, " modes"] = number(())
     modes: int = eqx.field(static=True, default=0)
-    axis: Literal["x", "y"] = eqx.field(static=True, default="x")
+    axis: str = eqx.field(static=True, default="x")
 
     def __init__(
         self,
@@ -69,7 +67,7 @@ class Beam(AbstractBody):
         modes: int | None = None,
         frequencies: Vector | None = None,
         inertia: Number | None = None,
-        axis: Literal["x", "y"] = "x",
+        axis: str = "x",
         position: Vector = (0.0, 0.0),
         angle: Number = 0.0,
         velocity: Vector = (0.0, 0.0),

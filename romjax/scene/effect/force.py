@@ -1,6 +1,6 @@
 """A force on a point."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,6 +11,15 @@ from ..fields import SceneError, Time, check_finite, check_shape, concrete, numb
 from ..marker import Marker, Pose, Twist, Wrench
 from ..signal import AbstractSignal
 from .base import AbstractMarkerEffect, check_markers
+
+
+def _signal(value: Any) -> AbstractSignal:
+    if not isinstance(value, AbstractSignal):
+        raise SceneError(
+            f"Force: signal is {value!r}; give a signal such as Constant(10.0) "
+            "or Sine(10.0, frequency=2.0)."
+        )
+    return value
 
 
 class Force(AbstractMarkerEffect):
@@ -25,7 +34,7 @@ class Force(AbstractMarkerEffect):
 
     at: Marker
     direction: Float[Array, "2"] = number()
-    signal: AbstractSignal = eqx.field()  # type: ignore[misc]
+    signal: AbstractSignal = eqx.field(converter=_signal)  # type: ignore[misc]
     needs_twists: ClassVar[bool] = False
 
     def __check_init__(self) -> None:
@@ -49,9 +58,4 @@ class Force(AbstractMarkerEffect):
         known = concrete(self.direction)
         if known is not None and not np.any(known):
             raise SceneError(f"{owner}: direction is {known}; give a vector that is not zero.")
-        if not isinstance(self.signal, AbstractSignal):
-            raise SceneError(
-                f"{owner}: signal is {self.signal!r}; give a signal such as Constant(10.0) "
-                "or Sine(10.0, frequency=2.0)."
-            )
         self.signal.check(owner)

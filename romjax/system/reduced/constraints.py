@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -27,7 +28,7 @@ class ReducedConstraints(NamedTuple):
     mass: Float[Array, " n"]  # diagonal of M at the offset
 
 
-@jax.jit
+@eqx.filter_jit
 def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstraints:
     """Principal components of the reduced constraints over the snapshots.
 

@@ -1,7 +1,8 @@
 """From a system and a basis to a reduced system."""
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -15,8 +16,6 @@ from .constraints import active_freedoms, count_kept, reduced_constraints
 from .galerkin import GalerkinSystem
 from .projected import ProjectedSystem
 
-Formulation = Literal["galerkin", "projected"]
-
 
 class ReductionError(ValueError):
     """A basis that does not make a reduced model, with the reason and the remedy."""
@@ -25,7 +24,7 @@ class ReductionError(ValueError):
 def reduce(
     system: AbstractSystem,
     basis: Basis,
-    formulation: Formulation = "galerkin",
+    formulation: str = "galerkin",
     *,
     constraints: int | None = None,
 ) -> AbstractReducedSystem:
@@ -97,7 +96,7 @@ class _Start(NamedTuple):
     violation: Float[Array, ""]  # of the kept constraints and their rates
 
 
-@jax.jit
+@eqx.filter_jit
 def _start(
     system: AbstractSystem,
     modes: Float[Array, "n r"],

@@ -1,0 +1,305 @@
+"""What makes no sense is refused at once, in words that name the culprit and the remedy."""
+
+import jax.numpy as jnp
+import pytest
+
+import romjax as rj
+
+NAN = float("nan")
+
+
+def bar(name="bar", **changes):
+    return rj.RigidBody(name, **({"mass": 1.0, "inertia": 1.0} | changes))
+
+
+def oscillator(**changes):
+    given = {
+        "mass": lambda q: jnp.eye(1),
+        "force": lambda t, q, v: -q,
+        "q0": [1.0],
+        "v0": [0.0],
+    }
+    return rj.CustomSystem(**(given | changes))
+
+
+class Recorded:
+    """A motion that was measured: all that a basis needs."""
+
+    def __init__(self, q):
+        self.q = jnp.asarray(q)
+        self.v = jnp.gradient(self.q, axis=0)
+        self.t = jnp.arange(float(len(self.q)))
+        self.metric = jnp.eye(self.q.shape[1])
+        self.labels = ()
+
+
+RICH = Recorded(jnp.cos(jnp.outer(jnp.arange(9.0), jnp.arange(1.0, 4.0))))
+PLANE = Recorded(jnp.stack([jnp.cos(jnp.arange(9.0)), jnp.sin(jnp.arange(9.0)), jnp.ones(9)], 1))
+
+PARTS = {
+    "zero mass": (lambda: bar(mass=0.0), r"body 'bar': mass is 0\.0, but it must be positive"),
+    "negative mass": (lambda: bar(mass=-2.0), r"'bar': mass is -2\.0.*positive.*small inertia"),
+    "negative inertia": (lambda: bar(inertia=-1.0), r"'bar': inertia is -1\.0"),
+    "NaN mass": (lambda: bar(mass=NAN), r"'bar': mass is nan; every number must be finite"),
+    "NaN position": (lambda: bar(position=(NAN, 0.0)), r"'bar': position .*finite"),
+    "wrong shape of a position": (
+        lambda: bar(position=(0.0, 0.0, 0.0)),
+        r"'bar': position has shape \(3,\), but it must have shape \(2\)",
+    ),
+    "wrong shape of a mass": (
+        lambda: bar(mass=[1.0, 2.0]),
+        r"'bar': mass has shape \(2,\), but it must have shape \(\)",
+    ),
+    "no name": (lambda: bar(""), "give it a non-empty name"),
+    "the name of the ground": (lambda: bar("ground"), "'ground' is taken"),
+    "beam with EI and frequencies": (
+        lambda: rj.Beam("beam", 1.0, 1.0, EI=1.0, frequencies=[1.0]),
+        "'beam': give either EI or frequencies, not both",
+    ),
+    "beam with EI, no count": (
+        lambda: rj.Beam("beam", 1.0, 1.0, EI=1.0),
+        "'beam': with EI, say how many modes",
+    ),
+    "beam with modes only": (
+        lambda: rj.Beam("beam", 1.0, 1.0, modes=2),
+        "'beam': 2 modes need EI or frequencies",
+    ),
+    "beam of two minds": (
+        lambda: rj.Beam("beam", 1.0, 1.0, modes=2, frequencies=[1.0]),
+        "'beam': modes=2, but 1 frequencies are given",
+    ),
+    "beam of no length": (lambda: rj.Beam("beam", 1.0, 0.0), r"'beam': length is 0\.0.*positive"),
+    "beam along z": (lambda: rj.Beam("beam", 1.0, 1.0, axis="z"), "axis is 'z'.*'x' or 'y'"),
+    "hinge on one body": (
+        lambda: rj.Revolute(bar().at(), bar().at((1.0, 0.0))),
+        r"Revolute\(bar, bar\).*both markers are on 'bar'.*two bodies",
+    ),
+    "NaN marker": (
+        lambda: rj.Revolute(bar().at((NAN, 0.0)), rj.ground.at()),
+        r"Revolute\(bar, ground\).*marker on 'bar': point .*finite",
+    ),
+    "negative stiffness": (
+        lambda: rj.Spring(bar().at(), rj.ground.at(), stiffness=-1.0),
+        r"Spring\(bar, ground\).*stiffness is -1\.0.*not be negative",
+    ),
+    "negative damping": (
+        lambda: rj.Damper(bar().at(), rj.ground.at(), damping=-1.0),
+        r"Damper\(bar, ground\).*damping is -1\.0.*not be negative",
+    ),
+    "force without direction": (
+        lambda: rj.Force(bar().at(), (0.0, 0.0), rj.Constant(1.0)),
+        r"Force\(bar\).*direction is \[0\. 0\.\]; give a vector that is not zero",
+    ),
+    "force without signal": (
+        lambda: rj.Force(bar().at(), (1.0, 0.0), 10.0),
+        r"Force: signal is 10\.0; give a signal such as Constant\(10\.0\)",
+    ),
+    "table that goes back": (
+        lambda: rj.Force(bar().at(), (1.0, 0.0), rj.Table([0.0, 2.0, 1.0], [0.0, 1.0, 2.0])),
+        r"Table\.times must increase, but they are \[0\. 2\. 1\.\]",
+    ),
+    "table of two lengths": (
+        lambda: rj.Force(bar().at(), (1.0, 0.0), rj.Table([0.0, 1.0], [0.0])),
+        r"Table\.values has shape \(1,\), but it must have shape \(2\)",
+    ),
+    "gravity in space": (
+        lambda: rj.Gravity((0.0, 0.0, -9.81)),
+        r"'Gravity': acceleration has shape \(3,\)",
+    ),
+    "no links": (lambda: rj.gallery.chain(0), "links is 0, but a chain needs at least one"),
+    "unknown example": (
+        lambda: rj.gallery.find("cart-pendulm"),
+        "no scene 'cart-pendulm'; did you mean 'cart-pendulum'",
+    ),
+    "empty scene": (lambda: rj.assemble(rj.Scene([])), "has no bodies; add at least one"),
+    "two of one name": (
+        lambda: rj.assemble(rj.Scene([bar(), bar()])),
+        "Two bodies are named 'bar'; every body needs its own name",
+    ),
+    "unknown body": (
+        lambda: rj.assemble(
+            rj.Scene([bar("rod")], [rj.Revolute(bar("crank").at(), rj.ground.at(), name="pin")])
+        ),
+        "'pin': its marker is on the body 'crank', which the scene does not have. It has: rod",
+    ),
+    "unknown body of a spring": (
+        lambda: rj.assemble(
+            rj.Scene([bar()], [], [rj.Spring(bar("x").at(), rj.ground.at(), stiffness=1.0)])
+        ),
+        "marker is on the body 'x'",
+    ),
+    "a body among the joints": (
+        lambda: rj.assemble(rj.Scene([bar()], [bar("other")])),
+        r"Scene\.joints holds .*no AbstractJoint",
+    ),
+    "too many joints": (
+        lambda: rj.assemble(
+            rj.Scene([bar()], [rj.Revolute(bar().at(), rj.ground.at()) for _ in range(2)])
+        ),
+        "make 4 constraints on 3 coordinates.*Take out",
+    ),
+    "mass of a wrong shape": (
+        lambda: oscillator(mass=lambda q: jnp.eye(2)),
+        r"CustomSystem: mass\(q\) has shape \(2, 2\), but it must have shape \(1, 1\)",
+    ),
+    "force of a wrong shape": (
+        lambda: oscillator(force=lambda t, q, v: jnp.sum(q)),
+        r"CustomSystem: force\(t, q, v\) has shape \(\)",
+    ),
+    "constraint of a wrong shape": (
+        lambda: oscillator(constraint=lambda t, q: q[0]),
+        r"CustomSystem: constraint\(t, q\) has shape \(\)",
+    ),
+    "more constraints than coordinates": (
+        lambda: oscillator(constraint=lambda t, q: jnp.concatenate([q, q])),
+        "2 constraints on 1 coordinates leave no motion",
+    ),
+    "NaN start of a system": (lambda: oscillator(q0=[NAN]), "CustomSystem: q0 is .*finite"),
+}
+
+
+@pytest.mark.parametrize("make, words", PARTS.values(), ids=PARTS)
+def test_scenes_and_systems(make, words):
+    with pytest.raises(rj.SceneError, match="(?s)" + words):
+        make()
+
+
+STARTS = {
+    "one time": ({"ts": [0.0]}, "ts has 1 entries; give the start and the end"),
+    "times that stand still": ({"ts": [0.0, 0.1, 0.1]}, r"ts must increase, but ts\[1\] = 0\.1"),
+    "times that run back": ({"ts": [0.0, 0.2, 0.1]}, r"ts\[1\] = 0\.2 is followed by 0\.1"),
+    "NaN time": ({"ts": [0.0, NAN]}, "simulate: ts is .*finite"),
+    "times in a matrix": ({"ts": [[0.0, 1.0]]}, r"simulate: ts has shape \(1, 2\)"),
+    "NaN start": ({"q0": [NAN]}, "simulate: q0 is .*finite"),
+    "infinite start": ({"v0": [float("inf")]}, "simulate: v0 is .*finite"),
+    "start of a wrong length": ({"q0": [0.0, 1.0]}, r"q0 has shape \(2,\).*\(1\)"),
+}
+
+
+@pytest.mark.parametrize("changes, words", STARTS.values(), ids=STARTS)
+def test_times_and_starts(changes, words):
+    with pytest.raises(ValueError, match=words):
+        rj.simulate(oscillator(), **({"ts": [0.0, 1.0]} | changes))
+
+
+RANKS = {
+    "rank and tol": (RICH, {"rank": 2, "tol": 0.1}, "give rank=2 or tol=0.1, not both"),
+    "no rank": (RICH, {"rank": 0}, "rank=0, but 9 snapshots of 3 coordinates allow 1 to 3"),
+    "rank above n": (RICH, {"rank": 4}, "rank=4, but 9 snapshots of 3 coordinates allow 1 to 3"),
+    "rank above the span": (
+        PLANE,
+        {"rank": 3},
+        "rank=3, but the snapshots span only 2 directions.*ask for at most 2",
+    ),
+    "rank in words": (RICH, {"rank": "best"}, "rank='best'; give a whole number or \"drop\""),
+    "tolerance of nothing": (RICH, {"tol": 0.0}, r"tol=0\.0, but it must lie between 0 and 1"),
+    "at rest": (Recorded(jnp.ones((4, 2))), {}, "the snapshots do not move.*simulate a motion"),
+    "NaN snapshots": (Recorded(jnp.full((4, 2), NAN)), {}, "snapshots are not finite"),
+}
+
+
+@pytest.mark.parametrize("decompose", [rj.pod, rj.sod])
+@pytest.mark.parametrize("motion, choice, words", RANKS.values(), ids=RANKS)
+def test_ranks(decompose, motion, choice, words):
+    with pytest.raises(ValueError, match=f"{decompose.__name__}: .*{words}"):
+        decompose(motion, **choice)
+
+
+def test_bases_of_a_wrong_shape():
+    with pytest.raises(ValueError, match=r"modes \(3, 2\) and offset \(2,\) do not fit"):
+        rj.Basis.from_modes(jnp.ones((3, 2)), jnp.zeros(2))
+
+
+def test_reductions():
+    system = oscillator()
+    basis = rj.Basis.from_modes(jnp.eye(1), jnp.zeros(1))
+    with pytest.raises(rj.ReductionError, match="formulation='best'; it must be"):
+        rj.reduce(system, basis, "best")
+    with pytest.raises(rj.ReductionError, match="basis has 2 coordinates and the system 1"):
+        rj.reduce(system, rj.Basis.from_modes(jnp.eye(2), jnp.zeros(2)))
+
+
+def test_joints_that_cannot_hold():
+    """A point that should be in two places: what is left after ten sweeps is named."""
+    system = rj.CustomSystem(
+        lambda q: jnp.eye(2),
+        lambda t, q, v: 0 * q,
+        lambda t, q: jnp.stack([q[0], q[0] - 1]),
+        q0=[0.0, 0.0],
+        v0=[0.0, 0.0],
+    )
+    with pytest.raises(rj.SceneError, match=r"constraint [12] is still violated.*cannot all hold"):
+        rj.consistent(system)
+
+
+def test_motions_that_do_not_compare():
+    one, other = (_motion(t) for t in ([0.0, 1.0], [0.0, 1.0, 2.0]))
+    with pytest.raises(ValueError, match=r"shapes \(2, 1\) and \(3, 1\).*same times"):
+        rj.compare(one, other)
+    with pytest.raises(Exception, match="different times"):
+        rj.compare(one, _motion([0.0, 2.0]))
+
+
+def _motion(t):
+    t = jnp.asarray(t)
+    k = len(t)
+    return rj.Trajectory(
+        t=t,
+        q=t[:, None],
+        v=jnp.ones((k, 1)),
+        multipliers=jnp.zeros((k, 0)),
+        violation=jnp.zeros(k),
+        metric=jnp.eye(1),
+        stats={"num_steps": jnp.asarray(1)},
+        status=jnp.asarray(0),
+        labels=("q1",),
+        solver="none",
+    )
+
+
+@pytest.fixture(scope="module")
+def bar_on_a_hinge():
+    return rj.assemble(rj.gallery.chain(1))
+
+
+def test_inconsistent_start(bar_on_a_hinge):
+    """The joint and the amount are named, and so is the function that helps."""
+    run = {"ts": [0.0, 0.1], "max_steps": 1000}
+    words = r"violates joint 'Revolute\(bar1, ground\)': {} = {} m.*romjax\.consistent"
+    with pytest.raises(ValueError, match=words.format("C", "0.01")):
+        rj.simulate(bar_on_a_hinge, q0=[0.51, 0.0, 0.0], **run)
+    with pytest.raises(ValueError, match=words.format("its rate", "0.3")):
+        rj.simulate(bar_on_a_hinge, v0=[0.3, 0.0, 0.0], **run)
+    marked = rj.simulate(bar_on_a_hinge, q0=[0.51, 0.0, 0.0], throw=False, **run)
+    assert marked.status == rj.Status.INCONSISTENT_START
+    assert "romjax.consistent" in marked.reason()
+    q, v = rj.consistent(bar_on_a_hinge, [0.51, 0.0, 0.0], [0.3, 0.0, 0.0])
+    assert rj.simulate(bar_on_a_hinge, q0=q, v0=v, **run).success
+
+
+def test_too_few_steps():
+    run = {"ts": [0.0, 10.0], "max_steps": 4}
+    with pytest.raises(rj.SimulationError, match=r"4 steps.*t = 10 s: MAX_STEPS.*raise max_steps"):
+        rj.simulate(oscillator(), **run)
+    trajectory = rj.simulate(oscillator(), throw=False, **run)
+    assert trajectory.status == rj.Status.MAX_STEPS
+    assert not trajectory.success
+
+
+def test_a_motion_without_bounds():
+    """q̈ = 6 q² from rest at one leaves every bound at a finite time: raised, or marked."""
+    system = oscillator(force=lambda t, q, v: 6 * q**2, v0=[2.0])
+    run = {"ts": [0.0, 5.0], "max_steps": 400}
+    with pytest.raises(rj.SimulationError, match="did not reach t = 5 s"):
+        rj.simulate(system, **run)
+    assert not rj.simulate(system, throw=False, **run).success
+
+
+def test_single_precision_says_so():
+    system = oscillator(
+        q0=jnp.ones(1, jnp.float32),
+        v0=jnp.zeros(1, jnp.float32),
+        mass=lambda q: jnp.eye(1, dtype=jnp.float32),
+    )
+    with pytest.warns(UserWarning, match="single precision.*jax_enable_x64"):
+        rj.simulate(system, jnp.array([0.0, 1.0], jnp.float32))

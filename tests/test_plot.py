@@ -1,0 +1,249 @@
+"""Figures: that they show the data, where the parts of a mechanism are, what they refuse."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from PIL import Image
+from tolerances import IDENTITY
+
+import romjax as rj
+from romjax import plot
+from romjax.plot.geometry import hinges, outlines, rails
+
+COUNT = 21
+
+
+def motion(scene: rj.Scene, amplitude: float = 0.1) -> rj.Trajectory:
+    """A made-up motion: coordinate i swings with i + 1 rad/s, the third one rests."""
+    system = rj.assemble(scene)
+    n = system.n
+    t = np.linspace(0.0, 1.0, COUNT)
+    omega = np.arange(1, n + 1)
+    size = amplitude * np.where(np.arange(n) == 2, 0.0, 1.0 / np.arange(1, n + 1))
+    return rj.Trajectory(
+        t=jnp.asarray(t),
+        q=jnp.asarray(np.asarray(system.q0) + size * np.sin(omega * t[:, None])),
+        v=jnp.asarray(size * omega * np.cos(omega * t[:, None])),
+        multipliers=jnp.zeros((COUNT, system.m)),
+        violation=jnp.zeros(COUNT),
+        metric=jnp.diag(jnp.arange(1.0, n + 1)),
+        stats={"num_steps": jnp.asarray(COUNT)},
+        status=jnp.asarray(0),
+        labels=system.coordinate_labels(),
+        solver="none",
+    )
+
+
+@pytest.fixture(scope="module")
+def scene() -> rj.Scene:
+    """A cart on a rail with a bending beam hinged to it."""
+    cart = rj.RigidBody("cart", mass=1.0, inertia=0.1)
+    beam = rj.Beam("beam", mass=0.5, length=2.0, frequencies=[5.0, 20.0], position=(1.0, 0.0))
+    rail = rj.ground.at((0.0, 1.0), angle=0.5)
+    return rj.Scene(
+        bodies=[cart, beam],
+        joints=[rj.PointOnLine(cart.at(), rail), rj.Revolute(cart.at(), beam.at((-1.0, 0.0)))],
+    )
+
+
+@pytest.fixture(scope="module")
+def truth(scene) -> rj.Trajectory:
+    return motion(scene)
+
+
+@pytest.fixture(scope="module")
+def approx(scene) -> rj.Trajectory:
+    return motion(scene, 0.11)
+
+
+def panels(figure: Figure) -> list[Axes]:
+    """The axes with lines in them."""
+    return [axes for axes in figure.axes if axes.lines]
+
+
+def data(line: Line2D) -> tuple[np.ndarray, np.ndarray]:
+    return np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+
+
+def test_response_draws_the_moving_coordinates(truth, approx):
+    figure = plot.response(truth, approx, labels=["full", "POD"])
+    shown = panels(figure)
+    moving = [i for i in range(truth.q.shape[1]) if i != 2]
+    assert len(shown) == len(moving)
+    for axes, place in zip(shown, moving, strict=True):
+        for line, run, name in zip(axes.lines, (truth, approx), ("full", "POD"), strict=True):
+            t, q = data(line)
+            np.testing.assert_array_equal(t, truth.t)
+            np.testing.assert_array_equal(q, run.q[:, place])
+            assert line.get_label() == name
+    styles = {(line.get_color(), line.get_linestyle()) for line in shown[0].lines}
+    assert len(styles) == 2
+    units = [axes.get_ylabel().split("[")[1] for axes in shown]
+    assert units == ["m]", "m]", "m]", "m]", "rad]", "kg$^{1/2}$ m]", "kg$^{1/2}$ m]"]
+
+
+def test_response_of_named_coordinates(truth):
+    figure = plot.response(truth, coordinates=["beam.q1", "cart.phi"])
+    assert [axes.get_ylabel() for axes in panels(figure)] == [
+        "beam\n$q_{1}$ [kg$^{1/2}$ m]",
+        "cart\n$\\varphi$ [rad]",
+    ]
+
+
+def test_response_of_a_custom_system_has_no_units(truth):
+    own = dataclasses.replace(truth, labels=tuple(f"q{i + 1}" for i in range(len(truth.labels))))
+    assert panels(plot.response(own))[0].get_ylabel() == "q1"
+
+
+def test_response_shows_the_largest_of_many():
+    many = motion(rj.gallery.chain(4))
+    figure = plot.response(many)
+    shown = panels(figure)
+    assert len(shown) == 8
+    # √M_ii |amplitude|: √(i+1) / (i+1) falls, so the first ones count, without the one at rest.
+    np.testing.assert_array_equal(
+        [data(axes.lines[0])[1] for axes in shown], many.q.T[jnp.array([0, 1, 3, 4, 5, 6, 7, 8])]
+    )
+    assert "8 of 11" in figure.get_suptitle()
+
+
+def test_errors_are_those_of_compare(truth, approx):
+    figure = plot.errors(truth, {"POD": approx})
+    report = rj.compare(truth, approx)
+    shown = panels(figure)
+    assert len(shown) == int(jnp.sum(report.moving))
+    for axes, place in zip(shown, np.flatnonzero(report.moving), strict=True):
+        assert axes.get_yscale() == "log"
+        size = np.abs(np.asarray(report.history[:, place]))
+        _, drawn = data(axes.lines[0])
+        np.testing.assert_array_equal(drawn, np.where(size > 0, size, np.nan))
+        assert axes.lines[0].get_label() == f"POD: {float(report.error):.1e}"
+
+
+def test_values_relative_to_the_largest_with_the_rank():
+    spectrum = jnp.array([4.0, 1.0, 0.5, 0.0])
+    pod = dataclasses.replace(
+        rj.Basis.from_modes(jnp.eye(4)[:, :2], jnp.zeros(4)),
+        spectrum=spectrum, values=spectrum, kind="POD",
+    )  # fmt: skip
+    sod = dataclasses.replace(pod, values=jnp.array([0.3, 0.1]), kind="SOD")
+    figure = plot.values(pod)
+    (axes,) = panels(figure)
+    kept, _, dropped, rank = axes.lines
+    np.testing.assert_array_equal(data(kept)[1], [1.0, 0.25])
+    np.testing.assert_array_equal(data(dropped)[0], [3, 4])
+    assert data(dropped)[1][0] == 0.125
+    assert 0 < data(dropped)[1][1] < np.finfo(float).eps
+    assert (kept.get_markerfacecolor(), dropped.get_markerfacecolor()) != ("white", "white")
+    assert dropped.get_markerfacecolor() == "white"
+    assert data(rank)[0][0] == 2.5
+    _, smooth = panels(plot.values(pod, sod))
+    np.testing.assert_array_equal(data(smooth.lines[0])[1], [0.3, 0.1])
+
+
+def test_modes_have_a_picture_each_and_a_table(scene):
+    system = rj.assemble(scene)
+    vectors = jnp.eye(system.n)[:, jnp.array([0, 5, 6])]
+    basis = rj.Basis.from_modes(vectors, system.q0)
+    for figure in (plot.modes(scene, basis), plot.modes(scene, basis, system)):
+        *pictures, below = figure.axes
+        assert len(pictures) == 3
+        (table,) = below.tables
+        cells = table.get_celld()
+        assert cells[1, 0].get_text().get_text() == "1"
+        assert cells[1, 1].get_text().get_text() == "0"
+        assert cells[6, -1].get_text().get_text() == "beam $\\varphi$"
+        assert len(cells) == 3 + 4 * system.n
+    # Pictures hold a rail, then the bodies at rest and displaced, each with its hinges.
+    rest, moved = (np.stack(data(pictures[0].lines[i])) for i in (1, 4))
+    box = np.concatenate([line.get_xydata() for line in pictures[0].lines[1:3]])
+    size = np.linalg.norm(np.ptp(box, axis=0))
+    np.testing.assert_allclose(moved[0] - rest[0], 0.15 * size, rtol=1e-6)
+    np.testing.assert_allclose(moved[1], rest[1], atol=IDENTITY)
+
+
+def test_modes_of_a_large_scene_have_no_table():
+    scene = rj.gallery.chain(9)
+    n = rj.assemble(scene).n
+    figure = plot.modes(scene, rj.Basis.from_modes(jnp.eye(n), jnp.zeros(n)))
+    assert len(figure.axes) == 8
+    assert "first 8 of 27" in figure.get_suptitle()
+
+
+def test_outline_of_a_turned_rigid_body():
+    scene = rj.Scene(bodies=[rj.RigidBody("box", mass=1.0, inertia=1.0, extent=(0.4, 0.2))])
+    (box,) = outlines(scene, np.array([[1.0, 2.0, np.pi / 2], [0.0, 0.0, 0.0]]))
+    turned = [[1.1, 1.8], [1.1, 2.2], [0.9, 2.2], [0.9, 1.8], [1.1, 1.8]]
+    np.testing.assert_allclose(box[0], turned, atol=IDENTITY)
+    np.testing.assert_allclose(box[1, 2], [0.2, 0.1], atol=IDENTITY)
+
+
+def test_outline_of_a_bent_beam(scene):
+    q = np.zeros((1, 8))
+    q[0, 3:] = [1.0, 2.0, np.pi / 6, 0.05, 0.0]
+    _, beam = outlines(scene, q)
+    # Each mode is 2/√m at the lower end and even modes return to it at the other.
+    bend = 0.05 * 2 / np.sqrt(0.5)
+    cos, sin = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    for end, along in ((0, -1.0), (-1, 1.0)):
+        place = [1 + cos * along - sin * bend, 2 + sin * along + cos * bend]
+        np.testing.assert_allclose(beam[0, end], place, atol=IDENTITY)
+
+
+def test_hinges_and_rails(scene):
+    q = np.zeros((2, 8))
+    q[1, :2] = 3.0, 4.0
+    np.testing.assert_array_equal(hinges(scene, q), [[[0.0, 0.0]], [[3.0, 4.0]]])
+    ((point, angle),) = rails(scene)
+    np.testing.assert_array_equal(point, [0.0, 1.0])
+    assert angle == 0.5
+
+
+def test_animation_has_a_frame_for_each_time(scene, truth, approx, tmp_path):
+    path = plot.animate(scene, {"full": truth, "POD": approx}, tmp_path / "all.gif", fps=10)
+    with Image.open(path) as image:
+        assert (image.n_frames, image.info["duration"]) == (COUNT, 100)
+    path = plot.animate(scene, {"full": truth}, str(tmp_path / "some.gif"), fps=10, seconds=0.5)
+    with Image.open(path) as image:
+        assert image.n_frames == 5
+
+
+def test_figures_refuse_what_does_not_fit(scene, truth, approx, tmp_path):
+    other = motion(rj.gallery.chain(2))
+    late = dataclasses.replace(approx, t=approx.t + 1)
+    batch = jax.tree.map(lambda x: jnp.stack([x, x]), truth)
+    basis = rj.Basis.from_modes(jnp.eye(3), jnp.zeros(3))
+    path = tmp_path / "never.gif"
+    with pytest.raises(ValueError, match=r"'approximation' has 6 coordinates, but the truth has 8"):
+        plot.response(truth, other)
+    with pytest.raises(ValueError, match="1 labels for 2 motions"):
+        plot.response(truth, approx, labels=["full"])
+    with pytest.raises(ValueError, match=r"no coordinate 'beam.q9'; the motion has: cart.x"):
+        plot.response(truth, coordinates=["beam.q9"])
+    with pytest.raises(ValueError, match="out of a batch"):
+        plot.response(batch)
+    with pytest.raises(ValueError, match=r"'late' has 21 times from 1 s to 2 s, but the truth"):
+        plot.errors(truth, {"late": late})
+    with pytest.raises(ValueError, match="no motions to compare"):
+        plot.errors(truth, {})
+    with pytest.raises(ValueError, match="no basis given"):
+        plot.values()
+    with pytest.raises(ValueError, match="q has 3 coordinates, but the bodies of the scene"):
+        plot.modes(scene, basis)
+    with pytest.raises(ValueError, match="give the full system"):
+        plot.modes(scene, basis, rj.assemble(scene))
+    with pytest.raises(ValueError, match="q has 6 coordinates, but the bodies of the scene"):
+        plot.animate(scene, {"chain": other}, path)
+    with pytest.raises(ValueError, match="there are no motions"):
+        plot.animate(scene, {}, path)
+    with pytest.raises(ValueError, match="fps=0.0"):
+        plot.animate(scene, {"full": truth}, path, fps=0.0)
+    with pytest.raises(ValueError, match=r"must end in .gif"):
+        plot.animate(scene, {"full": truth}, tmp_path / "never.mp4")
+    assert not path.exists()

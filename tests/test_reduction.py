@@ -1,0 +1,171 @@
+"""The chapter's reduction of the cart-pendulum: ranks, kept constraints, errors."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import TIGHT
+from tolerances import IDENTITY, SOLVED
+
+import romjax as rj
+
+# Required of the reduced models, against a full run at the same tight tolerance.
+ERROR_SIX = 1e-8
+ERROR_FIVE = 2e-6
+# Required of the drop point: how far the sixth value stands above the seventh.
+DROP = 1e4
+# The chapter's formulation at five modes is worse by more than this.
+WORSE = 10
+# Singular values are those of an integral over time, here by the trapezoidal rule at 100 and at
+# 300 Hz: the motion has 10 Hz, so its error is (2π 10/100)²/12 = 3 % of what does not average out.
+SAMPLED = 0.03
+
+
+@pytest.fixture(scope="module")
+def coarse(truth):
+    """The snapshots at the chapter's 100 Hz."""
+    return truth.every(3)
+
+
+@pytest.fixture(scope="module")
+def error(truth, cart_pendulum, coarse):
+    """Errors of reduced models by rank and formulation, each simulated once."""
+    known = {}
+
+    def of(rank, formulation):
+        if (rank, formulation) not in known:
+            rom = rj.reduce(cart_pendulum, rj.pod(coarse, rank=rank), formulation)
+            approx = rj.simulate(rom, truth.t, rtol=TIGHT)
+            known[rank, formulation] = rom, rj.compare(truth, approx)
+        return known[rank, formulation]
+
+    return of
+
+
+def test_size(cart_pendulum):
+    assert (cart_pendulum.n, cart_pendulum.m) == (8, 4)
+
+
+def test_drop_point(coarse):
+    """Six directions stand out, as in the chapter; what follows is rounding."""
+    basis = rj.pod(coarse)
+    assert basis.rank == 6
+    assert "drop point" in basis.reason
+    assert basis.values[5] / basis.values[6] >= DROP
+
+
+def test_values_fall(coarse):
+    for basis in (rj.pod(coarse), rj.sod(coarse)):
+        assert jnp.all(basis.values >= 0)
+        assert jnp.all(jnp.diff(basis.values) <= 0)
+        assert jnp.all(jnp.isfinite(basis.values))
+
+
+@pytest.mark.parametrize("decompose", [rj.pod, rj.sod])
+def test_modes_are_orthonormal_in_the_mass_metric(coarse, decompose):
+    """ΦᵀM₀Φ = I; the light pendulum's modes are large, so relative to the size of the terms."""
+    basis = decompose(coarse, rank=5)
+    gram = basis.modes.T @ coarse.metric @ basis.modes
+    assert jnp.max(jnp.abs(gram - jnp.eye(5))) <= IDENTITY
+
+
+@pytest.mark.parametrize("tol", [1e-3, 1e-5])
+@pytest.mark.parametrize("decompose", [rj.pod, rj.sod])
+def test_rank_does_not_depend_on_the_sample_rate(truth, coarse, decompose, tol):
+    """The chapter's rank of the SOD flips between 100 and 300 Hz; here it stays."""
+    assert decompose(coarse, tol=tol).rank == decompose(truth, tol=tol).rank
+
+
+def test_values_do_not_depend_on_the_sample_rate(truth, coarse):
+    """They approximate an integral over time. Unweighted ones would grow by √3."""
+    for fine, rough in zip(rj.pod(truth).values[:3], rj.pod(coarse).values[:3], strict=True):
+        assert abs(fine - rough) <= SAMPLED * fine
+
+
+def test_all_smooth_modes_span_the_velocities(coarse):
+    """span(SOM) = span(POD of the velocities), with the rank that the velocities have."""
+    smooth = rj.sod(coarse, rank=6)
+    root = np.linalg.cholesky(coarse.metric).T
+    step = np.diff(coarse.t)
+    weights = 0.5 * (np.append(step, 0) + np.append(0, step))
+    vectors, *_ = np.linalg.svd(root @ (coarse.v * np.sqrt(weights)[:, None]).T)
+    modes = root @ smooth.modes
+    missed = modes - vectors[:, :6] @ (vectors[:, :6].T @ modes)
+    assert np.max(np.abs(missed)) <= SOLVED
+
+
+def test_coordinates_that_rest(coarse):
+    """The cart's angle never moves: no rank comes from it, no mode contains it, and the errors
+    (equation 39.17 divides by its largest motion) stay finite."""
+    for decompose in (rj.pod, rj.sod):
+        assert jnp.max(jnp.abs(decompose(coarse, rank=5).modes[2])) <= IDENTITY
+    report = rj.compare(coarse, coarse)
+    assert jnp.all(jnp.isfinite(report.per_coordinate))
+    assert not report.moving[2]
+    assert report.moving[0]
+
+
+def test_more_modes_miss_less(coarse):
+    leaks = [rj.pod(coarse, rank=rank).leak for rank in (2, 3, 4, 5)]
+    assert all(b < a for a, b in zip(leaks, leaks[1:], strict=False))
+
+
+def test_six_modes(error):
+    """Two of the four constraints are kept: the other two hold in the whole subspace."""
+    rom, report = error(6, "galerkin")
+    assert (rom.n, rom.m) == (6, 2)
+    assert rom.degrees_of_freedom == 4
+    assert report.error <= ERROR_SIX
+    assert report.drift <= ERROR_SIX
+
+
+def test_five_modes(error):
+    rom, report = error(5, "galerkin")
+    assert (rom.n, rom.m) == (5, 2)
+    assert report.error <= ERROR_FIVE
+
+
+def test_the_chapters_formulation_is_worse(error):
+    """Equation 39.6 to the letter projects the solution, not the equations: 2.6e-5 at five modes,
+    against 4.3e-7 by d'Alembert's principle."""
+    _, projected = error(5, "projected")
+    _, galerkin = error(5, "galerkin")
+    assert projected.error >= WORSE * galerkin.error
+    assert projected.drift >= WORSE * galerkin.drift
+
+
+def test_a_full_basis_reproduces_the_full_run(truth, cart_pendulum):
+    """Eight mass-orthonormal columns: the same mechanism in other coordinates."""
+    factor = jnp.linalg.cholesky(truth.metric)
+    rng = np.random.default_rng(8)
+    turned, _ = np.linalg.qr(rng.normal(size=(8, 8)))
+    basis = rj.Basis.from_modes(jnp.linalg.solve(factor.T, turned), cart_pendulum.q0)
+    rom = rj.reduce(cart_pendulum, basis)
+    assert rom.m == cart_pendulum.m
+    approx = rj.simulate(rom, truth.t, rtol=TIGHT)
+    assert rj.compare(truth, approx).error <= SOLVED
+
+
+def test_a_locked_basis_is_refused(cart_pendulum, coarse):
+    """Four modes with two constraints leave two freedoms, where the motion uses three."""
+    words = r"locks the mechanism. Its 4 modes with 2 kept constraints.*constraints=1"
+    with pytest.raises(rj.ReductionError, match=words):
+        rj.reduce(cart_pendulum, rj.pod(coarse, rank=4), constraints=2)
+
+
+def test_zero_rows_change_nothing(coarse):
+    """Coordinates that rest may be left out: the same modes, and zeros where they were."""
+    keep = jnp.array([0, 1, 3, 4, 5, 6, 7])
+    without = _Recorded(coarse, keep)
+    for decompose in (rj.pod, rj.sod):
+        whole, part = decompose(coarse, rank=5), decompose(without, rank=5)
+        overlap = whole.modes[keep].T @ without.metric @ part.modes
+        assert jnp.max(jnp.abs(overlap @ overlap.T - jnp.eye(5))) <= SOLVED
+
+
+class _Recorded:
+    """Some coordinates of a motion."""
+
+    def __init__(self, motion, keep):
+        self.t, self.q, self.v = motion.t, motion.q[:, keep], motion.v[:, keep]
+        self.metric = motion.metric[jnp.ix_(keep, keep)]
+        self.labels = tuple(motion.labels[i] for i in keep)

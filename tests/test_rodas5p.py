@@ -1,0 +1,131 @@
+"""The time integration: order of convergence, dense output, stiffness."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tolerances import IDENTITY
+
+import romjax as rj
+from romjax.integrate.term import MotionTerm
+
+# Required of the method: order 5 ± 0.2 on a smooth non-autonomous problem.
+ORDER, SPREAD = 5, 0.2
+STEPS = np.array([10, 20, 40])
+# A slowly moving solution of a stiff equation, in steps a million times its fastest time: the error
+# is that of the smooth solution, (0.1)⁵ times a small constant, not the stiffness times it.
+STIFF = 1e-6
+
+
+def observed(errors) -> np.ndarray:
+    """The order between successive halvings of the step."""
+    return np.log2(np.asarray(errors[:-1]) / np.asarray(errors[1:]))
+
+
+def field(t, y, args):
+    """y₁ = exp(sin t) and y₂ = 1/(1 + t + t²/2): linear and non-linear, both non-autonomous."""
+    del args
+    return jnp.stack([y[0] * jnp.cos(t), -(1 + t) * y[1] ** 2])
+
+
+def exact(t):
+    return jnp.stack([jnp.exp(jnp.sin(t)), 1 / (1 + t + t**2 / 2)], axis=-1)
+
+
+@pytest.fixture(scope="module")
+def solve():
+    """Fixed steps from 0 to 2 s, with output at the end and between the steps."""
+    times = jnp.linspace(0.0, 2.0, 98)
+
+    @jax.jit
+    def run(step):
+        return diffrax.diffeqsolve(
+            diffrax.ODETerm(field),
+            rj.Rodas5P(),
+            0.0,
+            2.0,
+            step,
+            exact(jnp.asarray(0.0)),
+            saveat=diffrax.SaveAt(ts=times),
+            max_steps=100,
+        ).ys
+
+    return lambda steps: jnp.max(jnp.abs(run(2.0 / steps) - exact(times)), axis=1)
+
+
+def test_order(solve):
+    errors = [solve(steps)[-1] for steps in STEPS]
+    assert np.all(np.abs(observed(errors) - ORDER) <= SPREAD), observed(errors)
+
+
+def test_order_between_the_steps(solve):
+    """The dense output is of order 4 at least, over all times."""
+    errors = [jnp.max(solve(steps)) for steps in STEPS]
+    assert np.all(observed(errors) >= ORDER - 1 - SPREAD), observed(errors)
+
+
+def test_order_on_an_equation_of_motion():
+    """Through the second-order form: q₁ = exp(sin t), q₂ = 1/(1 + t), by forces that depend on
+    time, position and velocity."""
+    system = rj.CustomSystem(
+        lambda q: jnp.eye(2),
+        lambda t, q, v: jnp.stack([v[0] * jnp.cos(t) - q[0] * jnp.sin(t), -2 * q[1] * v[1]]),
+        q0=[1.0, 1.0],
+        v0=[1.0, -1.0],
+    )
+    errors = []
+    for steps in STEPS:
+        end = rj.simulate(system, [0.0, 2.0], dt=2.0 / steps).q[-1]
+        errors.append(np.max(np.abs(end - np.array([np.exp(np.sin(2.0)), 1 / 3]))))
+    assert np.all(np.abs(observed(errors) - ORDER) <= SPREAD), observed(errors)
+
+
+def test_the_second_order_form_changes_nothing():
+    """A step with the n × n matrix of a MotionTerm is the step with the 2n × 2n Jacobian."""
+    system = rj.assemble(rj.gallery.chain(2))
+    stabilization = rj.Baumgarte(3.0, 2.0)
+    short = MotionTerm(system, stabilization)
+    long = diffrax.ODETerm(lambda t, y, args: short.vf(t, y, args))
+    start = (system.q0, jnp.array([0, 0.5, 1, 0, 1.5, 1]))
+
+    @jax.jit
+    def steps(y):
+        solver = rj.Rodas5P()
+        return [solver.step(term, 0.3, 0.4, y, None, None, False)[:2] for term in (short, long)]
+
+    found, wanted = steps(start)
+    size = max(float(jnp.max(jnp.abs(leaf))) for leaf in jax.tree.leaves(wanted[0]))
+    for x, y in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
+        assert jnp.max(jnp.abs(x - y)) <= IDENTITY * size
+
+
+def test_a_stiff_equation():
+    """y' = −10⁷ (y − cos t) − sin t in steps of 0.1 s stays on y = cos t (Prothero and Robinson)."""
+    solution = jax.jit(
+        lambda: diffrax.diffeqsolve(
+            diffrax.ODETerm(lambda t, y, args: -1e7 * (y - jnp.cos(t)) - jnp.sin(t)),
+            rj.Rodas5P(),
+            0.0,
+            2.0,
+            0.1,
+            jnp.ones(1),
+            max_steps=30,
+        ).ys
+    )()
+    assert abs(float(solution[-1, 0]) - np.cos(2.0)) <= STIFF
+
+
+def test_stability_at_infinity():
+    """|R(z)| → 0 for z → −∞, and |R(iy)| ≤ 1 for the free oscillation of stiff modes."""
+
+    @jax.jit
+    def growth(z):
+        turn = jnp.array([[z.real, -z.imag], [z.imag, z.real]])
+        term = diffrax.ODETerm(lambda t, y, args: turn @ y)
+        y, *_ = rj.Rodas5P().step(term, 0.0, 1.0, jnp.array([1.0, 0.0]), None, None, False)
+        return jnp.linalg.norm(y)
+
+    assert growth(jnp.asarray(-1e12 + 0j)) <= IDENTITY * 10
+    for frequency in (0.1, 1.0, 10.0, 1e3):
+        assert growth(jnp.asarray(1j * frequency)) <= 1 + IDENTITY
