@@ -8,7 +8,8 @@ from tabulate import tabulate
 from . import plot
 from .integrate.trajectory import Trajectory
 from .scene.scene import Scene
-from .study.reduction import RANK_TOLERANCE, ReductionStudy, Run
+from .study.reduction import ReductionStudy, Run
+from .system.reduced.projected import ProjectedSystem
 
 # Time saved in the chapter's section 39.4.2, by POD with six modes and by SOD with five.
 CHAPTER = {"POD projected": "12 %", "SOD projected": "30 %"}
@@ -16,49 +17,42 @@ CHAPTER = {"POD projected": "12 %", "SOD projected": "30 %"}
 
 def summary(study: ReductionStudy, chapter: bool) -> str:
     """The table of the models, at most 80 columns wide, and the ranks at both sample rates."""
-    header = ["model", "r", "kept", "dof", "steps", "compile s", "run ms", "error", "speed-up"]
-    header += ["chapter"] if chapter else []
-    rows = [_row(run, study.full, chapter) for run in study.runs]
-    text = [
-        tabulate(
-            rows, header, disable_numparse=True, colalign=["left"] + ["right"] * (len(header) - 1)
-        )
-    ]
+    header = ["model", "r", "kept", "dof", "steps", "comp. s", "run ms", "error", "speed-up"]
+    text = [_table(header, [_row(run, study.full) for run in study.runs], chapter)]
+    text.append("r modes, kept constraints, degrees of freedom; compile time apart.")
     if chapter:
-        text.append(
-            "chapter: time that its reduced models save, which are the projected ones here."
-        )
+        text.append("chapter: time that its models save; they are the projected ones.")
     text += [f"{name}: refused. {reason}" for name, reason in study.refused.items()]
-    text.append("")
-    ranks = [[f"{r.rate:g}", r.naive, r.pod, r.sod] for r in study.ranks]
-    text.append(
-        tabulate(
-            ranks,
-            ["rate Hz", "naive SOD", "POD", "SOD"],
-            colalign=["right"] * 4,
-        )
-    )
-    text.append(
-        f"Ranks: of the modes of a generalised SVD of raw snapshots; ours at {RANK_TOLERANCE:g}."
-    )
+    ranks = [[f"{r.rate:g} Hz", str(r.naive), str(r.pod), str(r.sod)] for r in study.ranks]
+    text += ["", tabulate([["rank at", "naive SOD", "POD", "SOD"], *ranks], tablefmt="plain")]
+    text.append("naive: generalised SVD of raw snapshots" + (" (chapter: 5, then 6)" * chapter))
     return "\n".join(text)
 
 
-def _row(run: Run, full: Run, chapter: bool) -> list[str]:
-    reduced = run is not full
-    ok = bool(run.trajectory.success)
-    row = [
+def _table(header: list[str], rows: list[list[str]], chapter: bool) -> str:
+    if chapter:
+        header = [*header, "chapter"]
+        rows = [[*row, CHAPTER.get(row[0], "")] for row in rows]
+    lines = [header, ["-" * len(name) for name in header], *rows]
+    sides = ["left"] + ["right"] * (len(header) - 1)
+    return tabulate(lines, tablefmt="plain", disable_numparse=True, colalign=sides)
+
+
+def _row(run: Run, full: Run) -> list[str]:
+    reduced, ok = run is not full, bool(run.trajectory.success)
+    # The projected formulation keeps no constraint in the reduced coordinates.
+    free = not isinstance(run.system, ProjectedSystem)
+    return [
         run.name,
         str(run.system.n),
         str(run.system.m),
-        str(run.system.n - run.system.m) if run.name != "POD projected" else "",
+        str(run.system.n - run.system.m) if free else "",
         str(int(run.trajectory.stats["num_steps"])),
         f"{run.compile_time:.1f}",
         f"{1e3 * run.run_time:.1f}",
         (f"{float(run.comparison.error):.1e}" if ok else "failed") if reduced else "",
         f"{full.run_time / run.run_time:.1f}" if ok and reduced else "",
     ]
-    return row + ([CHAPTER.get(run.name, "")] if chapter else [])
 
 
 def write(study: ReductionStudy, scene: Scene, folder: Path, animation: bool) -> list[Path]:

@@ -1,9 +1,20 @@
 """What makes no sense is refused at once, in words that name the culprit and the remedy."""
 
 import jax.numpy as jnp
+import jaxtyping
 import pytest
 
 import romjax as rj
+
+
+@pytest.fixture(autouse=True)
+def _as_users_run():
+    """Without the run-time checks of types and shapes, which only the tests switch on."""
+    before = jaxtyping.config.jaxtyping_disable
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", before)
+
 
 NAN = float("nan")
 
@@ -158,7 +169,7 @@ PARTS = {
 }
 
 
-@pytest.mark.parametrize("make, words", PARTS.values(), ids=PARTS)
+@pytest.mark.parametrize(("make", "words"), PARTS.values(), ids=PARTS)
 def test_scenes_and_systems(make, words):
     with pytest.raises(rj.SceneError, match="(?s)" + words):
         make()
@@ -176,7 +187,7 @@ STARTS = {
 }
 
 
-@pytest.mark.parametrize("changes, words", STARTS.values(), ids=STARTS)
+@pytest.mark.parametrize(("changes", "words"), STARTS.values(), ids=STARTS)
 def test_times_and_starts(changes, words):
     with pytest.raises(ValueError, match=words):
         rj.simulate(oscillator(), **({"ts": [0.0, 1.0]} | changes))
@@ -199,7 +210,7 @@ RANKS = {
 
 
 @pytest.mark.parametrize("decompose", [rj.pod, rj.sod])
-@pytest.mark.parametrize("motion, choice, words", RANKS.values(), ids=RANKS)
+@pytest.mark.parametrize(("motion", "choice", "words"), RANKS.values(), ids=RANKS)
 def test_ranks(decompose, motion, choice, words):
     with pytest.raises(ValueError, match=f"{decompose.__name__}: .*{words}"):
         decompose(motion, **choice)

@@ -25,7 +25,8 @@ def rotation(angle):
 
 def carried(x, v):
     """Ṙ = B v and R̈ = B v̇ + b of the pendulum's frame R = s e − A(φ) (σ, h), where σ = Σ s_k q_k
-    is the deflection at the hinge; x = (s, φ, q₁, q₂)."""
+    is the deflection at the hinge; x = (s, φ, q₁, q₂).
+    """
     turn, bent, bending = rotation(x[1]), SHAPES @ x[2:], SHAPES @ v[2:]
     columns = [ALONG, -turn @ [-ARM, bent], *(-shape * turn[:, 0] for shape in SHAPES)]
     drift = v[1] ** 2 * turn @ [bent, ARM] - 2 * v[1] * bending * turn[:, 1]
@@ -67,9 +68,10 @@ def test_acceleration():
         found, _ = system.acceleration(t, jnp.asarray(q), jnp.asarray(rate))
         a = acceleration(t, x, v)
         wanted = np.array([a[0] / np.sqrt(2), a[0] / np.sqrt(2), 0.0, *a[1:]])
-        terms = np.abs(np.linalg.inv(mass(x))) @ np.abs(MODES[1] ** 2 * x[2:]).sum(keepdims=True)[
-            [0, 0, 0, 0]
-        ]
+        terms = (
+            np.abs(np.linalg.inv(mass(x)))
+            @ np.abs(MODES[1] ** 2 * x[2:]).sum(keepdims=True)[[0, 0, 0, 0]]
+        )
         same = np.abs(np.asarray(found)[[0, 1, 2, 5, 6, 7]] - wanted)
         assert np.all(same <= IDENTITY * np.max(terms))
 
@@ -117,7 +119,8 @@ def test_natural_frequencies_of_a_free_beam():
 
 def test_natural_frequencies_of_the_chapters_example():
     """Of the mechanism at rest: the redundant model has those of the independent coordinates, and
-    four zeros for its four constraints."""
+    four zeros for its four constraints.
+    """
     system = rj.assemble(rj.gallery.cart_pendulum())
     slopes = system.linearize(0.0, system.q0, system.v0).by_position
     stiffness = np.diag([STIFFNESS, 0.0, *MODES**2])

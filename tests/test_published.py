@@ -89,7 +89,8 @@ def test_arevalo_particle():
 @pytest.fixture(scope="module")
 def point_pendulum() -> rj.Trajectory:
     """Problem A01 of the IFToMM benchmark library: a point mass of 1 kg on a massless bar of 1 m,
-    released from the horizontal; gravity 9.81 m/s²."""
+    released from the horizontal; gravity 9.81 m/s².
+    """
     system = rj.CustomSystem(
         lambda q: jnp.eye(2),
         lambda t, q, v: jnp.array([0.0, -9.81]),
@@ -111,7 +112,8 @@ def point_pendulum() -> rj.Trajectory:
 )
 def test_point_pendulum(point_pendulum, place, angle, rate, tension):
     """φ = 2 asin(k cd(√(g/L) t, k)) with k² = ½ from the downward vertical, and the pull in the
-    bar, which is the multiplier of ½ (|r|² − 1)."""
+    bar, which is the multiplier of ½ (|r|² − 1).
+    """
     motion, s, c = point_pendulum, np.sin(angle), np.cos(angle)
     assert np.allclose(motion.q[place], [s, -c], rtol=0, atol=PUBLISHED)
     assert np.allclose(motion.v[place], [rate * c, rate * s], rtol=0, atol=PUBLISHED)
@@ -133,7 +135,8 @@ def test_roots_of_free_free_beams():
 @pytest.mark.parametrize("axis", ["x", "y"])
 def test_mode_shapes_are_orthonormal(axis):
     """∫ρ w_i w_j ds = δ_ij, and no mode moves the centre of mass or turns the beam; every mode is
-    2/√m at the end with the lower coordinate. By Gauss–Legendre quadrature, exact to rounding."""
+    2/√m at the end with the lower coordinate. By Gauss–Legendre quadrature, exact to rounding.
+    """
     mass, length, modes = 0.7, 1.3, 6
     body = rj.Beam("beam", mass, length, EI=1.0, modes=modes, axis=axis)
     nodes, weights = np.polynomial.legendre.leggauss(80)

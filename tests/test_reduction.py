@@ -1,5 +1,7 @@
 """The chapter's reduction of the cart-pendulum: ranks, kept constraints, errors."""
 
+import itertools
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -95,7 +97,8 @@ def test_all_smooth_modes_span_the_velocities(coarse):
 
 def test_coordinates_that_rest(coarse):
     """The cart's angle never moves: no rank comes from it, no mode contains it, and the errors
-    (equation 39.17 divides by its largest motion) stay finite."""
+    (equation 39.17 divides by its largest motion) stay finite.
+    """
     for decompose in (rj.pod, rj.sod):
         assert jnp.max(jnp.abs(decompose(coarse, rank=5).modes[2])) <= IDENTITY
     report = rj.compare(coarse, coarse)
@@ -106,7 +109,7 @@ def test_coordinates_that_rest(coarse):
 
 def test_more_modes_miss_less(coarse):
     leaks = [rj.pod(coarse, rank=rank).leak for rank in (2, 3, 4, 5)]
-    assert all(b < a for a, b in zip(leaks, leaks[1:], strict=False))
+    assert all(less < more for more, less in itertools.pairwise(leaks))
 
 
 def test_six_modes(error):
@@ -126,7 +129,8 @@ def test_five_modes(error):
 
 def test_the_chapters_formulation_is_worse(error):
     """Equation 39.6 to the letter projects the solution, not the equations: 2.6e-5 at five modes,
-    against 4.3e-7 by d'Alembert's principle."""
+    against 4.3e-7 by d'Alembert's principle.
+    """
     _, projected = error(5, "projected")
     _, galerkin = error(5, "galerkin")
     assert projected.error >= WORSE * galerkin.error

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tolerances import IDENTITY
+from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
 from romjax.integrate.term import MotionTerm
@@ -67,7 +67,8 @@ def test_order_between_the_steps(solve):
 
 def test_order_on_an_equation_of_motion():
     """Through the second-order form: q₁ = exp(sin t), q₂ = 1/(1 + t), by forces that depend on
-    time, position and velocity."""
+    time, position and velocity.
+    """
     system = rj.CustomSystem(
         lambda q: jnp.eye(2),
         lambda t, q, v: jnp.stack([v[0] * jnp.cos(t) - q[0] * jnp.sin(t), -2 * q[1] * v[1]]),
@@ -76,7 +77,7 @@ def test_order_on_an_equation_of_motion():
     )
     errors = []
     for steps in STEPS:
-        end = rj.simulate(system, [0.0, 2.0], dt=2.0 / steps).q[-1]
+        end = rj.simulate(system, jnp.array([0.0, 2.0]), dt=2.0 / steps).q[-1]
         errors.append(np.max(np.abs(end - np.array([np.exp(np.sin(2.0)), 1 / 3]))))
     assert np.all(np.abs(observed(errors) - ORDER) <= SPREAD), observed(errors)
 
@@ -101,17 +102,19 @@ def test_the_second_order_form_changes_nothing():
 
 
 def test_a_stiff_equation():
-    """y' = −10⁷ (y − cos t) − sin t in steps of 0.1 s stays on y = cos t (Prothero and Robinson)."""
+    """Prothero and Robinson: y' = −10⁷ (y − cos t) − sin t, in steps of 0.1 s, stays on cos t."""
     solution = jax.jit(
-        lambda: diffrax.diffeqsolve(
-            diffrax.ODETerm(lambda t, y, args: -1e7 * (y - jnp.cos(t)) - jnp.sin(t)),
-            rj.Rodas5P(),
-            0.0,
-            2.0,
-            0.1,
-            jnp.ones(1),
-            max_steps=30,
-        ).ys
+        lambda: (
+            diffrax.diffeqsolve(
+                diffrax.ODETerm(lambda t, y, args: -1e7 * (y - jnp.cos(t)) - jnp.sin(t)),
+                rj.Rodas5P(),
+                0.0,
+                2.0,
+                0.1,
+                jnp.ones(1),
+                max_steps=30,
+            ).ys
+        )
     )()
     assert abs(float(solution[-1, 0]) - np.cos(2.0)) <= STIFF
 
@@ -126,6 +129,6 @@ def test_stability_at_infinity():
         y, *_ = rj.Rodas5P().step(term, 0.0, 1.0, jnp.array([1.0, 0.0]), None, None, False)
         return jnp.linalg.norm(y)
 
-    assert growth(jnp.asarray(-1e12 + 0j)) <= IDENTITY * 10
+    assert growth(jnp.asarray(-1e12 + 0j)) <= SOLVED
     for frequency in (0.1, 1.0, 10.0, 1e3):
         assert growth(jnp.asarray(1j * frequency)) <= 1 + IDENTITY

@@ -50,13 +50,13 @@ def compare(truth: Trajectory, approx: Trajectory) -> Comparison:
 @jax.jit
 def _compare(truth: Trajectory, approx: Trajectory) -> Comparison:
     difference = truth.q - approx.q
-    motion = truth.q - truth.q[0]
+    motion = truth.q - truth.q[:1]
     root = jnp.linalg.cholesky(truth.metric)
     # Rest, up to rounding: a coordinate of order one cannot move by less than this.
     scale = jnp.maximum(1.0, jnp.max(jnp.abs(truth.q), axis=0))
     reach = jnp.max(jnp.abs(motion), axis=0)
     moving = reach > 100 * jnp.finfo(motion.dtype).eps * scale
-    history = difference / jnp.where(moving, reach, 1)
+    history = difference / jnp.where(moving, reach, 1)[None]
     return Comparison(
         error=_norm(difference @ root) / _norm(motion @ root),
         history=history,
