@@ -4,6 +4,7 @@ import csv
 import subprocess
 import sys
 
+import equinox._errors
 import jax
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ def own_cache(tmp_path, monkeypatch):
     """Keep the command line's settings out of the other tests."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setenv("XLA_FLAGS", "")
+    monkeypatch.setattr(equinox._errors, "EQX_ON_ERROR", "raise")
     before = jax.config.jax_compilation_cache_dir
     yield
     jax.config.update("jax_compilation_cache_dir", before)

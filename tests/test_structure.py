@@ -133,7 +133,8 @@ def test_time_is_traced_for_moving_joints_only():
 
 def test_no_constraints_no_multipliers():
     system = rj.assemble(rj.Scene([rj.RigidBody("bar", 1.0, 1.0)], [], [rj.Gravity()]))
-    assert system.acceleration(0.0, system.q0, system.v0)[1].shape == (0,)
+    found = jax.eval_shape(system.acceleration, 0.0, system.q0, system.v0)
+    assert found[1].shape == (0,)
     found = primitives(system.acceleration, 0.0, system.q0, system.v0)
     assert "cholesky" not in found
     assert "triangular_solve" not in found
@@ -227,7 +228,7 @@ BELOW = {
     "integrate": {"scene", "basis", "system", "integrate"},
     "study": {"scene", "basis", "system", "integrate", "study"},
     "gallery": {"scene", "gallery"},
-    "plot": {"scene", "basis", "system", "integrate", "study"},
+    "plot": {"scene", "basis", "system", "integrate", "study", "plot"},
 }
 
 

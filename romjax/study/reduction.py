@@ -3,10 +3,11 @@
 import dataclasses
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from ..basis.basis import Basis
@@ -15,10 +16,10 @@ from ..basis.pod import pod
 from ..basis.rank import Rank
 from ..basis.sod import sod
 from ..integrate.simulate import simulate
-from ..integrate.trajectory import Trajectory
+from ..integrate.trajectory import SimulationError, Trajectory
 from ..system.base import AbstractSystem
 from ..system.reduced.reduce import ReductionError, reduce
-from ..system.stabilization import Baumgarte
+from ..system.stabilization import Baumgarte, Stabilization
 from .compare import Comparison, compare
 
 # The chapter samples at 100 Hz, then at 300 Hz to see whether the ranks move.
@@ -32,7 +33,7 @@ class Run:
     name: str
     system: AbstractSystem
     trajectory: Trajectory
-    compile_time: float  # [s] first call less a later one
+    compile_time: float  # [s] first call less a later one; two models share the machine
     run_time: float  # [s] least of the later calls
     comparison: Comparison
 
@@ -89,23 +90,30 @@ def reduction_study(
     samples = round(end * rate)
     ts = jnp.linspace(0.0, end, REFINEMENT * samples + 1)
     report("full model")
-    full = _run("full", system, ts, rtol, "default", repeats, None)
+    full = _run(_Model("full", system, "default"), ts, rtol, repeats, None)
     fine = full.trajectory
     coarse = fine.every(REFINEMENT)
     bases = {"POD": pod(coarse, pod_rank), "SOD": sod(coarse, sod_rank)}
     # One stabilisation for all: that of the full run.
     used = Baumgarte(fine.stats["alpha"], fine.stats["beta"]) if system.m else None
-    runs, refused = [full], {}
+    models, refused = [], {}
     for formulation in ("galerkin", "projected"):
         for kind, basis in bases.items():
             name = f"{kind} {formulation}"
-            report(f"{name}, r = {basis.rank}")
+            report(f"reducing: {name}")
             try:
                 rom = reduce(system, basis, formulation)
+                models.append(_Model(name, rom, used if rom.m else None))
             except ReductionError as error:
                 refused[name] = str(error)
-                continue
-            runs.append(_run(name, rom, ts, rtol, used if rom.m else None, repeats, fine))
+    report("compiling the reduced models")
+    # Two at a time, since XLA compiles on one core: half the wait.
+    with ThreadPoolExecutor(2) as pool:
+        first = list(pool.map(lambda model: _call(model, ts, rtol)[1], models))
+    runs = [full]
+    for model, taken in zip(models, first, strict=True):
+        report(f"running: {model.name}")
+        runs.append(_run(model, ts, rtol, repeats, fine, taken))
     ranks = [
         Ranks(
             hertz,
@@ -118,23 +126,36 @@ def reduction_study(
     return ReductionStudy(runs, bases, ranks, refused)
 
 
+class _Model(NamedTuple):
+    name: str
+    system: AbstractSystem
+    stabilization: Stabilization | str
+
+
+def _call(model: _Model, ts: Float[Array, " k"], rtol: float) -> tuple[Trajectory, float]:
+    """One simulation and how long it took [s]."""
+    start = time.perf_counter()
+    trajectory = simulate(
+        model.system, ts, rtol=rtol, stabilization=model.stabilization, throw=False
+    )
+    jax.block_until_ready(trajectory.q)
+    return trajectory, time.perf_counter() - start
+
+
 def _run(
-    name: str,
-    system: AbstractSystem,
+    model: _Model,
     ts: Float[Array, " k"],
     rtol: float,
-    stabilization: Baumgarte | str | None,
     repeats: int,
     truth: Trajectory | None,
+    first: float | None = None,
 ) -> Run:
-    times = []
-    for _ in range(1 + repeats):
-        start = time.perf_counter()
-        trajectory = simulate(
-            system, ts, rtol=rtol, stabilization=stabilization, throw=truth is None
-        )
-        jax.block_until_ready(trajectory.q)
-        times.append(time.perf_counter() - start)
-    least = float(np.min(times[1:]))
+    """Time a model; `first` is how long its first call took, unless that is still to come."""
+    if first is None:
+        trajectory, first = _call(model, ts, rtol)
+    calls = [_call(model, ts, rtol) for _ in range(repeats)]
+    trajectory, least = calls[-1][0], min(taken for _, taken in calls)
+    if truth is None and not bool(trajectory.success):
+        raise SimulationError(f"study: the full model did not run: {trajectory.reason()}.")
     comparison = compare(trajectory if truth is None else truth, trajectory)
-    return Run(name, system, trajectory, times[0] - least, least, comparison)
+    return Run(model.name, model.system, trajectory, max(first - least, 0.0), least, comparison)
