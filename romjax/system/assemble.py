@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import jax.tree_util as jtu
 
@@ -27,7 +26,7 @@ def assemble(scene: Scene) -> AssembledSystem:
     """
     scene.check()
     # A Python number that was put in by hand would be static and recompile at every change.
-    scene = jtu.tree_map(lambda x: as_array(x) if eqx.is_inexact_array_like(x) else x, scene)
+    scene = jtu.tree_map(as_array, scene)
 
     offsets, coordinates = 0, {}
     for body in scene.bodies:

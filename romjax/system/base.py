@@ -152,6 +152,8 @@ class AbstractSystem(eqx.Module):
         stabilization: Baumgarte | None = None,
     ) -> Float[Array, " m"]:
         """Right-hand side γ of the constraints at acceleration level."""
+        if self.m == 0:
+            return jnp.zeros(0, q.dtype)
         state = self.constraint_state(t, q, v)
         if stabilization is None:
             return -state.curvature
