@@ -76,7 +76,7 @@ def _run(options: argparse.Namespace) -> int:
     system = assemble(scene)
     print(f"{example.name}: {example.title}")
     print(f"{system.n} coordinates, {system.m} constraints")
-    stages = 11  # the full model, four reductions, compilation, four runs, pictures
+    stages = 6  # five models and the pictures
     with tqdm(total=stages, bar_format="{desc:32} {bar:24} {elapsed}", file=sys.stderr) as bar:
 
         def advance(stage: str) -> None:

@@ -68,12 +68,12 @@ def write(study: ReductionStudy, scene: Scene, folder: Path, animation: bool) ->
         figures[f"modes_{name.lower()}.png"] = plot.modes(scene, basis)
     written = []
     for name, figure in figures.items():
-        figure.savefig(folder / name, dpi=120)
+        figure.savefig(folder / name, dpi=100)
         written.append(folder / name)
     if animation:
         best = "POD galerkin"
         shown = {"full": truth} | ({best: approx[best]} if best in approx else {})
-        plot.animate(scene, shown, folder / "animation.gif")
+        plot.animate(scene, shown, folder / "animation.gif", fps=20, seconds=2.0)
         written.append(folder / "animation.gif")
     for name, trajectory in {"full": truth, **approx}.items():
         written.append(

@@ -56,9 +56,14 @@ def _place(body: AbstractBody, points: jax.Array, q: np.ndarray) -> np.ndarray:
     """Places (k, points, 2) of the material `points` (points, 2) of a body at its own `q`."""
     local = np.asarray(points)[None]
     if body.modes:
-        shapes = np.asarray(jax.vmap(body.mode_shapes)(points))
+        shapes = np.asarray(_shapes(body, points))
         local = local + np.einsum("pim,km->kpi", shapes[:, :2], q[:, 3:])
     cos, sin = np.cos(q[:, 2:3]), np.sin(q[:, 2:3])
     x = q[:, 0:1] + cos * local[:, :, 0] - sin * local[:, :, 1]
     y = q[:, 1:2] + sin * local[:, :, 0] + cos * local[:, :, 1]
     return np.stack([x, y], axis=2)
+
+
+@jax.jit
+def _shapes(body: AbstractBody, points: jax.Array) -> jax.Array:
+    return jax.vmap(body.mode_shapes)(points)

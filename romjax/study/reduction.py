@@ -3,8 +3,6 @@
 import dataclasses
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +14,7 @@ from ..basis.pod import pod
 from ..basis.rank import Rank
 from ..basis.sod import sod
 from ..integrate.simulate import simulate
-from ..integrate.trajectory import SimulationError, Trajectory
+from ..integrate.trajectory import Trajectory
 from ..system.base import AbstractSystem
 from ..system.reduced.reduce import ReductionError, reduce
 from ..system.stabilization import Baumgarte, Stabilization
@@ -33,7 +31,7 @@ class Run:
     name: str
     system: AbstractSystem
     trajectory: Trajectory
-    compile_time: float  # [s] first call less a later one; two models share the machine
+    compile_time: float  # [s] first call less a later one
     run_time: float  # [s] least of the later calls
     comparison: Comparison
 
@@ -70,7 +68,7 @@ def reduction_study(
     pod_rank: Rank | None = None,
     sod_rank: Rank | None = None,
     rtol: float = 1e-8,
-    repeats: int = 3,
+    repeats: int = 2,
     report: Callable[[str], None] = lambda stage: None,
 ) -> ReductionStudy:
     """Simulate, reduce by POD and SOD, each in both formulations, and compare.
@@ -90,30 +88,24 @@ def reduction_study(
     samples = round(end * rate)
     ts = jnp.linspace(0.0, end, REFINEMENT * samples + 1)
     report("full model")
-    full = _run(_Model("full", system, "default"), ts, rtol, repeats, None)
+    full = _run("full", system, ts, rtol, "default", repeats, None)
     fine = full.trajectory
     coarse = fine.every(REFINEMENT)
     bases = {"POD": pod(coarse, pod_rank), "SOD": sod(coarse, sod_rank)}
     # One stabilisation for all: that of the full run.
     used = Baumgarte(fine.stats["alpha"], fine.stats["beta"]) if system.m else None
-    models, refused = [], {}
+    runs, refused = [full], {}
     for formulation in ("galerkin", "projected"):
         for kind, basis in bases.items():
-            name = f"{kind} {formulation}"
-            report(f"reducing: {name}")
+            name = f"{kind} {formulation}, r = {basis.rank}"
+            report(name)
             try:
                 rom = reduce(system, basis, formulation)
-                models.append(_Model(name, rom, used if rom.m else None))
             except ReductionError as error:
                 refused[name] = str(error)
-    report("compiling the reduced models")
-    # Two at a time, since XLA compiles on one core: half the wait.
-    with ThreadPoolExecutor(2) as pool:
-        first = list(pool.map(lambda model: _call(model, ts, rtol)[1], models))
-    runs = [full]
-    for model, taken in zip(models, first, strict=True):
-        report(f"running: {model.name}")
-        runs.append(_run(model, ts, rtol, repeats, fine, taken))
+                continue
+            stabilization = used if rom.m else None
+            runs.append(_run(f"{kind} {formulation}", rom, ts, rtol, stabilization, repeats, fine))
     ranks = [
         Ranks(
             hertz,
@@ -126,36 +118,23 @@ def reduction_study(
     return ReductionStudy(runs, bases, ranks, refused)
 
 
-class _Model(NamedTuple):
-    name: str
-    system: AbstractSystem
-    stabilization: Stabilization | str
-
-
-def _call(model: _Model, ts: Float[Array, " k"], rtol: float) -> tuple[Trajectory, float]:
-    """One simulation and how long it took [s]."""
-    start = time.perf_counter()
-    trajectory = simulate(
-        model.system, ts, rtol=rtol, stabilization=model.stabilization, throw=False
-    )
-    jax.block_until_ready(trajectory.q)
-    return trajectory, time.perf_counter() - start
-
-
 def _run(
-    model: _Model,
+    name: str,
+    system: AbstractSystem,
     ts: Float[Array, " k"],
     rtol: float,
+    stabilization: Stabilization | str,
     repeats: int,
     truth: Trajectory | None,
-    first: float | None = None,
 ) -> Run:
-    """Time a model; `first` is how long its first call took, unless that is still to come."""
-    if first is None:
-        trajectory, first = _call(model, ts, rtol)
-    calls = [_call(model, ts, rtol) for _ in range(repeats)]
-    trajectory, least = calls[-1][0], min(taken for _, taken in calls)
-    if truth is None and not bool(trajectory.success):
-        raise SimulationError(f"study: the full model did not run: {trajectory.reason()}.")
+    times = []
+    for _ in range(1 + repeats):
+        start = time.perf_counter()
+        trajectory = simulate(
+            system, ts, rtol=rtol, stabilization=stabilization, throw=truth is None
+        )
+        jax.block_until_ready(trajectory.q)
+        times.append(time.perf_counter() - start)
+    least = min(times[1:])
     comparison = compare(trajectory if truth is None else truth, trajectory)
-    return Run(model.name, model.system, trajectory, max(first - least, 0.0), least, comparison)
+    return Run(name, system, trajectory, times[0] - least, least, comparison)
