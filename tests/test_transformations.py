@@ -217,3 +217,13 @@ def test_any_solver(by_default, solver):
     motion = rj.simulate(rj.assemble(pendulum()), RUN["ts"], rtol=TIGHT, solver=solver)
     assert close((motion.q, motion.v), (by_default.q, by_default.v), SOLVED)
     assert motion.solver == type(solver).__name__
+
+
+def test_methods_of_a_system_can_be_jitted():
+    """`jax.jit(system.acceleration)` compiles once, however often the method is looked up."""
+    system = rj.assemble(rj.gallery.chain(1))
+    arguments = (0.0, system.q0, system.v0)
+    first, again = jax.jit(system.acceleration), jax.jit(system.acceleration)
+    for a, b in zip(first(*arguments), again(*arguments), strict=True):
+        assert jnp.array_equal(a, b)
+    assert hash(system.acceleration) == hash(system.acceleration)

@@ -39,6 +39,10 @@ class AbstractSystem(eqx.Module):
     q0: eqx.AbstractVar[Float[Array, " n"]]
     v0: eqx.AbstractVar[Float[Array, " n"]]
 
+    def __hash__(self) -> int:
+        # By identity, so that `jax.jit(system.force)` works; equinox would hash the arrays.
+        return id(self)
+
     @property
     def n(self) -> int:
         """Number of generalized coordinates."""
