@@ -9,6 +9,7 @@ from conftest import TIGHT
 from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
+from romjax.basis.rank import choose_rank
 
 # Required of the reduced models, against a full run at the same tight tolerance.
 ERROR_SIX = 1e-8
@@ -173,3 +174,12 @@ class _Recorded:
         self.t, self.q, self.v = motion.t, motion.q[:, keep], motion.v[:, keep]
         self.metric = motion.metric[jnp.ix_(keep, keep)]
         self.labels = tuple(motion.labels[i] for i in keep)
+
+
+def test_values_without_a_drop_keep_every_direction():
+    """Values that fall evenly to the last have no drop point, wherever rounding would begin."""
+    evenly = jnp.logspace(0, -7, 8)
+    assert choose_rank("pod", evenly, "drop", None, 100).rank == 8
+    assert "no drop point" in choose_rank("pod", evenly, "drop", None, 100).reason
+    cliff = evenly.at[5:].multiply(1e-4)
+    assert choose_rank("pod", cliff, "drop", None, 100).rank == 5

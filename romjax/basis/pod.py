@@ -25,7 +25,8 @@ def pod(
     **Arguments:**
 
     - `motion`: a Trajectory.
-    - `rank`: number of modes, or "drop": where the values fall most steeply (the default).
+    - `rank`: number of modes, or "drop" (the default): where the values fall most steeply, if by
+      two decades at least; else every direction above rounding.
     - `tol`: instead of a rank, keep the values above `tol` times the largest.
     - `offset`: q̄ (n,), the first configuration unless given.
 

@@ -9,6 +9,11 @@ from jaxtyping import Array, Float
 Rank = int | str  # a number of modes, or "drop"
 
 
+# A drop point is a fall by two decades. The values of a falling chain of bars decrease by 2 to 20
+# at each step, all the way to rounding: they have none.
+DROP = 100.0
+
+
 class Choice(NamedTuple):
     """A rank and why."""
 
@@ -64,8 +69,11 @@ def choose_rank(
         return Choice(count, f"rank {count}: {why}; the next value is {_next(relative, count)}")
     if rank not in (None, "drop"):
         raise ValueError(f'{name}: rank={rank!r}; give a whole number or "drop".')
-    padded = np.append(np.maximum(relative, floor), floor)
-    drops = padded[:significant] / padded[1 : significant + 1]
+    # Where all values are significant, the fall from the last one to rounding is no drop.
+    above = np.maximum(relative[: significant + 1], floor)
+    drops = above[:-1] / above[1:]
+    if not np.any(drops >= DROP):
+        return Choice(significant, f"rank {significant}: no drop point, every direction is kept")
     count = int(np.argmax(drops)) + 1
     return Choice(count, f"rank {count}: drop point, the next value is {_next(relative, count)}")
 
