@@ -7,6 +7,7 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import equinox._errors
 import jax
@@ -27,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _set_up_jax()
     try:
         return options.verb(options)
-    except (SceneError, SimulationError, ValueError, OSError) as error:
+    except (SimulationError, ValueError, OSError) as error:
         print(f"romjax: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
@@ -85,10 +86,10 @@ def _run(options: argparse.Namespace) -> int:
 
         study = reduction_study(
             system,
-            options.end or example.end,
-            options.rate or example.rate,
-            pod_rank=options.pod_rank or example.pod_rank,
-            sod_rank=options.sod_rank or example.sod_rank,
+            _given(options.end, example.end),
+            _given(options.rate, example.rate),
+            pod_rank=_given(options.pod_rank, example.pod_rank),
+            sod_rank=_given(options.sod_rank, example.sod_rank),
             rtol=options.rtol,
             report=advance,
         )
@@ -99,6 +100,11 @@ def _run(options: argparse.Namespace) -> int:
     print(report.summary(study, chapter=example.name == "cart-pendulum"))
     print(f"\nWrote {len(files)} files to {folder}{os.sep}: {', '.join(f.name for f in files)}")
     return 0
+
+
+def _given(option: Any, default: Any) -> Any:
+    """What was asked for, zero included, else the default."""
+    return default if option is None else option
 
 
 def _load(name: str) -> Example:

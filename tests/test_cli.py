@@ -61,8 +61,9 @@ def test_bad_scene_file(tmp_path, capsys, text, message):
     assert message in capsys.readouterr().err
 
 
-def test_bad_rate(tmp_path, capsys):
-    assert main(["run", "chain", "--out", str(tmp_path), "--rate", "-1"]) == 2
+@pytest.mark.parametrize("option", [["--rate", "-1"], ["--rate", "0"], ["--end", "0"]])
+def test_no_sample(tmp_path, capsys, option):
+    assert main(["run", "chain", "--out", str(tmp_path), *option]) == 2
     assert "no sample" in capsys.readouterr().err
 
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ..system.consistent import project
-from .term import MotionTerm
+from .term import MotionTerm, unwrap
 
 
 class ProjectedSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrappedSolver[Any]):
@@ -61,7 +61,7 @@ class ProjectedSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrapp
         y1, error, dense, state, result = self.solver.step(
             terms, t0, t1, y0, args, solver_state, made_jump=jnp.array(True)
         )
-        term, direction = getattr(terms, "term", terms), getattr(terms, "direction", 1)
+        term, direction = unwrap(terms)
         assert isinstance(term, MotionTerm)
         time = jnp.asarray(t1 * direction, jax.tree.leaves(y1)[0].dtype)
         return project(term.system, time, *y1, self.sweeps), error, dense, state, result

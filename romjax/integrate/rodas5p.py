@@ -16,7 +16,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
 from .rodas5p_tableau import DENSE, GAMMA, SLOPES, TIMES, A, C
-from .term import MotionTerm
+from .term import MotionTerm, unwrap
 
 Flat = Float[Array, " size"]
 
@@ -122,9 +122,9 @@ def _step(
 def _linearize(
     terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree, h: Float[Array, ""]
 ) -> _Point:
-    inner = getattr(terms, "term", terms)  # diffrax wraps terms to carry the direction of time
+    inner, direction = unwrap(terms)
     if isinstance(inner, MotionTerm):
-        return _linearize_motion(inner, t0 * getattr(terms, "direction", 1), y0, h)
+        return _linearize_motion(inner, t0 * direction, y0, h)
     start, unravel = ravel_pytree(y0)
 
     def field(t, y):  # type: ignore[no-untyped-def]

@@ -27,6 +27,11 @@ def acceleration(
     return system.acceleration(t, q, v, stabilization)
 
 
+def unwrap(terms: Any) -> tuple[Any, Any]:
+    """The term itself and the direction of time, which diffrax wraps around it."""
+    return getattr(terms, "term", terms), getattr(terms, "direction", 1)
+
+
 class MotionTerm(diffrax.AbstractTerm):
     """(q, v)' = (v, a(t, q, v)) (chapter equation 39.4)."""
 

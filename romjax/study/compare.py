@@ -14,7 +14,7 @@ class Comparison(eqx.Module):
     """The errors of one motion against another.
 
     - `error`: ‖M₀^½ (q̃ − q)‖ / ‖M₀^½ (q − q₀)‖ over all output times, M₀ the mass matrix at the
-      start: one number without units.
+      start: one number without units. Of a motion that rests, the absolute ‖M₀^½ (q̃ − q)‖.
     - `history` (k, n): the chapter's equation 39.17, Δq_i(t) / max |q_i − q_i(0)|.
     - `per_coordinate` (n,): its largest magnitude in time.
     - `moving` (n,): which coordinates move at all; where one rests, the two above hold the
@@ -56,9 +56,10 @@ def _compare(truth: Trajectory, approx: Trajectory) -> Comparison:
     scale = jnp.maximum(1.0, jnp.max(jnp.abs(truth.q), axis=0))
     reach = jnp.max(jnp.abs(motion), axis=0)
     moving = reach > 100 * jnp.finfo(motion.dtype).eps * scale
+    size = _norm(motion @ root)
     history = difference / jnp.where(moving, reach, 1)[None]
     return Comparison(
-        error=_norm(difference @ root) / _norm(motion @ root),
+        error=_norm(difference @ root) / jnp.where(size > 0, size, 1),
         history=history,
         per_coordinate=jnp.max(jnp.abs(history), axis=0),
         moving=moving,

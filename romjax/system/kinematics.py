@@ -95,10 +95,6 @@ class Slots(eqx.Module):
     count: int = eqx.field(static=True)
     sides: int = eqx.field(static=True)
 
-    @property
-    def stop(self) -> int:
-        return self.start + self.count * self.sides
-
     def take(self, stacked):  # type: ignore[no-untyped-def]
         """The rows of each side, from any pytree with a row for each marker."""
         begins = [self.start + side * self.count for side in range(self.sides)]
