@@ -69,7 +69,7 @@ def cases() -> list[Case]:
 
 def methods(system: rj.AbstractSystem, ts: jnp.ndarray, stiff: bool) -> dict[str, Callable]:
     """Functions of the tolerance that return (q (k, n), steps)."""
-    stabilization = rj.Baumgarte.critical(system.rigid_frequency(ts[0], system.q0, system.v0))
+    stabilization = rj.Baumgarte.critical(system.frequencies(ts[0], system.q0, system.v0).rigid)
 
     def ours(solver: diffrax.AbstractSolver) -> Callable:
         def run(rtol: float) -> tuple[np.ndarray, int]:

@@ -146,9 +146,9 @@ PARTS = {
     ),
     "too many joints": (
         lambda: rj.assemble(
-            rj.Scene([bar()], [rj.Revolute(bar().at(), rj.ground.at()) for _ in range(2)])
+            rj.Scene([bar()], [rj.Revolute(bar().at((x, 0)), rj.ground.at((x, 0))) for x in (0, 1)])
         ),
-        "make 4 constraints on 3 coordinates.*Take out",
+        "4 constraints on 3 coordinates leave no motion.*Take out",
     ),
     "mass of a wrong shape": (
         lambda: oscillator(mass=lambda q: jnp.eye(2)),

@@ -1,19 +1,62 @@
 """Choices that a simulation makes where the user makes none."""
 
+import warnings
+
+import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from ..system.base import AbstractSystem
+from ..scene.fields import concrete
+from ..system.base import AbstractSystem, Frequencies
 from ..system.stabilization import Baumgarte
+from .rodas5p import Rodas5P
+from .trajectory import Trajectory
+
+# Fewer outputs than this are a question about the end, not a picture of the motion.
+_OUTPUTS = 100
+# A fixed step times a frequency that an explicit method still follows.
+_RESOLVED = 1.0
+# Baumgarte's terms set the step if their rate is this many times the mechanism's, and comparable
+# with the steps that were taken.
+_FASTER, _COMPARABLE = 3.0, 0.25
+
+
+@eqx.filter_jit
+def frequencies(
+    system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"], v: Float[Array, " n"]
+) -> Frequencies:
+    """`system.frequencies`, compiled once for all methods; a setting, not to be differentiated."""
+    return jax.lax.stop_gradient(system.frequencies(t, q, v))
+
+
+def default_solver(
+    system: AbstractSystem,
+    ts: Float[Array, " k"],
+    dt: Float[Array, ""] | None,
+    found: Frequencies,
+) -> diffrax.AbstractSolver:
+    """Rodas5P for stiff systems, Dopri8 for others.
+
+    Stiff: the fastest frequency is above what the outputs can show, half their rate (counted as a
+    hundred at least), or above what a fixed step resolves. While JAX traces, numbers are unknown,
+    and flexible systems count as stiff.
+    """
+    fastest, times, step = concrete(found.fastest), concrete(ts), concrete(dt)
+    if fastest is None or times is None or (dt is not None and step is None):
+        stiff = system.flexible
+    elif dt is not None:
+        stiff = bool(fastest * step > _RESOLVED)
+    else:
+        interval = (times[-1] - times[0]) / max(len(times) - 1, _OUTPUTS)
+        stiff = bool(fastest * interval > np.pi)
+    return Rodas5P() if stiff else diffrax.Dopri8()
 
 
 def default_stabilization(
-    system: AbstractSystem,
-    ts: Float[Array, " k"],
-    q: Float[Array, " n"],
-    v: Float[Array, " n"],
-    dt: Float[Array, ""] | None,
+    system: AbstractSystem, ts: Float[Array, " k"], dt: Float[Array, ""] | None, found: Frequencies
 ) -> Baumgarte | None:
     """Critical damping at the fastest rigid frequency ω: α = 2ω, β = ω².
 
@@ -23,7 +66,35 @@ def default_stabilization(
     """
     if system.m == 0:
         return None
-    omega = jnp.maximum(system.rigid_frequency(ts[0], q, v), 2 * jnp.pi / (ts[-1] - ts[0]))
+    omega = jnp.maximum(found.rigid, 2 * jnp.pi / (ts[-1] - ts[0]))
     if dt is not None:
         omega = jnp.minimum(omega, 0.1 / dt)
-    return Baumgarte.critical(jax.lax.stop_gradient(omega))
+    return Baumgarte.critical(omega)
+
+
+def warn_of_fast_stabilization(
+    system: AbstractSystem,
+    trajectory: Trajectory,
+    q0: Float[Array, " n"],
+    v0: Float[Array, " n"],
+) -> None:
+    """Warn if Baumgarte's terms, and not the mechanism, have set the step of an explicit method."""
+    numbers = [trajectory.stats.get(key) for key in ("alpha", "beta", "num_accepted_steps")]
+    if any(x is None or concrete(x) is None for x in (*numbers, trajectory.t, q0, system.q0)):
+        return
+    alpha, beta, steps = (np.asarray(x, float) for x in numbers)
+    # |s| of s² + α s + β = 0
+    rate = float(np.max(np.abs(alpha / 2 + np.sqrt(alpha**2 / 4 - beta + 0j))))
+    step = float(trajectory.t[-1] - trajectory.t[0]) / max(float(steps), 1.0)
+    if rate * step < _COMPARABLE:
+        return
+    fastest = float(frequencies(system, trajectory.t[0], q0, v0).fastest)
+    if rate > _FASTER * fastest:
+        warnings.warn(
+            f"The stabilisation and not the mechanism sets the step: Baumgarte's terms decay at "
+            f"{rate:.3g} /s, the fastest frequency of the mechanism is {fastest:.3g} rad/s, and "
+            f"{trajectory.solver} took steps of {step:.2g} s. Use "
+            f"romjax.Baumgarte.critical({max(fastest, 1e-3):.2g}), romjax.Projection(), or "
+            "romjax.Rodas5P().",
+            stacklevel=3,
+        )

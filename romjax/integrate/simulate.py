@@ -11,10 +11,15 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from ..scene.fields import Vector, as_array, check_finite, check_shape, concrete
-from ..system.base import AbstractSystem
-from ..system.consistent import START_SWEEPS, START_TOLERANCE, check_start_shapes, project
+from ..system.base import AbstractSystem, Frequencies
+from ..system.consistent import START_TOLERANCE, check_start_shapes, project, project_start
 from ..system.stabilization import Baumgarte, Projection, Stabilization
-from .default import default_stabilization
+from .default import (
+    default_solver,
+    default_stabilization,
+    frequencies,
+    warn_of_fast_stabilization,
+)
 from .projection import ProjectedSolver
 from .rodas5p import Rodas5P
 from .term import MotionTerm, acceleration
@@ -50,7 +55,9 @@ def simulate(
     **Keyword arguments:**
 
     - `q0`, `v0`: start in the system's coordinates; those of the system unless given.
-    - `solver`: any diffrax solver; `Rodas5P()` unless given.
+    - `solver`: any diffrax solver; unless given, `Rodas5P()` where the fastest frequency of the
+      system at its start is above what the outputs can show, `diffrax.Dopri8()` elsewhere (while
+      JAX traces: Rodas5P for flexible systems). `Trajectory.solver` says which.
     - `rtol`, `atol`: tolerances of the step size control; `atol` equals `rtol` unless given.
     - `dt`: a fixed step [s] instead of step size control.
     - `stabilization`: `Baumgarte(alpha, beta)`, `Projection()` or None; unless given, critical
@@ -73,21 +80,33 @@ def simulate(
             'jax.config.update("jax_enable_x64", True) before making any array.',
             stacklevel=2,
         )
-    rtol = jnp.asarray(rtol, q.dtype)
+    rtol, times = jnp.asarray(rtol, q.dtype), times.astype(q.dtype)
+    step = None if dt is None else jnp.asarray(dt, q.dtype)
+    chosen = isinstance(stabilization, Baumgarte)
+    found = None
+    if solver is None or stabilization == "default":
+        found = frequencies(system, times[0], q, v)
+        if solver is None:
+            solver = default_solver(system, times, step, found)
+        if stabilization == "default":
+            stabilization = default_stabilization(system, times, step, found)
     trajectory, start = _simulate(
         system,
-        times.astype(q.dtype),
+        times,
         q,
         v,
-        solver=Rodas5P() if solver is None else solver,
+        solver=solver,
         rtol=rtol,
         atol=rtol if atol is None else jnp.asarray(atol, q.dtype),
-        dt=None if dt is None else jnp.asarray(dt, q.dtype),
+        dt=step,
         stabilization=stabilization,
+        frequencies=found,
         adjoint=diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
         max_steps=max_steps,
         meter=diffrax.TqdmProgressMeter() if progress else diffrax.NoProgressMeter(),
     )
+    if chosen and not isinstance(solver, Rodas5P | diffrax.AbstractImplicitSolver):
+        warn_of_fast_stabilization(system, trajectory, q, v)
     return _raise_failure(system, trajectory, start) if throw else trajectory
 
 
@@ -118,18 +137,17 @@ def _simulate(
     rtol: Float[Array, ""],
     atol: Float[Array, ""],
     dt: Float[Array, ""] | None,
-    stabilization: Stabilization | Literal["default"],
+    stabilization: Stabilization,
+    frequencies: Frequencies | None,
     adjoint: diffrax.AbstractAdjoint,
     max_steps: int,
     meter: diffrax.AbstractProgressMeter,
 ) -> tuple[Trajectory, Any]:
-    if stabilization == "default":
-        stabilization = default_stabilization(system, ts, q0, v0, dt)
     baumgarte = stabilization if isinstance(stabilization, Baumgarte) else None
     # None where there is nothing to project.
     projection = stabilization if isinstance(stabilization, Projection) and system.m else None
     if projection:
-        q0, v0 = project(system, ts[0], q0, v0, START_SWEEPS)
+        q0, v0 = project_start(system, ts[0], q0, v0)
     # A short first step instead of diffrax's estimate, which would trace the acceleration twice
     # more; the step size control needs three steps to grow it a thousandfold.
     first = 1e-3 * rtol**0.2 * (ts[-1] - ts[0]) if dt is None else dt
@@ -170,11 +188,15 @@ def _simulate(
     status = jnp.where(result == diffrax.RESULTS.successful, status, Status.SOLVER_FAILED)
     status = jnp.where(result == diffrax.RESULTS.max_steps_reached, Status.MAX_STEPS, status)
     status = jnp.where(_consistent(start, q0, v0), status, Status.INCONSISTENT_START)
+    if q0.dtype == jnp.float32:
+        status = jnp.where(_resolved(system, ts[0], q0), status, Status.PRECISION)
     stats = {
         key: solution.stats[key]
         for key in ("num_steps", "num_accepted_steps", "num_rejected_steps")
     }
     stats |= {"rtol": rtol, "atol": atol}
+    if frequencies is not None:
+        stats |= {"fastest_frequency": frequencies.fastest}
     if baumgarte is not None:
         stats |= {"alpha": baumgarte.alpha, "beta": baumgarte.beta}
     trajectory = Trajectory(
@@ -199,6 +221,20 @@ def _consistent(start: Any, q0: Float[Array, " n"], v0: Float[Array, " n"]) -> A
     return jnp.all(jnp.abs(start.violation) <= tolerance * scale_q) & jnp.all(
         jnp.abs(start.rate) <= tolerance * scale_v
     )
+
+
+def _resolved(system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]) -> Array:
+    """Whether single precision tells nearly dependent constraints from repeated ones.
+
+    The singular values of C_q, with rows of unit length in the metric of M⁻¹, are zero for those
+    that repeat others; accelerations lose as many digits as their squares.
+    """
+    saddle = system.saddle(t, q)
+    half = jnp.linalg.cholesky(system.mass(q))
+    rows = jax.scipy.linalg.solve_triangular(half, system.jacobian(t, q).T, lower=True)
+    scale = saddle.topology.join_rows(saddle.scale)
+    values = jnp.linalg.svd(rows * scale[None], compute_uv=False)
+    return jnp.all((values < 1e-5) | (values > 1.5e-2))
 
 
 def _raise_failure(system: AbstractSystem, trajectory: Trajectory, start: Any) -> Trajectory:

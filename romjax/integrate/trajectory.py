@@ -16,6 +16,7 @@ class Status(enum.IntEnum):
     NOT_FINITE = 2
     INCONSISTENT_START = 3
     SOLVER_FAILED = 4
+    PRECISION = 5
 
 
 REMEDIES = {
@@ -26,6 +27,9 @@ REMEDIES = {
     "passes a singular position, or the step is too long",
     Status.INCONSISTENT_START: "the start violates the constraints; "
     "use q0, v0 = romjax.consistent(system, q0, v0)",
+    Status.PRECISION: "single precision cannot solve for the joint forces of this mechanism: the "
+    "masses that a joint connects differ by 1e4 or more, or two joints nearly repeat each other; "
+    'call jax.config.update("jax_enable_x64", True) before making any array',
     Status.SOLVER_FAILED: "the solver failed inside a step; try another solver",
 }
 
@@ -42,7 +46,8 @@ class Trajectory(eqx.Module):
     - `violation` (k,): largest |C| of the mechanism's own constraints.
     - `metric` (n, n): mass matrix at the start, the metric of errors and bases.
     - `stats`: numbers of steps (`num_steps`, `num_accepted_steps`, `num_rejected_steps`), the
-      tolerances `rtol`, `atol`, and the stabilisation used, `alpha` and `beta`.
+      tolerances `rtol`, `atol`, the stabilisation used, `alpha` and `beta`, and where the method
+      or the stabilisation was chosen by it, the `fastest_frequency` [rad/s] of the system.
     - `status`: a number of `romjax.Status`; `success` says whether all went well.
     - `labels`: names of the coordinates. `solver`: name of the method.
     """

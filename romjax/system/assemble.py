@@ -1,5 +1,6 @@
 """From a scene to its system."""
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -7,12 +8,15 @@ import jax.numpy as jnp
 import jax.tree_util as jtu
 
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect
-from ..scene.fields import SceneError, as_array
-from ..scene.marker import Marker
+from ..scene.fields import as_array
+from ..scene.marker import GROUND, Marker
 from ..scene.scene import Scene
-from .assembled import AssembledSystem, BodyGroup, EffectGroup, JointGroup
+from .assembled import AssembledSystem
 from .grouping import Index, group
+from .groups import BodyGroup, EffectGroup, JointGroup
 from .kinematics import Markers, Slots, place_markers
+from .mobility import check_mobility
+from .topology import Topology
 
 
 def assemble(scene: Scene) -> AssembledSystem:
@@ -22,7 +26,7 @@ def assemble(scene: Scene) -> AssembledSystem:
     and `vmap`, with respect to every number of the scene.
 
     Raises SceneError, naming the part and the remedy, for an empty scene, duplicate names, a
-    marker on an unknown body, impossible numbers, or more constraints than coordinates.
+    marker on an unknown body, impossible numbers, or joints that leave no motion.
     """
     scene.check()
     # A Python number that was put in by hand would be static and recompile at every change.
@@ -32,10 +36,11 @@ def assemble(scene: Scene) -> AssembledSystem:
     for body in scene.bodies:
         coordinates[body.name] = tuple(range(offsets, offsets + body.size))
         offsets += body.size
-    bodies = []
+    bodies, order = [], list[str]()
     for stacked, places in group(scene.bodies):
         names = [scene.bodies[i].name for i in places]
         bodies.append(BodyGroup(stacked, Index.of([coordinates[name] for name in names])))
+        order += names
 
     named = {body.name: body for body in scene.bodies}
 
@@ -53,17 +58,16 @@ def assemble(scene: Scene) -> AssembledSystem:
     first_row = [0]
     for joint in scene.joints:
         first_row.append(first_row[-1] + joint.rows)
+    joined = [
+        ([order.index(m.body) for m in joint.markers if m.body != GROUND], range(*rows))
+        for joint, rows in zip(scene.joints, itertools.pairwise(first_row), strict=True)
+    ]
     joints, joint_markers = arrange(scene.joints)
     effects, effect_markers = arrange(
         [e for e in scene.effects if isinstance(e, AbstractMarkerEffect)]
     )
     starts = [body.start() for body in scene.bodies]
-    if first_row[-1] > offsets:
-        raise SceneError(
-            f"The joints make {first_row[-1]} constraints on {offsets} coordinates: nothing could "
-            "move. Take out the joints that repeat others."
-        )
-    return AssembledSystem(
+    system = AssembledSystem(
         bodies=tuple(bodies),
         joints=tuple(
             JointGroup(stacked, slots, Index.of([range(*first_row[i : i + 2]) for i in places]))
@@ -77,5 +81,8 @@ def assemble(scene: Scene) -> AssembledSystem:
         v0=jnp.concatenate([v for _, v in starts]),
         labels=tuple(label for body in scene.bodies for label in body.labels()),
         modal=tuple(i >= 3 for body in scene.bodies for i in range(body.size)),
+        topology=Topology.of([coordinates[name] for name in order], joined),
         constraint_labels=tuple(j.label() for j in scene.joints for _ in range(j.rows)),
     )
+    check_mobility("assemble", system, "Take out the joints that lock the mechanism.")
+    return system

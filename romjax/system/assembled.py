@@ -1,99 +1,20 @@
 """The system of a scene: groups of equal elements, each mapped over once."""
 
-import functools
-import operator
-from collections.abc import Callable
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..scene.body.base import AbstractBody
-from ..scene.effect.base import AbstractField, AbstractMarkerEffect
+from ..scene.effect.base import AbstractField
 from ..scene.fields import Time
-from ..scene.joint.base import AbstractJoint
-from ..scene.marker import Pose, Twist, Wrench
-from .base import AbstractSystem, quadratic_velocity_force
-from .grouping import Index
-from .kinematics import Markers, PoseGradient, Slots
-
-
-class BodyGroup(eqx.Module):
-    """Bodies of equal structure."""
-
-    bodies: AbstractBody  # stacked
-    coordinates: Index = eqx.field(static=True)  # (count, size)
-
-    def mass(self, q: Float[Array, " n"]) -> Float[Array, "count size *size"]:
-        """Mass matrices, or their diagonals where the bodies give these."""
-        return jax.vmap(lambda body, q: body.mass_matrix(q))(self.bodies, self.coordinates.take(q))
-
-    def force(
-        self, fields: tuple[AbstractField, ...], q: Float[Array, " n"], v: Float[Array, " n"]
-    ) -> Float[Array, "count size"] | None:
-        """Elastic, field and quadratic-velocity forces; None where the bodies call for none."""
-        terms: list[Callable[..., Float[Array, " size"]]] = [
-            lambda body, q, v, field=field: -jax.grad(field.energy, argnums=1)(body, q)
-            for field in fields
-        ]
-        if self.bodies.modes:
-            terms.append(lambda body, q, v: -jax.grad(body.elastic_energy)(q))
-        if not self.bodies.constant_mass:
-            terms.append(lambda body, q, v: quadratic_velocity_force(body.mass_matrix)(q, v))
-        if not terms:
-            return None
-
-        def total(*arguments):  # type: ignore[no-untyped-def]
-            return functools.reduce(operator.add, [term(*arguments) for term in terms])
-
-        return jax.vmap(total)(self.bodies, self.coordinates.take(q), self.coordinates.take(v))
-
-
-class JointGroup(eqx.Module):
-    """Joints of equal structure."""
-
-    joints: AbstractJoint  # stacked
-    slots: Slots
-    places: Index = eqx.field(static=True)  # of their rows among the constraints, (count, rows)
-
-    def residual(self, t: Time, poses: Pose) -> Float[Array, "count rows"]:
-        return jax.vmap(lambda joint, a, b: joint.residual(t, a, b))(
-            self.joints, *self.slots.take(poses)
-        )
-
-    def jacobian(
-        self, t: Time, poses: Pose, motion: PoseGradient
-    ) -> Float[Array, "side count rows size"]:
-        """Derivatives with respect to the coordinates of the bodies on both sides."""
-
-        def gradient(joint, a, b):  # type: ignore[no-untyped-def]
-            return jax.jacrev(lambda a, b: joint.residual(t, a, b), argnums=(0, 1))(a, b)
-
-        sides = jax.vmap(gradient)(self.joints, *self.slots.take(poses))
-        return jnp.stack(
-            [
-                side.position @ moved.position + side.angle[:, :, None] * moved.angle[:, None]
-                for side, moved in zip(sides, self.slots.take(motion), strict=True)
-            ]
-        )
-
-
-class EffectGroup(eqx.Module):
-    """Effects of equal structure."""
-
-    effects: AbstractMarkerEffect  # stacked
-    slots: Slots
-
-    def wrenches(self, t: Time, poses: Pose, twists: Twist | None) -> list[Wrench]:
-        """Wrenches on each side, one row per effect."""
-        rates = self.slots.take(twists) if self.effects.needs_twists else ()
-        return list(
-            jax.vmap(lambda effect, poses, twists: effect.wrenches(t, poses, twists))(
-                self.effects, self.slots.take(poses), rates
-            )
-        )
+from ..scene.marker import Twist
+from .base import AbstractSystem
+from .grouping import spread
+from .groups import BodyGroup, EffectGroup, JointGroup
+from .kinematics import Markers
+from .saddle import Saddle
+from .topology import Topology
 
 
 class AssembledSystem(AbstractSystem):
@@ -109,6 +30,7 @@ class AssembledSystem(AbstractSystem):
     v0: Float[Array, " n"]
     labels: tuple[str, ...] = eqx.field(static=True)
     modal: tuple[bool, ...] = eqx.field(static=True)
+    topology: Topology = eqx.field(static=True)
     constraint_labels: tuple[str, ...] = eqx.field(static=True)
 
     @property
@@ -121,33 +43,49 @@ class AssembledSystem(AbstractSystem):
     def constraint_label(self, row: int) -> str:
         return f"joint '{self.constraint_labels[row]}'"
 
+    @property
+    def flexible(self) -> bool:
+        return any(self.modal)
+
     def rigid(self) -> Bool[Array, " n"]:
         return ~jnp.array(self.modal)
 
-    def mass_diagonal(self, q: Float[Array, " n"]) -> Float[Array, " n"] | None:
-        """Diagonal of M where every body has a diagonal mass matrix, else None."""
+    def mass_blocks(self, q: Float[Array, " n"]) -> Float[Array, "bodies size *size"]:
+        """Mass matrices of the bodies, padded to one size by ones on the diagonal; the diagonals
+        alone where all are diagonal.
+        """
+        size = self.topology.coordinates.width
         blocks = [group.mass(q) for group in self.bodies]
-        if any(block.ndim == 3 for block in blocks):
-            return None
-        return _spread(blocks, [group.coordinates.array for group in self.bodies], (self.n,))
+        diagonal = all(block.ndim == 2 for block in blocks)
+        whole = []
+        for block in blocks:
+            more = size - block.shape[1]
+            if diagonal:
+                whole.append(jnp.pad(block, ((0, 0), (0, more)), constant_values=1))
+            else:
+                full = jax.vmap(jnp.diag)(block) if block.ndim == 2 else block
+                ones = np.diag(np.arange(size) >= block.shape[1]).astype(q.dtype)
+                whole.append(jnp.pad(full, ((0, 0), (0, more), (0, more))) + ones[None])
+        return jnp.concatenate(whole)
 
     def mass(self, q: Float[Array, " n"]) -> Float[Array, "n n"]:
         """Mass matrix M, block-diagonal by body."""
-        diagonal = self.mass_diagonal(q)
-        if diagonal is not None:
-            return jnp.diag(diagonal)
-        blocks, places = [], []
-        for group in self.bodies:
-            block, index = group.mass(q), group.coordinates.array.astype(int)
-            blocks.append(jax.vmap(jnp.diag)(block) if block.ndim == 2 else block)
-            places.append(index[:, :, None] * self.n + index[:, None, :])
-        return _spread(blocks, places, (self.n, self.n))
+        return self.momentum(q, jnp.eye(self.n, dtype=q.dtype))
+
+    def momentum(self, q: Float[Array, " n"], v: Float[Array, "n *k"]) -> Float[Array, "n *k"]:
+        """M v, body by body."""
+        blocks, parts = self.mass_blocks(q), self.topology.split(v)
+        if blocks.ndim == 2:
+            inertia = blocks.reshape(blocks.shape + (1,) * (v.ndim - 1)) * parts
+        else:
+            inertia = jnp.einsum("bij,bj...->bi...", blocks, parts)
+        return self.topology.join(inertia)
 
     def force(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " n"]:
         own = [(group, group.force(self.fields, q, v)) for group in self.bodies]
         acting = [(group, force) for group, force in own if force is not None]
         places = [group.coordinates.array for group, _ in acting]
-        total = _spread([force for _, force in acting], places, (self.n,)) if acting else 0 * q
+        total = spread([force for _, force in acting], places, (self.n,)) if acting else 0 * q
         if self.effect_markers is None:
             return total
         twists = None
@@ -165,34 +103,30 @@ class AssembledSystem(AbstractSystem):
             return jnp.zeros(0, q.dtype)
         poses = self.joint_markers.poses(q)
         blocks = [group.residual(t, poses) for group in self.joints]
-        return _spread(blocks, [group.places.array for group in self.joints], (self.m,))
+        return spread(blocks, [group.places.array for group in self.joints], (self.m,))
 
     def jacobian(self, t: Time, q: Float[Array, " n"]) -> Float[Array, "m n"]:
-        """Constraint Jacobian C_q: one block for each joint and side, by the chain rule."""
+        """Constraint Jacobian C_q."""
+        layout = self.topology
+        rows = layout.rows.array[layout.nodes].astype(int)[:, :, None]
+        columns = layout.coordinates.array[layout.bodies].astype(int)[:, None]
+        there = (rows < self.m) & (columns < self.n)
+        places = np.where(there, rows * self.n + columns, -1)
+        return spread([self.sides(t, q)], [places], (self.m, self.n))
+
+    def sides(self, t: Time, q: Float[Array, " n"]) -> Float[Array, "sides height size"]:
+        """The blocks of C_q: one for each joint and body, by the chain rule."""
+        layout = self.topology
+        shape = (len(layout.nodes), layout.rows.width, layout.coordinates.width)
         if self.joint_markers is None:
-            return jnp.zeros((0, self.n), q.dtype)
+            return jnp.zeros(shape, q.dtype)
         poses, motion = self.joint_markers.poses(q), self.joint_markers.jacobian(q)
+        columns = self.joint_markers.coordinates()
         blocks, places = [], []
         for group in self.joints:
             blocks.append(group.jacobian(t, poses, motion))
-            columns = np.stack(group.slots.take(self.joint_markers.coordinates()))[:, :, None]
-            rows = group.places.array.astype(int)[None, :, :, None]
-            places.append(np.where(columns == self.n, -1, rows * self.n + columns))
-        return _spread(blocks, places, (self.m, self.n))
+            places.append(layout.places(group.places.array, np.stack(group.slots.take(columns))))
+        return spread(blocks, places, shape)
 
-
-def _spread(
-    blocks: list[Float[Array, "..."]], places: list[np.ndarray], shape: tuple[int, ...]
-) -> Float[Array, "..."]:
-    """An array with the entries of `blocks` at flat `places` (−1: nowhere), zero elsewhere.
-
-    A gather with a static index: XLA's CPU scatter runs entry by entry.
-    """
-    entries = jnp.concatenate([block.reshape(-1) for block in blocks])
-    place = np.concatenate([p.reshape(-1) for p in places]).astype(int)
-    if np.array_equal(place, np.arange(np.prod(shape))):
-        return entries.reshape(shape)
-    source = np.full(int(np.prod(shape)), entries.size, dtype=np.uint32)
-    source[place[place >= 0]] = np.flatnonzero(place >= 0)
-    padded = jnp.concatenate([entries, np.zeros(1, entries.dtype)])
-    return padded[source].reshape(shape)
+    def saddle(self, t: Time, q: Float[Array, " n"]) -> Saddle:
+        return Saddle(self.topology, self.mass_blocks(q), self.sides(t, q))

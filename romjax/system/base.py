@@ -6,11 +6,13 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..scene.fields import Time
 from .saddle import Saddle
 from .stabilization import Baumgarte
+from .topology import Topology
 
 
 class ConstraintState(NamedTuple):
@@ -28,6 +30,13 @@ class Linearization(NamedTuple):
     by_position: Float[Array, "n n"]  # ∂a/∂q
     by_velocity: Float[Array, "n n"]  # ∂a/∂v
     by_time: Float[Array, " n"]  # ∂a/∂t
+
+
+class Frequencies(NamedTuple):
+    """How fast a system is at one state [rad/s]."""
+
+    rigid: Float[Array, ""]  # fastest rigid-body frequency
+    fastest: Float[Array, ""]  # fastest frequency or rate of decay of all
 
 
 class AbstractSystem(eqx.Module):
@@ -79,6 +88,11 @@ class AbstractSystem(eqx.Module):
         """Which coordinates are rigid-body ones; all, where nothing is known of them."""
         return jnp.ones(self.n, bool)
 
+    @property
+    def flexible(self) -> bool:
+        """Whether it has parts that may be much faster than its motion; true if unknown."""
+        return True
+
     def physical(
         self, q: Float[Array, " n"], v: Float[Array, " n"]
     ) -> tuple[Float[Array, " N"], Float[Array, " N"]]:
@@ -93,10 +107,9 @@ class AbstractSystem(eqx.Module):
         """The constraints of the mechanism that the state stands for, all of them."""
         return self.constraint(t, q)
 
-    def mass_diagonal(self, q: Float[Array, " n"]) -> Float[Array, " n"] | None:
-        """Diagonal of M if it is known to be diagonal; then nothing is factored."""
-        del q
-        return None
+    def momentum(self, q: Float[Array, " n"], v: Float[Array, "n *k"]) -> Float[Array, "n *k"]:
+        """M v, for one or several v."""
+        return self.mass(q) @ v
 
     def jacobian(self, t: Time, q: Float[Array, " n"]) -> Float[Array, "m n"]:
         """Constraint Jacobian C_q."""
@@ -131,8 +144,8 @@ class AbstractSystem(eqx.Module):
 
     def saddle(self, t: Time, q: Float[Array, " n"]) -> Saddle:
         """The extended mass matrix at one configuration, factored."""
-        diagonal = self.mass_diagonal(q)
-        return Saddle(self.mass(q) if diagonal is None else diagonal, self.jacobian(t, q))
+        topology = Topology.dense(self.n, self.m)
+        return Saddle(topology, self.mass(q)[None], self.jacobian(t, q)[None][: min(self.m, 1)])
 
     def acceleration(
         self,
@@ -181,8 +194,7 @@ class AbstractSystem(eqx.Module):
         a, multipliers = saddle.solve(self.force(t, q, v), self.gamma(t, q, v, stabilization))
 
         def residual(t, q, v):  # type: ignore[no-untyped-def]
-            diagonal = self.mass_diagonal(q)
-            inertia = self.mass(q) @ a if diagonal is None else diagonal * a
+            inertia = self.momentum(q, a)
             if self.m == 0:
                 return inertia - self.force(t, q, v), jnp.zeros(0, q.dtype)
             reaction = jax.grad(lambda q: multipliers @ self.constraint(t, q))(q)
@@ -200,34 +212,39 @@ class AbstractSystem(eqx.Module):
         slopes, _ = saddle.solve(-down, -across)
         return Linearization(a, slopes[:, :n], slopes[:, n : 2 * n], slopes[:, 2 * n])
 
-    def rigid_frequency(
-        self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
-    ) -> Float[Array, ""]:
-        """Fastest rigid-body frequency [rad/s] at a state: ω² = |∂a/∂q| among rigid coordinates.
+    def frequencies(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> Frequencies:
+        """The fastest frequencies at a state, by power iteration with products only.
 
-        By power iteration, with products only. It sees springs, gravity on hinged bodies and
-        rotation.
+        ω² = |∂a/∂q| sees springs, flexible modes, gravity on hinged bodies and rotation; the rate
+        |∂a/∂v| sees dampers.
         """
-        rigid, mass = self.rigid(), jnp.diagonal(self.mass(q))
-        # A difference quotient: the derivative would double the program for a rough number.
+        # Difference quotients: the derivative would double the program for a rough number.
         step = jnp.sqrt(jnp.finfo(q.dtype).eps)
+        among = jnp.stack([self.rigid(), *[jnp.ones(self.n, bool)] * 2])
+
+        def sizes(x):  # type: ignore[no-untyped-def]
+            return jnp.sqrt(jnp.sum(x * self.momentum(q, x.T).T, axis=1))
 
         def push(x, _):  # type: ignore[no-untyped-def]
-            both = q[None] + step * jnp.stack([jnp.zeros_like(x), x])
-            here, there = jax.vmap(lambda q: self.acceleration(t, q, v)[0])(both)
-            bent = jnp.where(rigid, (there - here) / step, 0)
-            size = jnp.sqrt(jnp.sum(mass * bent**2))
-            return bent / jnp.where(size > 0, size, 1), size
+            bend = jnp.concatenate([x[:2], jnp.zeros_like(x[:2])])
+            rate = jnp.concatenate([jnp.zeros_like(x), x[2:]])
+            moved = jax.vmap(lambda x, w: self.acceleration(t, q + step * x, v + step * w)[0])
+            found = moved(bend, rate)
+            bent = jnp.where(among, (found[np.array([0, 1, 3])] - found[2][None]) / step, 0)
+            size = sizes(bent)
+            return bent / jnp.where(size > 0, size, 1)[:, None], size
 
         # No symmetric direction, so that no mode of a symmetric mechanism is missed.
-        x = jnp.where(rigid, jnp.cos(1.0 + jnp.arange(self.n, dtype=q.dtype) ** 1.5), 0)
-        _, sizes = jax.lax.scan(push, x / jnp.sqrt(jnp.sum(mass * x**2)), None, length=12)
+        x = jnp.where(among, jnp.cos(1.0 + jnp.arange(self.n, dtype=q.dtype) ** 1.5)[None], 0)
+        size = sizes(x)
+        _, found = jax.lax.scan(push, x / jnp.where(size > 0, size, 1)[:, None], None, length=12)
         # The largest stretch met, not the last: a level pendulum's ∂a/∂q is nilpotent.
-        return jnp.sqrt(jnp.max(sizes))
+        rigid, all_, rate = jnp.max(found, axis=0)
+        return Frequencies(jnp.sqrt(rigid), jnp.maximum(jnp.sqrt(all_), rate))
 
     def kinetic_energy(self, q: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, ""]:
         """T = ½ vᵀ M v [J]."""
-        return 0.5 * v @ self.mass(q) @ v
+        return 0.5 * v @ self.momentum(q, v)
 
 
 def quadratic_velocity_force(mass):  # type: ignore[no-untyped-def]

@@ -71,11 +71,20 @@ def project(
     return q, v + step
 
 
+def project_start(
+    system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"], v: Float[Array, " n"]
+) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """A projection from any distance, of velocities too."""
+    q, v = project(system, t, q, v, START_SWEEPS)
+    # The first solve leaves 1e-12 of what a far velocity violates, the second nothing.
+    return project(system, t, q, v, 0)
+
+
 @eqx.filter_jit
 def _project_start(
     system: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"], t: Float[Array, ""]
 ) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " m"]]:
-    q, v = project(system, t, q, v, START_SWEEPS)
+    q, v = project_start(system, t, q, v)
     return q, v, system.constraint(t, q)
 
 

@@ -8,8 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..scene.fields import SceneError, Time, as_array, check_finite, check_shape
+from ..scene.fields import Time, as_array, check_finite, check_shape
 from .base import AbstractSystem
+from .mobility import check_mobility
 
 Function = Callable[..., Float[Array, "..."]]
 
@@ -62,8 +63,7 @@ class CustomSystem(AbstractSystem):
             ("force(t, q, v)", self.force_, (t, self.q0, self.v0), (n,)),
         ):
             check_shape(owner, name, jax.eval_shape(function, *arguments), shape)
-        if self.m > n:
-            raise SceneError(f"{owner}: {self.m} constraints on {n} coordinates leave no motion.")
+        check_mobility(owner, self)
 
     @property
     def m(self) -> int:

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import jax.tree_util as jtu
 import numpy as np
-from jaxtyping import Array, Shaped
+from jaxtyping import Array, Float, Shaped
 
 from ..scene.marker import Marker
 
@@ -38,15 +38,22 @@ class Index:
         # Unsigned, so that JAX spares itself the arithmetic of negative places.
         return np.array(self.rows, dtype=np.uint32).reshape(len(self.rows), self.width)
 
-    def take(self, vector: Shaped[Array, " n"]) -> Shaped[Array, "count size"]:
-        """The entries of `vector` at these places."""
-        flat = self.array.reshape(-1)
-        start = int(flat[0]) if flat.size else 0
-        if np.array_equal(flat, np.arange(start, start + flat.size)):
-            picked = vector[start : start + flat.size]
-        else:
-            picked = vector[flat]
-        return picked.reshape(self.array.shape)
+    def take(self, array: Shaped[Array, "n *k"]) -> Shaped[Array, "count size *k"]:
+        """The entries of `array` at these places; see `take`."""
+        return take(array, self.array)
+
+
+def take(array: Shaped[Array, "n *k"], table: np.ndarray) -> Shaped[Array, "..."]:
+    """The entries along the first axis of `array` at a static table of places; n means a zero."""
+    flat, size = table.reshape(-1), array.shape[0]
+    start = int(flat[0]) if flat.size else 0
+    if start + flat.size <= size and np.array_equal(flat, np.arange(start, start + flat.size)):
+        picked = array[start : start + flat.size]
+    else:
+        if flat.size and flat.max() >= size:
+            array = jnp.concatenate([array, np.zeros((1, *array.shape[1:]), array.dtype)])
+        picked = array[flat]
+    return picked.reshape(table.shape + array.shape[1:])
 
 
 def stack(elements: Sequence[T]) -> T:
@@ -97,3 +104,20 @@ def _rename(element: Any, name: str) -> Any:
     copy = jtu.tree_unflatten(structure, children)
     object.__setattr__(copy, "name", name)
     return copy
+
+
+def spread(
+    blocks: list[Float[Array, "..."]], places: list[np.ndarray], shape: tuple[int, ...]
+) -> Float[Array, "..."]:
+    """An array with the entries of `blocks` at flat `places` (−1: nowhere), zero elsewhere.
+
+    A gather with a static index: XLA's CPU scatter runs entry by entry.
+    """
+    entries = jnp.concatenate([block.reshape(-1) for block in blocks])
+    place = np.concatenate([p.reshape(-1) for p in places]).astype(int)
+    if np.array_equal(place, np.arange(np.prod(shape))):
+        return entries.reshape(shape)
+    source = np.full(int(np.prod(shape)), entries.size, dtype=np.uint32)
+    source[place[place >= 0]] = np.flatnonzero(place >= 0)
+    padded = jnp.concatenate([entries, np.zeros(1, entries.dtype)])
+    return padded[source].reshape(shape)

@@ -5,120 +5,176 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import jax.scipy.linalg as jsl
 from jaxtyping import Array, Float
 
-# Proximal regularisation relative to the unit diagonal of the scaled Schur complement, and the
-# number of sweeps that remove its effect. Redundant constraints then cost nothing and change
-# nothing: with a duplicated hinge, accelerations are right to 2e-15 and multipliers to 1e-6, where
-# LU and plain Cholesky give NaN.
-_PROXIMAL = {jnp.dtype("float64"): 1e-10, jnp.dtype("float32"): 1e-5}
-_SWEEPS = 3
+from .elimination import Factor
+from .grouping import take
+from .small import invert, multiply, multiply_transposed
+from .topology import Topology
 
+# Added to the unit diagonal of the scaled Schur complement, so that redundant constraints leave a
+# factor, where LU and plain Cholesky give NaN; the sweeps remove its effect.
+PROXIMAL = {jnp.dtype("float64"): 1e-10, jnp.dtype("float32"): 5e-6}
+# What is left of C a − γ, relative to its terms, when no more sweeps are made.
+_RESIDUAL = {jnp.dtype("float64"): 1e-14, jnp.dtype("float32"): 5e-6}
+# One is the rule, a mass ratio of 1e8 takes a few; one that does not halve the rest is the last.
+_SWEEPS = 20
+# Each leaves about 2 % of the part of a vector that redundant constraints leave free.
+_NULL_SWEEPS = 2
 
-class MassFactor(eqx.Module):
-    """M = L Lᵀ; for a diagonal M, given by its diagonal, nothing is factored."""
-
-    mass: Float[Array, "n n"] | Float[Array, " n"]
-    factor: Float[Array, "n n"] | Float[Array, " n"]
-
-    def __init__(self, mass: Float[Array, "n n"] | Float[Array, " n"]):
-        self.mass = mass
-        fixed = jax.lax.stop_gradient(mass)
-        self.factor = (
-            jnp.sqrt(fixed)
-            if mass.ndim == 1
-            else jnp.linalg.cholesky(fixed, symmetrize_input=False)
-        )
-
-    def solve(self, x: Float[Array, "n *k"]) -> Float[Array, "n *k"]:
-        """M⁻¹ x, with the derivative of the solution, not of the factors."""
-        return jax.lax.custom_linear_solve(
-            self.apply, x, lambda _, x: self.unwhiten(self.whiten(x)), symmetric=True
-        )
-
-    def apply(self, x: Float[Array, "n *k"]) -> Float[Array, "n *k"]:
-        """M x."""
-        return _rows(self.mass, x) * x if self.mass.ndim == 1 else self.mass @ x
-
-    def whiten(self, x: Float[Array, "n *k"]) -> Float[Array, "n *k"]:
-        """L⁻¹ x."""
-        if self.factor.ndim == 1:
-            return x / _rows(self.factor, x)
-        return jsl.solve_triangular(self.factor, x, lower=True)
-
-    def unwhiten(self, x: Float[Array, "n *k"]) -> Float[Array, "n *k"]:
-        """L⁻ᵀ x."""
-        if self.factor.ndim == 1:
-            return x / _rows(self.factor, x)
-        return jsl.solve_triangular(self.factor, x, lower=True, trans=1)
+Blocks = Float[Array, "_ _ _"]
 
 
 class Saddle(eqx.Module):
     """[[M, Cᵀ], [C, 0]] for one configuration, prepared once and solved for many right-hand sides.
 
-    B = D C L⁻ᵀ has unit rows; S = B Bᵀ is the mass-scaled Schur complement, whose condition knows
-    neither units nor the masses of single bodies.
+    M is block-diagonal by body and C sparse by joint, and so is the Schur complement S = B M⁻¹ Bᵀ.
+    B = D C has unit rows in the metric of M⁻¹, so the condition of S knows neither units nor the
+    masses of single bodies.
+
+    **Arguments:**
+
+    - `topology`: where the blocks sit.
+    - `mass`: (bodies, size, size), or (bodies, size) if all are diagonal.
+    - `sides`: the blocks of C_q, (sides, height, size).
     """
 
-    mass: MassFactor
-    jacobian: Float[Array, "m n"]
-    scaled: Float[Array, "m n"]  # B
-    scale: Float[Array, " m"]  # D
-    inverse: Float[Array, "m m"]  # of S + ε I; the sweeps remove ε and rounding errors
+    topology: Topology = eqx.field(static=True)
+    mass: Float[Array, "bodies size *size"]
+    sides: Float[Array, "sides height size"]
+    inverse_mass: Float[Array, "bodies size *size"]
+    scale: Float[Array, "nodes height"]  # D
+    scaled: Float[Array, "sides height size"]  # B
+    factor: Factor | None  # of S + ε I; None without constraints
 
     def __init__(
-        self, mass: Float[Array, "n n"] | Float[Array, " n"], jacobian: Float[Array, "m n"]
+        self,
+        topology: Topology,
+        mass: Float[Array, "bodies size *size"],
+        sides: Float[Array, "sides height size"],
     ):
-        self.mass, self.jacobian = MassFactor(mass), jacobian
+        self.topology, self.mass, self.sides = topology, mass, sides
         # Derivatives go through `solve` as a whole (implicit function), never through the factors.
-        half = self.mass.whiten(jax.lax.stop_gradient(jacobian).T).T
-        norm = jnp.sqrt(jnp.sum(half**2, axis=1))
-        self.scale = 1 / jnp.where(norm > 0, norm, 1)
-        self.scaled = self.scale[:, None] * half
-        unit = jnp.eye(len(jacobian), dtype=jacobian.dtype)
-        self.inverse = unit if len(jacobian) == 0 else self._invert(unit)
-
-    def _invert(self, unit: Float[Array, "m m"]) -> Float[Array, "m m"]:
-        shifted = self.scaled @ self.scaled.T + _PROXIMAL[unit.dtype] * unit
-        factor = jnp.linalg.cholesky(shifted, symmetrize_input=False)
-        half_inverse = jsl.solve_triangular(factor, unit, lower=True)
-        return half_inverse.T @ half_inverse
+        mass, sides = jax.lax.stop_gradient((mass, sides))
+        self.inverse_mass = 1 / mass if mass.ndim == 2 else invert(mass)
+        if topology.m == 0:
+            self.scale, self.scaled, self.factor = jnp.ones((0, 0), mass.dtype), sides, None
+            return
+        nodes, bodies, pairs = topology.nodes, topology.bodies, topology.pairs
+        free = _apply(take(self.inverse_mass, bodies), jnp.swapaxes(sides, 1, 2))  # M⁻¹ Cᵀ
+        lengths = jnp.sum(jnp.swapaxes(free, 1, 2) * sides, axis=2)
+        lengths = jnp.sum(take(lengths, topology.sides_of_nodes), axis=1)
+        self.scale = 1 / jnp.sqrt(jnp.where(lengths > 0, lengths, 1))
+        scale = take(self.scale, nodes)
+        self.scaled = scale[:, :, None] * sides
+        products = multiply(take(self.scaled, pairs.left), take(free, pairs.right))
+        products *= take(scale, pairs.right)[:, None]
+        diagonal = jnp.sum(take(products, pairs.onto_nodes), axis=1)
+        unit = PROXIMAL[mass.dtype] * jnp.eye(diagonal.shape[1], dtype=mass.dtype)
+        couplings = jnp.sum(take(products, pairs.onto_edges), axis=1)
+        self.factor = Factor(diagonal + unit[None], couplings, topology.edges)
 
     def solve(
         self, force: Float[Array, "n *k"], gamma: Float[Array, "m *k"]
     ) -> tuple[Float[Array, "n *k"], Float[Array, "m *k"]]:
-        """(a, λ) with M a + Cᵀ λ = force and C a = gamma; λ of least norm where not unique."""
-        n = force.shape[0]
-        if len(self.jacobian) == 0:
-            return self.mass.solve(force), gamma
+        """(a, λ) with M a + Cᵀ λ = force and C a = gamma.
+
+        Where λ is not unique, it is the shortest one, in rows of unit length. The derivative is
+        that of the solution, with the redundancy as it is.
+        """
+        if force.ndim == 1:
+            a, multipliers = self.solve(force[:, None], gamma[:, None])
+            return a[:, 0], multipliers[:, 0]
+        layout = self.topology
+        if self.factor is None:
+            return layout.join(self._solve_mass(layout.split(force))), gamma
+        size = layout.n
 
         # One vector, not a pair: a pair of which only one half is differentiated has no transpose.
         def matvec(x):  # type: ignore[no-untyped-def]
-            a, multipliers = x[:n], x[n:]
-            reaction = self.jacobian.T @ multipliers
-            return jnp.concatenate([self.mass.apply(a) + reaction, self.jacobian @ a])
+            a, multipliers = layout.split(x[:size]), layout.split_rows(x[size:])
+            inertia = _apply(self.mass, a) + self._reaction(self.sides, multipliers)
+            bend = self._bend(self.sides, a)
+            return jnp.concatenate([layout.join(inertia), layout.join_rows(bend)])
 
-        def solve(_: Callable, b):  # type: ignore[no-untyped-def]
-            return self._solve(b[:n], b[n:])
+        def solve(_: Callable, b, project=False):  # type: ignore[no-untyped-def]
+            return self._solve(layout.split(b[:size]), layout.split_rows(b[size:]), project)
 
-        whole = jnp.concatenate([force, gamma])
-        found = jax.lax.custom_linear_solve(matvec, whole, solve, symmetric=True)
-        return found[:n], found[n:]
+        found = jax.lax.custom_linear_solve(
+            matvec,
+            jnp.concatenate([force, gamma]),
+            solve,
+            # What a derivative asks for need not fit redundant rows: its best approximation does.
+            transpose_solve=lambda _, b: solve(_, b, project=True),
+        )
+        return found[:size], found[size:]
 
-    def _solve(
-        self, force: Float[Array, "n *k"], gamma: Float[Array, "m *k"]
-    ) -> Float[Array, "size *k"]:
-        scale = _rows(self.scale, gamma)
-        half = self.mass.whiten(force)
-        target = self.scaled @ half - scale * gamma
-        scaled_multipliers = self.inverse @ target
-        for _ in range(_SWEEPS - 1):
-            residual = target - self.scaled @ (self.scaled.T @ scaled_multipliers)
-            scaled_multipliers += self.inverse @ residual
-        a = self.mass.unwhiten(half - self.scaled.T @ scaled_multipliers)
-        return jnp.concatenate([a, scale * scaled_multipliers])
+    def _solve_mass(self, force: Blocks) -> Blocks:
+        return jax.lax.custom_linear_solve(
+            lambda a: _apply(self.mass, a),
+            force,
+            lambda _, force: _apply(self.inverse_mass, force),
+            symmetric=True,
+        )
+
+    def _solve(self, force: Blocks, gamma: Blocks, project: bool) -> Float[Array, "whole k"]:
+        factor = self.factor
+        assert factor is not None
+        free, gamma = _apply(self.inverse_mass, force), self.scale[:, :, None] * gamma
+        bend = self._bend(self.scaled, free)
+        target = bend - gamma
+        if project:
+            target = self._without_null(target)
+        terms = _largest(bend) + _largest(gamma)
+
+        def state(multipliers):  # type: ignore[no-untyped-def]
+            push = _apply(self.inverse_mass, self._reaction(self.scaled, multipliers))
+            return multipliers, free - push, target - self._bend(self.scaled, push)
+
+        def unfinished(carry):  # type: ignore[no-untyped-def]
+            (multipliers, _, rest), before, count = carry
+            # A residual is the difference of its terms: it cannot fall below their rounding.
+            rounding = 4 * jnp.finfo(rest.dtype).eps * (terms + _largest(multipliers))
+            left, enough = _largest(rest), _RESIDUAL[rest.dtype] * _largest(target) + rounding
+            return jnp.any((left > enough) & (left < 0.5 * before)) & (count < _SWEEPS)
+
+        def sweep(carry):  # type: ignore[no-untyped-def]
+            (multipliers, _, rest), _, count = carry
+            return state(multipliers + factor.solve(rest)), _largest(rest), count + 1
+
+        first = state(factor.solve(target))
+        start = (first, jnp.full_like(terms, jnp.inf), 0)
+        (multipliers, a, _), _, _ = jax.lax.while_loop(unfinished, sweep, start)
+        multipliers = self.scale[:, :, None] * self._without_null(multipliers)
+        return jnp.concatenate([self.topology.join(a), self.topology.join_rows(multipliers)])
+
+    def _without_null(self, x: Blocks) -> Blocks:
+        """The part of x in the range of S.
+
+        ε (S + ε I)⁻¹ keeps the rest of x, and ε/σ of its part at a singular value σ; twice, less.
+        """
+        epsilon, factor = PROXIMAL[x.dtype], self.factor
+        assert factor is not None
+
+        def sweep(x, _):  # type: ignore[no-untyped-def]
+            return x - epsilon**2 * factor.solve(factor.solve(x)), None
+
+        return jax.lax.scan(sweep, x, None, length=_NULL_SWEEPS)[0]
+
+    def _bend(self, sides: Float[Array, "sides height size"], a: Blocks) -> Blocks:
+        """C a."""
+        each = multiply(sides, take(a, self.topology.bodies))
+        return jnp.sum(take(each, self.topology.sides_of_nodes), axis=1)
+
+    def _reaction(self, sides: Float[Array, "sides height size"], multipliers: Blocks) -> Blocks:
+        """Cᵀ λ."""
+        each = multiply_transposed(sides, take(multipliers, self.topology.nodes))
+        return jnp.sum(take(each, self.topology.sides_of_bodies), axis=1)
 
 
-def _rows(factors: Float[Array, " n"], x: Float[Array, "n *k"]) -> Float[Array, "n *ones"]:
-    return factors.reshape((-1,) + (1,) * (x.ndim - 1))
+def _apply(mass: Float[Array, "count size *size"], x: Blocks) -> Blocks:
+    return mass[:, :, None] * x if mass.ndim == 2 else multiply(mass, x)
+
+
+def _largest(x: Blocks) -> Float[Array, " k"]:
+    return jnp.max(jnp.abs(x), axis=(0, 1))

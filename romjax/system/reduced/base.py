@@ -4,7 +4,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ...scene.fields import Time
-from ..base import AbstractSystem
+from ..base import AbstractSystem, Frequencies
 
 
 class AbstractReducedSystem(AbstractSystem):
@@ -29,11 +29,7 @@ class AbstractReducedSystem(AbstractSystem):
 
     def mass(self, q: Float[Array, " r"]) -> Float[Array, "r r"]:
         """ΦᵀMΦ."""
-        place = self.lift(q)
-        diagonal = self.full.mass_diagonal(place)
-        if diagonal is None:
-            return self.modes.T @ self.full.mass(place) @ self.modes
-        return self.modes.T @ (diagonal[:, None] * self.modes)
+        return self.modes.T @ self.full.momentum(self.lift(q), self.modes)
 
     def force(self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]) -> Float[Array, " r"]:
         """ΦᵀQ."""
@@ -53,7 +49,7 @@ class AbstractReducedSystem(AbstractSystem):
     def physical_constraint(self, t: Time, q: Float[Array, " r"]) -> Float[Array, " M"]:
         return self.full.physical_constraint(t, self.lift(q))
 
-    def rigid_frequency(
-        self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]
-    ) -> Float[Array, ""]:
-        return self.full.rigid_frequency(t, *self.physical(q, v))
+    def frequencies(self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]) -> Frequencies:
+        """Its own fastest frequency, and the rigid one of the full system: z knows no bodies."""
+        full = self.full.frequencies(t, *self.physical(q, v))
+        return Frequencies(full.rigid, super().frequencies(t, q, v).fastest)

@@ -40,8 +40,10 @@ def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstrai
     z, t = basis.coordinates[::stride], basis.t[::stride]
 
     def reduced(t, z):  # type: ignore[no-untyped-def]
-        saddle = system.saddle(t, basis.offset + basis.modes @ z)
-        return saddle.scale[:, None] * saddle.jacobian @ basis.modes, saddle.scale
+        q = basis.offset + basis.modes @ z
+        saddle = system.saddle(t, q)
+        scale = saddle.topology.join_rows(saddle.scale)
+        return scale[:, None] * system.jacobian(t, q) @ basis.modes, scale
 
     rows, scales = jax.vmap(reduced)(t, z)
     side_by_side = jnp.moveaxis(rows, 0, 1).reshape(rows.shape[1], -1) / np.sqrt(len(z))

@@ -1,0 +1,95 @@
+"""Groups of equal elements: stacked, and each mapped over once."""
+
+import functools
+import operator
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..scene.body.base import AbstractBody
+from ..scene.effect.base import AbstractField, AbstractMarkerEffect
+from ..scene.fields import Time
+from ..scene.joint.base import AbstractJoint
+from ..scene.marker import Pose, Twist, Wrench
+from .base import quadratic_velocity_force
+from .grouping import Index
+from .kinematics import PoseGradient, Slots
+
+
+class BodyGroup(eqx.Module):
+    """Bodies of equal structure."""
+
+    bodies: AbstractBody  # stacked
+    coordinates: Index = eqx.field(static=True)  # (count, size)
+
+    def mass(self, q: Float[Array, " n"]) -> Float[Array, "count size *size"]:
+        """Mass matrices, or their diagonals where the bodies give these."""
+        return jax.vmap(lambda body, q: body.mass_matrix(q))(self.bodies, self.coordinates.take(q))
+
+    def force(
+        self, fields: tuple[AbstractField, ...], q: Float[Array, " n"], v: Float[Array, " n"]
+    ) -> Float[Array, "count size"] | None:
+        """Elastic, field and quadratic-velocity forces; None where the bodies call for none."""
+        terms: list[Callable[..., Float[Array, " size"]]] = [
+            lambda body, q, v, field=field: -jax.grad(field.energy, argnums=1)(body, q)
+            for field in fields
+        ]
+        if self.bodies.modes:
+            terms.append(lambda body, q, v: -jax.grad(body.elastic_energy)(q))
+        if not self.bodies.constant_mass:
+            terms.append(lambda body, q, v: quadratic_velocity_force(body.mass_matrix)(q, v))
+        if not terms:
+            return None
+
+        def total(*arguments):  # type: ignore[no-untyped-def]
+            return functools.reduce(operator.add, [term(*arguments) for term in terms])
+
+        return jax.vmap(total)(self.bodies, self.coordinates.take(q), self.coordinates.take(v))
+
+
+class JointGroup(eqx.Module):
+    """Joints of equal structure."""
+
+    joints: AbstractJoint  # stacked
+    slots: Slots
+    places: Index = eqx.field(static=True)  # of their rows among the constraints, (count, rows)
+
+    def residual(self, t: Time, poses: Pose) -> Float[Array, "count rows"]:
+        return jax.vmap(lambda joint, a, b: joint.residual(t, a, b))(
+            self.joints, *self.slots.take(poses)
+        )
+
+    def jacobian(
+        self, t: Time, poses: Pose, motion: PoseGradient
+    ) -> Float[Array, "side count rows size"]:
+        """Derivatives with respect to the coordinates of the bodies on both sides."""
+
+        def gradient(joint, a, b):  # type: ignore[no-untyped-def]
+            return jax.jacrev(lambda a, b: joint.residual(t, a, b), argnums=(0, 1))(a, b)
+
+        sides = jax.vmap(gradient)(self.joints, *self.slots.take(poses))
+        return jnp.stack(
+            [
+                side.position @ moved.position + side.angle[:, :, None] * moved.angle[:, None]
+                for side, moved in zip(sides, self.slots.take(motion), strict=True)
+            ]
+        )
+
+
+class EffectGroup(eqx.Module):
+    """Effects of equal structure."""
+
+    effects: AbstractMarkerEffect  # stacked
+    slots: Slots
+
+    def wrenches(self, t: Time, poses: Pose, twists: Twist | None) -> list[Wrench]:
+        """Wrenches on each side, one row per effect."""
+        rates = self.slots.take(twists) if self.effects.needs_twists else ()
+        return list(
+            jax.vmap(lambda effect, poses, twists: effect.wrenches(t, poses, twists))(
+                self.effects, self.slots.take(poses), rates
+            )
+        )

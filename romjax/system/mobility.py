@@ -1,0 +1,21 @@
+"""Whether a mechanism can move at all."""
+
+import numpy as np
+
+from ..scene.fields import SceneError, concrete
+from .base import AbstractSystem
+
+
+def check_mobility(owner: str, system: AbstractSystem, remedy: str = "") -> None:
+    """Raise SceneError if more constraints than coordinates leave no motion at the start.
+
+    Repeated ones do not count: a mechanism may have them, and the solution of its equations of
+    motion stays unique.
+    """
+    if system.m <= system.n:
+        return
+    rows = concrete(system.jacobian(0.0, system.q0))
+    if rows is not None and np.linalg.matrix_rank(rows) == system.n:
+        raise SceneError(
+            f"{owner}: {system.m} constraints on {system.n} coordinates leave no motion. {remedy}"
+        )

@@ -1,0 +1,45 @@
+"""Batches of small dense matrices, as arithmetic that XLA fuses: no library call for each."""
+
+import jax.numpy as jnp
+import jax.scipy.linalg as jsl
+import numpy as np
+from jaxtyping import Array, Float
+
+# Up to here an elimination is written out; a call of LAPACK costs as much as a 4 × 4 inverse.
+_WRITTEN_OUT = 4
+
+
+def multiply(a: Float[Array, "... p c"], b: Float[Array, "... c q"]) -> Float[Array, "..."]:
+    """Products a b."""
+    if a.shape[-1] > 2 * _WRITTEN_OUT:
+        return a @ b
+    return jnp.sum(a[..., None] * b[..., None, :, :], axis=-2)
+
+
+def multiply_transposed(
+    a: Float[Array, "... c p"], b: Float[Array, "... c q"]
+) -> Float[Array, "..."]:
+    """Products aᵀ b."""
+    return multiply(jnp.swapaxes(a, -1, -2), b)
+
+
+def invert(a: Float[Array, "*batch b b"]) -> Float[Array, "*batch b b"]:
+    """Inverses of symmetric positive definite matrices."""
+    size = a.shape[-1]
+    if size > _WRITTEN_OUT:
+        factor = jnp.linalg.cholesky(a, symmetrize_input=False)
+        unit = jnp.broadcast_to(jnp.eye(size, dtype=a.dtype), a.shape)
+        half = jsl.solve_triangular(factor, unit, lower=True)
+        return jnp.swapaxes(half, -1, -2) @ half
+    if size == 2:  # most joints
+        determinant = a[..., 0, 0] * a[..., 1, 1] - a[..., 0, 1] ** 2
+        signs = np.array([[1, -1], [-1, 1]], a.dtype).reshape(*[1] * (a.ndim - 2), 2, 2)
+        return a[..., ::-1, ::-1] * signs / determinant[..., None, None]
+    # Gauss–Jordan in place; without pivoting, as the matrices are positive definite.
+    units = np.eye(size, dtype=a.dtype).reshape(size, *[1] * (a.ndim - 2), size)
+    for p, unit in enumerate(units):
+        rest = 1 - unit
+        row = (a[..., p, :] * rest + unit) / a[..., p, p, None]
+        column = unit - a[..., p] * rest
+        a = a * (rest[..., None] * rest[..., None, :]) + column[..., None] * row[..., None, :]
+    return a

@@ -1,0 +1,176 @@
+"""Which body each joint holds: the static pattern of M and C_q."""
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Array, Float
+
+from .elimination import Edge
+from .grouping import Index, take
+
+
+class Pairs(NamedTuple):
+    """Sides on the same body: their products make the Schur complement C_q M⁻¹ C_qᵀ."""
+
+    left: np.ndarray  # sides
+    right: np.ndarray
+    onto_nodes: np.ndarray  # (nodes, most) which pairs each diagonal block sums
+    onto_edges: np.ndarray  # (edges, most)
+
+
+@dataclasses.dataclass(frozen=True)
+class Topology:
+    """Bodies, nodes and sides.
+
+    A node is a set of constraints between the same bodies; a side is what a node does to one
+    body: a block of C_q. All blocks have the same shape, padded with zeros; n and m stand for
+    places that do not exist.
+    """
+
+    n: int
+    m: int
+    coordinates: Index  # of each body, (bodies, size)
+    rows: Index  # of each node, (nodes, height)
+    sides: Index  # node and body of each side, (sides, 2)
+
+    @classmethod
+    def dense(cls, n: int, m: int) -> "Topology":
+        """All in one block: a single body, a single node."""
+        sides = [(0, 0)] if m else []
+        return cls(n, m, Index.of([range(n)]), Index.of([range(m)]), Index.of(sides))
+
+    @classmethod
+    def of(
+        cls,
+        bodies: Sequence[Sequence[int]],
+        joints: Sequence[tuple[Sequence[int], Sequence[int]]],
+    ) -> "Topology":
+        """Of the coordinates of each body, and the bodies and constraints of each joint.
+
+        Joints between the same bodies share a node as long as they fit into the tallest one.
+        """
+        n = sum(map(len, bodies))
+        m = sum(len(rows) for _, rows in joints)
+        height = max((len(rows) for _, rows in joints), default=0)
+        nodes: list[tuple[list[int], list[int]]] = []
+        for held, rows in joints:
+            near = sorted(held)
+            for known, taken in nodes:
+                if known == near and len(taken) + len(rows) <= height:
+                    taken += rows
+                    break
+            else:
+                nodes.append((near, list(rows)))
+        size = max(map(len, bodies))
+        return cls(
+            n,
+            m,
+            Index.of([[*places, *[n] * (size - len(places))] for places in bodies]),
+            Index.of([[*rows, *[m] * (height - len(rows))] for _, rows in nodes]),
+            Index.of([(j, body) for j, (near, _) in enumerate(nodes) for body in near]),
+        )
+
+    def places(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Flat places among the blocks of the sides; −1 where there is none.
+
+        For constraints `rows` (joints, height) and coordinates `columns` (2, joints, size) of the
+        bodies on both sides, n where there is none.
+        """
+        place_of_row = {int(row): at for at, row in np.ndenumerate(self.rows.array)}
+        body_of = {int(first): i for i, first in enumerate(self.coordinates.array[:, 0])}
+        side_of = {tuple(map(int, ends)): k for k, ends in enumerate(self.sides.array)}
+        height, size = self.rows.width, self.coordinates.width
+        found = np.full((*columns.shape[:2], rows.shape[1], columns.shape[2]), -1)
+        for side, joint in np.ndindex(columns.shape[:2]):
+            body = body_of.get(int(columns[side, joint, 0]))
+            if body is None:  # the ground
+                continue
+            there = columns[side, joint] < self.n
+            for r, row in enumerate(rows[joint]):
+                node, place = place_of_row[int(row)]
+                start = (side_of[node, body] * height + place) * size
+                found[side, joint, r] = np.where(there, start + np.arange(columns.shape[2]), -1)
+        return found
+
+    # Between flat vectors and blocks.
+
+    def split(self, x: Float[Array, "n *k"]) -> Float[Array, "bodies size *k"]:
+        return self.coordinates.take(x)
+
+    def split_rows(self, x: Float[Array, "m *k"]) -> Float[Array, "nodes height *k"]:
+        return self.rows.take(x)
+
+    def join(self, x: Float[Array, "bodies size *k"]) -> Float[Array, "n *k"]:
+        return take(x.reshape(-1, *x.shape[2:]), self._places(self.coordinates, self.n))
+
+    def join_rows(self, x: Float[Array, "nodes height *k"]) -> Float[Array, "m *k"]:
+        return take(x.reshape(-1, *x.shape[2:]), self._places(self.rows, self.m))
+
+    @staticmethod
+    def _places(index: Index, size: int) -> np.ndarray:
+        return np.argsort(index.array.reshape(-1), kind="stable")[:size].astype(np.uint32)
+
+    # Of the sides.
+
+    @property
+    def nodes(self) -> np.ndarray:
+        return self.sides.array.reshape(-1, 2)[:, 0]
+
+    @property
+    def bodies(self) -> np.ndarray:
+        return self.sides.array.reshape(-1, 2)[:, 1]
+
+    @functools.cached_property
+    def sides_of_nodes(self) -> np.ndarray:
+        """(nodes, most), padded by the number of sides."""
+        return _table([np.flatnonzero(self.nodes == j) for j in range(len(self.rows.rows))])
+
+    @functools.cached_property
+    def sides_of_bodies(self) -> np.ndarray:
+        """(bodies, most), padded by the number of sides."""
+        return _table([np.flatnonzero(self.bodies == i) for i in range(len(self.coordinates.rows))])
+
+    @functools.cached_property
+    def edges(self) -> tuple[Edge, ...]:
+        """Nodes that share a body."""
+        shared = {
+            (int(self.nodes[k]), int(self.nodes[o]))
+            for near in self.sides_of_bodies
+            for k in near
+            for o in near
+            if max(k, o) < len(self.nodes) and self.nodes[k] < self.nodes[o]
+        }
+        return tuple(sorted(shared))
+
+    @functools.cached_property
+    def pairs(self) -> Pairs:
+        """The products of sides that the upper triangle of the Schur complement sums."""
+        count = len(self.nodes)
+        found: dict[Edge, list[int]] = {}
+        left, right = list[int](), list[int]()
+        for near in self.sides_of_bodies:
+            for k in near:
+                for o in near:
+                    if max(k, o) < count and self.nodes[k] <= self.nodes[o]:
+                        edge = (int(self.nodes[k]), int(self.nodes[o]))
+                        found.setdefault(edge, []).append(len(left))
+                        left.append(k)
+                        right.append(o)
+        own = [found.get((j, j), []) for j in range(len(self.rows.rows))]
+        between = [found[edge] for edge in self.edges]
+        size = len(left)
+        return Pairs(
+            np.array(left, int), np.array(right, int), _table(own, size), _table(between, size)
+        )
+
+
+def _table(entries: list, size: int | None = None) -> np.ndarray:
+    """Lists of unequal length as one table, filled with one past the largest entry."""
+    size = sum(map(len, entries)) if size is None else size
+    filled = np.full((len(entries), max(map(len, entries), default=0)), size, np.uint32)
+    for row, found in zip(filled, entries, strict=True):
+        row[: len(found)] = found
+    return filled
