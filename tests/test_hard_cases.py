@@ -1,0 +1,348 @@
+"""Hard cases, each with what a naive solver makes of it: redundant and vanishing constraints,
+extreme masses, stiffness, drift over long times.
+"""
+
+import dataclasses
+from fractions import Fraction
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import mechanics
+import numpy as np
+import pytest
+from mechanisms import RK4, ends, linkage
+from tolerances import IDENTITY, SOLVED
+
+import romjax as rj
+
+GRAVITY = 9.81
+# Required figures, case by case.
+ANGLE, ENERGY = 1e-8, 1e-9  # through a change point that a step lands on
+PASSING = 1e-5  # through a bifurcation, with steps of 0.01 s
+LIMIT = 1e-9  # the acceleration at a singular position
+MASS = {-8: 1e-6, -4: 1e-10, 4: 1e-10, 8: 1e-6}  # by the exponent of the mass ratio
+STIFF_ERROR, STIFF_STEPS = 1e-5, 1500
+LONG_ENERGY, LONG_DRIFT = 5e-4, 1e-12  # 1000 s in steps of 0.01 s
+ADAPTIVE_ENERGY, ADAPTIVE_DRIFT = 1e-6, 1e-10  # 2000 s
+PARALLEL = 1e-6  # after 20 s through singular positions
+DECAY = 0.01
+REDUCED_ENERGY, LOST = 1e-8, 0.1
+SINGLE = 1e-5  # in single precision
+
+
+def kinetic(motion: rj.Trajectory) -> np.ndarray:
+    """½ vᵀ M v, of bodies with constant mass."""
+    return 0.5 * np.einsum("ki,ij,kj->k", motion.v, motion.metric, motion.v)
+
+
+def four_bar(coupler=1.0, doubled=False) -> rj.Scene:
+    """A four-bar under gravity; its first hinge may be made twice."""
+    points = {"A": (0, 0), "b": (0.3, 0.9), "c": (1.8, 1.3), "D": (2.0, 0)}
+    bars = [("A", "b"), ("b", "c"), ("D", "c")]
+    scene = linkage(points, bars, {}, gravity=True, masses=[1.0, coupler, 1.0])
+    more = scene.joints[:1] if doubled else ()
+    return rj.Scene(scene.bodies, (*scene.joints, *more), scene.effects)
+
+
+def moving(system):
+    """A consistent state in motion."""
+    return rj.consistent(system, system.q0, system.v0 + 0.3 * jnp.arange(system.n))
+
+
+def solved_exactly(system, q, v) -> tuple[np.ndarray, np.ndarray]:
+    """q̈ and λ of the extended system, by Gauss's elimination in rational arithmetic."""
+    n, m = system.n, system.m
+    mass, rows = np.asarray(system.mass(q)), np.asarray(system.jacobian(0.0, q))
+    matrix = np.block([[mass, rows.T], [rows, np.zeros((m, m))]])
+    right = np.concatenate([system.force(0.0, q, v), system.gamma(0.0, q, v)])
+    table = [[Fraction(float(x)) for x in (*row, b)] for row, b in zip(matrix, right, strict=True)]
+    for i in range(n + m):
+        pivot = max(range(i, n + m), key=lambda r, i=i: abs(table[r][i]))
+        table[i], table[pivot] = table[pivot], table[i]
+        table[i] = [x / table[i][i] for x in table[i]]
+        for r in range(n + m):
+            if r != i and table[r][i]:
+                factor = table[r][i]
+                table[r] = [x - factor * y for x, y in zip(table[r], table[i], strict=True)]
+    solution = np.array([float(row[-1]) for row in table])
+    return solution[:n], solution[n:]
+
+
+def test_a_pin_made_twice():
+    """H1. LU and Cholesky of the extended matrix give NaN. Here the acceleration is right to 1e-12
+    and both pins carry one half: the shortest multipliers.
+    """
+    once, twice = rj.assemble(four_bar()), rj.assemble(four_bar(doubled=True))
+    q, v = moving(once)
+    wanted, forces = solved_exactly(once, q, v)
+    a, multipliers = jax.jit(twice.acceleration)(0.0, q, v)
+    assert np.max(np.abs(a - wanted)) <= IDENTITY
+    halves = np.concatenate([forces[:2] / 2, forces[2:], forces[:2] / 2])
+    assert np.max(np.abs(multipliers - halves)) <= IDENTITY * np.max(np.abs(forces))
+
+
+@pytest.mark.parametrize("exponent", MASS)
+def test_a_heavy_or_light_coupler(exponent):
+    """H4. Masses that differ by 10^k, against rational arithmetic. Three fixed proximal sweeps
+    reach 5e-5 at k = 8; here they go on until the residual is at rounding.
+    """
+    system = rj.assemble(four_bar(10.0**exponent))
+    q, v = moving(system)
+    wanted, _ = solved_exactly(system, q, v)
+    a, _ = jax.jit(system.acceleration)(0.0, q, v)
+    assert np.max(np.abs(a - wanted)) <= MASS[exponent] * np.max(np.abs(wanted))
+
+
+@pytest.mark.parametrize("keep", [None, rj.Projection()], ids=["unstabilised", "projected"])
+def test_a_step_that_lands_on_a_change_point(keep):
+    """H2. A parallelogram with cranks of 1 m on a base of 2 m turns at π/2 rad/s; every hundredth
+    step of 0.01 s lands where all bars are in line and the constraints lose rank. LU gives NaN.
+    """
+    w = np.pi / 2
+    points = {"A": (0, 0), "b": (0, 1), "c": (2, 1), "D": (2, 0)}
+    bars = [("A", "b"), ("b", "c"), ("D", "c")]
+    system = rj.assemble(linkage(points, bars, {"b": (-w, 0), "c": (-w, 0)}))
+    ts = jnp.linspace(0.0, 8.0, 81)
+    motion = rj.simulate(system, ts, solver=RK4(), dt=0.01, stabilization=keep)
+    assert np.max(np.abs(motion.q[:, 2] - (np.pi / 2 + w * ts))) <= ANGLE
+    energy = kinetic(motion)
+    assert np.max(np.abs(energy / energy[0] - 1)) <= ENERGY
+
+
+def slider_crank(angle) -> rj.Scene:
+    """Crank and rod of 1 m, a slider of 1 kg; at 90° the slider may stay where it is and the rod
+    turn with the crank. Turning at 1 rad/s.
+    """
+    c, s = np.cos(angle), np.sin(angle)
+    points = {"O": (0, 0), "p": (c, s), "s": (2 * c, 0)}
+    velocities = {"p": (-s, c), "s": (-2 * s, 0)}
+    bars = linkage(points, [("O", "p"), ("p", "s")], velocities)
+    slider = rj.RigidBody("slider", 1.0, 1.0, position=points["s"], velocity=velocities["s"])
+    joints = [
+        *bars.joints,
+        rj.Revolute(ends(bars.bodies[1])[1], slider.at()),
+        rj.PointOnLine(slider.at(), rj.ground.at()),
+        rj.FixedAngle(slider.at(), rj.ground.at()),
+    ]
+    return rj.Scene([*bars.bodies, slider], joints)
+
+
+def slider_crank_places(angle):
+    """All coordinates on the branch that slides."""
+    c, s, none = jnp.cos(angle), jnp.sin(angle), jnp.zeros_like(angle)
+    return jnp.stack([c / 2, s / 2, angle, 3 * c / 2, s / 2, -angle, 2 * c, none, none])
+
+
+def slider_crank_turning(angle, rate):
+    """Angular acceleration of the crank, from ½ J(θ) θ̇² = const."""
+    masses = jnp.array([1, 1, 1 / 12, 1, 1, 1 / 12, 1, 1, 1])
+
+    def inertia(angle):
+        return jnp.sum(masses * jax.jacfwd(slider_crank_places)(angle) ** 2)
+
+    return -0.5 * jax.grad(inertia)(angle) * rate**2 / inertia(angle)
+
+
+def test_the_acceleration_at_a_singular_position():
+    """H3. At the bifurcation LU gives NaN; the limit along the branch is wanted."""
+    angle = jnp.asarray(np.pi / 2)
+    slope = jax.jacfwd(slider_crank_places)
+    wanted = slope(angle) * slider_crank_turning(angle, 1.0) + jax.jacfwd(slope)(angle)
+    system = rj.assemble(slider_crank(np.pi / 2))
+    a, _ = jax.jit(system.acceleration)(0.0, slider_crank_places(angle), slope(angle))
+    assert np.max(np.abs(a - wanted)) <= LIMIT
+
+
+def test_passing_a_bifurcation():
+    """H3b. In steps of 0.01 s the crank passes 90° and the slider reaches −2 m. Unprojected, the
+    angle is wrong by 5e-3.
+    """
+    ts = jnp.linspace(0.0, 8.0, 801)
+    motion = rj.simulate(
+        rj.assemble(slider_crank(np.pi / 4)),
+        ts,
+        solver=RK4(),
+        dt=0.01,
+        stabilization=rj.Projection(),
+    )
+    crank = rj.CustomSystem(
+        lambda q: jnp.eye(1),
+        lambda t, q, v: slider_crank_turning(q[0], v[0])[None],
+        q0=[np.pi / 4],
+        v0=[1.0],
+    )
+    wanted = rj.simulate(crank, ts, solver=diffrax.Dopri8(), rtol=IDENTITY)
+    assert np.max(np.abs(motion.q[:, 2] - wanted.q[:, 0])) <= PASSING
+    energy = kinetic(motion)
+    assert np.max(np.abs(energy / energy[0] - 1)) <= PASSING
+    assert abs(np.min(motion.q[:, 6]) + 2) <= 1e-3
+
+
+@pytest.mark.slow
+def test_a_stiff_mode():
+    """H5. f₂ = 100 kHz: explicit methods take 600 000 steps for one second."""
+    system = rj.assemble(rj.gallery.cart_pendulum(f2=1e5))
+    ts = jnp.linspace(0.0, 1.0, 101)
+    motion, truth = (rj.simulate(system, ts, rtol=rtol) for rtol in (1e-6, 1e-10))
+    assert motion.solver == "Rodas5P"
+    assert motion.stats["num_steps"] <= STIFF_STEPS
+    assert rj.compare(truth, motion).error <= STIFF_ERROR
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> rj.CustomSystem:
+    """A point mass of 1 kg on a massless bar of 1 m, level and at rest."""
+    return rj.CustomSystem(
+        lambda q: jnp.eye(2),
+        lambda t, q, v: jnp.array([0.0, -GRAVITY]),
+        lambda t, q: 0.5 * (q @ q - 1)[None],
+        q0=[1.0, 0.0],
+        v0=[0.0, 0.0],
+    )
+
+
+def energy_error(motion) -> float:
+    """Relative to m g L."""
+    total = 0.5 * np.sum(np.square(motion.v), axis=1) + GRAVITY * np.asarray(motion.q[:, 1])
+    return float(np.max(np.abs(total))) / GRAVITY
+
+
+def test_drift_over_a_thousand_seconds(pendulum):
+    """H6. In steps of 0.01 s; unstabilised the bar stretches until everything is NaN."""
+    settings = {"solver": RK4(), "dt": 0.01, "max_steps": 200_000}
+    ts = jnp.linspace(0.0, 1000.0, 1001)
+    kept = rj.simulate(pendulum, ts, stabilization=rj.Projection(), **settings)
+    assert np.max(kept.violation) <= LONG_DRIFT
+    assert energy_error(kept) <= LONG_ENERGY
+    lost = rj.simulate(pendulum, ts, stabilization=None, throw=False, **settings)
+    assert not lost.success
+
+
+@pytest.mark.slow
+def test_two_thousand_seconds_of_a_pendulum(pendulum):
+    """IFToMM problem A01 with step size control: energy, drift, and the place at the end."""
+    motion = rj.simulate(
+        pendulum,
+        jnp.linspace(0.0, 2000.0, 2001),
+        solver=diffrax.Dopri8(),
+        rtol=1e-12,
+        stabilization=rj.Projection(),
+        max_steps=200_000,
+    )
+    assert energy_error(motion) <= ADAPTIVE_ENERGY
+    assert np.max(motion.violation) <= ADAPTIVE_DRIFT
+    angle = -0.952044523415683
+    assert np.allclose(motion.q[-1], [np.sin(angle), -np.cos(angle)], rtol=0, atol=PARALLEL)
+
+
+@pytest.mark.slow
+def test_a_parallel_four_bar():
+    """IFToMM problem A02, N = 2: five bars of 1 m and 1 kg through twenty level positions in 20 s,
+    in each of which the constraints lose rank. The place of B0 at 10 s and 20 s.
+    """
+    points, velocities, bars = {}, {}, []
+    for i, (foot, top) in enumerate(zip("ABC", "abc", strict=True)):
+        points |= {foot: (i, 0), top: (i, 1)}
+        velocities[top] = (1.0, 0.0)
+        bars.append((foot, top))
+    system = rj.assemble(linkage(points, [*bars, ("a", "b"), ("b", "c")], velocities, gravity=True))
+    motion = rj.simulate(
+        system,
+        jnp.array([0.0, 10.0, 20.0]),
+        solver=diffrax.Dopri8(),
+        rtol=1e-10,
+        stabilization=rj.Projection(),
+    )
+    wanted = [[0.328458111540815, 0.944518538178601], [0.839746574306844, 0.542978536352885]]
+    assert np.allclose(2 * motion.q[1:, :2], wanted, rtol=0, atol=PARALLEL)
+
+
+def test_stabilisation_that_sets_the_step(pendulum):
+    """H7. α = 1000, β = 2.5e5 costs 30 times the steps; the warning names the rates."""
+    ts = jnp.linspace(0.0, 10.0, 11)
+
+    def run(alpha, beta):
+        stabilization = rj.Baumgarte(alpha, beta)
+        return rj.simulate(pendulum, ts, solver=diffrax.Tsit5(), stabilization=stabilization)
+
+    well = run(5.0, 10.5)
+    with pytest.warns(UserWarning, match=r"decay at 500 /s.*fastest.*2\.\d+ rad/s.*steps of 0\.00"):
+        fast = run(1000.0, 2.5e5)
+    assert fast.stats["num_steps"] > 20 * well.stats["num_steps"]
+
+
+def test_a_start_off_the_constraints_decays(pendulum):
+    """H8. C = C₀ (1 + αt/2) exp(−αt/2) for critical damping; and `consistent` mends the start."""
+    alpha, off = 10.0, jnp.array([1.01, 0.0])
+    motion = rj.simulate(
+        pendulum,
+        jnp.array([0.0, 1.0]),
+        q0=off,
+        solver=RK4(),
+        dt=0.01,
+        stabilization=rj.Baumgarte(alpha, alpha**2 / 4),
+        throw=False,
+    )
+    assert motion.status == rj.Status.INCONSISTENT_START
+    decay = (1 + alpha / 2) * np.exp(-alpha / 2)
+    assert abs(motion.violation[1] / (motion.violation[0] * decay) - 1) <= DECAY
+    q, _ = rj.consistent(pendulum, off)
+    assert np.allclose(q, [1.0, 0.0], rtol=0, atol=IDENTITY)
+
+
+@pytest.mark.slow
+def test_energy_of_a_reduced_model():
+    """H14. The free pendulum on the sprung cart, 20 s, five modes: Galerkin keeps the energy to
+    1e-8 of the kinetic range. The chapter's projection of the solution does not.
+    """
+    forced = rj.gallery.cart_pendulum(stiffness=1000.0)
+    scene = rj.Scene(forced.bodies, forced.joints, [forced.effects[0], rj.Gravity()])
+    system = rj.assemble(scene)
+    arm, angle = 0.4, 0.3
+    hanging = jnp.array([arm * np.sin(angle), -arm * np.cos(angle), angle])
+    q0, v0 = rj.consistent(system, system.q0.at[3:6].set(hanging), system.v0)
+    training = rj.simulate(
+        system, jnp.linspace(0.0, 2.0, 401), q0=q0, v0=v0, rtol=1e-9, solver=rj.Rodas5P()
+    )
+    basis = rj.pod(training, rank=5)
+    ts = jnp.linspace(0.0, 20.0, 2001)
+
+    def drift(formulation, **settings):
+        rom = rj.reduce(system, basis, formulation=formulation)
+        rest = jnp.zeros(rom.n)
+        run = rj.simulate(rom, ts, q0=rest, v0=rest, solver=diffrax.Dopri8(), **settings)
+        energies = jax.vmap(
+            lambda q, v: (
+                mechanics.kinetic_energy(scene, q, v),
+                mechanics.potential_energy(scene, q),
+            )
+        )
+        kinetic, potential = map(np.asarray, energies(run.q, run.v))
+        total = kinetic + potential
+        return np.max(np.abs(total - total[0])) / np.ptp(kinetic)
+
+    assert drift("galerkin", rtol=1e-12, stabilization=rj.Projection()) <= REDUCED_ENERGY
+    assert drift("projected", rtol=1e-8, stabilization=rj.Baumgarte(20.0, 100.0)) > LOST
+
+
+def test_single_precision_where_it_can_and_where_not():
+    """H12, H4. The cart in steps of 2e-4 s is right to 1e-5; a mass ratio of 1e4 is refused."""
+    ts = jnp.linspace(0.0, 1.0, 101)
+    truth = rj.simulate(
+        rj.assemble(rj.gallery.cart_pendulum()), ts, rtol=SOLVED, solver=rj.Rodas5P()
+    )
+
+    settings = {"solver": diffrax.Tsit5(), "stabilization": rj.Projection()}
+    with jax.enable_x64(False):
+        cart, heavy = rj.assemble(rj.gallery.cart_pendulum()), rj.assemble(four_bar(1e4))
+        with pytest.warns(UserWarning, match="single precision"):
+            motion = rj.simulate(cart, np.asarray(ts), dt=2e-4, **settings)
+        with (
+            pytest.warns(UserWarning, match="single precision"),
+            pytest.raises(rj.SimulationError, match="masses that a joint connects"),
+        ):
+            rj.simulate(heavy, [0.0, 0.1], **settings)
+    assert motion.q.dtype == jnp.float32
+    wide = dataclasses.replace(truth, q=jnp.asarray(motion.q, float))
+    assert rj.compare(truth, wide).error <= SINGLE
