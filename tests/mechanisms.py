@@ -59,8 +59,8 @@ def bar(name, start, end, mass=1.0, velocity=(0.0, 0.0, 0.0)) -> rj.RigidBody:
 
 
 def ends(body: rj.RigidBody) -> tuple[rj.Marker, rj.Marker]:
-    half = float(body.extent[0]) / 2
-    return body.at((-half, 0.0)), body.at((half, 0.0))
+    half = body.extent * jnp.array([0.5, 0.0])
+    return body.at(-half), body.at(half)
 
 
 def linkage(points, bars, turning, gravity=False, masses=None, extra=()) -> rj.Scene:

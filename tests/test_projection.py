@@ -1,14 +1,20 @@
 """Projection keeps the constraints at every saved point, and mends the start."""
 
+import diffrax
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import pytest
 from tolerances import IDENTITY
 
 import romjax as rj
+from romjax.integrate.projection import ProjectedSolver
+from romjax.integrate.term import MotionTerm
 
 # Velocities reach some metres per second; an identity is relative to the size of its terms.
 SCALED = 10 * IDENTITY
+# Required.
+ROUNDED, GRADIENT = 1e-14, 1e-7
 TS = jnp.linspace(0.0, 2.0, 21)
 
 
@@ -41,3 +47,65 @@ def test_a_motion_at_rest_has_an_absolute_error(projected):
     rest = eqx.tree_at(lambda m: m.q, projected, jnp.zeros_like(projected.q))
     assert rj.compare(rest, rest).error == 0
     assert jnp.isfinite(rj.compare(rest, projected).error)
+
+
+def test_every_step_is_on_the_constraints(pendulum):
+    """Not the saved points alone: C and Ċ after each accepted step, at rounding."""
+    solver = ProjectedSolver(diffrax.Tsit5())
+
+    @jax.jit
+    def steps():
+        solution = diffrax.diffeqsolve(
+            MotionTerm(pendulum, None),
+            solver,
+            0.0,
+            2.0,
+            1e-3,
+            (pendulum.q0, pendulum.v0),
+            saveat=diffrax.SaveAt(steps=True),
+            stepsize_controller=diffrax.PIDController(rtol=1e-6, atol=1e-6),
+            max_steps=256,
+        )
+        return solution.ts, *solution.ys
+
+    t, q, v = (x[jnp.isfinite(x[:, 0]) if x.ndim > 1 else jnp.isfinite(x)] for x in steps())
+    state = jax.vmap(pendulum.constraint_state)(t, q, v)
+    assert len(t) > 10
+    assert jnp.max(jnp.abs(state.violation)) <= ROUNDED
+    assert jnp.max(jnp.abs(state.rate)) <= SCALED
+
+
+def test_projection_costs_few_steps(pendulum):
+    """At most a tenth more than without any stabilisation."""
+
+    def count(keep):
+        found = rj.simulate(pendulum, TS, rtol=1e-6, solver=diffrax.Tsit5(), stabilization=keep)
+        return found.stats["num_steps"]
+
+    assert count(rj.Projection()) <= 1.1 * count(None)
+
+
+def test_the_gradient_passes_through(pendulum):
+    """With respect to the start and to gravity, against central differences."""
+    scene = rj.gallery.chain(1)
+
+    def last(parameters):
+        angle, gravity = parameters
+        changed = rj.Scene(scene.bodies, scene.joints, [rj.Gravity((0.0, -gravity))])
+        start = jnp.stack([0.5 * jnp.cos(angle), 0.5 * jnp.sin(angle), angle])
+        motion = rj.simulate(
+            rj.assemble(changed),
+            TS[:4],
+            q0=start,
+            dt=0.02,
+            solver=diffrax.Tsit5(),
+            stabilization=rj.Projection(),
+            throw=False,
+        )
+        return motion.q[-1, 0] + motion.v[-1, 1] + motion.multipliers[-1, 0] / 10
+
+    place, step = jnp.array([0.3, 9.0]), 1e-4
+    found, value = jax.jit(jax.grad(last))(place), jax.jit(last)
+    for i, unit in enumerate(jnp.eye(2)):
+        wanted = (value(place + step * unit) - value(place - step * unit)) / (2 * step)
+        assert abs(found[i] - wanted) <= GRADIENT * max(1, abs(wanted))

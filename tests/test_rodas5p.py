@@ -65,6 +65,23 @@ def test_order_between_the_steps(solve):
     assert np.all(observed(errors) >= ORDER - 1 - SPREAD), observed(errors)
 
 
+def test_order_of_the_embedded_method():
+    """What the error estimate takes off the step is a method of order 4: its error in one step
+    falls with the fifth power.
+    """
+
+    @jax.jit
+    def error(step):
+        start = exact(jnp.asarray(0.3))
+        y, estimate, *_ = rj.Rodas5P().step(
+            diffrax.ODETerm(field), 0.3, 0.3 + step, start, None, None, False
+        )
+        return jnp.max(jnp.abs(y - estimate - exact(0.3 + step)))
+
+    errors = [error(1.0 / steps) for steps in STEPS]
+    assert np.all(np.abs(observed(errors) - ORDER) <= SPREAD), observed(errors)
+
+
 def test_order_on_an_equation_of_motion():
     """Through the second-order form: q₁ = exp(sin t), q₂ = 1/(1 + t), by forces that depend on
     time, position and velocity.
