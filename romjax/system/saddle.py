@@ -17,7 +17,7 @@ from .topology import Topology
 PROXIMAL = {jnp.dtype("float64"): 1e-10, jnp.dtype("float32"): 5e-6}
 # What is left of C a − γ, relative to its terms, when no more sweeps are made.
 _RESIDUAL = {jnp.dtype("float64"): 1e-14, jnp.dtype("float32"): 5e-6}
-# One is the rule, a mass ratio of 1e8 takes a few; one that does not halve the rest is the last.
+# Two are the rule, a mass ratio of 1e8 takes a few; one that does not halve the rest is the last.
 _SWEEPS = 20
 # Each leaves about 2 % of the part of a vector that redundant constraints leave free.
 _NULL_SWEEPS = 2
@@ -127,24 +127,22 @@ class Saddle(eqx.Module):
             target = self._without_null(target)
         terms = _largest(bend) + _largest(gamma)
 
-        def state(multipliers):  # type: ignore[no-untyped-def]
-            push = _apply(self.inverse_mass, self._reaction(self.scaled, multipliers))
-            return multipliers, free - push, target - self._bend(self.scaled, push)
-
         def unfinished(carry):  # type: ignore[no-untyped-def]
-            (multipliers, _, rest), before, count = carry
+            multipliers, _, rest, before, count = carry
             # A residual is the difference of its terms: it cannot fall below their rounding.
             rounding = 4 * jnp.finfo(rest.dtype).eps * (terms + _largest(multipliers))
             left, enough = _largest(rest), _RESIDUAL[rest.dtype] * _largest(target) + rounding
             return jnp.any((left > enough) & (left < 0.5 * before)) & (count < _SWEEPS)
 
         def sweep(carry):  # type: ignore[no-untyped-def]
-            (multipliers, _, rest), _, count = carry
-            return state(multipliers + factor.solve(rest)), _largest(rest), count + 1
+            multipliers, _, rest, _, count = carry
+            multipliers += factor.solve(rest)
+            push = _apply(self.inverse_mass, self._reaction(self.scaled, multipliers))
+            again = target - self._bend(self.scaled, push)
+            return multipliers, free - push, again, _largest(rest), count + 1
 
-        first = state(factor.solve(target))
-        start = (first, jnp.full_like(terms, jnp.inf), 0)
-        (multipliers, a, _), _, _ = jax.lax.while_loop(unfinished, sweep, start)
+        start = (jnp.zeros_like(target), free, target, jnp.full_like(terms, jnp.inf), 0)
+        multipliers, a, *_ = jax.lax.while_loop(unfinished, sweep, start)
         multipliers = self.scale[:, :, None] * self._without_null(multipliers)
         return jnp.concatenate([self.topology.join(a), self.topology.join_rows(multipliers)])
 

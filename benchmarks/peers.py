@@ -1,0 +1,98 @@
+"""The chain in other codes: MuJoCo (minimal coordinates, RK4) and Exudyn (generalised alpha)."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+Run = Callable[[float], tuple[np.ndarray, int, float]]
+
+
+def mujoco_chain(links: int) -> Run:
+    """A function of the number of steps in one second: places of all bars (3 n), steps, time."""
+    import mujoco
+
+    bar = (
+        '<body pos="{x} 0 0"><joint type="hinge" axis="0 -1 0"/>'
+        '<inertial pos="0.5 0 0" mass="1" diaginertia="{j} {j} {j}"/>'
+    )
+    bars = "".join(bar.format(x=min(i, 1), j=1 / 12) for i in range(links))
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><option gravity="0 0 -9.81" integrator="RK4">'
+        '<flag contact="disable" constraint="disable"/></option>'
+        f"<worldbody>{bars}{'</body>' * links}</worldbody></mujoco>"
+    )
+
+    def run(steps: float) -> tuple[np.ndarray, int, float]:
+        model.opt.timestep = 1.0 / steps
+        data = mujoco.MjData(model)
+        start = time.perf_counter()
+        mujoco.mj_step(model, data, nstep=int(steps))
+        taken = time.perf_counter() - start
+        angle = np.cumsum(data.qpos)
+        along, up = np.cos(angle), np.sin(angle)
+        places = [np.cumsum(along) - along / 2, np.cumsum(up) - up / 2, angle]
+        return np.stack(places, axis=1).ravel(), int(steps), taken
+
+    return run
+
+
+def exudyn_chain(links: int) -> Run:
+    """The same by redundant coordinates; the time is that of the solver alone."""
+    import exudyn
+    from exudyn.itemInterface import (
+        LoadMassProportional,
+        MarkerBodyMass,
+        MarkerBodyPosition,
+        NodeRigidBody2D,
+        ObjectGround,
+        ObjectJointRevolute2D,
+        ObjectRigidBody2D,
+    )
+
+    def build():  # type: ignore[no-untyped-def]
+        system = exudyn.SystemContainer().AddSystem()
+        ground = system.AddObject(ObjectGround(referencePosition=[0, 0, 0]))
+        end = system.AddMarker(MarkerBodyPosition(bodyNumber=ground))
+        nodes = []
+        for i in range(links):
+            node = system.AddNode(NodeRigidBody2D(referenceCoordinates=[i + 0.5, 0, 0]))
+            body = system.AddObject(
+                ObjectRigidBody2D(physicsMass=1, physicsInertia=1 / 12, nodeNumber=node)
+            )
+            left, right = (
+                system.AddMarker(MarkerBodyPosition(bodyNumber=body, localPosition=[x, 0, 0]))
+                for x in (-0.5, 0.5)
+            )
+            system.AddObject(ObjectJointRevolute2D(markerNumbers=[end, left]))
+            whole = system.AddMarker(MarkerBodyMass(bodyNumber=body))
+            weight = LoadMassProportional(markerNumber=whole, loadVector=[0, -9.81, 0])
+            system.AddLoad(weight)
+            nodes.append(node)
+            end = right
+        system.Assemble()
+        return system, nodes
+
+    settings = exudyn.SimulationSettings()
+    settings.timeIntegration.endTime = 1.0
+    settings.timeIntegration.verboseMode = 0
+    settings.timeIntegration.newton.relativeTolerance = 1e-10
+    settings.timeIntegration.newton.absoluteTolerance = 1e-12
+    settings.timeIntegration.newton.useModifiedNewton = True
+    settings.timeIntegration.generalizedAlpha.spectralRadius = 0.9
+    settings.solution.file.write = False
+    sparse = exudyn.LinearSolverType.EigenSparse
+    settings.linearSolver.solverType = sparse if links > 4 else exudyn.LinearSolverType.EXUdense
+
+    def run(steps: float) -> tuple[np.ndarray, int, float]:
+        system, nodes = build()
+        settings.timeIntegration.numberOfSteps = int(steps)
+        start = time.perf_counter()
+        system.SolveDynamic(settings)
+        taken = time.perf_counter() - start
+        kind = exudyn.OutputVariableType.Coordinates
+        places = np.array([system.GetNodeOutput(node, kind) for node in nodes])
+        places[:, 0] += np.arange(links) + 0.5
+        return places.ravel(), int(steps), taken
+
+    return run
