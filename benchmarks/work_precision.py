@@ -4,9 +4,8 @@
 
 One run, interleaved: every method once per round, least and median over the rounds. Times are
 second calls, with the first call (trace, compile, run) in a column of its own; errors are in the
-energy norm at the output times against a run at a tolerance a hundred times
-tighter or more, never the
-tolerance asked for. romjax and diffrax are called as `jax.jit` of a simulation; SciPy takes the
+energy norm at the output times against a run at a hundred times tighter tolerance or more, never
+the tolerance asked for. romjax and diffrax are called as `jax.jit` of a simulation; SciPy takes the
 same right-hand side, compiled by JAX, a call per evaluation. MuJoCo and Exudyn (extra `bench`)
 take fixed steps and are compared at the end of one second; so are fixed steps of romjax.
 """

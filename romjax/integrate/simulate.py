@@ -183,7 +183,8 @@ def _simulate(
     physical_q, physical_v, multipliers, violation, states = jax.vmap(evaluate)(ts, q, v)
     start = jax.tree.map(lambda x: x[0], states)
     result = solution.result
-    finite = jnp.all(jnp.isfinite(q)) & jnp.all(jnp.isfinite(v))
+    # Drift can be finite in q and past all numbers in C.
+    finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in (q, v, violation)]))
     status = jnp.where(finite, Status.SUCCESS, Status.NOT_FINITE)
     status = jnp.where(result == diffrax.RESULTS.successful, status, Status.SOLVER_FAILED)
     status = jnp.where(result == diffrax.RESULTS.max_steps_reached, Status.MAX_STEPS, status)
