@@ -22,6 +22,8 @@ _RESOLVED = 1.0
 # Baumgarte's terms set the step if their rate is this many times the mechanism's, and comparable
 # with the steps that were taken.
 _FASTER, _COMPARABLE = 3.0, 0.25
+# Shorter runs are all beginning, with the short steps of one.
+_STEPS = 100
 
 
 @eqx.filter_jit
@@ -41,7 +43,8 @@ def default_solver(
     """Rodas5P for stiff systems, Dopri8 for others.
 
     Stiff: the fastest frequency is above what the outputs can show, half their rate (counted as a
-    hundred at least), or above what a fixed step resolves. While JAX traces, numbers are unknown,
+    hundred at least), or above what a fixed step resolves. Between its long steps, outputs of
+    Dopri8 carry some twenty times the tolerance. While JAX traces, numbers are unknown,
     and flexible systems count as stiff.
     """
     fastest, times, step = concrete(found.fastest), concrete(ts), concrete(dt)
@@ -86,7 +89,7 @@ def warn_of_fast_stabilization(
     # |s| of s² + α s + β = 0
     rate = float(np.max(np.abs(alpha / 2 + np.sqrt(alpha**2 / 4 - beta + 0j))))
     step = float(trajectory.t[-1] - trajectory.t[0]) / max(float(steps), 1.0)
-    if rate * step < _COMPARABLE:
+    if steps < _STEPS or rate * step < _COMPARABLE:
         return
     fastest = float(frequencies(system, trajectory.t[0], q0, v0).fastest)
     if rate > _FASTER * fastest:
