@@ -13,6 +13,8 @@ from .small import invert, multiply, multiply_transposed
 
 Edge = tuple[int, int]
 
+_WRITTEN_OUT = 6  # levels: a chain of 32
+
 
 class Schedule(NamedTuple):
     """In what order nodes are eliminated: one row for each level, all rows of one shape.
@@ -166,9 +168,10 @@ class Factor(eqx.Module):
 
 
 def _each(step, start, xs, reverse=False):  # type: ignore[no-untyped-def]
-    # Traced once, whatever the number of levels, and written out for XLA, which then knows the
-    # tables: half the time of a loop.
-    return jax.lax.scan(step, start, xs, reverse=reverse, unroll=True)
+    # Traced once, whatever the number of levels. A few are written out for XLA, which then knows
+    # the tables, in half the time of a loop; more would take it longer to compile.
+    written_out = len(jax.tree.leaves(xs)[0]) <= _WRITTEN_OUT
+    return jax.lax.scan(step, start, xs, reverse=reverse, unroll=written_out or 1)
 
 
 def _padded(x: Float[Array, "size *shape"]) -> Float[Array, "one_more *shape"]:

@@ -155,7 +155,10 @@ class Saddle(eqx.Module):
         assert factor is not None
 
         def sweep(x, _):  # type: ignore[no-untyped-def]
-            return x - epsilon**2 * factor.solve(factor.solve(x)), None
+            rest = jax.lax.scan(lambda y, _: (epsilon * factor.solve(y), None), x, None, length=2)[
+                0
+            ]
+            return x - rest, None
 
         return jax.lax.scan(sweep, x, None, length=_NULL_SWEEPS)[0]
 
