@@ -3,6 +3,7 @@
 import diffrax
 import jax
 import jax.numpy as jnp
+import optimistix
 import pytest
 from mechanisms import linkage
 from tolerances import DIFFERENCED
@@ -13,10 +14,12 @@ STEP = 1e-4  # of central differences
 PLACE = jnp.array([1.3, 9.0])  # mass of the coupler [kg], gravity [m/s²]
 POINTS = {"A": (0, 0), "b": (0.3, 0.9), "c": (1.8, 1.3), "D": (2.0, 0)}
 FIXED = {"dt": 0.02, "throw": False}
+NEWTON = optimistix.Chord(rtol=1e-10, atol=1e-10, norm=optimistix.max_norm)
 SOLVERS = [
     diffrax.Tsit5(),
     pytest.param(diffrax.Dopri8(), marks=pytest.mark.slow),
     pytest.param(rj.Rodas5P(), marks=pytest.mark.slow),
+    pytest.param(diffrax.Kvaerno5(root_finder=NEWTON), marks=pytest.mark.slow),
 ]
 
 

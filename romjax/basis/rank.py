@@ -8,7 +8,6 @@ from jaxtyping import Array, Float
 
 Rank = int | str  # a number of modes, or "drop"
 
-
 # A drop point is a fall by two decades. The values of a falling chain of bars decrease by 2 to 20
 # at each step, all the way to rounding: they have none.
 DROP = 100.0

@@ -19,7 +19,7 @@ PROXIMAL = {jnp.dtype("float64"): 1e-10, jnp.dtype("float32"): 5e-6}
 _RESIDUAL = {jnp.dtype("float64"): 1e-14, jnp.dtype("float32"): 5e-6}
 # Two are the rule, a mass ratio of 1e8 takes a few; one that does not halve the rest is the last.
 _SWEEPS = 20
-# Each leaves about 2 % of the part of a vector that redundant constraints leave free.
+# The second removes what rounding leaves of the first.
 _NULL_SWEEPS = 2
 
 Blocks = Float[Array, "_ _ _"]
@@ -154,10 +154,11 @@ class Saddle(eqx.Module):
         epsilon, factor = PROXIMAL[x.dtype], self.factor
         assert factor is not None
 
+        def damp(x, _):  # type: ignore[no-untyped-def]
+            return epsilon * factor.solve(x), None
+
         def sweep(x, _):  # type: ignore[no-untyped-def]
-            rest = jax.lax.scan(lambda y, _: (epsilon * factor.solve(y), None), x, None, length=2)[
-                0
-            ]
+            rest, _ = jax.lax.scan(damp, x, None, length=2)
             return x - rest, None
 
         return jax.lax.scan(sweep, x, None, length=_NULL_SWEEPS)[0]

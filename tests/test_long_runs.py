@@ -1,0 +1,118 @@
+"""Long runs: drift, energy over thousands of seconds, and what stabilisation costs."""
+
+import diffrax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from mechanisms import RK4, linkage
+from tolerances import IDENTITY
+
+import romjax as rj
+
+GRAVITY = 9.81
+# Required figures, case by case.
+LONG_ENERGY, LONG_DRIFT = 5e-4, 1e-12  # 1000 s in steps of 0.01 s
+ADAPTIVE_ENERGY, ADAPTIVE_DRIFT = 1e-6, 1e-10  # 2000 s
+PARALLEL = 1e-6  # after 20 s through singular positions
+DECAY = 0.01
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> rj.CustomSystem:
+    """A point mass of 1 kg on a massless bar of 1 m, level and at rest."""
+    return rj.CustomSystem(
+        lambda q: jnp.eye(2),
+        lambda t, q, v: jnp.array([0.0, -GRAVITY]),
+        lambda t, q: 0.5 * (q @ q - 1)[None],
+        q0=[1.0, 0.0],
+        v0=[0.0, 0.0],
+    )
+
+
+def energy_error(motion) -> float:
+    """Relative to m g L."""
+    total = 0.5 * np.sum(np.square(motion.v), axis=1) + GRAVITY * np.asarray(motion.q[:, 1])
+    return float(np.max(np.abs(total))) / GRAVITY
+
+
+def test_drift_over_a_thousand_seconds(pendulum):
+    """H6. In steps of 0.01 s; unstabilised the bar stretches until everything is NaN."""
+    settings = {"solver": RK4(), "dt": 0.01, "max_steps": 200_000}
+    ts = jnp.linspace(0.0, 1000.0, 1001)
+    kept = rj.simulate(pendulum, ts, stabilization=rj.Projection(), **settings)
+    assert np.max(kept.violation) <= LONG_DRIFT
+    assert energy_error(kept) <= LONG_ENERGY
+    lost = rj.simulate(pendulum, ts, stabilization=None, throw=False, **settings)
+    assert not lost.success
+
+
+@pytest.mark.slow
+def test_two_thousand_seconds_of_a_pendulum(pendulum):
+    """IFToMM problem A01 with step size control: energy, drift, and the place at the end."""
+    motion = rj.simulate(
+        pendulum,
+        jnp.linspace(0.0, 2000.0, 2001),
+        solver=diffrax.Dopri8(),
+        rtol=1e-12,
+        stabilization=rj.Projection(),
+        max_steps=200_000,
+    )
+    assert energy_error(motion) <= ADAPTIVE_ENERGY
+    assert np.max(motion.violation) <= ADAPTIVE_DRIFT
+    angle = -0.952044523415683
+    assert np.allclose(motion.q[-1], [np.sin(angle), -np.cos(angle)], rtol=0, atol=PARALLEL)
+
+
+@pytest.mark.slow
+def test_a_parallel_four_bar():
+    """IFToMM problem A02, N = 2: five bars of 1 m and 1 kg through twenty level positions in 20 s,
+    in each of which the constraints lose rank. The place of B0 at 10 s and 20 s.
+    """
+    points, velocities, bars = {}, {}, []
+    for i, (foot, top) in enumerate(zip("ABC", "abc", strict=True)):
+        points |= {foot: (i, 0), top: (i, 1)}
+        velocities[top] = (1.0, 0.0)
+        bars.append((foot, top))
+    system = rj.assemble(linkage(points, [*bars, ("a", "b"), ("b", "c")], velocities, gravity=True))
+    motion = rj.simulate(
+        system,
+        jnp.array([0.0, 10.0, 20.0]),
+        solver=diffrax.Dopri8(),
+        rtol=1e-10,
+        stabilization=rj.Projection(),
+    )
+    wanted = [[0.328458111540815, 0.944518538178601], [0.839746574306844, 0.542978536352885]]
+    assert np.allclose(2 * motion.q[1:, :2], wanted, rtol=0, atol=PARALLEL)
+
+
+def test_stabilisation_that_sets_the_step(pendulum):
+    """H7. α = 1000, β = 2.5e5 costs 30 times the steps; the warning names the rates."""
+    ts = jnp.linspace(0.0, 10.0, 11)
+
+    def run(alpha, beta):
+        stabilization = rj.Baumgarte(alpha, beta)
+        return rj.simulate(pendulum, ts, solver=diffrax.Tsit5(), stabilization=stabilization)
+
+    well = run(5.0, 10.5)
+    with pytest.warns(UserWarning, match=r"decay at 500 /s.*fastest.*2\.\d+ rad/s.*steps of 0\.00"):
+        fast = run(1000.0, 2.5e5)
+    assert fast.stats["num_steps"] > 20 * well.stats["num_steps"]
+
+
+def test_a_start_off_the_constraints_decays(pendulum):
+    """H8. C = C₀ (1 + αt/2) exp(−αt/2) for critical damping; and `consistent` mends the start."""
+    alpha, off = 10.0, jnp.array([1.01, 0.0])
+    motion = rj.simulate(
+        pendulum,
+        jnp.array([0.0, 1.0]),
+        q0=off,
+        solver=RK4(),
+        dt=0.01,
+        stabilization=rj.Baumgarte(alpha, alpha**2 / 4),
+        throw=False,
+    )
+    assert motion.status == rj.Status.INCONSISTENT_START
+    decay = (1 + alpha / 2) * np.exp(-alpha / 2)
+    assert abs(motion.violation[1] / (motion.violation[0] * decay) - 1) <= DECAY
+    q, _ = rj.consistent(pendulum, off)
+    assert np.allclose(q, [1.0, 0.0], rtol=0, atol=IDENTITY)
