@@ -196,8 +196,8 @@ def test_times_and_starts(changes, words):
 
 RANKS = {
     "rank and tol": (RICH, {"rank": 2, "tol": 0.1}, "give rank=2 or tol=0.1, not both"),
-    "no rank": (RICH, {"rank": 0}, "rank=0, but 9 snapshots of 3 coordinates allow 1 to 3"),
-    "rank above n": (RICH, {"rank": 4}, "rank=4, but 9 snapshots of 3 coordinates allow 1 to 3"),
+    "no rank": (RICH, {"rank": 0}, "rank=0, but the snapshots allow 1 to 3"),
+    "rank above n": (RICH, {"rank": 4}, "rank=4, but the snapshots allow 1 to 3"),
     "rank above the span": (
         PLANE,
         {"rank": 3},

@@ -6,6 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .snapshots import Recording
+
 
 class Basis(eqx.Module):
     """An affine subspace q ≈ q̄ + Φ z.
@@ -14,38 +16,40 @@ class Basis(eqx.Module):
     - `offset` q̄ (n,).
     - `values`: proper orthogonal values (all of them) or smooth orthogonal values (of the modes).
     - `spectrum`: the singular values that decided the rank, largest first.
-    - `coordinates` z (h, r), `t` (h,): the snapshots in the basis and their times.
+    - `recording`: the snapshots it was made from.
     - `leak`: share of the snapshots that the subspace misses, in the energy norm.
     - `kind`: "POD", "SOD" or "given"; `reason`: why the rank is what it is, in words.
-    - `labels`: names of the coordinates.
     """
 
     modes: Float[Array, "n r"]
     offset: Float[Array, " n"]
     values: Float[Array, " k"]
     spectrum: Float[Array, " s"]
-    coordinates: Float[Array, "h r"]
-    t: Float[Array, " h"]
+    recording: Recording
     leak: Float[Array, ""]
     kind: str = eqx.field(static=True, default="given")
     reason: str = eqx.field(static=True, default="given")
-    labels: tuple[str, ...] = eqx.field(static=True, default=())
 
     @classmethod
     def from_modes(cls, modes: Any, offset: Any) -> "Basis":
         """A basis of one's own: any independent columns `modes` (n, r) about `offset` (n,)."""
-        modes, offset = jnp.asarray(modes), jnp.asarray(offset)
+        kind = jnp.result_type(jnp.asarray(modes), jnp.asarray(offset), float)
+        modes, offset = jnp.asarray(modes, kind), jnp.asarray(offset, kind)
         if modes.ndim != 2 or offset.shape != modes.shape[:1] or modes.shape[1] > modes.shape[0]:
             raise ValueError(
                 f"Basis: modes {modes.shape} and offset {offset.shape} do not fit; they must have "
                 "shapes (n, r) and (n,) with r at most n."
             )
         none = jnp.ones(modes.shape[1], modes.dtype)
-        snapshot = jnp.zeros((1, modes.shape[1]), modes.dtype)
-        zero = jnp.zeros((), modes.dtype)
-        return cls(modes, offset, none, none, snapshot, zero[None], zero)
+        return cls(modes, offset, none, none, Recording.still(offset), jnp.zeros_like(none[0]))
 
     @property
     def rank(self) -> int:
         """Number of modes r."""
         return self.modes.shape[1]
+
+    @property
+    def coordinates(self) -> Float[Array, "h r"]:
+        """The snapshots in the basis, z = Φᵀ M (q − q̄)."""
+        moved = self.recording.q - self.offset[None]
+        return moved @ self.recording.metric @ self.modes

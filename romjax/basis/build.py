@@ -1,24 +1,16 @@
 """From orthonormal vectors in weighted coordinates to a Basis."""
 
-from typing import NamedTuple
-
 import jax
 import jax.numpy as jnp
 import jax.scipy.linalg as jsl
 from jaxtyping import Array, Float
 
 from .basis import Basis
-from .snapshots import Motion, Snapshots
-
-
-class _Parts(NamedTuple):
-    modes: Float[Array, "n r"]
-    coordinates: Float[Array, "h r"]
-    leak: Float[Array, ""]
+from .snapshots import Recording, Snapshots
 
 
 def build(
-    motion: Motion,
+    recording: Recording,
     snapshots: Snapshots,
     vectors: Float[Array, "n r"],
     values: Float[Array, " k"],
@@ -27,30 +19,29 @@ def build(
     reason: str,
 ) -> Basis:
     """The Basis of orthonormal `vectors`; the largest component of each mode is positive."""
-    parts = _parts(snapshots, vectors)
     return Basis(
-        modes=parts.modes,
+        modes=_modes(snapshots.root, vectors),
         offset=snapshots.offset,
         values=values,
         spectrum=spectrum,
-        coordinates=parts.coordinates,
-        t=motion.t,
-        leak=parts.leak,
+        recording=recording,
+        leak=_leak(snapshots.positions, vectors),
         kind=kind,
         reason=reason,
-        labels=motion.labels,
     )
 
 
 @jax.jit
-def _parts(snapshots: Snapshots, vectors: Float[Array, "n r"]) -> _Parts:
-    modes = jsl.solve_triangular(snapshots.root, vectors)
+def _modes(root: Float[Array, "n n"], vectors: Float[Array, "n r"]) -> Float[Array, "n r"]:
+    modes = jsl.solve_triangular(root, vectors)
     largest = jnp.take_along_axis(modes, jnp.argmax(jnp.abs(modes), axis=0)[None], axis=0)
-    sign = jnp.where(largest < 0, -1.0, 1.0).astype(modes.dtype)
-    inside = vectors.T @ snapshots.positions
-    # Norms by way of max(…, tiny), whose gradient exists where nothing leaks or moves.
-    tiny = jnp.finfo(modes.dtype).tiny
-    missed = jnp.maximum(jnp.sum((snapshots.positions - vectors @ inside) ** 2), tiny)
-    moved = jnp.maximum(jnp.sum(snapshots.positions**2), tiny)
-    coordinates = (inside / snapshots.weights[None]).T * sign
-    return _Parts(modes * sign, coordinates, jnp.sqrt(missed / moved))
+    return modes * jnp.where(largest < 0, -1.0, 1.0).astype(modes.dtype)
+
+
+@jax.jit
+def _leak(positions: Float[Array, "n h"], vectors: Float[Array, "n r"]) -> Float[Array, ""]:
+    missed = jnp.sum((positions - vectors @ (vectors.T @ positions)) ** 2)
+    moved = jnp.sum(positions**2)
+    # A root by way of max(…, tiny), whose gradient exists where nothing leaks or moves.
+    tiny = jnp.finfo(positions.dtype).tiny
+    return jnp.sqrt(jnp.maximum(missed / jnp.maximum(moved, tiny), tiny))

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
@@ -11,6 +12,10 @@ Rank = int | str  # a number of modes, or "drop"
 # A drop point is a fall by two decades. The values of a falling chain of bars decrease by 2 to 20
 # at each step, all the way to rounding: they have none.
 DROP = 100.0
+
+
+# Directions below this share of the largest one are rounding, whatever the number of snapshots.
+FLOOR = {jnp.dtype("float64"): 1e-12, jnp.dtype("float32"): 1e-6}
 
 
 class Choice(NamedTuple):
@@ -25,23 +30,30 @@ def choose_rank(
     values: Float[Array, " k"],
     rank: Rank | None,
     tol: float | None,
-    snapshots: int,
+    rounding: float,
+    noise: Float[Array, ""],
 ) -> Choice:
     """Choose from singular values, largest first; without `rank` and `tol`, the drop point.
 
-    Directions below the rounding errors of the snapshots never count. While JAX traces, only a
-    number is possible, since the rank shapes all that follows.
+    Directions below `rounding` (relative to the largest value) never count, and ones below the
+    `noise` of the integration (absolute) only where they are asked for by number. While JAX traces,
+    only a number is possible, since the rank shapes all that follows.
     """
     if rank is not None and tol is not None:
         raise ValueError(f"{name}: give rank={rank} or tol={tol}, not both.")
-    found = None if isinstance(values, Tracer) else np.asarray(values)
-    if found is None:
+    if isinstance(rank, int) and not 1 <= rank <= len(values):
+        raise ValueError(
+            f"{name}: rank={rank}, but the snapshots allow 1 to {len(values)}: no more than there "
+            "are coordinates, and no more than there are snapshots."
+        )
+    if any(isinstance(x, Tracer) for x in (values, noise)):
         if not isinstance(rank, int):
             raise ValueError(
                 f"{name}: under jit, grad or vmap the rank must be a number, such as rank=5; "
                 "find it first, outside."
             )
-        return Choice(_in_range(name, rank, len(values), snapshots), f"rank {rank}: as asked")
+        return Choice(rank, f"rank {rank}: as asked")
+    found = np.asarray(values)
     if not np.all(np.isfinite(found)):
         raise ValueError(f"{name}: the snapshots are not finite; did the simulation succeed?")
     if not found[0] > 0:
@@ -49,42 +61,39 @@ def choose_rank(
             f"{name}: the snapshots do not move, so no direction stands out; simulate a motion."
         )
     relative = found / found[0]
-    floor = 4 * np.finfo(found.dtype).eps * np.sqrt(max(len(found), snapshots))
-    significant = int(np.sum(relative > floor))
+    unsure = float(noise / found[0])
+    floor, what = max((rounding, "rounding"), (unsure, "integration errors"))
+    certain = int(np.sum(relative > floor))
     if isinstance(rank, int):
-        _in_range(name, rank, len(found), snapshots)
+        significant = int(np.sum(relative > rounding))
         if rank > significant:
             raise ValueError(
                 f"{name}: rank={rank}, but the snapshots span only {significant} directions above "
                 f"rounding (the next value is {relative[significant]:.1e} of the largest); "
                 f"ask for at most {significant}, or simulate a richer motion."
             )
-        return Choice(rank, f"rank {rank}: as asked; the next value is {_next(relative, rank)}")
+        why = "as asked" + (
+            f", {rank - certain} of them below {what} of {floor:.1e}" if rank > certain else ""
+        )
+        return Choice(rank, f"rank {rank}: {why}; the next value is {_next(relative, rank)}")
     if tol is not None:
         if not 0 < tol < 1:
             raise ValueError(f"{name}: tol={tol}, but it must lie between 0 and 1.")
-        count = int(np.sum(relative > max(tol, floor)))
-        why = f"tolerance {tol:g}" if tol >= floor else f"rounding floor {floor:.1e}"
+        count = max(1, int(np.sum(relative > max(tol, floor))))
+        why = f"tolerance {tol:g}" if tol >= floor else f"{what} of {floor:.1e} hide the rest"
         return Choice(count, f"rank {count}: {why}; the next value is {_next(relative, count)}")
     if rank not in (None, "drop"):
         raise ValueError(f'{name}: rank={rank!r}; give a whole number or "drop".')
-    # Where all values are significant, the fall from the last one to rounding is no drop.
-    above = np.maximum(relative[: significant + 1], floor)
+    certain = max(1, certain)
+    # Where all values are certain, the fall from the last one to the noise is no drop.
+    above = np.maximum(relative[: certain + 1], floor)
     drops = above[:-1] / above[1:]
     if not np.any(drops >= DROP):
-        return Choice(significant, f"rank {significant}: no drop point, every direction is kept")
+        why = f"no drop point, every direction above {what} of {floor:.1e} is kept"
+        return Choice(certain, f"rank {certain}: {why}")
     count = int(np.argmax(drops)) + 1
     return Choice(count, f"rank {count}: drop point, the next value is {_next(relative, count)}")
 
 
 def _next(relative: np.ndarray, rank: int) -> str:
     return f"{relative[rank]:.1e} of the largest" if rank < len(relative) else "none"
-
-
-def _in_range(name: str, rank: int, n: int, snapshots: int) -> int:
-    most = min(n, snapshots)
-    if not 1 <= rank <= most:
-        raise ValueError(
-            f"{name}: rank={rank}, but {snapshots} snapshots of {n} coordinates allow 1 to {most}."
-        )
-    return rank

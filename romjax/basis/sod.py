@@ -1,19 +1,22 @@
 """Smooth orthogonal decomposition, with a rank that does not flip."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import jax.scipy.linalg as jsl
 from jaxtyping import Array, Float
 
 from .basis import Basis
 from .build import build
-from .rank import Rank, choose_rank
-from .snapshots import Motion, Snapshots, weigh
+from .rank import FLOOR, Rank, choose_rank
+from .snapshots import Motion, Recording, Snapshots, weigh
+from .subspace import leading, singular_values
 
 
 def sod(
-    motion: Motion,
+    motion: Motion | Sequence[Motion],
     rank: Rank | None = None,
     *,
     tol: float | None = None,
@@ -32,20 +35,26 @@ def sod(
 
     Raises ValueError if the snapshots do not move, are not finite, or do not allow the rank.
     """
-    snapshots = weigh(motion, offset)
-    vectors, sigma, _ = jnp.linalg.svd(snapshots.velocities, full_matrices=False)
-    chosen = choose_rank("sod", sigma, rank, tol, snapshots.velocities.shape[1])
-    kept, values = _smooth(snapshots, vectors[:, : chosen.rank], sigma[: chosen.rank])
-    return build(motion, snapshots, kept, values, sigma, "SOD", chosen.reason)
+    recording = Recording.of(motion)
+    snapshots = weigh(recording, offset)
+    found = singular_values(snapshots.velocities)
+    noise = recording.noise.velocities
+    chosen = choose_rank("sod", found, rank, tol, FLOOR[found.dtype], noise)
+    vectors, sigma = leading(snapshots.velocities, chosen.rank)
+    kept, values = _smooth(snapshots, vectors)
+    return build(recording, snapshots, kept, values, sigma, "SOD", chosen.reason)
 
 
 @jax.jit
 def _smooth(
-    snapshots: Snapshots, vectors: Float[Array, "n r"], sigma: Float[Array, " r"]
+    snapshots: Snapshots, vectors: Float[Array, "n r"]
 ) -> tuple[Float[Array, "n r"], Float[Array, " r"]]:
     """Orthonormal vectors of the smooth modes, in the order of their values, and the values."""
-    seen = vectors.T @ snapshots.positions / sigma[:, None]
-    p, d, _ = jnp.linalg.svd(seen, full_matrices=False)
-    # Only the span counts for the reduction.
-    orthonormal, _ = jnp.linalg.qr(vectors @ (sigma[:, None] * p))
-    return orthonormal, d**2
+    # Up to signs R is Σ; but it follows when a derivative mixes the vectors.
+    _, r = jnp.linalg.qr(snapshots.velocities.T @ vectors)
+    seen = jsl.solve_triangular(r, vectors.T @ snapshots.positions, trans=1)
+    p, d = leading(seen, vectors.shape[1])
+    # All smooth modes are kept, so they span what the velocities' vectors span: how they mix these
+    # is no matter of the subspace's derivative.
+    mix, _ = jnp.linalg.qr(jax.lax.stop_gradient(r.T @ p))
+    return vectors @ mix, d**2

@@ -35,6 +35,11 @@ class ProjectedSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrapp
     def term_compatible_contr_kwargs(self) -> Any:
         return self.solver.term_compatible_contr_kwargs
 
+    @property
+    def scan_kind(self) -> Any:
+        # diffrax's adjoints set it in what they take for a Runge–Kutta method, wrapped or not.
+        return self.solver.scan_kind  # type: ignore[attr-defined]
+
     def order(self, terms: PyTree) -> int | None:
         return self.solver.order(terms)
 

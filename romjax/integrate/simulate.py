@@ -195,7 +195,8 @@ def _simulate(
         key: solution.stats[key]
         for key in ("num_steps", "num_accepted_steps", "num_rejected_steps")
     }
-    stats |= {"rtol": rtol, "atol": atol}
+    if dt is None:
+        stats |= {"rtol": rtol, "atol": atol}
     if frequencies is not None:
         stats |= {"fastest_frequency": frequencies.fastest}
     if baumgarte is not None:

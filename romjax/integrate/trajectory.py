@@ -5,6 +5,7 @@ import enum
 from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 
@@ -46,8 +47,9 @@ class Trajectory(eqx.Module):
     - `violation` (k,): largest |C| of the mechanism's own constraints.
     - `metric` (n, n): mass matrix at the start, the metric of errors and bases.
     - `stats`: numbers of steps (`num_steps`, `num_accepted_steps`, `num_rejected_steps`), the
-      tolerances `rtol`, `atol`, the stabilisation used, `alpha` and `beta`, and where the method
-      or the stabilisation was chosen by it, the `fastest_frequency` [rad/s] of the system.
+      tolerances `rtol`, `atol` of the step size control, the stabilisation used, `alpha` and
+      `beta`, and where the method or the stabilisation was chosen by it, the `fastest_frequency`
+      [rad/s] of the system.
     - `status`: a number of `romjax.Status`; `success` says whether all went well.
     - `labels`: names of the coordinates. `solver`: name of the method.
     """
@@ -72,6 +74,26 @@ class Trajectory(eqx.Module):
         """The same motion at every `stride`-th output time."""
         arrays = ("t", "q", "v", "multipliers", "violation")
         return dataclasses.replace(self, **{name: getattr(self, name)[::stride] for name in arrays})
+
+    def noise(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """What the tolerances allow as errors of positions and velocities, in the energy norm.
+
+        The step size control holds the errors of velocities below atol + rtol |v|. Those that point
+        out of the motion's own directions oscillate with the fastest frequency ω of the system, and
+        so leave 1/ω of it in the positions. Zero for a run in fixed steps: nothing is known of it.
+        """
+        if "rtol" not in self.stats:
+            zero = jnp.zeros((), self.q.dtype)
+            return zero, zero
+        size = jnp.sqrt(jnp.mean(self.v**2, axis=0))
+        allowed = self.stats["atol"] + self.stats["rtol"] * size
+        # The control looks at the root mean square over all coordinates and velocities.
+        count = 2 * self.q.shape[1]
+        speed = jnp.sqrt(count * jnp.sum(jnp.diagonal(self.metric) * allowed**2))
+        speed *= jnp.sqrt(self.t[-1] - self.t[0])
+        turn = 2 * jnp.pi / (self.t[-1] - self.t[0])
+        fastest = jnp.maximum(self.stats.get("fastest_frequency", 0.0), turn)
+        return speed / fastest, speed
 
     def reason(self) -> str:
         """The status in words, with the remedy."""

@@ -36,8 +36,8 @@ def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstrai
     their Jacobian is rounding noise, which a plain solver takes for a pivot. The rows are scaled to
     unit length in the mass metric, so that the shares know no units.
     """
-    stride = -(-basis.coordinates.shape[0] // _SNAPSHOTS)
-    z, t = basis.coordinates[::stride], basis.t[::stride]
+    stride = -(-len(basis.recording.t) // _SNAPSHOTS)
+    z, t = basis.coordinates[::stride], basis.recording.t[::stride]
 
     def reduced(t, z):  # type: ignore[no-untyped-def]
         q = basis.offset + basis.modes @ z
@@ -51,7 +51,7 @@ def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstrai
     return ReducedConstraints(
         jnp.mean(scales, axis=0)[:, None] * vectors,
         shares,
-        system.jacobian(basis.t[0], basis.offset),
+        system.jacobian(basis.recording.t[0], basis.offset),
         jnp.diagonal(system.mass(basis.offset)),
     )
 

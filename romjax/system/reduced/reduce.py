@@ -74,12 +74,12 @@ def _galerkin(system: AbstractSystem, basis: Basis, count: int | None) -> Galerk
         "" if active is None else f" ({active} used by the snapshots)"
     )
     combinations = found.combinations[:, :kept]
-    start = _start(system, basis.modes, basis.offset, combinations, basis.t[0])
+    start = _start(system, basis.modes, basis.offset, combinations, basis.recording.t[0])
     rom = GalerkinSystem(system, basis.modes, basis.offset, combinations, start.q, start.v, reason)
     violation = concrete(start.violation)
     if kept == 0 or (violation is not None and violation <= ROUNDING[start.q.dtype]):
         return rom
-    q0, v0 = consistent(rom, t=basis.t[0])
+    q0, v0 = consistent(rom, t=basis.recording.t[0])
     return GalerkinSystem(system, basis.modes, basis.offset, combinations, q0, v0, reason)
 
 

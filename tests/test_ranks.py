@@ -1,0 +1,115 @@
+"""Ranks that do not move: with the sample rate, the solver's noise, the precision."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tolerances import SOLVED
+
+import romjax as rj
+from romjax.basis.naive import naive_sod
+
+# Sample rates 10 kHz, 3.3 kHz, 1 kHz, 303 Hz and 100 Hz, as every so many-th of the finest.
+STRIDES = (1, 3, 10, 33, 100)
+TOLERANCES = (1e-3, 1e-5, 1e-6, 1e-8)
+# Of the smooth orthogonal decomposition of exact snapshots.
+EXACT = [3, 4, 5, 6]
+# What the tolerance of the simulation leaves of them: the rest is below its errors.
+CERTAIN = {1e-5: [3, 4, 4, 4], 1e-8: [3, 4, 5, 5], 1e-12: EXACT}
+# How far the values at 100 Hz may be from those at 10 kHz.
+SAMPLED = 2e-3
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """The chapter's second at 10 kHz, by the tolerance."""
+    system = rj.assemble(rj.gallery.cart_pendulum())
+    ts = jnp.linspace(0.0, 1.0, 10_001)
+    settings = {"solver": rj.Rodas5P(), "adjoint": diffrax.ForwardMode()}
+    return {rtol: rj.simulate(system, ts, rtol=rtol, **settings) for rtol in CERTAIN}
+
+
+def ranks(decompose, motion) -> list[int]:
+    return [decompose(motion, tol=tol).rank for tol in TOLERANCES]
+
+
+@pytest.mark.parametrize("rtol", CERTAIN)
+@pytest.mark.parametrize("decompose", [rj.pod, rj.sod])
+def test_no_rank_moves_with_the_sample_rate(runs, decompose, rtol):
+    """H13, for snapshots of each accuracy."""
+    found = [ranks(decompose, runs[rtol].every(stride)) for stride in STRIDES]
+    assert all(rank == found[0] for rank in found)
+
+
+@pytest.mark.parametrize("rtol", CERTAIN)
+def test_what_the_integration_hides_does_not_count(runs, rtol):
+    assert ranks(rj.sod, runs[rtol]) == CERTAIN[rtol]
+
+
+def test_the_reason_names_what_decided(runs):
+    assert "tolerance 0.001" in rj.sod(runs[1e-8], tol=1e-3).reason
+    assert "integration errors" in rj.sod(runs[1e-8], tol=1e-8).reason
+    assert "1 of them below integration errors" in rj.sod(runs[1e-8], rank=6).reason
+    assert "drop point" in rj.pod(runs[1e-12]).reason
+
+
+def test_the_values_do_not_move_either(runs):
+    """The largest value of the velocities, and the frequencies of the smooth modes. At 100 Hz the
+    trapezoidal rule is 0.15 % off.
+    """
+    found = [rj.sod(runs[1e-12].every(stride), rank=3) for stride in STRIDES]
+    assert np.ptp([basis.spectrum[0] for basis in found]) <= SAMPLED * found[0].spectrum[0]
+    hertz = [1 / (2 * np.pi * np.sqrt(basis.values[2])) for basis in found]
+    assert np.ptp(hertz) <= SAMPLED * hertz[0]
+
+
+def test_the_naive_rank_is_decided_by_rounding():
+    """The chapter's generalised SVD counts, or does not, a mode that moves by less than 2e-15 m in
+    both of these mechanisms. R-SOD does not.
+    """
+    found = {}
+    for f2 in (4e6, 1e8):
+        motion = rj.simulate(
+            rj.assemble(rj.gallery.cart_pendulum(f2=f2)), jnp.linspace(0.0, 1.0, 101), rtol=1e-8
+        )
+        assert jnp.max(jnp.abs(motion.q[:, 7])) <= 2e-15
+        found[f2] = naive_sod(motion).rank, ranks(rj.sod, motion)[:3]
+    assert [naive for naive, _ in found.values()] == [6, 5]
+    assert all(robust == [3, 4, 5] for _, robust in found.values())
+
+
+@pytest.mark.slow
+def test_single_precision_keeps_the_ranks(runs):
+    """H12: as in double precision down to its floor, 1e-6, at every sample rate."""
+    with jax.enable_x64(False):
+        system = rj.assemble(rj.gallery.cart_pendulum())
+        with pytest.warns(UserWarning, match="single precision"):
+            motion = rj.simulate(
+                system,
+                np.linspace(0, 1, 10_001),
+                dt=2e-4,
+                solver=rj.Rodas5P(),
+                adjoint=diffrax.ForwardMode(),
+            )
+        for stride in STRIDES:
+            assert ranks(rj.sod, motion.every(stride))[:3] == EXACT[:3]
+            assert "rounding of 1.0e-06" in rj.sod(motion.every(stride), tol=1e-8).reason
+
+
+def test_the_gram_matrix_gives_the_same(runs):
+    """Chapter equations 39.9 and 39.10, with more snapshots than coordinates and with fewer."""
+    few = runs[1e-12].every(2000)
+    for motion, rank in ((runs[1e-12].every(100), 4), (few, 4)):
+        direct, squared = (rj.pod(motion, rank=rank, method=m) for m in ("svd", "gram"))
+        scale = direct.values[0]
+        assert jnp.max(jnp.abs(direct.values[:rank] - squared.values[:rank])) <= SOLVED / 10 * scale
+        assert angle(motion, direct, squared) <= SOLVED / 10
+    assert len(few.t) < few.q.shape[1]
+
+
+def angle(motion, one, other) -> float:
+    """Sine of the largest angle between two subspaces, in the energy norm."""
+    inside = one.modes @ (one.modes.T @ motion.metric @ other.modes)
+    root = np.linalg.cholesky(motion.metric).T
+    return float(np.linalg.norm(root @ (other.modes - inside), 2))
