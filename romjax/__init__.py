@@ -43,7 +43,8 @@ from .system.base import AbstractSystem as AbstractSystem
 from .system.base import quadratic_velocity_force as quadratic_velocity_force
 from .system.consistent import consistent as consistent
 from .system.custom import CustomSystem as CustomSystem
-from .system.reduced.reduce import ReductionError as ReductionError
+from .system.doubt import Doubt as Doubt
+from .system.reduced.base import ReductionError as ReductionError
 from .system.reduced.reduce import reduce as reduce
 from .system.stabilization import Baumgarte as Baumgarte
 from .system.stabilization import Projection as Projection

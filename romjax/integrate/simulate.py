@@ -176,8 +176,8 @@ def _simulate(
 
     def evaluate(t, q, v):  # type: ignore[no-untyped-def]
         _, multipliers = acceleration(system, t, q, v, baumgarte)
-        physical_q, physical_v = system.physical(q, v)
-        violation = jnp.max(jnp.abs(system.physical_constraint(t, q)), initial=0.0)
+        physical_q, physical_v = system.physical(t, q, v)
+        violation = jnp.max(jnp.abs(system.physical_constraint(t, physical_q)), initial=0.0)
         return physical_q, physical_v, multipliers, violation, system.constraint_state(t, q, v)
 
     physical_q, physical_v, multipliers, violation, states = jax.vmap(evaluate)(ts, q, v)
@@ -210,6 +210,7 @@ def _simulate(
         metric=system.physical_metric(),
         stats=stats,
         status=status,
+        doubt=system.judge(ts, q, v, violation),
         labels=system.coordinate_labels(),
         solver=type(solver).__name__,
     )

@@ -8,6 +8,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from ..system.doubt import WORDS, Doubt
+
 
 class Status(enum.IntEnum):
     """How a simulation ended."""
@@ -51,6 +53,7 @@ class Trajectory(eqx.Module):
       `beta`, and where the method or the stabilisation was chosen by it, the `fastest_frequency`
       [rad/s] of the system.
     - `status`: a number of `romjax.Status`; `success` says whether all went well.
+    - `doubt`: a number of `romjax.Doubt`, of a reduced model's run; `doubts()` says it in words.
     - `labels`: names of the coordinates. `solver`: name of the method.
     """
 
@@ -64,11 +67,22 @@ class Trajectory(eqx.Module):
     status: Int[Array, ""]
     labels: tuple[str, ...] = eqx.field(static=True)
     solver: str = eqx.field(static=True)
+    doubt: Int[Array, ""] = eqx.field(default_factory=lambda: jnp.zeros((), int))
 
     @property
     def success(self) -> Bool[Array, ""]:
         """Whether the simulation reached its end with finite numbers."""
         return self.status == Status.SUCCESS
+
+    @property
+    def flagged(self) -> Bool[Array, ""]:
+        """Whether something speaks against this run of a reduced model."""
+        return self.doubt != Doubt.NONE
+
+    def doubts(self) -> str:
+        """What speaks against this run, in words; empty if nothing does."""
+        found = Doubt(int(self.doubt))
+        return "; ".join(WORDS[doubt] for doubt in WORDS if doubt in found)
 
     def every(self, stride: int) -> "Trajectory":
         """The same motion at every `stride`-th output time."""

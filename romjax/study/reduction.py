@@ -17,7 +17,8 @@ from ..basis.sod import sod
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..system.base import AbstractSystem
-from ..system.reduced.reduce import ReductionError, reduce
+from ..system.reduced.base import ReductionError
+from ..system.reduced.reduce import reduce
 from ..system.stabilization import Baumgarte, Stabilization
 from .compare import Comparison, compare
 

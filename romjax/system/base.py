@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from ..scene.fields import Time
 from .saddle import Saddle
@@ -94,7 +94,7 @@ class AbstractSystem(eqx.Module):
         return True
 
     def physical(
-        self, q: Float[Array, " n"], v: Float[Array, " n"]
+        self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
     ) -> tuple[Float[Array, " N"], Float[Array, " N"]]:
         """The physical coordinates and velocities that a state stands for."""
         return q, v
@@ -103,9 +103,19 @@ class AbstractSystem(eqx.Module):
         """Mass matrix of the physical coordinates at the start: the metric of errors and bases."""
         return self.mass(self.q0)
 
-    def physical_constraint(self, t: Time, q: Float[Array, " n"]) -> Float[Array, " M"]:
-        """The constraints of the mechanism that the state stands for, all of them."""
+    def physical_constraint(self, t: Time, q: Float[Array, " N"]) -> Float[Array, " M"]:
+        """The constraints of the mechanism at physical coordinates, all of them."""
         return self.constraint(t, q)
+
+    def judge(
+        self,
+        ts: Float[Array, " k"],
+        q: Float[Array, "k n"],
+        v: Float[Array, "k n"],
+        violation: Float[Array, " k"],
+    ) -> Int[Array, ""]:
+        """What speaks against a motion with this `violation`, as the number of a `Doubt`."""
+        return jnp.zeros((), int)
 
     def momentum(self, q: Float[Array, " n"], v: Float[Array, "n *k"]) -> Float[Array, "n *k"]:
         """M v, for one or several v."""

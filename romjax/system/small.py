@@ -5,13 +5,17 @@ import jax.scipy.linalg as jsl
 import numpy as np
 from jaxtyping import Array, Float
 
-# Up to here an elimination is written out; a call of LAPACK costs as much as a 4 × 4 inverse.
-_WRITTEN_OUT = 4
+# Up to here an elimination is written out; a call of LAPACK costs as much as a 6 × 6 inverse.
+_WRITTEN_OUT = 6
+# Up to here a sum of products is fused with what is around it; beyond, a library call is faster.
+_FUSED = 16
 
 
-def multiply(a: Float[Array, "... p c"], b: Float[Array, "... c q"]) -> Float[Array, "..."]:
-    """Products a b."""
-    if a.shape[-1] > 2 * _WRITTEN_OUT:
+def multiply(a: Float[Array, "... p c"], b: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Products a b; b may be a vector (c,), else (..., c, q)."""
+    if b.ndim == 1:
+        return multiply(a, b[:, None])[..., 0]
+    if a.shape[-1] > _FUSED:
         return a @ b
     return jnp.sum(a[..., None] * b[..., None, :, :], axis=-2)
 

@@ -6,10 +6,12 @@ from jaxtyping import Array, Float
 
 from ...scene.fields import Time
 from ..base import AbstractSystem
-from .base import AbstractReducedSystem
+from ..doubt import Training
+from ..small import multiply
+from .base import AbstractSubspaceSystem
 
 
-class GalerkinSystem(AbstractReducedSystem):
+class GalerkinSystem(AbstractSubspaceSystem):
     """(ΦᵀMΦ) z̈ + (UᵀC_qΦ)ᵀ λ = ΦᵀQ with Uᵀ C(q̄ + Φz) = 0.
 
     What the chapter's equations 39.6 and 39.7 mean to be: the virtual work of the full equations
@@ -23,6 +25,7 @@ class GalerkinSystem(AbstractReducedSystem):
     combinations: Float[Array, "M m"]
     q0: Float[Array, " r"]
     v0: Float[Array, " r"]
+    training: Training | None
     reason: str = eqx.field(static=True)
 
     @property
@@ -32,12 +35,13 @@ class GalerkinSystem(AbstractReducedSystem):
     def constraint(self, t: Time, q: Float[Array, " r"]) -> Float[Array, " m"]:
         if self.m == 0:
             return jnp.zeros(0, q.dtype)
-        return self.combinations.T @ self.full.constraint(t, self.lift(q))
+        return multiply(self.combinations.T, self.full.constraint(t, self.lift(q)))
 
     def jacobian(self, t: Time, q: Float[Array, " r"]) -> Float[Array, "m r"]:
         if self.m == 0:
             return jnp.zeros((0, self.n), q.dtype)
-        return self.combinations.T @ self.full.jacobian(t, self.lift(q)) @ self.modes
+        rows = multiply(self.combinations.T, self.full.jacobian(t, self.lift(q)))
+        return multiply(rows, self.modes)
 
     def constraint_label(self, row: int) -> str:
         return f"kept combination {row + 1} of the constraints"

@@ -1,15 +1,19 @@
 """The chapter's reduced model to the letter, for reference only."""
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...scene.fields import Time
 from ..base import AbstractSystem, Linearization
+from ..doubt import Training
+from ..small import multiply
 from ..stabilization import Baumgarte
-from .base import AbstractReducedSystem
+from .base import AbstractSubspaceSystem
 
 
-class ProjectedSystem(AbstractReducedSystem):
+class ProjectedSystem(AbstractSubspaceSystem):
     """z̈ = Φᵀ [M_ext⁻¹ (Q, γ)]₁ with Euclidean-orthonormal Φ (chapter equations 39.6, 39.7).
 
     For reference only. It projects the *solution* of the full equations instead of the equations:
@@ -23,6 +27,7 @@ class ProjectedSystem(AbstractReducedSystem):
     offset: Float[Array, " n"]
     q0: Float[Array, " r"]
     v0: Float[Array, " r"]
+    training: Training | None
     reason: str = eqx.field(static=True)
 
     @property
@@ -43,7 +48,7 @@ class ProjectedSystem(AbstractReducedSystem):
         stabilization: Baumgarte | None = None,
     ) -> tuple[Float[Array, " r"], Float[Array, " m"]]:
         """The chapter's z̈, and the multipliers of the full system."""
-        a, multipliers = self.full.acceleration(t, *self.physical(q, v), stabilization)
+        a, multipliers = self.full.acceleration(t, *self.physical(t, q, v), stabilization)
         return self.modes.T @ a, multipliers
 
     def linearize(
@@ -53,7 +58,7 @@ class ProjectedSystem(AbstractReducedSystem):
         v: Float[Array, " r"],
         stabilization: Baumgarte | None = None,
     ) -> Linearization:
-        full = self.full.linearize(t, *self.physical(q, v), stabilization)
+        full = self.full.linearize(t, *self.physical(t, q, v), stabilization)
         down, up = self.modes.T, self.modes
         return Linearization(
             down @ full.acceleration,
@@ -61,3 +66,22 @@ class ProjectedSystem(AbstractReducedSystem):
             down @ full.by_velocity @ up,
             down @ full.by_time,
         )
+
+    def lost_energy(
+        self, ts: Float[Array, " k"], q: Float[Array, "k r"], v: Float[Array, "k r"]
+    ) -> Float[Array, ""]:
+        """The work of the constraint forces that the projection leaves, by the trapezoidal rule."""
+
+        def power(t, q, v):  # type: ignore[no-untyped-def]
+            place, speed = self.physical(t, q, v)
+            a, _ = self.acceleration(t, q, v)
+            pushed = self.full.momentum(place, multiply(self.modes, a))
+            lost = speed @ (pushed - self.full.force(t, place, speed))
+            return lost, 0.5 * speed @ self.full.momentum(place, speed)
+
+        lost, kinetic = jax.vmap(power)(ts, q, v)
+        work = jnp.concatenate(
+            [jnp.zeros(1), jnp.cumsum(jnp.diff(ts) * (lost[1:] + lost[:-1]) / 2)]
+        )
+        extent = jnp.max(kinetic) - jnp.min(kinetic)
+        return jnp.max(jnp.abs(work)) / jnp.where(extent > 0, extent, 1)

@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -11,14 +10,16 @@ from ...basis.basis import Basis
 from ...scene.fields import concrete
 from ..base import AbstractSystem
 from ..consistent import ROUNDING, consistent
-from .base import AbstractReducedSystem
-from .constraints import active_freedoms, count_kept, reduced_constraints
+from ..doubt import Training
+from .base import AbstractReducedSystem, ReductionError, project, start
+from .chart import Chart
+from .constraints import LOOSE, active_freedoms, count_kept, looseness, reduced_constraints
 from .galerkin import GalerkinSystem
+from .parametrize import minimal
 from .projected import ProjectedSystem
 
-
-class ReductionError(ValueError):
-    """A basis that does not make a reduced model, with the reason and the remedy."""
+# Snapshots of which the constraints are evaluated.
+_LOOKS = 200
 
 
 def reduce(
@@ -27,20 +28,28 @@ def reduce(
     formulation: str = "galerkin",
     *,
     constraints: int | None = None,
+    chart: Chart | None = None,
 ) -> AbstractReducedSystem:
     """The system in the coordinates of a basis.
+
+    It starts where the snapshots start, or with a basis of one's own where the system does. For
+    another start, `simulate(rom, ts, q0=z, v0=w)` with `z, w = rom.reduced(q0, v0)`.
 
     **Arguments:**
 
     - `system`: the full system; `basis`: from `pod`, `sod` or `Basis.from_modes`.
     - `formulation`: "galerkin": d'Alembert's principle in the subspace, with the constraints that
-      the basis can violate; "projected": the chapter's equation 39.6 to the letter, unstable and no
-      faster, for reference only.
+      the basis can violate; "minimal": in a subspace of minimal coordinates, decomposed as the
+      basis was, in which all constraints hold exactly; "projected": the chapter's equation 39.6 to
+      the letter, unstable and no faster, for reference only.
     - `constraints`: how many combinations of constraints to keep, instead of the rule (galerkin);
       needed under jit and grad.
+    - `chart`: which coordinates are independent (minimal), that of another reduced model, such as
+      `rom.chart`; needed under jit and grad.
 
-    Raises ReductionError if the basis does not fit the system, or if the constraints that are kept
-    leave fewer degrees of freedom than the snapshots use: the mechanism would lock.
+    Raises ReductionError if the basis does not fit the system, if the constraints that are kept
+    leave fewer degrees of freedom than the snapshots use (the mechanism would lock), or if no
+    choice of independent coordinates holds over all snapshots.
     """
     if basis.modes.shape[0] != system.n:
         raise ReductionError(
@@ -49,66 +58,108 @@ def reduce(
         )
     if formulation == "galerkin":
         return _galerkin(system, basis, constraints)
+    if formulation == "minimal":
+        return minimal(system, basis, chart)
     if formulation == "projected":
         return _projected(system, basis)
     raise ReductionError(
-        f'reduce: formulation={formulation!r}; it must be "galerkin" or "projected".'
+        f'reduce: formulation={formulation!r}; it must be "galerkin", "minimal" or "projected".'
     )
 
 
 def _galerkin(system: AbstractSystem, basis: Basis, count: int | None) -> GalerkinSystem:
     found = reduced_constraints(system, basis)
-    kept = count_kept(found) if count is None else count
     r, active = basis.rank, active_freedoms(found, basis)
-    if active is not None and r - kept < active:
-        remedy = (
-            f"keep fewer constraints (constraints={r - active}), or take more modes"
-            if r >= active
-            else "take more modes"
+    if active is None and count is None:
+        raise ValueError(
+            "reduce: under jit, grad or vmap say how many constraints to keep, such as "
+            "constraints=2; find the number first, outside (rom.m)."
         )
+    if active is not None and r < active + (count or 0):
+        remedy = f"; keep fewer constraints (constraints={r - active})" if r >= active else ""
         raise ReductionError(
-            f"reduce: the basis locks the mechanism. Its {r} modes with {kept} kept constraints "
-            f"leave {r - kept} degrees of freedom, but the snapshots move in {active}; {remedy}."
+            f"reduce: the basis locks the mechanism. Its {r} modes with {count or 0} constraints "
+            f"that must be kept leave {r - (count or 0)} degrees of freedom, but the snapshots "
+            f"move in {active}{remedy}; take more modes."
         )
+    kept = count_kept(found, active or 0) if count is None else count
+    combinations = found.combinations(kept)
+    if active is not None and count is None and system.m:
+        loose, row = looseness(found, combinations)
+        if loose > LOOSE:
+            raise ReductionError(
+                f"reduce: the basis frees the mechanism. With {r} modes only {kept} of "
+                f"{system.m} constraints can be kept, and what moves then violates "
+                f"{system.constraint_label(row)} by {100 * loose:.0f} % of a free motion; "
+                'take more modes, or formulation="minimal".'
+            )
     reason = f"{r} modes, {kept} of {system.m} constraints kept, {r - kept} degrees of freedom" + (
         "" if active is None else f" ({active} used by the snapshots)"
     )
-    combinations = found.combinations[:, :kept]
-    start = _start(system, basis.modes, basis.offset, combinations, basis.recording.t[0])
-    rom = GalerkinSystem(system, basis.modes, basis.offset, combinations, start.q, start.v, reason)
-    violation = concrete(start.violation)
-    if kept == 0 or (violation is not None and violation <= ROUNDING[start.q.dtype]):
+    time = basis.recording.t[0]
+    q, v = start(system, basis)
+    found_start = _galerkin_start(system, basis, combinations, time, q, v)
+    known = _training(system, basis)
+    parts = (system, basis.modes, basis.offset, combinations)
+    rom = GalerkinSystem(*parts, *found_start[:2], known, reason)
+    violation = concrete(found_start.violation)
+    if kept == 0 or (violation is not None and violation <= ROUNDING[q.dtype]):
         return rom
-    q0, v0 = consistent(rom, t=basis.recording.t[0])
-    return GalerkinSystem(system, basis.modes, basis.offset, combinations, q0, v0, reason)
+    q0, v0 = consistent(rom, t=time)
+    return GalerkinSystem(*parts, q0, v0, known, reason)
 
 
 def _projected(system: AbstractSystem, basis: Basis) -> ProjectedSystem:
     modes, _ = jnp.linalg.qr(basis.modes)
-    q0, v0 = modes.T @ (system.q0 - basis.offset), modes.T @ system.v0
+    q, v = start(system, basis)
+    q0, v0 = modes.T @ (q - basis.offset), modes.T @ v
     reason = f"{basis.rank} modes, all {system.m} constraints inside; for reference only"
-    return ProjectedSystem(system, modes, basis.offset, q0, v0, reason)
+    turn = modes.T @ basis.modes
+    known = _training(system, basis, turn)
+    return ProjectedSystem(system, modes, basis.offset, q0, v0, known, reason)
 
 
-class _Start(NamedTuple):
+def _training(
+    system: AbstractSystem, basis: Basis, turn: Float[Array, "r r"] | None = None
+) -> Training | None:
+    """The box of the snapshots, and how far they violate the constraints once in the subspace.
+
+    `turn`: from the coordinates of the basis to those of the system, if they are others.
+    """
+    if basis.kind == "given":
+        return None
+    z = basis.coordinates
+    stride = -(-len(z) // _LOOKS)
+    some, t = z[::stride], basis.recording.t[::stride]
+    violation = _violation(system, t, basis.offset[None] + some @ basis.modes.T)
+    return Training.of(z if turn is None else z @ turn.T, violation)
+
+
+@eqx.filter_jit
+def _violation(
+    system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"]
+) -> Float[Array, ""]:
+    found = jax.vmap(system.physical_constraint)(t, q)
+    return jnp.max(jnp.abs(found), initial=0.0)
+
+
+class _GalerkinStart(NamedTuple):
     q: Float[Array, " r"]
     v: Float[Array, " r"]
     violation: Float[Array, ""]  # of the kept constraints and their rates
 
 
 @eqx.filter_jit
-def _start(
+def _galerkin_start(
     system: AbstractSystem,
-    modes: Float[Array, "n r"],
-    offset: Float[Array, " n"],
+    basis: Basis,
     combinations: Float[Array, "m kept"],
     t: Float[Array, ""],
-) -> _Start:
-    """The start of the full system, projected in the mass metric."""
-    weighted = system.mass(system.q0) @ modes
-    gram = jax.scipy.linalg.cho_factor(modes.T @ weighted)
-    q = jax.scipy.linalg.cho_solve(gram, weighted.T @ (system.q0 - offset))
-    v = jax.scipy.linalg.cho_solve(gram, weighted.T @ system.v0)
-    state = system.constraint_state(t, offset + modes @ q, modes @ v)
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+) -> _GalerkinStart:
+    """A start projected in the mass metric."""
+    z, w = project(system.mass(q), basis.modes, q - basis.offset, v)
+    state = system.constraint_state(t, basis.offset + basis.modes @ z, basis.modes @ w)
     left = jnp.abs(combinations.T @ jnp.stack([state.violation, state.rate], axis=1))
-    return _Start(q, v, jnp.max(left, initial=0.0))
+    return _GalerkinStart(z, w, jnp.max(left, initial=0.0))

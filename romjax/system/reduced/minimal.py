@@ -1,0 +1,207 @@
+"""The reduced system in minimal coordinates: no constraints are left."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...scene.fields import Time
+from ..base import AbstractSystem, Linearization
+from ..doubt import Training
+from ..saddle import Saddle
+from ..small import multiply
+from ..stabilization import Baumgarte
+from ..topology import Topology
+from .base import AbstractReducedSystem
+from .chart import Chart
+
+# Newton's method for the dependent coordinates: most steps; what is left when it has converged,
+# relative to the coordinates; and what may be left at worst.
+_STEPS = 12
+_CONVERGED = {jnp.dtype("float64"): 1e-15, jnp.dtype("float32"): 1e-7}
+_ACCEPTED = {jnp.dtype("float64"): 1e-9, jnp.dtype("float32"): 1e-4}
+
+
+class _Motion(NamedTuple):
+    """A state as the full system sees it."""
+
+    q: Float[Array, " n"]
+    v: Float[Array, " n"]
+    tangent: Float[Array, "n r"]  # G = ∂q/∂z
+    bend: Float[Array, " n"]  # q̈ where z̈ = 0
+
+
+class MinimalSystem(AbstractReducedSystem):
+    """Gᵀ M G z̈ = Gᵀ (Q − M β) on q = q̄ + Y Φ z + W d(z), with q̈ = G z̈ + β.
+
+    The constraints determine d, so they hold exactly: no multipliers and no stabilisation, and the
+    mass matrix is symmetric and positive definite. For open chains d has a closed form; else
+    Newton's method finds it from the nearest snapshot, and the implicit function theorem its
+    derivatives.
+    """
+
+    full: AbstractSystem
+    offset: Float[Array, " n"]  # q̄
+    modes: Float[Array, "n r"]  # Y Φ
+    dual: Float[Array, "r n"]  # z of a displacement
+    near: Float[Array, "K r"]  # snapshots of z
+    guesses: Float[Array, "K m"]  # and of d
+    inverse: Float[Array, "m m"] | None  # of the constant coefficients of d, in an affine chart
+    time: Float[Array, ""]  # of the start
+    q0: Float[Array, " r"]
+    v0: Float[Array, " r"]
+    chart: Chart
+    training: Training | None
+    reason: str = eqx.field(static=True)
+
+    @property
+    def m(self) -> int:
+        return 0
+
+    def constraint(self, t: Time, q: Float[Array, " r"]) -> Float[Array, " 0"]:
+        return jnp.zeros(0, q.dtype)
+
+    def lift(self, t: Time, q: Float[Array, " r"]) -> Float[Array, " n"]:
+        """Physical coordinates; NaN where Newton's method finds none."""
+        chart, t = self.chart, jnp.asarray(t, q.dtype)
+        place = self.offset + multiply(self.modes, q)
+        if not chart.rows:
+            return place
+        bound, rows = jnp.asarray(chart.bound, q.dtype), np.array(chart.rows)
+
+        def violation(d):  # type: ignore[no-untyped-def]
+            return self.full.constraint(t, place + multiply(bound, d))[rows]
+
+        def slope(d):  # type: ignore[no-untyped-def]
+            return self.full.jacobian(t, place + multiply(bound, d))[rows] @ bound
+
+        if self.inverse is not None:
+            start = self.guesses[0]
+            d = start - multiply(self.inverse, violation(start))
+            return place + multiply(bound, d)
+
+        def newton(_, start):  # type: ignore[no-untyped-def]
+            enough = _CONVERGED[q.dtype] * jnp.maximum(1, jnp.max(jnp.abs(place)))
+
+            def unfinished(carry):  # type: ignore[no-untyped-def]
+                _, step, count = carry
+                return (jnp.max(jnp.abs(step)) > enough) & (count < _STEPS)
+
+            def improve(carry):  # type: ignore[no-untyped-def]
+                d, _, count = carry
+                step = jnp.linalg.solve(slope(d), violation(d))
+                return d - step, step, count + 1
+
+            first = (start, jnp.full_like(start, jnp.inf), 0)
+            d, step, _ = jax.lax.while_loop(unfinished, improve, first)
+            # A step that quadratic convergence has left small is the error before it.
+            return jnp.where(jnp.max(jnp.abs(step)) <= _ACCEPTED[q.dtype], d, jnp.nan)
+
+        def tangent(linear, right):  # type: ignore[no-untyped-def]
+            return jnp.linalg.solve(jax.jacobian(linear)(right), right)
+
+        nearest = jnp.argmin(jnp.sum((self.near - q[None]) ** 2, axis=1))
+        start = jax.lax.stop_gradient(self.guesses[nearest])
+        d = jax.lax.custom_root(violation, start, newton, tangent)
+        return place + multiply(bound, d)
+
+    def _motion(self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]) -> _Motion:
+        chart, t = self.chart, jnp.asarray(t, q.dtype)
+        place, pushed = self.lift(t, q), multiply(self.modes, v)
+        if not chart.rows:
+            return _Motion(place, pushed, self.modes, jnp.zeros_like(place))
+        bound, kept = jnp.asarray(chart.bound, q.dtype), np.array(chart.rows)
+        rows = self.full.jacobian(t, place)[kept]
+        _, driven = jax.jvp(lambda t: self.full.constraint(t, place), (t,), (jnp.ones_like(t),))
+        right = jnp.concatenate([multiply(rows, self.modes), driven[kept][:, None]], axis=1)
+        solve = self._solver(multiply(rows, bound))
+        follow = -multiply(bound, solve(right))
+        tangent = self.modes + follow[:, :-1]
+        speed = multiply(tangent, v) + follow[:, -1]
+        curvature = self.full.constraint_state(t, place, speed).curvature[kept]
+        return _Motion(place, speed, tangent, -multiply(bound, solve(curvature)))
+
+    def _solver(self, bound: Float[Array, "m m"]):  # type: ignore[no-untyped-def]
+        """How to solve for dependent coordinates."""
+        if self.inverse is not None:
+            return lambda right: multiply(self.inverse, right)
+        factor = jax.scipy.linalg.lu_factor(bound)
+        return lambda right: jax.scipy.linalg.lu_solve(factor, right)
+
+    def mass(self, q: Float[Array, " r"]) -> Float[Array, "r r"]:
+        """GᵀMG, where constraints depend on time at that of the start."""
+        motion = self._motion(self.time, q, jnp.zeros_like(q))
+        return multiply(motion.tangent.T, self.full.momentum(motion.q, motion.tangent))
+
+    def force(self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]) -> Float[Array, " r"]:
+        """Gᵀ (Q − M β)."""
+        return -self._inertia(t, q, v, None)
+
+    def _inertia(
+        self,
+        t: Time,
+        q: Float[Array, " r"],
+        v: Float[Array, " r"],
+        a: Float[Array, " r"] | None,
+    ) -> Float[Array, " r"]:
+        """Gᵀ (M q̈ − Q) for an acceleration z̈, zero unless given."""
+        motion = self._motion(t, q, v)
+        bend = motion.bend if a is None else multiply(motion.tangent, a) + motion.bend
+        force = self.full.force(t, motion.q, motion.v)
+        return multiply(motion.tangent.T, self.full.momentum(motion.q, bend) - force)
+
+    def physical(
+        self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]
+    ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+        motion = self._motion(t, q, v)
+        return motion.q, motion.v
+
+    def physical_acceleration(
+        self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"], a: Float[Array, " r"]
+    ) -> Float[Array, " n"]:
+        motion = self._motion(t, q, v)
+        return multiply(motion.tangent, a) + motion.bend
+
+    def reduced(
+        self, q: Float[Array, " n"], v: Float[Array, " n"]
+    ) -> tuple[Float[Array, " r"], Float[Array, " r"]]:
+        return multiply(self.dual, q - self.offset), multiply(self.dual, v)
+
+    def acceleration(
+        self,
+        t: Time,
+        q: Float[Array, " r"],
+        v: Float[Array, " r"],
+        stabilization: Baumgarte | None = None,
+    ) -> tuple[Float[Array, " r"], Float[Array, " 0"]]:
+        motion = self._motion(t, q, v)
+        pushed = self.full.momentum(
+            motion.q, jnp.concatenate([motion.tangent, motion.bend[:, None]], axis=1)
+        )
+        force = self.full.force(t, motion.q, motion.v) - pushed[:, -1]
+        mass = multiply(motion.tangent.T, pushed[:, :-1])
+        return self._saddle(mass).solve(multiply(motion.tangent.T, force), jnp.zeros(0, q.dtype))
+
+    def linearize(
+        self,
+        t: Time,
+        q: Float[Array, " r"],
+        v: Float[Array, " r"],
+        stabilization: Baumgarte | None = None,
+    ) -> Linearization:
+        t = jnp.asarray(t, q.dtype)
+        a, _ = self.acceleration(t, q, v)
+        by = jax.jacfwd(lambda t, q, v: self._inertia(t, q, v, a), argnums=(1, 2, 0))(t, q, v)
+        right = -jnp.concatenate([by[0], by[1], by[2][:, None]], axis=1)
+        motion = self._motion(t, q, v)
+        mass = multiply(motion.tangent.T, self.full.momentum(motion.q, motion.tangent))
+        slopes, _ = self._saddle(mass).solve(right, jnp.zeros((0, right.shape[1]), q.dtype))
+        r = self.n
+        return Linearization(a, slopes[:, :r], slopes[:, r : 2 * r], slopes[:, 2 * r])
+
+    def _saddle(self, mass: Float[Array, "r r"]) -> Saddle:
+        none = jnp.zeros((0, 0, self.n), mass.dtype)
+        return Saddle(Topology.dense(self.n, 0), mass[None], none)
