@@ -5,6 +5,8 @@ from . import plot as plot
 from .basis.basis import Basis as Basis
 from .basis.pod import pod as pod
 from .basis.sod import sod as sod
+from .basis.stream import PodStream as PodStream
+from .integrate.reactions import reactions as reactions
 from .integrate.rodas5p import Rodas5P as Rodas5P
 from .integrate.simulate import simulate as simulate
 from .integrate.trajectory import SimulationError as SimulationError
@@ -38,6 +40,7 @@ from .scene.signal import Sine as Sine
 from .scene.signal import Table as Table
 from .study.compare import Comparison as Comparison
 from .study.compare import compare as compare
+from .study.reduce_to import reduce_to as reduce_to
 from .system.assemble import assemble as assemble
 from .system.base import AbstractSystem as AbstractSystem
 from .system.base import quadratic_velocity_force as quadratic_velocity_force

@@ -108,6 +108,24 @@ def test_the_gram_matrix_gives_the_same(runs):
     assert len(few.t) < few.q.shape[1]
 
 
+def test_a_stream_gives_the_same(runs):
+    """In one pass over blocks, with all directions kept and with seven of eight."""
+    motion = runs[1e-12].every(10)
+    direct = rj.pod(motion, rank=4)
+    for most in (None, 7):
+        stream = rj.PodStream.start(motion.metric, motion.q[0], most)
+        for block in range(0, len(motion.t), 137):
+            part = slice(block, block + 137)
+            stream = stream.add(motion.t[part], motion.q[part], motion.v[part])
+        basis = stream.basis(rank=4)
+        assert stream.factor.shape == (8, most or 8)
+        assert len(basis.recording.t) <= 400
+        scale = direct.values[0]
+        assert jnp.max(jnp.abs(direct.values[:4] - basis.values[:4])) <= SOLVED / 10 * scale
+        assert angle(motion, direct, basis) <= SOLVED / 10
+        assert abs(basis.leak - direct.leak) <= SOLVED / 10
+
+
 def angle(motion, one, other) -> float:
     """Sine of the largest angle between two subspaces, in the energy norm."""
     inside = one.modes @ (one.modes.T @ motion.metric @ other.modes)

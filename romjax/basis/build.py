@@ -18,9 +18,9 @@ def build(
     kind: str,
     reason: str,
 ) -> Basis:
-    """The Basis of orthonormal `vectors`; the largest component of each mode is positive."""
+    """The Basis of orthonormal `vectors`."""
     return Basis(
-        modes=_modes(snapshots.root, vectors),
+        modes=modes_of(snapshots.root, vectors),
         offset=snapshots.offset,
         values=values,
         spectrum=spectrum,
@@ -32,7 +32,8 @@ def build(
 
 
 @jax.jit
-def _modes(root: Float[Array, "n n"], vectors: Float[Array, "n r"]) -> Float[Array, "n r"]:
+def modes_of(root: Float[Array, "n n"], vectors: Float[Array, "n r"]) -> Float[Array, "n r"]:
+    """Modes orthonormal in the metric rootᵀ root; the largest component of each is positive."""
     modes = jsl.solve_triangular(root, vectors)
     largest = jnp.take_along_axis(modes, jnp.argmax(jnp.abs(modes), axis=0)[None], axis=0)
     return modes * jnp.where(largest < 0, -1.0, 1.0).astype(modes.dtype)

@@ -1,6 +1,7 @@
 """Minimal coordinates of a mechanism, and what follows from them."""
 
 import itertools
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import equinox as eqx
@@ -48,9 +49,8 @@ def choose_chart(system: AbstractSystem, recording: Recording) -> Candidate:
     """The chart that suits all snapshots of a motion best.
 
     Closed form where the columns of C_q that never change determine enough coordinates. Else the
-    directions in which the mechanism moves, averaged over the snapshots: the d leading eigenvectors
-    of Σ w ZZᵀ, Z the null space of C_q in the mass metric; the weights w grow where the average
-    fits worst.
+    best of two kinds, measured by the null spaces Z of C_q in the mass metric: single coordinates,
+    and directions averaged over the motion.
     """
     chosen = np.linspace(0, len(recording.t) - 1, min(_LOOKS, len(recording.t))).astype(int)
     t, q = recording.t[chosen], recording.q[chosen]
@@ -79,25 +79,55 @@ def choose_chart(system: AbstractSystem, recording: Recording) -> Candidate:
         return Candidate(chart, float(np.linalg.cond(varied[0][:, dependent])), 0)
 
     moves = [scipy.linalg.svd(x)[2][rank:].T for x in rows]
-    weights = np.ones(len(moves))
-    best = None
+    found = []
+    for turned in (_coordinates(moves), *_means(moves)):
+        free, bound = turned[:, rank:], turned[:, :rank]
+        condition, place = _worst(free, bound, rows, moves)
+        chart = Chart(inverse @ free, inverse @ bound, free.T @ root, kept, False)
+        found.append(Candidate(chart, condition, int(chosen[place])))
+    return min(found, key=lambda candidate: candidate.condition)
+
+
+def _coordinates(moves: list[np.ndarray]) -> np.ndarray:
+    """Unit vectors (n, n), last the coordinates that move most where they move least.
+
+    Such as the angle of a crank, which turns on where means of directions come back.
+    """
+    n, d = moves[0].shape
+    rest, chosen = [z.copy() for z in moves], list[int]()
+    for _ in range(d):
+        reach = np.min([np.linalg.norm(z, axis=1) for z in rest], axis=0)
+        reach[chosen] = -1
+        best = int(np.argmax(reach))
+        chosen.append(best)
+        for z in rest:
+            row = z[best] / max(np.linalg.norm(z[best]), 1e-12)
+            z -= np.outer(z @ row, row)
+    return np.eye(n)[:, [*np.setdiff1d(np.arange(n), chosen), *chosen]]
+
+
+def _means(moves: list[np.ndarray]) -> Iterator[np.ndarray]:
+    """Eigenvectors (n, n) of Σ w ZZᵀ, the largest last; w grows where the last ones fit worst."""
+    d, weights = moves[0].shape[1], np.ones(len(moves))
     for _ in range(_SWEEPS):
         _, vectors = np.linalg.eigh(sum(w * z @ z.T for w, z in zip(weights, moves, strict=True)))
-        free, bound = vectors[:, rank:], vectors[:, :rank]
-        conditions = np.array([np.linalg.cond(x @ bound) for x in rows])
-        signs = np.array([np.linalg.det(free.T @ z) for z in moves])
-        turns = np.array([np.linalg.det(a.T @ b) for a, b in itertools.pairwise(moves)])
-        # Where the sign of the determinant changes, a singular place lies in between.
-        conditions[:-1][signs[:-1] * signs[1:] * turns < 0] = np.inf
-        place = int(np.argmax(conditions))
-        if best is None or conditions[place] < best.condition:
-            chart = Chart(inverse @ free, inverse @ bound, free.T @ root, kept, False)
-            best = Candidate(chart, float(conditions[place]), int(chosen[place]))
-        fit = [np.linalg.svd(free.T @ z, compute_uv=False)[-1] for z in moves]
+        yield vectors
+        fit = [np.linalg.svd(vectors[:, -d:].T @ z, compute_uv=False)[-1] for z in moves]
         weights = weights / np.maximum(fit, 1e-3)
         weights /= np.mean(weights)
-    assert best is not None
-    return best
+
+
+def _worst(
+    free: np.ndarray, bound: np.ndarray, rows: np.ndarray, moves: list[np.ndarray]
+) -> tuple[float, int]:
+    """The largest condition of the dependent coordinates, and at which snapshot."""
+    conditions = np.array([np.linalg.cond(x @ bound) for x in rows])
+    signs = np.array([np.linalg.det(free.T @ z) for z in moves])
+    turns = np.array([np.linalg.det(a.T @ b) for a, b in itertools.pairwise(moves)])
+    # Where the sign of the determinant changes, a singular place lies in between.
+    conditions[:-1][signs[:-1] * signs[1:] * turns < 0] = np.inf
+    place = int(np.argmax(conditions))
+    return float(conditions[place]), place
 
 
 @eqx.filter_jit

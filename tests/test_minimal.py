@@ -1,0 +1,171 @@
+"""Reduction in minimal coordinates: open chains, closed loops, moving supports."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import TIGHT
+from mechanisms import linkage
+from test_hard_cases import four_bar, slider_crank
+from tolerances import DIFFERENCED, IDENTITY, SOLVED
+
+import romjax as rj
+
+# Required of three modes on the cart-pendulum; and of the constraints.
+ERROR_THREE = 5e-5
+EXACT = 1e-12
+
+
+def grashof() -> rj.Scene:
+    """A crank-rocker that turns."""
+    points = {"A": (0, 0), "b": (0, 0.5), "c": (1.6, 1.4), "D": (2.0, 0)}
+    bars = [("A", "b"), ("b", "c"), ("D", "c")]
+    v, w = np.array([-2.0, 0.0]), np.zeros(2)
+    # The rocker's tip moves so that coupler and rocker keep their lengths.
+    along, arm = np.array([1.6, 0.9]), np.array([-0.4, 1.4])
+    w = np.linalg.solve(np.stack([along, arm]), np.array([along @ v, 0.0]))
+    return linkage(points, bars, {"b": v, "c": w}, gravity=True)
+
+
+MECHANISMS = {
+    "chain": (rj.gallery.chain(3), 1.0),
+    "four-bar": (four_bar(), 0.7),
+    "turning four-bar": (grashof(), 3.0),
+    "redundant four-bar": (four_bar(doubled=True), 0.7),
+    "slider crank": (slider_crank(np.pi / 4), 1.0),
+}
+
+
+@pytest.fixture(scope="module", params=MECHANISMS)
+def mechanism(request):
+    """A mechanism, its full run, and its model in as many minimal coordinates as it has."""
+    scene, end = MECHANISMS[request.param]
+    system = rj.assemble(scene)
+    motion = rj.simulate(system, jnp.linspace(0.0, end, 101), rtol=TIGHT)
+    return system, motion, rj.reduce(system, rj.pod(motion), "minimal")
+
+
+def test_minimal_coordinates_are_the_same_mechanism(mechanism):
+    system, motion, rom = mechanism
+    assert rom.m == 0
+    assert rom.n == system.n - np.linalg.matrix_rank(system.jacobian(0.0, system.q0), tol=1e-9)
+    approx = rj.simulate(rom, motion.t, rtol=TIGHT)
+    assert rj.compare(motion, approx).error <= 10 * SOLVED
+    assert jnp.max(approx.violation) <= EXACT
+
+
+def test_accelerations_are_those_of_the_full_system(mechanism):
+    """G z̈ + β against the extended system's q̈, which knows nothing of charts."""
+    system, motion, rom = mechanism
+    for place in (0, 50, 100):
+        t, q, v = motion.t[place], motion.q[place], motion.v[place]
+        z, w = rom.reduced(q, v)
+        q, v = rom.physical(t, z, w)
+        wanted, _ = system.acceleration(t, q, v)
+        found = rom.physical_acceleration(t, z, w, rom.acceleration(t, z, w)[0])
+        assert jnp.max(jnp.abs(found - wanted)) <= IDENTITY * 100 * jnp.max(jnp.abs(wanted))
+
+
+def test_the_derivatives_of_the_acceleration(mechanism):
+    """`linearize` against forward mode through the acceleration, Newton's method included."""
+    _, motion, rom = mechanism
+    t, (z, w) = motion.t[30], rom.reduced(motion.q[30], motion.v[30])
+    found = rom.linearize(t, z, w)
+    for i, by in enumerate((found.by_time, found.by_position, found.by_velocity)):
+        wanted = jax.jacfwd(lambda *x: rom.acceleration(*x)[0], argnums=i)(t, z, w)
+        scale = jnp.maximum(1, jnp.max(jnp.abs(wanted)))
+        assert jnp.max(jnp.abs(by - wanted)) <= SOLVED * scale
+
+
+@pytest.mark.parametrize("decompose", [rj.pod, rj.sod])
+def test_three_modes(cart_pendulum, truth, decompose):
+    """One mode for each direction of the motion; the stiff one is left out."""
+    rom = rj.reduce(cart_pendulum, decompose(truth, rank=3), "minimal")
+    approx = rj.simulate(rom, truth.t, rtol=TIGHT)
+    assert rj.compare(truth, approx).error <= ERROR_THREE
+    assert jnp.max(approx.violation) <= EXACT
+    assert approx.stats["num_steps"] < truth.stats["num_steps"] / 10
+
+
+def test_more_modes_than_freedoms(cart_pendulum, truth):
+    rom = rj.reduce(cart_pendulum, rj.pod(truth, rank=6), "minimal")
+    assert rom.n == 4
+    assert "6 modes were asked for" in rom.reason
+
+
+def test_modes_of_ones_own(cart_pendulum):
+    """Rail and swing, by hand: no snapshots are needed."""
+    modes = jnp.zeros((8, 2)).at[:2, 0].set(1.0).at[3:5, 0].set(1.0)
+    modes = modes.at[5, 1].set(1.0).at[3, 1].set(0.4)
+    rom = rj.reduce(cart_pendulum, rj.Basis.from_modes(modes, cart_pendulum.q0), "minimal")
+    assert rom.n == 2
+    motion = rj.simulate(rom, [0.0, 0.1])
+    assert jnp.max(motion.violation) <= EXACT
+
+
+def test_a_place_without_a_chart_is_refused():
+    """In 2 s the swinging four-bar goes all the way round its configurations: none of its
+    coordinates, and no mean of them, grows all the way.
+    """
+    system = rj.assemble(four_bar())
+    basis = rj.pod(rj.simulate(system, jnp.linspace(0.0, 2.0, 201), rtol=1e-8))
+    with pytest.raises(rj.ReductionError, match=r"no choice of independent coordinates.*galerkin"):
+        rj.reduce(system, basis, "minimal")
+
+
+def test_a_moving_support():
+    """A pendulum on a support that oscillates: constraints that depend on time."""
+
+    def constraint(t, q):
+        return (q[0] - 0.1 * jnp.sin(5 * t)) ** 2 + q[1:] ** 2 - 1
+
+    system = rj.CustomSystem(
+        lambda q: jnp.diag(jnp.array([1.0, 2.0])),
+        lambda t, q, v: jnp.array([0.0, -19.62]),
+        constraint,
+        q0=[0.6, -0.8],
+        v0=[0.5, 0.0],
+    )
+    motion = rj.simulate(system, jnp.linspace(0.0, 1.0, 101), rtol=TIGHT)
+    rom = rj.reduce(system, rj.pod(motion, rank=1), "minimal")
+    for solver in (None, rj.Rodas5P()):
+        approx = rj.simulate(rom, motion.t, rtol=TIGHT, solver=solver)
+        assert rj.compare(motion, approx).error <= 10 * SOLVED
+
+
+def test_reactions(cart_pendulum, truth):
+    """All four multipliers from models that have two and none; the dropped mode's share is 4e-4."""
+    for rank, formulation in ((5, "galerkin"), (3, "minimal")):
+        rom = rj.reduce(cart_pendulum, rj.pod(truth, rank=rank), formulation)
+        found = rj.reactions(rom, rj.simulate(rom, truth.t, rtol=TIGHT))
+        wanted = truth.multipliers
+        assert jnp.max(jnp.abs(found - wanted)) <= 1e-3 * jnp.max(jnp.abs(wanted))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("formulation", ["galerkin", "minimal"])
+def test_the_gradient_passes_through_full_run_basis_and_reduced_run(formulation):
+    """d/dp of a reduced run whose basis comes from the full run of the same scene, by forward mode
+    and central differences; ranks, constraints and charts are chosen once, outside.
+    """
+    import diffrax
+
+    ts = jnp.linspace(0.0, 0.3, 31)
+    rank = {"galerkin": 4, "minimal": 3}[formulation]
+    known = {}
+
+    def result(f1):
+        system = rj.assemble(rj.gallery.cart_pendulum(f1=f1))
+        settings = {"rtol": 1e-10, "adjoint": diffrax.ForwardMode(), "throw": False}
+        full = rj.simulate(system, ts, solver=rj.Rodas5P(), **settings)
+        rom = rj.reduce(system, rj.pod(full, rank=rank), formulation, **known)
+        run = rj.simulate(rom, ts, solver=diffrax.Dopri8(), **settings)
+        return rom, run.q[-1, 5] + run.q[-1, 0]
+
+    rom, _ = result(16.0)
+    known |= {"constraints": rom.m} if formulation == "galerkin" else {"chart": rom.chart}
+    value = jax.jit(lambda f1: result(f1)[1])
+    found = jax.jit(jax.jacfwd(lambda f1: result(f1)[1]))(16.0)
+    step = 1e-3
+    wanted = (value(16.0 + step) - value(16.0 - step)) / (2 * step)
+    assert abs(found - wanted) <= 10 * DIFFERENCED * abs(wanted)

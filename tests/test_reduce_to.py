@@ -1,0 +1,110 @@
+"""Accuracy asked, rank delivered; and what speaks against a result."""
+
+import dataclasses
+
+import diffrax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import romjax as rj
+
+# Required on variations of the scene: errors up to so many times what was asked, or a flag.
+HELD_OUT = 3
+VARIATIONS = (
+    {"force": 200.0},
+    {"force": 11.0},
+    {"frequency": 9.5},
+    {"f1": 17.0},
+    {"stiffness": 130.0},
+)
+TRAINING = {"rtol": 1e-9, "solver": rj.Rodas5P(), "adjoint": diffrax.ForwardMode()}
+ASKED = (1e-2, 1e-4, 1e-6)
+
+
+def varied(**numbers) -> rj.AbstractSystem:
+    return rj.assemble(rj.gallery.cart_pendulum(**numbers))
+
+
+@pytest.fixture(scope="module")
+def others(truth):
+    return [
+        (system, rj.simulate(system, truth.t, **TRAINING))
+        for system in (varied(**numbers) for numbers in VARIATIONS)
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tol", ASKED)
+@pytest.mark.parametrize("formulation", ["galerkin", "minimal"])
+def test_the_error_asked_for_is_kept(truth, cart_pendulum, others, formulation, tol):
+    """On the training, and on five variations or with a flag; the force twenty times as large is
+    flagged in any case. The estimate is no smaller than the error.
+    """
+    rom = rj.reduce_to(cart_pendulum, truth, tol, formulation=formulation)
+    settings = {"rtol": min(1e-3 * tol, 1e-7), "throw": False}
+    error = rj.compare(truth, rj.simulate(rom, truth.t, **settings)).error
+    assert error <= tol
+    assert error <= 2 * rom.training.error
+    assert f"for tol {tol:g}" in rom.reason
+    for number, (system, run) in enumerate(others):
+        approx = rj.simulate(dataclasses.replace(rom, full=system), truth.t, **settings)
+        assert approx.flagged or rj.compare(run, approx).error <= HELD_OUT * tol
+        assert approx.flagged or number > 0
+
+
+@pytest.mark.slow
+def test_variations_join_the_training(truth, cart_pendulum):
+    """The last one is tried; it fails a model of the training alone, and joins."""
+    more = [varied(force=11.0), varied(force=100.0)]
+    rom = rj.reduce_to(cart_pendulum, truth, 1e-4, variations=more)
+    assert "2 training runs" in rom.reason
+    large = rj.simulate(more[1], truth.t, **TRAINING)
+    approx = rj.simulate(dataclasses.replace(rom, full=more[1]), truth.t, rtol=1e-8)
+    assert rj.compare(large, approx).error <= 1e-4
+    assert not approx.flagged
+
+
+def test_what_cannot_be_reached_is_refused(truth, cart_pendulum):
+    rough = dataclasses.replace(truth, q=truth.q + 1e-3 * jnp.sin(300 * truth.t)[:, None])
+    with pytest.raises(rj.ReductionError, match="no rank up to 8 reaches tol=1e-07"):
+        rj.reduce_to(cart_pendulum, rough, 1e-7)
+    with pytest.raises(ValueError, match="tol=2, but it must lie between 0 and 1"):
+        rj.reduce_to(cart_pendulum, truth, 2)
+
+
+def test_a_run_within_the_training_is_not_doubted(truth, cart_pendulum):
+    rom = rj.reduce(cart_pendulum, rj.pod(truth, rank=5))
+    motion = rj.simulate(rom, truth.t)
+    assert not motion.flagged
+    assert motion.doubts() == ""
+
+
+def test_a_run_beyond_the_training_is_doubted(truth):
+    rom = rj.reduce(varied(force=200.0), rj.pod(truth, rank=4))
+    motion = rj.simulate(rom, truth.t)
+    assert "leaves the box" in motion.doubts()
+    assert "violates the constraints" in motion.doubts()
+    assert motion.doubt == rj.Doubt.OUTSIDE_TRAINING | rj.Doubt.VIOLATION
+
+
+def test_energy_from_nowhere_is_doubted(truth, cart_pendulum):
+    """The chapter's projection of the solution, with weak stabilisation."""
+    rom = rj.reduce(cart_pendulum, rj.pod(truth, rank=4), "projected")
+    motion = rj.simulate(rom, truth.t, stabilization=rj.Baumgarte(5.0, 10.0), rtol=1e-8)
+    assert rj.Doubt.ENERGY in rj.Doubt(int(motion.doubt))
+
+
+@pytest.mark.slow
+def test_a_start_away_from_the_origin():
+    """The cart 0.3 m along its rail, the pendulum at 1 rad: errors as at the chapter's start."""
+    errors = []
+    for place, angle in ((0.0, 0.0), (0.3 / np.sqrt(2), 1.0)):
+        system = varied()
+        q0 = system.q0.at[:2].set(place).at[5].set(angle)
+        q0 = q0.at[3:5].set(place + 0.4 * jnp.array([np.sin(angle), -np.cos(angle)]))
+        ts = jnp.linspace(0.0, 1.0, 101)
+        motion = rj.simulate(system, ts, q0=q0, **TRAINING)
+        rom = rj.reduce(system, rj.pod(motion, rank=5))
+        errors.append(rj.compare(motion, rj.simulate(rom, ts, rtol=1e-9)).error)
+    assert errors[1] <= 10 * errors[0]
