@@ -6,6 +6,7 @@ from .basis.basis import Basis as Basis
 from .basis.pod import pod as pod
 from .basis.sod import sod as sod
 from .basis.stream import PodStream as PodStream
+from .basis.verdict import verdict as verdict
 from .integrate.reactions import reactions as reactions
 from .integrate.rodas5p import Rodas5P as Rodas5P
 from .integrate.simulate import simulate as simulate

@@ -1,11 +1,13 @@
 """The reduction study in words and in files."""
 
+import textwrap
 from pathlib import Path
 
 import numpy as np
 from tabulate import tabulate
 
 from . import plot
+from .basis.verdict import verdict
 from .integrate.trajectory import Trajectory
 from .scene.scene import Scene
 from .study.reduction import ReductionStudy, Run
@@ -23,6 +25,8 @@ def summary(study: ReductionStudy, chapter: bool) -> str:
     if chapter:
         text.append("chapter: time that its models save; they are the projected ones.")
     text += [f"{name}: refused. {reason}" for name, reason in study.refused.items()]
+    for basis in study.bases.values():
+        text += ["", textwrap.fill(verdict(basis), 80)]
     ranks = [[f"{r.rate:g} Hz", str(r.naive), str(r.pod), str(r.sod)] for r in study.ranks]
     text += ["", tabulate([["rank at", "naive SOD", "POD", "SOD"], *ranks], tablefmt="plain")]
     text.append("naive: generalised SVD of raw snapshots" + (" (chapter: 5, then 6)" * chapter))

@@ -66,9 +66,10 @@ def test_variations_join_the_training(truth, cart_pendulum):
 
 
 def test_what_cannot_be_reached_is_refused(truth, cart_pendulum):
-    rough = dataclasses.replace(truth, q=truth.q + 1e-3 * jnp.sin(300 * truth.t)[:, None])
+    """A run that is no motion of the mechanism has no model as good as that."""
+    other = dataclasses.replace(truth, t=1.01 * truth.t)
     with pytest.raises(rj.ReductionError, match="no rank up to 8 reaches tol=1e-07"):
-        rj.reduce_to(cart_pendulum, rough, 1e-7)
+        rj.reduce_to(cart_pendulum, other, 1e-7, formulation="minimal")
     with pytest.raises(ValueError, match="tol=2, but it must lie between 0 and 1"):
         rj.reduce_to(cart_pendulum, truth, 2)
 
@@ -90,7 +91,7 @@ def test_a_run_beyond_the_training_is_doubted(truth):
 
 def test_energy_from_nowhere_is_doubted(truth, cart_pendulum):
     """The chapter's projection of the solution, with weak stabilisation."""
-    rom = rj.reduce(cart_pendulum, rj.pod(truth, rank=4), "projected")
+    rom = rj.reduce(cart_pendulum, rj.pod(truth, rank=3), "projected")
     motion = rj.simulate(rom, truth.t, stabilization=rj.Baumgarte(5.0, 10.0), rtol=1e-8)
     assert rj.Doubt.ENERGY in rj.Doubt(int(motion.doubt))
 

@@ -73,7 +73,7 @@ def reduction_study(
     repeats: int = 2,
     report: Callable[[str], None] = lambda stage: None,
 ) -> ReductionStudy:
-    """Simulate, reduce by POD and SOD, each in both formulations, and compare.
+    """Simulate, reduce by POD and SOD, each in all formulations, and compare.
 
     **Arguments:**
 
@@ -97,7 +97,7 @@ def reduction_study(
     # One stabilisation for all: that of the full run.
     used = Baumgarte(fine.stats["alpha"], fine.stats["beta"]) if system.m else None
     runs, refused = [full], {}
-    for formulation in ("galerkin", "projected"):
+    for formulation in ("galerkin", "minimal", "projected"):
         for kind, basis in bases.items():
             name = f"{kind} {formulation}, r = {basis.rank}"
             report(name)

@@ -6,7 +6,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.linalg
 from jaxtyping import Array, Float
 
 from ...basis.basis import Basis
@@ -20,6 +19,12 @@ THRESHOLD = 0.05
 # A motion that violates the constraints by more than this share of what free parts would is no
 # motion of the mechanism. Reduced models with 0.1 err by 1 %, with 0.2 by 50 %.
 LOOSE = 0.15
+# Kept constraints may stop so many times the share of the velocities that the basis misses: 0.1 to
+# 1.6 for reduced models that are right, 27 and more for ones that are locked.
+LOCKED = 4.0
+_SLOW = 1e-6  # and this much more, of integration errors
+_STOPPED = 0.3  # but never so much of the motion itself
+_ZERO = 1e-9  # singular values of scaled rows below this are zero
 _SNAPSHOTS = 200
 
 
@@ -28,8 +33,8 @@ class ReducedConstraints(NamedTuple):
 
     rows: Float[Array, "K m r"]
     scale: Float[Array, " m"]  # of the rows, on average
-    jacobian: Float[Array, "m n"]  # C_q at the offset
-    mass: Float[Array, " n"]  # diagonal of M at the offset
+    speeds: Float[Array, "K r"]  # velocities of the snapshots, in the basis
+    missed: Float[Array, ""]  # the share of them that the basis misses
 
     @property
     def side_by_side(self) -> Float[Array, "m rK"]:
@@ -59,18 +64,36 @@ def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstrai
         return scale[:, None] * system.jacobian(t, q) @ basis.modes, scale
 
     rows, scales = jax.vmap(reduced)(t, z)
-    return ReducedConstraints(
-        rows,
-        jnp.mean(scales, axis=0),
-        system.jacobian(basis.recording.t[0], basis.offset),
-        jnp.diagonal(system.mass(basis.offset)),
-    )
+    recording = basis.recording
+    velocities, root = recording.v[::stride], jnp.linalg.cholesky(recording.metric)
+    speeds = velocities @ recording.metric @ basis.modes
+    missed = jnp.linalg.norm((velocities - speeds @ basis.modes.T) @ root)
+    whole = jnp.linalg.norm(velocities @ root)
+    missed = missed / jnp.where(whole > 0, whole, 1)
+    return ReducedConstraints(rows, jnp.mean(scales, axis=0), speeds, missed)
 
 
-def count_kept(found: ReducedConstraints, active: int) -> int:
-    """How many combinations to keep: those the basis can move along, at most r − active."""
+def most_kept(found: ReducedConstraints) -> int:
+    """How many combinations the basis can move along, and does at any one place."""
     shares = np.linalg.svd(np.asarray(found.side_by_side), compute_uv=False)
-    return min(int(np.sum(shares > THRESHOLD)), found.rows.shape[2] - active)
+    ranks = [np.linalg.matrix_rank(jacobian, tol=_ZERO) for jacobian in np.asarray(found.rows)]
+    return min(int(np.sum(shares > THRESHOLD)), max(ranks, default=0))
+
+
+def locks(found: ReducedConstraints, count: int) -> bool:
+    """Whether keeping `count` combinations would stop the snapshots' own motion.
+
+    A subspace misses some of the velocities anyway. Constraints that stop more than that have no
+    place in it: the motion satisfies them by the curvature that the subspace lacks.
+    """
+    speeds, stopped = np.asarray(found.speeds), 0.0
+    kept = np.asarray(found.combinations(count) / found.scale[:, None])
+    for jacobian, speed in zip(np.asarray(found.rows), speeds, strict=True):
+        _, values, right = np.linalg.svd(kept.T @ jacobian)
+        rank = int(np.sum(values > _ZERO))
+        stopped += float(np.sum((right[:rank] @ speed) ** 2))
+    whole = float(np.linalg.norm(speeds))
+    return bool(stopped**0.5 > min(LOCKED * float(found.missed) + _SLOW, _STOPPED) * whole)
 
 
 def looseness(found: ReducedConstraints, combinations: Float[Array, "m k"]) -> tuple[float, int]:
@@ -84,38 +107,9 @@ def looseness(found: ReducedConstraints, combinations: Float[Array, "m k"]) -> t
     worst, row = 0.0, 0
     for jacobian in rows:
         _, values, right = np.linalg.svd(kept.T @ jacobian)
-        rank = int(np.sum(values > 1e-9))
+        rank = int(np.sum(values > _ZERO))
         free = jacobian @ right[rank:].T
         size = float(np.linalg.norm(free, 2)) if free.size else 0.0
         if size > worst:
             worst, row = size, int(np.argmax(np.linalg.norm(free, axis=1)))
     return worst, row
-
-
-def active_freedoms(found: ReducedConstraints, basis: Basis) -> int | None:
-    """Degrees of freedom that the snapshots use and the basis resolves; None while JAX traces.
-
-    Counted in independent coordinates (chosen by a pivoted QR of C_q), among the directions that
-    stand above the first one that the basis drops.
-    """
-    if any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves((found, basis))):
-        return None
-    root = np.sqrt(np.asarray(found.mass))
-    z, modes = np.asarray(basis.coordinates), np.asarray(basis.modes)
-    # The pivots are the coordinates that the constraints determine: the lightest in the metric.
-    scaled = np.asarray(found.jacobian) / root
-    _, _, pivots = scipy.linalg.qr(scaled, pivoting=True)
-    rank = (
-        np.linalg.matrix_rank(scaled, tol=1e-9 * np.max(np.abs(scaled), initial=0))
-        if len(scaled)
-        else 0
-    )
-    free = np.sort(pivots[rank:])
-    whole = np.linalg.norm(z, ord=2)
-    if not whole > 0:
-        return 0
-    spread = np.linalg.svd(z @ (modes * root[:, None])[free].T, compute_uv=False)
-    values = np.asarray(basis.spectrum)
-    dropped = values[basis.rank] / values[0] if basis.rank < len(values) else 0.0
-    rounding = 1e3 * np.finfo(z.dtype).eps
-    return int(np.sum(spread / whole > max(2 * dropped, rounding)))

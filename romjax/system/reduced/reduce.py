@@ -14,7 +14,14 @@ from ..consistent import ROUNDING, consistent
 from ..doubt import Training
 from .base import AbstractReducedSystem, ReductionError, project, start
 from .chart import Chart
-from .constraints import LOOSE, active_freedoms, count_kept, looseness, reduced_constraints
+from .constraints import (
+    LOOSE,
+    ReducedConstraints,
+    locks,
+    looseness,
+    most_kept,
+    reduced_constraints,
+)
 from .galerkin import GalerkinSystem
 from .parametrize import minimal
 from .projected import ProjectedSystem
@@ -40,17 +47,18 @@ def reduce(
 
     - `system`: the full system; `basis`: from `pod`, `sod` or `Basis.from_modes`.
     - `formulation`: "galerkin": d'Alembert's principle in the subspace, with the constraints that
-      the basis can violate; "minimal": in a subspace of minimal coordinates, decomposed as the
-      basis was, in which all constraints hold exactly; "projected": the chapter's equation 39.6 to
-      the letter, unstable and no faster, for reference only.
+      the basis can violate and that do not stop the snapshots' own motion; "minimal": in a
+      subspace of minimal coordinates, decomposed as the basis was, in which all constraints hold
+      exactly; "projected": the chapter's equation 39.6 to the letter, unstable and no faster, for
+      reference only.
     - `constraints`: how many combinations of constraints to keep, instead of the rule (galerkin);
       needed under jit and grad.
     - `chart`: which coordinates are independent (minimal), that of another reduced model, such as
       `rom.chart`; needed under jit and grad.
 
     Raises ReductionError if the basis does not fit the system, if the constraints that are kept
-    leave fewer degrees of freedom than the snapshots use (the mechanism would lock), or if no
-    choice of independent coordinates holds over all snapshots.
+    lock the mechanism or those that are not free its joints, or if no choice of independent
+    coordinates holds over all snapshots.
     """
     if basis.modes.shape[0] != system.n:
         raise ReductionError(
@@ -69,34 +77,17 @@ def reduce(
 
 
 def _galerkin(system: AbstractSystem, basis: Basis, count: int | None) -> GalerkinSystem:
-    found = reduced_constraints(system, basis)
-    r, active = basis.rank, active_freedoms(found, basis)
-    if active is None and count is None:
-        raise ValueError(
-            "reduce: under jit, grad or vmap say how many constraints to keep, such as "
-            "constraints=2; find the number first, outside (rom.m)."
-        )
-    if active is not None and r < active + (count or 0):
-        remedy = f"; keep fewer constraints (constraints={r - active})" if r >= active else ""
+    found, r = reduced_constraints(system, basis), basis.rank
+    kept = _count(system, found, r) if count is None else count
+    if count and concrete(found.missed) is not None and locks(found, count):
+        free = _count(system, found, r)
         raise ReductionError(
-            f"reduce: the basis locks the mechanism. Its {r} modes with {count or 0} constraints "
-            f"that must be kept leave {r - (count or 0)} degrees of freedom, but the snapshots "
-            f"move in {active}{remedy}; take more modes."
+            f"reduce: the basis locks the mechanism. {count} constraints on its {r} modes would "
+            f"stop the motion of the snapshots; keep fewer (constraints={free}), or take more "
+            "modes."
         )
-    kept = count_kept(found, active or 0) if count is None else count
     combinations = found.combinations(kept)
-    if active is not None and count is None and system.m:
-        loose, row = looseness(found, combinations)
-        if loose > LOOSE:
-            raise ReductionError(
-                f"reduce: the basis frees the mechanism. With {r} modes only {kept} of "
-                f"{system.m} constraints can be kept, and what moves then violates "
-                f"{system.constraint_label(row)} by {100 * loose:.0f} % of a free motion; "
-                'take more modes, or formulation="minimal".'
-            )
-    reason = f"{r} modes, {kept} of {system.m} constraints kept, {r - kept} degrees of freedom" + (
-        "" if active is None else f" ({active} used by the snapshots)"
-    )
+    reason = f"{r} modes, {kept} of {system.m} constraints kept, {r - kept} degrees of freedom"
     time = basis.recording.t[0]
     q, v = start(system, basis)
     found_start = _galerkin_start(system, basis, combinations, time, q, v)
@@ -108,6 +99,26 @@ def _galerkin(system: AbstractSystem, basis: Basis, count: int | None) -> Galerk
         return rom
     q0, v0 = consistent(rom, t=time)
     return GalerkinSystem(*parts, q0, v0, known, reason)
+
+
+def _count(system: AbstractSystem, found: ReducedConstraints, r: int) -> int:
+    """As many constraints as the motion of the snapshots allows; refuse if joints come apart."""
+    if concrete(found.missed) is None:
+        raise ValueError(
+            "reduce: under jit, grad or vmap say how many constraints to keep, such as "
+            "constraints=2; find the number first, outside (rom.m)."
+        )
+    most = most_kept(found)
+    kept = next(count for count in range(most, -1, -1) if not count or not locks(found, count))
+    loose, row = looseness(found, found.combinations(kept)) if system.m else (0.0, 0)
+    if loose > LOOSE:
+        raise ReductionError(
+            f"reduce: the basis frees the mechanism. With {r} modes only {kept} of {system.m} "
+            f"constraints can be kept, {most - kept} more would lock its motion, and what moves "
+            f"then violates {system.constraint_label(row)} by {100 * loose:.0f} % of a free "
+            'motion; take more modes, or formulation="minimal".'
+        )
+    return kept
 
 
 def _projected(system: AbstractSystem, basis: Basis) -> ProjectedSystem:
