@@ -1,0 +1,86 @@
+"""Smooth orthogonal values are natural frequencies (Chelidze and Zhou 2006): λ = 1/ω²."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.linalg
+
+import romjax as rj
+
+# Required of natural frequencies; reached with light damping; and how much of a natural mode is in
+# a smooth one, where proper orthogonal modes of equal energy mix.
+FREQUENCY, DAMPED = 1e-6, 1e-4
+ALIKE, MIXED = 0.999, 0.95
+
+
+class Recorded:
+    """A motion of a linear system."""
+
+    def __init__(self, t, q, v, metric):
+        self.t, self.q, self.v, self.metric = t, q, v, metric
+        self.labels = tuple(f"x{i}" for i in range(q.shape[1]))
+
+
+def motion(t, mass, frequencies, modes, damping, place, speed):
+    """Free vibration from modal coordinates and velocities, in closed form."""
+    turning = frequencies * np.sqrt(1 - damping**2)
+    decay = np.exp(-damping * np.outer(t, frequencies))
+    c, s = np.cos(np.outer(t, turning)), np.sin(np.outer(t, turning))
+    sine = (speed + damping * frequencies * place) / turning
+    x = decay * (place * c + sine * s)
+    v = decay * turning * (sine * c - place * s) - damping * frequencies * x
+    return Recorded(t, x @ modes.T, v @ modes.T, mass)
+
+
+def three(frequencies):
+    """Unequal masses with given frequencies, and mass-normalised modes."""
+    mass = np.diag([1.0, 2.0, 0.5])
+    turned, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
+    return mass, np.asarray(frequencies, float), np.linalg.solve(np.sqrt(mass), turned)
+
+
+def hertz(basis):
+    return 1 / np.sqrt(np.asarray(basis.values))
+
+
+def test_over_a_common_period():
+    mass, w, modes = three([1, 2, 5])
+    t = np.linspace(0, 2 * np.pi, 2001)
+    free = motion(t, mass, w, modes, 0.0, np.array([1.0, 0.6, 0.2]), np.array([0.3, -0.5, 0.4]))
+    basis = rj.sod(free, rank=3, offset=np.zeros(3))
+    assert np.max(np.abs(hertz(basis) / w - 1)) <= FREQUENCY
+
+
+def test_a_building_from_starts_of_equal_energy():
+    """24 storeys, frequencies that share no period. Starts of unit energy in each storey's spring
+    and mass make Σ_xx = K⁻¹ and Σ_vv = M⁻¹ at every time, so a second is enough.
+    """
+    n = 24
+    stiffness = 900 * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+    stiffness[-1, -1] = 900
+    mass = np.diag(1.0 + 0.05 * np.arange(n))
+    squares, modes = scipy.linalg.eigh(stiffness, mass)
+    w, unit, t = np.sqrt(squares), np.eye(n), np.linspace(0, 1, 101)
+    runs = []
+    for start in np.sqrt(mass) @ modes:
+        for place, speed in ((start / w, 0 * w), (0 * w, start)):
+            runs.append(motion(t, mass, w, modes, 0.0, place, speed))
+    basis = rj.sod(runs, rank=n, offset=np.zeros(n))
+    assert np.max(np.abs(hertz(basis) / w - 1)) <= FREQUENCY
+    assert jnp.max(jnp.abs(basis.modes.T @ mass @ basis.modes - unit)) <= FREQUENCY
+
+
+@pytest.mark.parametrize("damping", [0.01, 0.03])
+def test_of_a_damped_system(damping):
+    """Struck so that all modes move equally far: the proper orthogonal values come together, and
+    their modes are any mixture. The smooth ones are told apart by their frequencies.
+    """
+    mass, w, modes = three([1, 2, 5])
+    t = np.linspace(0, 80 * np.pi, 20_001)
+    speed = w * np.sqrt(w)  # equal ∫x², as each mode lasts 1/ω
+    struck = motion(t, mass, w, modes, damping, np.zeros(3), speed)
+    smooth, proper = (f(struck, rank=3, offset=np.zeros(3)) for f in (rj.sod, rj.pod))
+    assert np.max(np.abs(hertz(smooth) / w - 1)) <= DAMPED
+    overlap = [np.max(np.abs(b.modes.T @ mass @ modes), axis=1) for b in (smooth, proper)]
+    assert np.min(overlap[0]) >= ALIKE
+    assert np.min(overlap[1]) <= MIXED
