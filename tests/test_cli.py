@@ -77,8 +77,9 @@ def test_run_cart_pendulum(tmp_path):
         check=True,
     )
     lines = result.stdout.splitlines()
-    table = [line for line in lines if line.startswith(("full", "POD", "SOD", "model"))]
-    assert len(table) == 6
+    table = [line for line in lines if line.startswith(("full", "POD ", "SOD ", "model"))]
+    assert len(table) == 8
+    assert "At rest:\ncart.phi." in result.stdout
     assert max(len(line) for line in table) <= WIDTH
     assert "12 %" in result.stdout
     assert "30 %" in result.stdout

@@ -84,13 +84,16 @@ def choose_rank(
         return Choice(count, f"rank {count}: {why}; the next value is {_next(relative, count)}")
     if rank not in (None, "drop"):
         raise ValueError(f'{name}: rank={rank!r}; give a whole number or "drop".')
-    certain = max(1, certain)
-    # Where all values are certain, the fall from the last one to the noise is no drop.
-    above = np.maximum(relative[: certain + 1], floor)
-    drops = above[:-1] / above[1:]
+    # Down to rounding: what falls at once to the noise stands out, and noise itself does not fall.
+    above = np.maximum(relative, rounding)
+    significant = max(1, int(np.sum(relative > rounding)))
+    drops = above[:significant] / np.append(above[1:], rounding)[:significant]
+    if significant == len(relative):
+        drops = drops[:-1]  # the fall from the last value to rounding is no drop
     if not np.any(drops >= DROP):
+        count = max(1, certain)
         why = f"no drop point, every direction above {what} of {floor:.1e} is kept"
-        return Choice(certain, f"rank {certain}: {why}")
+        return Choice(count, f"rank {count}: {why}")
     count = int(np.argmax(drops)) + 1
     return Choice(count, f"rank {count}: drop point, the next value is {_next(relative, count)}")
 

@@ -47,9 +47,10 @@ def reduce_to(
 ) -> AbstractReducedSystem:
     """A reduced system whose runs err by at most `tol`, of the smallest rank that does.
 
-    The rank goes up until the change from each rank to the next one, a good estimate of the error,
-    is half of `tol`, and the singular values that are left out hold a fifth of it. Then the model
-    is tried on a variation it has not seen; if it fails, that run joins the training, and so on.
+    The rank goes up until the change from one rank to the next, a good estimate of the error, and
+    the error on the training are half of `tol`, and the singular values that are left out hold a
+    fifth of it. Then the model is tried on a variation it has not seen; if it fails, that run joins
+    the training, and so on.
 
     **Arguments:**
 
@@ -124,19 +125,18 @@ def _smallest(
             refusal = str(error)
             continue
         if previous is not None:
-            estimate = _change(truths, previous, model)
+            estimate = max(_change(truths, previous, model), _error(truths, previous))
             best = min(best, estimate)
             # In minimal coordinates, the values of the physical ones say nothing.
             tail = float(previous.basis.leak) if formulation == "galerkin" else 0.0
-            if _SAFETY * estimate <= tol and tail <= _TAIL * tol:
+            if estimate <= tol / _SAFETY and tail <= _TAIL * tol:
                 return previous, estimate, previous.basis.rank
             if formulation == "minimal" and model.rom.n == previous.rom.n:
                 break
         previous = model
     if previous is not None:
         # The largest model has no next one; the full one takes its place.
-        ends = zip(truths, previous.runs, strict=True)
-        estimate = max(float(compare(truth, run).error) for truth, run in ends)
+        estimate = _error(truths, previous)
         best = min(best, estimate)
         if estimate <= tol:
             return previous, estimate, previous.basis.rank
@@ -156,7 +156,18 @@ def _change(truths: list[Trajectory], coarse: _Model, fine: _Model) -> float:
         root = jnp.linalg.cholesky(truth.metric)
         moved = jnp.linalg.norm((truth.q - truth.q[:1]) @ root)
         sizes.append(float(jnp.linalg.norm((one.q - other.q) @ root) / moved))
-    return float(np.nan_to_num(max(sizes), nan=np.inf))
+    return _finite(sizes)
+
+
+def _error(truths: list[Trajectory], model: _Model) -> float:
+    """The largest error of all training runs."""
+    pairs = zip(truths, model.runs, strict=True)
+    return _finite([float(compare(truth, run).error) for truth, run in pairs])
+
+
+def _finite(errors: list[float]) -> float:
+    """The largest; infinite where a run has failed."""
+    return max(error if np.isfinite(error) else np.inf for error in errors)
 
 
 def _run(model: _Model, system: AbstractSystem, truth: Trajectory, tol: float) -> Trajectory:
@@ -181,10 +192,9 @@ def _run(model: _Model, system: AbstractSystem, truth: Trajectory, tol: float) -
 def _held_out(model: _Model, system: AbstractSystem, truth: Trajectory, tol: float) -> float:
     """The error on a run that the model has not seen; infinite where it cannot even start."""
     try:
-        error = float(compare(truth, _run(model, system, truth, tol)).error)
+        return _finite([float(compare(truth, _run(model, system, truth, tol)).error)])
     except ValueError:
         return np.inf
-    return error if np.isfinite(error) else np.inf
 
 
 def _simulate_all(systems: list[AbstractSystem], training: Trajectory) -> list[Trajectory]:
