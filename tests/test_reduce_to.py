@@ -70,8 +70,8 @@ def test_what_cannot_be_reached_is_refused(truth, cart_pendulum):
     other = dataclasses.replace(truth, t=1.01 * truth.t)
     with pytest.raises(rj.ReductionError, match="no rank up to 8 reaches tol=1e-07"):
         rj.reduce_to(cart_pendulum, other, 1e-7, formulation="minimal")
-    with pytest.raises(ValueError, match="tol=2, but it must lie between 0 and 1"):
-        rj.reduce_to(cart_pendulum, truth, 2)
+    with pytest.raises(ValueError, match="tol=2.0, but it must lie between 0 and 1"):
+        rj.reduce_to(cart_pendulum, truth, 2.0)
 
 
 def test_a_run_within_the_training_is_not_doubted(truth, cart_pendulum):
