@@ -42,6 +42,13 @@ def test_a_start_off_the_constraints_is_projected(pendulum, projected):
     assert jnp.max(jnp.abs(mended.q - projected.q)) <= SCALED
 
 
+def test_forward_mode_takes_the_same_steps(pendulum, projected):
+    """Its adjoint prepares Runge–Kutta methods, wrapped ones too."""
+    settings = {"rtol": 1e-8, "stabilization": rj.Projection(), "adjoint": diffrax.ForwardMode()}
+    other = rj.simulate(pendulum, TS, **settings)
+    assert jnp.max(jnp.abs(other.q - projected.q)) <= SCALED
+
+
 def test_a_motion_at_rest_has_an_absolute_error(projected):
     """No motion to relate an error to: a number, not NaN."""
     rest = eqx.tree_at(lambda m: m.q, projected, jnp.zeros_like(projected.q))
