@@ -1,5 +1,6 @@
 """Reduction in minimal coordinates: open chains, closed loops, moving supports."""
 
+import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -148,8 +149,6 @@ def test_the_gradient_passes_through_full_run_basis_and_reduced_run(formulation)
     """d/dp of a reduced run whose basis comes from the full run of the same scene, by forward mode
     and central differences; ranks, constraints and charts are chosen once, outside.
     """
-    import diffrax
-
     ts = jnp.linspace(0.0, 0.3, 31)
     rank = {"galerkin": 4, "minimal": 3}[formulation]
     known = {}

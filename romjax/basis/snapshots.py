@@ -80,11 +80,6 @@ class Recording(eqx.Module):
         none = Noise(zero[0], zero[0])
         return cls(zero, q[None], 0 * q[None], zero, jnp.eye(len(q), dtype=q.dtype), none, ())
 
-    def every(self, stride: int) -> "Recording":
-        """Every `stride`-th snapshot, for looking at, not for integrating over time."""
-        arrays = [x[::stride] for x in (self.t, self.q, self.v, self.weights)]
-        return Recording(*arrays, self.metric, self.noise, self.labels)
-
 
 class Snapshots(NamedTuple):
     """S (q − q̄) √w and S v √w as columns, with Sᵀ S the metric and w trapezoidal time weights.

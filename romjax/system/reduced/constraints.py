@@ -1,5 +1,6 @@
 """Which constraints a reduced model still needs, and which freedom the snapshots use."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import equinox as eqx
@@ -86,30 +87,33 @@ def locks(found: ReducedConstraints, count: int) -> bool:
     A subspace misses some of the velocities anyway. Constraints that stop more than that have no
     place in it: the motion satisfies them by the curvature that the subspace lacks.
     """
-    speeds, stopped = np.asarray(found.speeds), 0.0
-    kept = np.asarray(found.combinations(count) / found.scale[:, None])
-    for jacobian, speed in zip(np.asarray(found.rows), speeds, strict=True):
-        _, values, right = np.linalg.svd(kept.T @ jacobian)
-        rank = int(np.sum(values > _ZERO))
-        stopped += float(np.sum((right[:rank] @ speed) ** 2))
+    speeds = np.asarray(found.speeds)
+    pairs = zip(_directions(found, count), speeds, strict=True)
+    stopped = sum(float(np.sum((held @ speed) ** 2)) for (held, _), speed in pairs)
     whole = float(np.linalg.norm(speeds))
     return bool(stopped**0.5 > min(LOCKED * float(found.missed) + _SLOW, _STOPPED) * whole)
 
 
-def looseness(found: ReducedConstraints, combinations: Float[Array, "m k"]) -> tuple[float, int]:
+def looseness(found: ReducedConstraints, count: int) -> tuple[float, int]:
     """How far the motion that is left free violates the constraints, and the one it violates most.
 
-    The largest singular value over the snapshots of the scaled Jacobian, on the null space of what
-    is kept: zero for a mechanism that stays one, one for parts that have lost their joints.
+    The largest singular value over the snapshots of the scaled Jacobian, on the null space of the
+    `count` combinations that are kept: zero for a mechanism that stays one, one for parts that have
+    lost their joints.
     """
-    rows = np.asarray(found.rows)
-    kept = np.asarray(combinations / found.scale[:, None])
     worst, row = 0.0, 0
-    for jacobian in rows:
+    for jacobian, (_, free) in zip(np.asarray(found.rows), _directions(found, count), strict=True):
+        violated = jacobian @ free.T
+        size = float(np.linalg.norm(violated, 2)) if violated.size else 0.0
+        if size > worst:
+            worst, row = size, int(np.argmax(np.linalg.norm(violated, axis=1)))
+    return worst, row
+
+
+def _directions(found: ReducedConstraints, count: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """At each snapshot, the directions that the kept combinations stop, and those left free."""
+    kept = np.asarray(found.combinations(count) / found.scale[:, None])
+    for jacobian in np.asarray(found.rows):
         _, values, right = np.linalg.svd(kept.T @ jacobian)
         rank = int(np.sum(values > _ZERO))
-        free = jacobian @ right[rank:].T
-        size = float(np.linalg.norm(free, 2)) if free.size else 0.0
-        if size > worst:
-            worst, row = size, int(np.argmax(np.linalg.norm(free, axis=1)))
-    return worst, row
+        yield right[:rank], right[rank:]

@@ -133,7 +133,9 @@ class MinimalSystem(AbstractReducedSystem):
 
     def mass(self, q: Float[Array, " r"]) -> Float[Array, "r r"]:
         """GᵀMG, where constraints depend on time at that of the start."""
-        motion = self._motion(self.time, q, jnp.zeros_like(q))
+        return self._mass(self._motion(self.time, q, jnp.zeros_like(q)))
+
+    def _mass(self, motion: _Motion) -> Float[Array, "r r"]:
         return multiply(motion.tangent.T, self.full.momentum(motion.q, motion.tangent))
 
     def force(self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]) -> Float[Array, " r"]:
@@ -196,8 +198,7 @@ class MinimalSystem(AbstractReducedSystem):
         a, _ = self.acceleration(t, q, v)
         by = jax.jacfwd(lambda t, q, v: self._inertia(t, q, v, a), argnums=(1, 2, 0))(t, q, v)
         right = -jnp.concatenate([by[0], by[1], by[2][:, None]], axis=1)
-        motion = self._motion(t, q, v)
-        mass = multiply(motion.tangent.T, self.full.momentum(motion.q, motion.tangent))
+        mass = self._mass(self._motion(t, q, v))
         slopes, _ = self._saddle(mass).solve(right, jnp.zeros((0, right.shape[1]), q.dtype))
         r = self.n
         return Linearization(a, slopes[:, :r], slopes[:, r : 2 * r], slopes[:, 2 * r])

@@ -35,9 +35,10 @@ def minimal(system: AbstractSystem, basis: Basis, chart: Chart | None) -> Minima
         chart = _choose(system, basis)
     slopes, metric = _at_start(system, chart, recording.t[0], recording.q[0])
     read = jnp.asarray(chart.read, metric.dtype)
+    moved = recording.q - basis.offset[None]
     part = Recording(
         recording.t,
-        (recording.q - basis.offset[None]) @ read.T,
+        moved @ read.T,
         recording.v @ read.T,
         recording.weights,
         metric,
@@ -55,7 +56,6 @@ def minimal(system: AbstractSystem, basis: Basis, chart: Chart | None) -> Minima
     r, dual = inner.shape[1], inner.T @ metric @ read
     affine = chart.affine and bool(chart.rows)
     stride = len(recording.t) if affine else -(-len(recording.t) // _GUESSES)
-    moved = recording.q[::stride] - basis.offset[None]
     others = np.linalg.pinv(chart.bound) @ (np.eye(system.n) - chart.free @ chart.read)
     q, v = start(system, basis)
     return MinimalSystem(
@@ -63,16 +63,14 @@ def minimal(system: AbstractSystem, basis: Basis, chart: Chart | None) -> Minima
         offset=basis.offset,
         modes=jnp.asarray(chart.free, metric.dtype) @ inner,
         dual=dual,
-        near=moved @ dual.T,
-        guesses=moved @ jnp.asarray(others.T, metric.dtype),
+        near=moved[::stride] @ dual.T,
+        guesses=moved[::stride] @ jnp.asarray(others.T, metric.dtype),
         inverse=jnp.linalg.inv(slopes) if affine else None,
         time=recording.t[0],
         q0=dual @ (q - basis.offset),
         v0=dual @ v,
         chart=chart,
-        training=None
-        if basis.kind == "given"
-        else Training.of((recording.q - basis.offset[None]) @ dual.T, jnp.zeros(())),
+        training=None if basis.kind == "given" else Training.of(moved @ dual.T, jnp.zeros(())),
         reason=f"{r} modes of {len(metric)} minimal coordinates, no constraints"
         + (f"; {basis.rank} modes were asked for" if r < basis.rank else ""),
     )

@@ -110,7 +110,7 @@ def _count(system: AbstractSystem, found: ReducedConstraints, r: int) -> int:
         )
     most = most_kept(found)
     kept = next(count for count in range(most, -1, -1) if not count or not locks(found, count))
-    loose, row = looseness(found, found.combinations(kept)) if system.m else (0.0, 0)
+    loose, row = looseness(found, kept) if system.m else (0.0, 0)
     if loose > LOOSE:
         raise ReductionError(
             f"reduce: the basis frees the mechanism. With {r} modes only {kept} of {system.m} "
