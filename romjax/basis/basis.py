@@ -18,7 +18,9 @@ class Basis(eqx.Module):
     - `spectrum`: the singular values that decided the rank, largest first.
     - `recording`: the snapshots it was made from.
     - `leak`: share of the snapshots that the subspace misses, in the energy norm.
-    - `kind`: "POD", "SOD" or "given"; `reason`: why the rank is what it is, in words.
+    - `floor`: directions below this share of the largest are noise, of rounding or integration.
+    - `kind`: "POD", "SOD" or "given"; `reason`: why the rank is what it is, in words; `tol`: the
+      tolerance that was asked for, if one was.
     """
 
     modes: Float[Array, "n r"]
@@ -27,8 +29,10 @@ class Basis(eqx.Module):
     spectrum: Float[Array, " s"]
     recording: Recording
     leak: Float[Array, ""]
+    floor: Float[Array, ""]
     kind: str = eqx.field(static=True, default="given")
     reason: str = eqx.field(static=True, default="given")
+    tol: float | None = eqx.field(static=True, default=None)
 
     @classmethod
     def from_modes(cls, modes: Any, offset: Any) -> "Basis":
@@ -40,8 +44,8 @@ class Basis(eqx.Module):
                 f"Basis: modes {modes.shape} and offset {offset.shape} do not fit; they must have "
                 "shapes (n, r) and (n,) with r at most n."
             )
-        none = jnp.ones(modes.shape[1], modes.dtype)
-        return cls(modes, offset, none, none, Recording.still(offset), jnp.zeros_like(none[0]))
+        none, zero = jnp.ones(modes.shape[1], modes.dtype), jnp.zeros((), modes.dtype)
+        return cls(modes, offset, none, none, Recording.still(offset), zero, zero)
 
     @property
     def rank(self) -> int:

@@ -6,6 +6,7 @@ import jax.scipy.linalg as jsl
 from jaxtyping import Array, Float
 
 from .basis import Basis
+from .rank import Choice
 from .snapshots import Recording, Snapshots
 
 
@@ -16,7 +17,7 @@ def build(
     values: Float[Array, " k"],
     spectrum: Float[Array, " s"],
     kind: str,
-    reason: str,
+    chosen: Choice,
 ) -> Basis:
     """The Basis of orthonormal `vectors`."""
     return Basis(
@@ -27,7 +28,9 @@ def build(
         recording=recording,
         leak=_leak(snapshots.positions, vectors),
         kind=kind,
-        reason=reason,
+        reason=chosen.reason,
+        floor=chosen.floor,
+        tol=chosen.tol,
     )
 
 

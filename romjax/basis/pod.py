@@ -50,4 +50,4 @@ def pod(
     floor = (_GRAM_FLOOR if method == "gram" else FLOOR)[found.dtype]
     chosen = choose_rank("pod", found, rank, tol, floor, recording.noise.positions)
     vectors, values = leading(snapshots.positions, chosen.rank, method)
-    return build(recording, snapshots, vectors, values, values, "POD", chosen.reason)
+    return build(recording, snapshots, vectors, values, values, "POD", chosen)

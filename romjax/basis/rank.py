@@ -18,10 +18,12 @@ FLOOR = {jnp.dtype("float64"): 1e-12, jnp.dtype("float32"): 1e-6}
 
 
 class Choice(NamedTuple):
-    """A rank and why."""
+    """A rank and why; `floor` and `tol` are relative to the largest value."""
 
     rank: int
     reason: str
+    floor: Float[Array, ""]  # directions below are noise
+    tol: float | None  # what was asked for
 
 
 def choose_rank(
@@ -45,13 +47,14 @@ def choose_rank(
             f"{name}: rank={rank}, but the snapshots allow 1 to {len(values)}: no more than there "
             "are coordinates, and no more than there are snapshots."
         )
+    floor = jnp.maximum(rounding, noise / values[0])
     if any(isinstance(x, Tracer) for x in (values, noise)):
         if not isinstance(rank, int):
             raise ValueError(
                 f"{name}: under jit, grad or vmap the rank must be a number, such as rank=5; "
                 "find it first, outside."
             )
-        return Choice(rank, f"rank {rank}: as asked")
+        return Choice(rank, f"rank {rank}: as asked", floor, None)
     found = np.asarray(values)
     if not np.all(np.isfinite(found)):
         raise ValueError(f"{name}: the snapshots are not finite; did the simulation succeed?")
@@ -60,8 +63,20 @@ def choose_rank(
             f"{name}: the snapshots do not move, so no direction stands out; simulate a motion."
         )
     relative = found / found[0]
-    unsure = float(noise / found[0])
-    floor, what = max((rounding, "rounding"), (unsure, "integration errors"))
+    count, why = _count(name, relative, rank, tol, rounding, float(floor))
+    return Choice(count, f"rank {count}: {why}", floor, tol)
+
+
+def _count(
+    name: str,
+    relative: np.ndarray,
+    rank: Rank | None,
+    tol: float | None,
+    rounding: float,
+    floor: float,
+) -> tuple[int, str]:
+    """The rank and why, from values relative to the largest."""
+    what = "rounding" if floor <= rounding else "integration errors"
     certain = int(np.sum(relative > floor))
     if isinstance(rank, int):
         significant = int(np.sum(relative > rounding))
@@ -74,13 +89,13 @@ def choose_rank(
         why = "as asked" + (
             f", {rank - certain} of them below {what} of {floor:.1e}" if rank > certain else ""
         )
-        return Choice(rank, f"rank {rank}: {why}; the next value is {_next(relative, rank)}")
+        return rank, f"{why}; the next value is {_next(relative, rank)}"
     if tol is not None:
         if not 0 < tol < 1:
             raise ValueError(f"{name}: tol={tol}, but it must lie between 0 and 1.")
         count = max(1, int(np.sum(relative > max(tol, floor))))
         why = f"tolerance {tol:g}" if tol >= floor else f"{what} of {floor:.1e} hide the rest"
-        return Choice(count, f"rank {count}: {why}; the next value is {_next(relative, count)}")
+        return count, f"{why}; the next value is {_next(relative, count)}"
     if rank not in (None, "drop"):
         raise ValueError(f'{name}: rank={rank!r}; give a whole number or "drop".')
     # Down to rounding: what falls at once to the noise stands out, and noise itself does not fall.
@@ -91,10 +106,9 @@ def choose_rank(
         drops = drops[:-1]  # the fall from the last value to rounding is no drop
     if not np.any(drops >= DROP):
         count = max(1, certain)
-        why = f"no drop point, every direction above {what} of {floor:.1e} is kept"
-        return Choice(count, f"rank {count}: {why}")
+        return count, f"no drop point, every direction above {what} of {floor:.1e} is kept"
     count = int(np.argmax(drops)) + 1
-    return Choice(count, f"rank {count}: drop point, the next value is {_next(relative, count)}")
+    return count, f"drop point, the next value is {_next(relative, count)}"
 
 
 def _next(relative: np.ndarray, rank: int) -> str:

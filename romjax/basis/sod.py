@@ -42,7 +42,7 @@ def sod(
     chosen = choose_rank("sod", found, rank, tol, FLOOR[found.dtype], noise)
     vectors, sigma = leading(snapshots.velocities, chosen.rank)
     kept, values = _smooth(snapshots, vectors)
-    return build(recording, snapshots, kept, values, sigma, "SOD", chosen.reason)
+    return build(recording, snapshots, kept, values, sigma, "SOD", chosen)
 
 
 @jax.jit

@@ -109,6 +109,8 @@ class PodStream(eqx.Module):
             leak=jnp.sqrt(missed / (jnp.sum(squares) + self.lost)),
             kind="POD",
             reason=chosen.reason,
+            floor=chosen.floor,
+            tol=chosen.tol,
         )
 
 

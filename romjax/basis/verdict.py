@@ -1,5 +1,7 @@
 """A basis in words."""
 
+import re
+
 import numpy as np
 
 from .basis import Basis
@@ -8,6 +10,8 @@ from .basis import Basis
 _DROPPED = 0.5
 # What moves by less than this, relative to the largest motion, rests.
 _REST = 1e-14
+# The label of a modal coordinate.
+_MODE = re.compile(r"^(.+)\.q(\d+)$")
 
 
 def verdict(basis: Basis) -> str:
@@ -18,7 +22,8 @@ def verdict(basis: Basis) -> str:
     moved = np.asarray(recording.q - basis.offset[None])
     missed = moved - np.asarray(basis.coordinates @ basis.modes.T)
     reach, lost = np.max(np.abs(moved), axis=0), np.max(np.abs(missed), axis=0)
-    names = recording.labels or tuple(f"coordinate {i + 1}" for i in range(len(reach)))
+    labels = recording.labels or tuple(f"coordinate {i + 1}" for i in range(len(reach)))
+    names = [_MODE.sub(r"bending mode \2 of \1", label) for label in labels]
     rests = reach <= _REST * np.max(reach)
     gone = (lost > _DROPPED * reach) & ~rests
     worst = int(np.argmax(np.where(rests | gone, 0, lost / np.where(rests, 1, reach))))
@@ -30,8 +35,10 @@ def verdict(basis: Basis) -> str:
         words[-1] += f", of {names[worst]} all but {lost[worst] / reach[worst]:.1e}"
     words[-1] += "."
     if np.any(gone):
+        shares = np.sqrt(np.diag(recording.metric)) * np.linalg.norm(moved, axis=0)
+        shares /= np.linalg.norm(moved @ np.linalg.cholesky(recording.metric))
         places = np.flatnonzero(gone)
-        each = [f"{names[i]}, which moves by no more than {reach[i]:.1e}" for i in places]
+        each = [f"{names[i]}, because it is only {shares[i]:.1e} of the motion" for i in places]
         words.append(f"Dropped: {'; '.join(each)}.")
     if np.any(rests):
         words.append(f"At rest: {', '.join(names[i] for i in np.flatnonzero(rests))}.")

@@ -16,9 +16,10 @@ def values(*bases: Basis) -> Figure:
     """Singular values relative to the largest, on a logarithmic axis (chapter Fig. 39.3).
 
     Against the index, a line for each basis: the modes that are kept filled, the ones that are
-    dropped hollow, the rank as a vertical line between them. What lies in the grey band is
-    rounding; zeros are drawn at its foot. With SOD bases, a second panel shows the smooth
-    orthogonal values λ [s²] of the kept modes.
+    dropped hollow, the rank as a vertical line between them. Level lines show what decided it: the
+    tolerance, where one was given, and the noise floor, of rounding or of the integration; below
+    the lowest floor all is grey, and zeros are drawn at its foot. With SOD bases, a second panel
+    shows the smooth orthogonal values λ [s²] of the kept modes.
 
     Raises ValueError without any basis.
     """
@@ -30,8 +31,9 @@ def values(*bases: Basis) -> Figure:
     figure.set_layout_engine("constrained")
     panels = figure.subplots(1, 2 if smooth else 1, squeeze=False)[0]
     axes = panels[0]
-    rounding = max(float(np.finfo(np.asarray(basis.spectrum).dtype).eps) for basis in bases)
-    foot = 1e-3 * rounding
+    # Bases of one's own have no floor.
+    floor = min((float(basis.floor) for basis in bases if basis.floor > 0), default=1e-12)
+    foot = min(1e-4 * floor, 1e-16)
     lowest = 1.0
     for i, (basis, name) in enumerate(zip(bases, names, strict=True)):
         spectrum = np.asarray(basis.spectrum)
@@ -41,19 +43,16 @@ def values(*bases: Basis) -> Figure:
         # Moved a little, so that equal ranks stay two lines.
         place = basis.rank + 0.5 + 0.06 * (i - 0.5 * (len(bases) - 1))
         axes.axvline(place, color=_colour(i), linestyle=DASHES[(i + 1) % len(DASHES)], linewidth=1)
+        whose = f" of {name}" if len(bases) > 1 else ""
+        if basis.floor > 0:
+            _level(axes, i, float(basis.floor), f"noise floor{whose}", ":", "top")
+        if basis.tol is not None:
+            _level(axes, i, basis.tol, f"tolerance{whose}", "-.", "bottom")
     _dress(axes, "index $i$", r"singular value $\sigma_i / \sigma_1$", "Singular values")
     axes.set_ylim(top=4)
-    if lowest < rounding:
-        axes.axhspan(foot / 10, rounding, color="0.9", zorder=0)
-        axes.set_ylim(bottom=foot / 4)
-        axes.text(
-            0.02,
-            rounding / 2,
-            "rounding",
-            va="top",
-            fontsize=SMALL + 1,
-            transform=axes.get_yaxis_transform(),
-        )
+    bottom = min(lowest, floor) / 4
+    axes.axhspan(bottom, floor, color="0.92", zorder=0)
+    axes.set_ylim(bottom=bottom)
     if smooth:
         for i in smooth:
             found = np.asarray(bases[i].values)
@@ -65,6 +64,21 @@ def values(*bases: Basis) -> Figure:
 
 def _colour(index: int) -> str:
     return COLOURS[(index + 1) % len(COLOURS)]
+
+
+def _level(axes: Axes, index: int, height: float, text: str, dashes: str, va: str) -> None:
+    """A level line of a basis, named above or below; the names of several stand side by side."""
+    colour = _colour(index)
+    axes.axhline(height, color=colour, linestyle=dashes, linewidth=1)
+    axes.text(
+        0.02 + 0.32 * (index % 3),
+        height,
+        text,
+        color=colour,
+        va=va,
+        fontsize=SMALL,
+        transform=axes.get_yaxis_transform(),
+    )
 
 
 def _stems(axes: Axes, index: int, heights: np.ndarray, rank: int, name: str) -> None:
