@@ -13,28 +13,23 @@ take fixed steps and are compared at the end of one second; so are fixed steps o
 import argparse
 import datetime
 import importlib.util
-import os
 import platform
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-# Small loops become one function instead of a list of them: half the time for a few bodies.
-SMALL_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1048576"
-os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {SMALL_LOOPS}".strip()
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import peers
+import scipy.integrate
+from matplotlib.figure import Figure
+from tabulate import tabulate
+from tqdm import tqdm
 
-import diffrax  # noqa: E402  (after the flags are set)
-import jax  # noqa: E402
-import jax.numpy as jnp  # noqa: E402
-import numpy as np  # noqa: E402
-import peers  # noqa: E402
-import scipy.integrate  # noqa: E402
-from matplotlib.figure import Figure  # noqa: E402
-from tabulate import tabulate  # noqa: E402
-from tqdm import tqdm  # noqa: E402
-
-import romjax as rj  # noqa: E402
+import romjax as rj
 
 RTOLS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 ERRORS = (1e-4, 1e-5, 1e-6, 1e-7)
@@ -276,6 +271,7 @@ def main() -> None:
     parser.add_argument("--only", default="", help="cases whose name contains this")
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
+    rj.speed_up_xla()
     rows = []
     for name, make in CASES.items():
         if options.only in name:

@@ -52,3 +52,4 @@ from .system.reduced.base import ReductionError as ReductionError
 from .system.reduced.reduce import reduce as reduce
 from .system.stabilization import Baumgarte as Baumgarte
 from .system.stabilization import Projection as Projection
+from .xla import speed_up_xla as speed_up_xla

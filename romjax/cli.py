@@ -20,6 +20,7 @@ from .scene.fields import SceneError
 from .scene.scene import Scene
 from .study.reduction import reduction_study
 from .system.assemble import assemble
+from .xla import speed_up_xla
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -140,11 +141,7 @@ def _writable(folder: Path) -> Path:
 def _set_up_jax() -> None:
     """Double precision, quick compilation, and compiled programs kept between runs."""
     jax.config.update("jax_enable_x64", True)
-    # XLA's newer fusion emitters compile for twice as long and run no faster here. Only for
-    # versions that are known to know the flag: an unknown one would end the process.
-    if (0, 9) <= jax.__version_info__ < (0, 11):
-        flags = os.environ.get("XLA_FLAGS", "")
-        os.environ["XLA_FLAGS"] = f"{flags} --xla_cpu_use_fusion_emitters=false".strip()
+    speed_up_xla()
     # diffrax's own run-time checks are host callbacks, and JAX keeps no program with a callback on
     # disk. `simulate` makes the same checks itself. EQX_ON_ERROR=off says the same to equinox, but
     # only before it is imported.

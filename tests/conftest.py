@@ -1,19 +1,14 @@
 """Settings of all tests, and the runs that several of them look at."""
 
-import os
-
 import jax
 import jax.numpy as jnp
 import pytest
 
-# XLA's newer fusion emitters compile for twice as long; see `romjax.cli`.
-if (0, 9) <= jax.__version_info__ < (0, 11):
-    flags = os.environ.get("XLA_FLAGS", "")
-    os.environ["XLA_FLAGS"] = f"{flags} --xla_cpu_use_fusion_emitters=false".strip()
+import romjax as rj
+
+rj.speed_up_xla()
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
-
-import romjax as rj  # noqa: E402  (after the precision is set)
 
 # Step size control of the runs that others are measured against: a hundredth of SOLVED at a step.
 TIGHT = 1e-10
