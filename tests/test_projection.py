@@ -8,8 +8,9 @@ import pytest
 from tolerances import IDENTITY
 
 import romjax as rj
-from romjax.integrate.projection import ProjectedSolver
+from romjax.integrate.settled import SettledSolver
 from romjax.integrate.term import MotionTerm
+from romjax.system.consistent import project
 
 # Velocities reach some metres per second; an identity is relative to the size of its terms.
 SCALED = 10 * IDENTITY
@@ -58,7 +59,7 @@ def test_a_motion_at_rest_has_an_absolute_error(projected):
 
 def test_every_step_is_on_the_constraints(pendulum):
     """Not the saved points alone: C and Ċ after each accepted step, at rounding."""
-    solver = ProjectedSolver(diffrax.Tsit5())
+    solver = SettledSolver(diffrax.Tsit5(), eqx.Partial(project, sweeps=2))
 
     @jax.jit
     def steps():

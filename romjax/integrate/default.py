@@ -28,10 +28,10 @@ _STEPS = 100
 
 @eqx.filter_jit
 def frequencies(
-    system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"], v: Float[Array, " n"]
+    system: AbstractSystem, ts: Float[Array, " k"], q: Float[Array, " n"], v: Float[Array, " n"]
 ) -> Frequencies:
-    """`system.frequencies`, compiled once for all methods; a setting, not to be differentiated."""
-    return jax.lax.stop_gradient(system.frequencies(t, q, v))
+    """Those at the start, compiled once for all methods; a setting, not to be differentiated."""
+    return jax.lax.stop_gradient(system.frequencies(ts[0], q, v))
 
 
 def default_solver(
@@ -91,7 +91,7 @@ def warn_of_fast_stabilization(
     step = float(trajectory.t[-1] - trajectory.t[0]) / max(float(steps), 1.0)
     if steps < _STEPS or rate * step < _COMPARABLE:
         return
-    fastest = float(frequencies(system, trajectory.t[0], q0, v0).fastest)
+    fastest = float(frequencies(system, trajectory.t, q0, v0).fastest)
     if rate > _FASTER * fastest:
         warnings.warn(
             f"The stabilisation and not the mechanism sets the step: Baumgarte's terms decay at "

@@ -1,5 +1,6 @@
-"""Projection: each step, and each saved point, returned to the constraints."""
+"""A change of the state after each step: to the constraints, or to coordinates that suit it."""
 
+from collections.abc import Callable
 from typing import Any
 
 import diffrax
@@ -7,21 +8,19 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ..system.consistent import project
 from .term import MotionTerm, unwrap
 
 
-class ProjectedSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrappedSolver[Any]):
-    """Any diffrax solver, followed by a projection to C = 0 and Ċ = 0 in the mass metric.
+class SettledSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrappedSolver[Any]):
+    """Any diffrax solver, each step followed by `settle(system, t, q, v) -> (q, v)`.
 
-    The projected state is not the one at which a first-same-as-last method has evaluated the
-    vector field, so the wrapped solver is told of a jump at every step. Dense output is that of
-    the wrapped solver: it leaves the constraints by about 1e-6 between steps, so `simulate`
-    projects the saved points too.
+    The settled state is not the one at which a first-same-as-last method has evaluated the vector
+    field, so the wrapped solver is told of a jump at every step. Dense output is that of the
+    wrapped solver.
     """
 
     solver: diffrax.AbstractSolver  # type: ignore[misc]
-    sweeps: int = 2
+    settle: Callable
 
     @property
     def term_structure(self) -> Any:
@@ -69,4 +68,4 @@ class ProjectedSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrapp
         term, direction = unwrap(terms)
         assert isinstance(term, MotionTerm)
         time = jnp.asarray(t1 * direction, jax.tree.leaves(y1)[0].dtype)
-        return project(term.system, time, *y1, self.sweeps), error, dense, state, result
+        return self.settle(term.system, time, *y1), error, dense, state, result

@@ -14,14 +14,15 @@ from ..scene.fields import Vector, as_array, check_finite, check_shape, concrete
 from ..system.base import AbstractSystem, Frequencies
 from ..system.consistent import START_TOLERANCE, check_start_shapes, project, project_start
 from ..system.stabilization import Baumgarte, Projection, Stabilization
+from .adjoint import default_adjoint
 from .default import (
     default_solver,
     default_stabilization,
     frequencies,
     warn_of_fast_stabilization,
 )
-from .projection import ProjectedSolver
 from .rodas5p import Rodas5P
+from .settled import SettledSolver
 from .term import MotionTerm, acceleration
 from .trajectory import REMEDIES, SimulationError, Status, Trajectory
 
@@ -62,7 +63,8 @@ def simulate(
     - `dt`: a fixed step [s] instead of step size control.
     - `stabilization`: `Baumgarte(alpha, beta)`, `Projection()` or None; unless given, critical
       damping at the mechanism's fastest rigid frequency.
-    - `adjoint`: how derivatives are taken; reverse mode with checkpoints unless given.
+    - `adjoint`: how derivatives are taken; reverse mode with checkpoints unless given, or inside
+      `with romjax.forward_mode():`.
     - `max_steps`: most steps before giving up.
     - `progress`: show a progress bar.
     - `throw`: raise if the simulation fails; otherwise see `Trajectory.status`.
@@ -85,11 +87,9 @@ def simulate(
     chosen = isinstance(stabilization, Baumgarte)
     found = None
     if solver is None or stabilization == "default":
-        found = frequencies(system, times[0], q, v)
+        found = frequencies(system, times, q, v)
         if solver is None:
             solver = default_solver(system, times, step, found)
-        if stabilization == "default":
-            stabilization = default_stabilization(system, times, step, found)
     trajectory, start = _simulate(
         system,
         times,
@@ -101,7 +101,7 @@ def simulate(
         dt=step,
         stabilization=stabilization,
         frequencies=found,
-        adjoint=diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
+        adjoint=default_adjoint() if adjoint is None else adjoint,
         max_steps=max_steps,
         meter=diffrax.TqdmProgressMeter() if progress else diffrax.NoProgressMeter(),
     )
@@ -137,23 +137,30 @@ def _simulate(
     rtol: Float[Array, ""],
     atol: Float[Array, ""],
     dt: Float[Array, ""] | None,
-    stabilization: Stabilization,
+    stabilization: Stabilization | Literal["default"],
     frequencies: Frequencies | None,
     adjoint: diffrax.AbstractAdjoint,
     max_steps: int,
     meter: diffrax.AbstractProgressMeter,
 ) -> tuple[Trajectory, Any]:
+    if stabilization == "default":
+        assert frequencies is not None
+        stabilization = default_stabilization(system, ts, dt, frequencies)
     baumgarte = stabilization if isinstance(stabilization, Baumgarte) else None
     # None where there is nothing to project.
     projection = stabilization if isinstance(stabilization, Projection) and system.m else None
+    settled = solver
     if projection:
         q0, v0 = project_start(system, ts[0], q0, v0)
+        settled = SettledSolver(solver, eqx.Partial(project, sweeps=projection.sweeps))
+    elif system.settles:
+        settled = SettledSolver(solver, type(system).settle)
     # A short first step instead of diffrax's estimate, which would trace the acceleration twice
     # more; the step size control needs three steps to grow it a thousandfold.
     first = 1e-3 * rtol**0.2 * (ts[-1] - ts[0]) if dt is None else dt
     solution = diffrax.diffeqsolve(
         MotionTerm(system, baumgarte),
-        ProjectedSolver(solver, projection.sweeps) if projection else solver,
+        settled,
         t0=ts[0],
         t1=ts[-1],
         dt0=first,
@@ -172,6 +179,7 @@ def _simulate(
     assert solution.ys is not None
     q, v = solution.ys
     if projection:
+        # Between steps, dense output leaves the constraints by about 1e-6.
         q, v = jax.vmap(lambda t, q, v: project(system, t, q, v, projection.sweeps))(ts, q, v)
 
     def evaluate(t, q, v):  # type: ignore[no-untyped-def]

@@ -16,6 +16,7 @@ from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..system.base import AbstractSystem
 from ..system.consistent import consistent
+from ..system.reduced.atlas import AtlasSystem
 from ..system.reduced.base import AbstractReducedSystem, ReductionError
 from ..system.reduced.minimal import MinimalSystem
 from ..system.reduced.reduce import reduce
@@ -173,7 +174,7 @@ def _finite(errors: list[float]) -> float:
 def _run(model: _Model, system: AbstractSystem, truth: Trajectory, tol: float) -> Trajectory:
     """The reduced model of a system with other numbers, from the start of a run of it."""
     rom = model.rom
-    if isinstance(rom, MinimalSystem):
+    if isinstance(rom, MinimalSystem | AtlasSystem):
         other = reduce(system, model.basis, "minimal", chart=rom.chart)
     else:
         other = reduce(system, model.basis, "galerkin", constraints=rom.m)

@@ -1,7 +1,7 @@
 """The system: how a mechanism moves. Full, user-made and reduced ones are all of this kind."""
 
 import abc
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -116,6 +116,14 @@ class AbstractSystem(eqx.Module):
     ) -> Int[Array, ""]:
         """What speaks against a motion with this `violation`, as the number of a `Doubt`."""
         return jnp.zeros((), int)
+
+    settles: ClassVar[bool] = False  # whether `settle` does anything
+
+    def settle(
+        self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
+    ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+        """The same state in the coordinates that suit it best; asked for after each step."""
+        return q, v
 
     def momentum(self, q: Float[Array, " n"], v: Float[Array, "n *k"]) -> Float[Array, "n *k"]:
         """M v, for one or several v."""

@@ -7,15 +7,17 @@ from jaxtyping import Array, Float
 
 # Up to here an elimination is written out; a call of LAPACK costs as much as a 6 × 6 inverse.
 _WRITTEN_OUT = 6
-# Up to here a sum of products is fused with what is around it; beyond, a library call is faster.
-_FUSED = 16
+# Up to here a sum of products is fused with what is around it; beyond, a product of its own is
+# faster: terms of each sum; and of a single matrix, entries and products in all.
+_FUSED, _ENTRIES, _PRODUCTS = 16, 256, 2048
 
 
 def multiply(a: Float[Array, "... p c"], b: Float[Array, "..."]) -> Float[Array, "..."]:
     """Products a b; b may be a vector (c,), else (..., c, q)."""
     if b.ndim == 1:
         return multiply(a, b[:, None])[..., 0]
-    if a.shape[-1] > _FUSED:
+    large = a.ndim == 2 and (a.size > _ENTRIES or a.size * b.shape[-1] > _PRODUCTS)
+    if large or a.shape[-1] > _FUSED:
         return a @ b
     return jnp.sum(a[..., None] * b[..., None, :, :], axis=-2)
 

@@ -73,9 +73,14 @@ class AbstractReducedSystem(AbstractSystem):
         return self.full.physical_constraint(t, q)
 
     def frequencies(self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]) -> Frequencies:
-        """Its own fastest frequency, and the rigid one of the full system: z knows no bodies."""
+        """Its own fastest frequency, and for the stabilisation of its constraints, if it has any,
+        the rigid one of the full system: z knows no bodies.
+        """
+        own = super().frequencies(t, q, v)
+        if self.m == 0:
+            return own
         full = self.full.frequencies(t, *self.physical(t, q, v))
-        return Frequencies(full.rigid, super().frequencies(t, q, v).fastest)
+        return Frequencies(full.rigid, own.fastest)
 
 
 class AbstractSubspaceSystem(AbstractReducedSystem):

@@ -37,12 +37,37 @@ class Chart(eqx.Module):
     affine: bool = eqx.field(static=True)
 
 
+class Survey(NamedTuple):
+    """The constraints at some snapshots of a motion."""
+
+    places: np.ndarray  # of the snapshots
+    kept: tuple[int, ...]  # rows that do not repeat others
+    rows: np.ndarray  # their Jacobians in the mass metric of the start
+    moves: list[np.ndarray]  # null spaces Z of these
+    root: np.ndarray  # R with Rᵀ R = M at the start
+
+
 class Candidate(NamedTuple):
     """A chart, the worst condition of d over the snapshots, and where that is."""
 
     chart: Chart
     condition: float
     place: int
+
+
+def survey(system: AbstractSystem, recording: Recording, looks: int) -> Survey:
+    """Look at a motion's snapshots, or at so many of them."""
+    places = np.linspace(0, len(recording.t) - 1, min(looks, len(recording.t))).astype(int)
+    t, q = recording.t[places], recording.q[places]
+    root = np.linalg.cholesky(np.asarray(system.mass(q[0]))).T
+    rows = np.asarray(_jacobians(system, t, q)) @ np.linalg.inv(root)
+    typical = rows[np.argmax([np.linalg.svd(x, compute_uv=False)[-1] for x in rows])]
+    rank = int(np.linalg.matrix_rank(typical, tol=1e-9 * np.linalg.norm(typical, 2)))
+    _, _, order = scipy.linalg.qr(typical.T, pivoting=True)
+    kept = tuple(sorted(int(i) for i in order[:rank]))
+    rows = rows[:, kept]
+    moves = [scipy.linalg.svd(x)[2][rank:].T for x in rows]
+    return Survey(places, kept, rows, moves, root)
 
 
 def choose_chart(system: AbstractSystem, recording: Recording) -> Candidate:
@@ -52,24 +77,17 @@ def choose_chart(system: AbstractSystem, recording: Recording) -> Candidate:
     best of two kinds, measured by the null spaces Z of C_q in the mass metric: single coordinates,
     and directions averaged over the motion.
     """
-    chosen = np.linspace(0, len(recording.t) - 1, min(_LOOKS, len(recording.t))).astype(int)
-    t, q = recording.t[chosen], recording.q[chosen]
-    n, root = system.n, np.linalg.cholesky(np.asarray(system.mass(q[0]))).T
+    n = system.n
     if system.m == 0:
         none = np.zeros((n, 0))
         return Candidate(Chart(np.eye(n), none, np.eye(n), (), True), 1.0, 0)
-    inverse = scipy.linalg.solve_triangular(root, np.eye(n))
-    plain = np.asarray(_jacobians(system, t, q))
-    rows = plain @ inverse
-    typical = rows[np.argmax([np.linalg.svd(x, compute_uv=False)[-1] for x in rows])]
-    rank = int(np.linalg.matrix_rank(typical, tol=1e-9 * np.linalg.norm(typical, 2)))
-    _, _, order = scipy.linalg.qr(typical.T, pivoting=True)
-    kept = tuple(sorted(int(i) for i in order[:rank]))
-    rows = rows[:, kept]
+    found = survey(system, recording, _LOOKS)
+    t, q = recording.t[0], np.asarray(recording.q[0])
+    root, kept, rank = found.root, found.kept, len(found.kept)
 
     # Any configuration is as good as another for finding out what is constant.
-    anywhere = q[0][None] + np.cos(np.arange(3 * n).reshape(3, n) ** 1.5)
-    varied = np.asarray(_jacobians(system, t[:1] + np.arange(3.0), anywhere))[:, kept]
+    anywhere = q[None] + np.cos(np.arange(3 * n).reshape(3, n) ** 1.5)
+    varied = np.asarray(_jacobians(system, t + np.arange(3.0), anywhere))[:, kept]
     steady = np.ptp(varied, axis=0).max(axis=0) <= _CONSTANT * np.abs(varied).max()
     _, r, pivots = scipy.linalg.qr(varied[0] * steady / np.diagonal(root), pivoting=True)
     if abs(r[-1, rank - 1]) > abs(r[0, 0]) / WORST:
@@ -78,14 +96,19 @@ def choose_chart(system: AbstractSystem, recording: Recording) -> Candidate:
         chart = Chart(unit[:, free], unit[:, dependent], unit[free], kept, True)
         return Candidate(chart, float(np.linalg.cond(varied[0][:, dependent])), 0)
 
-    moves = [scipy.linalg.svd(x)[2][rank:].T for x in rows]
-    found = []
-    for turned in (_coordinates(moves), *_means(moves)):
+    candidates = []
+    for turned in (_coordinates(found.moves), *_means(found.moves)):
         free, bound = turned[:, rank:], turned[:, :rank]
-        condition, place = _worst(free, bound, rows, moves)
-        chart = Chart(inverse @ free, inverse @ bound, free.T @ root, kept, False)
-        found.append(Candidate(chart, condition, int(chosen[place])))
-    return min(found, key=lambda candidate: candidate.condition)
+        condition, place = _worst(free, bound, found.rows, found.moves)
+        chart = linear_chart(found, free, bound)
+        candidates.append(Candidate(chart, condition, int(found.places[place])))
+    return min(candidates, key=lambda candidate: candidate.condition)
+
+
+def linear_chart(found: Survey, free: np.ndarray, bound: np.ndarray) -> Chart:
+    """The chart with free and bound directions that are orthonormal in the metric."""
+    inverse = np.linalg.inv(found.root)
+    return Chart(inverse @ free, inverse @ bound, free.T @ found.root, found.kept, False)
 
 
 def _coordinates(moves: list[np.ndarray]) -> np.ndarray:

@@ -18,9 +18,10 @@ from ..topology import Topology
 from .base import AbstractReducedSystem
 from .chart import Chart
 
-# Newton's method for the dependent coordinates: most steps; what is left when it has converged,
-# relative to the coordinates; and what may be left at worst.
-_STEPS = 12
+# Newton's method for the dependent coordinates: most matrices, and most steps with each; what is
+# left when it has converged, relative to the coordinates; and what may be left at worst.
+_MATRICES, _STEPS = 6, 8
+_SQUARINGS = 8
 _CONVERGED = {jnp.dtype("float64"): 1e-15, jnp.dtype("float32"): 1e-7}
 _ACCEPTED = {jnp.dtype("float64"): 1e-9, jnp.dtype("float32"): 1e-4}
 
@@ -49,7 +50,7 @@ class MinimalSystem(AbstractReducedSystem):
     dual: Float[Array, "r n"]  # z of a displacement
     near: Float[Array, "K r"]  # snapshots of z
     guesses: Float[Array, "K m"]  # and of d
-    inverse: Float[Array, "m m"] | None  # of the constant coefficients of d, in an affine chart
+    inverses: Float[Array, "K m m"]  # (∂C/∂d)⁻¹ at these, or the constant one of an affine chart
     time: Float[Array, ""]  # of the start
     q0: Float[Array, " r"]
     v0: Float[Array, " r"]
@@ -66,70 +67,102 @@ class MinimalSystem(AbstractReducedSystem):
 
     def lift(self, t: Time, q: Float[Array, " r"]) -> Float[Array, " n"]:
         """Physical coordinates; NaN where Newton's method finds none."""
+        return self._lift(t, q)[0]
+
+    def _lift(
+        self, t: Time, q: Float[Array, " r"]
+    ) -> tuple[Float[Array, " n"], Float[Array, "m m"]]:
+        """Physical coordinates, and (∂C/∂d)⁻¹ there, which is not to be differentiated."""
         chart, t = self.chart, jnp.asarray(t, q.dtype)
         place = self.offset + multiply(self.modes, q)
         if not chart.rows:
-            return place
-        bound, rows = jnp.asarray(chart.bound, q.dtype), np.array(chart.rows)
+            return place, self.inverses[0]
+        bound = jnp.asarray(chart.bound, q.dtype)
 
         def violation(d):  # type: ignore[no-untyped-def]
-            return self.full.constraint(t, place + multiply(bound, d))[rows]
+            return self._kept(self.full.constraint(t, place + multiply(bound, d)))
 
         def slope(d):  # type: ignore[no-untyped-def]
-            return self.full.jacobian(t, place + multiply(bound, d))[rows] @ bound
+            rows = self._kept(self.full.jacobian(t, place + multiply(bound, d)))
+            return multiply(rows, bound)
 
-        if self.inverse is not None:
+        if chart.affine:
             start = self.guesses[0]
-            d = start - multiply(self.inverse, violation(start))
-            return place + multiply(bound, d)
+            d = start - multiply(self.inverses[0], violation(start))
+            return place + multiply(bound, d), self.inverses[0]
 
         def newton(_, start):  # type: ignore[no-untyped-def]
             enough = _CONVERGED[q.dtype] * jnp.maximum(1, jnp.max(jnp.abs(place)))
 
-            def unfinished(carry):  # type: ignore[no-untyped-def]
-                _, step, count = carry
-                return (jnp.max(jnp.abs(step)) > enough) & (count < _STEPS)
+            def unfinished(most):  # type: ignore[no-untyped-def]
+                return lambda x: (jnp.max(jnp.abs(x[1])) > enough) & (x[-1] < most)
 
             def improve(carry):  # type: ignore[no-untyped-def]
-                d, _, count = carry
-                step = jnp.linalg.solve(slope(d), violation(d))
-                return d - step, step, count + 1
+                # A matrix costs as much as many steps.
+                d, step, inverse, count = carry
+                inverse = _improved(inverse, slope(d))
 
-            first = (start, jnp.full_like(start, jnp.inf), 0)
-            d, step, _ = jax.lax.while_loop(unfinished, improve, first)
-            # A step that quadratic convergence has left small is the error before it.
-            return jnp.where(jnp.max(jnp.abs(step)) <= _ACCEPTED[q.dtype], d, jnp.nan)
+                def chord(carry):  # type: ignore[no-untyped-def]
+                    d, _, count = carry
+                    step = multiply(inverse, violation(d))
+                    return d - step, step, count + 1
+
+                d, step, _ = jax.lax.while_loop(unfinished(_STEPS), chord, (d, step, 0))
+                return d, step, inverse, count + 1
+
+            first = (start, jnp.full_like(start, jnp.inf), inverse, 0)
+            d, step, found, _ = jax.lax.while_loop(unfinished(_MATRICES), improve, first)
+            # The last step is the error before it.
+            return jnp.where(jnp.max(jnp.abs(step)) <= _ACCEPTED[q.dtype], d, jnp.nan), found
 
         def tangent(linear, right):  # type: ignore[no-untyped-def]
             return jnp.linalg.solve(jax.jacobian(linear)(right), right)
 
         nearest = jnp.argmin(jnp.sum((self.near - q[None]) ** 2, axis=1))
-        start = jax.lax.stop_gradient(self.guesses[nearest])
-        d = jax.lax.custom_root(violation, start, newton, tangent)
-        return place + multiply(bound, d)
+        start, inverse = jax.lax.stop_gradient((self.guesses[nearest], self.inverses[nearest]))
+        d, inverse = jax.lax.custom_root(violation, start, newton, tangent, has_aux=True)
+        return place + multiply(bound, d), jax.lax.stop_gradient(inverse)
 
     def _motion(self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]) -> _Motion:
         chart, t = self.chart, jnp.asarray(t, q.dtype)
-        place, pushed = self.lift(t, q), multiply(self.modes, v)
-        if not chart.rows:
-            return _Motion(place, pushed, self.modes, jnp.zeros_like(place))
-        bound, kept = jnp.asarray(chart.bound, q.dtype), np.array(chart.rows)
-        rows = self.full.jacobian(t, place)[kept]
-        _, driven = jax.jvp(lambda t: self.full.constraint(t, place), (t,), (jnp.ones_like(t),))
-        right = jnp.concatenate([multiply(rows, self.modes), driven[kept][:, None]], axis=1)
-        solve = self._solver(multiply(rows, bound))
+        one = jnp.ones_like(t)
+        if chart.affine:
+            # In closed form, derivatives along the motion are cheaper than constraint equations.
+            def rate(t, q):  # type: ignore[no-untyped-def]
+                return jax.jvp(self.lift, (t, q), (one, v))
+
+            (place, speed), (_, bend) = jax.jvp(rate, (t, q), (one, v))
+            return _Motion(place, speed, jax.jacfwd(self.lift, argnums=1)(t, q), bend)
+        place, inverse = self._lift(t, q)
+        bound = jnp.asarray(chart.bound, q.dtype)
+        rows = self._kept(self.full.jacobian(t, place))
+        _, driven = jax.jvp(lambda t: self.full.constraint(t, place), (t,), (one,))
+        right = jnp.concatenate([multiply(rows, self.modes), self._kept(driven)[:, None]], axis=1)
+        matrix = multiply(rows, bound)
+        inverse = _improved(inverse, jax.lax.stop_gradient(matrix))
+
+        def solve(right):  # type: ignore[no-untyped-def]
+            return jax.lax.custom_linear_solve(
+                lambda x: multiply(matrix, x),
+                right,
+                lambda _, right: multiply(inverse, right),
+                lambda _, right: multiply(inverse.T, right),
+            )
+
         follow = -multiply(bound, solve(right))
         tangent = self.modes + follow[:, :-1]
         speed = multiply(tangent, v) + follow[:, -1]
-        curvature = self.full.constraint_state(t, place, speed).curvature[kept]
+        curvature = self._kept(self.full.constraint_state(t, place, speed).curvature)
         return _Motion(place, speed, tangent, -multiply(bound, solve(curvature)))
 
-    def _solver(self, bound: Float[Array, "m m"]):  # type: ignore[no-untyped-def]
-        """How to solve for dependent coordinates."""
-        if self.inverse is not None:
-            return lambda right: multiply(self.inverse, right)
-        factor = jax.scipy.linalg.lu_factor(bound)
-        return lambda right: jax.scipy.linalg.lu_solve(factor, right)
+    def _kept(self, rows: Float[Array, "M *n"]) -> Float[Array, "m *n"]:
+        """Without the constraints that repeat others."""
+        kept = self.chart.rows
+        return rows if len(kept) == len(rows) else rows[np.array(kept)]
+
+    def tangent(self, t: Time, q: Float[Array, " r"]) -> Float[Array, "n r"]:
+        """G = ∂q/∂z of the physical coordinates."""
+        return self._motion(t, q, jnp.zeros_like(q)).tangent
 
     def mass(self, q: Float[Array, " r"]) -> Float[Array, "r r"]:
         """GᵀMG, where constraints depend on time at that of the start."""
@@ -206,3 +239,26 @@ class MinimalSystem(AbstractReducedSystem):
     def _saddle(self, mass: Float[Array, "r r"]) -> Saddle:
         none = jnp.zeros((0, 0, self.n), mass.dtype)
         return Saddle(Topology.dense(self.n, 0), mass[None], none)
+
+
+def _improved(inverse: Float[Array, "m m"], matrix: Float[Array, "m m"]) -> Float[Array, "m m"]:
+    """The inverse of a matrix from that of one near it.
+
+    By Schulz's iteration X + X (I − A X), which squares the error. Products only: a library's
+    factorisation takes longer than all the rest.
+    """
+    unit = jnp.eye(len(matrix), dtype=matrix.dtype)
+    # The next iteration squares this to rounding.
+    enough = jnp.finfo(matrix.dtype).eps ** 0.5
+
+    def unfinished(carry):  # type: ignore[no-untyped-def]
+        _, error, count = carry
+        return (error > enough) & (count < _SQUARINGS)
+
+    def square(carry):  # type: ignore[no-untyped-def]
+        inverse, _, count = carry
+        rest = unit - multiply(matrix, inverse)
+        return inverse + multiply(inverse, rest), jnp.max(jnp.abs(rest)), count + 1
+
+    start = (inverse, jnp.full_like(inverse[0, 0], jnp.inf), 0)
+    return jax.lax.while_loop(unfinished, square, start)[0]

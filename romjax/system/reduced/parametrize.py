@@ -15,6 +15,7 @@ from ...basis.sod import sod
 from ...basis.subspace import singular_values
 from ..base import AbstractSystem
 from ..doubt import Training
+from .atlas import Atlas, AtlasSystem, choose_atlas
 from .base import ReductionError, start
 from .chart import WORST, Chart, choose_chart
 from .minimal import MinimalSystem
@@ -23,17 +24,41 @@ from .minimal import MinimalSystem
 _GUESSES = 200
 
 
-def minimal(system: AbstractSystem, basis: Basis, chart: Chart | None) -> MinimalSystem:
-    """The system in a subspace of minimal coordinates.
+def minimal(
+    system: AbstractSystem, basis: Basis, chart: Chart | Atlas | None
+) -> MinimalSystem | AtlasSystem:
+    """The system in a subspace of minimal coordinates, or where one choice of them does not hold
+    over all snapshots, in all of them by several charts.
+    """
+    if chart is None:
+        chart = _choose(system, basis)
+    if isinstance(chart, Chart):
+        return _in_chart(system, basis, chart)
+    pairs = zip(chart.charts, chart.domains, strict=True)
+    parts = [_in_chart(system, basis, one, domain) for one, domain in pairs]
+    freedoms = system.n - len(chart.charts[0].rows)
+    if basis.rank < freedoms:
+        raise ReductionError(
+            "reduce: no choice of independent coordinates holds over all snapshots, and between "
+            f"several only all {freedoms} of them carry over, not {basis.rank} modes; take "
+            f'rank={freedoms} or more, or formulation="galerkin".'
+        )
+    reason = f"{freedoms} minimal coordinates in {len(parts)} charts, no constraints"
+    return AtlasSystem.of(parts, chart, basis.recording, reason)
+
+
+def _in_chart(
+    system: AbstractSystem, basis: Basis, chart: Chart, domain: np.ndarray | None = None
+) -> MinimalSystem:
+    """The system in one chart; Newton's method starts from the snapshots of its domain.
 
     The snapshots are decomposed once more, as the basis was, but in the coordinates that are
     independent: a subspace of these holds the curvature of the mechanism's motion without modes
-    of its own. Of a basis without snapshots, the modes are taken as they are.
+    of its own. Of a basis without snapshots, the modes are taken as they are; in one of several
+    charts, all coordinates are.
     """
     recording = basis.recording
-    if chart is None:
-        chart = _choose(system, basis)
-    slopes, metric = _at_start(system, chart, recording.t[0], recording.q[0])
+    metric = _metric(system, chart, recording.t[0], recording.q[0])
     read = jnp.asarray(chart.read, metric.dtype)
     moved = recording.q - basis.offset[None]
     part = Recording(
@@ -45,7 +70,10 @@ def minimal(system: AbstractSystem, basis: Basis, chart: Chart | None) -> Minima
         recording.noise,
         (),
     )
-    if basis.kind == "given":
+    if domain is not None:
+        inner = jnp.eye(len(metric), dtype=metric.dtype)
+        metric = inner
+    elif basis.kind == "given":
         root = jnp.linalg.cholesky(metric).T
         vectors, _ = jnp.linalg.qr(root @ read @ basis.modes)
         inner = jsl.solve_triangular(root, vectors)
@@ -54,8 +82,9 @@ def minimal(system: AbstractSystem, basis: Basis, chart: Chart | None) -> Minima
         rank = min(basis.rank, _most(part, origin, basis.kind))
         inner = {"POD": pod, "SOD": sod}[basis.kind](part, rank, offset=origin).modes
     r, dual = inner.shape[1], inner.T @ metric @ read
-    affine = chart.affine and bool(chart.rows)
-    stride = len(recording.t) if affine else -(-len(recording.t) // _GUESSES)
+    if domain is None:
+        count = 1 if chart.affine else min(_GUESSES, len(recording.t))
+        domain = np.linspace(0, len(recording.t) - 1, count).astype(int)
     others = np.linalg.pinv(chart.bound) @ (np.eye(system.n) - chart.free @ chart.read)
     q, v = start(system, basis)
     return MinimalSystem(
@@ -63,9 +92,9 @@ def minimal(system: AbstractSystem, basis: Basis, chart: Chart | None) -> Minima
         offset=basis.offset,
         modes=jnp.asarray(chart.free, metric.dtype) @ inner,
         dual=dual,
-        near=moved[::stride] @ dual.T,
-        guesses=moved[::stride] @ jnp.asarray(others.T, metric.dtype),
-        inverse=jnp.linalg.inv(slopes) if affine else None,
+        near=moved[domain] @ dual.T,
+        guesses=moved[domain] @ jnp.asarray(others.T, metric.dtype),
+        inverses=_inverses(system, chart, recording.t[domain], recording.q[domain]),
         time=recording.t[0],
         q0=dual @ (q - basis.offset),
         v0=dual @ v,
@@ -76,32 +105,34 @@ def minimal(system: AbstractSystem, basis: Basis, chart: Chart | None) -> Minima
     )
 
 
-def _choose(system: AbstractSystem, basis: Basis) -> Chart:
+def _choose(system: AbstractSystem, basis: Basis) -> Chart | Atlas:
     if any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves((system, basis))):
         raise ValueError(
             "reduce: under jit, grad or vmap say which coordinates are independent, such as "
             "chart=rom.chart of a reduced model that was made outside."
         )
-    chart, condition, place = choose_chart(system, basis.recording)
-    if condition <= WORST:
-        return chart
-    raise ReductionError(
-        "reduce: no choice of independent coordinates holds over all snapshots. The best one has "
-        f"a condition of {condition:.1e} at t = {float(basis.recording.t[place]):g} s, where the "
-        'mechanism is near a singular position; use formulation="galerkin".'
-    )
+    found = choose_chart(system, basis.recording)
+    return found.chart if found.condition <= WORST else choose_atlas(system, basis.recording)
 
 
 @eqx.filter_jit
-def _at_start(
+def _metric(
     system: AbstractSystem, chart: Chart, t: Float[Array, ""], q: Float[Array, " n"]
-) -> tuple[Float[Array, "m m"], Float[Array, "d d"]]:
-    """Coefficients of the dependent coordinates, and the metric of the minimal ones."""
+) -> Float[Array, "d d"]:
+    """The metric of the minimal coordinates."""
     free, bound = jnp.asarray(chart.free, q.dtype), jnp.asarray(chart.bound, q.dtype)
     rows = system.jacobian(t, q)[np.array(chart.rows, int)]
-    slopes = rows @ bound
-    tangent = free - bound @ jnp.linalg.solve(slopes, rows @ free) if chart.rows else free
-    return slopes, tangent.T @ system.momentum(q, tangent)
+    tangent = free - bound @ jnp.linalg.solve(rows @ bound, rows @ free) if chart.rows else free
+    return tangent.T @ system.momentum(q, tangent)
+
+
+@eqx.filter_jit
+def _inverses(
+    system: AbstractSystem, chart: Chart, t: Float[Array, " K"], q: Float[Array, "K n"]
+) -> Float[Array, "K m m"]:
+    """Those of the coefficients of the dependent coordinates."""
+    rows = jax.vmap(system.jacobian)(t, q)[:, np.array(chart.rows, int)]
+    return jnp.linalg.inv(rows @ jnp.asarray(chart.bound, q.dtype))
 
 
 def _most(part: Recording, offset: Float[Array, " d"], kind: str) -> int:

@@ -1,5 +1,6 @@
 """From a system and a basis to a reduced system."""
 
+import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
@@ -12,6 +13,7 @@ from ...scene.fields import concrete
 from ..base import AbstractSystem
 from ..consistent import ROUNDING, consistent
 from ..doubt import Training
+from .atlas import Atlas
 from .base import AbstractReducedSystem, ReductionError, project, start
 from .chart import Chart
 from .constraints import (
@@ -36,7 +38,7 @@ def reduce(
     formulation: str = "galerkin",
     *,
     constraints: int | None = None,
-    chart: Chart | None = None,
+    chart: Chart | Atlas | None = None,
 ) -> AbstractReducedSystem:
     """The system in the coordinates of a basis.
 
@@ -49,17 +51,20 @@ def reduce(
     - `formulation`: "galerkin": d'Alembert's principle in the subspace, with the constraints that
       the basis can violate and that do not stop the snapshots' own motion; "minimal": in a
       subspace of minimal coordinates, decomposed as the basis was, in which all constraints hold
-      exactly; "projected": the chapter's equation 39.6 to the letter, unstable and no faster, for
-      reference only.
+      exactly, or where no choice of these holds over all snapshots, in several charts with a state
+      that ends with the chart's number; "projected": the chapter's equation 39.6 to the letter,
+      unstable and no faster, for reference only.
     - `constraints`: how many combinations of constraints to keep, instead of the rule (galerkin);
       needed under jit and grad.
-    - `chart`: which coordinates are independent (minimal), that of another reduced model, such as
-      `rom.chart`; needed under jit and grad.
+    - `chart`: which coordinates are independent and where (minimal), that of another reduced
+      model, such as `rom.chart`; needed under jit and grad.
 
     Raises ReductionError if the basis does not fit the system, if the constraints that are kept
-    lock the mechanism or those that are not free its joints, or if no choice of independent
-    coordinates holds over all snapshots.
+    lock the mechanism or those that are not free its joints, or if the mechanism passes a singular
+    position (minimal).
     """
+    # Words are static: with them, each basis would compile programs of its own.
+    basis = dataclasses.replace(basis, reason="", tol=None)
     if basis.modes.shape[0] != system.n:
         raise ReductionError(
             f"reduce: the basis has {basis.modes.shape[0]} coordinates and the system {system.n}; "
