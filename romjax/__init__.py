@@ -7,6 +7,7 @@ from .basis.pod import pod as pod
 from .basis.sod import sod as sod
 from .basis.stream import PodStream as PodStream
 from .basis.verdict import verdict as verdict
+from .integrate.adjoint import forward_mode as forward_mode
 from .integrate.reactions import reactions as reactions
 from .integrate.rodas5p import Rodas5P as Rodas5P
 from .integrate.simulate import simulate as simulate
@@ -41,7 +42,11 @@ from .scene.signal import Sine as Sine
 from .scene.signal import Table as Table
 from .study.compare import Comparison as Comparison
 from .study.compare import compare as compare
+from .study.fit import fit as fit
+from .study.gradient import check_gradient as check_gradient
 from .study.reduce_to import reduce_to as reduce_to
+from .study.sweep import sweep as sweep
+from .study.tune import tune_baumgarte as tune_baumgarte
 from .system.assemble import assemble as assemble
 from .system.base import AbstractSystem as AbstractSystem
 from .system.base import quadratic_velocity_force as quadratic_velocity_force

@@ -9,16 +9,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import diffrax
 import equinox._errors
 import jax
+import numpy as np
+from tabulate import tabulate
 from tqdm import tqdm
 
-from . import report
+from . import plot, report
 from .gallery.catalogue import EXAMPLES, Example, find
 from .integrate.trajectory import SimulationError
 from .scene.fields import SceneError
 from .scene.scene import Scene
 from .study.reduction import reduction_study
+from .study.tune import tune_baumgarte
 from .system.assemble import assemble
 from .xla import speed_up_xla
 
@@ -60,6 +64,19 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--sod-rank", type=int, metavar="R", help="modes of SOD (drop point)")
     run.add_argument("--no-animation", action="store_true", help="leave out the animation")
     run.set_defaults(verb=_run)
+    tune = verbs.add_parser(
+        "tune",
+        help="find Baumgarte's parameters for a scene by gradient",
+        description="Find the parameters of Baumgarte's stabilisation that keep the constraints of "
+        "a scene best, and write a figure of the search.",
+    )
+    tune.add_argument("scene", help="name of a ready scene, or a Python file that defines `scene`")
+    tune.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (romjax-NAME)")
+    tune.add_argument("--end", type=float, metavar="S", help="simulated time (that of the scene)")
+    tune.add_argument("--rtol", type=float, default=1e-6, help="tolerance of the runs (1e-6)")
+    tune.add_argument("--dt", type=float, metavar="S", help="a fixed step instead")
+    tune.add_argument("--steps", type=int, default=300, help="most steps of the search (300)")
+    tune.set_defaults(verb=_tune)
     return parser
 
 
@@ -100,6 +117,36 @@ def _run(options: argparse.Namespace) -> int:
         bar.update(stages - bar.n)
     print(report.summary(study, chapter=example.name == "cart-pendulum"))
     print(f"\nWrote {len(files)} files to {folder}{os.sep}: {', '.join(f.name for f in files)}")
+    return 0
+
+
+def _tune(options: argparse.Namespace) -> int:
+    example = _load(options.scene)
+    folder = _writable(options.out or Path(f"romjax-{example.name}"))
+    system = assemble(example.make())
+    end = _given(options.end, example.end)
+    result = tune_baumgarte(
+        system,
+        np.linspace(0.0, end, max(2, round(end * example.rate)) + 1),
+        rtol=options.rtol,
+        dt=options.dt,
+        solver=diffrax.Tsit5(),
+        steps=options.steps,
+        progress=True,
+    )
+    rows = [
+        [name, *(f"{float(x):.4g}" for x in (pair.alpha, pair.beta, loss, drift))]
+        for name, pair, loss, drift in (
+            ("start", result.start, result.loss[0], result.drift[0]),
+            ("best", result.best, np.min(result.loss), result.drift[np.argmin(result.loss)]),
+        )
+    ]
+    header = ["", "alpha [1/s]", "beta [1/s^2]", "loss", "largest |C|"]
+    print(tabulate(rows, header, tablefmt="plain", disable_numparse=True))
+    print(f"fastest rigid frequency: {result.frequency:.4g} rad/s")
+    file = folder / "tuning.png"
+    plot.tuning(result).savefig(file, dpi=150)
+    print(f"\nWrote {file}")
     return 0
 
 

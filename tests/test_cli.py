@@ -91,3 +91,14 @@ def test_run_cart_pendulum(tmp_path):
         rows = list(csv.reader(file))
     assert rows[0][:2] == ["t", "cart.x"]
     assert np.array(rows[1:], float).shape == (301, 1 + 8 + 8 + 4)
+
+
+def test_tune(tmp_path, capsys):
+    """Parameters before and after, and the figure of the search."""
+    arguments = ["tune", "chain", "--end", "0.2", "--steps", "3", "--out", str(tmp_path)]
+    assert main(arguments) == 0
+    text = capsys.readouterr().out
+    assert "fastest rigid frequency" in text
+    assert [line.split()[0] for line in text.splitlines()[1:3]] == ["start", "best"]
+    with Image.open(tmp_path / "tuning.png") as picture:
+        assert picture.width > 1000

@@ -1,6 +1,7 @@
 """Figures: that they show the data, where the parts of a mechanism are, what they refuse."""
 
 import dataclasses
+import io
 
 import jax
 import jax.numpy as jnp
@@ -124,6 +125,24 @@ def test_errors_are_those_of_compare(truth, approx):
         _, drawn = data(axes.lines[0])
         np.testing.assert_array_equal(drawn, np.where(size > 0, size, np.nan))
         assert axes.lines[0].get_label() == f"POD: {float(report.error):.1e}"
+
+
+def test_notebooks_show_figures_without_pyplot(truth, approx):
+    """As a picture, by themselves: the last line of a cell is enough."""
+    for figure in (plot.response(truth, approx), plot.errors(truth, {"near": approx})):
+        with Image.open(io.BytesIO(figure._repr_png_())) as picture:
+            assert picture.format == "PNG"
+            assert picture.width > 500
+
+
+def test_values_show_what_decided_the_rank(truth):
+    """The tolerance as a level line where one was given, the noise floor where there is one."""
+    plain, asked = rj.pod(truth, rank=2), rj.pod(truth, tol=1e-3)
+    texts = [[t.get_text() for t in plot.values(b).axes[0].texts] for b in (plain, asked)]
+    assert texts == [["noise floor"], ["noise floor", "tolerance"]]
+    levels = [line.get_ydata()[0] for line in plot.values(asked).axes[0].get_lines()]
+    assert 1e-3 in levels
+    assert float(asked.floor) in levels
 
 
 def test_values_relative_to_the_largest_with_the_rank():

@@ -4,4 +4,5 @@ from .animation import animate as animate
 from .errors import errors as errors
 from .modes import modes as modes
 from .response import response as response
+from .tuning import tuning as tuning
 from .values import values as values

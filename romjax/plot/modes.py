@@ -9,7 +9,7 @@ from ..scene.scene import Scene
 from ..system.base import AbstractSystem
 from .geometry import outlines
 from .mechanism import Picture, bounds, stage, view
-from .style import COLOURS, GREY, SMALL, symbol
+from .style import COLOURS, GREY, SMALL, DisplayedFigure, symbol
 
 MOST = 8  # modes
 ROWS = 24  # of the table
@@ -53,7 +53,7 @@ def modes(scene: Scene, basis: Basis, system: AbstractSystem | None = None) -> F
     across = 9.0
     tall = rows * (min(across / columns * height / width, 4.0) + 0.5)
     low = 0.3 + 0.2 * (n + 1) if n <= ROWS else 0.0
-    figure = Figure(figsize=(across, tall + low + 0.5))
+    figure = DisplayedFigure(figsize=(across, tall + low + 0.5))
     figure.set_layout_engine("constrained")
     parts = figure.add_gridspec(2 if low else 1, 1, height_ratios=[tall, low] if low else [tall])
     pictures = parts[0].subgridspec(rows, columns)

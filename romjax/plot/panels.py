@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from ..integrate.trajectory import Trajectory
 from ..study.compare import compare
-from .style import SMALL
+from .style import SMALL, DisplayedFigure
 
 MOST = 8  # panels, unless the coordinates are named
 
@@ -83,7 +83,7 @@ def grid(count: int) -> tuple[Figure, list[Axes]]:
     """
     columns = 1 if count <= 3 else 2
     rows = -(-count // columns)
-    figure = Figure(figsize=(6.5 if columns == 1 else 9.0, 1.3 + 1.45 * rows))
+    figure = DisplayedFigure(figsize=(6.5 if columns == 1 else 9.0, 1.3 + 1.45 * rows))
     figure.set_layout_engine("constrained")
     places = figure.add_gridspec(rows, columns)
     free = rows * columns - count

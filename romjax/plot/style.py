@@ -1,7 +1,10 @@
 """How all figures look: colours, line styles, and names with units."""
 
+import io
 import re
 from typing import Any
+
+from matplotlib.figure import Figure
 
 # Okabe and Ito's palette, which colour-blind readers can tell apart; the reference in black, then
 # in an order that alternates dark and light, for print in grey.
@@ -12,6 +15,15 @@ GREY = "0.6"
 
 SMALL = 8  # [pt] notes, legends and tables
 UNITS = {"x": "m", "y": "m", "phi": "rad"}
+
+
+class DisplayedFigure(Figure):
+    """A figure that notebooks show, whether pyplot is in use there or not."""
+
+    def _repr_png_(self) -> bytes:
+        content = io.BytesIO()
+        self.savefig(content, format="png", dpi=100)
+        return content.getvalue()
 
 
 def line(index: int) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ..basis.basis import Basis
-from .style import COLOURS, DASHES, MARKERS, SMALL
+from .style import COLOURS, DASHES, MARKERS, SMALL, DisplayedFigure
 
 
 def values(*bases: Basis) -> Figure:
@@ -27,7 +27,7 @@ def values(*bases: Basis) -> Figure:
         raise ValueError("values: no basis given; pass some, such as values(romjax.pod(truth)).")
     names = _names(bases)
     smooth = [i for i, basis in enumerate(bases) if basis.kind == "SOD"]
-    figure = Figure(figsize=(8.5 if smooth else 5.5, 4))
+    figure = DisplayedFigure(figsize=(8.5 if smooth else 5.5, 4))
     figure.set_layout_engine("constrained")
     panels = figure.subplots(1, 2 if smooth else 1, squeeze=False)[0]
     axes = panels[0]

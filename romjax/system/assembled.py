@@ -14,6 +14,7 @@ from .grouping import spread
 from .groups import BodyGroup, EffectGroup, JointGroup
 from .kinematics import Markers
 from .saddle import Saddle
+from .small import multiply
 from .topology import Topology
 
 
@@ -78,7 +79,8 @@ class AssembledSystem(AbstractSystem):
         if blocks.ndim == 2:
             inertia = blocks.reshape(blocks.shape + (1,) * (v.ndim - 1)) * parts
         else:
-            inertia = jnp.einsum("bij,bj...->bi...", blocks, parts)
+            columns = parts.reshape(*parts.shape[:2], -1)
+            inertia = multiply(blocks, columns).reshape(parts.shape)
         return self.topology.join(inertia)
 
     def force(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " n"]:

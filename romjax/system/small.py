@@ -1,5 +1,6 @@
 """Batches of small dense matrices, as arithmetic that XLA fuses: no library call for each."""
 
+import jax
 import jax.numpy as jnp
 import jax.scipy.linalg as jsl
 import numpy as np
@@ -7,9 +8,11 @@ from jaxtyping import Array, Float
 
 # Up to here an elimination is written out; a call of LAPACK costs as much as a 6 × 6 inverse.
 _WRITTEN_OUT = 6
+_LOOPED = 24
 # Up to here a sum of products is fused with what is around it; beyond, a product of its own is
-# faster: terms of each sum; and of a single matrix, entries and products in all.
-_FUSED, _ENTRIES, _PRODUCTS = 16, 256, 2048
+# faster, since XLA computes the factors again for each product: terms of each sum; and of a single
+# matrix, entries and products in all.
+_FUSED, _ENTRIES, _PRODUCTS = 16, 256, 600
 
 
 def multiply(a: Float[Array, "... p c"], b: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -32,7 +35,7 @@ def multiply_transposed(
 def invert(a: Float[Array, "*batch b b"]) -> Float[Array, "*batch b b"]:
     """Inverses of symmetric positive definite matrices."""
     size = a.shape[-1]
-    if size > _WRITTEN_OUT:
+    if size > _LOOPED:
         factor = jnp.linalg.cholesky(a, symmetrize_input=False)
         unit = jnp.broadcast_to(jnp.eye(size, dtype=a.dtype), a.shape)
         half = jsl.solve_triangular(factor, unit, lower=True)
@@ -41,11 +44,19 @@ def invert(a: Float[Array, "*batch b b"]) -> Float[Array, "*batch b b"]:
         determinant = a[..., 0, 0] * a[..., 1, 1] - a[..., 0, 1] ** 2
         signs = np.array([[1, -1], [-1, 1]], a.dtype).reshape(*[1] * (a.ndim - 2), 2, 2)
         return a[..., ::-1, ::-1] * signs / determinant[..., None, None]
-    # Gauss–Jordan in place; without pivoting, as the matrices are positive definite.
     units = np.eye(size, dtype=a.dtype).reshape(size, *[1] * (a.ndim - 2), size)
-    for p, unit in enumerate(units):
+
+    def eliminate(a, unit):  # type: ignore[no-untyped-def]
+        """Gauss–Jordan in place; without pivoting, as the matrices are positive definite."""
         rest = 1 - unit
-        row = (a[..., p, :] * rest + unit) / a[..., p, p, None]
-        column = unit - a[..., p] * rest
-        a = a * (rest[..., None] * rest[..., None, :]) + column[..., None] * row[..., None, :]
+        own = jnp.sum(a * unit[..., None], axis=-2)
+        row = (own * rest + unit) / jnp.sum(own * unit, axis=-1, keepdims=True)
+        column = unit - jnp.sum(a * unit[..., None, :], axis=-1) * rest
+        outer = rest[..., None] * rest[..., None, :]
+        return a * outer + column[..., None] * row[..., None, :], None
+
+    if size > _WRITTEN_OUT:
+        return jax.lax.scan(eliminate, a, jnp.asarray(units))[0]
+    for unit in units:
+        a, _ = eliminate(a, unit)
     return a

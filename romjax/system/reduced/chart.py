@@ -27,7 +27,8 @@ class Chart(eqx.Module):
 
     `affine`: the constraints are affine in d with constant coefficients, as they are in the places
     of the bodies of an open chain; q(s) then has a closed form. Both Y and W are columns of the
-    unit matrix there, else orthonormal in the mass metric.
+    unit matrix there, and `order` says which: q − q̄ is (s, d)[order]. Else they are orthonormal in
+    the mass metric.
     """
 
     free: np.ndarray  # Y (n, d)
@@ -35,6 +36,14 @@ class Chart(eqx.Module):
     read: np.ndarray  # (d, n): s of a displacement
     rows: tuple[int, ...] = eqx.field(static=True)  # of the constraints; the others repeat these
     affine: bool = eqx.field(static=True)
+    order: tuple[int, ...] = eqx.field(static=True, default=())
+
+    @classmethod
+    def of_coordinates(cls, n: int, bound: np.ndarray, rows: tuple[int, ...]) -> "Chart":
+        """An affine chart whose dependent coordinates are those of the numbers `bound`."""
+        unit, free = np.eye(n), np.setdiff1d(np.arange(n), bound)
+        order = tuple(int(i) for i in np.argsort(np.concatenate([free, bound])))
+        return cls(unit[:, free], unit[:, bound], unit[free], rows, True, order)
 
 
 class Survey(NamedTuple):
@@ -79,8 +88,7 @@ def choose_chart(system: AbstractSystem, recording: Recording) -> Candidate:
     """
     n = system.n
     if system.m == 0:
-        none = np.zeros((n, 0))
-        return Candidate(Chart(np.eye(n), none, np.eye(n), (), True), 1.0, 0)
+        return Candidate(Chart.of_coordinates(n, np.zeros(0, int), ()), 1.0, 0)
     found = survey(system, recording, _LOOKS)
     t, q = recording.t[0], np.asarray(recording.q[0])
     root, kept, rank = found.root, found.kept, len(found.kept)
@@ -92,8 +100,7 @@ def choose_chart(system: AbstractSystem, recording: Recording) -> Candidate:
     _, r, pivots = scipy.linalg.qr(varied[0] * steady / np.diagonal(root), pivoting=True)
     if abs(r[-1, rank - 1]) > abs(r[0, 0]) / WORST:
         dependent = np.sort(pivots[:rank])
-        unit, free = np.eye(n), np.setdiff1d(np.arange(n), dependent)
-        chart = Chart(unit[:, free], unit[:, dependent], unit[free], kept, True)
+        chart = Chart.of_coordinates(n, dependent, kept)
         return Candidate(chart, float(np.linalg.cond(varied[0][:, dependent])), 0)
 
     candidates = []

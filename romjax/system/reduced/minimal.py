@@ -46,6 +46,7 @@ class MinimalSystem(AbstractReducedSystem):
 
     full: AbstractSystem
     offset: Float[Array, " n"]  # q̄
+    inner: Float[Array, "d r"]  # Φ
     modes: Float[Array, "n r"]  # Y Φ
     dual: Float[Array, "r n"]  # z of a displacement
     near: Float[Array, "K r"]  # snapshots of z
@@ -74,9 +75,10 @@ class MinimalSystem(AbstractReducedSystem):
     ) -> tuple[Float[Array, " n"], Float[Array, "m m"]]:
         """Physical coordinates, and (∂C/∂d)⁻¹ there, which is not to be differentiated."""
         chart, t = self.chart, jnp.asarray(t, q.dtype)
+        if chart.affine:
+            d = self.guesses[0] - multiply(self.inverses[0], self._violated(t, q))
+            return self.offset + self._ordered(multiply(self.inner, q), d), self.inverses[0]
         place = self.offset + multiply(self.modes, q)
-        if not chart.rows:
-            return place, self.inverses[0]
         bound = jnp.asarray(chart.bound, q.dtype)
 
         def violation(d):  # type: ignore[no-untyped-def]
@@ -85,11 +87,6 @@ class MinimalSystem(AbstractReducedSystem):
         def slope(d):  # type: ignore[no-untyped-def]
             rows = self._kept(self.full.jacobian(t, place + multiply(bound, d)))
             return multiply(rows, bound)
-
-        if chart.affine:
-            start = self.guesses[0]
-            d = start - multiply(self.inverses[0], violation(start))
-            return place + multiply(bound, d), self.inverses[0]
 
         def newton(_, start):  # type: ignore[no-untyped-def]
             enough = _CONVERGED[q.dtype] * jnp.maximum(1, jnp.max(jnp.abs(place)))
@@ -123,6 +120,17 @@ class MinimalSystem(AbstractReducedSystem):
         d, inverse = jax.lax.custom_root(violation, start, newton, tangent, has_aux=True)
         return place + multiply(bound, d), jax.lax.stop_gradient(inverse)
 
+    def _ordered(self, free: Float[Array, "d *r"], bound: Float[Array, "m *r"]) -> Array:
+        """Free and dependent coordinates of an affine chart in their places."""
+        return jnp.concatenate([free, bound])[np.array(self.chart.order)]
+
+    def _violated(self, t: Time, q: Float[Array, " r"]) -> Float[Array, " m"]:
+        """The constraints of an affine chart where d is that of the guess."""
+        if not self.chart.rows:
+            return jnp.zeros(0, q.dtype)
+        place = self.offset + self._ordered(multiply(self.inner, q), self.guesses[0])
+        return self._kept(self.full.constraint(t, place))
+
     def _motion(self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]) -> _Motion:
         chart, t = self.chart, jnp.asarray(t, q.dtype)
         one = jnp.ones_like(t)
@@ -132,7 +140,9 @@ class MinimalSystem(AbstractReducedSystem):
                 return jax.jvp(self.lift, (t, q), (one, v))
 
             (place, speed), (_, bend) = jax.jvp(rate, (t, q), (one, v))
-            return _Motion(place, speed, jax.jacfwd(self.lift, argnums=1)(t, q), bend)
+            slopes = jax.jacfwd(self._violated, argnums=1)(t, q)
+            tangent = self._ordered(self.inner, -multiply(self.inverses[0], slopes))
+            return _Motion(place, speed, tangent, bend)
         place, inverse = self._lift(t, q)
         bound = jnp.asarray(chart.bound, q.dtype)
         rows = self._kept(self.full.jacobian(t, place))

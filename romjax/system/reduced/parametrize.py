@@ -90,6 +90,7 @@ def _in_chart(
     return MinimalSystem(
         full=system,
         offset=basis.offset,
+        inner=inner,
         modes=jnp.asarray(chart.free, metric.dtype) @ inner,
         dual=dual,
         near=moved[domain] @ dual.T,

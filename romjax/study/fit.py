@@ -1,0 +1,220 @@
+"""Identification: parameters from measurements."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+import optimistix
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, ArrayLike, Float
+from tqdm import tqdm
+
+from ..integrate.adjoint import forward_mode
+
+Vector = Float[Array, " p"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Fit:
+    """The result of `fit`.
+
+    - `parameters`: a pytree like the start, with the best values.
+    - `standard_errors`: the same with their standard errors.
+    - `covariance` (p, p): of the parameters in the order of `jax.tree.leaves`.
+    - `residual`: root mean square of what is left, in units of the noise if that was given.
+    - `steps`: of the search; `success`: whether it has converged.
+    """
+
+    parameters: Any
+    standard_errors: Any
+    covariance: np.ndarray
+    residual: float
+    steps: int
+    success: bool
+
+
+def fit(
+    predict: Callable[[Any], Any],
+    start: Any,
+    measured: ArrayLike,
+    *,
+    noise: ArrayLike | None = None,
+    lower: Any = None,
+    upper: Any = None,
+    optimizer: optax.GradientTransformation | None = None,
+    steps: int = 200,
+    tol: float = 1e-8,
+    progress: bool = False,
+) -> Fit:
+    """The parameters whose prediction is nearest to measurements, by least squares.
+
+    **Arguments:**
+
+    - `predict`: from parameters to an array of the shape of `measured`: a run of a full or a
+      reduced model, seen by sensors. Simulations in it need no `adjoint`.
+    - `start`: parameters to begin with, a pytree of floats such as `{"stiffness": 80.0}`.
+    - `measured`: any shape; NaN where nothing was measured.
+    - `noise`: standard deviation of the measurements, of any shape that broadcasts; estimated from
+      what is left unless given.
+    - `lower`, `upper`: bounds, pytrees like `start` or single numbers, never touched: the search
+      goes on in logarithms of the distance from them.
+    - `optimizer`: an optax method, such as `optax.adam(0.05)`; Levenberg and Marquardt's unless
+      given, which takes some ten steps.
+    - `steps`, `tol`: most steps, and relative change of parameters and residual that ends them.
+    - `progress`: show a progress bar.
+
+    Raises ValueError for a start outside the bounds, a prediction of another shape, or one that is
+    not finite at the start.
+    """
+    origin, unravel = ravel_pytree(jax.tree.map(lambda x: jnp.asarray(x, float), start))
+    data = np.asarray(measured, float)
+    spread = np.broadcast_to(1.0 if noise is None else np.asarray(noise, float), data.shape)
+    known = np.isfinite(data)
+    misfit = _Misfit(
+        predict,
+        unravel,
+        jnp.asarray(np.where(known, data, 0)),
+        jnp.asarray(np.where(known, 1 / spread, 0)),
+        _Bounds.of(origin, start, lower, upper),
+    )
+    begin = misfit.bounds.free(origin)
+    shape = jax.eval_shape(lambda: predict(start)).shape
+    if shape != data.shape:
+        raise ValueError(f"fit: predict returns the shape {shape}, but measured has {data.shape}.")
+    with forward_mode():
+        if not bool(jnp.all(jnp.isfinite(_evaluate(misfit, begin)))):
+            raise ValueError("fit: the prediction is not finite at the start; begin elsewhere.")
+    with tqdm(disable=not progress, desc="fit", unit="step") as bar:
+
+        def show(**values: tuple[str, Array]) -> None:
+            jax.debug.callback(lambda: bar.update())
+
+        common: Any = {"rtol": tol, "atol": tol, "verbose": show if progress else False}
+        if optimizer is None:
+            with forward_mode():
+                method: Any = optimistix.LevenbergMarquardt(**common)
+                found = _least_squares(misfit, method, begin, steps)
+        else:
+            found = _minimise(misfit, optimistix.OptaxMinimiser(optimizer, **common), begin, steps)
+        jax.effects_barrier()
+    with forward_mode():
+        left, slopes = (np.asarray(x) for x in _linearize(misfit, found.value))
+    freedom = max(1, int(np.sum(known)) - origin.size)
+    variance = float(left @ left) / freedom if noise is None else 1.0
+    # Columns of one size, as parameters have units.
+    size = np.maximum(np.linalg.norm(slopes, axis=0), np.finfo(float).tiny)
+    half = np.linalg.pinv(slopes / size) / size[:, None]
+    covariance = variance * half @ half.T
+    return Fit(
+        parameters=unravel(misfit.bounds.natural(found.value)),
+        standard_errors=unravel(jnp.asarray(np.sqrt(np.diagonal(covariance)))),
+        covariance=covariance,
+        residual=float(np.sqrt(left @ left / max(1, np.sum(known)))),
+        steps=int(found.stats["num_steps"]),
+        success=bool(found.result == optimistix.RESULTS.successful),
+    )
+
+
+class _Bounds(eqx.Module):
+    """Parameters x within bounds, and the free numbers that stand for them."""
+
+    low: np.ndarray  # which have a lower bound
+    high: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    size: np.ndarray  # of parameters without bounds
+
+    @classmethod
+    def of(cls, origin: Vector, start: Any, lower: Any, upper: Any) -> "_Bounds":
+        sides = []
+        for name, given, none in (("lower", lower, -np.inf), ("upper", upper, np.inf)):
+            values = jax.tree.leaves(start)
+            bounds = jax.tree.leaves(none if given is None else given)
+            bounds = bounds * len(values) if len(bounds) == 1 else bounds
+            if len(bounds) != len(values):
+                raise ValueError(f"fit: {name} must be a number or a pytree like the start.")
+            pairs = zip(bounds, values, strict=True)
+            parts = [np.broadcast_to(bound, np.shape(x)).ravel() for bound, x in pairs]
+            sides.append(np.concatenate(parts).astype(float))
+        x, (lowest, highest) = np.asarray(origin), sides
+        outside = np.flatnonzero(~((lowest < x) & (x < highest)))
+        if outside.size:
+            i = int(outside[0])
+            raise ValueError(
+                f"fit: the start {x[i]:g} of parameter {i + 1} lies outside of its bounds "
+                f"{lowest[i]:g} and {highest[i]:g}."
+            )
+        low, high = np.isfinite(lowest), np.isfinite(highest)
+        lower, upper = np.where(low, lowest, 0), np.where(high, highest, 0)
+        return cls(low, high, lower, upper, np.where(x != 0, np.abs(x), 1.0))
+
+    def natural(self, free: Vector) -> Vector:
+        low, high, lower, upper = self.low, self.high, self.lower, self.upper
+        # Of branches that are not taken, too, derivatives must be finite.
+        grown = jnp.exp(jnp.where(low != high, free, 0))
+        inside = lower + (upper - lower) * jax.nn.sigmoid(free)
+        beyond = jnp.where(low, lower + grown, upper - grown)
+        bounded = jnp.where(low & high, inside, beyond)
+        return jnp.where(low | high, bounded, self.size * free)
+
+    def free(self, natural: Vector) -> Vector:
+        x, low, high, lower, upper = (
+            np.asarray(natural),
+            self.low,
+            self.high,
+            self.lower,
+            self.upper,
+        )
+        with np.errstate(all="ignore"):
+            inside = np.log((x - lower) / (upper - x))
+            beyond = np.log(np.where(low, x - lower, upper - x))
+            found = np.where(low & high, inside, np.where(low | high, beyond, x / self.size))
+        return jnp.asarray(found)
+
+
+class _Misfit(eqx.Module):
+    """Weighted residuals as a function of the free numbers.
+
+    A module, so that other data for the same `predict` recompile nothing.
+    """
+
+    predict: Callable[[Any], Any] = eqx.field(static=True)
+    unravel: Callable[[Any], Any] = eqx.field(static=True)
+    target: Float[Array, "*shape"]
+    weight: Float[Array, "*shape"]
+    bounds: _Bounds
+
+    def at(self, natural: Vector) -> Float[Array, " k"]:
+        return jnp.ravel((self.predict(self.unravel(natural)) - self.target) * self.weight)
+
+    def __call__(self, free: Vector, args: Any = None) -> Float[Array, " k"]:
+        return self.at(self.bounds.natural(free))
+
+
+@eqx.filter_jit
+def _evaluate(misfit: _Misfit, free: Vector) -> Float[Array, " k"]:
+    return misfit(free)
+
+
+@eqx.filter_jit
+def _linearize(misfit: _Misfit, free: Vector) -> tuple[Float[Array, " k"], Float[Array, "k p"]]:
+    natural = misfit.bounds.natural(free)
+    return misfit.at(natural), jax.jacfwd(misfit.at)(natural)
+
+
+@eqx.filter_jit
+def _least_squares(misfit: _Misfit, method: Any, begin: Vector, steps: int) -> Any:
+    return optimistix.least_squares(misfit, method, begin, max_steps=steps, throw=False)
+
+
+@eqx.filter_jit
+def _minimise(misfit: _Misfit, method: Any, begin: Vector, steps: int) -> Any:
+    def loss(free: Vector, _: None) -> Array:
+        return jnp.mean(misfit(free) ** 2)
+
+    return optimistix.minimise(loss, method, begin, max_steps=steps, throw=False)

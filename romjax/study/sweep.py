@@ -1,0 +1,214 @@
+"""Many variants of one computation, in chunks, over all devices, kept on disk as they come."""
+
+import dataclasses
+import hashlib
+import json
+import math
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.experimental import multihost_utils
+from jax.sharding import Mesh, PartitionSpec
+from tqdm import tqdm
+
+from ..integrate.trajectory import REMEDIES, Status
+
+# Lanes of a chunk on one device. The arrays of some hundred small mechanisms still fit into a
+# core's cache; fewer leave it idle, more gain nothing.
+_LANES = 256
+
+
+@dataclasses.dataclass(frozen=True)
+class Sweep:
+    """The result of `sweep`.
+
+    - `values`: what the function returns, each array with a leading axis of lanes; NaN in lanes
+      that failed.
+    - `status` (lanes,): numbers of `romjax.Status`.
+    """
+
+    values: Any
+    status: np.ndarray
+
+    @property
+    def success(self) -> np.ndarray:
+        """Which lanes went well, (lanes,)."""
+        return self.status == Status.SUCCESS
+
+    def failures(self) -> dict[int, str]:
+        """The lanes that failed, with the reason and the remedy."""
+        return {int(i): REMEDIES[Status(self.status[i])] for i in np.flatnonzero(~self.success)}
+
+
+def sweep(
+    function: Callable[[Any], Any],
+    parameters: Any,
+    *,
+    chunk: int | None = None,
+    path: str | os.PathLike[str] | None = None,
+    progress: bool = False,
+) -> Sweep:
+    """`function` at many parameters at once.
+
+    The lanes are computed in chunks of one compiled program, each split over all devices of this
+    process, whose lanes do not wait for each other. With `jax.distributed`, each process computes
+    its share of the chunks; all need the same `path`, and all return the whole.
+
+    **Arguments:**
+
+    - `function`: from the parameters of one lane to a pytree of arrays. If what it returns is a
+      Trajectory, or has an attribute or a key `status`, that says whether the lane failed; else it
+      failed if a number is not finite. Simulate with `throw=False` in it.
+    - `parameters`: a pytree of arrays with a leading axis of lanes.
+    - `chunk`: lanes of a chunk; 256 for each device unless given.
+    - `path`: a folder for the results of each chunk. A sweep that was interrupted, at any moment,
+      goes on where it was.
+    - `progress`: show a progress bar.
+
+    Raises ValueError for parameters without a common number of lanes, or a folder that holds
+    another sweep.
+    """
+    arrays = [np.asarray(x) for x in jax.tree.leaves(parameters)]
+    counts = {x.shape[:1] for x in arrays}
+    if len(counts) != 1 or counts in ({()}, {(0,)}):
+        shapes = ", ".join(str(x.shape) for x in arrays) or "none"
+        raise ValueError(
+            f"sweep: the parameters must have one leading axis of lanes, but their shapes are "
+            f"{shapes}."
+        )
+    ((lanes,),) = counts
+    devices = jax.local_devices()
+    if chunk is not None and chunk < 1:
+        raise ValueError(f"sweep: chunk={chunk}, but a chunk has at least one lane.")
+    chunk = min(chunk or _LANES * len(devices), lanes)
+    devices = devices[: math.gcd(chunk, len(devices))]
+    run = _program(function, devices)
+    first = jax.tree.map(lambda x: jnp.asarray(x)[:1], parameters)
+    shapes = jax.eval_shape(jax.vmap(lambda p: _with_status(function(p))), first)
+    store = _Store.open(path, arrays, lanes, chunk, shapes)
+    count = -(-lanes // chunk)
+    with tqdm(total=lanes, disable=not progress, desc="sweep", unit=" lanes") as bar:
+        for number in range(count):
+            # The last chunk is filled up with its last lane, for the same program.
+            here = np.minimum(np.arange(number * chunk, (number + 1) * chunk), lanes - 1)
+            own = min(chunk, lanes - number * chunk)
+            if not store.has(number) and number % jax.process_count() == jax.process_index():
+                found = run(jax.tree.map(lambda x, here=here: np.asarray(x)[here], parameters))
+                store.put(number, [np.asarray(x)[:own] for x in jax.tree.leaves(found)])
+            bar.update(own)
+    if jax.process_count() > 1:
+        multihost_utils.sync_global_devices("sweep")
+    leaves = store.collect(count)
+    values, status = jax.tree.unflatten(jax.tree.structure(shapes), leaves)
+    return Sweep(values, status)
+
+
+def _program(function: Callable, devices: list[jax.Device]) -> Callable:
+    """A chunk of lanes, compiled; a loop on one device ends without the others."""
+    lanes = PartitionSpec("lanes")
+
+    def one(parameters):  # type: ignore[no-untyped-def]
+        values, status = _with_status(function(parameters))
+
+        def hide(x):  # type: ignore[no-untyped-def]
+            return jnp.where(status == Status.SUCCESS, x, jnp.nan)
+
+        inexact = jax.tree.map(lambda x: jnp.issubdtype(x.dtype, jnp.inexact), values)
+        return jax.tree.map(lambda x, float_: hide(x) if float_ else x, values, inexact), status
+
+    mesh = Mesh(np.array(devices), ("lanes",))
+    spread = jax.shard_map(
+        jax.vmap(one), mesh=mesh, in_specs=lanes, out_specs=lanes, check_vma=False
+    )
+    return jax.jit(spread)
+
+
+def _with_status(result: Any) -> tuple[Any, jax.Array]:
+    """What a function returns as arrays, and its status."""
+    result = jax.tree.map(jnp.asarray, result)
+    status = result.get("status") if isinstance(result, dict) else getattr(result, "status", None)
+    if status is None:
+        leaves = jax.tree.leaves(result)
+        finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in leaves]))
+        status = jnp.where(finite, Status.SUCCESS, Status.NOT_FINITE)
+    return result, status
+
+
+class _Store:
+    """The chunks that are done: in memory, or in a folder with one file for each."""
+
+    def __init__(self, folder: Path | None):
+        self.folder = folder
+        self.done: dict[int, list[np.ndarray]] = {}
+
+    @classmethod
+    def open(
+        cls, path: Any, arrays: list[np.ndarray], lanes: int, chunk: int, shapes: Any
+    ) -> "_Store":
+        if path is None:
+            return cls(None)
+        folder = Path(path)
+        folder.mkdir(parents=True, exist_ok=True)
+        digest = hashlib.sha256()
+        for x in arrays:
+            digest.update(f"{x.dtype}{x.shape}".encode() + np.ascontiguousarray(x).tobytes())
+        results = [f"{x.dtype}{list(x.shape[1:])}" for x in jax.tree.leaves(shapes)]
+        wanted = {
+            "lanes": lanes,
+            "chunk": chunk,
+            "parameters": digest.hexdigest(),
+            "results": results,
+        }
+        file = folder / "sweep.json"
+        if file.exists():
+            known = json.loads(file.read_text())
+            other = [key for key, value in wanted.items() if known.get(key) != value]
+            if other:
+                raise ValueError(
+                    f"sweep: {folder} holds another sweep, which differs in its {other[0]}; "
+                    "choose another folder, or remove this one."
+                )
+        else:
+            _write(file, json.dumps(wanted, indent=1).encode())
+        return cls(folder)
+
+    def _file(self, number: int) -> Path:
+        assert self.folder is not None
+        return self.folder / f"chunk-{number:06d}.npz"
+
+    def has(self, number: int) -> bool:
+        return number in self.done or (self.folder is not None and self._file(number).exists())
+
+    def put(self, number: int, leaves: list[np.ndarray]) -> None:
+        if self.folder is None:
+            self.done[number] = leaves
+            return
+        file = self._file(number)
+        part = file.with_suffix(f".{os.getpid()}.part")
+        with part.open("wb") as stream:
+            np.savez(stream, *leaves)
+            stream.flush()
+            os.fsync(stream.fileno())
+        part.replace(file)  # all of it or nothing, whenever the process ends
+
+    def collect(self, count: int) -> list[np.ndarray]:
+        """The arrays of all chunks that are there, one after the other."""
+        parts = []
+        for number in range(count):
+            if number in self.done:
+                parts.append(self.done[number])
+            elif self.has(number):
+                with np.load(self._file(number)) as kept:
+                    parts.append([kept[f"arr_{i}"] for i in range(len(kept.files))])
+        return [np.concatenate(x) for x in zip(*parts, strict=True)]
+
+
+def _write(file: Path, content: bytes) -> None:
+    part = file.with_suffix(f".{os.getpid()}.part")
+    part.write_bytes(content)
+    part.replace(file)

@@ -1,0 +1,144 @@
+"""Gradients three ways: of scenes, of published problems, and of functions that are wrong."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import simeon
+from tolerances import DIFFERENCED
+
+import romjax as rj
+from romjax.system.consistent import project
+
+# Required of published gradients.
+SUNDIALS, SIMEON = 1e-6, 1e-5
+
+
+def last(run):
+    """One number from all coordinates at the end."""
+    return jnp.sum(run.q[-1] * jnp.cos(jnp.arange(run.q.shape[1]))) + jnp.sum(run.v[-1] ** 2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "scene", [rj.gallery.cart_pendulum(f2=60.0), rj.gallery.chain(2)], ids=["cart", "chain"]
+)
+def test_every_parameter_of_a_scene(scene):
+    """Numbers that no constraint ties to others: all but the places of bodies and markers."""
+    values, rest = eqx.partition(scene, free_numbers(scene))
+
+    def f(values):
+        system = rj.assemble(eqx.combine(values, rest))
+        ts = jnp.linspace(0.0, 0.1, 3)
+        return last(rj.simulate(system, ts, rtol=1e-11, solver=diffrax.Dopri8(), throw=False))
+
+    found = rj.check_gradient(f, values)
+    assert found.error <= DIFFERENCED, str(found)
+
+
+def free_numbers(scene):
+    """Which leaves may change alone, without breaking the start's constraints."""
+    names = ("mass", "inertia", "frequencies", "stiffness", "damping", "signal", "acceleration")
+
+    def free(path, leaf):
+        return eqx.is_inexact_array(leaf) and any(getattr(key, "name", "") in names for key in path)
+
+    return jax.tree_util.tree_map_with_path(free, scene)
+
+
+def slider_crank(k, c):
+    """SUNDIALS's example idasSlCrank: crank angle, slider, rod angle; a spring and a damper."""
+    a, J1, m2, J2, l0, F = 0.5, 1.0, 1.0, 2.0, 1.0, 1.0
+
+    def force(t, r, v):
+        (q, x, p), (qd, xd, pd) = r, v
+        s1, c1, s2, c2 = jnp.sin(q), jnp.cos(q), jnp.sin(p), jnp.cos(p)
+        s21, c21 = s2 * c1 - c2 * s1, c2 * c1 + s2 * s1
+        length = jnp.sqrt(x**2 - x * (c2 + a * c1) + (1 + a**2) / 4 + a * c21 / 2)
+        rate = 2 * x * xd - xd * (c2 + a * c1) + x * (s2 * pd + a * s1 * qd)
+        rate = (rate - a * s21 * (pd - qd) / 2) / (2 * length)
+        fl = (k * (length - l0) + c * rate) / length
+        return jnp.stack(
+            [
+                -fl * a * (s21 / 2 + x * s1) / 2,
+                fl * (c2 / 2 - x + a * c1 / 2) + F,
+                -fl * (x * s2 - a * s21 / 2) / 2 - F * s2,
+            ]
+        )
+
+    p = -jnp.pi / 6
+    return rj.CustomSystem(
+        lambda r: jnp.diag(jnp.array([J1, m2, J2])),
+        force,
+        lambda t, r: jnp.stack(
+            [r[1] - jnp.cos(r[2]) - a * jnp.cos(r[0]), -jnp.sin(r[2]) - a * jnp.sin(r[0])]
+        ),
+        q0=jnp.stack([jnp.pi / 2, jnp.cos(p), p]),
+        v0=jnp.zeros(3),
+    )
+
+
+def test_the_published_gradient_of_a_slider_crank():
+    """G = ∫ T dt over 10 s, by Gauss's rule on the outputs; its derivatives by k and c."""
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    ts, weights = jnp.append(0.0, 5 * (nodes + 1)), jnp.asarray(5 * weights)
+
+    def energy(x):
+        run = rj.simulate(slider_crank(x[0], x[1]), ts, rtol=1e-10, solver=diffrax.Dopri8())
+        kinetic = 0.5 * jnp.sum(jnp.array([[1.0, 1.0, 2.0]]) * run.v[1:] ** 2, axis=1)
+        return weights @ kinetic
+
+    found = rj.check_gradient(energy, jnp.array([1.0, 1.0]))
+    for gradient in (found.reverse, found.forward):
+        assert abs(gradient[0] - 0.33344810612843791) <= SUNDIALS
+        assert abs(gradient[1] + 0.36375403397094977) <= SUNDIALS
+    assert found.error <= DIFFERENCED
+
+
+@pytest.mark.slow
+def test_the_gradient_of_simeons_slider_crank():
+    """By the logarithms of Young's modulus and of the slider's mass: 400 fast periods. The start
+    is projected with each mass matrix; 24-digit computation.
+    """
+
+    def end(x):
+        system = simeon.slider_crank(0.20e12 * jnp.exp(x[0]), 0.075552 * jnp.exp(x[1]))
+        q, v = project(system, jnp.asarray(0.0), system.q0, system.v0, 0)
+        settings = {"solver": diffrax.Dopri8(), "rtol": 1e-12, "atol": 1e-15, "throw": False}
+        run = rj.simulate(system, jnp.array([0.0, 0.1]), q0=q, v0=v, stabilization=None, **settings)
+        return jnp.concatenate([run.q[-1], run.v[-1]])
+
+    with rj.forward_mode():
+        forward = jax.jit(jax.jacfwd(end))(jnp.zeros(2))
+    weight = jnp.cos(jnp.arange(14.0))
+    reverse = jax.jit(jax.grad(lambda x: weight @ end(x)))(jnp.zeros(2))
+    for i, wanted in enumerate((simeon.BY_MODULUS, simeon.BY_SLIDER)):
+        size = np.max(np.abs(wanted))
+        assert np.max(np.abs(forward[:, i] - np.array(wanted))) <= SIMEON * size
+        assert abs(reverse[i] - weight @ jnp.array(wanted)) <= SIMEON * size
+
+
+def test_it_says_where_a_gradient_is_wrong():
+    """A rule that doubles the derivative by one of the parameters."""
+
+    @jax.custom_jvp
+    def wrong(x):
+        return x
+
+    wrong.defjvp(lambda x, dx: (x[0], 2 * dx[0]))
+    point = {"a": 1.0, "b": jnp.array([2.0, 3.0])}
+    found = rj.check_gradient(lambda x: wrong(x["a"]) ** 2 + jnp.sum(x["b"] ** 3), point)
+    assert found.part == "['a']"
+    assert abs(found.error - 0.5) <= DIFFERENCED
+    assert "['b'][1]" in str(found)
+    right = rj.check_gradient(jax.jit(lambda x: jnp.sum(x["b"] ** 3)), point)
+    assert right.error <= DIFFERENCED
+
+
+def test_what_has_no_gradient():
+    with pytest.raises(ValueError, match="must return a number"):
+        rj.check_gradient(lambda x: x, jnp.ones(2))
+    with pytest.raises(ValueError, match="where it is finite"):
+        rj.check_gradient(jnp.log, jnp.asarray(-1.0))

@@ -1,0 +1,112 @@
+"""Baumgarte's parameters by gradient."""
+
+import diffrax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from mechanisms import RK4
+from test_hard_cases import four_bar
+
+import romjax as rj
+
+GRAVITY = 9.81
+# Required: how near to 1.6 ω and ω², and how much more accurate than the start.
+NEAR, BETTER = 0.2, 30
+# Required of mechanisms: less drift than without stabilisation, in no more steps.
+LESS, STEPS = 10, 1.1
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> rj.CustomSystem:
+    """A point mass of 1 kg on a massless bar of 1 m, level and at rest."""
+    return rj.CustomSystem(
+        lambda q: jnp.eye(2),
+        lambda t, q, v: jnp.array([0.0, -GRAVITY]),
+        lambda t, q: 0.5 * (q @ q - 1)[None],
+        q0=[1.0, 0.0],
+        v0=[0.0, 0.0],
+    )
+
+
+@pytest.mark.filterwarnings("ignore:The stabilisation and not the mechanism")
+@pytest.mark.parametrize("step", [0.02, 0.01, 0.005])
+def test_a_pendulum_leads_to_its_own_frequency(pendulum, step):
+    """Independent of the step, from a start that is ten times off."""
+    ts = jnp.linspace(0.0, 2.0, round(2 / step) + 1)
+    start = rj.Baumgarte(50.0, 625.0)
+    found = rj.tune_baumgarte(pendulum, ts, start=start, solver=RK4(), dt=step)
+    assert abs(found.best.beta / GRAVITY - 1) <= NEAR
+    assert abs(found.best.alpha / (1.6 * GRAVITY**0.5) - 1) <= NEAR
+    long = jnp.linspace(0.0, 10.0, 101)
+    truth = rj.simulate(pendulum, long, rtol=1e-12, stabilization=rj.Projection())
+    before, after = (
+        rj.compare(truth, rj.simulate(pendulum, long, solver=RK4(), dt=step, stabilization=pair))
+        for pair in (start, found.best)
+    )
+    assert before.error >= BETTER * after.error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("scene", "ts", "solver"),
+    [
+        (four_bar(), jnp.linspace(0.0, 3.0, 61), diffrax.Tsit5()),
+        (rj.gallery.cart_pendulum(), jnp.linspace(0.0, 1.0, 101), rj.Rodas5P()),
+    ],
+    ids=["four-bar", "cart-pendulum"],
+)
+def test_mechanisms_drift_less_in_no_more_steps(scene, ts, solver):
+    system = rj.assemble(scene)
+    found = rj.tune_baumgarte(system, ts, solver=solver, steps=30)
+    bare, tuned = (
+        rj.simulate(system, ts, solver=solver, stabilization=pair)
+        for pair in (rj.Baumgarte(0.0, 0.0), found.best)
+    )
+    assert jnp.max(bare.violation) >= LESS * jnp.max(tuned.violation)
+    assert tuned.stats["num_steps"] <= STEPS * bare.stats["num_steps"]
+
+
+def test_one_pair_for_each_constraint_and_the_cost_of_speed(pendulum):
+    """The same mechanism made of two equal constraints on two masses; a price on fast parameters
+    slows them down.
+    """
+    double = rj.CustomSystem(
+        lambda q: jnp.eye(4),
+        lambda t, q, v: jnp.array([0.0, -GRAVITY, 0.0, -GRAVITY]),
+        lambda t, q: 0.5 * jnp.stack([q[:2] @ q[:2] - 1, q[2:] @ q[2:] - 1]),
+        q0=[1.0, 0.0, 1.0, 0.0],
+        v0=jnp.zeros(4),
+    )
+    ts, settings = jnp.linspace(0.0, 1.0, 51), {"solver": RK4(), "dt": 0.02, "steps": 20}
+    both = rj.Baumgarte(jnp.array([10.0, 10.0]), jnp.array([30.0, 30.0]))
+    found = rj.tune_baumgarte(double, ts, start=both, **settings)
+    assert found.alpha.shape[1] == 2
+    assert np.allclose(found.alpha[:, 0], found.alpha[:, 1])
+    with pytest.raises(ValueError, match="more than two parameters"):
+        found.landscape()
+    one = rj.Baumgarte(10.0, 30.0)
+    free, priced = (
+        rj.tune_baumgarte(pendulum, ts, start=one, cost=cost, **settings) for cost in (0.0, 30.0)
+    )
+    assert priced.best.beta < free.best.beta
+
+
+def test_the_figure_shows_landscape_and_path(pendulum):
+    ts = jnp.linspace(0.0, 1.0, 51)
+    found = rj.tune_baumgarte(pendulum, ts, solver=RK4(), dt=0.02, steps=5)
+    alphas, betas, losses = found.landscape(5)
+    assert losses.shape == (len(betas), len(alphas)) == (5, 5)
+    figure = rj.plot.tuning(found, count=5)
+    texts = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert {"critical damping", "search", "start", "best", "default"} == set(texts)
+
+
+def test_what_cannot_be_tuned(pendulum):
+    free = rj.CustomSystem(lambda q: jnp.eye(1), lambda t, q, v: -q, q0=[1.0], v0=[0.0])
+    with pytest.raises(ValueError, match="no constraints"):
+        rj.tune_baumgarte(free, jnp.linspace(0.0, 1.0, 11))
+    with pytest.raises(ValueError, match="must be positive"):
+        rj.tune_baumgarte(pendulum, jnp.linspace(0.0, 1.0, 11), start=rj.Baumgarte(0.0, 1.0))
+    ts = jnp.linspace(0.0, 1.0, 11)
+    with pytest.raises(ValueError, match="start elsewhere"):
+        rj.tune_baumgarte(pendulum, ts, start=rj.Baumgarte(1e4, 1e8), solver=RK4(), dt=0.01)
