@@ -137,6 +137,19 @@ def test_it_says_where_a_gradient_is_wrong():
     assert right.error <= DIFFERENCED
 
 
+def test_units_of_parameters_do_not_matter():
+    """A wrong rule for a modulus of 2e11 is seen, and zeros up to rounding are no trouble."""
+
+    @jax.custom_jvp
+    def wrong(x):
+        return jnp.log(x / 1e11) + 1
+
+    wrong.defjvp(lambda x, dx: (wrong(x[0]), 2 * dx[0] / x[0]))
+    assert abs(rj.check_gradient(wrong, 2e11).error - 0.5) <= DIFFERENCED
+    place = jnp.array([np.cos(np.pi / 2), 1.0])
+    assert rj.check_gradient(lambda x: jnp.sum(jnp.sin(x)) + 1, place).error <= DIFFERENCED
+
+
 def test_what_has_no_gradient():
     with pytest.raises(ValueError, match="must return a number"):
         rj.check_gradient(lambda x: x, jnp.ones(2))

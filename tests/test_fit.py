@@ -74,6 +74,28 @@ def test_bounds_are_never_touched():
     assert np.allclose([found.parameters["a"], found.parameters["b"]], [1, -2], atol=1e-6)
 
 
+def test_small_numbers_are_fitted_like_large_ones():
+    """Micrometres: what ends the search is relative, and so is what begins it."""
+    measured = 1e-6 * np.asarray(line({"a": 1.0, "b": -2.0}))
+    found = rj.fit(lambda p: 1e-6 * line(p), {"a": 0.5, "b": -1.0}, measured)
+    assert np.allclose([found.parameters["a"], found.parameters["b"]], [1, -2], atol=1e-6)
+
+
+def test_what_is_not_determined_has_no_finite_error():
+    """Two factors of one slope, a number without effect, and an intercept that is determined."""
+    start = {"a": 0.5, "b": -1.0, "c": 1.0, "d": 0.0}
+    measured = np.asarray(line({"a": 1.0, "b": -2.0}))
+    found = rj.fit(lambda p: p["d"] + p["a"] * p["b"] * TS + 0 * p["c"], start, measured)
+    infinite = {name: bool(np.isinf(error)) for name, error in found.standard_errors.items()}
+    assert infinite == {"a": True, "b": True, "c": True, "d": False}
+
+
+def test_a_bound_for_some_parameters():
+    measured = np.asarray(line({"a": 1.0, "b": -2.0}))
+    found = rj.fit(line, {"a": 0.5, "b": -1.0}, measured, lower={"a": 0.0, "b": None})
+    assert np.allclose([found.parameters["a"], found.parameters["b"]], [1, -2], atol=1e-6)
+
+
 def test_what_cannot_be_fitted():
     start, measured = {"a": 0.5, "b": -1.0}, np.zeros(len(TS))
     with pytest.raises(ValueError, match=r"start -1 of parameter 2 lies outside of its bounds 0"):
@@ -82,5 +104,7 @@ def test_what_cannot_be_fitted():
         rj.fit(line, start, measured[:5])
     with pytest.raises(ValueError, match="not finite at the start"):
         rj.fit(lambda p: jnp.log(p["b"]) * TS, start, measured)
+    with pytest.raises(ValueError, match="noise must be positive"):
+        rj.fit(line, start, measured, noise=0.0)
     with pytest.raises(ValueError, match="upper must be a number or a pytree like the start"):
         rj.fit(line, start, measured, upper={"a": 1.0, "b": 1.0, "c": 1.0})

@@ -91,6 +91,25 @@ def test_a_sweep_goes_on_where_it_was(tmp_path, whole):
     assert all(file.stat().st_mtime_ns == then for file, then in before.items())
     with pytest.raises(ValueError, match="another sweep, which differs in its parameters"):
         rj.sweep(swing, {**lanes(40), "x": 2 * jnp.ones(40)}, chunk=8, path=tmp_path)
+    with pytest.raises(ValueError, match="another sweep, which differs in its results"):
+        rj.sweep(lambda p: {"other": p["x"]}, lanes(40), chunk=8, path=tmp_path)
+
+
+def test_statuses_inside_of_results():
+    def run(x):
+        system = rj.CustomSystem(
+            lambda q: jnp.eye(2),
+            lambda t, q, v: -q,
+            lambda t, q: q[:1] - 1,
+            q0=jnp.stack([x, x]),
+            v0=jnp.zeros(2),
+        )
+        motion = rj.simulate(system, TS, solver=rj.Rodas5P(), throw=False)
+        return {"run": motion, "last": motion.q[-1]}
+
+    found = rj.sweep(run, jnp.array([1.0, 1.1]))
+    assert list(found.failures()) == [1]
+    assert np.all(np.isnan(found.values["last"][1]))
 
 
 def test_what_cannot_be_swept():

@@ -1,6 +1,7 @@
 """Baumgarte's parameters by gradient."""
 
 import diffrax
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -107,6 +108,9 @@ def test_what_cannot_be_tuned(pendulum):
         rj.tune_baumgarte(free, jnp.linspace(0.0, 1.0, 11))
     with pytest.raises(ValueError, match="must be positive"):
         rj.tune_baumgarte(pendulum, jnp.linspace(0.0, 1.0, 11), start=rj.Baumgarte(0.0, 1.0))
+    off = eqx.tree_at(lambda s: s.q0, pendulum, jnp.array([1.1, 0.0]))
+    with pytest.raises(ValueError, match="fails, or does not drift"):
+        rj.tune_baumgarte(off, jnp.linspace(0.0, 1.0, 11), solver=RK4(), dt=0.01)
     ts = jnp.linspace(0.0, 1.0, 11)
-    with pytest.raises(ValueError, match="start elsewhere"):
+    with pytest.raises(ValueError, match="fails, or does not drift"):
         rj.tune_baumgarte(pendulum, ts, start=rj.Baumgarte(1e4, 1e8), solver=RK4(), dt=0.01)

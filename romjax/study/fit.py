@@ -24,7 +24,8 @@ class Fit:
     """The result of `fit`.
 
     - `parameters`: a pytree like the start, with the best values.
-    - `standard_errors`: the same with their standard errors.
+    - `standard_errors`: the same with their standard errors; infinite for those that the
+      measurements do not determine.
     - `covariance` (p, p): of the parameters in the order of `jax.tree.leaves`.
     - `residual`: root mean square of what is left, in units of the noise if that was given.
     - `steps`: of the search; `success`: whether it has converged.
@@ -56,12 +57,13 @@ def fit(
     **Arguments:**
 
     - `predict`: from parameters to an array of the shape of `measured`: a run of a full or a
-      reduced model, seen by sensors. Simulations in it need no `adjoint`.
+      reduced model, seen by sensors. Simulate with `throw=False` in it, and without `adjoint`.
     - `start`: parameters to begin with, a pytree of floats such as `{"stiffness": 80.0}`.
     - `measured`: any shape; NaN where nothing was measured.
     - `noise`: standard deviation of the measurements, of any shape that broadcasts; estimated from
       what is left unless given.
-    - `lower`, `upper`: bounds, pytrees like `start` or single numbers, never touched: the search
+    - `lower`, `upper`: bounds, pytrees like `start` with None for no bound, or single numbers for
+      all, never touched: the search
       goes on in logarithms of the distance from them.
     - `optimizer`: an optax method, such as `optax.adam(0.05)`; Levenberg and Marquardt's unless
       given, which takes some ten steps.
@@ -75,6 +77,8 @@ def fit(
     data = np.asarray(measured, float)
     spread = np.broadcast_to(1.0 if noise is None else np.asarray(noise, float), data.shape)
     known = np.isfinite(data)
+    if not np.all(spread[known] > 0):
+        raise ValueError("fit: the noise must be positive wherever something was measured.")
     misfit = _Misfit(
         predict,
         unravel,
@@ -87,8 +91,12 @@ def fit(
     if shape != data.shape:
         raise ValueError(f"fit: predict returns the shape {shape}, but measured has {data.shape}.")
     with forward_mode():
-        if not bool(jnp.all(jnp.isfinite(_evaluate(misfit, begin)))):
-            raise ValueError("fit: the prediction is not finite at the start; begin elsewhere.")
+        size = float(jnp.sqrt(jnp.mean(_evaluate(misfit, begin) ** 2)))
+    if not np.isfinite(size):
+        raise ValueError("fit: the prediction is not finite at the start; begin elsewhere.")
+    # The search starts with a damping of one, so residuals are made of that size.
+    size = size or 1.0
+    misfit = eqx.tree_at(lambda m: m.weight, misfit, misfit.weight / size)
     with tqdm(disable=not progress, desc="fit", unit="step") as bar:
 
         def show(**values: tuple[str, Array]) -> None:
@@ -100,16 +108,14 @@ def fit(
                 method: Any = optimistix.LevenbergMarquardt(**common)
                 found = _least_squares(misfit, method, begin, steps)
         else:
-            found = _minimise(misfit, optimistix.OptaxMinimiser(optimizer, **common), begin, steps)
+            method = optimistix.BestSoFarMinimiser(optimistix.OptaxMinimiser(optimizer, **common))
+            found = _minimise(misfit, method, begin, steps)
         jax.effects_barrier()
     with forward_mode():
-        left, slopes = (np.asarray(x) for x in _linearize(misfit, found.value))
+        left, slopes = (size * np.asarray(x) for x in _linearize(misfit, found.value))
     freedom = max(1, int(np.sum(known)) - origin.size)
     variance = float(left @ left) / freedom if noise is None else 1.0
-    # Columns of one size, as parameters have units.
-    size = np.maximum(np.linalg.norm(slopes, axis=0), np.finfo(float).tiny)
-    half = np.linalg.pinv(slopes / size) / size[:, None]
-    covariance = variance * half @ half.T
+    covariance = variance * _inverse_square(slopes)
     return Fit(
         parameters=unravel(misfit.bounds.natural(found.value)),
         standard_errors=unravel(jnp.asarray(np.sqrt(np.diagonal(covariance)))),
@@ -118,6 +124,22 @@ def fit(
         steps=int(found.stats["num_steps"]),
         success=bool(found.result == optimistix.RESULTS.successful),
     )
+
+
+def _inverse_square(slopes: np.ndarray) -> np.ndarray:
+    """(JᵀJ)⁻¹, with infinite variances of the parameters that J does not determine."""
+    count = slopes.shape[1]
+    if not np.all(np.isfinite(slopes)):
+        return np.full((count, count), np.nan)
+    # Columns of one size, as parameters have units.
+    size = np.linalg.norm(slopes, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    _, values, right = np.linalg.svd(np.linalg.qr(slopes / size, mode="r"))
+    values = np.pad(values, (0, count - len(values)))
+    seen = values > np.finfo(float).eps * max(slopes.shape) * values[0]
+    half = (right[seen] / values[seen, None]).T / size[:, None]
+    blind = np.any(np.abs(right[~seen]) > np.sqrt(np.finfo(float).eps), axis=0)
+    return half @ half.T + np.diag(np.where(blind, np.inf, 0.0))
 
 
 class _Bounds(eqx.Module):
@@ -134,10 +156,12 @@ class _Bounds(eqx.Module):
         sides = []
         for name, given, none in (("lower", lower, -np.inf), ("upper", upper, np.inf)):
             values = jax.tree.leaves(start)
-            bounds = jax.tree.leaves(none if given is None else given)
-            bounds = bounds * len(values) if len(bounds) == 1 else bounds
-            if len(bounds) != len(values):
-                raise ValueError(f"fit: {name} must be a number or a pytree like the start.")
+            bounds = [none if given is None else given] * len(values)
+            if given is not None and not jax.tree_util.all_leaves([given]):
+                bounds, shape = jax.tree.flatten(given, is_leaf=lambda x: x is None)
+                if str(shape) != str(jax.tree.structure(start)):
+                    raise ValueError(f"fit: {name} must be a number or a pytree like the start.")
+                bounds = [none if bound is None else bound for bound in bounds]
             pairs = zip(bounds, values, strict=True)
             parts = [np.broadcast_to(bound, np.shape(x)).ravel() for bound, x in pairs]
             sides.append(np.concatenate(parts).astype(float))

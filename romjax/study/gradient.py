@@ -1,7 +1,6 @@
 """Whether a gradient is right, asked in three ways."""
 
 import dataclasses
-import inspect
 from collections.abc import Callable
 from typing import Any
 
@@ -14,9 +13,11 @@ from tabulate import tabulate
 
 from ..integrate.adjoint import forward_mode
 
-# Steps of central differences, relative to the number, absolute at zero. With the second,
+# Steps of central differences, relative to the size of the number. With the second,
 # twice as long, Richardson's extrapolation leaves an error of the fourth order.
 _STEP = 1e-3
+# What counts as zero: alone, and beside larger entries of the same array.
+_ZERO, _SMALL = 1e-12, 1e-6
 _ROWS = 20  # of the printed table
 
 
@@ -24,9 +25,9 @@ _ROWS = 20  # of the printed table
 class GradientCheck:
     """A gradient by reverse mode, forward mode and central differences.
 
-    Each is a pytree like the point. `part`: where the three part most, and `error` by how much,
-    relative to the largest entry of the same array, or to `least` where all are smaller. `print`
-    shows a table.
+    Each is a pytree like the point. `part`: where the three part most, and `error` by how much.
+    Derivatives are compared times the `size` of their parameters, relative to the largest of the
+    same array, or to `least` where all are smaller. `print` shows a table.
     """
 
     reverse: Any
@@ -34,13 +35,14 @@ class GradientCheck:
     central: Any
     error: float
     part: str
+    size: Any
     least: float
 
     def __str__(self) -> str:
         rows = []
-        for path, *values in _leaves(self.reverse, self.forward, self.central):
-            reverse, forward, central = (np.ravel(x) for x in values)
-            error = _error(self.least, *values)
+        for path, *found in _leaves(self.size, self.reverse, self.forward, self.central):
+            reverse, forward, central = (np.ravel(x) for x in found[1:])
+            error = _error(self.least, *found)
             for i in range(len(reverse)):
                 name = path if reverse.size == 1 else f"{path}[{i}]"
                 rows.append([name, reverse[i], forward[i], central[i], error])
@@ -59,15 +61,17 @@ def check_gradient(f: Callable[[Any], Any], x: Any, *, step: float = _STEP) -> G
     - `f`: from a pytree to a number, such as a Scene to something of its run. Simulations in it
       need no `adjoint`: it is chosen for each mode.
     - `x`: where; its arrays of floats are the parameters.
-    - `step`: of the differences, relative to each number, absolute at zero. They see the errors of
-      a simulation with step size control: give that a tight `rtol`.
+    - `step`: of the differences, relative to each number, or at zero to its neighbours. They see
+      the errors of step size control: simulate with a tight `rtol`.
 
     Raises ValueError if f(x) is no finite number.
     """
     dynamic, static = eqx.partition(x, eqx.is_inexact_array_like)
     start, unravel = ravel_pytree(jax.tree.map(jnp.asarray, dynamic))
     # A function that is compiled already would keep the mode that it was compiled with.
-    plain = inspect.unwrap(f)
+    plain = f
+    while hasattr(plain, "lower") and hasattr(plain, "__wrapped__"):
+        plain = plain.__wrapped__
 
     def value(flat):  # type: ignore[no-untyped-def]
         return plain(eqx.combine(unravel(flat), static))
@@ -81,23 +85,32 @@ def check_gradient(f: Callable[[Any], Any], x: Any, *, step: float = _STEP) -> G
     reverse = jax.jit(jax.grad(value))(start)
     with forward_mode():
         forward = jax.jit(jax.jacfwd(value))(start)
-        central = _differences(value, start, step)
+        sizes = jax.tree.map(_size, unravel(start))
+        flat, _ = ravel_pytree(sizes)
+        central = _differences(value, start, step * flat)
     trees = [unravel(gradient) for gradient in (reverse, forward, central)]
-    # A derivative below this is rounding of f.
+    # A change of f by less, for a change of a parameter by its own size, is rounding.
     least = float(jnp.sqrt(jnp.finfo(start.dtype).eps) * jnp.abs(found))
-    errors = [(_error(least, *values), path) for path, *values in _leaves(*trees)]
+    errors = [(_error(least, *values), path) for path, *values in _leaves(sizes, *trees)]
     error, part = max(errors, default=(0.0, ""))
-    return GradientCheck(trees[0], trees[1], trees[2], error, part, least)
+    return GradientCheck(trees[0], trees[1], trees[2], error, part, sizes, least)
 
 
-def _differences(value: Callable, start: Any, step: float) -> Any:
+def _size(x: Any) -> Any:
+    """How large parameters are; those that are zero, or as good as, are like the largest beside
+    them, or like one.
+    """
+    largest = jnp.max(jnp.abs(x), initial=0.0)
+    typical = jnp.where(largest > _ZERO, largest, 1.0)
+    return jnp.where(jnp.abs(x) > _SMALL * typical, jnp.abs(x), typical)
+
+
+def _differences(value: Callable, start: Any, steps: Any) -> Any:
     evaluate = jax.jit(value)
     slopes = []
-    for unit, size in zip(
-        jnp.eye(len(start)), jnp.where(start == 0, 1, jnp.abs(start)), strict=True
-    ):
+    for unit, step in zip(jnp.eye(len(start)), steps, strict=True):
         quotients = []
-        for h in (step * size, 2 * step * size):
+        for h in (step, 2 * step):
             quotients.append((evaluate(start + h * unit) - evaluate(start - h * unit)) / (2 * h))
         slopes.append((4 * quotients[0] - quotients[1]) / 3)
     return jnp.stack(slopes)
@@ -112,9 +125,11 @@ def _leaves(*trees: Any) -> list[tuple[Any, ...]]:
     return list(zip(paths, *columns, strict=True))
 
 
-def _error(least: float, *values: np.ndarray) -> float:
-    """How far the values part, relative to the largest; of NaNs, infinitely far."""
-    stacked = np.stack(values)
+def _error(least: float, size: np.ndarray, *values: np.ndarray) -> float:
+    """How far the values part for changes by the sizes of the parameters, relative to the largest;
+    of NaNs, infinitely far.
+    """
+    stacked = size * np.stack(values)
     if not stacked.size:
         return 0.0
     if not np.all(np.isfinite(stacked)):

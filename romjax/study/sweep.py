@@ -16,7 +16,7 @@ from jax.experimental import multihost_utils
 from jax.sharding import Mesh, PartitionSpec
 from tqdm import tqdm
 
-from ..integrate.trajectory import REMEDIES, Status
+from ..integrate.trajectory import REMEDIES, Status, Trajectory
 
 # Lanes of a chunk on one device. The arrays of some hundred small mechanisms still fit into a
 # core's cache; fewer leave it idle, more gain nothing.
@@ -61,13 +61,14 @@ def sweep(
 
     **Arguments:**
 
-    - `function`: from the parameters of one lane to a pytree of arrays. If what it returns is a
-      Trajectory, or has an attribute or a key `status`, that says whether the lane failed; else it
-      failed if a number is not finite. Simulate with `throw=False` in it.
+    - `function`: from the parameters of one lane to a pytree of arrays. A Trajectory in it, or a
+      key `status`, says whether the lane failed; without any, it failed if a number is not finite.
+      Simulate with `throw=False` in it.
     - `parameters`: a pytree of arrays with a leading axis of lanes.
     - `chunk`: lanes of a chunk; 256 for each device unless given.
     - `path`: a folder for the results of each chunk. A sweep that was interrupted, at any moment,
-      goes on where it was.
+      goes on where it was. Parameters and the form of the results are compared with what is there;
+      what `function` does is not.
     - `progress`: show a progress bar.
 
     Raises ValueError for parameters without a common number of lanes, or a folder that holds
@@ -85,12 +86,15 @@ def sweep(
     devices = jax.local_devices()
     if chunk is not None and chunk < 1:
         raise ValueError(f"sweep: chunk={chunk}, but a chunk has at least one lane.")
-    chunk = min(chunk or _LANES * len(devices), lanes)
+    # A whole number of lanes for each device; the last chunk is filled up.
+    chunk = chunk or len(devices) * -(-min(_LANES * len(devices), lanes) // len(devices))
     devices = devices[: math.gcd(chunk, len(devices))]
     run = _program(function, devices)
     first = jax.tree.map(lambda x: jnp.asarray(x)[:1], parameters)
     shapes = jax.eval_shape(jax.vmap(lambda p: _with_status(function(p))), first)
-    store = _Store.open(path, arrays, lanes, chunk, shapes)
+    if path is None and jax.process_count() > 1:
+        raise ValueError("sweep: several processes need a `path` to exchange their results.")
+    store = _Store.open(path, parameters, lanes, chunk, shapes)
     count = -(-lanes // chunk)
     with tqdm(total=lanes, disable=not progress, desc="sweep", unit=" lanes") as bar:
         for number in range(count):
@@ -131,10 +135,15 @@ def _program(function: Callable, devices: list[jax.Device]) -> Callable:
 def _with_status(result: Any) -> tuple[Any, jax.Array]:
     """What a function returns as arrays, and its status."""
     result = jax.tree.map(jnp.asarray, result)
-    status = result.get("status") if isinstance(result, dict) else getattr(result, "status", None)
-    if status is None:
-        leaves = jax.tree.leaves(result)
-        finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in leaves]))
+    nodes = jax.tree.leaves(result, is_leaf=lambda x: isinstance(x, Trajectory))
+    known = [node.status for node in nodes if isinstance(node, Trajectory)]
+    if isinstance(result, dict) and "status" in result:
+        known.append(result["status"])
+    if known:
+        status = jnp.max(jnp.stack(known))  # success is zero
+    else:
+        floats = [x for x in jax.tree.leaves(result) if jnp.issubdtype(x.dtype, jnp.inexact)]
+        finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in floats]))
         status = jnp.where(finite, Status.SUCCESS, Status.NOT_FINITE)
     return result, status
 
@@ -147,17 +156,16 @@ class _Store:
         self.done: dict[int, list[np.ndarray]] = {}
 
     @classmethod
-    def open(
-        cls, path: Any, arrays: list[np.ndarray], lanes: int, chunk: int, shapes: Any
-    ) -> "_Store":
+    def open(cls, path: Any, parameters: Any, lanes: int, chunk: int, shapes: Any) -> "_Store":
         if path is None:
             return cls(None)
         folder = Path(path)
         folder.mkdir(parents=True, exist_ok=True)
-        digest = hashlib.sha256()
-        for x in arrays:
+        digest = hashlib.sha256(str(jax.tree.structure(parameters)).encode())
+        for x in map(np.asarray, jax.tree.leaves(parameters)):
             digest.update(f"{x.dtype}{x.shape}".encode() + np.ascontiguousarray(x).tobytes())
-        results = [f"{x.dtype}{list(x.shape[1:])}" for x in jax.tree.leaves(shapes)]
+        results = [str(jax.tree.structure(shapes))]
+        results += [f"{x.dtype}{list(x.shape[1:])}" for x in jax.tree.leaves(shapes)]
         wanted = {
             "lanes": lanes,
             "chunk": chunk,
@@ -189,7 +197,7 @@ class _Store:
             self.done[number] = leaves
             return
         file = self._file(number)
-        part = file.with_suffix(f".{os.getpid()}.part")
+        part = file.with_suffix(f".{jax.process_index()}-{os.getpid()}.part")
         with part.open("wb") as stream:
             np.savez(stream, *leaves)
             stream.flush()
@@ -202,13 +210,13 @@ class _Store:
         for number in range(count):
             if number in self.done:
                 parts.append(self.done[number])
-            elif self.has(number):
-                with np.load(self._file(number)) as kept:
-                    parts.append([kept[f"arr_{i}"] for i in range(len(kept.files))])
+                continue
+            with np.load(self._file(number)) as kept:
+                parts.append([kept[f"arr_{i}"] for i in range(len(kept.files))])
         return [np.concatenate(x) for x in zip(*parts, strict=True)]
 
 
 def _write(file: Path, content: bytes) -> None:
-    part = file.with_suffix(f".{os.getpid()}.part")
+    part = file.with_suffix(f".{jax.process_index()}-{os.getpid()}.part")
     part.write_bytes(content)
     part.replace(file)

@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 from ..integrate.adjoint import forward_mode
 from ..integrate.simulate import simulate
+from ..integrate.trajectory import Status
 from ..scene.fields import Vector
 from ..system.base import AbstractSystem
 from ..system.reduced.base import AbstractReducedSystem
@@ -103,6 +104,8 @@ def tune_baumgarte(
     frequency = float(system.frequencies(ts[0], system.q0, system.v0).rigid)
     omega = max(frequency, 2 * np.pi / float(ts[-1] - ts[0]))
     first = Baumgarte.critical(jnp.asarray(omega)) if start is None else start
+    if steps < 1:
+        raise ValueError(f"tune_baumgarte: steps={steps}, but the search takes at least one.")
     if not all(bool(jnp.all(x > 0)) for x in (first.alpha, first.beta)):
         raise ValueError(f"tune_baumgarte: start={first} must be positive; logarithms are tuned.")
 
@@ -123,6 +126,8 @@ def tune_baumgarte(
         loss = _log_mean(states.violation) + _log_mean(states.rate)
         if cost:
             loss += cost * jnp.mean(jnp.log1p(_root(stabilization) / omega))
+        # A run that failed, or whose start is not one, says nothing of its stabilisation.
+        loss = jnp.where(run.status == Status.SUCCESS, loss, jnp.nan)
         return loss, jnp.max(jnp.abs(states.violation))
 
     optimizer = optax.inject_hyperparams(optax.adam)(learning_rate=rate)
@@ -136,7 +141,9 @@ def tune_baumgarte(
 
         gradient, (loss, drift) = jax.jacfwd(both, has_aux=True)(logs)
         updates, state = optimizer.update(gradient, state)
-        finite = jnp.isfinite(loss) & jnp.all(jnp.isfinite(jnp.stack(jax.tree.leaves(gradient))))
+        finite = jnp.isfinite(loss)
+        for slope in jax.tree.leaves(gradient):
+            finite &= jnp.all(jnp.isfinite(slope))
         return optax.apply_updates(logs, updates), state, loss, drift, finite
 
     logs = jax.tree.map(jnp.log, first)
@@ -149,7 +156,7 @@ def tune_baumgarte(
                 if not path:
                     raise ValueError(
                         f"tune_baumgarte: a run with start={first} fails, or does not drift at "
-                        "all; start elsewhere."
+                        "all; simulate it to see why, and start elsewhere."
                     )
                 shorter = _SHORTER * state.hyperparams["learning_rate"]
                 logs, state = best[1], optimizer.init(best[1])
@@ -171,7 +178,7 @@ def tune_baumgarte(
 
 
 def _log_mean(x: Float[Array, "k m"]) -> Array:
-    """log⟨x²⟩; what is zero at the start, exactly, is no violation of rounding size."""
+    """log⟨x²⟩."""
     return jnp.log(jnp.mean(x**2))
 
 
