@@ -55,9 +55,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Simulate a scene, reduce it by POD and SOD in both formulations, compare, "
         "print the table and write figures, an animation and the trajectories.",
     )
-    run.add_argument("scene", help="name of a ready scene, or a Python file that defines `scene`")
-    run.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (romjax-NAME)")
-    run.add_argument("--end", type=float, metavar="S", help="simulated time (that of the scene)")
+    _add_scene(run)
     run.add_argument("--rate", type=float, metavar="HZ", help="sample rate (that of the scene)")
     run.add_argument("--rtol", type=float, default=1e-8, help="tolerance of all runs (1e-8)")
     run.add_argument("--pod-rank", type=int, metavar="R", help="modes of POD (drop point)")
@@ -70,14 +68,19 @@ def _parser() -> argparse.ArgumentParser:
         description="Find the parameters of Baumgarte's stabilisation that keep the constraints of "
         "a scene best, and write a figure of the search.",
     )
-    tune.add_argument("scene", help="name of a ready scene, or a Python file that defines `scene`")
-    tune.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (romjax-NAME)")
-    tune.add_argument("--end", type=float, metavar="S", help="simulated time (that of the scene)")
+    _add_scene(tune)
     tune.add_argument("--rtol", type=float, default=1e-6, help="tolerance of the runs (1e-6)")
     tune.add_argument("--dt", type=float, metavar="S", help="a fixed step instead")
     tune.add_argument("--steps", type=int, default=300, help="most steps of the search (300)")
     tune.set_defaults(verb=_tune)
     return parser
+
+
+def _add_scene(verb: argparse.ArgumentParser) -> None:
+    """What every verb that simulates asks for."""
+    verb.add_argument("scene", help="name of a ready scene, or a Python file that defines `scene`")
+    verb.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (romjax-NAME)")
+    verb.add_argument("--end", type=float, metavar="S", help="simulated time (that of the scene)")
 
 
 def _scenes(options: argparse.Namespace) -> int:

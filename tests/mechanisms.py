@@ -7,6 +7,8 @@ import numpy as np
 import romjax as rj
 from romjax.scene.marker import Pose, Twist, Wrench
 
+GRAVITY = 9.81
+
 
 class RK4(diffrax.AbstractERK):
     """The classical Runge–Kutta method, for steps of a given size."""
@@ -39,6 +41,17 @@ class Torque(rj.AbstractMarkerEffect):
 
     def check(self):
         pass
+
+
+def point_pendulum() -> rj.CustomSystem:
+    """A point mass of 1 kg on a massless bar of 1 m, level and at rest."""
+    return rj.CustomSystem(
+        lambda q: jnp.eye(2),
+        lambda t, q, v: jnp.array([0.0, -GRAVITY]),
+        lambda t, q: 0.5 * (q @ q - 1)[None],
+        q0=[1.0, 0.0],
+        v0=[0.0, 0.0],
+    )
 
 
 def bar(name, start, end, mass=1.0, velocity=(0.0, 0.0, 0.0)) -> rj.RigidBody:

@@ -4,12 +4,11 @@ import diffrax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from mechanisms import RK4, linkage
+from mechanisms import GRAVITY, RK4, linkage, point_pendulum
 from tolerances import IDENTITY
 
 import romjax as rj
 
-GRAVITY = 9.81
 # Required figures, case by case.
 LONG_ENERGY, LONG_DRIFT = 5e-4, 1e-12  # 1000 s in steps of 0.01 s
 ADAPTIVE_ENERGY, ADAPTIVE_DRIFT = 1e-6, 1e-10  # 2000 s
@@ -19,14 +18,7 @@ DECAY = 0.01
 
 @pytest.fixture(scope="module")
 def pendulum() -> rj.CustomSystem:
-    """A point mass of 1 kg on a massless bar of 1 m, level and at rest."""
-    return rj.CustomSystem(
-        lambda q: jnp.eye(2),
-        lambda t, q, v: jnp.array([0.0, -GRAVITY]),
-        lambda t, q: 0.5 * (q @ q - 1)[None],
-        q0=[1.0, 0.0],
-        v0=[0.0, 0.0],
-    )
+    return point_pendulum()
 
 
 def energy_error(motion) -> float:

@@ -5,12 +5,11 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from mechanisms import RK4
+from mechanisms import GRAVITY, RK4, point_pendulum
 from test_hard_cases import four_bar
 
 import romjax as rj
 
-GRAVITY = 9.81
 # Required: how near to 1.6 ω and ω², and how much more accurate than the start.
 NEAR, BETTER = 0.2, 30
 # Required of mechanisms: less drift than without stabilisation, in no more steps.
@@ -19,14 +18,7 @@ LESS, STEPS = 10, 1.1
 
 @pytest.fixture(scope="module")
 def pendulum() -> rj.CustomSystem:
-    """A point mass of 1 kg on a massless bar of 1 m, level and at rest."""
-    return rj.CustomSystem(
-        lambda q: jnp.eye(2),
-        lambda t, q, v: jnp.array([0.0, -GRAVITY]),
-        lambda t, q: 0.5 * (q @ q - 1)[None],
-        q0=[1.0, 0.0],
-        v0=[0.0, 0.0],
-    )
+    return point_pendulum()
 
 
 @pytest.mark.filterwarnings("ignore:The stabilisation and not the mechanism")

@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import io
 import json
 import math
 import os
@@ -74,7 +75,8 @@ def sweep(
     Raises ValueError for parameters without a common number of lanes, or a folder that holds
     another sweep.
     """
-    arrays = [np.asarray(x) for x in jax.tree.leaves(parameters)]
+    parameters = jax.tree.map(np.asarray, parameters)
+    arrays = jax.tree.leaves(parameters)
     counts = {x.shape[:1] for x in arrays}
     if len(counts) != 1 or counts in ({()}, {(0,)}):
         shapes = ", ".join(str(x.shape) for x in arrays) or "none"
@@ -86,11 +88,11 @@ def sweep(
     devices = jax.local_devices()
     if chunk is not None and chunk < 1:
         raise ValueError(f"sweep: chunk={chunk}, but a chunk has at least one lane.")
-    # A whole number of lanes for each device; the last chunk is filled up.
+    # A whole number of lanes for each device.
     chunk = chunk or len(devices) * -(-min(_LANES * len(devices), lanes) // len(devices))
     devices = devices[: math.gcd(chunk, len(devices))]
     run = _program(function, devices)
-    first = jax.tree.map(lambda x: jnp.asarray(x)[:1], parameters)
+    first = jax.tree.map(lambda x: jnp.asarray(x[:1]), parameters)
     shapes = jax.eval_shape(jax.vmap(lambda p: _with_status(function(p))), first)
     if path is None and jax.process_count() > 1:
         raise ValueError("sweep: several processes need a `path` to exchange their results.")
@@ -102,7 +104,7 @@ def sweep(
             here = np.minimum(np.arange(number * chunk, (number + 1) * chunk), lanes - 1)
             own = min(chunk, lanes - number * chunk)
             if not store.has(number) and number % jax.process_count() == jax.process_index():
-                found = run(jax.tree.map(lambda x, here=here: np.asarray(x)[here], parameters))
+                found = run(jax.tree.map(lambda x, here=here: x[here], parameters))
                 store.put(number, [np.asarray(x)[:own] for x in jax.tree.leaves(found)])
             bar.update(own)
     if jax.process_count() > 1:
@@ -120,10 +122,9 @@ def _program(function: Callable, devices: list[jax.Device]) -> Callable:
         values, status = _with_status(function(parameters))
 
         def hide(x):  # type: ignore[no-untyped-def]
-            return jnp.where(status == Status.SUCCESS, x, jnp.nan)
+            return jnp.where(status == Status.SUCCESS, x, jnp.nan) if _is_float(x) else x
 
-        inexact = jax.tree.map(lambda x: jnp.issubdtype(x.dtype, jnp.inexact), values)
-        return jax.tree.map(lambda x, float_: hide(x) if float_ else x, values, inexact), status
+        return jax.tree.map(hide, values), status
 
     mesh = Mesh(np.array(devices), ("lanes",))
     spread = jax.shard_map(
@@ -142,10 +143,14 @@ def _with_status(result: Any) -> tuple[Any, jax.Array]:
     if known:
         status = jnp.max(jnp.stack(known))  # success is zero
     else:
-        floats = [x for x in jax.tree.leaves(result) if jnp.issubdtype(x.dtype, jnp.inexact)]
+        floats = filter(_is_float, jax.tree.leaves(result))
         finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in floats]))
         status = jnp.where(finite, Status.SUCCESS, Status.NOT_FINITE)
     return result, status
+
+
+def _is_float(x: jax.Array) -> bool:
+    return jnp.issubdtype(x.dtype, jnp.inexact)
 
 
 class _Store:
@@ -162,7 +167,7 @@ class _Store:
         folder = Path(path)
         folder.mkdir(parents=True, exist_ok=True)
         digest = hashlib.sha256(str(jax.tree.structure(parameters)).encode())
-        for x in map(np.asarray, jax.tree.leaves(parameters)):
+        for x in jax.tree.leaves(parameters):
             digest.update(f"{x.dtype}{x.shape}".encode() + np.ascontiguousarray(x).tobytes())
         results = [str(jax.tree.structure(shapes))]
         results += [f"{x.dtype}{list(x.shape[1:])}" for x in jax.tree.leaves(shapes)]
@@ -196,16 +201,12 @@ class _Store:
         if self.folder is None:
             self.done[number] = leaves
             return
-        file = self._file(number)
-        part = file.with_suffix(f".{jax.process_index()}-{os.getpid()}.part")
-        with part.open("wb") as stream:
-            np.savez(stream, *leaves)
-            stream.flush()
-            os.fsync(stream.fileno())
-        part.replace(file)  # all of it or nothing, whenever the process ends
+        content = io.BytesIO()
+        np.savez(content, *leaves)
+        _write(self._file(number), content.getbuffer())
 
     def collect(self, count: int) -> list[np.ndarray]:
-        """The arrays of all chunks that are there, one after the other."""
+        """The arrays of all chunks, one after the other."""
         parts = []
         for number in range(count):
             if number in self.done:
@@ -216,7 +217,11 @@ class _Store:
         return [np.concatenate(x) for x in zip(*parts, strict=True)]
 
 
-def _write(file: Path, content: bytes) -> None:
+def _write(file: Path, content: bytes | memoryview) -> None:
+    """All of it or nothing, whenever the process ends."""
     part = file.with_suffix(f".{jax.process_index()}-{os.getpid()}.part")
-    part.write_bytes(content)
+    with part.open("wb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
     part.replace(file)

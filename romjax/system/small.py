@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 # Up to here an elimination is written out; a call of LAPACK costs as much as a 6 × 6 inverse.
 _WRITTEN_OUT = 6
+# Up to here it is a loop, which XLA can compile with the loops around it; it cannot with LAPACK.
 _LOOPED = 24
 # Up to here a sum of products is fused with what is around it; beyond, a product of its own is
 # faster, since XLA computes the factors again for each product: terms of each sum; and of a single
