@@ -12,6 +12,9 @@ _FLAGS = (
     # Loops of small arrays become one function instead of a list of kernels, each of which costs
     # more to start than to run.
     "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=131072",
+    # Sums over small axes stay in the loops around them. A library for large ones would take them
+    # out, one call for each: that halves the rate of batches.
+    "--xla_cpu_experimental_ynn_fusion_type=",
 )
 
 

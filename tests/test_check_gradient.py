@@ -137,6 +137,21 @@ def test_it_says_where_a_gradient_is_wrong():
     assert right.error <= DIFFERENCED
 
 
+def test_a_compiled_function_follows_the_mode():
+    """Also one that was compiled before, in the other mode."""
+
+    @jax.jit
+    def swing(stiffness):
+        system = rj.CustomSystem(
+            lambda q: jnp.eye(1), lambda t, q, v: -stiffness * jnp.sin(q), q0=[1.0], v0=[0.0]
+        )
+        run = rj.simulate(system, jnp.linspace(0.0, 1.0, 3), solver=diffrax.Tsit5(), rtol=1e-10)
+        return run.q[-1, 0]
+
+    jax.grad(swing)(2.0)
+    assert rj.check_gradient(swing, 2.0).error <= DIFFERENCED
+
+
 def test_units_of_parameters_do_not_matter():
     """A wrong rule for a modulus of 2e11 is seen, and zeros up to rounding are no trouble."""
 

@@ -23,7 +23,7 @@ def test_flags_are_added_once_and_the_compiler_knows_them():
     done = subprocess.run(command, env=plain, capture_output=True, text=True, check=True)
     flags = done.stdout.split()
     assert flags[0] == "--xla_cpu_multi_thread_eigen=true"
-    assert len(flags) == len(set(flags)) == 3
+    assert len(flags) == len(set(flags)) == 4
 
 
 def test_too_late_is_said(monkeypatch, truth):

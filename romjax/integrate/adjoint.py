@@ -1,17 +1,18 @@
 """How simulations are differentiated where their call does not say."""
 
 import contextlib
-import contextvars
 from collections.abc import Iterator
 
 import diffrax
+import jax
 
-_chosen = contextvars.ContextVar[diffrax.AbstractAdjoint | None]("adjoint", default=None)
+# Part of the key of JAX's caches: a function that is compiled is traced again in another mode.
+_forwards = jax.make_user_context(False)
 
 
 def default_adjoint() -> diffrax.AbstractAdjoint:
     """Reverse mode with checkpoints, or what surrounds the call."""
-    return _chosen.get() or diffrax.RecursiveCheckpointAdjoint()
+    return diffrax.ForwardMode() if _forwards.value else diffrax.RecursiveCheckpointAdjoint()
 
 
 @contextlib.contextmanager
@@ -19,10 +20,7 @@ def forward_mode() -> Iterator[None]:
     """Inside, simulations without an `adjoint` of their own are differentiated forwards.
 
     With `jax.jvp`, `jax.jacfwd`, `jax.linearize`; for functions of a few parameters, which then
-    need no `adjoint=diffrax.ForwardMode()`. What JAX has compiled outside keeps its own mode.
+    need no `adjoint=diffrax.ForwardMode()`. Functions that are jitted already follow the mode too.
     """
-    token = _chosen.set(diffrax.ForwardMode())
-    try:
+    with _forwards(True):
         yield
-    finally:
-        _chosen.reset(token)

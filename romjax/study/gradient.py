@@ -68,13 +68,9 @@ def check_gradient(f: Callable[[Any], Any], x: Any, *, step: float = _STEP) -> G
     """
     dynamic, static = eqx.partition(x, eqx.is_inexact_array_like)
     start, unravel = ravel_pytree(jax.tree.map(jnp.asarray, dynamic))
-    # A function that is compiled already would keep the mode that it was compiled with.
-    plain = f
-    while hasattr(plain, "lower") and hasattr(plain, "__wrapped__"):
-        plain = plain.__wrapped__
 
     def value(flat):  # type: ignore[no-untyped-def]
-        return plain(eqx.combine(unravel(flat), static))
+        return f(eqx.combine(unravel(flat), static))
 
     shape = jax.eval_shape(value, start)
     if not isinstance(shape, jax.ShapeDtypeStruct) or shape.shape != ():

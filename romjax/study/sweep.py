@@ -1,6 +1,7 @@
 """Many variants of one computation, in chunks, over all devices, kept on disk as they come."""
 
 import dataclasses
+import functools
 import hashlib
 import io
 import json
@@ -90,8 +91,7 @@ def sweep(
         raise ValueError(f"sweep: chunk={chunk}, but a chunk has at least one lane.")
     # A whole number of lanes for each device.
     chunk = chunk or len(devices) * -(-min(_LANES * len(devices), lanes) // len(devices))
-    devices = devices[: math.gcd(chunk, len(devices))]
-    run = _program(function, devices)
+    used = tuple(devices[: math.gcd(chunk, len(devices))])
     first = jax.tree.map(lambda x: jnp.asarray(x[:1]), parameters)
     shapes = jax.eval_shape(jax.vmap(lambda p: _with_status(function(p))), first)
     if path is None and jax.process_count() > 1:
@@ -104,7 +104,7 @@ def sweep(
             here = np.minimum(np.arange(number * chunk, (number + 1) * chunk), lanes - 1)
             own = min(chunk, lanes - number * chunk)
             if not store.has(number) and number % jax.process_count() == jax.process_index():
-                found = run(jax.tree.map(lambda x, here=here: x[here], parameters))
+                found = _run(function, used, jax.tree.map(lambda x, here=here: x[here], parameters))
                 store.put(number, [np.asarray(x)[:own] for x in jax.tree.leaves(found)])
             bar.update(own)
     if jax.process_count() > 1:
@@ -114,8 +114,9 @@ def sweep(
     return Sweep(values, status)
 
 
-def _program(function: Callable, devices: list[jax.Device]) -> Callable:
-    """A chunk of lanes, compiled; a loop on one device ends without the others."""
+@functools.partial(jax.jit, static_argnums=(0, 1))
+def _run(function: Callable, devices: tuple[jax.Device, ...], chunk: Any) -> Any:
+    """A chunk of lanes, split over devices; a loop on one device ends without the others."""
     lanes = PartitionSpec("lanes")
 
     def one(parameters):  # type: ignore[no-untyped-def]
@@ -127,10 +128,9 @@ def _program(function: Callable, devices: list[jax.Device]) -> Callable:
         return jax.tree.map(hide, values), status
 
     mesh = Mesh(np.array(devices), ("lanes",))
-    spread = jax.shard_map(
+    return jax.shard_map(
         jax.vmap(one), mesh=mesh, in_specs=lanes, out_specs=lanes, check_vma=False
-    )
-    return jax.jit(spread)
+    )(chunk)
 
 
 def _with_status(result: Any) -> tuple[Any, jax.Array]:
