@@ -188,17 +188,19 @@ def test_a_parameter_closed_over():
 
 
 def test_a_bad_lane_is_marked_and_the_others_finish():
-    """One lane of a batch needs more steps than it has."""
+    """One lane of a batch needs more steps than it has, one is NaN and ends long before."""
 
     def run(stiffness):
         return rj.simulate(oscillator(stiffness), jnp.array([0.0, 1.0]), max_steps=100, throw=False)
 
-    batch = jax.vmap(run)(jnp.array([1.0, 1e8, 4.0]))
+    batch = jax.vmap(run)(jnp.array([1.0, 1e8, 4.0, jnp.nan]))
     assert batch.status.tolist() == [
         rj.Status.SUCCESS,
         rj.Status.MAX_STEPS,
         rj.Status.SUCCESS,
+        rj.Status.NOT_FINITE,
     ]
+    assert batch.stats["num_steps"][3] < 30
     assert np.allclose(batch.q[jnp.array([0, 2]), -1, 0], np.cos([1.0, 2.0]), rtol=0, atol=1e-5)
 
 

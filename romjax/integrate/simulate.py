@@ -158,6 +158,8 @@ def _simulate(
     # A short first step instead of diffrax's estimate, which would trace the acceleration twice
     # more; the step size control needs three steps to grow it a thousandfold.
     first = 1e-3 * rtol**0.2 * (ts[-1] - ts[0]) if dt is None else dt
+    # Time hardly advances by less; a motion that turns NaN rejects steps until it gets there.
+    least = 4 * jnp.finfo(q0.dtype).eps * jnp.maximum(jnp.abs(ts[0]), jnp.abs(ts[-1]))
     solution = diffrax.diffeqsolve(
         MotionTerm(system, baumgarte),
         settled,
@@ -167,7 +169,7 @@ def _simulate(
         y0=(q0, v0),
         saveat=diffrax.SaveAt(ts=ts),
         stepsize_controller=(
-            diffrax.PIDController(rtol=rtol, atol=atol)
+            diffrax.PIDController(rtol=rtol, atol=atol, dtmin=least, force_dtmin=False)
             if dt is None
             else diffrax.ConstantStepSize()
         ),
@@ -196,6 +198,7 @@ def _simulate(
     status = jnp.where(finite, Status.SUCCESS, Status.NOT_FINITE)
     status = jnp.where(result == diffrax.RESULTS.successful, status, Status.SOLVER_FAILED)
     status = jnp.where(result == diffrax.RESULTS.max_steps_reached, Status.MAX_STEPS, status)
+    status = jnp.where(result == diffrax.RESULTS.dt_min_reached, Status.NOT_FINITE, status)
     status = jnp.where(_consistent(start, q0, v0), status, Status.INCONSISTENT_START)
     if q0.dtype == jnp.float32:
         status = jnp.where(_resolved(system, ts[0], q0), status, Status.PRECISION)
