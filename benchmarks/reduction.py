@@ -1,8 +1,8 @@
 """What reduction saves and costs: errors and times of reduced models against the full model's best
-solver, at the same tolerance, alone and in a batch. Writes `reduction.txt` beside this file.
+solver, at the same tolerance. Writes `reduction.txt` beside this file; for many at once, see
+`batches.py`.
 """
 
-import functools
 import os
 import platform
 import time
@@ -20,7 +20,6 @@ import romjax as rj
 
 REPEATS = 7
 RTOL = 1e-8
-BATCH = 256
 SOLVERS = (rj.Rodas5P(), diffrax.Tsit5(), diffrax.Dopri8())
 PLAIN = {"adjoint": diffrax.ForwardMode(), "throw": False, "max_steps": 10_000}
 SLOW = 2.0  # [s] what takes longer is not repeated
@@ -160,54 +159,11 @@ def measure(name: str) -> list[list[str]]:
     return rows
 
 
-def batch() -> list[list[str]]:
-    """256 cart-pendulums with forces of 5 to 15 N at once, full and reduced."""
-    ts = jnp.linspace(0.0, 1.0, 101)
-
-    def system(force):  # type: ignore[no-untyped-def]
-        return rj.assemble(rj.gallery.cart_pendulum(force=force))
-
-    truth = rj.simulate(system(15.0), ts, rtol=1e-10, **PLAIN)
-    fixed = {}
-    for formulation, rank in (("galerkin", 5), ("minimal", 3)):
-        basis = rj.pod(truth, rank=rank)
-        rom = rj.reduce(system(10.0), basis, formulation)
-        kept = {"constraints": rom.m} if formulation == "galerkin" else {"chart": rom.chart}
-        fixed[formulation] = basis, kept
-
-    def run(kind, solver, force):  # type: ignore[no-untyped-def]
-        model = system(force)
-        if kind != "full":
-            basis, kept = fixed[kind]
-            model = rj.reduce(model, basis, kind, **kept)
-        return rj.simulate(model, ts, rtol=RTOL, solver=solver, **PLAIN)
-
-    forces = jnp.linspace(5.0, 15.0, BATCH)
-    models = [("full", rj.Rodas5P())]
-    models += [(kind, solver) for kind in fixed for solver in SOLVERS[1:]]
-    calls = []
-    for kind, solver in models:
-        call = jax.jit(jax.vmap(functools.partial(run, kind, solver)))
-        calls.append(lambda call=call: call(forces))
-    times, rows = least(calls), []
-    for kind in ("full", *fixed):
-        best, solver = min(
-            (taken, type(solver).__name__)
-            for (which, solver), taken in zip(models, times, strict=True)
-            if which == kind
-        )
-        ratio = f"{times[0] / best:.1f}" if kind != "full" else ""
-        rank = str(fixed[kind][0].rank) if kind != "full" else ""
-        row = [f"cart-pendulum × {BATCH}", kind, rank, solver, "", f"{1e3 * best:.1f}", "", ratio]
-        rows.append(row)
-    return rows
-
-
 def main() -> None:
     """Measure all scenes and write the table."""
     rj.speed_up_xla()
     jax.config.update("jax_enable_x64", True)
-    rows = [row for name in tqdm(CASES) for row in measure(name)] + batch()
+    rows = [row for name in tqdm(CASES) for row in measure(name)]
     header = ["scene", "model", "r", "method", "steps", "ms", "error", "speed-up"]
     table = tabulate([header, *rows], headers="firstrow", tablefmt="plain", disable_numparse=True)
     text = (

@@ -1,7 +1,6 @@
-"""Gradients three ways: of scenes, of published problems, and of functions that are wrong."""
+"""Gradients three ways: of published problems, and of functions that are wrong."""
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,38 +13,6 @@ from romjax.system.consistent import project
 
 # Required of published gradients.
 SUNDIALS, SIMEON = 1e-6, 1e-5
-
-
-def last(run):
-    """One number from all coordinates at the end."""
-    return jnp.sum(run.q[-1] * jnp.cos(jnp.arange(run.q.shape[1]))) + jnp.sum(run.v[-1] ** 2)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "scene", [rj.gallery.cart_pendulum(f2=60.0), rj.gallery.chain(2)], ids=["cart", "chain"]
-)
-def test_every_parameter_of_a_scene(scene):
-    """Numbers that no constraint ties to others: all but the places of bodies and markers."""
-    values, rest = eqx.partition(scene, free_numbers(scene))
-
-    def f(values):
-        system = rj.assemble(eqx.combine(values, rest))
-        ts = jnp.linspace(0.0, 0.1, 3)
-        return last(rj.simulate(system, ts, rtol=1e-11, solver=diffrax.Dopri8(), throw=False))
-
-    found = rj.check_gradient(f, values)
-    assert found.error <= DIFFERENCED, str(found)
-
-
-def free_numbers(scene):
-    """Which leaves may change alone, without breaking the start's constraints."""
-    names = ("mass", "inertia", "frequencies", "stiffness", "damping", "signal", "acceleration")
-
-    def free(path, leaf):
-        return eqx.is_inexact_array(leaf) and any(getattr(key, "name", "") in names for key in path)
-
-    return jax.tree_util.tree_map_with_path(free, scene)
 
 
 def slider_crank(k, c):

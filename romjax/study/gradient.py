@@ -85,8 +85,9 @@ def check_gradient(f: Callable[[Any], Any], x: Any, *, step: float = _STEP) -> G
         flat, _ = ravel_pytree(sizes)
         central = _differences(value, start, step * flat)
     trees = [unravel(gradient) for gradient in (reverse, forward, central)]
-    # A change of f by less, for a change of a parameter by its own size, is rounding.
-    least = float(jnp.sqrt(jnp.finfo(start.dtype).eps) * jnp.abs(found))
+    # Rounding of f leaves differences an error of eps / step; changes of f by its root, for a
+    # change of a parameter by its own size, are the least that they show to as many digits.
+    least = float(jnp.sqrt(jnp.finfo(start.dtype).eps / step) * jnp.abs(found))
     errors = [(_error(least, *values), path) for path, *values in _leaves(sizes, *trees)]
     error, part = max(errors, default=(0.0, ""))
     return GradientCheck(trees[0], trees[1], trees[2], error, part, sizes, least)

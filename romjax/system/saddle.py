@@ -87,7 +87,7 @@ class Saddle(eqx.Module):
             return a[:, 0], multipliers[:, 0]
         layout = self.topology
         if self.factor is None:
-            return layout.join(self._solve_mass(layout.split(force))), gamma
+            return self.solve_mass(force), gamma
         size = layout.n
 
         # One vector, not a pair: a pair of which only one half is differentiated has no transpose.
@@ -109,13 +109,15 @@ class Saddle(eqx.Module):
         )
         return found[:size], found[size:]
 
-    def _solve_mass(self, force: Blocks) -> Blocks:
-        return jax.lax.custom_linear_solve(
+    def solve_mass(self, force: Float[Array, "n k"]) -> Float[Array, "n k"]:
+        """M⁻¹ force."""
+        free = jax.lax.custom_linear_solve(
             lambda a: _apply(self.mass, a),
-            force,
+            self.topology.split(force),
             lambda _, force: _apply(self.inverse_mass, force),
             symmetric=True,
         )
+        return self.topology.join(free)
 
     def _solve(self, force: Blocks, gamma: Blocks, project: bool) -> Float[Array, "whole k"]:
         factor = self.factor

@@ -60,9 +60,10 @@ def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstrai
 
     def reduced(t, z):  # type: ignore[no-untyped-def]
         q = basis.offset + basis.modes @ z
-        saddle = system.saddle(t, q)
-        scale = saddle.topology.join_rows(saddle.scale)
-        return scale[:, None] * system.jacobian(t, q) @ basis.modes, scale
+        rows = system.jacobian(t, q)
+        squares = jnp.sum(rows.T * system.saddle(t, q).solve_mass(rows.T), axis=0)
+        scale = 1 / jnp.sqrt(jnp.where(squares > 0, squares, 1))
+        return scale[:, None] * rows @ basis.modes, scale
 
     rows, scales = jax.vmap(reduced)(t, z)
     recording = basis.recording

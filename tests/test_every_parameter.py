@@ -1,0 +1,84 @@
+"""Gradients of ready scenes by every parameter, three ways: full, reduced, in a batch."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import pytest
+from jax.tree_util import tree_map_with_path
+from tolerances import DIFFERENCED
+
+import romjax as rj
+
+THROUGH = 1e-5  # required of a gradient through a basis
+SCENES = {"cart": rj.gallery.cart_pendulum(f2=60.0), "chain": rj.gallery.chain(2)}
+RANKS = {"cart": {"galerkin": 5, "minimal": 3}, "chain": {"galerkin": 4, "minimal": 2}}
+TIMES = jnp.linspace(0.0, 0.1, 11)
+# Fixed steps: a step size control makes the motion jump in its parameters by its tolerance, which
+# a difference quotient would divide by its step.
+FIXED = {"dt": 1e-3, "solver": diffrax.Dopri8(), "throw": False}
+
+
+def trained(scene, kind):
+    """A basis of the motion of a scene, and what of the reduced model no parameter changes."""
+    system = rj.assemble(SCENES[scene])
+    basis = rj.pod(rj.simulate(system, TIMES, **FIXED), rank=RANKS[scene][kind])
+    rom = rj.reduce(system, basis, kind)
+    return basis, {"constraints": rom.m} if kind == "galerkin" else {"chart": rom.chart}
+
+
+def last(run):
+    """One number from all coordinates at the end."""
+    return jnp.sum(run.q[-1] * jnp.cos(jnp.arange(run.q.shape[1]))) + jnp.sum(run.v[-1] ** 2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("batched", [False, True], ids=["alone", "batch"])
+@pytest.mark.parametrize("kind", ["full", "galerkin", "minimal"])
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_parameter_of_a_scene(scene, kind, batched):
+    """Of the full model and of reduced ones of one basis; alone, and where others run beside."""
+    values, rest = eqx.partition(SCENES[scene], eqx.is_inexact_array)
+    if scene == "cart":  # differences need to know how large an amplitude is
+        values = eqx.tree_at(lambda s: s.bodies[1].amplitudes, values, jnp.array([1e-4, 1e-5]))
+    basis, fixed = trained(scene, kind) if kind != "full" else (None, {})
+
+    def end(factor, values):
+        system = rj.assemble(eqx.combine(jax.tree.map(lambda x: factor * x, values), rest))
+        if kind != "full":
+            system = rj.reduce(system, basis, kind, **fixed)
+        return last(rj.simulate(system, TIMES, **FIXED))
+
+    def f(values):
+        if batched:
+            return jnp.sum(jax.vmap(end, (0, None))(jnp.array([1.0, 1.02]), values))
+        return end(1.0, values)
+
+    found = rj.check_gradient(f, values)
+    assert found.error <= DIFFERENCED, str(found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["galerkin", "minimal"])
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_parameter_through_the_basis(scene, kind):
+    """Of a reduced run whose basis comes from the run of the same scene.
+
+    Of parameters that leave the start on the constraints: a violation adds a direction of its own
+    to the motion, which is among the leading ones at once.
+    """
+    names = ("mass", "inertia", "frequencies", "stiffness", "damping", "signal", "acceleration")
+
+    def free(path, leaf):
+        return eqx.is_inexact_array(leaf) and any(getattr(key, "name", "") in names for key in path)
+
+    values, rest = eqx.partition(SCENES[scene], tree_map_with_path(free, SCENES[scene]))
+    _, fixed = trained(scene, kind)
+
+    def f(values):
+        system = rj.assemble(eqx.combine(values, rest))
+        basis = rj.pod(rj.simulate(system, TIMES, **FIXED), rank=RANKS[scene][kind])
+        return last(rj.simulate(rj.reduce(system, basis, kind, **fixed), TIMES, **FIXED))
+
+    found = rj.check_gradient(f, values)
+    assert found.error <= THROUGH, str(found)
