@@ -104,7 +104,7 @@ PARTS = {
     ),
     "force without signal": (
         lambda: rj.Force(bar().at(), (1.0, 0.0), 10.0),
-        r"Force: signal is 10\.0; give a signal such as Constant\(10\.0\)",
+        r"signal is 10\.0; give a signal such as Constant\(10\.0\)",
     ),
     "table that goes back": (
         lambda: rj.Force(bar().at(), (1.0, 0.0), rj.Table([0.0, 2.0, 1.0], [0.0, 1.0, 2.0])),

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .fields import Number, SceneError, Vector, check_finite, check_shape, number
@@ -15,6 +16,14 @@ class Pose(NamedTuple):
 
     position: Float[Array, "2"]  # [m]
     angle: Float[Array, ""]  # [rad]
+
+    def along(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        """The local x of a point of the inertial frame [m]."""
+        return jnp.stack([jnp.cos(self.angle), jnp.sin(self.angle)]) @ (point - self.position)
+
+    def across(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        """The local y of a point of the inertial frame [m]."""
+        return jnp.stack([-jnp.sin(self.angle), jnp.cos(self.angle)]) @ (point - self.position)
 
 
 class Twist(NamedTuple):

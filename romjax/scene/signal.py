@@ -1,17 +1,30 @@
 """Signals: numbers that change with time. Their parameters are traced, their kind is static."""
 
 import abc
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .fields import SceneError, Time, as_array, check_finite, check_shape, concrete, number
+from .fields import (
+    SceneError,
+    Time,
+    as_array,
+    check_finite,
+    check_positive,
+    check_shape,
+    concrete,
+    number,
+)
 
 
 class AbstractSignal(eqx.Module):
     """A function of time [s]; subclass it with one `__call__` for a signal of your own."""
+
+    # Whether it has two continuous derivatives, as a motion has that finite forces can follow.
+    smooth: ClassVar[bool] = True
 
     @abc.abstractmethod
     def __call__(self, t: Time) -> Float[Array, ""]:
@@ -20,6 +33,20 @@ class AbstractSignal(eqx.Module):
     def check(self, owner: str) -> None:
         for name, value in vars(self).items():
             check_finite(owner, f"{type(self).__name__}.{name}", as_array(value))
+
+
+def signal_field() -> Any:
+    """A field that holds a signal."""
+    return eqx.field(converter=_as_signal)
+
+
+def _as_signal(value: Any) -> AbstractSignal:
+    if not isinstance(value, AbstractSignal):
+        raise SceneError(
+            f"signal is {value!r}; give a signal such as Constant(10.0) "
+            "or Sine(10.0, frequency=2.0)."
+        )
+    return value
 
 
 class Constant(AbstractSignal):
@@ -46,6 +73,8 @@ class Sine(AbstractSignal):
 class Table(AbstractSignal):
     """Values at given times [s], joined by straight lines, constant beyond both ends."""
 
+    smooth: ClassVar[bool] = False
+
     times: Float[Array, " k"] = number()
     values: Float[Array, " k"] = number()
 
@@ -59,3 +88,47 @@ class Table(AbstractSignal):
         times = concrete(self.times)
         if times is not None and not np.all(np.diff(times) > 0):
             raise SceneError(f"{owner}: Table.times must increase, but they are {times}.")
+
+
+class Chirp(AbstractSignal):
+    """`amplitude * sin(...)` whose frequency grows by `rate` [Hz/s] from `frequency` [Hz]."""
+
+    amplitude: Float[Array, ""] = number()
+    frequency: Float[Array, ""] = number()
+    rate: Float[Array, ""] = number()
+
+    def __call__(self, t: Time) -> Float[Array, ""]:
+        return self.amplitude * jnp.sin(2 * jnp.pi * (self.frequency + self.rate * t / 2) * t)
+
+
+class Step(AbstractSignal):
+    """Zero before the time `start` [s], `height` after `start + duration`, smooth in between."""
+
+    height: Float[Array, ""] = number()
+    start: Float[Array, ""] = number()
+    duration: Float[Array, ""] = number()
+
+    def __call__(self, t: Time) -> Float[Array, ""]:
+        x = jnp.clip((t - self.start) / self.duration, 0.0, 1.0)
+        return self.height * x**3 * (10 - 15 * x + 6 * x**2)
+
+    def check(self, owner: str) -> None:
+        super().check(owner)
+        check_positive(owner, "Step.duration", self.duration, "A jump is a short duration.")
+
+
+class Sum(AbstractSignal):
+    """The sum of several signals."""
+
+    terms: tuple[AbstractSignal, ...]
+
+    @property
+    def smooth(self) -> bool:  # type: ignore[override]
+        return all(term.smooth for term in self.terms)
+
+    def __call__(self, t: Time) -> Float[Array, ""]:
+        return jnp.sum(jnp.stack([term(t) for term in self.terms]))
+
+    def check(self, owner: str) -> None:
+        for term in self.terms:
+            term.check(owner)

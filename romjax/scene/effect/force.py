@@ -1,25 +1,15 @@
 """A force on a point."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..fields import SceneError, Time, check_finite, check_shape, concrete, number
 from ..marker import Marker, Pose, Twist, Wrench
-from ..signal import AbstractSignal
+from ..signal import AbstractSignal, signal_field
 from .base import AbstractMarkerEffect, check_markers
-
-
-def _signal(value: Any) -> AbstractSignal:
-    if not isinstance(value, AbstractSignal):
-        raise SceneError(
-            f"Force: signal is {value!r}; give a signal such as Constant(10.0) "
-            "or Sine(10.0, frequency=2.0)."
-        )
-    return value
 
 
 class Force(AbstractMarkerEffect):
@@ -34,7 +24,7 @@ class Force(AbstractMarkerEffect):
 
     at: Marker
     direction: Float[Array, "2"] = number()
-    signal: AbstractSignal = eqx.field(converter=_signal)  # type: ignore[misc]
+    signal: AbstractSignal = signal_field()
     needs_twists: ClassVar[bool] = False
 
     def __check_init__(self) -> None:

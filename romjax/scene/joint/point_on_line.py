@@ -3,7 +3,6 @@
 from typing import ClassVar
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..fields import Time
@@ -24,5 +23,4 @@ class PointOnLine(AbstractJoint):
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         del t
-        normal = jnp.stack([-jnp.sin(b.angle), jnp.cos(b.angle)])
-        return (normal @ (a.position - b.position))[None]
+        return b.across(a.position)[None]

@@ -1,0 +1,38 @@
+"""A rigid link without mass."""
+
+from typing import ClassVar
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ..fields import Time, check_finite, check_positive, check_shape, number
+from ..marker import Marker, Pose
+from .base import AbstractJoint
+
+
+class Distance(AbstractJoint):
+    """The two markers keep the distance `length` [m]; both bodies may turn.
+
+    The residual (|d|² − L²) / 2L is smooth for all d, and a small one is the error of the length.
+    """
+
+    a: Marker
+    b: Marker
+    length: Float[Array, ""] = number()
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 1
+
+    def __check_init__(self) -> None:
+        self.check()
+
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
+        del t
+        d = a.position - b.position
+        return ((d @ d - self.length**2) / (2 * self.length))[None]
+
+    def check(self) -> None:
+        super().check()
+        owner = f"joint '{self.label()}'"
+        check_shape(owner, "length", self.length, ())
+        check_finite(owner, "length", self.length)
+        check_positive(owner, "length", self.length, "Two markers in one place are a Revolute.")

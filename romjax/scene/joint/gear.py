@@ -1,0 +1,40 @@
+"""A pair of gears."""
+
+from typing import ClassVar
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ..fields import Time, check_finite, check_shape, number
+from ..marker import Marker, Pose
+from .base import AbstractJoint
+
+
+class Gear(AbstractJoint):
+    """Marker `a` turns `ratio` times as fast as marker `b`, with φ_a = ratio φ_b + offset.
+
+    The ratio is negative where gears mesh outside, positive inside or over a belt. Both wheels turn
+    on bearings of their own that hold the distance of their axes; where these sit on the ground or
+    on a body that does not turn, angles against the ground are those of the wheels.
+    """
+
+    a: Marker
+    b: Marker
+    ratio: Float[Array, ""] = number()
+    offset: Float[Array, ""] = number(0.0)
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 1
+
+    def __check_init__(self) -> None:
+        self.check()
+
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
+        del t
+        return (a.angle - self.ratio * b.angle - self.offset)[None]
+
+    def check(self) -> None:
+        super().check()
+        owner = f"joint '{self.label()}'"
+        for field in ("ratio", "offset"):
+            check_shape(owner, field, getattr(self, field), ())
+            check_finite(owner, field, getattr(self, field))

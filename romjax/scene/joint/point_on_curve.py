@@ -1,0 +1,34 @@
+"""A point that slides along a curve."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..fields import Time
+from ..marker import Marker, Pose
+from .base import AbstractJoint
+from .curve import AbstractCurve
+
+
+class PointOnCurve(AbstractJoint):
+    """Marker `a` stays on a curve in the frame of marker `b`, such as `Circle` or `Polynomial`."""
+
+    a: Marker
+    b: Marker
+    curve: AbstractCurve  # type: ignore[misc]
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 1
+
+    def __check_init__(self) -> None:
+        self.check()
+
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
+        del t
+        return self.curve(jnp.stack([b.along(a.position), b.across(a.position)]))[None]
+
+    def check(self) -> None:
+        super().check()
+        owner = f"joint '{self.label()}'"
+        self.curve.check(owner)

@@ -1,0 +1,61 @@
+"""Motions that are given as functions of time."""
+
+from typing import ClassVar
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ..fields import SceneError, Time
+from ..marker import Marker, Pose
+from ..signal import AbstractSignal, signal_field
+from .base import AbstractJoint
+
+
+class _Prescribed(AbstractJoint):
+    """What both kinds share: a signal without kinks, at which forces would be infinite."""
+
+    signal: eqx.AbstractVar[AbstractSignal]
+
+    def check(self) -> None:
+        super().check()
+        owner = f"joint '{self.label()}'"
+        self.signal.check(owner)
+        if not self.signal.smooth:
+            raise SceneError(
+                f"{owner}: signal is a {type(self.signal).__name__}, whose kinks no finite force "
+                "can follow; give a smooth one, such as a Sine, a Step or a Sum of them."
+            )
+
+
+class PrescribedAngle(_Prescribed):
+    """Marker `a` has the angle `signal(t)` [rad] against marker `b`; its multiplier is a torque."""
+
+    a: Marker
+    b: Marker
+    signal: AbstractSignal = signal_field()
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 1
+
+    def __check_init__(self) -> None:
+        self.check()
+
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
+        return (a.angle - b.angle - self.signal(t))[None]
+
+
+class PrescribedTravel(_Prescribed):
+    """Marker `a` is at x = `signal(t)` [m] in the frame of marker `b`; the multiplier is the force
+    along x.
+    """
+
+    a: Marker
+    b: Marker
+    signal: AbstractSignal = signal_field()
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 1
+
+    def __check_init__(self) -> None:
+        self.check()
+
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
+        return (b.along(a.position) - self.signal(t))[None]

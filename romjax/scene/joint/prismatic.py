@@ -1,0 +1,34 @@
+"""A slide."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..fields import Time, check_finite, check_shape, number
+from ..marker import Marker, Pose
+from .base import AbstractJoint
+
+
+class Prismatic(AbstractJoint):
+    """Marker `a` slides along the local x axis of marker `b` and keeps the angle `value` [rad]."""
+
+    a: Marker
+    b: Marker
+    value: Float[Array, ""] = number(0.0)
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 2
+
+    def __check_init__(self) -> None:
+        self.check()
+
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "2"]:
+        del t
+        return jnp.stack([b.across(a.position), a.angle - b.angle - self.value])
+
+    def check(self) -> None:
+        super().check()
+        owner = f"joint '{self.label()}'"
+        check_shape(owner, "value", self.value, ())
+        check_finite(owner, "value", self.value)

@@ -1,0 +1,193 @@
+"""Joints: identities that all share, and what each does, against closed forms."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tolerances import IDENTITY, SOLVED
+
+import romjax as rj
+
+TIGHT = {"rtol": 1e-10, "solver": diffrax.Dopri8()}
+G = 9.81
+
+
+def body(name="body", **fields) -> rj.RigidBody:
+    return rj.RigidBody(name, mass=2.0, inertia=0.3, **fields)
+
+
+ONE = body("one", position=(0.4, 0.1), angle=0.3)
+TWO = body("two", position=(1.1, -0.2), angle=-0.5)
+ENDS = ONE.at((0.2, 0.1), 0.2), TWO.at((-0.1, 0.3), -0.4)
+SWING = rj.Sine(0.3, 2.0, phase=0.4)
+JOINTS = [
+    rj.Weld(*ENDS),
+    rj.Prismatic(*ENDS, value=0.1),
+    rj.Distance(*ENDS, length=0.7),
+    rj.Gear(*ENDS, ratio=-2.5),
+    rj.PointOnCurve(*ENDS, rj.Circle(0.5)),
+    rj.PointOnCurve(*ENDS, rj.Polynomial([0.1, 0.2, -0.3])),
+    rj.PrescribedAngle(*ENDS, SWING),
+    rj.PrescribedTravel(*ENDS, SWING),
+]
+
+
+@pytest.mark.parametrize("joint", JOINTS, ids=lambda joint: type(joint).__name__)
+def test_derivatives(joint):
+    """C_q, Ċ and C_q a − γ along any motion, against JAX's derivatives of C along a parabola."""
+    system = rj.assemble(rj.Scene([ONE, TWO], [joint], [rj.Gravity()]))
+    q, v = (jnp.asarray(x) for x in np.random.default_rng(1).normal(size=(2, system.n)))
+    t = jnp.asarray(0.3)
+    wanted = jax.jacfwd(system.constraint, argnums=1)(t, q)
+    assert np.allclose(system.jacobian(t, q), wanted, rtol=0, atol=IDENTITY)
+    a, _ = system.acceleration(t, q, v)
+
+    def along(s):
+        return system.constraint(t + s, q + s * v + s**2 / 2 * a)
+
+    state = system.constraint_state(t, q, v)
+    assert np.allclose(state.violation, along(0.0), rtol=0, atol=IDENTITY)
+    rate = jax.jacfwd(along)
+    assert np.allclose(state.rate, rate(0.0), rtol=0, atol=IDENTITY)
+    size = 1 + np.max(np.abs(state.curvature))
+    assert np.allclose(jax.jacfwd(rate)(0.0), 0, rtol=0, atol=IDENTITY * size)
+
+
+def test_a_weld_makes_one_body():
+    """The acceleration of two bodies under gravity on one hinge is that of their sum."""
+    one, two = body("one", position=(0.5, 0.0)), body("two", position=(1.5, 0.0))
+    joints = [
+        rj.Revolute(one.at((-0.5, 0.0)), rj.ground.at()),
+        rj.Weld(two.at((-0.5, 0.0)), one.at((0.5, 0.0))),
+    ]
+    system = rj.assemble(rj.Scene([one, two], joints, [rj.Gravity()]))
+    a, _ = system.acceleration(0.0, system.q0, system.v0)
+    inertia = 2 * 0.3 + 2.0 * (0.5**2 + 1.5**2)
+    assert np.allclose(a[jnp.array([2, 5])], -G * 2.0 * (0.5 + 1.5) / inertia, atol=IDENTITY * G)
+
+
+def test_gears_reflect_inertia():
+    """A force on the rim of one wheel turns both: J_b + ratio² J_a."""
+    a, b = body("a", position=(1.0, 0.0)), body("b")
+    joints = [
+        rj.Revolute(a.at(), rj.ground.at((1.0, 0.0))),
+        rj.Revolute(b.at(), rj.ground.at()),
+        rj.Gear(a.at(), b.at(), ratio=-3.0),
+    ]
+    push = rj.Force(b.at((0.5, 0.0)), (0.0, 1.0), rj.Constant(4.0))
+    system = rj.assemble(rj.Scene([a, b], joints, [push]))
+    found, _ = system.acceleration(0.0, system.q0, system.v0)
+    wanted = 0.5 * 4.0 / (0.3 + 9 * 0.3)
+    assert np.allclose(found[jnp.array([5, 2])], [wanted, -3 * wanted], rtol=0, atol=SOLVED)
+
+
+def test_a_slide_on_an_incline():
+    """The way is g sin(angle) t² / 2, and the body keeps its angle."""
+    angle = -0.4
+    block = body(angle=angle)
+    slide = rj.Prismatic(block.at(), rj.ground.at((0.0, 0.0), angle))
+    system = rj.assemble(rj.Scene([block], [slide], [rj.Gravity()]))
+    run = rj.simulate(system, jnp.linspace(0.0, 1.0, 3), **TIGHT)
+    way = G * np.sin(-angle) * run.t**2 / 2
+    wanted = np.stack([way * np.cos(angle), way * np.sin(angle), 0 * way + angle], axis=1)
+    assert np.allclose(run.q, wanted, rtol=0, atol=SOLVED)
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    """A point on a string of 0.8 m, released from 1 rad: an equation of its own."""
+    ts = jnp.linspace(0.0, 2.0, 11)
+
+    def slope(t, y, args):
+        return jnp.stack([y[1], -G / 0.8 * jnp.sin(y[0])])
+
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(slope),
+        diffrax.Dopri8(),
+        0.0,
+        2.0,
+        1e-3,
+        jnp.array([1.0, 0.0]),
+        saveat=diffrax.SaveAt(ts=ts),
+        stepsize_controller=diffrax.PIDController(rtol=1e-12, atol=1e-12),
+    )
+    angle = solution.ys[:, 0]
+    return ts, 0.8 * jnp.stack([jnp.sin(angle), -jnp.cos(angle)], axis=1)
+
+
+@pytest.mark.parametrize("kind", ["Distance", "Circle"])
+def test_a_link_and_a_round_track_make_a_pendulum(pendulum, kind):
+    ts, wanted = pendulum
+    bead = body(position=wanted[0])
+    markers = bead.at(), rj.ground.at()
+    if kind == "Distance":
+        joint = rj.Distance(*markers, length=0.8)
+    else:
+        joint = rj.PointOnCurve(*markers, rj.Circle(0.8))
+    run = rj.simulate(rj.assemble(rj.Scene([bead], [joint], [rj.Gravity()])), ts, **TIGHT)
+    assert np.allclose(run.q[:, :2], wanted, rtol=0, atol=SOLVED)
+
+
+def test_prescribed_motion():
+    """A wheel whose angle is given takes the torque J φ̈, and a cart the force m ẍ."""
+    wheel, cart = body("wheel"), body("cart", position=(0.0, 1.0))
+    angle, travel = rj.Sine(0.2, 1.5, phase=np.pi / 2), rj.Step(0.4, 0.1, 0.8)
+    joints = [
+        rj.Revolute(wheel.at(), rj.ground.at()),
+        rj.PrescribedAngle(wheel.at(), rj.ground.at(), angle),
+        rj.Prismatic(cart.at(), rj.ground.at((0.0, 1.0))),
+        rj.PrescribedTravel(cart.at(), rj.ground.at((0.0, 1.0)), travel),
+    ]
+    system = rj.assemble(rj.Scene([wheel, cart], joints, []))
+    ts = jnp.linspace(0.0, 1.0, 21)
+    q0 = system.q0.at[2].set(0.2)
+    run = rj.simulate(system, ts, q0=q0, stabilization=rj.Projection(), **TIGHT)
+    for place, row, signal, inertia in ((2, 2, angle, 0.3), (3, 5, travel, 2.0)):
+        assert np.allclose(run.q[:, place], jax.vmap(signal)(ts), rtol=0, atol=SOLVED)
+        push = -inertia * jax.vmap(jax.grad(jax.grad(signal)))(ts)
+        assert np.allclose(run.multipliers[:, row], push, rtol=0, atol=SOLVED * 100)
+
+
+def test_a_joint_of_ones_own():
+    """Five lines: a belt that pulls a body along as a wheel turns."""
+
+    class Belt(rj.AbstractJoint):
+        a: rj.Marker
+        b: rj.Marker
+        name: str = eqx.field(static=True, default="belt")
+        rows = 1
+
+        def residual(self, t, a, b):
+            return (a.position[0] - 0.25 * b.angle)[None]
+
+    cart, wheel = body("cart"), body("wheel")
+    system = rj.assemble(rj.Scene([cart, wheel], [Belt(cart.at(), wheel.at())], []))
+    _, multipliers = system.acceleration(0.0, system.q0, system.v0)
+    assert multipliers.shape == (1,)
+    assert np.allclose(system.jacobian(0.0, system.q0), [[1, 0, 0, 0, 0, -0.25]])
+
+
+def test_signals():
+    t = 0.7
+    assert np.isclose(rj.Chirp(2.0, 1.0, 3.0)(t), 2 * np.sin(2 * np.pi * (t + 1.5 * t**2)))
+    step = rj.Step(2.0, 0.5, 0.4)
+    assert np.allclose([step(0.4), step(0.7), step(1.0)], [0, 1, 2])
+    assert np.isclose(rj.Sum((step, rj.Constant(3.0)))(t), 4)
+
+
+def test_what_a_joint_refuses():
+    with pytest.raises(rj.SceneError, match="signal is a Table, whose kinks"):
+        rj.PrescribedAngle(*ENDS, rj.Table([0.0, 1.0], [0.0, 1.0]))
+    kinked = rj.Sum((rj.Table([0.0, 1.0], [0.0, 1.0]), SWING))
+    with pytest.raises(rj.SceneError, match="signal is a Sum, whose kinks"):
+        rj.PrescribedTravel(*ENDS, kinked)
+    with pytest.raises(rj.SceneError, match="signal is 1.0; give a signal"):
+        rj.PrescribedAngle(*ENDS, 1.0)
+    with pytest.raises(rj.SceneError, match="length is -1.*positive.*Revolute"):
+        rj.Distance(*ENDS, length=-1.0)
+    with pytest.raises(rj.SceneError, match="Circle.radius is 0.*positive"):
+        rj.PointOnCurve(*ENDS, rj.Circle(0.0))
+    with pytest.raises(rj.SceneError, match="Step.duration is 0"):
+        rj.PrescribedAngle(*ENDS, rj.Step(1.0, 0.0, 0.0))
