@@ -6,6 +6,7 @@ from jaxtyping import Float, Real
 
 from ..scene.body.base import AbstractBody
 from ..scene.joint.point_on_line import PointOnLine
+from ..scene.joint.prismatic import Prismatic
 from ..scene.joint.revolute import Revolute
 from ..scene.marker import GROUND
 from ..scene.scene import Scene
@@ -35,7 +36,8 @@ def hinges(scene: Scene, q: Real[np.ndarray, "k n"]) -> Float[np.ndarray, "k hin
 
 def rails(scene: Scene) -> list[tuple[np.ndarray, float]]:
     """A point [m] and the angle [rad] of each line on the ground along which a point slides."""
-    lines = [j.b for j in scene.joints if isinstance(j, PointOnLine) and j.b.body == GROUND]
+    slides = [j for j in scene.joints if isinstance(j, PointOnLine | Prismatic)]
+    lines = [j.b for j in slides if j.b.body == GROUND]
     return [(np.asarray(marker.point), float(marker.angle)) for marker in lines]
 
 
