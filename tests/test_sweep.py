@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -76,6 +77,21 @@ def test_any_function_and_any_trajectory():
     found = rj.sweep(run, jnp.array([1.0, 2.0]))
     assert found.values.q.shape == (2, len(TS), 1)
     assert np.allclose(found.values.q[1], 2 * found.values.q[0])
+
+
+def test_a_function_is_compiled_once():
+    """Also one that holds arrays; what is traced again are the shapes of its results."""
+    traced = []
+
+    def scale(factor, x):
+        traced.append(x)
+        return factor * x
+
+    for factor in (2.0, 3.0):
+        before = len(traced)
+        found = rj.sweep(eqx.Partial(scale, jnp.asarray(factor)), jnp.arange(5.0), chunk=2)
+        assert np.array_equal(found.values, factor * np.arange(5.0))
+    assert len(traced) == before + 1
 
 
 def test_a_sweep_goes_on_where_it_was(tmp_path, whole):

@@ -1,7 +1,6 @@
 """Many variants of one computation, in chunks, over all devices, kept on disk as they come."""
 
 import dataclasses
-import functools
 import hashlib
 import io
 import json
@@ -11,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -114,7 +114,7 @@ def sweep(
     return Sweep(values, status)
 
 
-@functools.partial(jax.jit, static_argnums=(0, 1))
+@eqx.filter_jit
 def _run(function: Callable, devices: tuple[jax.Device, ...], chunk: Any) -> Any:
     """A chunk of lanes, split over devices; a loop on one device ends without the others."""
     lanes = PartitionSpec("lanes")
