@@ -21,10 +21,15 @@ from .scene.effect.base import AbstractDissipation as AbstractDissipation
 from .scene.effect.base import AbstractField as AbstractField
 from .scene.effect.base import AbstractMarkerEffect as AbstractMarkerEffect
 from .scene.effect.base import AbstractPotential as AbstractPotential
+from .scene.effect.bushing import Bushing as Bushing
 from .scene.effect.damper import Damper as Damper
 from .scene.effect.force import Force as Force
 from .scene.effect.gravity import Gravity as Gravity
+from .scene.effect.motor import Motor as Motor
 from .scene.effect.spring import Spring as Spring
+from .scene.effect.torque import Torque as Torque
+from .scene.effect.torsion_damper import TorsionDamper as TorsionDamper
+from .scene.effect.torsion_spring import TorsionSpring as TorsionSpring
 from .scene.fields import SceneError as SceneError
 from .scene.joint.base import AbstractJoint as AbstractJoint
 from .scene.joint.curve import AbstractCurve as AbstractCurve

@@ -25,6 +25,11 @@ class Pose(NamedTuple):
         """The local y of a point of the inertial frame [m]."""
         return jnp.stack([-jnp.sin(self.angle), jnp.cos(self.angle)]) @ (point - self.position)
 
+    def turned(self, vector: Float[Array, "2"]) -> Float[Array, "2"]:
+        """A vector of the marker's frame in the inertial one."""
+        across = jnp.stack([-vector[1], vector[0]])
+        return jnp.cos(self.angle) * vector + jnp.sin(self.angle) * across
+
 
 class Twist(NamedTuple):
     """How fast a marker moves."""

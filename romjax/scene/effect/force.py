@@ -2,6 +2,7 @@
 
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -13,18 +14,20 @@ from .base import AbstractMarkerEffect, check_markers
 
 
 class Force(AbstractMarkerEffect):
-    """A force of changing strength in a fixed direction of the inertial frame.
+    """A force of changing strength in a fixed direction.
 
     **Arguments:**
 
     - `at`: the marker it acts on.
     - `direction`: any non-zero vector; only its direction counts.
     - `signal`: the strength over time [N].
+    - `frame`: what the direction is fixed to: "world", or "body", the marker itself.
     """
 
     at: Marker
     direction: Float[Array, "2"] = number()
     signal: AbstractSignal = signal_field()
+    frame: str = eqx.field(static=True, default="world")
     needs_twists: ClassVar[bool] = False
 
     def __check_init__(self) -> None:
@@ -37,8 +40,10 @@ class Force(AbstractMarkerEffect):
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> tuple[Wrench, ...]:
-        del poses, twists
+        del twists
         force = self.signal(t) * self.direction / jnp.linalg.norm(self.direction)
+        if self.frame == "body":
+            force = poses[0].turned(force)
         return (Wrench(force, jnp.zeros_like(force[0])),)
 
     def check(self) -> None:
@@ -48,4 +53,6 @@ class Force(AbstractMarkerEffect):
         known = concrete(self.direction)
         if known is not None and not np.any(known):
             raise SceneError(f"{owner}: direction is {known}; give a vector that is not zero.")
+        if self.frame not in ("world", "body"):
+            raise SceneError(f"{owner}: frame is {self.frame!r}, but it must be 'world' or 'body'.")
         self.signal.check(owner)

@@ -1,4 +1,4 @@
-"""A linear spring."""
+"""A spring between two points."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -9,23 +9,24 @@ from .base import AbstractPotential, check_markers
 
 
 class Spring(AbstractPotential):
-    """A linear spring between two markers.
+    """A spring between two markers, with the energy ½ k s² + ¼ k₃ s⁴ of its stretch s.
 
-    Without a rest length its energy is ½ k |Δ|²: the same stiffness in x and in y, smooth where
-    the points meet (the chapter's cart). With one it is ½ k (|Δ| − rest)², along the line between
-    the points.
+    Without a rest length s is the distance |Δ|: the same stiffness in x and in y, smooth where the
+    points meet (the chapter's cart). With one it is |Δ| − rest, along the line between the points.
 
     **Arguments:**
 
     - `a`, `b`: the two ends.
     - `stiffness`: k [N/m].
     - `rest_length`: unstretched length [m]; none unless given.
+    - `cubic`: k₃ [N/m³], which hardens the spring; none unless given.
     """
 
     a: Marker
     b: Marker
     stiffness: Float[Array, ""] = number()
     rest_length: Float[Array, ""] | None = number(None)
+    cubic: Float[Array, ""] | None = number(None)
 
     def __check_init__(self) -> None:
         self.check()
@@ -38,16 +39,17 @@ class Spring(AbstractPotential):
         del t
         a, b = poses
         squared = jnp.sum((a.position - b.position) ** 2)
-        if self.rest_length is None:
-            return 0.5 * self.stiffness * squared
-        # The gradient of a length is NaN at zero; there the line has no direction and no force.
-        apart = squared > 0
-        length = jnp.where(apart, jnp.sqrt(jnp.where(apart, squared, 1.0)), 0.0)
-        return 0.5 * self.stiffness * (length - self.rest_length) ** 2
+        if self.rest_length is not None:
+            # The gradient of a length is NaN at zero; there the line has no direction and no force.
+            apart = squared > 0
+            length = jnp.where(apart, jnp.sqrt(jnp.where(apart, squared, 1.0)), 0.0)
+            squared = (length - self.rest_length) ** 2
+        energy = 0.5 * self.stiffness * squared
+        return energy if self.cubic is None else energy + 0.25 * self.cubic * squared**2
 
     def check(self) -> None:
         owner = check_markers(self)
-        for field in ("stiffness", "rest_length"):
+        for field in ("stiffness", "rest_length", "cubic"):
             value = getattr(self, field)
             if value is not None:
                 check_shape(owner, field, value, ())

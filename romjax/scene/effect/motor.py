@@ -1,0 +1,59 @@
+"""A motor that follows an angle."""
+
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..fields import Time, check_finite, check_not_negative, check_shape, number
+from ..marker import Marker, Pose, Twist, Wrench
+from ..signal import AbstractSignal, signal_field
+from .base import AbstractMarkerEffect, check_markers
+
+
+class Motor(AbstractMarkerEffect):
+    """A motor with proportional and derivative control of the angle θ = φ_a − φ_b.
+
+    Marker `a` feels the torque P (target − θ) + D (target' − θ'), marker `b` its reaction.
+
+    **Arguments:**
+
+    - `a`, `b`: what it turns, and what carries it.
+    - `target`: the wanted angle over time [rad].
+    - `proportional`: P [N m/rad]. `derivative`: D [N m s/rad].
+    """
+
+    a: Marker
+    b: Marker
+    target: AbstractSignal = signal_field()
+    proportional: Float[Array, ""] = number()
+    derivative: Float[Array, ""] = number()
+    needs_twists: ClassVar[bool] = True
+
+    def __check_init__(self) -> None:
+        self.check()
+
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        return (self.a, self.b)
+
+    def wrenches(
+        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    ) -> tuple[Wrench, ...]:
+        a, b = poses
+        angle = a.angle - b.angle
+        speed = twists[0].angular_velocity - twists[1].angular_velocity
+        t = jnp.asarray(t, angle.dtype)
+        target, rate = jax.jvp(self.target, (t,), (jnp.ones_like(t),))
+        torque = self.proportional * (target - angle) + self.derivative * (rate - speed)
+        none = jnp.zeros_like(a.position)
+        return Wrench(none, torque), Wrench(none, -torque)
+
+    def check(self) -> None:
+        owner = check_markers(self)
+        self.target.check(owner)
+        for field in ("proportional", "derivative"):
+            check_shape(owner, field, getattr(self, field), ())
+            check_finite(owner, field, getattr(self, field))
+            check_not_negative(owner, field, getattr(self, field))

@@ -1,0 +1,40 @@
+"""A torque on a body."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from ..fields import Time
+from ..marker import Marker, Pose, Twist, Wrench
+from ..signal import AbstractSignal, signal_field
+from .base import AbstractMarkerEffect, check_markers
+
+
+class Torque(AbstractMarkerEffect):
+    """A torque of changing strength; in the plane it is the same in every frame.
+
+    **Arguments:**
+
+    - `at`: the marker it acts on.
+    - `signal`: the strength over time [N m], positive counter-clockwise.
+    """
+
+    at: Marker
+    signal: AbstractSignal = signal_field()
+    needs_twists: ClassVar[bool] = False
+
+    def __check_init__(self) -> None:
+        self.check()
+
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        return (self.at,)
+
+    def wrenches(
+        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    ) -> tuple[Wrench, ...]:
+        del twists
+        return (Wrench(jnp.zeros_like(poses[0].position), self.signal(t)),)
+
+    def check(self) -> None:
+        self.signal.check(check_markers(self))

@@ -1,0 +1,142 @@
+"""Effects: the power of each on moving flexible bodies, against laws written a second time."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from mechanics import coordinates, marker_place
+from tolerances import IDENTITY
+
+import romjax as rj
+
+TIME = 0.3
+ARM = rj.Beam("arm", 0.7, 1.1, EI=4.0, modes=2, position=(0.5, 0.1), angle=0.2)
+BLOCK = rj.RigidBody("block", mass=1.3, inertia=0.2, position=(1.2, -0.4), angle=-0.7)
+ENDS = ARM.at((0.3, 0.0), 0.4), BLOCK.at((-0.1, 0.2), -0.3)
+SWING = rj.Sine(0.3, 2.0, phase=0.4)
+STIFF, DAMP = jnp.array([30.0, 50.0, 4.0]), jnp.array([0.5, 0.7, 0.2])
+
+
+def pose(marker, q):
+    """Place and angle of a marker."""
+    bodies = coordinates(rj.Scene([ARM, BLOCK]), q)
+    bend = ARM.mode_shapes(marker.point)[2] @ bodies["arm"][3:] if marker.body == "arm" else 0.0
+    turn = bodies[marker.body][2] + marker.angle + bend
+    return marker_place(rj.Scene([ARM, BLOCK]), marker, q), turn
+
+
+def turn(angle):
+    return jnp.array([[jnp.cos(angle), -jnp.sin(angle)], [jnp.sin(angle), jnp.cos(angle)]])
+
+
+def stretch(q):
+    a, b = (pose(marker, q)[0] for marker in ENDS)
+    return jnp.linalg.norm(a - b) - 0.2
+
+
+def twist(q):
+    a, b = (pose(marker, q)[1] for marker in ENDS)
+    return a - b
+
+
+def displacement(q):
+    (a, _), (b, angle) = (pose(marker, q) for marker in ENDS)
+    return jnp.append(turn(angle).T @ (a - b), twist(q))
+
+
+def cubic(q, dq):
+    s, rate = dq(stretch)
+    return -(20.0 * s + 500.0 * s**3) * rate
+
+
+def torsion_spring(q, dq):
+    angle, rate = dq(twist)
+    return -3.0 * (angle - 0.1) * rate
+
+
+def torsion_damper(q, dq):
+    return -0.8 * dq(twist)[1] ** 2
+
+
+def bushing(q, dq):
+    delta, rate = dq(displacement)
+    return -jnp.sum(STIFF * delta * rate)
+
+
+def damped_bushing(q, dq):
+    return bushing(q, dq) - jnp.sum(DAMP * dq(displacement)[1] ** 2)
+
+
+def torque(q, dq):
+    return SWING(TIME) * dq(lambda q: pose(ENDS[0], q)[1])[1]
+
+
+def follower(q, dq):
+    (_, angle), (speed, _) = dq(lambda q: pose(ENDS[0], q))  # values, then rates
+    return SWING(TIME) * (turn(angle) @ jnp.array([0.6, 0.8])) @ speed
+
+
+def motor(q, dq):
+    angle, rate = dq(twist)
+    wanted, speed = jax.value_and_grad(SWING)(TIME)
+    return (5.0 * (wanted - angle) + 0.4 * (speed - rate)) * rate
+
+
+CASES = {
+    "cubic": (rj.Spring(*ENDS, stiffness=20.0, rest_length=0.2, cubic=500.0), cubic),
+    "torsion spring": (rj.TorsionSpring(*ENDS, stiffness=3.0, rest_angle=0.1), torsion_spring),
+    "torsion damper": (rj.TorsionDamper(*ENDS, damping=0.8), torsion_damper),
+    "bushing": (rj.Bushing(*ENDS, STIFF), bushing),
+    "damped bushing": (rj.Bushing(*ENDS, STIFF, DAMP), damped_bushing),
+    "torque": (rj.Torque(ENDS[0], SWING), torque),
+    "follower": (rj.Force(ENDS[0], (3.0, 4.0), SWING, frame="body"), follower),
+    "motor": (rj.Motor(*ENDS, SWING, proportional=5.0, derivative=0.4), motor),
+}
+
+
+@pytest.mark.parametrize("kind", CASES)
+def test_power(kind):
+    """Q v of the effect alone."""
+    effect, law = CASES[kind]
+    plain = rj.assemble(rj.Scene([ARM, BLOCK]))
+    system = rj.assemble(rj.Scene([ARM, BLOCK], [], [effect]))
+    for q, v in np.random.default_rng(2).normal(size=(3, 2, system.n)) * 0.3:
+        q, v = jnp.asarray(q) + system.q0, jnp.asarray(v)
+        force = system.force(TIME, q, v) - plain.force(TIME, q, v)
+
+        def dq(function, q=q, v=v):
+            return jax.jvp(function, (q,), (v,))
+
+        size = jnp.abs(force) @ jnp.abs(v) + jnp.abs(plain.force(TIME, q, v)) @ jnp.abs(v)
+        assert abs(force @ v - law(q, dq)) <= IDENTITY * size
+
+
+def equations(effect) -> list[str]:
+    system = rj.assemble(rj.Scene([BLOCK], [], [effect]))
+    found = jax.make_jaxpr(system.force)(0.0, system.q0, system.v0)
+    return str(found).split()
+
+
+def test_only_what_is_asked_for():
+    """No cube, no damping, no turning where the effect has none."""
+    ends = BLOCK.at((0.1, 0.0)), rj.ground.at()
+    soft = equations(rj.Spring(*ends, stiffness=1.0))
+    assert len(soft) < len(equations(rj.Spring(*ends, stiffness=1.0, cubic=1.0)))
+    undamped = equations(rj.Bushing(*ends, STIFF))
+    assert len(undamped) < len(equations(rj.Bushing(*ends, STIFF, DAMP)))
+    fixed = equations(rj.Force(BLOCK.at(), (1.0, 0.0), rj.Constant(1.0)))
+    follows = equations(rj.Force(BLOCK.at(), (1.0, 0.0), rj.Constant(1.0), frame="body"))
+    assert len(fixed) < len(follows)
+
+
+def test_what_an_effect_refuses():
+    with pytest.raises(rj.SceneError, match="frame is 'local', but it must be 'world' or 'body'"):
+        rj.Force(ENDS[0], (1.0, 0.0), SWING, frame="local")
+    with pytest.raises(rj.SceneError, match=r"Bushing\(arm, block\).*stiffness has shape \(\)"):
+        rj.Bushing(*ENDS, 1.0)
+    with pytest.raises(rj.SceneError, match=r"TorsionDamper.*damping is -1.*not be negative"):
+        rj.TorsionDamper(*ENDS, damping=-1.0)
+    with pytest.raises(rj.SceneError, match="signal is 3.0; give a signal"):
+        rj.Torque(ENDS[0], 3.0)
+    with pytest.raises(rj.SceneError, match=r"Motor.*derivative is -1"):
+        rj.Motor(*ENDS, SWING, proportional=1.0, derivative=-1.0)
