@@ -17,11 +17,17 @@ from .integrate.trajectory import Trajectory as Trajectory
 from .scene.body.base import AbstractBody as AbstractBody
 from .scene.body.beam import Beam as Beam
 from .scene.body.rigid import RigidBody as RigidBody
+from .scene.curve import AbstractCurve as AbstractCurve
+from .scene.curve import Circle as Circle
+from .scene.curve import Line as Line
+from .scene.curve import Polynomial as Polynomial
 from .scene.effect.base import AbstractDissipation as AbstractDissipation
 from .scene.effect.base import AbstractField as AbstractField
 from .scene.effect.base import AbstractMarkerEffect as AbstractMarkerEffect
 from .scene.effect.base import AbstractPotential as AbstractPotential
 from .scene.effect.bushing import Bushing as Bushing
+from .scene.effect.contact import Contact as Contact
+from .scene.effect.contact import Friction as Friction
 from .scene.effect.damper import Damper as Damper
 from .scene.effect.force import Force as Force
 from .scene.effect.gravity import Gravity as Gravity
@@ -32,9 +38,6 @@ from .scene.effect.torsion_damper import TorsionDamper as TorsionDamper
 from .scene.effect.torsion_spring import TorsionSpring as TorsionSpring
 from .scene.fields import SceneError as SceneError
 from .scene.joint.base import AbstractJoint as AbstractJoint
-from .scene.joint.curve import AbstractCurve as AbstractCurve
-from .scene.joint.curve import Circle as Circle
-from .scene.joint.curve import Polynomial as Polynomial
 from .scene.joint.distance import Distance as Distance
 from .scene.joint.fixed_angle import FixedAngle as FixedAngle
 from .scene.joint.gear import Gear as Gear

@@ -25,6 +25,10 @@ class Pose(NamedTuple):
         """The local y of a point of the inertial frame [m]."""
         return jnp.stack([-jnp.sin(self.angle), jnp.cos(self.angle)]) @ (point - self.position)
 
+    def local(self, point: Float[Array, "2"]) -> Float[Array, "2"]:
+        """A point of the inertial frame in the marker's own [m]."""
+        return jnp.stack([self.along(point), self.across(point)])
+
     def turned(self, vector: Float[Array, "2"]) -> Float[Array, "2"]:
         """A vector of the marker's frame in the inertial one."""
         across = jnp.stack([-vector[1], vector[0]])

@@ -63,4 +63,4 @@ class Bushing(AbstractMarkerEffect):
 def _displacement(poses: tuple[Pose, ...]) -> Float[Array, "3"]:
     """Of `a` in the frame of `b`: x, y [m], angle [rad]."""
     a, b = poses
-    return jnp.stack([b.along(a.position), b.across(a.position), a.angle - b.angle])
+    return jnp.append(b.local(a.position), a.angle - b.angle)

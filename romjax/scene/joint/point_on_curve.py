@@ -3,13 +3,12 @@
 from typing import ClassVar
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..curve import AbstractCurve
 from ..fields import Time
 from ..marker import Marker, Pose
 from .base import AbstractJoint
-from .curve import AbstractCurve
 
 
 class PointOnCurve(AbstractJoint):
@@ -26,7 +25,7 @@ class PointOnCurve(AbstractJoint):
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         del t
-        return self.curve(jnp.stack([b.along(a.position), b.across(a.position)]))[None]
+        return self.curve(b.local(a.position))[None]
 
     def check(self) -> None:
         super().check()

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..fields import check_finite, check_positive, check_shape, number
+from .fields import check_finite, check_positive, check_shape, number
 
 
 class AbstractCurve(eqx.Module):
@@ -14,11 +14,21 @@ class AbstractCurve(eqx.Module):
 
     @abc.abstractmethod
     def __call__(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        """Zero on the curve [m], with a gradient that is not zero there."""
+        """Zero on the curve [m], with a gradient that is not zero there; negative inside."""
 
     @abc.abstractmethod
     def check(self, owner: str) -> None:
         """Raise a SceneError that names owner, field, value and remedy."""
+
+
+class Line(AbstractCurve):
+    """The x axis."""
+
+    def __call__(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        return point[1]
+
+    def check(self, owner: str) -> None:
+        del owner
 
 
 class Circle(AbstractCurve):

@@ -1,0 +1,138 @@
+"""Contact of a point with a curve, with friction if asked for."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..curve import AbstractCurve
+from ..fields import (
+    SceneError,
+    Time,
+    check_finite,
+    check_not_negative,
+    check_positive,
+    check_shape,
+    number,
+)
+from ..marker import Marker, Pose, Twist, Wrench
+from .base import AbstractMarkerEffect, check_markers
+
+
+class Friction(eqx.Module):
+    """Coulomb's friction, smooth at rest, with Stribeck's effect if asked for.
+
+    The coefficient is μ(v) tanh(v / `creep`): what sticks creeps with less than about `creep`.
+    With `static`, μ(v) = μ + (μ_s − μ) exp(−(v / `stribeck`)²).
+
+    **Arguments:**
+
+    - `coefficient`: μ of sliding.
+    - `creep`: [m/s].
+    - `static`: μ_s of slow motion, and `stribeck`: up to which speed [m/s]; none unless given.
+    """
+
+    coefficient: Float[Array, ""] = number()
+    creep: Float[Array, ""] = number(1e-3)
+    static: Float[Array, ""] | None = number(None)
+    stribeck: Float[Array, ""] | None = number(None)
+
+    def __call__(self, speed: Float[Array, ""]) -> Float[Array, ""]:
+        """Tangential force over normal force, with the sign of the speed [m/s]."""
+        coefficient = self.coefficient
+        if self.static is not None and self.stribeck is not None:
+            slow = jnp.exp(-((speed / self.stribeck) ** 2))
+            coefficient = coefficient + (self.static - coefficient) * slow
+        return coefficient * jnp.tanh(speed / self.creep)
+
+    def check(self, owner: str) -> None:
+        """Raise a SceneError that names owner, field, value and remedy."""
+        if (self.static is None) != (self.stribeck is None):
+            raise SceneError(f"{owner}: Friction needs both static and stribeck, or none of them.")
+        for field in ("coefficient", "creep", "static", "stribeck"):
+            value = getattr(self, field)
+            if value is not None:
+                check_shape(owner, f"Friction.{field}", value, ())
+                check_finite(owner, f"Friction.{field}", value)
+                check_not_negative(owner, f"Friction.{field}", value)
+        for field in ("creep", "stribeck"):
+            if getattr(self, field) is not None:
+                check_positive(owner, f"Friction.{field}", getattr(self, field))
+
+
+class Contact(AbstractMarkerEffect):
+    """A point that is pushed out of a curve where it is inside, by a force that penalises depth.
+
+    The normal force at the depth δ is k δ^(3/2) (1 + D δ'), never negative: Hertz's law with Hunt
+    and Crossley's damping ("Coefficient of restitution interpreted as damping in vibroimpact",
+    J. Appl. Mech. 42, 1975), for which slow impacts at speed v have a restitution of 1 − 2 D v / 3.
+
+    **Arguments:**
+
+    - `a`: the point. `b`: carries the curve; a `Line` is its x axis, and the inside below.
+    - `curve`: a `Line`, a `Circle` or another, negative inside.
+    - `stiffness`: k [N/m^(3/2)].
+    - `dissipation`: D [s/m]; none unless given.
+    - `friction`: a `Friction`; none unless given.
+    """
+
+    a: Marker
+    b: Marker
+    curve: AbstractCurve
+    stiffness: Float[Array, ""] = number()
+    dissipation: Float[Array, ""] | None = number(None)
+    friction: Friction | None = None
+
+    def __check_init__(self) -> None:
+        self.check()
+
+    @property
+    def needs_twists(self) -> bool:  # type: ignore[override]
+        return self.dissipation is not None or self.friction is not None
+
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        return (self.a, self.b)
+
+    def wrenches(
+        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    ) -> tuple[Wrench, ...]:
+        del t
+        place, pull_back = jax.vjp(_place, poses)
+        gap, slope = jax.value_and_grad(self.curve)(place)
+        steepness = jnp.linalg.norm(slope)
+        normal = slope / steepness
+        # Inside, so that no derivative meets the root of zero.
+        inside = gap < 0
+        depth = jnp.where(inside, -gap / steepness, 1.0)
+        push = self.stiffness * depth**1.5
+        velocity = jnp.zeros_like(place)
+        if self.needs_twists:
+            rates = tuple(Pose(*twist) for twist in twists)
+            velocity = jax.jvp(_place, (poses,), (rates,))[1]
+        if self.dissipation is not None:
+            push *= jnp.maximum(1 - self.dissipation * (normal @ velocity), 0)
+        force = push * normal
+        if self.friction is not None:
+            tangent = jnp.stack([normal[1], -normal[0]])
+            force -= push * self.friction(tangent @ velocity) * tangent
+        force = jnp.where(inside, force, 0)
+        return tuple(Wrench(*pose) for pose in pull_back(force)[0])
+
+    def check(self) -> None:
+        owner = check_markers(self)
+        self.curve.check(owner)
+        for field in ("stiffness", "dissipation"):
+            value = getattr(self, field)
+            if value is not None:
+                check_shape(owner, field, value, ())
+                check_finite(owner, field, value)
+                check_not_negative(owner, field, value)
+        if self.friction is not None:
+            self.friction.check(owner)
+
+
+def _place(poses: tuple[Pose, ...]) -> Float[Array, "2"]:
+    """Of `a` in the frame of `b` [m]."""
+    a, b = poses
+    return b.local(a.position)

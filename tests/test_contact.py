@@ -1,0 +1,130 @@
+"""Contact and friction: restitution by an exact law, and a block on an incline."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from tolerances import IDENTITY, SOLVED
+
+import romjax as rj
+
+G = 9.81
+MASS, STIFFNESS = 0.4, 2e5
+
+
+def ball(y, speed, curve, **contact) -> rj.AbstractSystem:
+    body = rj.RigidBody("ball", MASS, 0.01, position=(0.0, y), velocity=(0.0, speed))
+    touch = rj.Contact(body.at(), rj.ground.at(), curve, stiffness=STIFFNESS, **contact)
+    return rj.assemble(rj.Scene([body], [], [touch]))
+
+
+@pytest.mark.parametrize(("curve", "y"), [(rj.Line(), 0.05), (rj.Circle(0.3), 0.35)])
+def test_restitution(curve, y):
+    """Of m δ'' = −k δ^n (1 + D δ'), by the integral of v / (1 + D v), whatever m, k and n are."""
+    speed, loss = 1.0, 0.3
+    system = ball(y, -speed, curve, dissipation=loss)
+    run = rj.simulate(system, jnp.array([0.0, 0.15]), solver=diffrax.Dopri8(), rtol=1e-11)
+
+    def integral(v):
+        return v / loss - np.log1p(loss * v) / loss**2
+
+    left = brentq(lambda v: integral(speed) - integral(-v), 0.1, 1.0, xtol=1e-14)
+    assert abs(run.v[-1, 1] - left) <= SOLVED
+    assert abs(left - (1 - 2 / 3 * loss * speed)) < 0.05
+
+
+def test_energy_comes_back_without_dissipation():
+    system = ball(0.05, -1.0, rj.Line())
+    run = rj.simulate(system, jnp.array([0.0, 0.15]), solver=diffrax.Dopri8(), rtol=1e-11)
+    assert abs(run.v[-1, 1] - 1.0) <= SOLVED
+
+
+@pytest.fixture(scope="module")
+def slide():
+    """The way and the last speed of a block on an incline after a second, by its angle."""
+    angles = jnp.array([0.25, 0.40])  # the friction holds up to arctan 0.3 = 0.291
+
+    def run(angle):
+        cos, sin = jnp.cos(angle), jnp.sin(angle)
+        normal = MASS * G * cos / 2
+        depth = (normal / STIFFNESS) ** (2 / 3)
+        up = jnp.stack([sin, cos])
+        block = rj.RigidBody(
+            "block", MASS, 0.01, position=-depth * up, angle=-angle, extent=(0.1, 0.04)
+        )
+        friction = rj.Friction(0.3, creep=1e-3)
+        # The line falls to the right.
+        touches = [
+            rj.Contact(
+                block.at((x, 0.0)),  # no lever, or it would rock
+                rj.ground.at(angle=-angle),
+                rj.Line(),
+                stiffness=STIFFNESS,
+                dissipation=1.0,
+                friction=friction,
+            )
+            for x in (-0.05, 0.05)
+        ]
+        system = rj.assemble(rj.Scene([block], [], [*touches, rj.Gravity()]))
+        motion = rj.simulate(system, jnp.array([0.0, 1.0]), solver=rj.Rodas5P(), rtol=1e-8)
+        down = jnp.stack([cos, -sin])
+        return (motion.q[-1, :2] - motion.q[0, :2]) @ down, motion.v[-1, :2] @ down
+
+    return angles, jax.jit(jax.vmap(run))(angles)
+
+
+def test_a_block_sticks(slide):
+    """Below the angle of friction it creeps with speed artanh(tan(angle) / μ) creep."""
+    (angle, _), (way, speed) = slide
+    wanted = 1e-3 * np.arctanh(np.tan(angle) / 0.3)
+    assert abs(speed[0] - wanted) <= 1e-3 * wanted
+    assert way[0] <= wanted
+
+
+def test_a_block_slides(slide):
+    """Above, it is accelerated by g (sin − μ cos)."""
+    (_, angle), (way, speed) = slide
+    wanted = G * (np.sin(angle) - 0.3 * np.cos(angle))
+    # A beginning in which the friction grows with the speed.
+    assert abs(speed[1] - wanted) <= 5e-3 * wanted
+    assert abs(way[1] - wanted / 2) <= 5e-3 * wanted
+
+
+def test_stribeck():
+    friction = rj.Friction(0.2, creep=1e-4, static=0.5, stribeck=0.1)
+    assert abs(friction(jnp.asarray(0.01)) - (0.2 + 0.3 * np.exp(-0.01))) <= IDENTITY
+    assert abs(friction(jnp.asarray(-10.0)) + 0.2) <= IDENTITY
+
+
+def test_friction_acts_on_both_bodies():
+    """The forces on point and track are opposite, and so are their moments."""
+    track = rj.RigidBody("track", 2.0, 0.5, position=(0.3, -0.2), angle=0.4)
+    point = rj.RigidBody("point", 1.0, 0.1, position=(0.2, 0.1), velocity=(0.7, -0.2))
+    touch = rj.Contact(
+        point.at((0.1, 0.0)),
+        track.at((-0.1, 0.05), 0.2),
+        rj.Circle(1.5),
+        stiffness=1e4,
+        dissipation=0.5,
+        friction=rj.Friction(0.4),
+    )
+    system = rj.assemble(rj.Scene([track, point], [], [touch]))
+    force = system.force(0.0, system.q0, system.v0)
+    assert np.linalg.norm(force[:2]) > 1
+    assert np.allclose(force[:2], -force[3:5], rtol=0, atol=IDENTITY * 1e4)
+    moment = force[2] + force[5]
+    for i in (0, 3):
+        moment += system.q0[i] * force[i + 1] - system.q0[i + 1] * force[i]
+    assert abs(moment) <= IDENTITY * 1e4
+
+
+def test_what_a_contact_refuses():
+    ends = rj.RigidBody("b", 1.0, 1.0).at(), rj.ground.at()
+    with pytest.raises(rj.SceneError, match="both static and stribeck"):
+        rj.Contact(*ends, rj.Line(), 1.0, friction=rj.Friction(0.1, static=0.2))
+    with pytest.raises(rj.SceneError, match=r"Friction.creep is 0.*positive"):
+        rj.Contact(*ends, rj.Line(), 1.0, friction=rj.Friction(0.1, creep=0.0))
+    with pytest.raises(rj.SceneError, match="stiffness is -1.*not be negative"):
+        rj.Contact(*ends, rj.Line(), -1.0)
