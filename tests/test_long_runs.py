@@ -1,11 +1,12 @@
 """Long runs: drift, energy over thousands of seconds, and what stabilisation costs."""
 
 import diffrax
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from mechanisms import GRAVITY, RK4, linkage, point_pendulum
-from tolerances import IDENTITY
+from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
 
@@ -14,6 +15,7 @@ LONG_ENERGY, LONG_DRIFT = 5e-4, 1e-12  # 1000 s in steps of 0.01 s
 ADAPTIVE_ENERGY, ADAPTIVE_DRIFT = 1e-6, 1e-10  # 2000 s
 PARALLEL = 1e-6  # after 20 s through singular positions
 DECAY = 0.01
+ENERGY = 1e-7  # of many parts over 10 s
 
 
 @pytest.fixture(scope="module")
@@ -108,3 +110,52 @@ def test_a_start_off_the_constraints_decays(pendulum):
     assert abs(motion.violation[1] / (motion.violation[0] * decay) - 1) <= DECAY
     q, _ = rj.consistent(pendulum, off)
     assert np.allclose(q, [1.0, 0.0], rtol=0, atol=IDENTITY)
+
+
+def test_energy_of_many_parts():
+    """A bob on a sprung slide, and geared wheels with an eccentric mass, over ten seconds."""
+    slope = -0.3
+    block = rj.RigidBody("block", 1.0, 0.1, angle=slope)
+    bob = rj.RigidBody("bob", 0.5, 0.01, position=(0.6, 0.0))
+    big = rj.RigidBody("big", 2.0, 0.4, position=(3.0, 0.0))
+    small = rj.RigidBody("small", 0.5, 0.05, position=(4.0, 0.0))
+    lump = rj.RigidBody("lump", 0.3, 0.01, position=(4.2, 0.0))
+    joints = [
+        rj.Prismatic(block.at(), rj.ground.at(angle=slope)),
+        rj.Distance(bob.at(), block.at(), length=0.6),
+        rj.Revolute(big.at(), rj.ground.at((3.0, 0.0))),
+        rj.Revolute(small.at(), rj.ground.at((4.0, 0.0))),
+        rj.Gear(small.at(), big.at(), ratio=-3.0),
+        rj.Weld(lump.at(), small.at((0.2, 0.0))),
+    ]
+    effects = [
+        rj.Gravity(),
+        rj.Spring(block.at(), rj.ground.at(), stiffness=40.0, cubic=300.0),
+        rj.TorsionSpring(big.at(), rj.ground.at(), stiffness=5.0, rest_angle=0.2),
+        rj.Bushing(bob.at(), block.at((0.3, -0.4)), [3.0, 6.0, 0.4]),
+    ]
+    bodies = [block, bob, big, small, lump]
+    system = rj.assemble(rj.Scene(bodies, joints, effects))
+    run = rj.simulate(system, jnp.linspace(0.0, 10.0, 51), rtol=1e-9, solver=diffrax.Dopri8())
+
+    def energy(q, v):
+        x, angle = q.reshape(5, 3)[:, :2], q.reshape(5, 3)[:, 2]
+        height = sum(body.mass * x[i, 1] for i, body in enumerate(bodies))
+        stretch = x[0] @ x[0]
+        cos, sin = jnp.cos(angle[0]), jnp.sin(angle[0])
+        away = jnp.array([[cos, sin], [-sin, cos]]) @ (x[1] - x[0]) - jnp.array([0.3, -0.4])
+        away = jnp.append(away, angle[1] - angle[0])
+        return (
+            system.kinetic_energy(q, v)
+            + 9.81 * height
+            + 20.0 * stretch
+            + 75.0 * stretch**2
+            + 2.5 * (angle[2] - 0.2) ** 2
+            + 0.5 * jnp.array([3.0, 6.0, 0.4]) @ away**2
+        )
+
+    found = jax.vmap(energy)(run.q, run.v)
+    size = jnp.max(jax.vmap(system.kinetic_energy)(run.q, run.v))
+    assert jnp.max(jnp.abs(found - found[0])) <= ENERGY * size
+    across = run.q[:, :2] @ jnp.array([-np.sin(slope), np.cos(slope)])
+    assert jnp.max(jnp.abs(across)) <= SOLVED
