@@ -10,7 +10,6 @@ import os
 import platform
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from tabulate import tabulate
-from tqdm import tqdm
+from timing import least
 
 import romjax as rj
 
@@ -78,19 +77,6 @@ def forces(lanes: int) -> np.ndarray:
     return np.linspace(5.0, 15.0, lanes)
 
 
-def least(calls: list[Callable[[], Any]]) -> list[float]:
-    """The least of interleaved times [s], each after a first call."""
-    times: list[list[float]] = [[] for _ in calls]
-    for _ in tqdm(range(REPEATS + 1)):
-        for call, taken in zip(calls, times, strict=True):
-            if taken[1:] and taken[-1] > SLOW:
-                continue
-            start = time.perf_counter()
-            jax.block_until_ready(call())
-            taken.append(time.perf_counter() - start)
-    return [min(taken[1:]) for taken in times]
-
-
 def precision() -> list[list[Any]]:
     """Error and rate of each model at each tolerance."""
     amplitudes, some = jnp.asarray(forces(LANES)), slice(None, None, LANES // CHECKED)
@@ -100,8 +86,8 @@ def precision() -> list[list[Any]]:
         batch = jax.jit(jax.vmap(lane(model), (None, 0)))
         cases += [(model, rtol) for rtol in tolerances]
         calls += [functools.partial(batch, rtol, amplitudes) for rtol in tolerances]
-    rows = []
-    for (model, rtol), call, taken in zip(cases, calls, least(calls), strict=True):
+    times, rows = least(calls, REPEATS, SLOW), []
+    for (model, rtol), call, taken in zip(cases, calls, times, strict=True):
         found = call()
         error = jax.vmap(rj.compare)(reference, jax.tree.map(lambda x: x[some], found)).error
         steps = found.stats["num_steps"]
@@ -119,7 +105,8 @@ def rates(settings: list[tuple[int, int]]) -> list[list[Any]]:
             functools.partial(rj.sweep, run, forces(lanes), chunk=chunk)
             for lanes, chunk in settings
         ]
-        found = [f"{lanes / t:.0f}" for (lanes, _), t in zip(settings, least(calls), strict=True)]
+        times = least(calls, REPEATS, SLOW)
+        found = [f"{lanes / taken:.0f}" for (lanes, _), taken in zip(settings, times, strict=True)]
         rows.append([*model, *found])
     return rows
 

@@ -14,6 +14,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from tabulate import tabulate
+from timing import least
 from tqdm import tqdm
 
 import romjax as rj
@@ -74,13 +75,7 @@ def costs(name: str) -> list[str]:
         run, build = compiled(value, values)
         forward, build_forward = compiled(jax.jacfwd(by_two), two(values), values)
     reverse, build_reverse = compiled(jax.grad(value), values)
-    times: list[list[float]] = [[], [], []]
-    for _ in range(REPEATS):
-        for call, taken in zip((run, reverse, forward), times, strict=True):
-            start = time.perf_counter()
-            jax.block_until_ready(call())
-            taken.append(time.perf_counter() - start)
-    base, *others = (min(taken) for taken in times)
+    base, *others = least((run, reverse, forward), REPEATS)
     return [
         name,
         type(solver).__name__,

@@ -5,7 +5,6 @@ solver, at the same tolerance. Writes `reduction.txt` beside this file; for many
 
 import os
 import platform
-import time
 from pathlib import Path
 
 import diffrax
@@ -14,15 +13,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from tabulate import tabulate
+from timing import least
 from tqdm import tqdm
 
 import romjax as rj
 
-REPEATS = 7
+REPEATS = 6
 RTOL = 1e-8
 SOLVERS = (rj.Rodas5P(), diffrax.Tsit5(), diffrax.Dopri8())
 PLAIN = {"adjoint": diffrax.ForwardMode(), "throw": False, "max_steps": 10_000}
-SLOW = 2.0  # [s] what takes longer is not repeated
+SLOW = 2.0  # [s] what takes longer is measured once
 
 
 def beams(count: int) -> rj.Scene:
@@ -101,19 +101,6 @@ CASES = {
 }
 
 
-def least(functions):  # type: ignore[no-untyped-def]
-    """The least of interleaved times of each [s], and the last results."""
-    times = [[] for _ in functions]
-    for _ in range(REPEATS):
-        for function, taken in zip(functions, times, strict=True):
-            if taken[1:] and taken[-1] > SLOW:
-                continue
-            start = time.perf_counter()
-            jax.block_until_ready(function().q)
-            taken.append(time.perf_counter() - start)
-    return [min(taken[1:]) for taken in times]
-
-
 def simulation(model, ts, solver):  # type: ignore[no-untyped-def]
     """A run under `jax.jit`, with the numbers of the model as arguments."""
     dynamic, static = eqx.partition(model, eqx.is_array)
@@ -140,7 +127,7 @@ def measure(name: str) -> list[list[str]]:
                 continue
             models[formulation, str(rank)] = rom
     calls = [simulation(model, ts, solver) for model in models.values() for solver in SOLVERS]
-    times, rows = least(calls), []
+    times, rows = least(calls, REPEATS, SLOW), []
     for place, (kind, rank) in enumerate(models):
         own = range(place * len(SOLVERS), (place + 1) * len(SOLVERS))
         runs = {i: calls[i]() for i in own}
@@ -168,7 +155,7 @@ def main() -> None:
     table = tabulate([header, *rows], headers="firstrow", tablefmt="plain", disable_numparse=True)
     text = (
         f"Relative tolerance {RTOL:g}; each model by its fastest method under jax.jit, least of "
-        f"{REPEATS - 1} interleaved runs;\nspeed-up against the full model. jax {jax.__version__}, "
+        f"{REPEATS} interleaved runs;\nspeed-up against the full model. jax {jax.__version__}, "
         f"{os.cpu_count()} cores, {platform.machine()}.\n\n{table}\n"
     )
     Path(__file__).with_suffix(".txt").write_text(text)

@@ -57,6 +57,7 @@ from .scene.scene import Scene as Scene
 from .scene.signal import AbstractSignal as AbstractSignal
 from .scene.signal import Chirp as Chirp
 from .scene.signal import Constant as Constant
+from .scene.signal import Ramp as Ramp
 from .scene.signal import Sine as Sine
 from .scene.signal import Step as Step
 from .scene.signal import Sum as Sum

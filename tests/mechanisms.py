@@ -5,7 +5,6 @@ import jax.numpy as jnp
 import numpy as np
 
 import romjax as rj
-from romjax.scene.marker import Pose, Twist, Wrench
 
 GRAVITY = 9.81
 
@@ -23,24 +22,6 @@ class RK4(diffrax.AbstractERK):
 
     def order(self, terms):
         return 4
-
-
-class Torque(rj.AbstractMarkerEffect):
-    """A constant torque on one marker."""
-
-    at: rj.Marker
-    value: float
-    needs_twists = False
-
-    @property
-    def markers(self):
-        return (self.at,)
-
-    def wrenches(self, t: float, poses: tuple[Pose, ...], twists: tuple[Twist, ...]):
-        return (Wrench(jnp.zeros_like(poses[0].position), jnp.asarray(self.value)),)
-
-    def check(self):
-        pass
 
 
 def point_pendulum() -> rj.CustomSystem:

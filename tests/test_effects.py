@@ -49,6 +49,10 @@ def cubic(q, dq):
     return -(20.0 * s + 500.0 * s**3) * rate
 
 
+def line_damper(q, dq):
+    return -0.8 * dq(stretch)[1] ** 2
+
+
 def torsion_spring(q, dq):
     angle, rate = dq(twist)
     return -3.0 * (angle - 0.1) * rate
@@ -84,6 +88,7 @@ def motor(q, dq):
 
 CASES = {
     "cubic": (rj.Spring(*ENDS, stiffness=20.0, rest_length=0.2, cubic=500.0), cubic),
+    "line damper": (rj.Damper(*ENDS, damping=0.8, along_line=True), line_damper),
     "torsion spring": (rj.TorsionSpring(*ENDS, stiffness=3.0, rest_angle=0.1), torsion_spring),
     "torsion damper": (rj.TorsionDamper(*ENDS, damping=0.8), torsion_damper),
     "bushing": (rj.Bushing(*ENDS, STIFF), bushing),
@@ -111,6 +116,50 @@ def test_power(kind):
         assert abs(force @ v - law(q, dq)) <= IDENTITY * size
 
 
+def test_a_damper_along_a_line_is_central():
+    """The forces on both bodies are opposite, and point along the line between the markers."""
+    a, b = (rj.RigidBody(name, 1.0, 1.0, position=(x, -x)) for name, x in (("a", 0.3), ("b", -0.5)))
+    damper = rj.Damper(a.at(), b.at(), damping=0.8, along_line=True)
+    system = rj.assemble(rj.Scene([a, b], [], [damper]))
+    force = system.force(0.0, system.q0, jnp.array([0.7, 0.2, 1.0, -0.4, 0.1, 2.0]))
+    line = jnp.array([1.0, -1.0]) / np.sqrt(2)
+    push = -0.8 * (1.1 - 0.1) / np.sqrt(2)
+    wanted = jnp.concatenate([push * line, jnp.zeros(1), -push * line, jnp.zeros(1)])
+    assert np.allclose(force, wanted, rtol=0, atol=IDENTITY)
+
+
+def test_a_damper_along_a_line_where_the_points_meet():
+    """No force, and derivatives that are finite."""
+    body = rj.RigidBody("body", 1.0, 1.0)
+    damper = rj.Damper(body.at(), rj.ground.at(), damping=0.8, along_line=True)
+    system = rj.assemble(rj.Scene([body], [], [damper]))
+    v = jnp.array([0.7, 0.2, 1.0])
+    assert not np.any(system.force(0.0, system.q0, v))
+    slopes = jax.jacrev(system.force, argnums=(1, 2))(0.0, system.q0, v)
+    assert np.all(np.isfinite(slopes))
+
+
+def test_an_effect_of_ones_own():
+    """Its markers are those among its fields, in their order."""
+
+    class Weight(rj.AbstractPotential):
+        weight: jax.Array
+        first: rj.Marker
+        second: rj.Marker
+
+        def energy(self, t, *poses):
+            return self.weight * (poses[0].position[1] + 2 * poses[1].position[1])
+
+        def check(self):
+            pass
+
+    effect = Weight(jnp.asarray(3.0), *ENDS)
+    assert effect.markers == ENDS
+    assert effect.label() == "Weight(arm, block)"
+    system = rj.assemble(rj.Scene([BLOCK], [], [Weight(jnp.asarray(3.0), BLOCK.at(), BLOCK.at())]))
+    assert np.allclose(system.force(0.0, system.q0, system.v0), [0, -9, 0], rtol=0, atol=IDENTITY)
+
+
 def equations(effect) -> list[str]:
     system = rj.assemble(rj.Scene([BLOCK], [], [effect]))
     found = jax.make_jaxpr(system.force)(0.0, system.q0, system.v0)
@@ -122,6 +171,8 @@ def test_only_what_is_asked_for():
     ends = BLOCK.at((0.1, 0.0)), rj.ground.at()
     soft = equations(rj.Spring(*ends, stiffness=1.0))
     assert len(soft) < len(equations(rj.Spring(*ends, stiffness=1.0, cubic=1.0)))
+    along = equations(rj.Damper(*ends, damping=1.0, along_line=True))
+    assert len(equations(rj.Damper(*ends, damping=1.0))) < len(along)
     undamped = equations(rj.Bushing(*ends, STIFF))
     assert len(undamped) < len(equations(rj.Bushing(*ends, STIFF, DAMP)))
     fixed = equations(rj.Force(BLOCK.at(), (1.0, 0.0), rj.Constant(1.0)))

@@ -150,6 +150,19 @@ def test_prescribed_motion():
         assert np.allclose(run.multipliers[:, row], push, rtol=0, atol=SOLVED * 100)
 
 
+def test_uniform_turning():
+    """A wheel whose angle is a ramp turns uniformly, and takes no torque."""
+    wheel, ramp = body("wheel", angle=0.2, angular_velocity=1.5), rj.Ramp(1.5, 0.2)
+    joints = [
+        rj.Revolute(wheel.at(), rj.ground.at()),
+        rj.PrescribedAngle(wheel.at(), rj.ground.at(), ramp),
+    ]
+    run = rj.simulate(rj.assemble(rj.Scene([wheel], joints)), jnp.linspace(0.0, 1.0, 5), **TIGHT)
+    assert np.allclose(run.q[:, 2], 0.2 + 1.5 * run.t, rtol=0, atol=SOLVED)
+    assert np.allclose(run.v[:, 2], 1.5, rtol=0, atol=SOLVED)
+    assert np.allclose(run.multipliers[:, 2], 0, rtol=0, atol=SOLVED)
+
+
 def test_a_joint_of_ones_own():
     """Five lines: a belt that pulls a body along as a wheel turns."""
 
@@ -175,6 +188,7 @@ def test_signals():
     step = rj.Step(2.0, 0.5, 0.4)
     assert np.allclose([step(0.4), step(0.7), step(1.0)], [0, 1, 2])
     assert np.isclose(rj.Sum((step, rj.Constant(3.0)))(t), 4)
+    assert np.isclose(rj.Ramp(2.0, 0.5)(t), 2.0 * 0.7 + 0.5)
 
 
 def test_what_a_joint_refuses():

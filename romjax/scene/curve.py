@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .fields import check_finite, check_positive, check_shape, number
+from .fields import check_numbers, number
 
 
 class AbstractCurve(eqx.Module):
@@ -40,9 +40,7 @@ class Circle(AbstractCurve):
         return (point @ point - self.radius**2) / (2 * self.radius)
 
     def check(self, owner: str) -> None:
-        check_shape(owner, "Circle.radius", self.radius, ())
-        check_finite(owner, "Circle.radius", self.radius)
-        check_positive(owner, "Circle.radius", self.radius)
+        check_numbers(owner, self, "radius", sign="positive", prefix="Circle.")
 
 
 class Polynomial(AbstractCurve):
@@ -54,5 +52,4 @@ class Polynomial(AbstractCurve):
         return point[1] - jnp.polyval(self.coefficients[::-1], point[0])
 
     def check(self, owner: str) -> None:
-        check_shape(owner, "Polynomial.coefficients", self.coefficients, (None,))
-        check_finite(owner, "Polynomial.coefficients", self.coefficients)
+        check_numbers(owner, self, "coefficients", shape=(None,), prefix="Polynomial.")

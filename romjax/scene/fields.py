@@ -1,7 +1,8 @@
 """Numeric fields of scene elements: always arrays, so that a new number never recompiles."""
 
+import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -69,3 +70,31 @@ def check_not_negative(owner: str, field: str, value: Any) -> None:
     known = concrete(value)
     if known is not None and not np.all(known >= 0):
         raise SceneError(f"{owner}: {field} is {known}, but it must not be negative.")
+
+
+def check_numbers(
+    owner: str,
+    part: Any,
+    *fields: str,
+    shape: tuple[int | None, ...] = (),
+    sign: Literal["any", "not negative", "positive"] = "any",
+    prefix: str = "",
+    remedy: str = "",
+) -> None:
+    """Check shape, finiteness and sign of the fields of `part`; None only where it is the default.
+
+    `prefix` goes before their names in messages, `remedy` after what is said of a sign.
+    """
+    optional = {field.name for field in dataclasses.fields(part) if field.default is None}
+    for field in fields:
+        value = getattr(part, field)
+        if value is None and field in optional:
+            continue
+        if value is None:
+            raise SceneError(f"{owner}: {prefix}{field} is None; give a number.")
+        check_shape(owner, prefix + field, value, shape)
+        check_finite(owner, prefix + field, value)
+        if sign == "not negative":
+            check_not_negative(owner, prefix + field, value)
+        elif sign == "positive":
+            check_positive(owner, prefix + field, value, remedy)

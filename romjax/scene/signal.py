@@ -70,6 +70,16 @@ class Sine(AbstractSignal):
         return self.amplitude * jnp.sin(2 * jnp.pi * self.frequency * t + self.phase)
 
 
+class Ramp(AbstractSignal):
+    """`rate * t + offset`; the rate per second."""
+
+    rate: Float[Array, ""] = number()
+    offset: Float[Array, ""] = number(0.0)
+
+    def __call__(self, t: Time) -> Float[Array, ""]:
+        return self.rate * t + self.offset
+
+
 class Table(AbstractSignal):
     """Values at given times [s], joined by straight lines, constant beyond both ends."""
 

@@ -1,6 +1,8 @@
 """What an effect is: one scalar or one set of forces, given the motion of its markers."""
 
 import abc
+import dataclasses
+from collections.abc import Callable
 from typing import ClassVar
 
 import equinox as eqx
@@ -14,6 +16,9 @@ from ..marker import Marker, Pose, Twist, Wrench
 
 class AbstractEffect(eqx.Module):
     """Anything that contributes to the generalized force Q."""
+
+    def __check_init__(self) -> None:
+        self.check()
 
     @property
     @abc.abstractmethod
@@ -30,10 +35,16 @@ class AbstractEffect(eqx.Module):
 
 
 class AbstractMarkerEffect(AbstractEffect):
-    """An effect that acts on markers."""
+    """An effect that acts on markers: those among its fields, unless it says otherwise."""
 
     # Whether the wrenches depend on velocities; where none do, no velocity is traced.
     needs_twists: eqx.AbstractClassVar[bool]
+
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        """The markers that the effect sees: the fields that are Markers, in their order."""
+        values = (getattr(self, field.name) for field in dataclasses.fields(self))
+        return tuple(value for value in values if isinstance(value, Marker))
 
     @abc.abstractmethod
     def wrenches(
@@ -90,6 +101,29 @@ class AbstractField(AbstractEffect):
     @abc.abstractmethod
     def energy(self, body: AbstractBody, q: Float[Array, " size"]) -> Float[Array, ""]:
         """Potential energy [J] of one body with the coordinates q."""
+
+
+def displacement(
+    measure: Callable[..., Float[Array, " k"]], poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+) -> tuple[
+    Float[Array, " k"],
+    Callable[[], Float[Array, " k"]],
+    Callable[[Float[Array, " k"]], tuple[Wrench, ...]],
+]:
+    """A displacement between poses: its value, its rate and the wrenches of a force along it.
+
+    The rate is a function, so that nothing of it is traced where it is not called. The wrenches
+    follow by virtual work: force · δ-variation, shared among the markers.
+    """
+    value, pull_back = jax.vjp(measure, *poses)
+
+    def rate() -> Float[Array, " k"]:
+        return jax.jvp(measure, poses, tuple(Pose(*twist) for twist in twists))[1]
+
+    def wrenches(force: Float[Array, " k"]) -> tuple[Wrench, ...]:
+        return tuple(Wrench(*pose) for pose in pull_back(force))
+
+    return value, rate, wrenches
 
 
 def check_markers(effect: AbstractEffect) -> str:

@@ -6,17 +6,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..curve import AbstractCurve
-from ..fields import (
-    SceneError,
-    Time,
-    check_finite,
-    check_not_negative,
-    check_positive,
-    check_shape,
-    number,
-)
+from ..fields import SceneError, Time, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
-from .base import AbstractMarkerEffect, check_markers
+from .base import AbstractMarkerEffect, check_markers, displacement
 
 
 class Friction(eqx.Module):
@@ -49,15 +41,9 @@ class Friction(eqx.Module):
         """Raise a SceneError that names owner, field, value and remedy."""
         if (self.static is None) != (self.stribeck is None):
             raise SceneError(f"{owner}: Friction needs both static and stribeck, or none of them.")
-        for field in ("coefficient", "creep", "static", "stribeck"):
-            value = getattr(self, field)
-            if value is not None:
-                check_shape(owner, f"Friction.{field}", value, ())
-                check_finite(owner, f"Friction.{field}", value)
-                check_not_negative(owner, f"Friction.{field}", value)
-        for field in ("creep", "stribeck"):
-            if getattr(self, field) is not None:
-                check_positive(owner, f"Friction.{field}", getattr(self, field))
+        fields = ("coefficient", "creep", "static", "stribeck")
+        check_numbers(owner, self, *fields, sign="not negative", prefix="Friction.")
+        check_numbers(owner, self, "creep", "stribeck", sign="positive", prefix="Friction.")
 
 
 class Contact(AbstractMarkerEffect):
@@ -83,22 +69,15 @@ class Contact(AbstractMarkerEffect):
     dissipation: Float[Array, ""] | None = number(None)
     friction: Friction | None = None
 
-    def __check_init__(self) -> None:
-        self.check()
-
     @property
     def needs_twists(self) -> bool:  # type: ignore[override]
         return self.dissipation is not None or self.friction is not None
-
-    @property
-    def markers(self) -> tuple[Marker, ...]:
-        return (self.a, self.b)
 
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> tuple[Wrench, ...]:
         del t
-        place, pull_back = jax.vjp(_place, poses)
+        place, rate, wrenches = displacement(_place, poses, twists)
         gap, slope = jax.value_and_grad(self.curve)(place)
         steepness = jnp.linalg.norm(slope)
         normal = slope / steepness
@@ -106,33 +85,23 @@ class Contact(AbstractMarkerEffect):
         inside = gap < 0
         depth = jnp.where(inside, -gap / steepness, 1.0)
         push = self.stiffness * depth**1.5
-        velocity = jnp.zeros_like(place)
-        if self.needs_twists:
-            rates = tuple(Pose(*twist) for twist in twists)
-            velocity = jax.jvp(_place, (poses,), (rates,))[1]
+        velocity = rate() if self.needs_twists else jnp.zeros_like(place)
         if self.dissipation is not None:
             push *= jnp.maximum(1 - self.dissipation * (normal @ velocity), 0)
         force = push * normal
         if self.friction is not None:
             tangent = jnp.stack([normal[1], -normal[0]])
             force -= push * self.friction(tangent @ velocity) * tangent
-        force = jnp.where(inside, force, 0)
-        return tuple(Wrench(*pose) for pose in pull_back(force)[0])
+        return wrenches(jnp.where(inside, force, 0))
 
     def check(self) -> None:
         owner = check_markers(self)
         self.curve.check(owner)
-        for field in ("stiffness", "dissipation"):
-            value = getattr(self, field)
-            if value is not None:
-                check_shape(owner, field, value, ())
-                check_finite(owner, field, value)
-                check_not_negative(owner, field, value)
+        check_numbers(owner, self, "stiffness", "dissipation", sign="not negative")
         if self.friction is not None:
             self.friction.check(owner)
 
 
-def _place(poses: tuple[Pose, ...]) -> Float[Array, "2"]:
+def _place(a: Pose, b: Pose) -> Float[Array, "2"]:
     """Of `a` in the frame of `b` [m]."""
-    a, b = poses
     return b.local(a.position)

@@ -1,9 +1,10 @@
 """A linear viscous damper."""
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..fields import Time, check_finite, check_not_negative, check_shape, number
+from ..fields import Time, check_numbers, number
 from ..marker import Marker, Pose, Twist
 from .base import AbstractDissipation, check_markers
 
@@ -11,32 +12,33 @@ from .base import AbstractDissipation, check_markers
 class Damper(AbstractDissipation):
     """A viscous damper between two markers, with the same constant in x and in y: R = ½ d |Δv|².
 
+    With `along_line` it resists only the change of the distance: R = ½ d (Δv · e)², where e is the
+    unit vector between the points; there is no force where they meet.
+
     **Arguments:**
 
     - `a`, `b`: the two ends.
     - `damping`: d [N s/m].
+    - `along_line`: whether it acts only along the line between the points.
     """
 
     a: Marker
     b: Marker
     damping: Float[Array, ""] = number()
-
-    def __check_init__(self) -> None:
-        self.check()
-
-    @property
-    def markers(self) -> tuple[Marker, ...]:
-        return (self.a, self.b)
+    along_line: bool = eqx.field(static=True, default=False)
 
     def rayleigh(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> Float[Array, ""]:
-        del t, poses
+        del t
         a, b = twists
+        if self.along_line:
+            line = poses[0].position - poses[1].position
+            squared = jnp.sum(line**2)
+            # The gradient of a length is NaN at zero; there the line has no direction, and e is 0.
+            e = line / jnp.sqrt(jnp.where(squared > 0, squared, 1.0))
+            return 0.5 * self.damping * (e @ (a.velocity - b.velocity)) ** 2
         return 0.5 * self.damping * jnp.sum((a.velocity - b.velocity) ** 2)
 
     def check(self) -> None:
-        owner = check_markers(self)
-        check_shape(owner, "damping", self.damping, ())
-        check_finite(owner, "damping", self.damping)
-        check_not_negative(owner, "damping", self.damping)
+        check_numbers(check_markers(self), self, "damping", sign="not negative")

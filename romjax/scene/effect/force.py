@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..fields import SceneError, Time, check_finite, check_shape, concrete, number
+from ..fields import SceneError, Time, check_numbers, concrete, number
 from ..marker import Marker, Pose, Twist, Wrench
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractMarkerEffect, check_markers
@@ -30,13 +30,6 @@ class Force(AbstractMarkerEffect):
     frame: str = eqx.field(static=True, default="world")
     needs_twists: ClassVar[bool] = False
 
-    def __check_init__(self) -> None:
-        self.check()
-
-    @property
-    def markers(self) -> tuple[Marker, ...]:
-        return (self.at,)
-
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> tuple[Wrench, ...]:
@@ -48,8 +41,7 @@ class Force(AbstractMarkerEffect):
 
     def check(self) -> None:
         owner = check_markers(self)
-        check_shape(owner, "direction", self.direction, (2,))
-        check_finite(owner, "direction", self.direction)
+        check_numbers(owner, self, "direction", shape=(2,))
         known = concrete(self.direction)
         if known is not None and not np.any(known):
             raise SceneError(f"{owner}: direction is {known}; give a vector that is not zero.")

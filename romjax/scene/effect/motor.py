@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..fields import Time, check_finite, check_not_negative, check_shape, number
+from ..fields import Time, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractMarkerEffect, check_markers
@@ -31,13 +31,6 @@ class Motor(AbstractMarkerEffect):
     derivative: Float[Array, ""] = number()
     needs_twists: ClassVar[bool] = True
 
-    def __check_init__(self) -> None:
-        self.check()
-
-    @property
-    def markers(self) -> tuple[Marker, ...]:
-        return (self.a, self.b)
-
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> tuple[Wrench, ...]:
@@ -53,7 +46,4 @@ class Motor(AbstractMarkerEffect):
     def check(self) -> None:
         owner = check_markers(self)
         self.target.check(owner)
-        for field in ("proportional", "derivative"):
-            check_shape(owner, field, getattr(self, field), ())
-            check_finite(owner, field, getattr(self, field))
-            check_not_negative(owner, field, getattr(self, field))
+        check_numbers(owner, self, "proportional", "derivative", sign="not negative")

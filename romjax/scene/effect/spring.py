@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..fields import Time, check_finite, check_not_negative, check_shape, number
+from ..fields import Time, check_numbers, number
 from ..marker import Marker, Pose
 from .base import AbstractPotential, check_markers
 
@@ -28,13 +28,6 @@ class Spring(AbstractPotential):
     rest_length: Float[Array, ""] | None = number(None)
     cubic: Float[Array, ""] | None = number(None)
 
-    def __check_init__(self) -> None:
-        self.check()
-
-    @property
-    def markers(self) -> tuple[Marker, ...]:
-        return (self.a, self.b)
-
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         del t
         a, b = poses
@@ -48,10 +41,5 @@ class Spring(AbstractPotential):
         return energy if self.cubic is None else energy + 0.25 * self.cubic * squared**2
 
     def check(self) -> None:
-        owner = check_markers(self)
-        for field in ("stiffness", "rest_length", "cubic"):
-            value = getattr(self, field)
-            if value is not None:
-                check_shape(owner, field, value, ())
-                check_finite(owner, field, value)
-                check_not_negative(owner, field, value)
+        fields = ("stiffness", "rest_length", "cubic")
+        check_numbers(check_markers(self), self, *fields, sign="not negative")

@@ -23,13 +23,6 @@ class Torque(AbstractMarkerEffect):
     signal: AbstractSignal = signal_field()
     needs_twists: ClassVar[bool] = False
 
-    def __check_init__(self) -> None:
-        self.check()
-
-    @property
-    def markers(self) -> tuple[Marker, ...]:
-        return (self.at,)
-
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> tuple[Wrench, ...]:

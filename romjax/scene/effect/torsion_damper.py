@@ -2,7 +2,7 @@
 
 from jaxtyping import Array, Float
 
-from ..fields import Time, check_finite, check_not_negative, check_shape, number
+from ..fields import Time, check_numbers, number
 from ..marker import Marker, Pose, Twist
 from .base import AbstractDissipation, check_markers
 
@@ -20,13 +20,6 @@ class TorsionDamper(AbstractDissipation):
     b: Marker
     damping: Float[Array, ""] = number()
 
-    def __check_init__(self) -> None:
-        self.check()
-
-    @property
-    def markers(self) -> tuple[Marker, ...]:
-        return (self.a, self.b)
-
     def rayleigh(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> Float[Array, ""]:
@@ -35,7 +28,4 @@ class TorsionDamper(AbstractDissipation):
         return 0.5 * self.damping * (a.angular_velocity - b.angular_velocity) ** 2
 
     def check(self) -> None:
-        owner = check_markers(self)
-        check_shape(owner, "damping", self.damping, ())
-        check_finite(owner, "damping", self.damping)
-        check_not_negative(owner, "damping", self.damping)
+        check_numbers(check_markers(self), self, "damping", sign="not negative")

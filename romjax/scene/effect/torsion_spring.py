@@ -2,7 +2,7 @@
 
 from jaxtyping import Array, Float
 
-from ..fields import Time, check_finite, check_not_negative, check_shape, number
+from ..fields import Time, check_numbers, number
 from ..marker import Marker, Pose
 from .base import AbstractPotential, check_markers
 
@@ -24,13 +24,6 @@ class TorsionSpring(AbstractPotential):
     stiffness: Float[Array, ""] = number()
     rest_angle: Float[Array, ""] = number(0.0)
 
-    def __check_init__(self) -> None:
-        self.check()
-
-    @property
-    def markers(self) -> tuple[Marker, ...]:
-        return (self.a, self.b)
-
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         del t
         a, b = poses
@@ -38,7 +31,5 @@ class TorsionSpring(AbstractPotential):
 
     def check(self) -> None:
         owner = check_markers(self)
-        for field in ("stiffness", "rest_angle"):
-            check_shape(owner, field, getattr(self, field), ())
-            check_finite(owner, field, getattr(self, field))
-        check_not_negative(owner, "stiffness", self.stiffness)
+        check_numbers(owner, self, "stiffness", sign="not negative")
+        check_numbers(owner, self, "rest_angle")

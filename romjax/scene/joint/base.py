@@ -21,6 +21,9 @@ class AbstractJoint(eqx.Module):
     name: eqx.AbstractVar[str]
     rows: eqx.AbstractClassVar[int]
 
+    def __check_init__(self) -> None:
+        self.check()
+
     @abc.abstractmethod
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, " rows"]:
         """Zero where the joint holds; lengths [m] and angles [rad]."""
@@ -33,9 +36,13 @@ class AbstractJoint(eqx.Module):
         """How messages call the joint: its name, or its kind and its bodies."""
         return self.name or f"{type(self).__name__}({self.a.body}, {self.b.body})"
 
+    def owner(self) -> str:
+        """What messages about the joint begin with."""
+        return f"joint '{self.label()}'"
+
     def check(self) -> None:
         """Raise a SceneError that names joint, field, value and remedy."""
-        owner = f"joint '{self.label()}'"
+        owner = self.owner()
         for marker in self.markers:
             marker.check(owner)
         check_distinct(owner, self.a, self.b)

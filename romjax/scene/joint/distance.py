@@ -5,7 +5,7 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..fields import Time, check_finite, check_positive, check_shape, number
+from ..fields import Time, check_numbers, number
 from ..marker import Marker, Pose
 from .base import AbstractJoint
 
@@ -22,9 +22,6 @@ class Distance(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
 
-    def __check_init__(self) -> None:
-        self.check()
-
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         del t
         d = a.position - b.position
@@ -32,7 +29,5 @@ class Distance(AbstractJoint):
 
     def check(self) -> None:
         super().check()
-        owner = f"joint '{self.label()}'"
-        check_shape(owner, "length", self.length, ())
-        check_finite(owner, "length", self.length)
-        check_positive(owner, "length", self.length, "Two markers in one place are a Revolute.")
+        remedy = "Two markers in one place are a Revolute."
+        check_numbers(self.owner(), self, "length", sign="positive", remedy=remedy)

@@ -5,7 +5,7 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..fields import Time, check_finite, check_shape, number
+from ..fields import Time, check_numbers, number
 from ..marker import Marker, Pose
 from .base import AbstractJoint
 
@@ -19,14 +19,10 @@ class FixedAngle(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
 
-    def __check_init__(self) -> None:
-        self.check()
-
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         del t
         return (a.angle - b.angle - self.value)[None]
 
     def check(self) -> None:
         super().check()
-        check_shape(f"joint '{self.label()}'", "value", self.value, ())
-        check_finite(f"joint '{self.label()}'", "value", self.value)
+        check_numbers(self.owner(), self, "value")

@@ -5,7 +5,7 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..fields import Time, check_finite, check_shape, number
+from ..fields import Time, check_numbers, number
 from ..marker import Marker, Pose
 from .base import AbstractJoint
 
@@ -25,16 +25,10 @@ class Gear(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
 
-    def __check_init__(self) -> None:
-        self.check()
-
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         del t
         return (a.angle - self.ratio * b.angle - self.offset)[None]
 
     def check(self) -> None:
         super().check()
-        owner = f"joint '{self.label()}'"
-        for field in ("ratio", "offset"):
-            check_shape(owner, field, getattr(self, field), ())
-            check_finite(owner, field, getattr(self, field))
+        check_numbers(self.owner(), self, "ratio", "offset")

@@ -20,14 +20,10 @@ class PointOnCurve(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
 
-    def __check_init__(self) -> None:
-        self.check()
-
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         del t
         return self.curve(b.local(a.position))[None]
 
     def check(self) -> None:
         super().check()
-        owner = f"joint '{self.label()}'"
-        self.curve.check(owner)
+        self.curve.check(self.owner())

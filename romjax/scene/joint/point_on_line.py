@@ -18,9 +18,6 @@ class PointOnLine(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
 
-    def __check_init__(self) -> None:
-        self.check()
-
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         del t
         return b.across(a.position)[None]

@@ -18,7 +18,7 @@ class _Prescribed(AbstractJoint):
 
     def check(self) -> None:
         super().check()
-        owner = f"joint '{self.label()}'"
+        owner = self.owner()
         self.signal.check(owner)
         if not self.signal.smooth:
             raise SceneError(
@@ -36,9 +36,6 @@ class PrescribedAngle(_Prescribed):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
 
-    def __check_init__(self) -> None:
-        self.check()
-
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         return (a.angle - b.angle - self.signal(t))[None]
 
@@ -53,9 +50,6 @@ class PrescribedTravel(_Prescribed):
     signal: AbstractSignal = signal_field()
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
-
-    def __check_init__(self) -> None:
-        self.check()
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         return (b.along(a.position) - self.signal(t))[None]

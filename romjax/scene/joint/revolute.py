@@ -18,9 +18,6 @@ class Revolute(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 2
 
-    def __check_init__(self) -> None:
-        self.check()
-
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "2"]:
         del t
         return a.position - b.position

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..fields import Time, check_finite, check_shape, number
+from ..fields import Time, check_numbers, number
 from ..marker import Marker, Pose
 from .base import AbstractJoint
 
@@ -20,15 +20,10 @@ class Weld(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 3
 
-    def __check_init__(self) -> None:
-        self.check()
-
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "3"]:
         del t
         return jnp.append(a.position - b.position, a.angle - b.angle - self.value)
 
     def check(self) -> None:
         super().check()
-        owner = f"joint '{self.label()}'"
-        check_shape(owner, "value", self.value, ())
-        check_finite(owner, "value", self.value)
+        check_numbers(self.owner(), self, "value")
