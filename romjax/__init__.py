@@ -14,8 +14,13 @@ from .integrate.simulate import simulate as simulate
 from .integrate.trajectory import SimulationError as SimulationError
 from .integrate.trajectory import Status as Status
 from .integrate.trajectory import Trajectory as Trajectory
+from .scene.body import sections as sections
 from .scene.body.base import AbstractBody as AbstractBody
 from .scene.body.beam import Beam as Beam
+from .scene.body.component_modes import craig_bampton as craig_bampton
+from .scene.body.component_modes import free_interface as free_interface
+from .scene.body.inertia import Inertia as Inertia
+from .scene.body.modal import ModalBody as ModalBody
 from .scene.body.rigid import RigidBody as RigidBody
 from .scene.curve import AbstractCurve as AbstractCurve
 from .scene.curve import Circle as Circle

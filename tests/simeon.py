@@ -1,10 +1,13 @@
-"""Simeon's slider crank with a flexible rod, as a CustomSystem.
+"""Simeon's slider crank with a flexible rod, as a CustomSystem, and its rod as a body.
 
 B. Simeon, "Modelling a flexible slider crank mechanism by a mixed system of DAEs and PDEs",
 Mathematical Modelling of Systems 2 (1996); problem "crank" of the IVP test set. Coordinates: crank
 angle, rod angle, slider, two lateral modes and two longitudinal nodes of the rod.
 """
 
+from typing import NamedTuple
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -64,31 +67,92 @@ BY_SLIDER = [
 ]
 
 
-def slider_crank(modulus=0.20e12, slider=0.075552) -> rj.CustomSystem:
-    """The system, with Young's modulus [Pa] and the mass of the slider [kg]."""
-    M2, L1, L2, J1, J2 = 0.151104, 0.15, 0.30, 0.002727, 0.0045339259
-    R, OMEGA, side = 7870.0, 150.0, 0.008
-    PI = 3.1415927  # as printed: the exact one changes the seventh digit of the first mode
-    area = side**2
-    fm, fk, fb, h2 = R * area * L2, modulus * area / L2, area * L2, (side / L2) ** 2
-    MQ = jnp.array([[fm / 2, 0, 0, 0], [0, fm / 2, 0, 0], [0, 0, 8 * fm, fm], [0, 0, fm, 2 * fm]])
-    KQ = fk * jnp.array(
-        [
-            [PI**4 / 24 * h2, 0, 0, 0],
-            [0, PI**4 * 2 / 3 * h2, 0, 0],
-            [0, 0, 16 / 3, -8 / 3],
-            [0, 0, -8 / 3, 7 / 3],
-        ]
-    )
+M2, L1, L2, CRANK, J2 = 0.151104, 0.15, 0.30, 0.002727, 0.0045339259
+DENSITY, SPEED, SIDE = 7870.0, 150.0, 0.008
+PI = 3.1415927  # as printed: the exact one changes the seventh digit of the first mode
+START = [0, 0, 0.450016933, 0, 0, 0.103339863e-4, 0.169327969e-4]
+RATES = [
+    0.15e3,
+    -0.749957670e2,
+    -0.268938672e-5,
+    0.444896105,
+    0.463434311e-2,
+    -0.178591076e-5,
+    -0.268938672e-5,
+]
+
+
+class Rod(NamedTuple):
+    """Matrices and vectors of the rod, in the names of the paper."""
+
+    MQ: jax.Array
+    KQ: jax.Array
+    BQ: jax.Array
+    c1: jax.Array
+    c2: jax.Array
+    c12: jax.Array
+    c21: jax.Array
+
+
+def elements(modulus) -> Rod:
+    """Two sines across the rod and two quadratic elements along it."""
+    area = SIDE**2
+    fm, fk, fb = DENSITY * area * L2, modulus * area / L2, area * L2
+    h2 = (SIDE / L2) ** 2
+    stiffness = [
+        [PI**4 / 24 * h2, 0, 0, 0],
+        [0, PI**4 * 2 / 3 * h2, 0, 0],
+        [0, 0, 16 / 3, -8 / 3],
+        [0, 0, -8 / 3, 7 / 3],
+    ]
     half = np.zeros((4, 4))
     half[0, 2:] = -16 / PI**3, 8 / PI**3 - 1 / PI
     half[1, 3] = 0.5 / PI
-    BQ = jnp.asarray(fb * (half - half.T))
-    c1, c2 = fb * jnp.array([0, 0, 2 / 3, 1 / 6]), fb * jnp.array([2 / PI, 0, 0, 0])
-    c12, c21 = (
+    return Rod(
+        jnp.array([[fm / 2, 0, 0, 0], [0, fm / 2, 0, 0], [0, 0, 8 * fm, fm], [0, 0, fm, 2 * fm]]),
+        fk * jnp.array(stiffness),
+        jnp.asarray(fb * (half - half.T)),
+        fb * jnp.array([0, 0, 2 / 3, 1 / 6]),
+        fb * jnp.array([2 / PI, 0, 0, 0]),
         L2 * fb * jnp.array([0, 0, 1 / 3, 1 / 6]),
         L2 * fb * jnp.array([1 / PI, -0.5 / PI, 0, 0]),
     )
+
+
+def rod() -> rj.ModalBody:
+    """The rod as a body, with its frame at the crank: the paper's vectors are its invariants."""
+    own = elements(0.20e12)
+    ends = np.zeros((2, 3, 4))
+    ends[:, 2, :2] = PI / L2 * np.array([[1, 2], [-1, 2]])
+    ends[1, 0, 3] = 1.0
+    return rj.ModalBody(
+        "rod",
+        rj.Inertia(
+            M2,
+            J2,
+            modal=own.MQ,
+            centre=(M2 * L2 / 2, 0.0),
+            shift=DENSITY * jnp.stack([own.c1, own.c2]),
+            swing=DENSITY * own.c21,
+            stretch=DENSITY * own.c12,
+            gyration=DENSITY * own.BQ.T,
+        ),
+        own.KQ,
+        [(0.0, 0.0), (L2, 0.0)],
+        ends,
+        ports=("crank", "slider"),
+        position=(L1, 0.0),
+        velocity=(0.0, L1 * SPEED),
+        angular_velocity=RATES[1],
+        amplitudes=START[3:],
+        rates=RATES[3:],
+    )
+
+
+def slider_crank(modulus=0.20e12, slider=0.075552) -> rj.CustomSystem:
+    """The system, with Young's modulus [Pa] and the mass of the slider [kg]."""
+    MQ, KQ, BQ, c1, c2, c12, c21 = elements(modulus)
+    J1, R = CRANK, DENSITY
 
     def mass(r):
         s, c = jnp.sin(r[0] - r[1]), jnp.cos(r[0] - r[1])
@@ -128,18 +192,8 @@ def slider_crank(modulus=0.20e12, slider=0.075552) -> rj.CustomSystem:
             [
                 L1 * jnp.sin(r[0]) + (L2 + r[6]) * jnp.sin(r[1]),
                 r[2] - L1 * jnp.cos(r[0]) - (L2 + r[6]) * jnp.cos(r[1]),
-                r[0] - OMEGA * t,
+                r[0] - SPEED * t,
             ]
         )
 
-    q0 = [0, 0, 0.450016933, 0, 0, 0.103339863e-4, 0.169327969e-4]
-    v0 = [
-        0.15e3,
-        -0.749957670e2,
-        -0.268938672e-5,
-        0.444896105,
-        0.463434311e-2,
-        -0.178591076e-5,
-        -0.268938672e-5,
-    ]
-    return rj.CustomSystem(mass, force, con, q0=q0, v0=v0)
+    return rj.CustomSystem(mass, force, con, q0=START, v0=RATES)

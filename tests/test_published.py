@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import simeon
 from conftest import TIGHT
-from mechanisms import Torque, bar, ends
+from mechanisms import bar, ends
 from tolerances import IDENTITY, PUBLISHED, SOLVED
 
 import romjax as rj
-from romjax.scene.body.modes import free_free_roots
+from romjax.scene.body.modes import bending_roots
 from romjax.system.consistent import project
 
 # Required of the roots of the frequency equation, which are printed to 18 places.
@@ -159,7 +159,7 @@ def test_roots_of_free_free_beams():
         14.137165491257464,
         17.278759657399481,
     ]
-    assert np.allclose(free_free_roots(5), wanted, rtol=ROOTS, atol=0)
+    assert np.allclose(bending_roots("free-free", 5), wanted, rtol=ROOTS, atol=0)
 
 
 @pytest.mark.parametrize("axis", ["x", "y"])
@@ -229,7 +229,7 @@ def test_rigid_slider_crank():
         rj.PointOnLine(slider.at(), rj.ground.at()),
         rj.FixedAngle(slider.at(), rj.ground.at()),
     ]
-    torque = Torque(crank.at(), jnp.asarray(0.1))
+    torque = rj.Torque(crank.at(), rj.Constant(0.1))
     driven, free = (
         rj.assemble(rj.Scene([crank, rod, slider], joints, effects)) for effects in ([torque], [])
     )

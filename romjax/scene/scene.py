@@ -37,13 +37,17 @@ class Scene(eqx.Module):
             if names.count(name) > 1:
                 raise SceneError(f"Two bodies are named '{name}'; every body needs its own name.")
         connected: tuple[AbstractJoint | AbstractEffect, ...] = (*self.joints, *self.effects)
+        bodies = {body.name: body for body in self.bodies}
         for part in connected:
             for marker in part.markers:
-                if marker.body != GROUND and marker.body not in names:
+                if marker.body == GROUND:
+                    continue
+                if marker.body not in bodies:
                     raise SceneError(
                         f"'{part.label()}': its marker is on the body '{marker.body}', which the "
                         f"scene does not have. It has: {', '.join(names)}."
                     )
+                bodies[marker.body].check_marker(f"'{part.label()}'", marker)
         # Again, since numbers may have been replaced since the parts were made.
         for body in self.bodies:
             body.check()

@@ -32,13 +32,15 @@ class BodyGroup(eqx.Module):
     def force(
         self, fields: tuple[AbstractField, ...], q: Float[Array, " n"], v: Float[Array, " n"]
     ) -> Float[Array, "count size"] | None:
-        """Elastic, field and quadratic-velocity forces; None where the bodies call for none."""
+        """Elastic, damping, field and quadratic-velocity forces; None where there are none."""
         terms: list[Callable[..., Float[Array, " size"]]] = [
             lambda body, q, v, field=field: -jax.grad(field.energy, argnums=1)(body, q)
             for field in fields
         ]
         if self.bodies.modes:
             terms.append(lambda body, q, v: -jax.grad(body.elastic_energy)(q))
+        if self.bodies.damped:
+            terms.append(lambda body, q, v: body.damping_force(v))
         if not self.bodies.constant_mass:
             terms.append(lambda body, q, v: quadratic_velocity_force(body.mass_matrix)(q, v))
         if not terms:

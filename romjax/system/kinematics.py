@@ -26,12 +26,14 @@ class Markers(eqx.Module):
 
     Bodies of all kinds share one formula, pose = frame ∘ (place + shapes · amplitudes), so the
     program is the same for any number and mix of bodies. Bodies with fewer modes than the richest
-    one are padded with zero shapes; the ground is a frame that stays at zero.
+    one are padded with zero shapes; the ground is a frame that stays at zero. Where a body shortens
+    as it bends, the place moves by −½ amplitudes · shortening · amplitudes too.
     """
 
     points: Float[Array, "count 2"]  # in the body frame
     angles: Float[Array, " count"]  # against the body
     shapes: Float[Array, "count 3 modes"]
+    shortening: Float[Array, "count 2 modes modes"] | None
     frames: Index = eqx.field(static=True)  # of x, y, φ in q; n stands for the ground
     amplitudes: Index = eqx.field(static=True)  # of the modal coordinates; n stands for padding
 
@@ -48,14 +50,19 @@ class Markers(eqx.Module):
         extended = _extend(q)
         angle = extended[self.frames.array[:, 2]]
         arm, _ = self._local(extended)
+        shapes = self.shapes
+        if self.shortening is not None:
+            bent = extended[self.amplitudes.array]
+            slide = jnp.einsum("cikl,cl->cik", self.shortening, bent)
+            shapes = shapes - jnp.pad(slide, ((0, 0), (0, 1), (0, 0)))
         count = len(self.angles)
         unit = jnp.broadcast_to(jnp.eye(2, dtype=q.dtype), (count, 2, 2))
         position = [unit, _perpendicular(_turn(angle, arm))[:, :, None]]
         turning = [jnp.broadcast_to(jnp.array([0, 0, 1], q.dtype), (count, 3))]
         if self.amplitudes.width:
-            turned = jax.vmap(_turn, in_axes=(None, 2), out_axes=2)(angle, self.shapes[:, :2])
+            turned = jax.vmap(_turn, in_axes=(None, 2), out_axes=2)(angle, shapes[:, :2])
             position.append(turned)
-            turning.append(self.shapes[:, 2])
+            turning.append(shapes[:, 2])
         return PoseGradient(jnp.concatenate(position, axis=2), jnp.concatenate(turning, axis=1))
 
     def coordinates(self) -> np.ndarray:
@@ -72,8 +79,12 @@ class Markers(eqx.Module):
     ) -> tuple[Float[Array, "count 2"], Float[Array, " count"]]:
         if not self.amplitudes.width:
             return self.points, self.angles
-        bent = jnp.einsum("cik,ck->ci", self.shapes, extended[self.amplitudes.array])
-        return self.points + bent[:, :2], self.angles + bent[:, 2]
+        amplitudes = extended[self.amplitudes.array]
+        bent = jnp.einsum("cik,ck->ci", self.shapes, amplitudes)
+        points = self.points + bent[:, :2]
+        if self.shortening is not None:
+            points -= 0.5 * jnp.einsum("cikl,ck,cl->ci", self.shortening, amplitudes, amplitudes)
+        return points, self.angles + bent[:, 2]
 
 
 def _extend(q: Float[Array, " n"]) -> Float[Array, " extended"]:
@@ -114,16 +125,29 @@ def place_markers(
     points, angles = stack([(m.point, m.angle) for m in markers])
     moving = [i for i, m in enumerate(markers) if m.body != GROUND and bodies[m.body].modes]
     most = max((bodies[markers[i].body].modes for i in moving), default=0)
-    shapes = jnp.zeros((len(markers), 3, most), points.dtype)
+    shapes, short = jnp.zeros((len(markers), 3, most), points.dtype), None
     for carriers, places in group([bodies[markers[i].body] for i in moving]):
         slots = np.array([moving[place] for place in places])
-        shapes = shapes.at[slots, :, : carriers.modes].set(_shapes(carriers, points[slots]))
-    own = [coordinates.get(m.body, (n, n, n)) for m in markers]
-    frames = Index.of([c[:3] for c in own])
-    padded = Index.of([(*c[3:], *[n] * (most + 3 - len(c))) for c in own])
-    return Markers(points, angles, shapes, frames, padded)
+        own = carriers.modes
+        shapes = shapes.at[slots, :, :own].set(_shapes(carriers, points[slots]))
+        if carriers.shortens:
+            short = (
+                jnp.zeros((len(markers), 2, most, most), points.dtype) if short is None else short
+            )
+            short = short.at[slots, :, :own, :own].set(_shortening(carriers, points[slots]))
+    columns = [coordinates.get(m.body, (n, n, n)) for m in markers]
+    frames = Index.of([c[:3] for c in columns])
+    padded = Index.of([(*c[3:], *[n] * (most + 3 - len(c))) for c in columns])
+    return Markers(points, angles, shapes, short, frames, padded)
 
 
 @jax.jit
 def _shapes(bodies: AbstractBody, points: Float[Array, "count 2"]) -> Float[Array, "count 3 modes"]:
     return jax.vmap(lambda body, point: body.mode_shapes(point))(bodies, points)
+
+
+@jax.jit
+def _shortening(
+    bodies: AbstractBody, points: Float[Array, "count 2"]
+) -> Float[Array, "count 2 modes modes"]:
+    return jax.vmap(lambda body, point: body.shortening(point))(bodies, points)

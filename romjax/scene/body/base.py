@@ -23,10 +23,23 @@ class AbstractBody(eqx.Module):
 
     modes: eqx.AbstractVar[int]  # how many modal coordinates follow x, y, φ
 
+    def __check_init__(self) -> None:
+        self.check()
+
     @property
     @abc.abstractmethod
     def constant_mass(self) -> bool:
         """Whether the mass matrix is constant: then no quadratic-velocity code is traced."""
+
+    @property
+    def damped(self) -> bool:
+        """Whether the body dissipates: if not, no code of its damping is traced."""
+        return False
+
+    @property
+    def shortens(self) -> bool:
+        """Whether bending moves its points along the axis too: a motion of second order."""
+        return False
 
     @property
     def size(self) -> int:
@@ -45,6 +58,10 @@ class AbstractBody(eqx.Module):
     def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
         """Strain energy [J]; asked only of bodies with modes."""
 
+    def damping_force(self, v: Float[Array, " size"]) -> Float[Array, " size"]:
+        """Generalized force of the body's own damping; asked only of bodies that are `damped`."""
+        return jnp.zeros_like(v)
+
     @abc.abstractmethod
     def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "2"]:
         """Mass times position of the centre of mass, ∫ρ r dV [kg m]."""
@@ -57,6 +74,12 @@ class AbstractBody(eqx.Module):
         r = R + A(φ) (X + S q_f), turned by φ + s q_f.
         """
 
+    def shortening(self, point: Float[Array, "2"]) -> Float[Array, "2 modes modes"]:
+        """G of a displacement −½ q_fᵀ G q_f of a material point along local x and y, beyond that
+        of the mode shapes; asked only of bodies that shorten.
+        """
+        return jnp.zeros((2, self.modes, self.modes), point.dtype)
+
     @abc.abstractmethod
     def outline(self) -> Float[Array, "points 2"]:
         """Material points [m] whose polygon pictures the body."""
@@ -64,6 +87,9 @@ class AbstractBody(eqx.Module):
     @abc.abstractmethod
     def check(self) -> None:
         """Raise a SceneError that names body, field, value and remedy if a number is impossible."""
+
+    def check_marker(self, owner: str, marker: Marker) -> None:
+        """Raise a SceneError if the body knows nothing of the marker's point."""
 
     def labels(self) -> tuple[str, ...]:
         """Names of the coordinates."""

@@ -1,5 +1,7 @@
 """A slender elastic beam in a floating frame."""
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -10,34 +12,47 @@ from ..fields import (
     SceneError,
     Vector,
     as_array,
-    check_finite,
-    check_positive,
-    check_shape,
+    check_numbers,
     number,
 )
 from .base import AbstractBody, check_name, check_start
-from .modes import free_free_roots, free_free_shapes
+from .inertia import Inertia
+from .modes import (
+    SHAPES,
+    bending_moments,
+    bending_roots,
+    bending_shapes,
+    shortening,
+    shortening_moments,
+)
+from .sections import AbstractSection
 
 
 class Beam(AbstractBody):
-    """A uniform beam that bends: floating frame and free-free Euler–Bernoulli modes.
+    """A uniform beam that bends: a floating frame and Euler–Bernoulli modes.
 
-    Coordinates x, y [m], φ [rad] of the frame in the undeformed centre of mass, then one
-    amplitude per mode, mass-normalised [kg^½ m]. The modes are orthogonal to rigid motion, so the
-    mass matrix is exactly diag(m, m, J + |q_f|², 1, …) and nothing else couples.
-    Small deflections; longitudinal stiffness is infinite; no geometric stiffening.
+    Coordinates x, y [m], φ [rad] of the frame in the middle of the undeformed beam, then one
+    amplitude per mode, mass-normalised [kg^½ m]. Free-free modes are orthogonal to rigid motion, so
+    the mass matrix is exactly diag(m, m, J + |q_f|², 1, …) and nothing else couples. The frame of
+    clamped-free and pinned-free modes follows the lower end, its tangent or its place, and they
+    converge faster where that end is welded or hinged.
+    Small deflections against the frame; longitudinal stiffness is infinite.
 
     **Arguments:**
 
     - `name`: unique in the scene.
     - `mass`: Mass [kg]. `length`: Length [m].
     - `EI` and `modes`: bending stiffness [N m²] and the number of modes, or
-    - `frequencies`: free-free natural frequencies [Hz], one per mode (they need not fit any EI).
+    - `frequencies`: natural frequencies of the modes [Hz], one for each (they need not fit any EI).
       Neither: a rigid bar.
-    - `inertia`: about the centre [kg m²]; that of a thin bar, m L²/12, unless given.
+    - `inertia`: about the middle [kg m²]; that of a thin bar, m L²/12, unless given.
     - `axis`: "x": along the local x axis, deflecting along local y; "y": along y, deflecting
-      along x (the chapter's pendulum). Every mode deflects by +2/√m at the end with the lower
-      coordinate.
+      along x (the chapter's pendulum).
+    - `shapes`: "free-free", "clamped-free" or "pinned-free": the support of the end with the lower
+      coordinate. Every mode deflects by +2/√m at its free end, at the lower one if both are free.
+    - `damping`: damping ratios ζ of the modes, or one for all; none unless given.
+    - `stiffening`: with geometric stiffening: bending pulls the points of the beam together by
+      ½ ∫w'² ds, so that tension, as in fast rotation, stiffens it.
     - `position`, `angle`, `velocity`, `angular_velocity`: initial place and motion of the frame.
     - `amplitudes`, `rates`: initial modal coordinates and velocities, zero unless given.
     """
@@ -48,6 +63,7 @@ class Beam(AbstractBody):
     EI: Float[Array, ""] | None = number(None)
     frequencies: Float[Array, " modes"] | None = number(None)
     inertia: Float[Array, ""] | None = number(None)
+    damping: Float[Array, " modes"] | None = number(None)
     position: Float[Array, "2"] = number((0.0, 0.0))
     angle: Float[Array, ""] = number(0.0)
     velocity: Float[Array, "2"] = number((0.0, 0.0))
@@ -56,6 +72,8 @@ class Beam(AbstractBody):
     rates: Float[Array, " modes"] = number(())
     modes: int = eqx.field(static=True, default=0)
     axis: str = eqx.field(static=True, default="x")
+    shapes: str = eqx.field(static=True, default="free-free")
+    stiffening: bool = eqx.field(static=True, default=False)
 
     def __init__(
         self,
@@ -68,6 +86,9 @@ class Beam(AbstractBody):
         frequencies: Vector | None = None,
         inertia: Number | None = None,
         axis: str = "x",
+        shapes: str = "free-free",
+        damping: Vector | Number | None = None,
+        stiffening: bool = False,
         position: Vector = (0.0, 0.0),
         angle: Number = 0.0,
         velocity: Vector = (0.0, 0.0),
@@ -86,31 +107,72 @@ class Beam(AbstractBody):
             raise SceneError(
                 f"body '{name}': modes={modes}, but {len(given)} frequencies are given."
             )
-        self.name, self.axis = name, axis
+        self.name, self.axis, self.shapes, self.stiffening = name, axis, shapes, stiffening
         self.modes = len(given) if given is not None else modes or 0
         self.mass, self.length, self.frequencies = as_array(mass), as_array(length), given
         self.EI = None if EI is None else as_array(EI)
         self.inertia = None if inertia is None else as_array(inertia)
+        self.damping = None
+        if damping is not None:
+            self.damping = as_array(damping)
+            if self.damping.ndim == 0:
+                self.damping = jnp.broadcast_to(self.damping, (self.modes,))
         self.position, self.angle = as_array(position), as_array(angle)
         self.velocity, self.angular_velocity = as_array(velocity), as_array(angular_velocity)
         zero = jnp.zeros(self.modes)
         self.amplitudes = zero if amplitudes is None else as_array(amplitudes)
         self.rates = zero if rates is None else as_array(rates)
 
-    def __check_init__(self) -> None:
-        self.check()
+    @classmethod
+    def of_section(
+        cls,
+        name: str,
+        length: Number,
+        section: AbstractSection,
+        *,
+        density: Number,
+        modulus: Number,
+        modes: int,
+        **rest: Any,
+    ) -> "Beam":
+        """A beam of a `section` and a material.
+
+        **Arguments:**
+
+        - `section`: such as `sections.Rectangle(width, height)`.
+        - `density`: ρ [kg/m³]. `modulus`: Young's modulus E [Pa].
+        - `modes` and the `rest`: as for every beam. Its inertia, ρ (A L³/12 + I L), counts the
+          rotary inertia of the section in rigid motion.
+        """
+        size, area, bend = as_array(length), section.area, section.second_moment
+        return cls(
+            name,
+            density * area * size,
+            size,
+            EI=modulus * bend,
+            modes=modes,
+            **{"inertia": density * (area * size**3 / 12 + bend * size), **rest},
+        )
 
     @property
     def constant_mass(self) -> bool:
         return self.modes == 0
 
+    @property
+    def damped(self) -> bool:
+        return self.damping is not None and self.modes > 0
+
+    @property
+    def shortens(self) -> bool:
+        return self.stiffening and self.modes > 0
+
     def natural_frequencies(self) -> Float[Array, " modes"]:
-        """Angular frequencies ω [rad/s] of the free-free modes, ω² = (βL)⁴ EI / (m L³)."""
+        """Angular frequencies ω [rad/s] of the modes, ω² = (βL)⁴ EI / (m L³)."""
         if self.frequencies is not None:
             return 2 * jnp.pi * self.frequencies
         if self.EI is None:
             return jnp.zeros(0)
-        root = jnp.asarray(free_free_roots(self.modes), self.mass.dtype)
+        root = jnp.asarray(bending_roots(self.shapes, self.modes), self.mass.dtype)
         return root**2 * jnp.sqrt(self.EI / (self.mass * self.length**3))
 
     def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
@@ -119,26 +181,56 @@ class Beam(AbstractBody):
             jnp.concatenate([self.velocity, self.angular_velocity[None], self.rates]),
         )
 
-    def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, " size"]:
-        inertia = self.mass * self.length**2 / 12 if self.inertia is None else self.inertia
-        if self.modes == 0:
-            return jnp.stack([self.mass, self.mass, inertia])
-        rigid = jnp.stack([self.mass, self.mass, inertia + q[3:] @ q[3:]])
-        return jnp.concatenate([rigid, np.ones(self.modes, q.dtype)])
+    def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
+        moment = self.mass * self.length**2 / 12 if self.inertia is None else self.inertia
+        return self._inertia(moment).matrix(q)
 
     def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
         return 0.5 * jnp.sum((self.natural_frequencies() * q[3:]) ** 2)
 
+    def damping_force(self, v: Float[Array, " size"]) -> Float[Array, " size"]:
+        if self.damping is None:
+            return jnp.zeros_like(v)
+        modal = -2 * self.damping * self.natural_frequencies() * v[3:]
+        return jnp.concatenate([jnp.zeros_like(v[:3]), modal])
+
     def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "2"]:
-        return self.mass * q[:2]
+        return self._inertia().first_moment(q)
 
     def mode_shapes(self, point: Float[Array, "2"]) -> Float[Array, "3 modes"]:
-        along = point[0 if self.axis == "x" else 1]
-        deflection, slope = free_free_shapes(along, self.length, self.modes)
+        deflection, slope = bending_shapes(self.shapes, self.modes, self._place(point))
+        slope = slope / self.length
         none = jnp.zeros_like(deflection)
         # The tangent (1, w') has turned counter-clockwise, the tangent (w', 1) clockwise.
         rows = [none, deflection, slope] if self.axis == "x" else [deflection, none, -slope]
         return jnp.stack(rows) / jnp.sqrt(self.mass)
+
+    def shortening(self, point: Float[Array, "2"]) -> Float[Array, "2 modes modes"]:
+        along = shortening(self.shapes, self.modes, self._place(point))
+        return self._lengthwise(along) / (self.mass * self.length)
+
+    def _place(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        """How far along the beam a point is, 0 to 1."""
+        return point[0 if self.axis == "x" else 1] / self.length + 0.5
+
+    def _lengthwise(self, along: Any) -> Array:
+        """Components along the beam as ones along local x and y."""
+        none = np.zeros(along.shape)
+        return jnp.stack([along, none] if self.axis == "x" else [none, along])
+
+    def _inertia(self, moment: Array | None = None) -> Inertia:
+        terms: dict[str, Array] = {}
+        if self.modes and self.shapes != "free-free":
+            mean, lever = bending_moments(self.shapes, self.modes)
+            none, size = np.zeros_like(mean), jnp.sqrt(self.mass)
+            across, turn = ([none, mean], lever) if self.axis == "x" else ([mean, none], -lever)
+            terms["shift"] = size * np.stack(across)
+            terms["swing"] = size * self.length * turn
+        if self.shortens:
+            mean, lever = shortening_moments(self.shapes, self.modes)
+            terms["spin"] = jnp.asarray(lever)
+            terms["shortening"] = self._lengthwise(mean) / self.length
+        return Inertia(self.mass, moment, **terms)
 
     def outline(self) -> Float[Array, "points 2"]:
         along = self.length * jnp.linspace(-0.5, 0.5, 2 if self.modes == 0 else 21)
@@ -150,17 +242,15 @@ class Beam(AbstractBody):
         owner = f"body '{self.name}'"
         if self.axis not in ("x", "y"):
             raise SceneError(f"{owner}: axis is {self.axis!r}, but it must be 'x' or 'y'.")
-        for field in ("mass", "length", "EI", "inertia"):
-            value = getattr(self, field)
-            if value is not None:
-                check_shape(owner, field, value, ())
-                check_finite(owner, field, value)
-                check_positive(owner, field, value)
-        if self.frequencies is not None:
-            check_shape(owner, "frequencies", self.frequencies, (self.modes,))
-            check_finite(owner, "frequencies", self.frequencies)
-            check_positive(owner, "frequencies", self.frequencies)
-        for field in ("amplitudes", "rates"):
-            check_shape(owner, field, getattr(self, field), (self.modes,))
-            check_finite(owner, field, getattr(self, field))
+        if self.shapes not in SHAPES:
+            raise SceneError(
+                f"{owner}: shapes is {self.shapes!r}, but it must be one of {', '.join(SHAPES)}."
+            )
+        if self.stiffening and not self.modes:
+            raise SceneError(f"{owner}: stiffening is for beams with modes; give EI and modes.")
+        check_numbers(owner, self, "mass", "length", "EI", "inertia", sign="positive")
+        modal = {"shape": (self.modes,)}
+        check_numbers(owner, self, "frequencies", **modal, sign="positive")
+        check_numbers(owner, self, "damping", **modal, sign="not negative")
+        check_numbers(owner, self, "amplitudes", "rates", **modal)
         check_start(owner, self)

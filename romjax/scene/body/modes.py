@@ -1,47 +1,122 @@
-"""Bending modes of a uniform free-free Euler–Bernoulli beam, in closed form."""
+"""Bending modes of a uniform Euler–Bernoulli beam, by the support of its lower end."""
 
 import math
+from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+SHAPES = ("free-free", "clamped-free", "pinned-free")
 
-def free_free_roots(count: int) -> np.ndarray:
-    """The first `count` positive roots βL of cos(βL) cosh(βL) = 1: 4.730041, 7.853205, …
 
-    Newton on cos x − 1/cosh x, whose terms stay of order one, from the asymptote (k + ½) π.
+def bending_roots(shapes: str, count: int) -> np.ndarray:
+    """The first `count` positive roots b = βL of the frequency equation, ω² = b⁴ EI / (m L³).
+
+    Free: cos b cosh b = 1; clamped: cos b cosh b = −1; pinned: tan b = tanh b. By Newton on forms
+    whose terms stay of order one, from the asymptotes.
     """
+    start = {"free-free": 0.5, "clamped-free": -0.5, "pinned-free": 0.25}[shapes]
     roots = []
     for k in range(1, count + 1):
-        x = (k + 0.5) * math.pi
+        x = (k + start) * math.pi
         for _ in range(8):
-            sech = 1 / math.cosh(x)
-            x -= (math.cos(x) - sech) / (-math.sin(x) + sech * math.tanh(x))
+            c, s, sech, tanh = math.cos(x), math.sin(x), 1 / math.cosh(x), math.tanh(x)
+            if shapes == "pinned-free":
+                x -= (s - c * tanh) / (c + s * tanh - c * sech**2)
+            else:
+                sign = -1 if shapes == "free-free" else 1
+                x -= (c + sign * sech) / (-s - sign * sech * tanh)
         roots.append(x)
     return np.array(roots)
 
 
-def free_free_shapes(
-    s: Float[Array, ""], length: Float[Array, ""], count: int
-) -> tuple[Float[Array, " modes"], Float[Array, " modes"]]:
-    """Deflections and slopes of the modes at distance `s` [m] from the middle of the beam.
+def _coefficients(shapes: str, roots: np.ndarray) -> np.ndarray:
+    """Of cos bξ, sin bξ, exp(−bξ) and exp(b(ξ−1)) in each mode, ξ from 0 to 1, (4, modes).
 
-    Normalised to ∫w² ds = length, which makes every mode 2 at the end s = −length/2 and
-    ±2 at the other. Written about the middle, where the modes are even or odd: the textbook
-    form cosh − σ sinh cancels all digits from the tenth mode on.
+    These four are of order one for every mode, where the textbook form cosh − σ sinh cancels all
+    digits from the tenth on. ∫w² dξ = 1, which at a free end means w = ±2.
     """
-    root = free_free_roots(count)
-    even = np.arange(1, count + 1) % 2 == 1
-    beta, half = root / length, root / 2
-    sign = jnp.where(even, 1.0, -1.0)
-    # Even: cos(βs)/cos(βL/2) + cosh(βs)/cosh(βL/2); odd: the same with sine and hyperbolic sine.
-    trig = jnp.where(even, jnp.cos(beta * s), jnp.sin(beta * s))
-    dtrig = jnp.where(even, -jnp.sin(beta * s), jnp.cos(beta * s))
-    hyp = jnp.where(even, jnp.cosh(beta * s), jnp.sinh(beta * s))
-    dhyp = jnp.where(even, jnp.sinh(beta * s), jnp.cosh(beta * s))
-    end_trig = np.where(even, np.cos(half), np.sin(half))
-    end_hyp = np.where(even, np.cosh(half), np.sinh(half))
-    deflection = sign * (trig / end_trig + hyp / end_hyp)
-    slope = sign * beta * (dtrig / end_trig + dhyp / end_hyp)
+    columns = []
+    for b in roots:
+        c, s, e = math.cos(b), math.sin(b), math.exp(-b)
+        place, slope, bend, shear = (
+            [1, 0, 1, e],
+            [0, 1, -1, e],
+            [-1, 0, 1, e],
+            [0, -1, -1, e],
+        )
+        lower = {
+            "free-free": (bend, shear),
+            "clamped-free": (place, slope),
+            "pinned-free": (place, bend),
+        }[shapes]
+        column = np.linalg.svd(np.array([*lower, [-c, -s, e, 1], [s, -c, -e, 1]]))[2][3]
+        end = place if shapes == "free-free" else [c, s, e, 1]
+        columns.append(2 * column / (column @ np.array(end)))
+    return np.array(columns).reshape(-1, 4).T
+
+
+def bending_shapes(shapes: str, count: int, place: Any, xp: Any = jnp) -> tuple[Any, Any]:
+    """Deflections w and slopes dw/dξ of the modes, (modes,), at ξ = `place`, 0 to 1 on the beam.
+
+    ∫w² dξ = 1. Every mode is 2 at its free end; at the lower one if both are free. With NumPy as
+    `xp`, for places that are known: then nothing is traced.
+    """
+    b = bending_roots(shapes, count)
+    cosine, sine, left, right = _coefficients(shapes, b)
+    c, s = xp.cos(b * place), xp.sin(b * place)
+    falling, rising = left * xp.exp(-b * place), right * xp.exp(b * (place - 1))
+    deflection = cosine * c + sine * s + falling + rising
+    slope = b * (sine * c - cosine * s - falling + rising)
     return deflection, slope
+
+
+def bending_moments(shapes: str, count: int) -> np.ndarray:
+    """∫w dξ and ∫(ξ − ½) w dξ of the modes, (2, modes).
+
+    By parts from w'''' = b⁴ w: shear and bending moment of the lower end are all that is left.
+    """
+    b = bending_roots(shapes, count)
+    cosine, sine, left, right = _coefficients(shapes, b)
+    right = right * np.exp(-b)
+    bend, shear = (left + right - cosine) / b**2, (right - left - sine) / b
+    return np.stack([-shear, bend + shear / 2])
+
+
+def anchor(shapes: str) -> float:
+    """The place ξ that stays where it is as the beam bends and shortens."""
+    return 0.5 if shapes == "free-free" else 0.0
+
+
+def shortening(shapes: str, count: int, place: Float[Array, ""]) -> Float[Array, "modes modes"]:
+    """∫w'_k w'_l dξ from the anchor to ξ = `place`, by a quadrature that is exact to rounding."""
+    nodes, weights = _quadrature(count)
+    start = anchor(shapes)
+    places = start + (place - start) * nodes
+    _, slopes = jax.vmap(lambda place: bending_shapes(shapes, count, place))(places)
+    return (place - start) * jnp.einsum("i,ik,il->kl", weights, slopes, slopes)
+
+
+def shortening_moments(shapes: str, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """∫G dξ and ∫(ξ − ½) G dξ of G = `shortening`, both (modes, modes).
+
+    The order of integration is turned: each w'_k w'_l dη counts for all that lies outside of it.
+    """
+    nodes, weights = _quadrature(count)
+    middle, mean, lever = anchor(shapes), np.zeros((count, count)), np.zeros((count, count))
+    for start, end in ((0.0, middle), (middle, 1.0)):
+        places = start + (end - start) * nodes
+        _, slopes = bending_shapes(shapes, count, places[:, None], np)
+        outside = -places if end == middle else 1 - places
+        share = (end - start) * weights
+        mean += np.einsum("i,ik,il->kl", share * outside, slopes, slopes)
+        lever += np.einsum("i,ik,il->kl", share * places * (1 - places) / 2, slopes, slopes)
+    return mean, lever
+
+
+def _quadrature(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss–Legendre on 0 to 1 with nodes enough for products of slopes of all modes."""
+    nodes, weights = np.polynomial.legendre.leggauss(8 * count + 16)
+    return (nodes + 1) / 2, weights / 2

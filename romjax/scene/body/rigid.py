@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..fields import check_finite, check_positive, check_shape, number
+from ..fields import check_numbers, check_shape, number
 from .base import AbstractBody, check_name, check_start, rectangle
 
 
@@ -32,9 +32,6 @@ class RigidBody(AbstractBody):
     angular_velocity: Float[Array, ""] = number(0.0)
     extent: Float[Array, "2"] = number((0.2, 0.1))
     modes: ClassVar[int] = 0  # type: ignore[misc]
-
-    def __check_init__(self) -> None:
-        self.check()
 
     @property
     def constant_mass(self) -> bool:
@@ -65,9 +62,7 @@ class RigidBody(AbstractBody):
     def check(self) -> None:
         check_name(self.name)
         owner = f"body '{self.name}'"
-        for field in ("mass", "inertia"):
-            check_shape(owner, field, getattr(self, field), ())
-            check_finite(owner, field, getattr(self, field))
-            check_positive(owner, field, getattr(self, field), "Give a point mass a small inertia.")
+        remedy = "Give a point mass a small inertia."
+        check_numbers(owner, self, "mass", "inertia", sign="positive", remedy=remedy)
         check_shape(owner, "extent", self.extent, (2,))
         check_start(owner, self)

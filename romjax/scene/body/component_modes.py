@@ -1,0 +1,107 @@
+"""Modes of a component from its finite-element matrices: Craig–Bampton and free interface."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+import scipy.sparse.linalg
+
+from ..fields import SceneError, Vector
+
+Matrix = Any  # a NumPy array or a SciPy sparse matrix
+
+
+class ComponentModes(NamedTuple):
+    """Mass-normalised modes of a component, by rising frequency."""
+
+    frequencies: np.ndarray  # ω [rad/s], (r,); of rigid motions zero, or what rounding leaves
+    modes: np.ndarray  # (n, r), modesᵀ M modes = 1
+
+
+def craig_bampton(stiffness: Matrix, mass: Matrix, interface: Vector, modes: int) -> ComponentModes:
+    """Modes in the span of constraint modes and fixed-interface modes (Craig and Bampton, "Coupling
+    of substructures for dynamic analyses", AIAA Journal 6, 1968).
+
+    **Arguments:**
+
+    - `stiffness`, `mass`: K and M (n, n), symmetric, sparse or not; M positive definite.
+    - `interface`: the rows of the interface, at which other parts load the component. What unit
+      displacements of them do statically is represented exactly.
+    - `modes`: how many modes of the component held at its interface are added.
+
+    Returns all len(interface) + modes modes of the reduced component. Raises SceneError if the
+    matrices do not fit, or if the component can move while its interface is held.
+    """
+    k, m = checked(stiffness, mass)
+    n = k.shape[0]
+    held = np.asarray(interface, dtype=int)
+    inner = np.setdiff1d(np.arange(n), held)
+    if not 0 <= modes <= len(inner):
+        raise SceneError(f"craig_bampton: modes={modes}, but {len(inner)} rows are not held.")
+    basis = np.zeros((n, len(held) + modes))
+    basis[held, : len(held)] = np.eye(len(held))
+    if len(inner):
+        solve = _factor(k[inner][:, inner], "craig_bampton: K without the rows of the interface")
+        basis[inner, : len(held)] = -solve(k[inner][:, held].toarray())
+        basis[inner, len(held) :] = _lowest(k[inner][:, inner], m[inner][:, inner], modes, solve)
+    return ritz(k, m, basis)
+
+
+def free_interface(stiffness: Matrix, mass: Matrix, modes: int) -> ComponentModes:
+    """The lowest `modes` modes of the component as it is, rigid motions among them."""
+    k, m = checked(stiffness, mass)
+    if not 0 < modes <= k.shape[0]:
+        raise SceneError(f"free_interface: modes={modes}, but the matrices have {k.shape[0]} rows.")
+    # Shifted, as K of a free component is singular; far below its elastic frequencies.
+    shift = 1e-6 * k.diagonal().sum() / m.diagonal().sum()
+    solve = _factor(k + shift * m, "free_interface: K + shift M")
+    return ritz(k, m, _lowest(k, m, modes, solve, -shift))
+
+
+def ritz(stiffness: Matrix, mass: Matrix, basis: np.ndarray) -> ComponentModes:
+    """The natural modes in the span of the columns of `basis`."""
+    basis = basis / np.linalg.norm(basis, axis=0)
+    reduced = [basis.T @ (matrix @ basis) for matrix in (stiffness, mass)]
+    squares, turned = scipy.linalg.eigh(*[(x + x.T) / 2 for x in reduced])
+    modes = basis @ turned
+    # A sign of its own for each mode, so that the same matrices give the same coordinates.
+    largest = np.take_along_axis(modes, np.argmax(np.abs(modes), axis=0)[None], axis=0)
+    return ComponentModes(np.sqrt(np.maximum(squares, 0)), modes * np.sign(largest))
+
+
+def checked(stiffness: Matrix, mass: Matrix) -> tuple[Matrix, Matrix]:
+    """Both as sparse matrices, if they are square, alike, finite and symmetric."""
+    found = []
+    for name, given in (("stiffness", stiffness), ("mass", mass)):
+        matrix = sp.csc_array(given)
+        rows, columns = matrix.shape
+        if rows != columns or rows != (sp.csc_array(stiffness).shape[0]):
+            raise SceneError(f"{name} has shape {matrix.shape}; K and M must be square and alike.")
+        if not np.all(np.isfinite(matrix.data)):
+            raise SceneError(f"{name} holds numbers that are not finite.")
+        size = abs(matrix).max()
+        skew = abs(matrix - matrix.T).max()
+        if skew > 1e-8 * size:
+            raise SceneError(f"{name} is not symmetric: entries differ by {skew:g} of {size:g}.")
+        found.append(matrix)
+    return found[0], found[1]
+
+
+def _factor(matrix: Matrix, what: str) -> Any:
+    try:
+        return scipy.sparse.linalg.splu(sp.csc_matrix(matrix)).solve
+    except RuntimeError as error:
+        raise SceneError(f"{what} is singular: parts of the mesh are not connected.") from error
+
+
+def _lowest(k: Matrix, m: Matrix, count: int, solve: Any, shift: float = 0.0) -> np.ndarray:
+    """Lowest modes; ARPACK where it can, since it takes fewer modes than rows."""
+    n = k.shape[0]
+    if 2 * count + 1 >= n:
+        return scipy.linalg.eigh(k.toarray(), m.toarray())[1][:, :count]
+    if count == 0:
+        return np.zeros((n, 0))
+    inverse = scipy.sparse.linalg.LinearOperator((n, n), solve)
+    start = np.ones(n)  # not a random one: the same matrices give the same modes
+    return scipy.sparse.linalg.eigsh(k, count, m, sigma=shift, OPinv=inverse, v0=start)[1]

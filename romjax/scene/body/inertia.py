@@ -1,0 +1,131 @@
+"""The inertia of a flexible body in a floating frame, by integrals that are taken once."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..fields import SceneError, check_numbers, concrete, number
+
+
+class Inertia(eqx.Module):
+    """Inertia invariants: all that a mass matrix needs to know of the points of a body.
+
+    A point X of the undeformed body is at R + A(φ) (X + S q_f). With Ĩ = [[0, −1], [1, 0]], its
+    kinetic energy ½ ∫ρ |ṙ|² dV is a polynomial in q_f with these coefficients, so the cost of a
+    step does not depend on how many points there are (Shabana, "Dynamics of Multibody Systems",
+    chapter 5). What is None is zero, and absent from the program.
+
+    **Arguments:**
+
+    - `mass`: ∫ρ [kg].
+    - `moment`: ∫ρ X·X [kg m²]; None where only first moments are asked for.
+    - `modal`: ∫ρ SᵀS; the identity unless given.
+    - `centre`: ∫ρ X, zero if the frame sits in the centre of mass.
+    - `shift`: ∫ρ S (2, modes), and `swing`: ∫ρ (ĨX)ᵀS (modes): zero if the modes are orthogonal
+      to rigid motion.
+    - `stretch`: ∫ρ XᵀS (modes).
+    - `gyration`: ∫ρ Sᵀ ĨS (modes, modes), antisymmetric; zero if all points move along one line.
+    - `shortening`: ∫ρ G (2, modes, modes), and `spin`: ∫ρ X·G (modes, modes), of a displacement
+      −½ q_fᵀ G q_f of second order.
+    """
+
+    mass: Float[Array, ""] = number()
+    moment: Float[Array, ""] | None = number()
+    modal: Float[Array, "modes modes"] | None = number(None)
+    centre: Float[Array, "2"] | None = number(None)
+    shift: Float[Array, "2 modes"] | None = number(None)
+    swing: Float[Array, " modes"] | None = number(None)
+    stretch: Float[Array, " modes"] | None = number(None)
+    gyration: Float[Array, "modes modes"] | None = number(None)
+    shortening: Float[Array, "2 modes modes"] | None = number(None)
+    spin: Float[Array, "modes modes"] | None = number(None)
+
+    @property
+    def diagonal(self) -> bool:
+        """Whether no coordinate couples with another."""
+        couplings = (self.modal, self.centre, self.shift, self.swing, self.gyration)
+        return all(term is None for term in (*couplings, self.shortening))
+
+    def matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
+        """Mass matrix at the coordinates x, y, φ, q_f; a diagonal one as its diagonal."""
+        bent = q[3:]
+        unit = jnp.ones_like(bent)
+        turning = self._turning(bent)
+        if self.diagonal:
+            return jnp.concatenate([jnp.stack([self.mass, self.mass, turning]), unit])
+        c, s = jnp.cos(q[2]), jnp.sin(q[2])
+        turn, across = jnp.array([[c, -s], [s, c]]), jnp.array([[-s, -c], [c, -s]])
+        around = jnp.zeros_like(bent) if self.swing is None else self.swing
+        if self.gyration is not None:
+            around = around + self.gyration @ bent
+        top = jnp.concatenate(
+            [
+                self.mass * jnp.eye(2, dtype=q.dtype),
+                (across @ self._arm(bent))[:, None],
+                turn @ self._slide(bent),
+            ],
+            axis=1,
+        )
+        modal = jnp.diag(unit) if self.modal is None else self.modal
+        middle = jnp.concatenate([top[:, 2], turning[None], around])
+        low = jnp.concatenate([top[:, 3:].T, around[:, None], modal], axis=1)
+        return jnp.concatenate([top, middle[None], low])
+
+    def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "2"]:
+        """∫ρ r dV [kg m]."""
+        still = (self.centre, self.shift, self.shortening)
+        if all(term is None for term in still):
+            return self.mass * q[:2]
+        c, s = jnp.cos(q[2]), jnp.sin(q[2])
+        return self.mass * q[:2] + jnp.array([[c, -s], [s, c]]) @ self._arm(q[3:])
+
+    def check(self, owner: str, modes: int) -> None:
+        """Raise a SceneError that names owner, field, value and remedy."""
+        shapes: dict[str, tuple[int, ...]] = {
+            "mass": (),
+            "moment": (),
+            "modal": (modes, modes),
+            "centre": (2,),
+            "shift": (2, modes),
+            "swing": (modes,),
+            "stretch": (modes,),
+            "gyration": (modes, modes),
+            "shortening": (2, modes, modes),
+            "spin": (modes, modes),
+        }
+        for field, shape in shapes.items():
+            check_numbers(owner, self, field, shape=shape, prefix="inertia.")
+        known = concrete(self.matrix(jnp.zeros(3 + modes)))
+        if known is not None:
+            least = np.min(np.linalg.eigvalsh(np.diag(known) if known.ndim == 1 else known))
+            if not least > 0:
+                raise SceneError(
+                    f"{owner}: its mass matrix is not positive definite, with an eigenvalue of "
+                    f"{least:g}; check the signs of the invariants, and that modes are independent."
+                )
+
+    def _turning(self, bent: Float[Array, " modes"]) -> Float[Array, ""]:
+        """Moment of inertia about the origin of the frame."""
+        total = jnp.zeros((), bent.dtype) if self.moment is None else self.moment
+        if bent.shape[0]:
+            total = total + bent @ (bent if self.modal is None else self.modal @ bent)
+        if self.stretch is not None:
+            total = total + 2 * self.stretch @ bent
+        if self.spin is not None:
+            total = total - bent @ self.spin @ bent
+        return total
+
+    def _arm(self, bent: Float[Array, " modes"]) -> Float[Array, "2"]:
+        """First moment in the body frame."""
+        total = jnp.zeros(2, bent.dtype) if self.centre is None else self.centre
+        if self.shift is not None:
+            total = total + self.shift @ bent
+        if self.shortening is not None:
+            total = total - 0.5 * (self.shortening @ bent) @ bent
+        return total
+
+    def _slide(self, bent: Float[Array, " modes"]) -> Float[Array, "2 modes"]:
+        """Derivative of the first moment by the amplitudes."""
+        total = jnp.zeros((2, bent.shape[0]), bent.dtype) if self.shift is None else self.shift
+        return total if self.shortening is None else total - self.shortening @ bent

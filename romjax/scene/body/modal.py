@@ -1,0 +1,216 @@
+"""A flexible body of any shape, by its inertia invariants and its mode shapes at some points."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..fields import (
+    Number,
+    SceneError,
+    Vector,
+    as_array,
+    check_numbers,
+    concrete,
+    number,
+)
+from ..marker import Marker
+from .base import AbstractBody, check_name, check_start
+from .finite_elements import Matrix, reduce_mesh
+from .inertia import Inertia
+
+
+class ModalBody(AbstractBody):
+    """A linear elastic body of any shape in a floating frame: a mesh, by its modes.
+
+    Coordinates x, y [m], φ [rad] of the frame, then modal amplitudes. A step costs the same for any
+    number of nodes: what moves with the modes is in the inertia invariants, and joints and effects
+    see the body at its ports only. `ModalBody.of_mesh` makes one of finite-element matrices.
+
+    **Arguments:**
+
+    - `name`: unique in the scene.
+    - `inertia`: an `Inertia`.
+    - `stiffness`: elastic energy ½ q_fᵀ K q_f, (modes, modes), or the diagonal of a diagonal one.
+    - `points`: where markers can sit, in the body frame [m] (points, 2).
+    - `shapes`: displacement along local x and y and rotation there per unit amplitude,
+      (points, 3, modes).
+    - `damping`: generalized force −D q̇_f, as `stiffness`; none unless given.
+    - `ports`: names of the first points, for `body.at("name")`. The points after them, if there are
+      any, are its outline in pictures.
+    - `position`, `angle`, `velocity`, `angular_velocity`: initial place and motion of the frame.
+    - `amplitudes`, `rates`: initial modal coordinates and velocities, zero unless given.
+    """
+
+    name: str = eqx.field(static=True)
+    inertia: Inertia  # type: ignore[misc]
+    stiffness: Float[Array, "modes *modes"] = number()
+    points: Float[Array, "points 2"] = number()
+    shapes: Float[Array, "points 3 modes"] = number()
+    damping: Float[Array, "modes *modes"] | None = number(None)
+    position: Float[Array, "2"] = number((0.0, 0.0))
+    angle: Float[Array, ""] = number(0.0)
+    velocity: Float[Array, "2"] = number((0.0, 0.0))
+    angular_velocity: Float[Array, ""] = number(0.0)
+    amplitudes: Float[Array, " modes"] = number(())
+    rates: Float[Array, " modes"] = number(())
+    ports: tuple[str, ...] = eqx.field(static=True, default=())
+    modes: int = eqx.field(static=True, default=0)
+
+    def __init__(
+        self,
+        name: str,
+        inertia: Inertia,
+        stiffness: Vector,
+        points: Vector,
+        shapes: Vector,
+        *,
+        damping: Vector | None = None,
+        ports: Sequence[str] = (),
+        position: Vector = (0.0, 0.0),
+        angle: Number = 0.0,
+        velocity: Vector = (0.0, 0.0),
+        angular_velocity: Number = 0.0,
+        amplitudes: Vector | None = None,
+        rates: Vector | None = None,
+    ):
+        self.name, self.inertia, self.ports = name, inertia, tuple(ports)
+        self.stiffness = jnp.atleast_1d(as_array(stiffness))
+        self.points, self.shapes = as_array(points), as_array(shapes)
+        self.modes = len(self.stiffness)
+        self.damping = None if damping is None else as_array(damping)
+        self.position, self.angle = as_array(position), as_array(angle)
+        self.velocity, self.angular_velocity = as_array(velocity), as_array(angular_velocity)
+        zero = jnp.zeros(self.modes)
+        self.amplitudes = zero if amplitudes is None else as_array(amplitudes)
+        self.rates = zero if rates is None else as_array(rates)
+
+    @classmethod
+    def of_mesh(
+        cls,
+        name: str,
+        stiffness: Matrix,
+        mass: Matrix,
+        nodes: Vector,
+        ports: Mapping[str, Vector],
+        *,
+        modes: int,
+        interface: str = "fixed",
+        dofs: Vector | None = None,
+        damping: Number | None = None,
+        **start: Any,
+    ) -> "ModalBody":
+        """A body of the matrices of a plane mesh, free of supports.
+
+        **Arguments:**
+
+        - `stiffness`, `mass`: K and M, as NumPy arrays, SciPy sparse matrices, or names of files:
+          Matrix Market (`.mtx`) or SciPy's `.npz`.
+        - `nodes`: places in the body frame [m], (nodes, 2).
+        - `ports`: where joints and effects may act: names, each with a node or with the nodes of a
+          rim or an edge, which are held together as by a rigid pin; markers sit in their mean
+          place, `body.at("name")`.
+        - `modes`: how many vibration modes. `interface`: "fixed" for Craig–Bampton, whose static
+          modes represent loads at the ports exactly: 3 per port are added, and rigid motion taken
+          out; "free" for natural modes of the free body alone.
+        - `dofs`: rows of K that belong to each node, its displacements along x and y and, if the
+          mesh has them, its rotation: (nodes, 2) or (nodes, 3); node after node unless given.
+        - `damping`: damping ratio ζ of all modes; none unless given.
+        - `start`: `position`, `angle`, …
+
+        The modes are natural modes of the free body in the span of these, orthogonal to rigid
+        motion: the frame is Buckens', which has no momentum of its own. Raises SceneError, with the
+        remedy, if matrices, nodes and ports do not fit, or if the mesh is not free.
+        """
+        mesh = reduce_mesh(f"body '{name}'", stiffness, mass, nodes, ports, modes, interface, dofs)
+        damped = None if damping is None else 2 * as_array(damping) * mesh.frequencies
+        return cls(
+            name,
+            mesh.inertia,
+            mesh.frequencies**2,
+            mesh.points,
+            mesh.shapes,
+            damping=damped,
+            ports=tuple(ports),
+            **start,
+        )
+
+    def at(self, point: Vector | str = (0.0, 0.0), angle: Number = 0.0) -> Marker:
+        """A marker at a port, by its name or its `point` [m], turned by `angle` [rad]."""
+        if isinstance(point, str):
+            if point not in self.ports:
+                known = ", ".join(self.ports) or "none"
+                raise SceneError(f"body '{self.name}' has no port '{point}'. It has: {known}.")
+            return Marker(self.name, self.points[self.ports.index(point)], angle)
+        return Marker(self.name, point, angle)
+
+    @property
+    def constant_mass(self) -> bool:
+        return self.modes == 0 and self.inertia.diagonal
+
+    @property
+    def damped(self) -> bool:
+        return self.damping is not None and self.modes > 0
+
+    def natural_frequencies(self) -> Float[Array, " modes"]:
+        """Angular frequencies ω [rad/s] where modes are orthonormal, as `of_mesh` makes them."""
+        return jnp.sqrt(self.stiffness)
+
+    def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
+        return (
+            jnp.concatenate([self.position, self.angle[None], self.amplitudes]),
+            jnp.concatenate([self.velocity, self.angular_velocity[None], self.rates]),
+        )
+
+    def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
+        return self.inertia.matrix(q)
+
+    def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
+        return 0.5 * q[3:] @ _times(self.stiffness, q[3:])
+
+    def damping_force(self, v: Float[Array, " size"]) -> Float[Array, " size"]:
+        if self.damping is None:
+            return jnp.zeros_like(v)
+        return jnp.concatenate([jnp.zeros_like(v[:3]), -_times(self.damping, v[3:])])
+
+    def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "2"]:
+        return self.inertia.first_moment(q)
+
+    def mode_shapes(self, point: Float[Array, "2"]) -> Float[Array, "3 modes"]:
+        return self.shapes[jnp.argmin(jnp.sum((self.points - point[None]) ** 2, axis=1))]
+
+    def outline(self) -> Float[Array, "points 2"]:
+        drawn = self.points[len(self.ports) :]
+        return drawn if len(drawn) else self.points
+
+    def check_marker(self, owner: str, marker: Marker) -> None:
+        points, point = concrete(self.points), concrete(marker.point)
+        if points is None or point is None:
+            return
+        away = np.min(np.linalg.norm(points - point, axis=1))
+        if away > 1e-6 * np.max(np.ptp(points, axis=0)):
+            raise SceneError(
+                f"{owner}: its marker on '{self.name}' is at {point}, {away:g} m from the nearest "
+                f"of the body's points; use a port: {', '.join(self.ports) or points.tolist()}."
+            )
+
+    def check(self) -> None:
+        check_name(self.name)
+        owner = f"body '{self.name}'"
+        count = self.modes
+        check_numbers(owner, self, "points", shape=(None, 2))
+        check_numbers(owner, self, "shapes", shape=(len(self.points), 3, count))
+        for field in ("stiffness", "damping"):
+            full = getattr(getattr(self, field), "ndim", 1) == 2
+            check_numbers(owner, self, field, shape=(count, count) if full else (count,))
+        check_numbers(owner, self, "amplitudes", "rates", shape=(count,))
+        check_start(owner, self)
+        self.inertia.check(owner, count)
+
+
+def _times(matrix: Array, vector: Array) -> Array:
+    """A matrix, or a diagonal one by its diagonal, times a vector."""
+    return matrix * vector if matrix.ndim == 1 else matrix @ vector

@@ -1,0 +1,207 @@
+"""Bodies from finite-element matrices: modes, inertia invariants, ports."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import meshes
+import numpy as np
+import pytest
+import scipy.io
+import scipy.linalg
+import scipy.sparse as sp
+from tolerances import IDENTITY, SOLVED
+
+import romjax as rj
+from romjax.scene.body.modes import bending_roots
+
+LENGTH, MASS, EA, EI = 1.3, 0.7, 1e5, 3.0
+# Condition of the eigenproblem: what rounding leaves of the frequency of a natural mode.
+CONDITIONED = 1e-8
+# A mesh of 24 cubic elements, and its natural modes to their condition.
+MESH = 1e-5
+# Of halving the elements of a cubic beam: an order of 4, and what the last digits leave of it.
+ORDER, SPREAD = 4, 0.2
+
+
+def beam_body(elements, modes, **settings):
+    stiffness, mass, nodes = meshes.beam(elements, LENGTH, MASS, EA, EI)
+    ports = {"left": 0, "right": elements}
+    return rj.ModalBody.of_mesh("beam", stiffness, mass, nodes, ports, modes=modes, **settings)
+
+
+def test_frequencies_of_a_beam():
+    """Against (βL)² √(EI / m L³): Craig–Bampton is as good as the mesh, of order 4."""
+    exact = bending_roots("free-free", 2) ** 2 * np.sqrt(EI / (MASS * LENGTH**3))
+    errors = []
+    for elements in (8, 16):
+        stiffness, mass, _ = meshes.beam(elements, LENGTH, MASS, EA, EI)
+        full = np.sqrt(scipy.linalg.eigh(stiffness.toarray(), mass.toarray())[0][3:5])
+        found = beam_body(elements, modes=2 * elements).natural_frequencies()[:2]
+        assert np.all(np.abs(found / full - 1) <= np.abs(full / exact - 1))
+        errors.append(found / exact - 1)
+    assert np.all(np.abs(np.log2(errors[0] / errors[1]) - ORDER) <= SPREAD), errors
+
+
+def test_free_interface_modes_are_natural_modes():
+    stiffness, mass, _ = meshes.beam(12, LENGTH, MASS, EA, EI)
+    full = np.sqrt(scipy.linalg.eigh(stiffness.toarray(), mass.toarray())[0][3:8])
+    found = beam_body(12, modes=5, interface="free").natural_frequencies()
+    assert np.allclose(found, full, rtol=CONDITIONED, atol=0)
+
+
+@pytest.mark.parametrize("modes", [4, 23])
+def test_craig_bampton_of_a_building(modes):
+    """24 storeys of one stiffness and mass, held at the ground: ω_k = 2 √(k/m) sin((2k−1)π / 98).
+
+    With all modes the frequencies are exact. With four, the lowest is within the share that the
+    modes left out can have in it, of order (ω₁ / ω of the first one left out)⁴.
+    """
+    n, ratio = 24, 900.0
+    stiffness = ratio * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+    stiffness[-1, -1] = ratio
+    exact = 2 * np.sqrt(ratio) * np.sin((2 * np.arange(1, n + 1) - 1) * np.pi / (4 * n + 2))
+    found = rj.craig_bampton(stiffness, np.eye(n), [n - 1], modes)
+    assert found.frequencies.shape == (modes + 1,)
+    gram = found.modes.T @ found.modes
+    assert np.allclose(gram, np.eye(modes + 1), rtol=0, atol=IDENTITY)
+    errors = found.frequencies / exact[: modes + 1] - 1
+    assert np.all(errors >= -IDENTITY * n)
+    assert errors[0] <= (IDENTITY * n if modes == n - 1 else (exact[0] / exact[modes]) ** 4)
+
+
+@pytest.fixture(scope="module")
+def plate():
+    """A plate in pieces that are rigid ports, and its mesh: then the ports tell where nodes are."""
+    stiffness, mass, nodes, rows = meshes.plate(0.5, 0.2, 2, 2, modulus=2e8)
+    nodes = nodes + np.array([[0.1, -0.05]])  # the frame is not in the centre of mass
+    pieces = np.array_split(np.arange(len(nodes)), len(nodes) // 2)
+    ports = {f"piece {i}": piece for i, piece in enumerate(pieces)}
+    body = rj.ModalBody.of_mesh("plate", stiffness, mass, nodes, ports, modes=0, dofs=rows)
+    return body, pieces, stiffness, mass, nodes, rows
+
+
+def displaced(plate, q):
+    """Places of all nodes in the inertial frame, as the rows of the mesh."""
+    body, pieces, _, _, nodes, rows = plate
+    local = jnp.asarray(nodes)
+    for piece, centre, shape in zip(pieces, body.points, body.shapes, strict=False):
+        motion = shape @ q[3:]
+        arm = nodes[piece] - centre[None]
+        turned = motion[2] * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        local = local.at[piece].add(motion[None, :2] + turned)
+    c, s = jnp.cos(q[2]), jnp.sin(q[2])
+    place = q[None, :2] + local @ jnp.array([[c, s], [-s, c]])
+    return jnp.zeros(rows.size).at[rows].set(place)
+
+
+def test_invariants_against_the_sum_over_nodes(plate):
+    """½ ẋᵀ M ẋ of the places x of all nodes in the inertial frame, elastic energy, first moment."""
+    body, _, stiffness, mass, nodes, rows = plate
+    q, v = jax.random.normal(jax.random.key(3), (2, body.size))
+    place, rate = jax.jvp(lambda q: displaced(plate, q), (q,), (v,))
+    system = rj.assemble(rj.Scene([body]))
+    found, wanted = system.kinetic_energy(q, v), 0.5 * rate @ (mass @ rate)
+    assert abs(found / wanted - 1) <= IDENTITY
+    sums = [np.sum((mass @ np.asarray(place))[rows[:, axis]]) for axis in range(2)]
+    assert np.allclose(body.first_moment(q), sums, rtol=0, atol=IDENTITY * np.max(np.abs(sums)))
+    bent = displaced(plate, q.at[:3].set(0.0)) - jnp.zeros(rows.size).at[rows].set(nodes)
+    elastic = 0.5 * bent @ (stiffness @ bent)
+    # K is known to rounding of its largest entries.
+    assert abs(body.elastic_energy(q) / elastic - 1) <= SOLVED
+
+
+def test_modes_are_orthogonal_to_rigid_motion(plate):
+    """Mass matrix at rest in the centre of mass: nothing couples."""
+    body = plate[0]
+    assert body.inertia.shift is None
+    assert body.inertia.swing is None
+    mass = np.array(body.mass_matrix(jnp.zeros(body.size)))
+    assert np.allclose(mass[:3, 3:], 0, rtol=0, atol=0)
+    assert np.allclose(mass[3:, 3:], np.eye(body.modes), rtol=0, atol=0)
+
+
+def test_a_mesh_of_a_beam_is_a_beam():
+    """A pendulum of a mesh swings and bends like one of the same natural modes in closed form."""
+    count, ts = 3, jnp.linspace(0.0, 1.0, 21)
+    bodies = (
+        beam_body(24, modes=count, interface="free", position=(LENGTH / 2, 0.0)),
+        rj.Beam("beam", MASS, LENGTH, EI=EI, modes=count, position=(LENGTH / 2, 0.0)),
+    )
+    places = []
+    for body, start in zip(bodies, ("left", (-LENGTH / 2, 0.0)), strict=True):
+        hinge = rj.Revolute(body.at(start), rj.ground.at())
+        system = rj.assemble(rj.Scene([body], [hinge], [rj.Gravity()]))
+        places.append(rj.simulate(system, ts, rtol=1e-9, solver=diffrax.Dopri8()).q)
+    # Modes may point the other way.
+    assert np.allclose(np.abs(places[0]), np.abs(places[1]), rtol=0, atol=MESH)
+
+
+def test_modal_damping():
+    """d(½ q̇² + ½ ω² q²)/dt = −2 ζ ω q̇² for each mode, and a free mode decays as it should."""
+    body = beam_body(8, modes=2, damping=0.02)
+    w = np.asarray(body.natural_frequencies())
+    v = jnp.concatenate([jnp.zeros(3), jnp.arange(1.0, 1 + body.modes)])
+    wanted = -2 * 0.02 * w * v[3:]
+    assert np.allclose(body.damping_force(v)[3:], wanted, rtol=IDENTITY, atol=0)
+    assert not beam_body(8, modes=2).damped
+
+
+def test_matrices_from_files(tmp_path):
+    stiffness, mass, nodes = meshes.beam(6, LENGTH, MASS, EA, EI)
+    scipy.io.mmwrite(tmp_path / "k.mtx", stiffness, precision=17)
+    sp.save_npz(tmp_path / "m.npz", sp.csc_matrix(mass))
+    found = rj.ModalBody.of_mesh(
+        "beam", tmp_path / "k.mtx", str(tmp_path / "m.npz"), nodes, {"left": 0}, modes=4
+    )
+    wanted = rj.ModalBody.of_mesh("beam", stiffness, mass, nodes, {"left": 0}, modes=4)
+    assert np.allclose(found.stiffness, wanted.stiffness, rtol=CONDITIONED, atol=0)
+
+
+def mesh(**changes):
+    """A body of a beam's mesh, with something changed."""
+    stiffness, mass, nodes = meshes.beam(6, LENGTH, MASS, EA, EI)
+    settings = {
+        "stiffness": stiffness,
+        "mass": mass,
+        "nodes": nodes,
+        "ports": {"left": 0, "right": 6},
+        "modes": 3,
+        **changes,
+    }
+    return rj.ModalBody.of_mesh("rod", **settings)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"ports": {"left": 99}}, "'rod'.*'left'.*99.*0 to 6"),
+        ({"ports": {"left": 0, "end": [0, 1]}}, "'end' shares nodes"),
+        ({"nodes": np.zeros((5, 2))}, "5 nodes and matrices of 21 rows"),
+        ({"nodes": np.zeros(5)}, r"nodes must be finite and \(nodes, 2\)"),
+        ({"mass": np.eye(20)}, "square and alike"),
+        ({"mass": np.triu(np.ones((21, 21)))}, "mass is not symmetric"),
+        ({"mass": np.full((21, 21), np.nan)}, "mass holds numbers that are not finite"),
+        ({"stiffness": np.eye(21)}, "three rigid motions.*supports"),
+        ({"interface": "loose"}, "'loose'.*'fixed' or 'free'"),
+        ({"modes": 99}, "modes=99, but 15 rows"),
+    ],
+    ids=lambda value: "-".join(value) if isinstance(value, dict) else "",
+)
+def test_bad_meshes_are_refused(change, words):
+    with pytest.raises(rj.SceneError, match=words):
+        mesh(**change)
+
+
+def test_markers_sit_on_ports():
+    body = mesh()
+    with pytest.raises(rj.SceneError, match="no port 'middle'.*left, right"):
+        body.at("middle")
+    hinge = rj.Revolute(body.at((0.1, 0.2)), rj.ground.at())
+    with pytest.raises(rj.SceneError, match=r"on 'rod' is at \[0.1 0.2\].*left, right"):
+        rj.assemble(rj.Scene([body], [hinge]))
+
+
+def test_a_port_of_one_point_needs_rotations():
+    stiffness, mass, nodes, rows = meshes.plate(0.5, 0.2, 2, 1)
+    with pytest.raises(rj.SceneError, match="'tip' is one point.*rim or an edge"):
+        rj.ModalBody.of_mesh("plate", stiffness, mass, nodes, {"tip": 0}, modes=1, dofs=rows)

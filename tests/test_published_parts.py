@@ -1,0 +1,175 @@
+"""Published problems, built of bodies, joints and effects; `test_published` says where the digits
+come from, and has those that are written as equations.
+"""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import simeon
+from conftest import TIGHT
+from mechanisms import GRAVITY
+from tolerances import IDENTITY, PUBLISHED, SOLVED
+
+import romjax as rj
+from romjax.system.consistent import project
+
+PRECISE = {"solver": diffrax.Dopri8(), "rtol": TIGHT / 100}
+
+
+@pytest.fixture(scope="module")
+def sprung_crank() -> rj.Trajectory:
+    """SUNDIALS' slider crank: a crank of 0.5 m and 1 kg m², a rod of 1 m and 2 kg m² whose mass of
+    1 kg sits at the slider, a spring and a damper between their middles, a force of 1 N.
+    """
+    angle = -np.pi / 6
+    x = np.cos(angle)
+    crank = rj.RigidBody("crank", mass=1.0, inertia=1.0, angle=np.pi / 2)
+    rod = rj.RigidBody("rod", mass=1.0, inertia=2.0, position=(x, 0.0), angle=angle)
+    middles = crank.at((0.25, 0.0)), rod.at((-0.5, 0.0))
+    scene = rj.Scene(
+        [crank, rod],
+        [
+            rj.Revolute(crank.at(), rj.ground.at()),
+            rj.Revolute(crank.at((0.5, 0.0)), rod.at((-1.0, 0.0))),
+            rj.PointOnLine(rod.at(), rj.ground.at()),
+        ],
+        [
+            rj.Spring(*middles, stiffness=1.0, rest_length=1.0),
+            rj.Damper(*middles, damping=1.0, along_line=True),
+            # The published force does work along x + cos p: at the far end of twice the rod.
+            rj.Force(rod.at((1.0, 0.0)), (1.0, 0.0), rj.Constant(1.0)),
+        ],
+    )
+    return rj.simulate(rj.assemble(scene), jnp.array([0.0, 2.5, 5.0, 7.5, 10.0]), **PRECISE)
+
+
+@pytest.mark.parametrize(
+    ("place", "q", "v"),
+    [
+        (
+            1,
+            [7.2236105465911817e-02, 1.4980447181497497, -3.6094486807723665e-02],
+            [-1.0605265538684836, 5.7368811767466443e-02, 0.52922510994157169],
+        ),
+        (
+            2,
+            [-1.4299969676472274, 0.93903061357826623, 0.51789475648988625],
+            [5.4991610537764479e-02, 2.9422231647781100e-02, -4.4409897589567468e-03],
+        ),
+        (
+            3,
+            [0.18041846669398669, 1.4878513158240669, -8.9841441982501371e-02],
+            [0.99415075511971336, -0.13324752982389968, -0.49098735841472832],
+        ),
+        (
+            4,
+            [1.2756758486502394, 1.0235785589798395, -0.49881304918249874],
+            [-0.23991499719600068, 0.13377828321578363, 3.9731495991321741e-02],
+        ),
+    ],
+    ids=["t=2.5", "t=5", "t=7.5", "t=10"],
+)
+def test_sundials_slider_crank(sprung_crank, place, q, v):
+    """Crank angle, slider, rod angle and their rates, from 54-digit arithmetic."""
+    columns = jnp.array([2, 3, 5])
+    assert np.allclose(sprung_crank.q[place, columns], q, rtol=0, atol=PUBLISHED)
+    assert np.allclose(sprung_crank.v[place, columns], v, rtol=0, atol=PUBLISHED)
+
+
+def test_point_pendulum():
+    """IFToMM's problem A01: a rigid link without mass, whose multiplier is the pull in it."""
+    bob = rj.RigidBody("bob", 1.0, 1.0, position=(1.0, 0.0))
+    link = rj.Distance(bob.at(), rj.ground.at(), length=1.0)
+    system = rj.assemble(rj.Scene([bob], [link], [rj.Gravity((0.0, -GRAVITY))]))
+    motion = rj.simulate(system, jnp.array([0.0, 1.0, 5.0, 10.0]), **PRECISE)
+    for place, angle, pull in (
+        (1, -1.405027311524799, 4.856269407448477),
+        (2, 1.229451811485386, 9.851820179524039),
+        (3, 0.2786806735699829, 28.29456720606725),
+    ):
+        wanted = [np.sin(angle), -np.cos(angle)]
+        assert np.allclose(motion.q[place, :2], wanted, rtol=0, atol=PUBLISHED)
+        assert np.allclose(motion.multipliers[place], pull, rtol=10 * PUBLISHED, atol=0)
+
+
+class Crosswise(rj.AbstractMarkerEffect):
+    """A force on a point, across its place: (2 y, −2 x)."""
+
+    at: rj.Marker
+    needs_twists = False
+
+    def wrenches(self, t, poses, twists):
+        x, y = poses[0].position
+        return (rj.Wrench(2 * jnp.stack([y, -x]), jnp.zeros_like(x)),)
+
+    def check(self):
+        pass
+
+
+def test_arevalo_particle():
+    """The place (sin t², cos t²) and the pull 4 t², from t = 1 to 4: an effect of one's own."""
+    start = np.array([np.sin(1.0), np.cos(1.0)])
+    point = rj.RigidBody("point", 1.0, 1.0, position=start, velocity=(2 * start[1], -2 * start[0]))
+    link = rj.Distance(point.at(), rj.ground.at(), length=1.0)
+    system = rj.assemble(rj.Scene([point], [link], [Crosswise(point.at())]))
+    t = jnp.linspace(1.0, 4.0, 7)
+    motion = rj.simulate(system, t, **PRECISE)
+    wanted = jnp.stack([jnp.sin(t**2), jnp.cos(t**2)], axis=1)
+    assert np.allclose(motion.q[:, :2], wanted, rtol=0, atol=PUBLISHED)
+    assert np.allclose(motion.multipliers[:, 0] / t**2, 4.0, rtol=0, atol=10 * PUBLISHED)
+
+
+def test_four_bar_of_mass_points():
+    """Rigid links without mass; the start violates them and is projected to (7, 0), (7, 0)."""
+    bodies = [
+        rj.RigidBody("first", 3.0, 1.0, position=(0.0, 2.0), velocity=(4.0, 0.0)),
+        rj.RigidBody("second", 3.0, 1.0, position=(4.0, 5.0), velocity=(10.0, 0.0)),
+    ]
+    first, second = (body.at() for body in bodies)
+    links = [
+        rj.Distance(first, rj.ground.at(), length=2.0),
+        rj.Distance(second, first, length=5.0),
+        rj.Distance(second, rj.ground.at((4.0, 0.0)), length=5.0),
+    ]
+    system = rj.assemble(rj.Scene(bodies, links, [rj.Gravity()]))
+    q, v = rj.consistent(system)
+    assert np.allclose(v, [7.0, 0.0, 0.0, 7.0, 0.0, 0.0], rtol=0, atol=IDENTITY * 10)
+    motion = rj.simulate(system, jnp.array([0.0, 2.0]), q0=q, v0=v, **PRECISE)
+    wanted = [1.9642513176958342, -0.3764528668109448, 2.0926320726348379, 4.6218986996318651]
+    assert np.allclose(motion.q[-1, jnp.array([0, 1, 3, 4])], wanted, rtol=0, atol=SOLVED)
+
+
+def test_simeon_slider_crank():
+    """A flexible rod by its inertia invariants, hinged to a driven crank and a slider.
+
+    The same model as his, in the redundant coordinates of three bodies: q and v to his digits.
+    """
+    crank = rj.RigidBody("crank", 0.36, simeon.CRANK, angular_velocity=simeon.SPEED)
+    rod = simeon.rod()
+    slider = rj.RigidBody(
+        "slider", 0.075552, 1e-3, position=(simeon.START[2], 0.0), velocity=(simeon.RATES[2], 0.0)
+    )
+    joints = [
+        rj.Revolute(crank.at(), rj.ground.at()),
+        rj.PrescribedAngle(crank.at(), rj.ground.at(), rj.Ramp(simeon.SPEED)),
+        rj.Revolute(rod.at("crank"), crank.at((0.15, 0.0))),
+        rj.Revolute(rod.at("slider"), slider.at()),
+        rj.Prismatic(slider.at(), rj.ground.at()),
+    ]
+    system = rj.assemble(rj.Scene([crank, rod, slider], joints))
+    q, v = jax.jit(lambda: project(system, jnp.asarray(0.0), system.q0, system.v0, 0))()
+    motion = rj.simulate(
+        system,
+        jnp.array([0.0, 0.1]),
+        q0=q,
+        v0=v,
+        solver=diffrax.Dopri8(),
+        rtol=1e-12,
+        atol=1e-15,
+        stabilization=None,
+    )
+    columns = jnp.array([2, 5, 10, 6, 7, 8, 9])
+    assert np.allclose(motion.q[-1, columns], simeon.POSITIONS, rtol=PUBLISHED, atol=0)
+    assert np.allclose(motion.v[-1, columns], simeon.VELOCITIES, rtol=10 * PUBLISHED, atol=0)
