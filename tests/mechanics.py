@@ -12,10 +12,24 @@ POINTS = 40
 
 
 def mixed_scene() -> rj.Scene:
-    """A sprung slider, a flexible arm along x and a flexible tip along y, with every effect."""
+    """A sprung slider, a damped clamped arm along x and a pinned tip along y, with forces of all
+    kinds.
+    """
     slider = rj.RigidBody("slider", mass=1.3, inertia=0.2, position=(0.2, 0.1))
-    arm = rj.Beam("arm", 0.7, 1.1, EI=4.0, modes=3, position=(0.75, 0.1))
-    tip = rj.Beam("tip", 0.4, 0.6, EI=2.0, modes=2, axis="y", inertia=0.02, position=(1.3, -0.2))
+    arm = rj.Beam(
+        "arm", 0.7, 1.1, EI=4.0, modes=3, shapes="clamped-free", damping=0.03, position=(0.75, 0.1)
+    )
+    tip = rj.Beam(
+        "tip",
+        0.4,
+        0.6,
+        EI=2.0,
+        modes=2,
+        axis="y",
+        shapes="pinned-free",
+        inertia=0.02,
+        position=(1.3, -0.2),
+    )
     return rj.Scene(
         bodies=[slider, arm, tip],
         joints=[
@@ -98,7 +112,11 @@ def potential_energy(scene: rj.Scene, q):
             total += 0.5 * jnp.sum((body.natural_frequencies() * own[3:]) ** 2)
         for effect in scene.effects:
             if isinstance(effect, rj.Gravity):
-                total -= body.mass * effect.acceleration @ own[:2]
+                points, masses, _ = material_points(body)
+                places = jax.vmap(lambda point, body=body, own=own: place(body, own, point))(
+                    jnp.asarray(points)
+                )
+                total -= effect.acceleration @ (masses @ places)
     for effect in scene.effects:
         if isinstance(effect, rj.Spring):
             reach = marker_place(scene, effect.a, q) - marker_place(scene, effect.b, q)
@@ -115,6 +133,10 @@ def power(scene: rj.Scene, t, q, v):
         return jax.jvp(lambda q: marker_place(scene, marker, q), (q,), (v,))[1]
 
     total = 0.0
+    for body in scene.bodies:
+        if isinstance(body, rj.Beam) and body.damping is not None:
+            rates = coordinates(scene, v)[body.name][3:]
+            total -= jnp.sum(2 * body.damping * body.natural_frequencies() * rates**2)
     for effect in scene.effects:
         if isinstance(effect, rj.Damper):
             apart = velocity(effect.a) - velocity(effect.b)
