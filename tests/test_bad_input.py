@@ -82,6 +82,36 @@ PARTS = {
     ),
     "beam of no length": (lambda: rj.Beam("beam", 1.0, 0.0), r"'beam': length is 0\.0.*positive"),
     "beam along z": (lambda: rj.Beam("beam", 1.0, 1.0, axis="z"), "axis is 'z'.*'x' or 'y'"),
+    "beam on a wall": (
+        lambda: rj.Beam("beam", 1.0, 1.0, shapes="clamped"),
+        "shapes is 'clamped'.*free-free, clamped-free, pinned-free",
+    ),
+    "rigid bar that stiffens": (
+        lambda: rj.Beam("beam", 1.0, 1.0, stiffening=True),
+        "stiffening is for beams with modes",
+    ),
+    "beam that drives": (
+        lambda: rj.Beam("beam", 1.0, 1.0, EI=1.0, modes=1, damping=-0.1),
+        "'beam': damping is .*must not be negative",
+    ),
+    "tube of nothing but wall": (
+        lambda: rj.sections.Tube(0.02, 0.011),
+        "'Tube': its walls overlap by 0.002 m",
+    ),
+    "spring without stiffness": (
+        lambda: rj.Spring(bar().at(), rj.ground.at(), None),
+        "stiffness is None; give a number",
+    ),
+    "body of negative mass matrix": (
+        lambda: rj.ModalBody(
+            "rod",
+            rj.Inertia(1.0, 1.0, shift=[[0.0], [2.0]]),
+            stiffness=[1.0],
+            points=[[0.0, 0.0]],
+            shapes=[[[0.0], [1.0], [0.0]]],
+        ),
+        "'rod': its mass matrix is not positive definite.*eigenvalue of -",
+    ),
     "hinge on one body": (
         lambda: rj.Revolute(bar().at(), bar().at((1.0, 0.0))),
         r"Revolute\(bar, bar\).*both markers are on 'bar'.*two bodies",

@@ -9,7 +9,8 @@ import pytest
 import scipy.io
 import scipy.linalg
 import scipy.sparse as sp
-from tolerances import IDENTITY, SOLVED
+import simeon
+from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
 from romjax.scene.body.modes import bending_roots
@@ -144,6 +145,31 @@ def test_modal_damping():
     wanted = -2 * 0.02 * w * v[3:]
     assert np.allclose(body.damping_force(v)[3:], wanted, rtol=IDENTITY, atol=0)
     assert not beam_body(8, modes=2).damped
+
+
+def test_derivatives():
+    """Of accelerations by every number of a rod by its invariants and of a stiffened beam."""
+    hanging = rj.Beam(
+        "hanging",
+        MASS,
+        LENGTH,
+        EI=EI,
+        modes=2,
+        axis="y",
+        shapes="clamped-free",
+        damping=0.1,
+        stiffening=True,
+    )
+    rod = simeon.rod()
+    joints = [rj.Weld(hanging.at((0.0, -LENGTH / 2)), rod.at("slider"))]
+    scene = rj.Scene([rod, hanging], joints, [rj.Gravity()])
+    q, v = 0.1 * jax.random.normal(jax.random.key(2), (2, rod.size + hanging.size))
+
+    def pushed(scene):
+        return jnp.sum(jnp.tanh(rj.assemble(scene).acceleration(0.0, q, v)[0]))
+
+    check = rj.check_gradient(pushed, scene)
+    assert check.error <= DIFFERENCED, check
 
 
 def test_matrices_from_files(tmp_path):
