@@ -13,6 +13,7 @@ take fixed steps and are compared at the end of one second; so are fixed steps o
 import argparse
 import datetime
 import importlib.util
+import os
 import platform
 import time
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Only what the scene calls for is traced, and it is traced once."""
+"""Equal parts are traced once, programs compiled once, and modules depend one way."""
 
 import ast
 import subprocess
@@ -11,61 +11,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import pytest
-from jax.extend import core
+from programs import primitives
 
 import romjax as rj
 
 PACKAGE = Path(rj.__file__).parent
 # Required: a chain eight times as long compiles to at most this many times the program.
 LONGER = 1.5
-
-
-def programs(jaxpr):
-    """A traced program and all that are nested in it."""
-    yield jaxpr
-    for equation in jaxpr.eqns:
-        for value in jax.tree.leaves(
-            equation.params,
-            is_leaf=lambda x: isinstance(x, (core.Jaxpr, core.ClosedJaxpr)),
-        ):
-            if isinstance(value, core.ClosedJaxpr):
-                yield from programs(value.jaxpr)
-            elif isinstance(value, core.Jaxpr):
-                yield from programs(value)
-
-
-def primitives(function, *arguments) -> list[str]:
-    """The primitives of a function, in all nested programs."""
-    traced = jax.make_jaxpr(function)(*arguments).jaxpr
-    return [e.primitive.name for program in programs(traced) for e in program.eqns]
-
-
-def force(scene) -> list[str]:
-    system = rj.assemble(scene)
-    return primitives(system.force, 0.0, system.q0, system.v0)
-
-
-def uses_time(function, system) -> bool:
-    """Whether the first argument, t, has any effect on what a function computes."""
-    traced = jax.make_jaxpr(function)(0.0, system.q0, system.v0).jaxpr
-    needed = {id(x) for x in traced.outvars}
-    for equation in reversed(traced.eqns):
-        if any(id(x) in needed for x in equation.outvars):
-            needed |= {id(x) for x in equation.invars}
-    return id(traced.invars[0]) in needed
-
-
-class Moving(rj.AbstractJoint):
-    """A hinge whose place on `b` runs along x at a given speed [m/s]."""
-
-    a: rj.Marker
-    b: rj.Marker
-    speed: jax.Array = eqx.field(converter=jnp.asarray)
-    name: str = eqx.field(static=True, default="")
-    rows: ClassVar[int] = 2
-
-    def residual(self, t, a, b):
-        return a.position - b.position - jnp.stack([self.speed * t, jnp.zeros_like(t)])
 
 
 class Watched(rj.AbstractSignal):
@@ -78,65 +30,6 @@ class Watched(rj.AbstractSignal):
         del t
         self.traced.append(1)
         return self.value
-
-
-# Only what the scene calls for.
-
-
-@pytest.mark.parametrize("place", [0, 1, 2], ids=["spring", "damper", "force"])
-def test_an_effect_taken_out_leaves_no_trace(place):
-    scene = rj.gallery.cart_pendulum()
-    fewer = [effect for i, effect in enumerate(scene.effects) if i != place]
-    assert len(force(rj.Scene(scene.bodies, scene.joints, fewer))) < len(force(scene))
-
-
-def test_gravity_is_traced_where_it_is():
-    scene = rj.gallery.chain(3)
-    assert len(force(rj.Scene(scene.bodies, scene.joints))) < len(force(scene))
-
-
-def test_rigid_bodies_without_effects_have_no_force():
-    """No turning, no products, no modes: zeros."""
-    found = force(rj.Scene(rj.gallery.chain(3).bodies, rj.gallery.chain(3).joints))
-    assert len(found) <= 1, found
-
-
-def test_rigid_bodies_have_no_modal_code():
-    """A beam without modes costs what a rigid body costs, with modes more."""
-    rigid = force(rj.Scene([rj.RigidBody("bar", 1.0, 1.0)], [], [rj.Gravity()]))
-    stiff = force(rj.Scene([rj.Beam("bar", 1.0, 1.0)], [], [rj.Gravity()]))
-    elastic = force(rj.Scene([rj.Beam("bar", 1.0, 1.0, EI=1.0, modes=1)], [], [rj.Gravity()]))
-    assert len(stiff) == len(rigid) < len(elastic)
-
-
-def test_velocities_are_traced_for_dampers_only():
-    scene = rj.gallery.cart_pendulum()
-    system = rj.assemble(rj.Scene(scene.bodies[:1], [], [scene.effects[0]]))
-    found = jax.make_jaxpr(system.force)(0.0, system.q0, system.v0).jaxpr
-    used = {id(x) for program in programs(found) for e in program.eqns for x in e.invars}
-    assert id(found.invars[2]) not in used
-
-
-def test_time_is_traced_for_moving_joints_only():
-    """A constraint that ignores t leaves no C_t; one that does not, does."""
-    bars = rj.gallery.chain(2)
-    still = rj.assemble(bars)
-    assert not uses_time(still.constraint_state, still)
-    moving = Moving(bars.bodies[0].at((-0.5, 0.0)), rj.ground.at(), 1.0)
-    driven = rj.assemble(rj.Scene(bars.bodies, [moving, bars.joints[1]], bars.effects))
-    assert uses_time(driven.constraint_state, driven)
-    assert jnp.allclose(driven.constraint_state(0.0, driven.q0, driven.v0).rate[0], -1.0)
-    few = primitives(still.constraint_state, 0.0, still.q0, still.v0)
-    assert len(few) < len(primitives(driven.constraint_state, 0.0, driven.q0, driven.v0))
-
-
-def test_no_constraints_no_multipliers():
-    system = rj.assemble(rj.Scene([rj.RigidBody("bar", 1.0, 1.0)], [], [rj.Gravity()]))
-    found = jax.eval_shape(system.acceleration, 0.0, system.q0, system.v0)
-    assert found[1].shape == (0,)
-    found = primitives(system.acceleration, 0.0, system.q0, system.v0)
-    assert "cholesky" not in found
-    assert "triangular_solve" not in found
 
 
 # Grouping.

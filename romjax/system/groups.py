@@ -33,23 +33,26 @@ class BodyGroup(eqx.Module):
         self, fields: tuple[AbstractField, ...], q: Float[Array, " n"], v: Float[Array, " n"]
     ) -> Float[Array, "count size"] | None:
         """Elastic, damping, field and quadratic-velocity forces; None where there are none."""
-        terms: list[Callable[..., Float[Array, " size"]]] = [
-            lambda body, q, v, field=field: -jax.grad(field.energy, argnums=1)(body, q)
+        still: list[Callable[..., Float[Array, " size"]]] = [
+            lambda body, q, field=field: -jax.grad(field.energy, argnums=1)(body, q)
             for field in fields
         ]
+        moving: list[Callable[..., Float[Array, " size"]]] = []
         if self.bodies.modes:
-            terms.append(lambda body, q, v: -jax.grad(body.elastic_energy)(q))
+            still.append(lambda body, q: -jax.grad(body.elastic_energy)(q))
         if self.bodies.damped:
-            terms.append(lambda body, q, v: body.damping_force(v))
+            moving.append(lambda body, q, v: body.damping_force(v))
         if not self.bodies.constant_mass:
-            terms.append(lambda body, q, v: quadratic_velocity_force(body.mass_matrix)(q, v))
-        if not terms:
+            moving.append(lambda body, q, v: quadratic_velocity_force(body.mass_matrix)(q, v))
+        if not still and not moving:
             return None
 
-        def total(*arguments):  # type: ignore[no-untyped-def]
-            return functools.reduce(operator.add, [term(*arguments) for term in terms])
+        def total(body, q, *v):  # type: ignore[no-untyped-def]
+            found = [term(body, q) for term in still] + [term(body, q, *v) for term in moving]
+            return functools.reduce(operator.add, found)
 
-        return jax.vmap(total)(self.bodies, self.coordinates.take(q), self.coordinates.take(v))
+        rates = [self.coordinates.take(v)] if moving else []
+        return jax.vmap(total)(self.bodies, self.coordinates.take(q), *rates)
 
 
 class JointGroup(eqx.Module):

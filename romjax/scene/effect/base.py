@@ -2,6 +2,7 @@
 
 import abc
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import ClassVar
 
@@ -117,6 +118,7 @@ def displacement(
     """
     value, pull_back = jax.vjp(measure, *poses)
 
+    @functools.cache
     def rate() -> Float[Array, " k"]:
         return jax.jvp(measure, poses, tuple(Pose(*twist) for twist in twists))[1]
 

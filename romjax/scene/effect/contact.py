@@ -85,13 +85,12 @@ class Contact(AbstractMarkerEffect):
         inside = gap < 0
         depth = jnp.where(inside, -gap / steepness, 1.0)
         push = self.stiffness * depth**1.5
-        velocity = rate() if self.needs_twists else jnp.zeros_like(place)
         if self.dissipation is not None:
-            push *= jnp.maximum(1 - self.dissipation * (normal @ velocity), 0)
+            push *= jnp.maximum(1 - self.dissipation * (normal @ rate()), 0)
         force = push * normal
         if self.friction is not None:
             tangent = jnp.stack([normal[1], -normal[0]])
-            force -= push * self.friction(tangent @ velocity) * tangent
+            force -= push * self.friction(tangent @ rate()) * tangent
         return wrenches(jnp.where(inside, force, 0))
 
     def check(self) -> None:

@@ -1,0 +1,62 @@
+"""Traced programs, and what is in them."""
+
+import jax
+from jax.extend import core
+
+import romjax as rj
+
+
+def programs(jaxpr):
+    """A traced program and all that are nested in it."""
+    yield jaxpr
+    for equation in jaxpr.eqns:
+        for value in jax.tree.leaves(
+            equation.params,
+            is_leaf=lambda x: isinstance(x, (core.Jaxpr, core.ClosedJaxpr)),
+        ):
+            if isinstance(value, core.ClosedJaxpr):
+                yield from programs(value.jaxpr)
+            elif isinstance(value, core.Jaxpr):
+                yield from programs(value)
+
+
+def primitives(function, *arguments) -> list[str]:
+    """The primitives of a function, in all nested programs."""
+    traced = jax.make_jaxpr(function)(*arguments).jaxpr
+    return [e.primitive.name for program in programs(traced) for e in program.eqns]
+
+
+def force(scene) -> list[str]:
+    system = rj.assemble(scene)
+    return primitives(system.force, 0.0, system.q0, system.v0)
+
+
+def mass(scene) -> list[str]:
+    system = rj.assemble(scene)
+    return primitives(system.mass, system.q0)
+
+
+def touches(function, system, place) -> bool:
+    """Whether any equation of a function of t, q, v reads the argument at a place."""
+    traced = jax.make_jaxpr(function)(0.0, system.q0, system.v0).jaxpr
+    used = {id(x) for program in programs(traced) for e in program.eqns for x in e.invars}
+    return id(traced.invars[place]) in used
+
+
+def uses(function, system, place) -> bool:
+    """Whether the argument at a place has any effect on what a function of t, q, v computes."""
+    traced = jax.make_jaxpr(function)(0.0, system.q0, system.v0).jaxpr
+    needed = {id(x) for x in traced.outvars}
+    for equation in reversed(traced.eqns):
+        if any(id(x) in needed for x in equation.outvars):
+            needed |= {id(x) for x in equation.invars}
+    return id(traced.invars[place]) in needed
+
+
+def uses_time(function, system) -> bool:
+    return uses(function, system, 0)
+
+
+def uses_velocities(scene) -> bool:
+    system = rj.assemble(scene)
+    return uses(system.force, system, 2)
