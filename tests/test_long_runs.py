@@ -1,8 +1,11 @@
 """Long runs: drift, energy over thousands of seconds, and what stabilisation costs."""
 
+from collections.abc import Callable
+
 import diffrax
 import jax
 import jax.numpy as jnp
+import meshes
 import numpy as np
 import pytest
 from mechanisms import GRAVITY, RK4, linkage, point_pendulum
@@ -16,6 +19,8 @@ ADAPTIVE_ENERGY, ADAPTIVE_DRIFT = 1e-6, 1e-10  # 2000 s
 PARALLEL = 1e-7  # after 20 s through singular positions
 DECAY = 0.01
 ENERGY = 1e-7  # of many parts over 10 s
+DISSIPATED = 0.1  # of the largest kinetic energy, at least
+SLOPE = -0.3  # [rad] of the slide
 
 
 @pytest.fixture(scope="module")
@@ -112,16 +117,15 @@ def test_a_start_off_the_constraints_decays(pendulum):
     assert np.allclose(q, [1.0, 0.0], rtol=0, atol=IDENTITY)
 
 
-def test_energy_of_many_parts():
-    """A bob on a sprung slide, and geared wheels with an eccentric mass, over ten seconds."""
-    slope = -0.3
-    block = rj.RigidBody("block", 1.0, 0.1, angle=slope)
+def many_parts(*effects) -> tuple[rj.AbstractSystem, Callable]:
+    """A bob on a sprung slide, and geared wheels with an eccentric mass; its energy."""
+    block = rj.RigidBody("block", 1.0, 0.1, angle=SLOPE)
     bob = rj.RigidBody("bob", 0.5, 0.01, position=(0.6, 0.0))
     big = rj.RigidBody("big", 2.0, 0.4, position=(3.0, 0.0))
     small = rj.RigidBody("small", 0.5, 0.05, position=(4.0, 0.0))
     lump = rj.RigidBody("lump", 0.3, 0.01, position=(4.2, 0.0))
     joints = [
-        rj.Prismatic(block.at(), rj.ground.at(angle=slope)),
+        rj.Prismatic(block.at(), rj.ground.at(angle=SLOPE)),
         rj.Distance(bob.at(), block.at(), length=0.6),
         rj.Revolute(big.at(), rj.ground.at((3.0, 0.0))),
         rj.Revolute(small.at(), rj.ground.at((4.0, 0.0))),
@@ -129,6 +133,7 @@ def test_energy_of_many_parts():
         rj.Weld(lump.at(), small.at((0.2, 0.0))),
     ]
     effects = [
+        *effects,
         rj.Gravity(),
         rj.Spring(block.at(), rj.ground.at(), stiffness=40.0, cubic=300.0),
         rj.TorsionSpring(big.at(), rj.ground.at(), stiffness=5.0, rest_angle=0.2),
@@ -136,7 +141,6 @@ def test_energy_of_many_parts():
     ]
     bodies = [block, bob, big, small, lump]
     system = rj.assemble(rj.Scene(bodies, joints, effects))
-    run = rj.simulate(system, jnp.linspace(0.0, 10.0, 51), rtol=1e-9, solver=diffrax.Dopri8())
 
     def energy(q, v):
         x, angle = q.reshape(5, 3)[:, :2], q.reshape(5, 3)[:, 2]
@@ -154,8 +158,89 @@ def test_energy_of_many_parts():
             + 0.5 * jnp.array([3.0, 6.0, 0.4]) @ away**2
         )
 
-    found = jax.vmap(energy)(run.q, run.v)
+    return system, energy
+
+
+def history(system, energy, outputs=51):
+    """Energy over ten seconds, in units of the largest kinetic one, and the motion."""
+    ts = jnp.linspace(0.0, 10.0, outputs)
+    run = rj.simulate(system, ts, rtol=1e-9, solver=diffrax.Dopri8(), max_steps=200_000)
     size = jnp.max(jax.vmap(system.kinetic_energy)(run.q, run.v))
-    assert jnp.max(jnp.abs(found - found[0])) <= ENERGY * size
-    across = run.q[:, :2] @ jnp.array([-np.sin(slope), np.cos(slope)])
+    return jax.vmap(energy)(run.q, run.v) / size, run
+
+
+def test_energy_of_many_parts():
+    found, run = history(*many_parts())
+    assert jnp.max(jnp.abs(found - found[0])) <= ENERGY
+    across = run.q[:, :2] @ jnp.array([-np.sin(SLOPE), np.cos(SLOPE)])
     assert jnp.max(jnp.abs(across)) <= SOLVED
+
+
+def test_dissipation_never_gains():
+    """Every kind of damping, one of them at a time large: from output to output energy falls."""
+    block, bob, big, small = (
+        rj.Marker(name, (0.0, 0.0)) for name in ("block", "bob", "big", "small")
+    )
+    rub = rj.Friction(0.3, static=0.4, stribeck=0.2)
+    system, energy = many_parts(
+        rj.Damper(block, rj.ground.at((-1.0, 0.3)), damping=0.2, along_line=True),
+        rj.Damper(bob, rj.ground.at(), damping=0.05),
+        rj.TorsionDamper(big, small, damping=0.01),
+        rj.Bushing(bob, rj.ground.at(), [0.0, 0.0, 0.0], [0.05, 0.1, 0.01]),
+        # So soft that its energy does not count, so that all it does is rub.
+        rj.Contact(
+            rj.Marker("small", (0.0, -0.3)),
+            rj.ground.at((0.0, 1.0)),
+            rj.Line(),
+            stiffness=1e-9,
+            friction=rub,
+        ),
+    )
+    found, _ = history(system, energy, outputs=1001)
+    assert jnp.all(jnp.diff(found) <= ENERGY)
+    assert found[-1] < found[0] - DISSIPATED
+
+
+def test_energy_of_flexible_parts():
+    """A stiffened blade on a sprung hub, and a mesh that hangs from its tip."""
+    hub = rj.RigidBody("hub", 1.0, 0.02)
+    blade = rj.Beam(
+        "blade",
+        0.4,
+        1.0,
+        EI=30.0,
+        modes=2,
+        shapes="clamped-free",
+        stiffening=True,
+        position=(0.5, 0.0),
+    )
+    stiffness, mass, nodes = meshes.beam(4, 0.6, 0.3, EA=300.0, EI=0.5)
+    ends = {"top": 0, "bottom": 4}
+    tail = rj.ModalBody.of_mesh(
+        "tail",
+        stiffness,
+        mass,
+        nodes,
+        ends,
+        modes=1,
+        position=(1.0, -0.3),
+        angle=-np.pi / 2,
+    )
+    joints = [
+        rj.Revolute(hub.at(), rj.ground.at()),
+        rj.Weld(blade.at((-0.5, 0.0)), hub.at()),
+        rj.Revolute(tail.at("top"), blade.at((0.5, 0.0))),
+    ]
+    spring = rj.TorsionSpring(hub.at(), rj.ground.at(), stiffness=3.0)
+    bodies = [hub, blade, tail]
+    system = rj.assemble(rj.Scene(bodies, joints, [rj.Gravity(), spring]))
+    places = np.cumsum([body.size for body in bodies])[:-1]
+
+    def energy(q, v):
+        parts = list(zip(bodies, jnp.split(q, places), strict=True))
+        elastic = sum(body.elastic_energy(own) for body, own in parts)
+        height = sum(body.first_moment(own)[1] for body, own in parts)
+        return system.kinetic_energy(q, v) + elastic + 9.81 * height + 1.5 * q[2] ** 2
+
+    found, _ = history(system, energy)
+    assert jnp.max(jnp.abs(found - found[0])) <= ENERGY
