@@ -67,6 +67,7 @@ from .scene.signal import Sine as Sine
 from .scene.signal import Step as Step
 from .scene.signal import Sum as Sum
 from .scene.signal import Table as Table
+from .study.accuracy.study import accuracy as accuracy
 from .study.compare import Comparison as Comparison
 from .study.compare import compare as compare
 from .study.fit import fit as fit

@@ -16,11 +16,12 @@ import numpy as np
 from tabulate import tabulate
 from tqdm import tqdm
 
-from . import plot, report
+from . import page, plot, report
 from .gallery.catalogue import EXAMPLES, Example, find
 from .integrate.trajectory import SimulationError
 from .scene.fields import SceneError
 from .scene.scene import Scene
+from .study.accuracy.study import accuracy
 from .study.reduction import reduction_study
 from .study.tune import tune_baumgarte
 from .system.assemble import assemble
@@ -62,6 +63,19 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--sod-rank", type=int, metavar="R", help="modes of SOD (drop point)")
     run.add_argument("--no-animation", action="store_true", help="leave out the animation")
     run.set_defaults(verb=_run)
+    costs = verbs.add_parser(
+        "accuracy",
+        help="what accuracy costs in time: models, methods and tolerances of a scene",
+        description="Measure error and time of the full and of reduced models of a scene by "
+        "several methods and tolerances, recommend the cheapest for each error, and write a table "
+        "(CSV), a figure (PNG) and a page (HTML).",
+    )
+    _add_scene(costs)
+    costs.add_argument(
+        "--budget", type=float, default=120.0, metavar="S", help="time to spend (120)"
+    )
+    costs.add_argument("--rate", type=float, metavar="HZ", help="outputs (those of the scene)")
+    costs.set_defaults(verb=_accuracy)
     tune = verbs.add_parser(
         "tune",
         help="find Baumgarte's parameters for a scene by gradient",
@@ -120,6 +134,24 @@ def _run(options: argparse.Namespace) -> int:
         bar.update(stages - bar.n)
     print(report.summary(study, chapter=example.name == "cart-pendulum"))
     print(f"\nWrote {len(files)} files to {folder}{os.sep}: {', '.join(f.name for f in files)}")
+    return 0
+
+
+def _accuracy(options: argparse.Namespace) -> int:
+    example = _load(options.scene)
+    folder = _writable(options.out or Path(f"romjax-{example.name}"))
+    end, rate = _given(options.end, example.end), _given(options.rate, example.rate)
+    if not (options.budget > 0 and end * rate >= 1):
+        raise ValueError(
+            f"accuracy: a budget of {options.budget:g} s for {end:g} s at {rate:g} Hz; give time "
+            "to spend, and at least one output."
+        )
+    ts = np.linspace(0.0, end, round(end * rate) + 1)
+    result = accuracy(example.make(), ts, budget=options.budget, progress=True)
+    title = f"What accuracy costs in time: {example.name}"
+    files = page.write(result, title, folder)
+    print(page.summary(result))
+    print(f"\nWrote {', '.join(file.name for file in files)} to {folder}{os.sep}")
     return 0
 
 

@@ -1,5 +1,6 @@
 """Figures of motions, bases and mechanisms; the only importer of matplotlib."""
 
+from .accuracy import accuracy as accuracy
 from .animation import animate as animate
 from .errors import errors as errors
 from .modes import modes as modes

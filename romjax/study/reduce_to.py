@@ -15,12 +15,10 @@ from ..basis.pod import pod
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..system.base import AbstractSystem
-from ..system.consistent import consistent
-from ..system.reduced.atlas import AtlasSystem
 from ..system.reduced.base import AbstractReducedSystem, ReductionError
-from ..system.reduced.minimal import MinimalSystem
 from ..system.reduced.reduce import reduce
 from .compare import compare
+from .variation import begin, vary
 
 # The next rank shows the error of this one up to a factor of two.
 _SAFETY = 2.0
@@ -173,12 +171,8 @@ def _finite(errors: list[float]) -> float:
 
 def _run(model: _Model, system: AbstractSystem, truth: Trajectory, tol: float) -> Trajectory:
     """The reduced model of a system with other numbers, from the start of a run of it."""
-    rom = model.rom
-    if isinstance(rom, MinimalSystem | AtlasSystem):
-        other = reduce(system, model.basis, "minimal", chart=rom.chart)
-    else:
-        other = reduce(system, model.basis, "galerkin", constraints=rom.m)
-    q0, v0 = consistent(other, *other.reduced(truth.q[0], truth.v[0]), t=truth.t[0])
+    other = vary(model.rom, model.basis, system)
+    q0, v0 = begin(other, truth.q[0], truth.v[0], truth.t[0])
     return simulate(
         other,
         truth.t,

@@ -1,0 +1,133 @@
+"""A study of accuracy in words and in files: a table, a figure and a page that holds both."""
+
+import base64
+import csv
+import html
+import io
+import math
+import os
+import platform
+import textwrap
+from pathlib import Path
+
+import jax
+from tabulate import tabulate
+
+from . import plot
+from .study.accuracy.result import Accuracy, Recommendation, Row
+
+# Errors that the page and the command line recommend a way for.
+ERRORS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
+
+_PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
+body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem;
+  color: #222; }}
+img {{ max-width: 100%; }}
+table {{ border-collapse: collapse; font-size: 0.85rem; font-variant-numeric: tabular-nums; }}
+th, td {{ padding: 0.2rem 0.7rem; border-bottom: 1px solid #ddd; text-align: right; }}
+th:nth-child(-n+2), td:nth-child(-n+2) {{ text-align: left; }}
+tr.front td {{ font-weight: 600; }}
+</style></head><body>
+<h1>{title}</h1>
+<p>{reference}</p>
+<h2>What to use</h2>
+<ul>
+{recommendations}
+</ul>
+<img alt="Time against error of all models and methods, error against rank, and when reduction pays"
+  src="data:image/png;base64,{figure}">
+<h2>All that was measured</h2>
+<p>Bold: nothing else is as accurate in less time. Times are the least of interleaved runs; compile
+time and the time to make a reduced model stand apart.</p>
+{table}
+{skipped}
+<p>{machine}</p>
+</body></html>
+"""
+
+
+def summary(result: Accuracy) -> str:
+    """What to use for which error as a table, at most 80 columns wide, and what errors are of."""
+    header = ["error", "model", "method", "rtol", "reached", "ms", "pays after"]
+    rows = []
+    for found in recommendations(result):
+        row, runs = found.row, result.break_even(found.row)
+        cells = [row.model, row.solver, f"{row.rtol:.0e}", f"{row.error:.1e}"]
+        pays = "" if runs is None else f"{runs:,.0f} runs"
+        rows.append([f"{found.error:g}", *cells, f"{1e3 * row.least:.2f}", pays])
+    sides = ("left", "left", "left", *["right"] * (len(header) - 3))
+    text = tabulate(rows, header, tablefmt="plain", disable_numparse=True, colalign=sides)
+    text += "\n\n" + textwrap.fill(_reference(result), 80)
+    if result.skipped:
+        text += f"\n{len(result.skipped)} ways were refused or left out; the page says which."
+    return text
+
+
+def recommendations(result: Accuracy) -> list[Recommendation]:
+    """Those for all of the usual errors that something reaches."""
+    least = min((row.error for row in result.front()), default=math.inf)
+    return [result.recommend(error) for error in ERRORS if error >= least]
+
+
+def write(result: Accuracy, title: str, folder: Path) -> list[Path]:
+    """Write the rows, the figure and the page into `folder`; returns the files."""
+    table, figure, page = (folder / f"accuracy.{kind}" for kind in ("csv", "png", "html"))
+    with table.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(Row._fields)
+        writer.writerows(result.rows)
+    picture = io.BytesIO()
+    plot.accuracy(result).savefig(picture, format="png", dpi=130)
+    figure.write_bytes(picture.getvalue())
+    page.write_text(_page(result, title, picture.getvalue()), encoding="utf-8")
+    return [table, figure, page]
+
+
+def _page(result: Accuracy, title: str, picture: bytes) -> str:
+    header = ["model", "method", "rtol", "error", "ms", "compile s", "steps"]
+    header += ["evaluations", "factorisations", "kB", "to make s"]
+    rows = sorted(result.rows, key=lambda row: (row.error != row.error, row.error))
+    lines = ["<tr>" + "".join(f"<th>{name}</th>" for name in header) + "</tr>"]
+    for row in rows:
+        cells = "".join(f"<td>{html.escape(cell)}</td>" for cell in _row(row))
+        lines.append(f"<tr{' class=front' if row.pareto else ''}>{cells}</tr>")
+    items = [
+        f"<li>{html.escape(name)}: {html.escape(why)}</li>" for name, why in result.skipped.items()
+    ]
+    skipped = "<h2>Not measured</h2><ul>" + "\n".join(items) + "</ul>" if items else ""
+    found, device = recommendations(result), jax.devices()[0]
+    machine = (
+        f"{os.cpu_count()} cores, {platform.machine()}, {device.device_kind}; "
+        f"Python {platform.python_version()}, jax {jax.__version__}"
+    )
+    return _PAGE.format(
+        title=html.escape(title),
+        reference=html.escape(_reference(result)),
+        recommendations="\n".join(f"<li>{html.escape(x.words)}</li>" for x in found),
+        figure=base64.b64encode(picture).decode(),
+        table="<table>\n" + "\n".join(lines) + "\n</table>",
+        skipped=skipped,
+        machine=html.escape(machine),
+    )
+
+
+def _reference(result: Accuracy) -> str:
+    return f"Errors against {result.reference}: they differ by {result.floor:.0e}."
+
+
+def _row(row: Row) -> list[str]:
+    """A row in words, the most telling columns first."""
+    return [
+        row.model,
+        row.solver,
+        f"{row.rtol:.0e}",
+        row.failure or f"{row.error:.1e}",
+        f"{1e3 * row.least:.2f}",
+        f"{row.compile:.1f}",
+        f"{row.steps}",
+        f"{row.evaluations}",
+        f"{row.factorizations}",
+        f"{row.memory / 1e3:.0f}",
+        f"{row.offline:.1f}" if row.offline else "",
+    ]

@@ -1,0 +1,193 @@
+"""The study of accuracy and time: its reference, its front, and what it recommends."""
+
+import csv
+
+import diffrax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import romjax as rj
+from romjax import page
+from romjax.cli import main
+from romjax.study.accuracy.result import Row, with_front
+
+TS = np.linspace(0.0, 1.0, 101)
+# Required: the reference is so many times better than what is measured against it.
+BETTER = 30
+# Required: on scenes that were not studied, the error is at most so many times that asked for.
+HELD_OUT = 3
+
+
+@pytest.fixture(scope="module")
+def scene() -> rj.Scene:
+    return rj.gallery.cart_pendulum()
+
+
+@pytest.fixture(scope="module")
+def found(scene):
+    return rj.accuracy(
+        scene,
+        TS,
+        formulations=["minimal"],
+        bases=["POD"],
+        ranks=[3, 40],
+        tolerances=[1e-3, 1e-5, 1e-7],
+        repeats=2,
+    )
+
+
+def test_all_ways_are_measured(found):
+    assert set(found.models) == {"full", "POD minimal, r = 3"}
+    assert len(found.rows) == len(found.models) * len(found.solvers) * 3
+    for row in found.rows:
+        assert not row.failure
+        assert 0 < row.least <= row.median
+        assert row.evaluations == row.steps * (8 if row.solver == "Rodas5P" else 13)
+        assert row.factorizations == (row.steps if row.solver == "Rodas5P" else 0)
+        assert (row.offline > 0) == (row.formulation != "full")
+        assert row.memory > 0
+        assert row.compile > 0
+    assert "POD minimal, r = 40" in found.skipped
+
+
+def test_tighter_is_more_accurate(found):
+    """And no error is near that of the reference, which is of other equations."""
+    assert "minimal coordinates" in found.reference
+    assert "redundant" in found.reference
+    for model in found.models:
+        for solver in found.solvers:
+            errors = [r.error for r in found.rows if (r.model, r.solver) == (model, solver)]
+            assert np.all(np.diff(errors) < 0)
+            assert min(errors) >= BETTER * found.floor
+
+
+def test_front(found):
+    """Nothing is both faster and more accurate than a row on the front, and something is than any
+    other.
+    """
+    for row in found.rows:
+        better = [r for r in found.rows if r.least < row.least and r.error < row.error]
+        assert bool(better) != row.pareto
+
+
+def row(least, error, **more):
+    fields = dict.fromkeys(Row._fields, 0) | {"failure": "", "least": least, "error": error}
+    return Row(**fields | more)
+
+
+def test_failures_are_not_on_the_front():
+    rows = with_front([row(1.0, np.nan, failure="MAX_STEPS"), row(2.0, 1e-3), row(3.0, 1e-3)])
+    assert [r.pareto for r in rows] == [False, True, False]
+
+
+def test_recommendation(found, scene):
+    """The cheapest of what is accurate enough; its settings give that error."""
+    wanted = 1e-3
+    advice = found.recommend(wanted)
+    good = [r for r in found.rows if r.error <= wanted]
+    assert advice.row.least == min(r.least for r in good)
+    assert advice.row.solver in str(advice)
+    assert f"{advice.row.rtol:.0e}" in str(advice)
+    assert set(advice.settings) == {"solver", "rtol"}
+    system = rj.assemble(scene)
+    truth = rj.simulate(system, TS, rtol=1e-8)
+    error = rj.compare(truth, advice.simulate(system, TS)).error
+    assert error <= wanted
+    with pytest.raises(ValueError, match=r"nothing that was tried has an error of 1e-30; the best"):
+        found.recommend(1e-30)
+
+
+def test_break_even(found):
+    """T_offline / (T_full − T_reduced), of the full model's cheapest way to the same error."""
+    reduced = next(r for r in found.rows if r.formulation == "minimal" and r.rtol == 1e-5)
+    full = min(r.least for r in found.rows if r.model == "full" and r.error <= reduced.error)
+    runs = found.break_even(reduced)
+    assert runs == pytest.approx(reduced.offline / (full - reduced.least))
+    assert found.break_even(found.rows[0]) is None
+
+
+def test_table(found):
+    table = found.table()
+    assert list(table.columns) == list(Row._fields)
+    assert np.all(np.diff(table["error"]) >= 0)
+
+
+def test_figure_and_page(found, tmp_path):
+    figure = rj.plot.accuracy(found)
+    assert [axes.get_title() for axes in figure.axes] == [
+        "What accuracy costs",
+        "Rank",
+        "When reduction pays",
+    ]
+    table, picture, text = page.write(found, "A <study>", tmp_path)
+    with table.open() as file:
+        lines = list(csv.DictReader(file))
+    assert [float(line["error"]) for line in lines] == [row.error for row in found.rows]
+    assert picture.stat().st_size > 10_000
+    html = text.read_text()
+    assert "A &lt;study&gt;" in html
+    assert "data:image/png;base64," in html
+    assert "http" not in html  # self-contained
+    assert html.count("<tr") == len(found.rows) + 1
+    assert max(len(line) for line in page.summary(found).splitlines()) <= 80
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"formulations": ["newton"]}, "'newton' is none of galerkin, minimal, projected"),
+        ({"bases": ["PCA"]}, "'PCA' is none of POD, SOD"),
+        ({"tolerances": []}, r"tolerances=\(\).*between 0 and 1"),
+        ({"tolerances": [0.0]}, r"tolerances=\(0.0,\).*between 0 and 1"),
+        ({"repeats": 0}, "repeats=0.*one repeat or more"),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+)
+def test_bad_input(scene, wrong, words):
+    with pytest.raises(ValueError, match=words):
+        rj.accuracy(scene, TS, **wrong)
+
+
+@pytest.mark.slow
+def test_recommendations_hold_on_other_scenes(found):
+    """Of other amplitudes, frequencies and starts: the error, or the run is flagged."""
+    wanted = 1e-5
+    advice = found.recommend(wanted)
+    changes = [{"force": 8.0}, {"force": 12.0}, {"f1": 15.0}, {"f1": 17.0}, {"frequency": 9.0}]
+    for change in changes:
+        system = rj.assemble(rj.gallery.cart_pendulum(**change))
+        truth = rj.simulate(system, TS, rtol=1e-9)
+        run = advice.simulate(system, TS)
+        assert rj.compare(truth, run).error <= HELD_OUT * wanted or run.doubts(), change
+
+
+@pytest.mark.slow
+def test_ways_that_fail_are_marked():
+    """An explicit method on a beam of 100 kHz needs too many steps; the stiff one does not."""
+    stiff = rj.gallery.cart_pendulum(f2=1e5)
+    found = rj.accuracy(
+        stiff, TS, formulations=[], tolerances=[1e-5], repeats=1, solvers=[rj.Rodas5P(), DOPRI8]
+    )
+    assert {row.solver: row.failure for row in found.rows} == {
+        "Rodas5P": "",
+        "Dopri8": "MAX_STEPS",
+    }
+    assert rj.plot.accuracy(found).axes[0].get_title() == "What accuracy costs"
+    assert found.recommend(1e-2).row.solver == "Rodas5P"
+
+
+DOPRI8 = diffrax.Dopri8()
+
+
+@pytest.mark.slow
+def test_command(tmp_path, capsys):
+    assert main(["accuracy", "cart-pendulum", "--budget", "30", "--out", str(tmp_path)]) == 0
+    words = capsys.readouterr().out
+    assert "Rodas5P" in words
+    assert {file.name for file in tmp_path.iterdir()} == {
+        "accuracy.csv",
+        "accuracy.png",
+        "accuracy.html",
+    }
+    assert jnp.zeros(1).dtype == jnp.float64
