@@ -195,7 +195,13 @@ def _simulate(
     result = solution.result
     # Drift can be finite in q and past all numbers in C.
     finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in (q, v, violation)]))
-    status = jnp.where(finite, Status.SUCCESS, Status.NOT_FINITE)
+    status = jnp.asarray(Status.SUCCESS)
+    if projection:
+        left = jnp.max(jnp.abs(states.violation), axis=1, initial=0.0)
+        scale = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=1))
+        held = jnp.all(left <= START_TOLERANCE[q0.dtype] * scale)
+        status = jnp.where(held, status, Status.JOINTS_PART)
+    status = jnp.where(finite, status, Status.NOT_FINITE)
     status = jnp.where(result == diffrax.RESULTS.successful, status, Status.SOLVER_FAILED)
     status = jnp.where(result == diffrax.RESULTS.max_steps_reached, Status.MAX_STEPS, status)
     status = jnp.where(result == diffrax.RESULTS.dt_min_reached, Status.NOT_FINITE, status)

@@ -20,6 +20,7 @@ class Status(enum.IntEnum):
     INCONSISTENT_START = 3
     SOLVER_FAILED = 4
     PRECISION = 5
+    JOINTS_PART = 6
 
 
 REMEDIES = {
@@ -33,6 +34,8 @@ REMEDIES = {
     Status.PRECISION: "single precision cannot solve for the joint forces of this mechanism: the "
     "masses that a joint connects differ by 1e4 or more, or two joints nearly repeat each other; "
     'call jax.config.update("jax_enable_x64", True) before making any array',
+    Status.JOINTS_PART: "the joints cannot all hold on the way, and the projection leaves some of "
+    "them violated; look at the trajectory's violation, and take out joints that contradict",
     Status.SOLVER_FAILED: "the solver failed inside a step; try another solver",
 }
 
