@@ -94,6 +94,10 @@ PARTS = {
         lambda: rj.Beam("beam", 1.0, 1.0, EI=1.0, modes=1, damping=-0.1),
         "'beam': damping is .*must not be negative",
     ),
+    "clamped beam of too little inertia": (
+        lambda: rj.Beam("beam", 3.0, 1.5, EI=5.0, modes=3, inertia=0.3, shapes="clamped-free"),
+        "'beam': inertia is 0.3, 0.2625 less than that of a thin bar",
+    ),
     "tube of nothing but wall": (
         lambda: rj.sections.Tube(0.02, 0.011),
         "'Tube': its walls overlap by 0.002 m",

@@ -254,6 +254,7 @@ def tip(count, load):
     return np.array([place[1], 1 - place[0], frame[2] + end[2]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("load", "wanted"),
     [

@@ -215,7 +215,8 @@ class OnlyContact(rj.Contact):
     def wrenches(self, t, poses, twists):
         place, _, wrenches = displacement(lambda a, b: b.local(a.position), poses, twists)
         gap, slope = jax.value_and_grad(self.curve)(place)
-        steepness = jnp.linalg.norm(slope)
+        squared = slope @ slope
+        steepness = jnp.sqrt(jnp.where(squared > 0, squared, 1.0))
         inside = gap < 0
         depth = jnp.where(inside, -gap / steepness, 1.0)
         push = self.stiffness * depth**1.5 * slope / steepness

@@ -128,3 +128,11 @@ def test_what_a_contact_refuses():
         rj.Contact(*ends, rj.Line(), 1.0, friction=rj.Friction(0.1, creep=0.0))
     with pytest.raises(rj.SceneError, match="stiffness is -1.*not be negative"):
         rj.Contact(*ends, rj.Line(), -1.0)
+
+
+def test_the_centre_of_a_circle_has_no_direction():
+    """No force there, and no NaN."""
+    body = rj.RigidBody("ball", 1.0, 0.1)
+    contact = rj.Contact(body.at(), rj.ground.at(), rj.Circle(1.0), 100.0)
+    system = rj.assemble(rj.Scene([body], [], [contact]))
+    assert jnp.all(system.force(0.0, system.q0, system.v0) == 0)

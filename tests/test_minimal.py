@@ -70,6 +70,7 @@ def test_accelerations_are_those_of_the_full_system(mechanism):
         assert jnp.max(jnp.abs(found - wanted)) <= IDENTITY * 100 * jnp.max(jnp.abs(wanted))
 
 
+@pytest.mark.slow
 def test_the_derivatives_of_the_acceleration(mechanism):
     """`linearize` against forward mode through the acceleration, Newton's method included."""
     _, motion, rom = mechanism

@@ -3,6 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from ..scene.fields import SceneError, Vector, as_array, check_shape, concrete
@@ -29,25 +30,35 @@ def consistent(
     **Arguments:** start `q0`, `v0` (n,), those of the system unless given; time `t` [s].
 
     Raises SceneError, naming the constraint and what is left of it, if ten sweeps do not get
-    |C| below 1e-10.
+    |C| below 1e-10, or if no velocity gets |Ċ| below 1e-8: joints that move contradict each other.
     """
     q, v = check_start_shapes(system, q0, v0)
     time = jnp.asarray(t, q.dtype)
     if system.m == 0:
         return q, v
-    q, v, violation = _project_start(system, q, v, time)
-    known = concrete(violation)
-    if known is not None:
-        scale = max(1.0, float(jnp.max(jnp.abs(q))))
-        worst = int(jnp.argmax(jnp.abs(violation)))
-        if not abs(known[worst]) <= scale * ROUNDING[q.dtype]:
-            label = system.constraint_label(worst)
-            raise SceneError(
-                f"consistent: after {START_SWEEPS} sweeps {label} is still violated by "
-                f"{known[worst]:.3g}; the joints cannot all hold, or the given start is too far "
-                "from any place where they do."
-            )
+    q, v, *left = _project_start(system, q, v, time)
+    violation, rate = (concrete(x) for x in left)
+    if violation is None or rate is None:
+        return q, v
+    worst = int(np.argmax(np.abs(violation)))
+    if not abs(violation[worst]) <= _scale(q) * ROUNDING[q.dtype]:
+        raise SceneError(
+            f"consistent: after {START_SWEEPS} sweeps {system.constraint_label(worst)} is still "
+            f"violated by {violation[worst]:.3g}; the joints cannot all hold, or the given start "
+            "is too far from any place where they do."
+        )
+    worst = int(np.argmax(np.abs(rate)))
+    if not abs(rate[worst]) <= _scale(v) * START_TOLERANCE[q.dtype]:
+        raise SceneError(
+            f"consistent: {system.constraint_label(worst)} is still violated by a rate of "
+            f"{rate[worst]:.3g} /s; no velocity suits all joints: motions that are prescribed "
+            "contradict each other, or a joint that stands still."
+        )
     return q, v
+
+
+def _scale(x: Array) -> float:
+    return max(1.0, float(jnp.max(jnp.abs(x))))
 
 
 def project(
@@ -83,9 +94,10 @@ def project_start(
 @eqx.filter_jit
 def _project_start(
     system: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"], t: Float[Array, ""]
-) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " m"]]:
+) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " m"], Float[Array, " m"]]:
     q, v = project_start(system, t, q, v)
-    return q, v, system.constraint(t, q)
+    state = system.constraint_state(t, q, v)
+    return q, v, state.violation, state.rate
 
 
 def check_start_shapes(

@@ -13,6 +13,7 @@ from ..fields import (
     Vector,
     as_array,
     check_numbers,
+    concrete,
     number,
 )
 from .base import AbstractBody, check_name, check_start
@@ -249,8 +250,20 @@ class Beam(AbstractBody):
         if self.stiffening and not self.modes:
             raise SceneError(f"{owner}: stiffening is for beams with modes; give EI and modes.")
         check_numbers(owner, self, "mass", "length", "EI", "inertia", sign="positive")
+        self._check_inertia(owner)
         modal = {"shape": (self.modes,)}
         check_numbers(owner, self, "frequencies", **modal, sign="positive")
         check_numbers(owner, self, "damping", **modal, sign="not negative")
         check_numbers(owner, self, "amplitudes", "rates", **modal)
         check_start(owner, self)
+
+    def _check_inertia(self, owner: str) -> None:
+        """The points that supported modes move have the inertia of a thin bar, at least."""
+        if self.inertia is None or not self.modes or self.shapes == "free-free":
+            return
+        excess = concrete(self.inertia - self.mass * self.length**2 / 12)
+        if excess is not None and excess < -1e-9 * abs(self.inertia):
+            raise SceneError(
+                f"{owner}: inertia is {self.inertia}, {-excess:g} less than that of a thin bar, "
+                f"m L²/12, which {self.shapes} modes need."
+            )

@@ -79,7 +79,9 @@ class Contact(AbstractMarkerEffect):
         del t
         place, rate, wrenches = displacement(_place, poses, twists)
         gap, slope = jax.value_and_grad(self.curve)(place)
-        steepness = jnp.linalg.norm(slope)
+        squared = slope @ slope
+        # The centre of a circle has no direction out of it, and no force.
+        steepness = jnp.sqrt(jnp.where(squared > 0, squared, 1.0))
         normal = slope / steepness
         # Inside, so that no derivative meets the root of zero.
         inside = gap < 0

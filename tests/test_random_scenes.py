@@ -1,0 +1,346 @@
+"""Properties of two hundred scenes by lot: power, rigid motions of the whole, and no silent NaN.
+
+Compiling a structure takes seconds, so there are twenty-five of them, with eight sets of numbers.
+"""
+
+import dataclasses
+import functools
+from typing import NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from mechanics import coordinates, material_points
+from random_scenes import random_scene
+
+import romjax as rj
+
+STRUCTURES, SETS = 25, 8
+QUICK = 3  # structures that are looked at in every run of the tests
+KEPT = 10  # structures whose programs fit well into the memory maps of a process
+
+# Required: relative to the size of the terms.
+BALANCE = 1e-10
+# Required: relative to what the forces would do to free coordinates, or to one where none acts.
+MOVED = 1e-10
+UNIT = 1.0  # [m/s², rad/s²]
+# [m, rad] of a run with the default stabilisation at rtol = 1e-6, whose start holds to 1e-10.
+VIOLATION = 1e-4
+# The least share of scenes that run: else the properties would say little.
+RUNNING = 0.7
+
+TIME = 0.13  # [s] of the states, amid all signals
+OUTPUTS = np.linspace(0.0, 0.2, 5)  # [s]
+MOST_STEPS = 4000
+
+# A rigid motion of everything.
+TURN, SHIFT = 0.7, np.array([0.4, -0.9])
+ROTATION = np.array([[np.cos(TURN), -np.sin(TURN)], [np.sin(TURN), np.cos(TURN)]])
+ACROSS = np.array([[0.0, -1.0], [1.0, 0.0]])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compile_fast():
+    """Programs that run a few times: optimising them takes longer than they run."""
+    jax.config.update("jax_disable_most_optimizations", True)
+    yield
+    jax.config.update("jax_disable_most_optimizations", False)
+
+
+def marked(structure: int):
+    return pytest.param(structure, marks=() if structure < QUICK else pytest.mark.slow)
+
+
+@pytest.fixture(scope="module", params=[marked(structure) for structure in range(STRUCTURES)])
+def structure(request):
+    """The number of a structure; programs are forgotten before they are too many."""
+    yield request.param
+    if request.param % KEPT == KEPT - 1:
+        jax.clear_caches()
+
+
+def seeds(structure: int) -> range:
+    return range(structure * SETS, (structure + 1) * SETS)
+
+
+def scene_of(seed: int) -> rj.Scene:
+    return random_scene(seed, structure=seed // SETS)
+
+
+class Forces(NamedTuple):
+    """What acts at a state, and what it does."""
+
+    acceleration: jax.Array
+    multipliers: jax.Array
+    sizes: jax.Array  # of the terms of each coordinate, |Q| + |C_qᵀ λ|
+    mass: jax.Array  # diagonal of M
+    rate: jax.Array  # Ċ
+
+
+@jax.jit
+def forces(scene: rj.Scene, q, v) -> Forces:
+    system = rj.assemble(scene)
+    a, multipliers = system.acceleration(TIME, q, v)
+    reaction = system.jacobian(TIME, q).T @ multipliers
+    sizes = jnp.abs(system.force(TIME, q, v)) + jnp.abs(reaction)
+    rate = system.constraint_state(TIME, q, v).rate
+    return Forces(a, multipliers, sizes, jnp.diag(system.mass(q)), rate)
+
+
+class State(NamedTuple):
+    """A state that fits the joints."""
+
+    q: np.ndarray
+    v: np.ndarray
+    forces: Forces
+
+
+@functools.cache
+def state_of(seed: int) -> State | None:
+    """A random state of a scene, or None if joints or their rates find none that fits them."""
+    try:
+        system = rj.assemble(scene_of(seed))
+        chance = np.random.default_rng(seed).normal(size=(2, system.n))
+        q, v = rj.consistent(system, system.q0 + 0.1 * chance[0], chance[1], TIME)
+    except rj.SceneError:
+        return None
+    found = forces(scene_of(seed), q, v)
+    fits = np.max(np.abs(found.rate), initial=0.0) <= BALANCE
+    return State(np.asarray(q), np.asarray(v), found) if fits else None
+
+
+def states(structure: int) -> list[tuple[rj.Scene, State]]:
+    """The scenes that have one, with it."""
+    found = [(scene_of(seed), state_of(seed)) for seed in seeds(structure)]
+    return [(scene, state) for scene, state in found if state is not None]
+
+
+# Mechanics by hand
+
+
+def points_motion(body: rj.AbstractBody, points, q, v, a):
+    """Places, velocities and accelerations of material points, r = R + A(φ) (X + S q_f)."""
+    shapes = np.asarray(jax.vmap(body.mode_shapes)(jnp.asarray(points)))[:, :2]
+    c, s = np.cos(q[2]), np.sin(q[2])
+    frame = np.array([[c, s], [-s, c]])  # of row vectors
+    arm, bend, bent = points + shapes @ q[3:], shapes @ v[3:], shapes @ a[3:]
+    across, coriolis = arm @ ACROSS.T, bend @ ACROSS.T
+    velocity = v[:2] + (v[2] * across + bend) @ frame
+    pull = a[2] * across - v[2] ** 2 * arm + 2 * v[2] * coriolis + bent
+    return q[:2] + arm @ frame, velocity, a[:2] + pull @ frame
+
+
+def marker_motion(scene: rj.Scene, marker: rj.Marker, q, v) -> tuple[rj.Pose, rj.Twist]:
+    """Pose and twist of a marker."""
+    place, angle, velocity, spin = marker.point, marker.angle, jnp.zeros(2), jnp.zeros(())
+    for body in scene.bodies:
+        if body.name == marker.body:
+            own, rate = (np.asarray(coordinates(scene, x)[body.name]) for x in (q, v))
+            found = points_motion(body, np.asarray(marker.point)[None], own, rate, 0 * own)
+            place, velocity = jnp.asarray(found[0][0]), jnp.asarray(found[1][0])
+            slope = np.asarray(body.mode_shapes(marker.point))[2]
+            angle, spin = angle + own[2] + slope @ own[3:], jnp.asarray(rate[2] + slope @ rate[3:])
+    return rj.Pose(place, angle), rj.Twist(velocity, spin)
+
+
+def body_powers(scene: rj.Scene, q, v, a):
+    """Rate of the kinetic energy, Σ m ṙ·r̈, and the powers of gravity and bending."""
+    rate, powers = 0.0, []
+    for body in scene.bodies:
+        own = [np.asarray(coordinates(scene, x)[body.name]) for x in (q, v, a)]
+        points, masses, rest = material_points(body)
+        _, velocity, acceleration = points_motion(body, points, *own)
+        rate += masses @ np.sum(velocity * acceleration, axis=1) + rest * own[1][2] * own[2][2]
+        for effect in scene.effects:
+            if isinstance(effect, rj.Gravity):
+                powers.append(masses @ velocity @ np.asarray(effect.acceleration))
+        if isinstance(body, rj.Beam):
+            frequencies, rates = body.natural_frequencies(), own[1][3:]
+            powers.append(-np.sum(frequencies**2 * own[0][3:] * rates))
+            if body.damping is not None:
+                powers.append(-2 * np.sum(body.damping * frequencies * rates**2))
+    return rate, powers
+
+
+def effect_powers(scene: rj.Scene, q, v) -> list[float]:
+    """Of all wrenches on their moving markers."""
+    powers = []
+    for effect in scene.effects:
+        if isinstance(effect, rj.AbstractMarkerEffect):
+            poses, twists = zip(
+                *(marker_motion(scene, marker, q, v) for marker in effect.markers), strict=True
+            )
+            for wrench, twist in zip(effect.wrenches(TIME, poses, twists), twists, strict=True):
+                powers.append(wrench.force @ twist.velocity)
+                powers.append(wrench.torque * twist.angular_velocity)
+    return powers
+
+
+def driven_powers(scene: rj.Scene, multipliers) -> list[float]:
+    """Of the joints that move by themselves.
+
+    From M a + C_qᵀ λ = Q the joints put in −λᵀ C_q v, which is λᵀ C_t as C_q v + C_t = 0; and C_t
+    is minus the speed of the signal.
+    """
+    powers, row = [], 0
+    for joint in scene.joints:
+        if isinstance(joint, rj.PrescribedAngle | rj.PrescribedTravel):
+            powers.append(-multipliers[row] * jax.grad(joint.signal)(TIME))
+        row += joint.rows
+    return powers
+
+
+# The whole scene in another place
+
+
+def moved_marker(marker: rj.Marker) -> rj.Marker:
+    """Those on bodies move with their bodies."""
+    if marker.body != "ground":
+        return marker
+    place = ROTATION @ np.asarray(marker.point) + SHIFT
+    return rj.Marker(marker.body, place, marker.angle + TURN)
+
+
+def moved_body(body: rj.AbstractBody) -> rj.AbstractBody:
+    return dataclasses.replace(
+        body,
+        position=ROTATION @ np.asarray(body.position) + SHIFT,
+        angle=body.angle + TURN,
+        velocity=ROTATION @ np.asarray(body.velocity),
+    )
+
+
+def moved_part(part):
+    """A joint or an effect. All that acts between markers sees only how they are to each other."""
+
+    def is_marker(x):
+        return isinstance(x, rj.Marker)
+
+    part = jax.tree.map(lambda x: moved_marker(x) if is_marker(x) else x, part, is_leaf=is_marker)
+    if isinstance(part, rj.Gravity):
+        return rj.Gravity(ROTATION @ np.asarray(part.acceleration))
+    if isinstance(part, rj.Force) and part.frame == "world":
+        return dataclasses.replace(part, direction=ROTATION @ np.asarray(part.direction))
+    if isinstance(part, rj.Gear):
+        # φ_a = ratio φ_b + offset counts both angles from the world's x axis, which stays behind:
+        # φ_a + turn = ratio (φ_b + turn) + offset + (1 − ratio) turn.
+        return dataclasses.replace(part, offset=part.offset + (1 - part.ratio) * TURN)
+    return part
+
+
+def moved_scene(scene: rj.Scene) -> rj.Scene:
+    parts = [[moved_part(part) for part in parts] for parts in (scene.joints, scene.effects)]
+    return rj.Scene([moved_body(body) for body in scene.bodies], *parts)
+
+
+def turned(scene: rj.Scene, x) -> np.ndarray:
+    """Velocities or accelerations of all bodies, turned."""
+    x, at = np.array(x), 0
+    for body in scene.bodies:
+        x[at : at + 2] = ROTATION @ x[at : at + 2]
+        at += body.size
+    return x
+
+
+def moved_coordinates(scene: rj.Scene, q) -> np.ndarray:
+    q, at = turned(scene, q), 0
+    for body in scene.bodies:
+        q[at : at + 3] += [*SHIFT, TURN]
+        at += body.size
+    return q
+
+
+# The properties
+
+
+def test_power_balance(structure):
+    """dT/dt along the acceleration = powers of effects, gravity, bending and driven joints."""
+    for scene, (q, v, found) in states(structure):
+        rate, powers = body_powers(scene, q, v, np.asarray(found.acceleration))
+        powers += [*effect_powers(scene, q, v), *driven_powers(scene, found.multipliers)]
+        inertia = found.mass * np.abs(found.acceleration)
+        size = np.sum(np.abs(powers)) + np.abs(v) @ (found.sizes + inertia)
+        assert abs(rate - sum(powers)) <= BALANCE * size
+
+
+def test_a_rigid_motion_changes_the_frame_alone(structure):
+    """Accelerations turn with the scene, and those of the modes are the same."""
+    for scene, (q, v, found) in states(structure):
+        moved = forces(moved_scene(scene), moved_coordinates(scene, q), turned(scene, v))
+        error = np.abs(moved.acceleration - turned(scene, found.acceleration))
+        assert np.max(error) <= MOVED * max(UNIT, np.max(found.sizes / found.mass))
+
+
+@functools.cache
+def outcome(seed: int) -> str:
+    """How a run ends, in words; what is said to have succeeded has to look like it."""
+    try:
+        system = rj.assemble(scene_of(seed))
+        q0, v0 = rj.consistent(system)
+    except rj.SceneError as refusal:
+        return str(refusal)
+    run = rj.simulate(
+        system,
+        OUTPUTS,
+        q0=q0,
+        v0=v0,
+        solver=diffrax.Dopri8(),
+        throw=False,
+        max_steps=MOST_STEPS,
+    )
+    if run.success:
+        assert all(np.all(np.isfinite(x)) for x in (run.q, run.v, run.multipliers))
+        assert np.max(run.violation) <= VIOLATION
+    return run.reason()
+
+
+def test_runs_or_is_refused_with_a_reason(structure):
+    for seed in seeds(structure):
+        words = outcome(seed)
+        statuses = [status.name for status in rj.Status]
+        refused = "leave no motion" in words or "is still violated" in words
+        assert words == "success" or refused or words.split(":")[0] in statuses
+
+
+@pytest.mark.slow
+def test_most_scenes_run():
+    """And some are refused."""
+    ran = [outcome(seed) == "success" for seed in range(STRUCTURES * SETS)]
+    assert RUNNING <= np.mean(ran) < 1
+
+
+@pytest.mark.slow
+def test_every_kind_is_drawn():
+    """All joints, effects, curves and signals of romjax, and both bodies that are written here."""
+
+    def parts(x) -> set[type]:
+        below = jax.tree.leaves(x, is_leaf=lambda y: y is not x)
+        return {type(x)}.union(*(parts(y) for y in below if isinstance(y, eqx.Module | tuple)))
+
+    drawn = parts(tuple(scene_of(seed) for seed in range(0, STRUCTURES * SETS, SETS)))
+    families = rj.AbstractJoint, rj.AbstractMarkerEffect, rj.AbstractCurve, rj.AbstractSignal
+    kinds = {x for x in vars(rj).values() if isinstance(x, type) and issubclass(x, families)}
+    plain = {kind for kind in kinds if not kind.__name__.startswith("Abstract")}
+    assert plain | {rj.RigidBody, rj.Beam, rj.Gravity, rj.Friction} <= drawn
+
+
+def test_joints_that_part_on_the_way_are_no_success():
+    """An angle that is held, and turned from 0.05 s on."""
+    wheel = rj.RigidBody("wheel", mass=1.0, inertia=0.1)
+    ends = wheel.at(), rj.ground.at()
+    joints = [rj.FixedAngle(*ends), rj.PrescribedAngle(*ends, rj.Step(0.5, 0.05, 0.1))]
+    system = rj.assemble(rj.Scene([wheel], joints))
+    settings = {"solver": diffrax.Dopri8(), "stabilization": rj.Projection(), "throw": False}
+    assert rj.simulate(system, OUTPUTS, **settings).status == rj.Status.JOINTS_PART
+
+
+def test_velocities_that_no_joint_allows_are_refused():
+    """An angle that is held, and turned from the start on."""
+    wheel = rj.RigidBody("wheel", mass=1.0, inertia=0.1)
+    ends = wheel.at(), rj.ground.at()
+    joints = [rj.FixedAngle(*ends), rj.PrescribedAngle(*ends, rj.Sine(0.5, 2.0))]
+    with pytest.raises(rj.SceneError, match=r"Angle.*by a rate of -?3\.14 /s.*contradict"):
+        rj.consistent(rj.assemble(rj.Scene([wheel], joints)))
