@@ -18,14 +18,14 @@ def accuracy(result: Accuracy) -> DisplayedFigure:
     are not told from that of the reference. Middle: the least error of each reduced model. Right:
     time of many runs, the making of the model included, each model at its smallest error.
     """
-    figure = DisplayedFigure(figsize=(12, 4.6))
+    figure = DisplayedFigure(figsize=(12, 5))
     figure.set_layout_engine("constrained")
     work, ranks, many = figure.subplots(1, 3, width_ratios=(2, 1, 1.3))
     _work(work, result)
     _ranks(ranks, result)
     _many(many, result)
     handles, labels = work.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=SMALL)
+    figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=SMALL)
     return figure
 
 
@@ -62,9 +62,13 @@ def _work(axes: Axes, result: Accuracy) -> None:
             linestyle=LINES.get(solver, DASHES[3]),
             linewidth=1.2,
             markerfacecolor="white",
-            label=f"{model}, {solver}",
             **_look(result, model),
         )
+    # Models have a colour and a marker, methods a line: a legend of their sum, not their product.
+    for model in dict.fromkeys(row.model for row in result.rows):
+        axes.plot([], [], "-", markerfacecolor="white", label=model, **_look(result, model))
+    for solver in dict.fromkeys(row.solver for row in result.rows):
+        axes.plot([], [], color="black", linestyle=LINES.get(solver, DASHES[3]), label=solver)
     axes.set(xscale="log", yscale="log", xlabel="error", ylabel="time of a run [ms]")
     failed = [row for row in result.rows if row.failure]
     if failed:
