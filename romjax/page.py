@@ -113,7 +113,8 @@ def _page(result: Accuracy, title: str, picture: bytes) -> str:
 
 
 def _reference(result: Accuracy) -> str:
-    return f"Errors against {result.reference}: they differ by {result.floor:.0e}."
+    apart = f": they differ by {result.floor:.0e}." if math.isfinite(result.floor) else "."
+    return f"Errors against {result.reference}{apart}"
 
 
 def _row(row: Row) -> list[str]:

@@ -14,6 +14,7 @@ from romjax.cli import main
 from romjax.study.accuracy.result import Row, with_front
 
 TS = np.linspace(0.0, 1.0, 101)
+DOPRI8 = diffrax.Dopri8()
 # Required: the reference is so many times better than what is measured against it.
 BETTER = 30
 # Required: on scenes that were not studied, the error is at most so many times that asked for.
@@ -184,7 +185,20 @@ def test_ways_that_fail_are_marked():
     assert found.recommend(1e-2).row.solver == "Rodas5P"
 
 
-DOPRI8 = diffrax.Dopri8()
+@pytest.mark.slow
+def test_one_method_and_a_small_mechanism():
+    """A pendulum, whose reduced model is of its one freedom."""
+    found = rj.accuracy(
+        rj.gallery.chain(1),
+        np.linspace(0.0, 1.0, 11),
+        formulations=["minimal"],
+        bases=["POD"],
+        tolerances=[1e-4, 1e-6],
+        solvers=[DOPRI8],
+        repeats=1,
+    )
+    assert set(found.models) == {"full", "POD minimal, r = 1"}
+    assert all(row.solver == "Dopri8" and not row.failure for row in found.rows)
 
 
 @pytest.mark.slow

@@ -202,6 +202,8 @@ def mesh(**changes):
     [
         ({"ports": {"left": 99}}, "'rod'.*'left'.*99.*0 to 6"),
         ({"ports": {"left": 0, "end": [0, 1]}}, "'end' shares nodes"),
+        ({"ports": {}}, "'rod': it has no ports"),
+        ({"ports": {"left": 0}, "modes": 0}, "no elastic mode is kept; give modes=1"),
         ({"nodes": np.zeros((5, 2))}, "5 nodes and matrices of 21 rows"),
         ({"nodes": np.zeros(5)}, r"nodes must be finite and \(nodes, 2\)"),
         ({"mass": np.eye(20)}, "square and alike"),
@@ -216,6 +218,11 @@ def mesh(**changes):
 def test_bad_meshes_are_refused(change, words):
     with pytest.raises(rj.SceneError, match=words):
         mesh(**change)
+
+
+def test_an_interface_outside_of_the_matrices_is_refused():
+    with pytest.raises(rj.SceneError, match=r"interface=\[3\], but K has the rows 0 to 2"):
+        rj.craig_bampton(np.eye(3), np.eye(3), [3], 1)
 
 
 def test_markers_sit_on_ports():

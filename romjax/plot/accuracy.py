@@ -76,7 +76,8 @@ def _work(axes: Axes, result: Accuracy) -> None:
         times = [np.nanmax([row.least, 1e-4]) * 1e3 for row in failed]
         axes.plot([place] * len(failed), times, "x", color="black", label="failed")
     low, high = axes.get_xlim()
-    axes.axvspan(min(low, result.floor), max(result.floor, low), color="0.9", zorder=0)
+    if low < result.floor:
+        axes.axvspan(low, result.floor, color="0.9", zorder=0)
     axes.set_xlim(high, low)
     axes.set_title("What accuracy costs", fontsize=11)
     axes.grid(color="0.9")

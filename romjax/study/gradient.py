@@ -18,6 +18,8 @@ from ..integrate.adjoint import forward_mode
 _STEP = 1e-3
 # What counts as zero: alone, and beside larger entries of the same array.
 _ZERO, _SMALL = 1e-12, 1e-6
+# Rounding of f in units of eps, when it is the end of a hundred steps.
+_ROUNDING = 10
 _ROWS = 20  # of the printed table
 
 
@@ -85,9 +87,9 @@ def check_gradient(f: Callable[[Any], Any], x: Any, *, step: float = _STEP) -> G
         flat, _ = ravel_pytree(sizes)
         central = _differences(value, start, step * flat)
     trees = [unravel(gradient) for gradient in (reverse, forward, central)]
-    # Rounding of f leaves differences an error of eps / step; changes of f by its root, for a
+    # Rounding of f leaves differences an error of some eps / step; changes of f by its root, for a
     # change of a parameter by its own size, are the least that they show to as many digits.
-    least = float(jnp.sqrt(jnp.finfo(start.dtype).eps / step) * jnp.abs(found))
+    least = float(jnp.sqrt(_ROUNDING * jnp.finfo(start.dtype).eps / step) * jnp.abs(found))
     errors = [(_error(least, *values), path) for path, *values in _leaves(sizes, *trees)]
     error, part = max(errors, default=(0.0, ""))
     return GradientCheck(trees[0], trees[1], trees[2], error, part, sizes, least)

@@ -36,6 +36,10 @@ def craig_bampton(stiffness: Matrix, mass: Matrix, interface: Vector, modes: int
     k, m = checked(stiffness, mass)
     n = k.shape[0]
     held = np.asarray(interface, dtype=int)
+    if held.size and not 0 <= held.min() <= held.max() < n:
+        raise SceneError(
+            f"craig_bampton: interface={held.tolist()}, but K has the rows 0 to {n - 1}."
+        )
     inner = np.setdiff1d(np.arange(n), held)
     if not 0 <= modes <= len(inner):
         raise SceneError(f"craig_bampton: modes={modes}, but {len(inner)} rows are not held.")

@@ -45,6 +45,8 @@ def reduce_mesh(
     k, m = checked(_matrix(stiffness), _matrix(mass))
     places, rows = _layout(owner, k.shape[0], np.asarray(nodes, float), dofs)
     pins = {port: np.atleast_1d(np.asarray(of, int)) for port, of in ports.items()}
+    if not pins:
+        raise SceneError(f"{owner}: it has no ports; give the nodes where joints and effects act.")
     centres, tie = _tie(owner, places, rows, pins)
     tied = [tie.T @ matrix @ tie for matrix in (k, m)]
     held = tied[0].shape[0] - 3 * len(pins) + np.arange(3 * len(pins))
@@ -54,10 +56,12 @@ def reduce_mesh(
         found = free_interface(*tied, modes + 3)
     else:
         raise SceneError(f"{owner}: interface is {interface!r}, but it must be 'fixed' or 'free'.")
-    low, high = found.frequencies[2], found.frequencies[3:4]
-    if len(high) and not low < RIGID * high[0]:
+    if len(found.frequencies) < 4:
+        raise SceneError(f"{owner}: no elastic mode is kept; give modes=1 or more.")
+    low, high = found.frequencies[2:4]
+    if not low < RIGID * high:
         raise SceneError(
-            f"{owner}: its third frequency is {low:g} rad/s, its fourth {high[0]:g}; a free plane "
+            f"{owner}: its third frequency is {low:g} rad/s, its fourth {high:g}; a free plane "
             "body has three rigid motions. Take the supports out of K, and connect all nodes."
         )
     # Rigid motions are known exactly; elastic modes are made orthogonal to them to rounding.

@@ -90,7 +90,8 @@ class Accuracy:
     """Error and time of every way that was tried; made by `accuracy`.
 
     - `rows`: one for each model, method and tolerance.
-    - `reference`: what errors are measured against, in words; `floor`: its own error.
+    - `reference`: what errors are measured against, in words; `floor`: its own error, NaN where it
+      could not be checked.
     - `skipped`: ways that the time budget left no room for, and models that were refused, by name,
       with the reason.
     """

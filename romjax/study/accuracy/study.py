@@ -140,6 +140,8 @@ def _reference(way: Way, training: Trajectory, rtol: float) -> tuple[Trajectory,
     """A motion to measure errors against, what it is, and its own error."""
     second = way.run(rtol)
     words = f"at rtol={rtol:.0e}, checked by redundant ones with {way.solver}"
+    if not bool(second.success):
+        words = f"at rtol={rtol:.0e}, unchecked, as {way.solver} failed there ({second.reason()})"
     settings = {"rtol": rtol, "adjoint": diffrax.ForwardMode(), "max_steps": 1_000_000}
     system, solver = way.model.system, diffrax.Dopri8()
     try:
@@ -149,7 +151,8 @@ def _reference(way: Way, training: Trajectory, rtol: float) -> tuple[Trajectory,
         keep = Projection()
         first = simulate(system, training.t, solver=solver, stabilization=keep, **settings)
         words = f"redundant coordinates with projection by Dopri8 {words}"
-    return first, words, float(compare(first, second).error)
+    floor = float(compare(first, second).error) if bool(second.success) else np.nan
+    return first, words, floor
 
 
 def _methods(
@@ -177,7 +180,7 @@ def _queue(
         own, *rest = _methods(model, methods, ts)
         yield model, own
         later += [(model, method) for method in rest]
-        if later[0][0] is full:
+        if later and later[0][0] is full:
             yield later.pop(0)
     yield from later
 
