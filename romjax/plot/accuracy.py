@@ -7,7 +7,7 @@ from ..study.accuracy.result import Accuracy, Row
 from .style import COLOURS, DASHES, GREY, MARKERS, SMALL, DisplayedFigure
 
 # Methods differ in the line, models in colour and marker; what comes after the seventh is grey.
-LINES = {"Rodas5P": "-", "Dopri8": (0, (5, 2)), "Tsit5": (0, (1.5, 1.5)), "Kvaerno5": "-."}
+LINES = dict(zip(("Rodas5P", "Dopri8", "Tsit5", "Kvaerno5"), DASHES, strict=False))
 
 
 def accuracy(result: Accuracy) -> DisplayedFigure:
@@ -59,7 +59,7 @@ def _work(axes: Axes, result: Accuracy) -> None:
         axes.plot(
             [row.error for row in rows],
             [1e3 * row.least for row in rows],
-            linestyle=LINES.get(solver, DASHES[3]),
+            linestyle=LINES.get(solver, DASHES[-1]),
             linewidth=1.2,
             markerfacecolor="white",
             **_look(result, model),
@@ -68,7 +68,7 @@ def _work(axes: Axes, result: Accuracy) -> None:
     for model in dict.fromkeys(row.model for row in result.rows):
         axes.plot([], [], "-", markerfacecolor="white", label=model, **_look(result, model))
     for solver in dict.fromkeys(row.solver for row in result.rows):
-        axes.plot([], [], color="black", linestyle=LINES.get(solver, DASHES[3]), label=solver)
+        axes.plot([], [], color="black", linestyle=LINES.get(solver, DASHES[-1]), label=solver)
     axes.set(xscale="log", yscale="log", xlabel="error", ylabel="time of a run [ms]")
     failed = [row for row in result.rows if row.failure]
     if failed:
@@ -116,7 +116,7 @@ def _many(axes: Axes, result: Accuracy) -> None:
         rows = _good(result, model=model)
         if rows:
             look = {**_look(result, model), "marker": ""}
-            axes.loglog(runs, rows[0].offline + runs * min(r.least for r in rows[:1]), **look)
+            axes.loglog(runs, rows[0].offline + runs * rows[0].least, **look)
     crossings = [(result.break_even(row), row.model) for row in result.front()]
     paying = [(runs, model) for runs, model in crossings if runs is not None and np.isfinite(runs)]
     if paying:

@@ -124,3 +124,11 @@ def check_start(owner: str, body: Any) -> None:
     ):
         check_shape(owner, field, getattr(body, field), shape)
         check_finite(owner, field, getattr(body, field))
+
+
+def flexible_start(body: Any) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
+    """Initial coordinates and velocities of a body with modes: of its frame, then modal ones."""
+    return (
+        jnp.concatenate([body.position, body.angle[None], body.amplitudes]),
+        jnp.concatenate([body.velocity, body.angular_velocity[None], body.rates]),
+    )

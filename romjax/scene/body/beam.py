@@ -16,7 +16,7 @@ from ..fields import (
     concrete,
     number,
 )
-from .base import AbstractBody, check_name, check_start
+from .base import AbstractBody, check_name, check_start, flexible_start
 from .inertia import Inertia
 from .modes import (
     SHAPES,
@@ -177,10 +177,7 @@ class Beam(AbstractBody):
         return root**2 * jnp.sqrt(self.EI / (self.mass * self.length**3))
 
     def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
-        return (
-            jnp.concatenate([self.position, self.angle[None], self.amplitudes]),
-            jnp.concatenate([self.velocity, self.angular_velocity[None], self.rates]),
-        )
+        return flexible_start(self)
 
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         moment = self.mass * self.length**2 / 12 if self.inertia is None else self.inertia

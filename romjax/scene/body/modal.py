@@ -18,7 +18,7 @@ from ..fields import (
     number,
 )
 from ..marker import Marker
-from .base import AbstractBody, check_name, check_start
+from .base import AbstractBody, check_name, check_start, flexible_start
 from .finite_elements import Matrix, reduce_mesh
 from .inertia import Inertia
 
@@ -160,10 +160,7 @@ class ModalBody(AbstractBody):
         return jnp.sqrt(self.stiffness)
 
     def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
-        return (
-            jnp.concatenate([self.position, self.angle[None], self.amplitudes]),
-            jnp.concatenate([self.velocity, self.angular_velocity[None], self.rates]),
-        )
+        return flexible_start(self)
 
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         return self.inertia.matrix(q)
