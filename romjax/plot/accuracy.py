@@ -14,7 +14,7 @@ def accuracy(result: Accuracy) -> DisplayedFigure:
     """Time against error, with the Pareto front; error against rank; when reduction pays.
 
     Left: one line for each model and method, by tolerance; the way of least time for each error is
-    drawn wide and grey, failed runs are crosses on the right edge, and errors in the shaded strip
+    drawn wide and grey, failed runs are crosses on the left edge, and errors in the shaded strip
     are not told from that of the reference. Middle: the least error of each reduced model. Right:
     time of many runs, the making of the model included, each model at its smallest error.
     """
