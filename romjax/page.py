@@ -14,7 +14,7 @@ import jax
 from tabulate import tabulate
 
 from . import plot
-from .study.accuracy.result import Accuracy, Recommendation, Row
+from .study.accuracy.result import ALONE, Accuracy, Condition, Recommendation, Row
 
 # Errors that the page and the command line recommend a way for.
 ERRORS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
@@ -35,11 +35,13 @@ tr.front td {{ font-weight: 600; }}
 <ul>
 {recommendations}
 </ul>
-<img alt="Time against error of all models and methods, error against rank, and when reduction pays"
+<img alt="Time against error of all models and methods, error against rank and over time, and when
+  reduction pays"
   src="data:image/png;base64,{figure}">
 <h2>All that was measured</h2>
-<p>Bold: nothing else is as accurate in less time. Times are the least of interleaved runs; compile
-time and the time to make a reduced model stand apart.</p>
+<p>Bold: nothing else under the same condition is as accurate in less time. Times are the least of
+interleaved runs, of one run where many go at once; compile time and the time to make a reduced
+model stand apart.</p>
 {table}
 {skipped}
 <p>{machine}</p>
@@ -48,26 +50,41 @@ time and the time to make a reduced model stand apart.</p>
 
 
 def summary(result: Accuracy) -> str:
-    """What to use for which error as a table, at most 80 columns wide, and what errors are of."""
+    """What to use for which error as tables, at most 80 columns wide, and what errors are of."""
     header = ["error", "model", "method", "rtol", "reached", "ms", "pays after"]
-    rows = []
-    for found in recommendations(result):
-        row, runs = found.row, result.break_even(found.row)
-        cells = [row.model, row.solver, f"{row.rtol:.0e}", f"{row.error:.1e}"]
-        pays = "" if runs is None else f"{runs:,.0f} runs"
-        rows.append([f"{found.error:g}", *cells, f"{1e3 * row.least:.2f}", pays])
     sides = ("left", "left", "left", *["right"] * (len(header) - 3))
-    text = tabulate(rows, header, tablefmt="plain", disable_numparse=True, colalign=sides)
-    text += "\n\n" + textwrap.fill(_reference(result), 80)
+    text = ""
+    for lanes in _lanes(result):
+        rows = []
+        for found in recommendations(result, lanes):
+            row, runs = found.row, result.break_even(found.row)
+            cells = [row.model, row.solver, _setting(row), f"{row.error:.1e}"]
+            pays = "" if runs is None else f"{runs:,.0f} runs"
+            rows.append([f"{found.error:g}", *cells, f"{1e3 * row.least:.2f}", pays])
+        text += f"Of {lanes} runs at once, each:\n" if lanes > 1 else ""
+        text += tabulate(rows, header, tablefmt="plain", disable_numparse=True, colalign=sides)
+        text += "\n\n"
+    text += textwrap.fill(_reference(result), 80)
     if result.skipped:
         text += f"\n{len(result.skipped)} ways were refused or left out; the page says which."
     return text
 
 
-def recommendations(result: Accuracy) -> list[Recommendation]:
+def recommendations(result: Accuracy, lanes: int = 1) -> list[Recommendation]:
     """Those for all of the usual errors that something reaches."""
-    least = min((row.error for row in result.front()), default=math.inf)
-    return [result.recommend(error) for error in ERRORS if error >= least]
+    front = result.front(Condition(ALONE.precision, lanes))
+    least = min((row.error for row in front), default=math.inf)
+    return [result.recommend(error, lanes=lanes) for error in ERRORS if error >= least]
+
+
+def _lanes(result: Accuracy) -> list[int]:
+    """How many runs at once were tried, in double precision."""
+    return [c.lanes for c in result.conditions if c.precision == ALONE.precision]
+
+
+def _setting(row: Row) -> str:
+    """The tolerance, or the fixed step with its name."""
+    return f"{row.rtol:.0e}" if "rtol" in row.settings else f"dt={row.dt:.0e}"
 
 
 def write(result: Accuracy, title: str, folder: Path) -> list[Path]:
@@ -85,7 +102,17 @@ def write(result: Accuracy, title: str, folder: Path) -> list[Path]:
 
 
 def _page(result: Accuracy, title: str, picture: bytes) -> str:
-    header = ["model", "method", "rtol", "error", "ms", "compile s", "steps"]
+    header = [
+        "model",
+        "method",
+        "rtol",
+        "precision",
+        "at once",
+        "error",
+        "ms",
+        "compile s",
+        "steps",
+    ]
     header += ["evaluations", "factorisations", "kB", "to make s"]
     rows = sorted(result.rows, key=lambda row: (row.error != row.error, row.error))
     lines = ["<tr>" + "".join(f"<th>{name}</th>" for name in header) + "</tr>"]
@@ -96,7 +123,8 @@ def _page(result: Accuracy, title: str, picture: bytes) -> str:
         f"<li>{html.escape(name)}: {html.escape(why)}</li>" for name, why in result.skipped.items()
     ]
     skipped = "<h2>Not measured</h2><ul>" + "\n".join(items) + "</ul>" if items else ""
-    found, device = recommendations(result), jax.devices()[0]
+    found = [advice for lanes in _lanes(result) for advice in recommendations(result, lanes)]
+    device = jax.devices()[0]
     machine = (
         f"{os.cpu_count()} cores, {platform.machine()}, {device.device_kind}; "
         f"Python {platform.python_version()}, jax {jax.__version__}"
@@ -122,7 +150,9 @@ def _row(row: Row) -> list[str]:
     return [
         row.model,
         row.solver,
-        f"{row.rtol:.0e}",
+        _setting(row),
+        row.precision,
+        f"{row.lanes}",
         row.failure or f"{row.error:.1e}",
         f"{1e3 * row.least:.2f}",
         f"{row.compile:.1f}",

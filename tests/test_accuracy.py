@@ -4,6 +4,7 @@ import csv
 
 import diffrax
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -11,12 +12,15 @@ import pytest
 import romjax as rj
 from romjax import page
 from romjax.cli import main
-from romjax.study.accuracy.result import Row, with_front
+from romjax.study.accuracy.measure import Way
+from romjax.study.accuracy.result import ALONE, Condition, Row, with_front
 
 TS = np.linspace(0.0, 1.0, 101)
 DOPRI8 = diffrax.Dopri8()
 # Required: the reference is so many times better than what is measured against it.
 BETTER = 30
+# Required: how far the slope of error against step is from the order of the method.
+SLOPE = 0.3
 # Required: on scenes that were not studied, the error is at most so many times that asked for.
 HELD_OUT = 3
 
@@ -35,6 +39,8 @@ def found(scene):
         bases=["POD"],
         ranks=[3, 40],
         tolerances=[1e-3, 1e-5, 1e-7],
+        precisions=["f64"],
+        lanes=[1],
         repeats=2,
     )
 
@@ -75,12 +81,18 @@ def test_front(found):
 
 def row(least, error, **more):
     fields = dict.fromkeys(Row._fields, 0) | {"failure": "", "least": least, "error": error}
+    fields |= ALONE._asdict()
     return Row(**fields | more)
 
 
 def test_failures_are_not_on_the_front():
     rows = with_front([row(1.0, np.nan, failure="MAX_STEPS"), row(2.0, 1e-3), row(3.0, 1e-3)])
     assert [r.pareto for r in rows] == [False, True, False]
+
+
+def test_each_condition_has_its_front():
+    rows = with_front([row(1.0, 1e-3), row(2.0, 1e-3, lanes=2), row(2.0, 1e-3)])
+    assert [r.pareto for r in rows] == [True, True, False]
 
 
 def test_recommendation(found, scene):
@@ -118,8 +130,9 @@ def test_table(found):
 def test_figure_and_page(found, tmp_path):
     figure = rj.plot.accuracy(found)
     assert [axes.get_title() for axes in figure.axes] == [
-        "What accuracy costs",
+        "double precision",
         "Rank",
+        "Error over time",
         "When reduction pays",
     ]
     table, picture, text = page.write(found, "A <study>", tmp_path)
@@ -135,6 +148,11 @@ def test_figure_and_page(found, tmp_path):
     assert max(len(line) for line in page.summary(found).splitlines()) <= 80
 
 
+def test_single_precision_has_no_reference():
+    with jax.enable_x64(False), pytest.raises(ValueError, match="single precision.*enable_x64"):
+        rj.accuracy(rj.gallery.cart_pendulum(), TS)
+
+
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
@@ -143,6 +161,9 @@ def test_figure_and_page(found, tmp_path):
         ({"tolerances": []}, r"tolerances=\(\).*between 0 and 1"),
         ({"tolerances": [0.0]}, r"tolerances=\(0.0,\).*between 0 and 1"),
         ({"repeats": 0}, "repeats=0.*one repeat or more"),
+        ({"precisions": ["f16"]}, "'f16' is none of f64, f32"),
+        ({"steps": [0.0]}, r"steps=\(0.0,\).*longer than 0 s"),
+        ({"lanes": [0]}, r"lanes=\(0,\).*one lane or more"),
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
 )
@@ -175,13 +196,20 @@ def test_ways_that_fail_are_marked():
     """An explicit method on a beam of 100 kHz needs too many steps; the stiff one does not."""
     stiff = rj.gallery.cart_pendulum(f2=1e5)
     found = rj.accuracy(
-        stiff, TS, formulations=[], tolerances=[1e-5], repeats=1, solvers=[rj.Rodas5P(), DOPRI8]
+        stiff,
+        TS,
+        formulations=[],
+        tolerances=[1e-5],
+        solvers=[rj.Rodas5P(), DOPRI8],
+        precisions=["f64"],
+        lanes=[1],
+        repeats=1,
     )
     assert {row.solver: row.failure for row in found.rows} == {
         "Rodas5P": "",
         "Dopri8": "MAX_STEPS",
     }
-    assert rj.plot.accuracy(found).axes[0].get_title() == "What accuracy costs"
+    assert "failed" in [text.get_text() for text in figure_legend(found)]
     assert found.recommend(1e-2).row.solver == "Rodas5P"
 
 
@@ -195,10 +223,77 @@ def test_one_method_and_a_small_mechanism():
         bases=["POD"],
         tolerances=[1e-4, 1e-6],
         solvers=[DOPRI8],
+        lanes=[1, 4],
         repeats=1,
     )
     assert set(found.models) == {"full", "POD minimal, r = 1"}
     assert all(row.solver == "Dopri8" and not row.failure for row in found.rows)
+    wide, single, many = (
+        {(r.model, r.rtol): r.error for r in found.rows if r.condition == condition}
+        for condition in (ALONE, Condition("f32", 1), Condition("f64", 4))
+    )
+    assert {rtol for _, rtol in single} == {1e-4}  # 1e-6 is out of reach
+    for way, error in many.items():
+        # By the lane of the loosest tolerance.
+        assert 0.5 * wide[way] < error < 3 * wide[way]
+    for way, error in single.items():
+        assert 0.3 * wide[way] < error < 3 * wide[way]
+    assert found.recommend(1e-3, lanes=4).row.lanes == 4
+    assert "4 at once" in str(found.recommend(1e-3, lanes=4))
+    with pytest.raises(ValueError, match="nothing was measured with lanes=5, only 1, 4"):
+        found.recommend(1e-3, lanes=5)
+    titles = [axes.get_title() for axes in rj.plot.accuracy(found).axes]
+    assert "single precision, 4 at once" in titles
+    assert "Of 4 runs at once" in page.summary(found)
+
+
+@pytest.mark.slow
+def test_slopes_of_fixed_steps():
+    """Error against step has the slope of the method's order; of the model without constraints,
+    whose errors are the method's alone.
+    """
+    methods = [diffrax.Bosh3(), diffrax.Dopri5(), diffrax.Tsit5(), rj.Rodas5P()]
+    found = rj.accuracy(
+        rj.gallery.chain(1),
+        np.linspace(0.0, 2.0, 3),
+        formulations=["minimal"],
+        bases=["POD"],
+        ranks=[1],
+        tolerances=[1e-9],
+        solvers=methods,
+        steps=[1 / 40, 1 / 64, 1 / 100],
+        precisions=["f64"],
+        lanes=[1],
+        repeats=1,
+    )
+    for method in methods:
+        slope = found.order("POD minimal, r = 1", type(method).__name__)
+        assert slope == pytest.approx(method.order(None), abs=SLOPE)
+    with pytest.raises(ValueError, match="'none' by 'Tsit5' has 0 runs in fixed steps"):
+        found.order("none", "Tsit5")
+    assert any("fixed steps" in text.get_text() for text in figure_legend(found))
+    assert found.recommend(1e-4).settings.keys() <= {"solver", "rtol", "dt"}
+
+
+def figure_legend(found):
+    return rj.plot.accuracy(found).legends[0].get_texts()
+
+
+def test_interrupt_keeps_what_is_measured(scene, monkeypatch):
+    """Ctrl-C while the second way is compiled: the first is there, the rest is listed."""
+    compile_way, made = Way.of, []
+
+    def interrupted(*arguments):
+        if made:
+            raise KeyboardInterrupt
+        made.append(compile_way(*arguments))
+        return made[0]
+
+    monkeypatch.setattr(Way, "of", interrupted)
+    found = rj.accuracy(scene, TS, tolerances=[1e-3], lanes=[1], repeats=1)
+    assert [r.model for r in found.rows] == ["full"]
+    assert found.skipped["the rest"] == "interrupted"
+    assert found.recommend(1e-1).row.least > 0
 
 
 @pytest.mark.slow

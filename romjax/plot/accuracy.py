@@ -3,106 +3,148 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..study.accuracy.result import Accuracy, Row
-from .style import COLOURS, DASHES, GREY, MARKERS, SMALL, DisplayedFigure
+from ..study.accuracy.result import ALONE, Accuracy, Condition, Row
+from .style import COLOURS, DASHES, MARKERS, SMALL, DisplayedFigure
 
-# Methods differ in the line, models in colour and marker; what comes after the seventh is grey.
-LINES = dict(zip(("Rodas5P", "Dopri8", "Tsit5", "Kvaerno5"), DASHES, strict=False))
+# Errors whose cheapest ways are drawn over time.
+SHOWN = (1e-3, 1e-5, 1e-7)
+WORDS = {"f64": "double precision", "f32": "single precision"}
 
 
 def accuracy(result: Accuracy) -> DisplayedFigure:
-    """Time against error, with the Pareto front; error against rank; when reduction pays.
+    """Time against error, with the Pareto front; error against rank and over time; when reduction
+    pays.
 
-    Left: one line for each model and method, by tolerance; the way of least time for each error is
-    drawn wide and grey, failed runs are crosses on the left edge, and errors in the shaded strip
-    are not told from that of the reference. Middle: the least error of each reduced model. Right:
-    time of many runs, the making of the model included, each model at its smallest error.
+    Top, a panel for each precision and number of lanes: one line for each model and method, by
+    tolerance or, with a star, by fixed step; the way of least time for each error is drawn wide and
+    grey, failed runs are crosses on the left edge, and errors in the shaded strip are not told from
+    that of the reference. Below: the least error of each reduced model; the error over time (as in
+    chapter Fig. 39.5, here of the whole motion in the energy norm) of the cheapest ways to three
+    errors; and the time of many such runs, the making of the model included, against that of the
+    full model at the same error, with the number of runs from which on reduction pays.
     """
-    figure = DisplayedFigure(figsize=(12, 5))
+    figure = DisplayedFigure(figsize=(12, 8.5))
     figure.set_layout_engine("constrained")
-    work, ranks, many = figure.subplots(1, 3, width_ratios=(2, 1, 1.3))
-    _work(work, result)
+    top, below = np.ravel(figure.subfigures(2, 1, height_ratios=(1.25, 1)))
+    conditions = [ALONE, *(c for c in result.conditions if c != ALONE)]
+    widths = (1.5, *[1] * (len(conditions) - 1))
+    panels = top.subplots(
+        1, len(conditions), sharex=True, sharey=True, squeeze=False, width_ratios=widths
+    )[0]
+    for axes, condition in zip(panels, conditions, strict=True):
+        _work(axes, result, condition)
+    panels[0].set_ylabel("time of a run [ms]")
+    panels[0].invert_xaxis()
+    for axes, condition in zip(panels, conditions, strict=True):
+        _edges(axes, result, condition)
+    _explain(panels[0], result)
+    ranks, history, many = below.subplots(1, 3, width_ratios=(1, 1.3, 1.3))
     _ranks(ranks, result)
+    _history(history, result)
     _many(many, result)
-    handles, labels = work.get_legend_handles_labels()
+    handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=SMALL)
     return figure
 
 
+def _kind(model: str) -> str:
+    """Basis and formulation of a model's name."""
+    return model.partition(",")[0]
+
+
 def _look(result: Accuracy, model: str) -> dict[str, object]:
-    place = list(result.models).index(model)
-    known = place < len(COLOURS)
-    marker = MARKERS[place] if known else "."
-    return {"color": COLOURS[place] if known else GREY, "marker": marker or ".", "markersize": 5}
+    """The colour of a kind of models, the marker of one of them; the full model is a black dot."""
+    kinds = list(dict.fromkeys(map(_kind, result.models)))
+    own = [name for name in result.models if _kind(name) == _kind(model)]
+    marker = MARKERS[1 + own.index(model) % (len(MARKERS) - 1)] if "," in model else "."
+    colour = COLOURS[kinds.index(_kind(model)) % len(COLOURS)]
+    return {"color": colour, "marker": marker, "markersize": 5, "markerfacecolor": "white"}
 
 
-def _good(result: Accuracy, **wanted: str) -> list[Row]:
-    """Runs that did not fail and were timed, by error."""
-    rows = [row for row in result.rows if not row.failure and np.isfinite(row.least)]
-    fitting = [r for r in rows if all(getattr(r, key) == value for key, value in wanted.items())]
-    return sorted(fitting, key=lambda row: row.error)
+def _method(row: Row) -> str:
+    return row.solver + " *" * bool(row.dt > 0)
 
 
-def _work(axes: Axes, result: Accuracy) -> None:
-    front = result.front()
-    axes.plot(
+def _dashes(result: Accuracy) -> dict[str, object]:
+    """The line of each method."""
+    names = dict.fromkeys(_method(row) for row in result.rows)
+    return {name: DASHES[i % len(DASHES)] for i, name in enumerate(names)}
+
+
+def _good(result: Accuracy, condition: Condition = ALONE) -> list[Row]:
+    """Runs that did not fail, by error."""
+    own = [row for row in result.rows if not row.failure and row.condition == condition]
+    return sorted(own, key=lambda row: row.error)
+
+
+def _work(axes: Axes, result: Accuracy, condition: Condition) -> None:
+    front, dashes = result.front(condition), _dashes(result)
+    axes.loglog(
         [row.error for row in front],
         [1e3 * row.least for row in front],
         color="0.8",
         linewidth=7,
+        marker="o",
         solid_capstyle="round",
-        label="least time",
         zorder=0,
     )
-    for model, solver in dict.fromkeys((row.model, row.solver) for row in result.rows):
-        rows = _good(result, model=model, solver=solver)
+    good = _good(result, condition)
+    for model, method in dict.fromkeys((row.model, _method(row)) for row in good):
+        rows = [row for row in good if (row.model, _method(row)) == (model, method)]
         axes.plot(
             [row.error for row in rows],
             [1e3 * row.least for row in rows],
-            linestyle=LINES.get(solver, DASHES[-1]),
+            linestyle=dashes[method],
             linewidth=1.2,
-            markerfacecolor="white",
             **_look(result, model),
         )
-    # Models have a colour and a marker, methods a line: a legend of their sum, not their product.
-    for model in dict.fromkeys(row.model for row in result.rows):
-        axes.plot([], [], "-", markerfacecolor="white", label=model, **_look(result, model))
-    for solver in dict.fromkeys(row.solver for row in result.rows):
-        axes.plot([], [], color="black", linestyle=LINES.get(solver, DASHES[-1]), label=solver)
-    axes.set(xscale="log", yscale="log", xlabel="error", ylabel="time of a run [ms]")
-    failed = [row for row in result.rows if row.failure]
-    if failed:
-        place = 2 * max((row.error for row in _good(result)), default=1.0)
-        times = [np.nanmax([row.least, 1e-4]) * 1e3 for row in failed]
-        axes.plot([place] * len(failed), times, "x", color="black", label="failed")
-    low, high = axes.get_xlim()
-    if low < result.floor:
-        axes.axvspan(low, result.floor, color="0.9", zorder=0)
-    axes.set_xlim(high, low)
-    axes.set_title("What accuracy costs", fontsize=11)
+    many = f", {condition.lanes} at once" if condition.lanes > 1 else ""
+    axes.set_title(f"{WORDS[condition.precision]}{many}", fontsize=11)
+    axes.set_xlabel("error")
     axes.grid(color="0.9")
 
 
+def _edges(axes: Axes, result: Accuracy, condition: Condition) -> None:
+    """Failed runs, and errors that are not told from that of the reference."""
+    worst, least = axes.get_xlim()
+    failed = [row for row in result.rows if row.failure and row.condition == condition]
+    times = [1e3 * row.compile for row in failed]
+    inside = np.clip(times, *axes.get_ylim())
+    axes.plot([worst / 1.3] * len(failed), inside, "x", color="black", zorder=5)
+    if least < result.floor:
+        axes.axvspan(least, result.floor, color="0.9", zorder=0)
+    axes.set_xlim(worst, least)
+
+
+def _explain(axes: Axes, result: Accuracy) -> None:
+    """Models have a colour and a marker, methods a line: a legend of their sum, not product."""
+    axes.plot([], [], color="0.8", linewidth=7, label="least time")
+    for model in dict.fromkeys(row.model for row in result.rows):
+        axes.plot([], [], "-", label=model, **_look(result, model))
+    for method, dashes in _dashes(result).items():
+        label = method.replace(" *", " * (fixed steps)")
+        axes.plot([], [], color="black", linestyle=dashes, label=label)
+    if any(row.failure for row in result.rows):
+        axes.plot([], [], "x", color="black", label="failed")
+
+
 def _ranks(axes: Axes, result: Accuracy) -> None:
-    kinds = dict.fromkeys(
-        model.name.partition(",")[0] for model in result.models.values() if model.basis
-    )
-    for place, kind in enumerate(kinds, start=1):
-        least: dict[int, float] = {}
-        for row in _good(result):
-            if row.model.partition(",")[0] == kind:
-                least[row.rank] = min(row.error, least.get(row.rank, np.inf))
-        pairs = sorted(least.items())
+    least: dict[str, dict[int, float]] = {}
+    for row in reversed(_good(result)):  # the least error last
+        if row.formulation != "full":
+            least.setdefault(_kind(row.model), {})[row.rank] = row.error
+    for place, (kind, errors) in enumerate(sorted(least.items()), start=1):
+        ranks = sorted(errors)
+        colour = _look(result, next(name for name in result.models if _kind(name) == kind))["color"]
         axes.semilogy(
-            [rank for rank, _ in pairs],
-            [error for _, error in pairs],
-            color=COLOURS[place % len(COLOURS)],
+            ranks,
+            [errors[rank] for rank in ranks],
+            color=colour,
             linestyle=DASHES[place % len(DASHES)],
-            marker=MARKERS[place % len(MARKERS)] or ".",
-            markerfacecolor="white",
+            marker=".",
             label=kind,
         )
-    if kinds:
+    if least:
         axes.legend(fontsize=SMALL)
     axes.set(xlabel="modes", ylabel="least error")
     axes.xaxis.get_major_locator().set_params(integer=True)
@@ -110,26 +152,51 @@ def _ranks(axes: Axes, result: Accuracy) -> None:
     axes.grid(color="0.9")
 
 
+def _cheapest(result: Accuracy) -> list[Row]:
+    """The ways of least time to the errors that are shown, as far as anything reaches them."""
+    good = [[row for row in result.front() if row.error <= error] for error in SHOWN]
+    return list(dict.fromkeys(rows[0] for rows in good if rows))
+
+
+def _history(axes: Axes, result: Accuracy) -> None:
+    for row in _cheapest(result):
+        history = result.histories[result.rows.index(row)]
+        axes.semilogy(
+            result.times,
+            np.where(history > 0, history, np.nan),
+            linestyle=_dashes(result)[_method(row)],
+            linewidth=1.2,
+            markevery=max(1, len(history) // 8),
+            label=f"{row.model}, {row.solver}: {row.error:.0e}",
+            **_look(result, row.model),
+        )
+    if axes.lines:
+        axes.legend(fontsize=SMALL)
+    axes.set(xlabel="time [s]", ylabel="error")
+    axes.set_title("Error over time", fontsize=11)
+    axes.grid(color="0.9")
+
+
 def _many(axes: Axes, result: Accuracy) -> None:
     runs = np.geomspace(1, 1e5, 101)
-    for model in result.models:
-        rows = _good(result, model=model)
-        if rows:
-            look = {**_look(result, model), "marker": ""}
-            axes.loglog(runs, rows[0].offline + runs * rows[0].least, **look)
-    crossings = [(result.break_even(row), row.model) for row in result.front()]
-    paying = [(runs, model) for runs, model in crossings if runs is not None and np.isfinite(runs)]
-    if paying:
-        least, model = min(paying)
-        axes.axvline(least, color="0.6", linewidth=1, linestyle=":")
-        axes.annotate(
-            f"{model}\npays after {least:.0f} runs",
-            (least, 0.02),
-            xycoords=("data", "axes fraction"),
-            fontsize=SMALL,
-            xytext=(4, 0),
-            textcoords="offset points",
-        )
+    for row, dashes in zip(_cheapest(result), DASHES, strict=False):
+        full = result.cheapest_full(row)
+        for other in (row, full) if full and full != row else (row,):
+            axes.loglog(
+                runs,
+                other.offline + runs * other.least,
+                linestyle=dashes,
+                color=_look(result, other.model)["color"],
+                label=f"{other.model}: {other.error:.0e}",
+            )
+        crossing = result.break_even(row)
+        if crossing is not None and np.isfinite(crossing):
+            place = crossing, row.offline + crossing * row.least
+            axes.plot(*place, "o", color="black", markersize=5)
+            words = f"{crossing:,.0f} runs"
+            axes.annotate(words, place, (6, -10), textcoords="offset points", fontsize=SMALL)
+    if axes.lines:
+        axes.legend(fontsize=SMALL)
     axes.set(xlabel="runs", ylabel="time with the making of the model [s]")
     axes.set_title("When reduction pays", fontsize=11)
     axes.grid(color="0.9")

@@ -1,12 +1,10 @@
 """The models that a study of accuracy tries, the most promising first."""
 
-import dataclasses
 import itertools
 import time
 from collections.abc import Callable, Iterator, Sequence
 
 import jax
-import jax.numpy as jnp
 
 from ...basis.pod import pod
 from ...basis.rank import Rank
@@ -67,10 +65,3 @@ def default_kinds(
     top = {kind: freedoms if kind == "minimal" else drop for kind in formulations}
     kinds = [(kind, top[kind] - less) for less in (1, 0, 2) for kind in formulations]
     return [(kind, rank) for kind, rank in kinds if rank > 0]
-
-
-def complete(training: Trajectory, system: AbstractSystem) -> AbstractSystem:
-    """The system in minimal coordinates, all of them: the same motion by other equations."""
-    basis = pod(training, rank=1)
-    whole = dataclasses.replace(basis, modes=jnp.eye(system.n), kind="given")
-    return reduce(system, whole, "minimal")

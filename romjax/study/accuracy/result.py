@@ -1,6 +1,7 @@
 """What a study of accuracy and time has found."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import diffrax
@@ -36,16 +37,32 @@ class Model:
         return vary(self.system, self.basis, system)
 
 
+class Condition(NamedTuple):
+    """Under which runs were made: one work–precision diagram for each."""
+
+    precision: str  # "f64", "f32"
+    lanes: int  # that run at once
+
+
+ALONE = Condition("f64", 1)
+
+# Errors this many times that of the reference are a run's own.
+_ABOVE = 30
+
+
 class Row(NamedTuple):
-    """One model, simulated by one method at one tolerance."""
+    """One model, simulated by one method at one tolerance, or in steps of one length."""
 
     model: str
     formulation: str
     rank: int
     solver: str
-    rtol: float
-    error: float  # as `Comparison.error`; NaN where the run failed
-    least: float  # [s] of the interleaved runs
+    rtol: float  # NaN in fixed steps
+    dt: float  # [s] NaN with step size control
+    precision: str
+    lanes: int
+    error: float  # as `Comparison.error`, of the worst lane; NaN where a run failed
+    least: float  # [s] of the interleaved runs; of one lane, where several run at once
     median: float  # [s]
     compile: float  # [s]
     offline: float  # [s]
@@ -54,7 +71,16 @@ class Row(NamedTuple):
     factorizations: int  # of the Jacobian
     memory: int  # [B] of the compiled run
     failure: str  # why it failed; empty if it did not
-    pareto: bool  # nothing else is as accurate in less time
+    pareto: bool  # nothing else under its condition is as accurate in less time
+
+    @property
+    def condition(self) -> Condition:
+        return Condition(self.precision, self.lanes)
+
+    @property
+    def settings(self) -> dict[str, float]:
+        """The tolerance or the step, for `simulate`."""
+        return {"rtol": self.rtol} if np.isnan(self.dt) else {"dt": self.dt}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,7 +115,9 @@ class Recommendation:
 class Accuracy:
     """Error and time of every way that was tried; made by `accuracy`.
 
-    - `rows`: one for each model, method and tolerance.
+    - `rows`: one for each model, method and tolerance, under each condition.
+    - `times` (k,): output times [s]. `histories`, a (k,) for each row: the error at each of them,
+      ‖M₀^½ (q̃ − q)(t)‖ over the largest ‖M₀^½ (q − q₀)‖.
     - `reference`: what errors are measured against, in words; `floor`: its own error, NaN where it
       could not be checked.
     - `skipped`: ways that the time budget left no room for, and models that were refused, by name,
@@ -97,6 +125,8 @@ class Accuracy:
     """
 
     rows: tuple[Row, ...]
+    times: np.ndarray
+    histories: tuple[np.ndarray, ...]
     models: dict[str, Model]
     solvers: dict[str, diffrax.AbstractSolver]
     reference: str
@@ -113,34 +143,45 @@ class Accuracy:
             ) from error
         return pandas.DataFrame(self.rows).sort_values("error", ignore_index=True)
 
-    def front(self) -> list[Row]:
-        """The Pareto front, from the fastest to the most accurate."""
-        return sorted((row for row in self.rows if row.pareto), key=lambda row: row.least)
+    @property
+    def conditions(self) -> list[Condition]:
+        """Those under which something was measured."""
+        return list(dict.fromkeys(row.condition for row in self.rows))
 
-    def recommend(self, error: float) -> Recommendation:
-        """The cheapest way to an `error`, in words and as arguments of `simulate`.
+    def front(self, condition: Condition = ALONE) -> list[Row]:
+        """The Pareto front, from the fastest to the most accurate."""
+        own = [row for row in self.rows if row.pareto and row.condition == condition]
+        return sorted(own, key=lambda row: row.least)
+
+    def recommend(self, error: float, *, lanes: int = 1) -> Recommendation:
+        """The cheapest way to an `error` in double precision, in words and as arguments of
+        `simulate`; for many runs at once if `lanes` is their number in the study.
 
         Raises ValueError if no way is as accurate, naming the best one.
         """
-        good = [row for row in self.front() if row.error <= error]
+        front = self.front(Condition(ALONE.precision, lanes))
+        if not front:
+            known = ", ".join(f"{c.lanes}" for c in self.conditions if c.precision == "f64")
+            raise ValueError(f"recommend: nothing was measured with lanes={lanes}, only {known}.")
+        good = [row for row in front if row.error <= error]
         if not good:
-            best = min(self.rows, key=lambda row: np.nan_to_num(row.error, nan=np.inf))
+            best = front[-1]
             raise ValueError(
                 f"recommend: nothing that was tried has an error of {error:g}; the best is "
                 f"{best.error:.1e}, by {best.model} with {best.solver}. Study tighter tolerances, "
                 "or higher ranks."
             )
         row = good[0]
-        solver = self.solvers[row.solver]
+        (name, setting), each = *row.settings.items(), f" a run, {lanes} at once" * (lanes > 1)
         words = (
-            f"For an error of {error:g}: {row.model}, solver={row.solver}(), rtol={row.rtol:.0e}; "
-            f"error {row.error:.1e} in {1e3 * row.least:.2g} ms."
+            f"For an error of {error:g}: {row.model}, solver={row.solver}(), {name}={setting:.0e}; "
+            f"error {row.error:.1e} in {1e3 * row.least:.2g} ms{each}."
         )
         saved = self.break_even(row)
         if saved is not None:
             words += f" Making the model pays for itself after {saved:,.0f} runs."
-        model = self.models[row.model]
-        return Recommendation(error, row, model, {"solver": solver, "rtol": row.rtol}, words)
+        settings = {"solver": self.solvers[row.solver], **row.settings}
+        return Recommendation(error, row, self.models[row.model], settings, words)
 
     def break_even(self, row: Row) -> float | None:
         """After how many runs a reduced model has saved what it took to make: T_offline over
@@ -150,17 +191,42 @@ class Accuracy:
         """
         if row.formulation == "full":
             return None
-        full = [r for r in self.rows if r.formulation == "full" and r.error <= row.error]
-        least = min((r.least for r in full), default=np.inf)
-        return row.offline / (least - row.least) if least > row.least else np.inf
+        full = self.cheapest_full(row)
+        if full is None or full.least <= row.least:
+            return np.inf
+        return row.offline / (full.least - row.least)
+
+    def cheapest_full(self, row: Row) -> Row | None:
+        """The full model's cheapest way to the error of `row`, under the same condition."""
+        own = [r for r in self.rows if (r.model, r.condition) == ("full", row.condition)]
+        good = [r for r in own if r.error <= row.error]
+        return min(good, key=lambda r: r.least, default=None)
+
+    def order(self, model: str, solver: str) -> float:
+        """The observed order of a method in fixed steps: the slope of the logarithms of error and
+        step, by least squares, of runs with errors well above that of the reference.
+
+        Raises ValueError if there are fewer than two such runs.
+        """
+        least = _ABOVE * np.nan_to_num(self.floor)
+        rows = [r for r in self.rows if (r.model, r.solver, r.condition) == (model, solver, ALONE)]
+        rows = [r for r in rows if r.dt > 0 and r.error > least]
+        if len(rows) < 2:
+            raise ValueError(
+                f"order: {model!r} by {solver!r} has {len(rows)} runs in fixed steps with errors "
+                f"above {least:.0e}, which give no slope; study two or more `steps`."
+            )
+        slope, _ = np.polyfit(np.log([r.dt for r in rows]), np.log([r.error for r in rows]), 1)
+        return float(slope)
 
 
-def with_front(rows: list[Row]) -> tuple[Row, ...]:
-    """The rows, each knowing whether it lies on the Pareto front."""
-    good = sorted((row.least, row.error) for row in rows if not row.failure)
-    front, best = set(), np.inf
-    for least, error in good:
-        if error < best:
-            front.add((least, error))
-            best = error
-    return tuple(row._replace(pareto=(row.least, row.error) in front) for row in rows)
+def with_front(rows: Sequence[Row]) -> tuple[Row, ...]:
+    """The rows, each knowing whether it lies on the Pareto front of its condition."""
+    front, best = set(), dict[Condition, float]()
+    for row in sorted((r for r in rows if not r.failure), key=lambda r: (r.least, r.error)):
+        if row.error < best.get(row.condition, np.inf):
+            best[row.condition] = row.error
+            front.add((row.condition, row.least, row.error))
+    return tuple(
+        row._replace(pareto=(row.condition, row.least, row.error) in front) for row in rows
+    )
