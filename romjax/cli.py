@@ -53,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
     run = verbs.add_parser(
         "run",
         help="simulate a scene, reduce it by POD and SOD, compare",
-        description="Simulate a scene, reduce it by POD and SOD in both formulations, compare, "
+        description="Simulate a scene, reduce it by POD and SOD in all formulations, compare, "
         "print the table and write figures, an animation and the trajectories.",
     )
     _add_scene(run)
@@ -112,7 +112,7 @@ def _run(options: argparse.Namespace) -> int:
     system = assemble(scene)
     print(f"{example.name}: {example.title}")
     print(f"{system.n} coordinates, {system.m} constraints")
-    stages = 6  # five models and the pictures
+    stages = 8  # seven models and the pictures
     with tqdm(total=stages, bar_format="{desc:32} {bar:24} {elapsed}", file=sys.stderr) as bar:
 
         def advance(stage: str) -> None:

@@ -11,7 +11,6 @@ import pytest
 
 import romjax as rj
 from romjax import page
-from romjax.cli import main
 from romjax.study.accuracy.measure import Way
 from romjax.study.accuracy.result import ALONE, Condition, Row, with_front
 
@@ -294,16 +293,3 @@ def test_interrupt_keeps_what_is_measured(scene, monkeypatch):
     assert [r.model for r in found.rows] == ["full"]
     assert found.skipped["the rest"] == "interrupted"
     assert found.recommend(1e-1).row.least > 0
-
-
-@pytest.mark.slow
-def test_command(tmp_path, capsys):
-    assert main(["accuracy", "cart-pendulum", "--budget", "30", "--out", str(tmp_path)]) == 0
-    words = capsys.readouterr().out
-    assert "Rodas5P" in words
-    assert {file.name for file in tmp_path.iterdir()} == {
-        "accuracy.csv",
-        "accuracy.png",
-        "accuracy.html",
-    }
-    assert jnp.zeros(1).dtype == jnp.float64

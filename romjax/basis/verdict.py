@@ -15,7 +15,9 @@ _MODE = re.compile(r"^(.+)\.q(\d+)$")
 
 
 def verdict(basis: Basis) -> str:
-    """One paragraph: the rank and what decided it, what the modes hold, what they drop and why."""
+    """One paragraph on a `basis`: the rank and what decided it, what the modes hold, what they drop
+    and why.
+    """
     if basis.kind == "given":
         return f"{basis.rank} given modes; no snapshots to judge them by."
     recording = basis.recording

@@ -51,6 +51,7 @@ def simulate(
 
     **Arguments:**
 
+    - `system`: from `assemble` or `reduce`, or a `CustomSystem`.
     - `ts` (k,): output times [s], increasing; the first is the start.
 
     **Keyword arguments:**

@@ -29,6 +29,7 @@ def animate(
 
     **Arguments:**
 
+    - `scene`: the mechanism.
     - `trajectories`: motions (k, n) of the scene at the same times, by name; the first is drawn
       solid, the others dashed over it.
     - `path`: of the file. Returned.

@@ -12,7 +12,7 @@ GROUND = "ground"
 
 
 class Pose(NamedTuple):
-    """Where a marker is."""
+    """Where a marker is: its `position` [m] and `angle` [rad]."""
 
     position: Float[Array, "2"]  # [m]
     angle: Float[Array, ""]  # [rad]
@@ -36,14 +36,14 @@ class Pose(NamedTuple):
 
 
 class Twist(NamedTuple):
-    """How fast a marker moves."""
+    """How fast a marker moves: `velocity` [m/s] and `angular_velocity` [rad/s]."""
 
     velocity: Float[Array, "2"]  # [m/s]
     angular_velocity: Float[Array, ""]  # [rad/s]
 
 
 class Wrench(NamedTuple):
-    """What acts on a marker."""
+    """What acts on a marker: a `force` [N] and a `torque` [N m]."""
 
     force: Float[Array, "2"]  # [N]
     torque: Float[Array, ""]  # [N m]

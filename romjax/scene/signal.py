@@ -81,7 +81,7 @@ class Ramp(AbstractSignal):
 
 
 class Table(AbstractSignal):
-    """Values at given times [s], joined by straight lines, constant beyond both ends."""
+    """`values` at given `times` [s], joined by straight lines, constant beyond both ends."""
 
     smooth: ClassVar[bool] = False
 
@@ -128,7 +128,7 @@ class Step(AbstractSignal):
 
 
 class Sum(AbstractSignal):
-    """The sum of several signals."""
+    """The sum of several signals, its `terms`."""
 
     terms: tuple[AbstractSignal, ...]
 

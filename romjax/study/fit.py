@@ -63,8 +63,7 @@ def fit(
     - `noise`: standard deviation of the measurements, of any shape that broadcasts; estimated from
       what is left unless given.
     - `lower`, `upper`: bounds, pytrees like `start` with None for no bound, or single numbers for
-      all, never touched: the search
-      goes on in logarithms of the distance from them.
+      all, never touched: the search goes on in logarithms of the distance from them.
     - `optimizer`: an optax method, such as `optax.adam(0.05)`; Levenberg and Marquardt's unless
       given, which takes some ten steps.
     - `steps`, `tol`: most steps, and relative change of parameters and residual that ends them.

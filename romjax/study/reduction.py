@@ -77,9 +77,11 @@ def reduction_study(
 
     **Arguments:**
 
+    - `system`: the full system.
     - `end`: simulated time [s]; `rate`: sample rate of the snapshots [Hz].
     - `pod_rank`, `sod_rank`: numbers of modes; the drop point unless given.
     - `rtol`: of all runs; a basis cannot be better than its snapshots.
+    - `repeats`: how many times each run is timed.
     - `report`: called with a few words before each stage.
 
     Raises ValueError for an end or a rate that make no time grid, SimulationError if the full run

@@ -20,7 +20,7 @@ from .topology import Topology
 
 
 def assemble(scene: Scene) -> AssembledSystem:
-    """The system of a scene.
+    """The system of a `scene`.
 
     Equal elements are stacked and traced once, whatever their number. Works under `jit`, `grad`
     and `vmap`, with respect to every number of the scene.

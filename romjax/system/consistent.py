@@ -27,7 +27,7 @@ def consistent(
     Nearest in the mass metric, which no choice of units changes: Gauss–Newton for the positions,
     one projection for the velocities.
 
-    **Arguments:** start `q0`, `v0` (n,), those of the system unless given; time `t` [s].
+    **Arguments:** the `system`; start `q0`, `v0` (n,), its own unless given; time `t` [s].
 
     Raises SceneError, naming the constraint and what is left of it, if ten sweeps do not get
     |C| below 1e-10, or if no velocity gets |Ċ| below 1e-8: joints that move contradict each other.

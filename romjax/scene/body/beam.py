@@ -140,10 +140,10 @@ class Beam(AbstractBody):
 
         **Arguments:**
 
-        - `section`: such as `sections.Rectangle(width, height)`.
+        - `length`: Length [m]. `section`: such as `sections.Rectangle(width, height)`.
         - `density`: ρ [kg/m³]. `modulus`: Young's modulus E [Pa].
-        - `modes` and the `rest`: as for every beam. Its inertia, ρ (A L³/12 + I L), counts the
-          rotary inertia of the section in rigid motion.
+        - `name`, `modes` and the `rest`: as for every beam. Its inertia, ρ (A L³/12 + I L), counts
+          the rotary inertia of the section in rigid motion.
         """
         size, area, bend = as_array(length), section.area, section.second_moment
         return cls(

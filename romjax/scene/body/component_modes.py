@@ -53,7 +53,10 @@ def craig_bampton(stiffness: Matrix, mass: Matrix, interface: Vector, modes: int
 
 
 def free_interface(stiffness: Matrix, mass: Matrix, modes: int) -> ComponentModes:
-    """The lowest `modes` modes of the component as it is, rigid motions among them."""
+    """The lowest `modes` modes of the component as it is, rigid motions among them.
+
+    `stiffness` and `mass` are K and M (n, n), as for `craig_bampton`.
+    """
     k, m = checked(stiffness, mass)
     if not 0 < modes <= k.shape[0]:
         raise SceneError(f"free_interface: modes={modes}, but the matrices have {k.shape[0]} rows.")

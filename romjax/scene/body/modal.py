@@ -107,6 +107,7 @@ class ModalBody(AbstractBody):
 
         **Arguments:**
 
+        - `name`: unique in the scene.
         - `stiffness`, `mass`: K and M, as NumPy arrays, SciPy sparse matrices, or names of files:
           Matrix Market (`.mtx`) or SciPy's `.npz`.
         - `nodes`: places in the body frame [m], (nodes, 2).

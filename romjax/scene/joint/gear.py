@@ -11,7 +11,7 @@ from .base import AbstractJoint
 
 
 class Gear(AbstractJoint):
-    """Marker `a` turns `ratio` times as fast as marker `b`, with φ_a = ratio φ_b + offset.
+    """Marker `a` turns `ratio` times as fast as marker `b`, with φ_a = `ratio` φ_b + `offset`.
 
     The ratio is negative where gears mesh outside, positive inside or over a belt. Both wheels turn
     on bearings of their own that hold the distance of their axes; where these sit on the ground or

@@ -12,7 +12,7 @@ from .base import AbstractJoint
 
 
 class PointOnCurve(AbstractJoint):
-    """Marker `a` stays on a curve in the frame of marker `b`, such as `Circle` or `Polynomial`."""
+    """Marker `a` stays on a `curve` in the frame of marker `b`, like `Circle` or `Polynomial`."""
 
     a: Marker
     b: Marker

@@ -46,7 +46,7 @@ def accuracy(
     precisions: Sequence[str] = ("f64", "f32"),
     lanes: Sequence[int] = (1, 256),
     repeats: int = 7,
-    budget: float | None = None,
+    budget: int | float | None = None,
     progress: bool = False,
 ) -> Accuracy:
     """Error against time of full and reduced models, by method and tolerance.

@@ -1,0 +1,83 @@
+"""What README, notebooks, docstrings and help texts say in code: spans, blocks and commands."""
+
+import argparse
+import ast
+import inspect
+import re
+from pathlib import Path
+
+import nbformat
+
+from romjax.cli import _parser
+
+ROOT = Path(__file__).parent.parent
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+README = (ROOT / "README.md").read_text()
+
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)  # language, content
+SPAN = re.compile(r"`([^`]+)`")
+INDENTED = re.compile(r"(?:^ {4}.*\n?)+", re.MULTILINE)  # a block of code in a docstring
+COMMAND = re.compile(r"(?:\.venv/bin/)?(?:romjax|python3?|pip|pytest) \S.*")
+
+
+def spans(text: str) -> list[str]:
+    """The code within lines, each on one line; what stands in blocks is left out."""
+    return [" ".join(span.split()) for span in SPAN.findall(BLOCK.sub("", text))]
+
+
+def commands(text: str) -> list[str]:
+    """What one would type into a shell: blocks that are no Python, spans, and indented lines."""
+    blocks = [content for language, content in BLOCK.findall(text) if language != "python"]
+    typed = [part for block in blocks for part in re.split(r" && |\n", block.strip())]
+    indented = "".join(INDENTED.findall(BLOCK.sub("", text))).splitlines()
+    quoted = [line.strip() for line in spans(text) + indented]
+    return typed + [line for line in quoted if COMMAND.fullmatch(line)]
+
+
+def marked(name: str) -> str:
+    """The README's block that follows the comment <!-- name -->."""
+    return re.search(rf"<!-- {name} -->\n```\w*\n(.*?)```", README, re.DOTALL)[1]
+
+
+def verbs() -> dict[str, argparse.ArgumentParser]:
+    """The parsers of the command line's verbs."""
+    return _parser()._subparsers._group_actions[0].choices
+
+
+def options(parser: argparse.ArgumentParser) -> dict[str, argparse.Action]:
+    return {name: action for action in parser._actions for name in action.option_strings}
+
+
+def _docstrings() -> dict[str, str]:
+    found = {}
+    for path in sorted((ROOT / "romjax").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Module):
+                found[str(path.relative_to(ROOT))] = ast.get_docstring(node) or ""
+            if isinstance(node, ast.ClassDef | ast.FunctionDef):
+                place = f"{path.relative_to(ROOT)}:{node.lineno}"
+                found[place] = ast.get_docstring(node) or ""
+    return found
+
+
+def _markdown(path: Path) -> str:
+    cells = nbformat.read(path, as_version=4).cells
+    return "\n\n".join(cell.source for cell in cells if cell.cell_type == "markdown")
+
+
+def _help_texts() -> dict[str, str]:
+    found = {}
+    for name, parser in {"": _parser(), **verbs()}.items():
+        words = [action.help for action in parser._actions]
+        said = [parser.description, inspect.cleandoc(parser.epilog or ""), *words]
+        found[f"romjax {name} --help"] = "\n".join(filter(None, said))
+    return found
+
+
+DOCSTRINGS = _docstrings()
+DOCUMENTS = {
+    "README.md": README,
+    **{str(path.relative_to(ROOT)): _markdown(path) for path in NOTEBOOKS},
+    **DOCSTRINGS,
+    **_help_texts(),
+}

@@ -1,0 +1,167 @@
+"""Every command that README, notebooks, docstrings and help texts name does what it says."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import pytest
+from documents import DOCUMENTS, README, ROOT, commands, marked, options, spans, verbs
+
+BENCHMARK = re.compile(r"python benchmarks(?:/\w+\.py)?(?: .*)?")
+STATED = re.compile(r"\(([^()]*)\)$")  # the default, at the end of a help text
+
+CI = "by .ci/run"
+SET_UP = "as the first line of the tests, with less installed"
+TEST_CLI = "by test_run_cart_pendulum in test_cli.py"
+
+# How each command is executed: as it stands, with names filled in, or elsewhere.
+COMMANDS = {
+    "romjax scenes": "romjax scenes",
+    "romjax run cart-pendulum": TEST_CLI,
+    "romjax run FILE.py": "romjax run mine.py --end 0.5",
+    "romjax tune NAME": "romjax tune chain",
+    "romjax accuracy cart-pendulum --budget 60": "romjax accuracy cart-pendulum --budget 60",
+    "romjax accuracy cart-pendulum": "romjax accuracy cart-pendulum --budget 60",
+    "python -m romjax": "python -m romjax --help",
+    "python3 -m venv .venv": CI,
+    "pip install -q --no-compile .": SET_UP,
+    'pip install -q --no-compile -e ".[test]"': CI,
+    "python -m pytest -q": CI,
+    "python -m pytest -q -m slow": CI,
+}
+EXECUTED = sorted({line for line in COMMANDS.values() if line not in (CI, SET_UP, TEST_CLI)})
+
+# "A mechanism of your own is a `Scene` of bodies, joints and effects connected by markers."
+MINE = """
+import romjax as rj
+
+bar = rj.Beam("bar", mass=1.0, length=1.0, EI=100.0, modes=1, position=(0.5, 0.0))
+hinge = rj.Revolute(bar.at((-0.5, 0.0)), rj.ground.at())
+scene = rj.Scene([bar], [hinge], [rj.Gravity()])
+"""
+
+
+SAID = {  # the documents' commands, and where they stand
+    command.removeprefix(".venv/bin/"): place
+    for place, text in DOCUMENTS.items()
+    for command in commands(text)
+}
+ROMJAX = [shlex.split(command)[1:] for command in SAID if command.startswith("romjax ")]
+BENCHMARKS = [command for command in SAID if BENCHMARK.fullmatch(command)]
+
+
+def run(command: str, folder: Path) -> str:
+    """What a command prints, in a folder that holds mine.py."""
+    (folder / "mine.py").write_text(MINE)
+    program, *arguments = shlex.split(command)
+    here = {"python": sys.executable, "romjax": Path(sysconfig.get_path("scripts")) / "romjax"}
+    cache = {"XDG_CACHE_HOME": str(folder / "cache")}
+    done = subprocess.run(
+        [here[program], *arguments],
+        cwd=folder,
+        env=os.environ | cache,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    return done.stdout
+
+
+def test_every_command_is_known():
+    """Each command of the documents is a benchmark or in the table, and the table has no others."""
+    others = {c: place for c, place in SAID.items() if c not in BENCHMARKS}
+    assert {c: place for c, place in others.items() if c not in COMMANDS} == {}
+    assert set(COMMANDS) - set(others) == set()
+
+
+def test_verbs():
+    """README names the verbs of `romjax --help`, all of them and no others."""
+    found = [command.removeprefix(".venv/bin/") for command in commands(README)]
+    assert {c.split()[1] for c in found if c.startswith("romjax ")} == set(verbs())
+
+
+@pytest.mark.parametrize("arguments", ROMJAX, ids=" ".join)
+def test_arguments(arguments):
+    """Verb, options and values of each command are those that the parser knows."""
+    verb, *rest = arguments
+    verbs()[verb].parse_args(rest)
+
+
+def test_options():
+    """An option that is named by itself, such as `--out`, is one of some verb."""
+    known = {name for parser in verbs().values() for name in options(parser)}
+    named = [span for text in DOCUMENTS.values() for span in spans(text) if span.startswith("-")]
+    assert [span for span in named if span.split()[0] not in known] == []
+
+
+@pytest.mark.parametrize("verb", verbs())
+def test_defaults(verb):
+    """A number in brackets at the end of an option's help is its default; words mean none."""
+    assert "usage: romjax" in verbs()[verb].format_help()
+    for name, action in options(verbs()[verb]).items():
+        if action.nargs == 0:  # a flag
+            continue
+        stated = STATED.search(action.help)
+        try:
+            default = float(stated[1]) if stated else None
+        except ValueError:
+            default = None
+        assert action.default == default, f"{verb} {name}: {action.help}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", EXECUTED)
+def test_command(command, tmp_path):
+    """It ends well, says something, and has filled the folder that the README promises."""
+    assert run(command, tmp_path).strip()
+    program, _, *rest = command.split()
+    if rest and program == "romjax":
+        assert any((tmp_path / f"romjax-{Path(rest[0]).stem}").iterdir())
+
+
+def test_marked_lines():
+    """`.ci/run` takes the README's line of tests as it stands, and runs the slow ones besides.
+
+    The line that runs the main job sets up the same way, but for the tests' requirements; what it
+    runs then is in test_cli.py.
+    """
+    script = (ROOT / ".ci" / "run").read_text()
+    line = r"""sed -n '/<!-- tests -->/,+2p' README.md | tail -n 1"""
+    assert f"command=$({line})" in script
+    assert 'bash -c "$command"' in script
+    taken = subprocess.run(["bash", "-c", line], cwd=ROOT, capture_output=True, text=True)
+    assert taken.stdout == marked("tests")
+    venv, install, tests = marked("tests").strip().split(" && ")
+    assert f"{tests} -m slow" in script.splitlines()
+    assert f"{tests} -m slow" in commands(README)
+    assert marked("run").strip().split(" && ") == [
+        venv,
+        install.removesuffix('-e ".[test]"') + ".",
+        ".venv/bin/romjax run cart-pendulum",
+    ]
+    assert '"romjax", "run", "cart-pendulum"' in (ROOT / "tests" / "test_cli.py").read_text()
+
+
+@pytest.mark.slow
+def test_benchmarks(tmp_path):
+    """The benchmarks that are named exist, can be imported, and know the options they are given.
+
+    Executing one takes many minutes, so that is left to those who measure.
+    """
+    files = [ROOT / command.split()[1].replace("NAME", "effects") for command in BENCHMARKS]
+    files = [path if path.suffix == ".py" else path / "__main__.py" for path in files]
+    for command, path in zip(BENCHMARKS, files, strict=True):
+        text = path.read_text()
+        assert [word for word in command.split() if word[:2] == "--" and word not in text] == []
+    code = "import runpy, sys\nfor path in sys.argv[1:]:\n    runpy.run_path(path)"
+    folder = {"PYTHONPATH": str(ROOT / "benchmarks")}
+    subprocess.run(
+        [sys.executable, "-W", "error", "-c", code, *files],
+        cwd=tmp_path,
+        env=os.environ | folder,
+        check=True,
+    )

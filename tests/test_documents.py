@@ -1,0 +1,118 @@
+"""README, notebooks and docstrings: their code runs as it stands, and what they name exists."""
+
+import ast
+import inspect
+import re
+import subprocess
+import sys
+import tomllib
+
+import jax.numpy as jnp
+import nbformat
+import pytest
+from documents import BLOCK, DOCSTRINGS, DOCUMENTS, INDENTED, NOTEBOOKS, README, ROOT, marked, spans
+from names import mistakes
+from nbclient import NotebookClient
+
+import romjax as rj
+
+PATH = re.compile(r"(?<![\w/-])(?:notebooks|benchmarks|romjax|tests)/(?:[\w./-]*\w)?")
+NAME = re.compile(r"\b(?:rj|romjax)(?:\.[A-Za-z]\w*)+")
+LINK = re.compile(r"\]\((?!https?:)([^)]+)\)")
+EXTRA = re.compile(r"extra `(\w+)`")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebook(path, tmp_path):
+    """Executed from top to bottom; the cells assert their facts, and files go elsewhere."""
+    notebook = nbformat.read(path, as_version=4)
+    NotebookClient(notebook, timeout=400, resources={"metadata": {"path": tmp_path}}).execute()
+
+
+def test_first_steps_runs_the_readme_example():
+    """The README's example is short, and it is the first cell of a notebook that runs."""
+    notebook = nbformat.read(ROOT / "notebooks" / "first_steps.ipynb", as_version=4)
+    code = [cell.source for cell in notebook.cells if cell.cell_type == "code"]
+    assert code[0] == marked("example").strip()
+    assert len([line for line in code[0].splitlines() if line.strip()]) <= 20
+
+
+@pytest.mark.slow
+def test_readme(tmp_path):
+    """Its blocks of Python are one script, that runs without a warning where nothing else does."""
+    blocks = [block for language, block in BLOCK.findall(README) if language == "python"]
+    assert blocks[0] == marked("example")
+    (tmp_path / "readme.py").write_text("\n".join(blocks))
+    subprocess.run([sys.executable, "-W", "error", "readme.py"], cwd=tmp_path, check=True)
+
+
+def test_docstring_snippets():
+    """The code in docstrings: that of PodStream, as it stands."""
+    found = [block for text in DOCSTRINGS.values() for block in INDENTED.findall(text)]
+    assert len(found) == 1
+    t = jnp.linspace(0.0, 1.0, 30)
+    q = jnp.sin(jnp.outer(t, jnp.arange(1.0, 7.0)))
+    names = {"PodStream": rj.PodStream, "metric": jnp.eye(6), "offset": jnp.zeros(6)}
+    names |= {"t": t, "q": q, "v": q}
+    exec(inspect.cleandoc(found[0]), names)
+    assert names["basis"].rank == 5
+
+
+def test_names():
+    """Classes, functions, fields and arguments in code spans exist, as they are written there."""
+    wrong = [
+        (place, span, mistake)
+        for place, text in DOCUMENTS.items()
+        for span in spans(text)
+        if not PATH.fullmatch(span)
+        for mistake in mistakes(span)
+    ]
+    assert wrong == []
+
+
+@pytest.mark.parametrize(
+    "span",
+    [
+        "RigidBodies",
+        "Beam.of_sections",
+        "trajectory.doubting()",
+        "trajectory.doubts(1)",
+        "rj.tune_baumgarten(system, ts)",
+        "rj.reduce_to(system, truth, tolerance=1e-4)",
+        "print(rj.check_gradient(f))",
+        "with rj.forwards():",
+        "adjoint=diffrax.Forward()",
+        "stabilisation=rj.Projection()",
+        "paths=",
+    ],
+)
+def test_mistakes_are_seen(span):
+    assert list(mistakes(span))
+
+
+def test_names_in_messages():
+    """So do those that messages and help texts give as a remedy, such as romjax.consistent."""
+    wrong = []
+    for path in (ROOT / "romjax").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                named = NAME.findall(node.value)
+                wrong += [(path.name, mistake) for name in named for mistake in mistakes(name)]
+    assert wrong == []
+
+
+def test_paths():
+    """Files that the documents name or link to are there."""
+    named = {path for text in DOCUMENTS.values() for path in PATH.findall(text)}
+    assert len(named) > 10
+    assert [
+        path for path in sorted(named | set(LINK.findall(README))) if not (ROOT / path).exists()
+    ] == []
+
+
+def test_extras():
+    """The extras that the documents ask for are in pyproject.toml."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    named = {extra for text in DOCUMENTS.values() for extra in EXTRA.findall(text)}
+    assert named <= set(project["optional-dependencies"])
