@@ -103,11 +103,13 @@ class Way:
         """One run, for its error, and a time."""
         begin = time.perf_counter()
         motion = jax.block_until_ready(self.run(setting))
-        took = (time.perf_counter() - begin) / self.condition.lanes
-        self.found[setting] = _found(motion, reference)
-        failed = self.found[setting].failure
-        slow = took * self.condition.lanes > SLOW
-        self.times[setting] = [] if failed else [took if slow else self.clock(setting)]
+        took = time.perf_counter() - begin
+        found = _found(motion, reference)
+        if found.failure:
+            times = []
+        else:
+            times = [took / self.condition.lanes if took > SLOW else self.clock(setting)]
+        self.found[setting], self.times[setting] = found, times
 
     def clock(self, setting: float) -> float:
         """The time of a run [s]; of one lane, if several run at once."""
