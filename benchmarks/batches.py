@@ -7,18 +7,17 @@ Where JAX finds a GPU, it is measured instead, up to a million lanes.
 import functools
 import json
 import os
-import platform
 import subprocess
 import sys
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
-from tabulate import tabulate
+import record
+from equal_error import at_error
 from timing import least
 
 import romjax as rj
@@ -36,12 +35,14 @@ FULL, GALERKIN, MINIMAL = (
     ("galerkin", 5, "Dopri8"),
     ("minimal", 3, "Dopri8"),
 )
+KVAERNO5 = ("full", 8, "Kvaerno5")
 PRECISION = {
-    ("full", 8, "Kvaerno5"): (1e-6, 1e-7, 1e-8),
+    KVAERNO5: (1e-6, 1e-7),  # takes minutes at 1e-8
     FULL: (1e-5, 1e-6, 1e-7, 1e-8),
     GALERKIN: (1e-6, 1e-7, 1e-8),
     MINIMAL: (1e-6, 1e-7, 1e-8),
 }
+ERROR = 5e-6  # at which the models are compared
 RATE = 1e-6  # relative tolerance of the other tables
 COUNTS = {"cpu": (1, 16, 256, 2048), "gpu": (1, 16, 256, 4096, 65_536, 1_000_000)}
 
@@ -78,7 +79,7 @@ def forces(lanes: int) -> np.ndarray:
 
 
 def precision() -> list[list[Any]]:
-    """Error and rate of each model at each tolerance."""
+    """Model, tolerance, error, numbers of steps and rate of each model at each tolerance."""
     amplitudes, some = jnp.asarray(forces(LANES)), slice(None, None, LANES // CHECKED)
     reference = jax.vmap(functools.partial(lane(FULL), 1e-11))(amplitudes[some])
     cases, calls = [], []
@@ -86,38 +87,39 @@ def precision() -> list[list[Any]]:
         batch = jax.jit(jax.vmap(lane(model), (None, 0)))
         cases += [(model, rtol) for rtol in tolerances]
         calls += [functools.partial(batch, rtol, amplitudes) for rtol in tolerances]
-    times, rows = least(calls, REPEATS, SLOW), []
-    for (model, rtol), call, taken in zip(cases, calls, times, strict=True):
-        found = call()
+    rows = []
+    for (model, rtol), timed in zip(cases, least(calls, REPEATS, SLOW, "errors"), strict=True):
+        found = timed.result
         error = jax.vmap(rj.compare)(reference, jax.tree.map(lambda x: x[some], found)).error
         steps = found.stats["num_steps"]
-        row = [*model, f"{rtol:.0e}", f"{jnp.max(error):.1e}", f"{steps.min()}-{steps.max()}"]
-        rows.append([*row, f"{LANES / taken:.0f}"])
+        row = [rtol, float(jnp.max(error)), f"{steps.min()}-{steps.max()}"]
+        rows.append([list(model), *row, LANES / timed.least])
     return rows
 
 
 def rates(settings: list[tuple[int, int]]) -> list[list[Any]]:
-    """Rates of sweeps, by lanes and lanes of a chunk."""
+    """Model and rates of its sweeps, by lanes and lanes of a chunk."""
+
+    def sweep(run: Callable, lanes: int, chunk: int) -> None:
+        jax.block_until_ready(rj.sweep(run, forces(lanes), chunk=chunk))  # too large to be kept
+
     rows = []
     for model in (FULL, GALERKIN, MINIMAL):
         run = functools.partial(lane(model), RATE)
-        calls = [
-            functools.partial(rj.sweep, run, forces(lanes), chunk=chunk)
-            for lanes, chunk in settings
-        ]
-        times = least(calls, REPEATS, SLOW)
-        found = [f"{lanes / taken:.0f}" for (lanes, _), taken in zip(settings, times, strict=True)]
-        rows.append([*model, *found])
+        calls = [functools.partial(sweep, run, lanes, chunk) for lanes, chunk in settings]
+        times = [one.least for one in least(calls, REPEATS, SLOW, model[0])]
+        found = [lanes / taken for (lanes, _), taken in zip(settings, times, strict=True)]
+        rows.append([list(model), *found])
     return rows
 
 
-def measure(what: str) -> Any:
+def of(what: str) -> Any:
     """One table, in a process of its own."""
     rj.speed_up_xla()
     jax.config.update("jax_enable_x64", True)
     device = jax.devices()[0]
     if what == "device":
-        return [device.platform, device.device_kind, jax.device_count()]
+        return [device.platform, device.device_kind]
     if what == "precision":
         return precision()
     if what == "lanes":
@@ -128,12 +130,13 @@ def measure(what: str) -> Any:
 
 
 def child(what: str, cores: int = 1, devices: int = 1) -> Any:
-    """`measure` where JAX sees so many cores and, of a CPU, devices."""
+    """`of` where JAX sees so many cores and, of a CPU, devices."""
     flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count={devices}"
+    allowed = sorted(os.sched_getaffinity(0))[:cores]
     done = subprocess.run(
-        [sys.executable, __file__, what],
+        [sys.executable, __file__, "--table", what],
         env={**os.environ, "XLA_FLAGS": flags},
-        preexec_fn=lambda: os.sched_setaffinity(0, range(cores)),
+        preexec_fn=lambda: os.sched_setaffinity(0, allowed),
         stdout=subprocess.PIPE,
         text=True,
         check=True,
@@ -141,35 +144,68 @@ def child(what: str, cores: int = 1, devices: int = 1) -> Any:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def main() -> None:
-    """Measure everything and write the tables."""
-    kind, name, _ = child("device")
-    own = ["model", "r", "method"]
-    tables = {}
-    if kind == "cpu":
-        heading = f"Errors (the worst of {CHECKED} lanes) and rates, {LANES} lanes, one core"
-        tables[heading] = [[*own, "rtol", "error", "steps", "per second"], *child("precision")]
-    heading = (
-        f"Rates by the number of lanes, rtol {RATE:g}, {'one core' if kind == 'cpu' else name}"
-    )
-    tables[heading] = [own + [f"{count}" for count in COUNTS[kind]], *child("lanes")]
-    if kind == "cpu":
-        heading = f"Rates on one and two host devices of two cores, rtol {RATE:g}"
-        tables[heading] = [[*own, "one", "two"], *child("devices", cores=2, devices=2)]
-    text = (
+def plain(rows: list[list[Any]]) -> list[list[str]]:
+    """Rates as whole numbers, beside their models."""
+    return [[*map(str, model), *(f"{rate:.0f}" for rate in found)] for model, *found in rows]
+
+
+def with_errors(rows: list[list[Any]]) -> tuple[list[list[str]], dict[str, float]]:
+    """The table of errors and rates, and ratios at equal errors."""
+    lines, points = [], {}
+    for model, rtol, error, steps, rate in rows:
+        lines.append([*map(str, model), f"{rtol:.0e}", f"{error:.1e}", steps, f"{rate:.0f}"])
+        points.setdefault(tuple(model), []).append((error, 1 / rate))
+    times = {model: at_error(found, ERROR) for model, found in points.items()}
+    full, ratios = times[FULL], {}
+    if full and times[KVAERNO5]:
+        ratios[f"full: Kvaerno5 / Rodas5P at {ERROR:.0e}".replace("e-0", "e-")] = (
+            times[KVAERNO5] / full
+        )
+    for kind, rank, method in (GALERKIN, MINIMAL):
+        if full and times[kind, rank, method]:
+            name = f"full / {kind} r = {rank} at {ERROR:.0e}".replace("e-0", "e-")
+            ratios[name] = full / times[kind, rank, method]
+    return lines, ratios
+
+
+def measure() -> Iterator[record.Section]:
+    """Errors and rates, rates by lanes, rates by devices; of a GPU, rates by lanes."""
+    kind, name = child("device")
+    yield record.Section(
         "Cart-pendulums with forces of 5 to 15 N for 1 s, 101 outputs: trajectories per second.\n"
-        f"Least of {REPEATS} interleaved runs. jax {jax.__version__}, {os.cpu_count()} cores, "
-        f"{platform.machine()}, {name}.\n"
+        f"Least of {REPEATS} interleaved runs, on {name}.",
+        absent=() if kind == "cpu" else ("full / ", "Kvaerno5", "devices"),
     )
-    for heading, rows in tables.items():
-        text += f"\n{heading}:\n\n"
-        text += tabulate(rows, headers="firstrow", tablefmt="plain", disable_numparse=True) + "\n"
-    Path(__file__).with_suffix(".txt").write_text(text)
-    print(text)
+    own = ["model", "r", "method"]
+    if kind == "cpu":
+        rows, ratios = with_errors(child("precision"))
+        yield record.Section(
+            f"Errors (the worst of {CHECKED} lanes) and rates, {LANES} lanes, one core:",
+            [[*own, "rtol", "error", "steps", "per second"], *rows],
+            ratios,
+        )
+    found, counts = child("lanes"), COUNTS[kind]
+    place = counts.index(LANES)
+    yield record.Section(
+        f"Rates by the number of lanes, rtol {RATE:g}, {'one core' if kind == 'cpu' else name}:",
+        [[*own, *map(str, counts)], *plain(found)],
+        {
+            f"{model[0]}: {LANES} lanes / 1, per second": rate[place] / rate[0]
+            for model, *rate in found
+        },
+    )
+    if kind == "cpu":
+        found = child("devices", cores=2, devices=2)
+        yield record.Section(
+            f"Rates on one and two host devices of two cores, rtol {RATE:g}:",
+            [[*own, "one", "two"], *plain(found)],
+            {f"{model[0]}: two devices / one, per second": two / one for model, one, two in found},
+        )
 
 
 if __name__ == "__main__":
-    if sys.argv[1:]:
-        print(json.dumps(measure(sys.argv[1])))
+    if sys.argv[1:2] == ["--table"]:
+        print(json.dumps(of(sys.argv[2])))
     else:
-        main()
+        # Its tables have processes and devices of their own.
+        record.main(measure, setup=lambda: None)

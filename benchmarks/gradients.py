@@ -2,18 +2,15 @@
 numbers, in runs, and memory by the number of steps. Writes `gradients.txt` beside this file.
 """
 
-import os
-import platform
 import time
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from tabulate import tabulate
+import record
 from timing import least
 from tqdm import tqdm
 
@@ -59,8 +56,8 @@ def compiled(function: Callable, *arguments: Any) -> tuple[Callable[[], Any], fl
     return lambda: program(*arguments), time.perf_counter() - start
 
 
-def costs(name: str) -> list[str]:
-    """The row of a scene: milliseconds of the run, and gradients in units of it."""
+def costs(name: str) -> tuple[list[str], dict[str, float]]:
+    """The row of a scene, milliseconds of the run and gradients in units of it; and the ratios."""
     make, two, solver, span = CASES[name]
     values, rest = eqx.partition(make(), eqx.is_inexact_array)
     ts = jnp.linspace(0.0, span, 11)
@@ -75,17 +72,22 @@ def costs(name: str) -> list[str]:
         run, build = compiled(value, values)
         forward, build_forward = compiled(jax.jacfwd(by_two), two(values), values)
     reverse, build_reverse = compiled(jax.grad(value), values)
-    base, *others = least((run, reverse, forward), REPEATS)
-    return [
+    base, back, ahead = (one.least for one in least((run, reverse, forward), REPEATS, name=name))
+    row = [
         name,
         type(solver).__name__,
         f"{1e3 * base:.2f}",
-        *(f"{taken / base:.1f}" for taken in others),
+        *(f"{taken / base:.1f}" for taken in (back, ahead)),
         *(f"{taken:.0f}" for taken in (build, build_reverse, build_forward)),
     ]
+    return row, {
+        f"{name}: run / reverse": base / back,
+        f"{name}: run / forward": base / ahead,
+        f"{name}: run / reverse, to compile": build / build_reverse,
+    }
 
 
-def memory(steps: int) -> list[str]:
+def memory(steps: int) -> tuple[float, float]:
     """Temporary memory of a run in fixed steps of a pendulum, and of its gradient [kB]."""
     values, rest = eqx.partition(rj.gallery.chain(1), eqx.is_inexact_array)
     ts = jnp.array([0.0, 1.0])
@@ -94,40 +96,36 @@ def memory(steps: int) -> list[str]:
     def value(values: Any) -> jax.Array:
         return end(eqx.combine(values, rest), diffrax.Tsit5(), ts, **settings)
 
-    row = [f"{steps}"]
-    for function in (value, jax.grad(value)):
-        analysis = jax.jit(function).lower(values).compile().memory_analysis()
-        row.append(f"{analysis.temp_size_in_bytes / 1e3:.0f}")
-    return row
+    sizes = (
+        jax.jit(function).lower(values).compile().memory_analysis().temp_size_in_bytes / 1e3
+        for function in (value, jax.grad(value))
+    )
+    return next(sizes), next(sizes)
 
 
-def main() -> None:
-    """Measure all scenes and write the tables."""
-    rj.speed_up_xla()
-    jax.config.update("jax_enable_x64", True)
-    header = ["scene", "method", "run ms", "reverse", "forward", "compile s", "reverse", "forward"]
-    first = tabulate(
-        [header, *(costs(name) for name in tqdm(CASES))],
-        headers="firstrow",
-        tablefmt="plain",
-        disable_numparse=True,
-    )
-    second = tabulate(
-        [["steps", "run", "gradient"], *(memory(steps) for steps in tqdm(STEPS))],
-        headers="firstrow",
-        tablefmt="plain",
-        disable_numparse=True,
-    )
-    text = (
+def measure() -> Iterator[record.Section]:
+    """Times of all scenes, then memory."""
+    rows = [["scene", "method", "run ms", "reverse", "forward", "compile s", "reverse", "forward"]]
+    ratios: dict[str, float] = {}
+    for name in CASES:
+        row, more = costs(name)
+        rows.append(row)
+        ratios |= more
+    yield record.Section(
         "Gradients of one number of the last state: by the whole scene in reverse mode, by two\n"
         f"numbers in forward mode, in times of the run; then times to compile. rtol {RTOL:g}, "
-        f"least of\n{REPEATS} interleaved runs. jax {jax.__version__}, {os.cpu_count()} cores, "
-        f"{platform.machine()}.\n\n{first}\n\n"
-        f"Temporary memory of a pendulum in fixed steps [kB]:\n\n{second}\n"
+        f"least of\n{REPEATS} interleaved runs.",
+        rows,
+        ratios,
     )
-    Path(__file__).with_suffix(".txt").write_text(text)
-    print(text)
+    sizes = [memory(steps) for steps in tqdm(STEPS, "memory", leave=False, disable=None)]
+    rows = [[f"{n}", *(f"{x:.0f}" for x in both)] for n, both in zip(STEPS, sizes, strict=True)]
+    yield record.Section(
+        "Temporary memory of a pendulum in fixed steps [kB]:",
+        [["steps", "run", "gradient"], *rows],
+        {"memory of a gradient, 10^3 / 10^5 steps": sizes[0][1] / sizes[-1][1]},
+    )
 
 
 if __name__ == "__main__":
-    main()
+    record.main(measure)

@@ -1,15 +1,26 @@
-"""The chain in other codes: MuJoCo (minimal coordinates, RK4) and Exudyn (generalised alpha)."""
+"""The chain in other codes: MuJoCo (minimal coordinates, RK4) and Exudyn (generalised alpha).
 
+Both clock themselves, since building the model is not part of the work.
+"""
+
+import importlib.util
 import time
 from collections.abc import Callable
 
 import numpy as np
+from timing import Timed
 
-Run = Callable[[float], tuple[np.ndarray, int, float]]
+# A function of the number of steps in one second: places of all bars (3 n) and steps.
+Run = Callable[[float], Timed]
+
+
+def missing() -> list[str]:
+    """Names of the programs that are not installed."""
+    return [name for name in ("MuJoCo", "Exudyn") if not importlib.util.find_spec(name.lower())]
 
 
 def mujoco_chain(links: int) -> Run:
-    """A function of the number of steps in one second: places of all bars (3 n), steps, time."""
+    """By minimal coordinates, with the classical Runge–Kutta method."""
     import mujoco
 
     bar = (
@@ -23,7 +34,7 @@ def mujoco_chain(links: int) -> Run:
         f"<worldbody>{bars}{'</body>' * links}</worldbody></mujoco>"
     )
 
-    def run(steps: float) -> tuple[np.ndarray, int, float]:
+    def run(steps: float) -> Timed:
         model.opt.timestep = 1.0 / steps
         data = mujoco.MjData(model)
         start = time.perf_counter()
@@ -32,13 +43,13 @@ def mujoco_chain(links: int) -> Run:
         angle = np.cumsum(data.qpos)
         along, up = np.cos(angle), np.sin(angle)
         places = [np.cumsum(along) - along / 2, np.cumsum(up) - up / 2, angle]
-        return np.stack(places, axis=1).ravel(), int(steps), taken
+        return Timed((np.stack(places, axis=1).ravel(), int(steps)), taken)
 
     return run
 
 
 def exudyn_chain(links: int) -> Run:
-    """The same by redundant coordinates; the time is that of the solver alone."""
+    """By redundant coordinates; the time is that of the solver alone."""
     import exudyn
     from exudyn.itemInterface import (
         LoadMassProportional,
@@ -84,7 +95,7 @@ def exudyn_chain(links: int) -> Run:
     sparse = exudyn.LinearSolverType.EigenSparse
     settings.linearSolver.solverType = sparse if links > 4 else exudyn.LinearSolverType.EXUdense
 
-    def run(steps: float) -> tuple[np.ndarray, int, float]:
+    def run(steps: float) -> Timed:
         system, nodes = build()
         settings.timeIntegration.numberOfSteps = int(steps)
         start = time.perf_counter()
@@ -93,6 +104,6 @@ def exudyn_chain(links: int) -> Run:
         kind = exudyn.OutputVariableType.Coordinates
         places = np.array([system.GetNodeOutput(node, kind) for node in nodes])
         places[:, 0] += np.arange(links) + 0.5
-        return places.ravel(), int(steps), taken
+        return Timed((places.ravel(), int(steps)), taken)
 
     return run

@@ -1,28 +1,30 @@
 """What reduction saves and costs: errors and times of reduced models against the full model's best
-solver, at the same tolerance. Writes `reduction.txt` beside this file; for many at once, see
+method, at the same tolerance. Writes `reduction.txt` beside this file; for many at once, see
 `batches.py`.
 """
 
-import os
-import platform
-from pathlib import Path
+import textwrap
+from collections.abc import Iterator
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from tabulate import tabulate
+import record
+from linkages import four_bar, slider_crank
 from timing import least
-from tqdm import tqdm
 
 import romjax as rj
 
 REPEATS = 6
 RTOL = 1e-8
-SOLVERS = (rj.Rodas5P(), diffrax.Tsit5(), diffrax.Dopri8())
+EXPLICIT = (diffrax.Tsit5(), diffrax.Dopri8())
+# Of reduced models, which keep no stiff part, Rodas5P never was the fastest.
+SOLVERS = {"full": (rj.Rodas5P(), *EXPLICIT)}
 PLAIN = {"adjoint": diffrax.ForwardMode(), "throw": False, "max_steps": 10_000}
 SLOW = 2.0  # [s] what takes longer is measured once
+USEFUL = 1e-3  # largest error of a model whose ratio is worth following
 
 
 def beams(count: int) -> rj.Scene:
@@ -37,45 +39,6 @@ def beams(count: int) -> rj.Scene:
     return rj.Scene(bodies, joints, [rj.Gravity()])
 
 
-def bar(name: str, start, end) -> rj.RigidBody:  # type: ignore[no-untyped-def]
-    """A uniform bar of 1 kg between two points."""
-    start, along = np.asarray(start, float), np.subtract(end, start)
-    length = float(np.hypot(*along))
-    return rj.RigidBody(
-        name,
-        mass=1.0,
-        inertia=length**2 / 12,
-        position=start + along / 2,
-        angle=float(np.arctan2(along[1], along[0])),
-        extent=(length, 0.1),
-    )
-
-
-def closed(slider: bool) -> rj.Scene:
-    """A four-bar, or a slider crank, that falls under gravity."""
-    a, b, c, d = (0, 0), (0.3, 0.9), (1.8, 1.3), (2.0, 0)
-    if slider:
-        c = (1.5, 0)
-    bars = [bar("crank", a, b), bar("coupler", b, c)]
-    tip = bars[1].at(jnp.array([0.5, 0]) * bars[1].extent)
-    if slider:
-        last = rj.RigidBody("slider", mass=1.0, inertia=0.1, position=c)
-        more = [rj.PointOnLine(last.at(), rj.ground.at()), rj.FixedAngle(last.at(), rj.ground.at())]
-        more.append(rj.Revolute(tip, last.at()))
-    else:
-        last = bar("rocker", d, c)
-        half = jnp.array([0.5, 0]) * last.extent
-        more = [rj.Revolute(last.at(-half), rj.ground.at(d)), rj.Revolute(tip, last.at(half))]
-    half = jnp.array([0.5, 0]) * bars[0].extent
-    middle = jnp.array([0.5, 0]) * bars[1].extent
-    joints = [
-        rj.Revolute(bars[0].at(-half), rj.ground.at()),
-        rj.Revolute(bars[0].at(half), bars[1].at(-middle)),
-        *more,
-    ]
-    return rj.Scene([*bars, last], joints, [rj.Gravity()])
-
-
 # Scene, end of the simulated time [s], ranks by formulation.
 CASES = {
     "cart-pendulum": (
@@ -84,19 +47,19 @@ CASES = {
         {"galerkin": (4, 5), "minimal": (3,), "projected": (5,)},
     ),
     "four-bar": (
-        lambda: closed(False),
+        four_bar,
         2.0,
         {"galerkin": (5, 7), "minimal": (1,), "projected": (5,)},
     ),
     "slider crank": (
-        lambda: closed(True),
+        lambda: slider_crank((0.3, 0.9), (1.5, 0.0), inertia=0.1),
         0.5,
         {"galerkin": (3,), "minimal": (1,), "projected": (3,)},
     ),
     "8 beams": (
         lambda: beams(8),
         1.0,
-        {"galerkin": (36, 40), "minimal": (8, 16), "projected": (36,)},
+        {"galerkin": (40,), "minimal": (8, 16), "projected": (36,)},
     ),
 }
 
@@ -112,55 +75,53 @@ def simulation(model, ts, solver):  # type: ignore[no-untyped-def]
     return lambda: run(dynamic)
 
 
-def measure(name: str) -> list[list[str]]:
-    """The rows of one scene."""
+def compared(name: str) -> record.Section:
+    """The models of one scene, each by its fastest method."""
     make, end, ranks = CASES[name]
     system, ts = rj.assemble(make()), jnp.linspace(0.0, end, 101)
     truth = rj.simulate(system, ts, rtol=1e-10, **PLAIN)
-    models = {("full", ""): system}
+    models, refused = {("full", ""): system}, []
     for formulation, numbers in ranks.items():
         for rank in numbers:
             try:
                 rom = rj.reduce(system, rj.pod(truth, rank=rank), formulation)
             except rj.ReductionError as refusal:
-                print(f"{name}: {refusal}")
+                refused.append(f"{formulation} r = {rank} is refused: {refusal}".rstrip("."))
                 continue
             models[formulation, str(rank)] = rom
-    calls = [simulation(model, ts, solver) for model in models.values() for solver in SOLVERS]
-    times, rows = least(calls, REPEATS, SLOW), []
-    for place, (kind, rank) in enumerate(models):
-        own = range(place * len(SOLVERS), (place + 1) * len(SOLVERS))
-        runs = {i: calls[i]() for i in own}
-        good = [i for i in own if bool(runs[i].success)]
+    labels = [(key, solver) for key in models for solver in SOLVERS.get(key[0], EXPLICIT)]
+    calls = [simulation(models[key], ts, solver) for key, solver in labels]
+    timed, ratios = least(calls, REPEATS, SLOW, name), {}
+    rows = [["model", "r", "method", "steps", "ms", "error", "speed-up"]]
+    for kind, rank in models:
+        own = [one for (key, _), one in zip(labels, timed, strict=True) if key == (kind, rank)]
+        good = [one for one in own if bool(one.result.success)]
         if not good:
-            rows.append([name, kind, rank, "none", "", "", "failed", ""])
+            rows.append([kind, rank, "none", "", "", "failed"])
             continue
-        fastest = min(good, key=lambda i: times[i])
-        run, best = runs[fastest], times[fastest]
+        best = min(good, key=lambda one: one.least)
+        run, error = best.result, float(rj.compare(truth, best.result).error)
+        steps = int(run.stats["num_steps"])
+        row = [kind, rank, run.solver, f"{steps}", f"{1e3 * best.least:.2f}", f"{error:.1e}"]
         if kind == "full":
-            full = best
-        error, steps = float(rj.compare(truth, run).error), int(run.stats["num_steps"])
-        ratio = f"{full / best:.1f}" if kind != "full" else ""
-        row = [name, kind, rank, run.solver, f"{steps}", f"{1e3 * best:.2f}", f"{error:.1e}", ratio]
+            full = best.least
+        else:
+            row.append(f"{full / best.least:.1f}")
+            if error < USEFUL:
+                ratios[f"{name}: full / {kind} r = {rank}"] = full / best.least
         rows.append(row)
-    return rows
+    text = textwrap.fill("; ".join([f"{name}, {end:g} s", *refused]) + ":", 88)
+    return record.Section(text, rows, ratios)
 
 
-def main() -> None:
-    """Measure all scenes and write the table."""
-    rj.speed_up_xla()
-    jax.config.update("jax_enable_x64", True)
-    rows = [row for name in tqdm(CASES) for row in measure(name)]
-    header = ["scene", "model", "r", "method", "steps", "ms", "error", "speed-up"]
-    table = tabulate([header, *rows], headers="firstrow", tablefmt="plain", disable_numparse=True)
-    text = (
-        f"Relative tolerance {RTOL:g}; each model by its fastest method under jax.jit, least of "
-        f"{REPEATS} interleaved runs;\nspeed-up against the full model. jax {jax.__version__}, "
-        f"{os.cpu_count()} cores, {platform.machine()}.\n\n{table}\n"
+def measure() -> Iterator[record.Section]:
+    """A section for each scene."""
+    yield record.Section(
+        f"Relative tolerance {RTOL:g}; each model by its fastest method under jax.jit, least of\n"
+        f"{REPEATS} interleaved runs; speed-up against the full model."
     )
-    Path(__file__).with_suffix(".txt").write_text(text)
-    print(text)
+    yield from map(compared, CASES)
 
 
 if __name__ == "__main__":
-    main()
+    record.main(measure)

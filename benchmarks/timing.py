@@ -1,25 +1,49 @@
 """Times of several programs on one machine."""
 
 import math
+import statistics
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 from tqdm import tqdm
 
 
-def least(calls: Sequence[Callable[[], Any]], repeats: int, slow: float = math.inf) -> list[float]:
-    """The least of interleaved times of each [s], after a first call that does not count.
+class Timed(NamedTuple):
+    """Times of a call [s], and what it returned."""
 
-    What takes longer than `slow` [s] is measured once.
+    result: Any
+    least: float
+    median: float = math.nan
+    first: float = math.nan  # of the call that does not count: it may compile
+
+
+def clocked(call: Callable[[], Any]) -> Timed:
+    """One call. Where setting up is none of the work, a call clocks itself and returns `Timed`."""
+    start = time.perf_counter()
+    result = jax.block_until_ready(call())
+    taken = time.perf_counter() - start
+    return result if isinstance(result, Timed) else Timed(result, taken)
+
+
+def least(
+    calls: Sequence[Callable[[], Any]], repeats: int, slow: float = math.inf, name: str = ""
+) -> list[Timed]:
+    """Interleaved calls, in rounds, after a first call of each that does not count.
+
+    What takes longer than `slow` [s] is measured once. `name` stands before the bar of progress.
     """
     times: list[list[float]] = [[] for _ in calls]
-    for _ in tqdm(range(repeats + 1), leave=False):
-        for call, taken in zip(calls, times, strict=True):
-            if taken[1:] and taken[-1] > slow:
+    results: list[Any] = [None] * len(calls)
+    # No bar where nobody looks.
+    for _ in tqdm(range(repeats + 1), name, leave=False, disable=None):
+        for i, call in enumerate(calls):
+            if times[i][1:] and times[i][-1] > slow:
                 continue
-            start = time.perf_counter()
-            jax.block_until_ready(call())
-            taken.append(time.perf_counter() - start)
-    return [min(taken[1:]) for taken in times]
+            results[i], taken, *_ = clocked(call)
+            times[i].append(taken)
+    return [
+        Timed(result, min(taken[1:]), statistics.median(taken[1:]), taken[0])
+        for result, taken in zip(results, times, strict=True)
+    ]

@@ -1,23 +1,15 @@
 """Time against achieved error: romjax, diffrax's own solvers, SciPy, MuJoCo and Exudyn.
 
-    python benchmarks/work_precision.py [--out DIR] [--repeats N] [--only NAME]
-
-One run, interleaved: every method once per round, least and median over the rounds. Times are
-second calls, with the first call (trace, compile, run) in a column of its own; errors are in the
-energy norm at the output times against a run at a hundred times tighter tolerance or more, never
-the tolerance asked for. romjax and diffrax are called as `jax.jit` of a simulation; SciPy takes the
-same right-hand side, compiled by JAX, a call per evaluation. MuJoCo and Exudyn (extra `bench`)
-take fixed steps and are compared at the end of one second; so are fixed steps of romjax.
+Interleaved: every method once per round. Times are second calls, with the first call (trace,
+compile, run) in a column of its own; errors are in the energy norm at the output times against a
+run at a hundred times tighter tolerance or more, never the tolerance asked for. romjax and diffrax
+are called as `jax.jit` of a simulation; SciPy takes the same right-hand side, compiled by JAX, a
+call per evaluation. MuJoCo (RK4) and Exudyn take fixed steps and are compared at the end of one
+second; so are fixed steps of romjax. Writes `work_precision.txt` and `.png` beside this file.
 """
 
-import argparse
-import datetime
-import importlib.util
-import os
-import platform
-import time
-from collections.abc import Callable
-from pathlib import Path
+import functools
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import diffrax
@@ -25,62 +17,44 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import peers
+import record
 import scipy.integrate
-from matplotlib.figure import Figure
-from tabulate import tabulate
-from tqdm import tqdm
+from equal_error import STYLES, Row, at_equal_error, draw
+from timing import least
 
 import romjax as rj
 
+REPEATS = 7
+SLOW = 1.0  # [s] what takes longer is measured once
 RTOLS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+# On chains Kvaerno5 is three digits better than asked for.
+LOOSE = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
 ERRORS = (1e-4, 1e-5, 1e-6, 1e-7)
-STYLES = {
-    "Rodas5P": ("#0072b2", "o-"),
-    "Dopri8": ("#0072b2", "^--"),
-    "Dopri8, fixed steps": ("#56b4e9", "^-"),
-    "Tsit5": ("#009e73", "v-."),
-    "Kvaerno5": ("#d55e00", "s-"),
-    "SciPy BDF": ("#7f7f7f", "x--"),
-    "SciPy LSODA": ("#7f7f7f", "+:"),
-    "MuJoCo RK4": ("#000000", "d-"),
-    "Exudyn": ("#cc79a7", "P-"),
+# romjax with its own and diffrax's explicit methods; what each of the others is measured at.
+OURS = ("Rodas5P", "Dopri8", "Dopri8, fixed steps", "Tsit5")
+OTHERS = {
+    "Kvaerno5": (1e-4, 1e-6),
+    "SciPy BDF": (1e-4,),
+    "SciPy LSODA": (1e-4,),
+    "MuJoCo": (1e-5, 1e-7),
+    "Exudyn": (1e-6,),
 }
-OURS = {
-    "Rodas5P",
-    "Dopri8",
-    "Dopri8, fixed steps",
-    "Tsit5",
-}  # romjax with its own and diffrax's methods
 
 
 class Method(NamedTuple):
-    """A function of a setting that returns places, steps and the time it took."""
+    """A function of a setting that returns places and the number of steps."""
 
-    run: Callable[[float], tuple[np.ndarray, int, float]]
+    run: Callable[[float], tuple[np.ndarray, int]]
     settings: tuple[float, ...]
 
 
 class Case(NamedTuple):
     """One scene, when it is looked at, and who simulates it."""
 
-    name: str
     methods: dict[str, Method]
     truth: np.ndarray
     root: np.ndarray  # of the metric of errors
     size: float  # of the motion
-
-
-class Row(NamedTuple):
-    """One method at one setting."""
-
-    case: str
-    method: str
-    setting: float
-    error: float
-    least_ms: float
-    median_ms: float
-    first_s: float  # first call of the method
-    steps: int
 
 
 def romjax_run(system, ts, solver, stabilization, **fixed):  # type: ignore[no-untyped-def]
@@ -88,7 +62,7 @@ def romjax_run(system, ts, solver, stabilization, **fixed):  # type: ignore[no-u
 
     @jax.jit
     def simulate(q0, setting):  # type: ignore[no-untyped-def]
-        numbers = {"dt": 1 / setting} if fixed else {"rtol": setting}
+        chosen = {"dt": 1 / setting} if fixed else {"rtol": setting}
         found = rj.simulate(
             system,
             ts,
@@ -97,28 +71,24 @@ def romjax_run(system, ts, solver, stabilization, **fixed):  # type: ignore[no-u
             stabilization=stabilization,
             adjoint=diffrax.ForwardMode(),
             throw=False,
-            **numbers,
+            **chosen,
         )
         return found.q[1:], found.stats["num_steps"]
 
-    def run(setting: float) -> tuple[np.ndarray, int, float]:
-        arguments = system.q0, jnp.asarray(float(setting))
-        start = time.perf_counter()
-        q, steps = jax.block_until_ready(simulate(*arguments))
-        return np.asarray(q), int(steps), time.perf_counter() - start
-
-    return run
+    # Made once: of the shortest runs it would be a third.
+    numbers = functools.cache(lambda setting: jnp.asarray(float(setting)))
+    return lambda setting: simulate(system.q0, numbers(setting))
 
 
 def scipy_run(system, ts, name, stabilization):  # type: ignore[no-untyped-def]
+    """SciPy's integration as a function of the tolerance."""
     n = system.n
     rate = jax.jit(
         lambda t, y: jnp.append(y[n:], system.acceleration(t, y[:n], y[n:], stabilization)[0])
     )
     start_state = np.concatenate([system.q0, system.v0])
 
-    def run(rtol: float) -> tuple[np.ndarray, int, float]:
-        start = time.perf_counter()
+    def run(rtol: float) -> tuple[np.ndarray, int]:
         found = scipy.integrate.solve_ivp(
             lambda t, y: np.asarray(rate(t, y)),
             (float(ts[0]), float(ts[-1])),
@@ -128,14 +98,12 @@ def scipy_run(system, ts, name, stabilization):  # type: ignore[no-untyped-def]
             rtol=rtol,
             atol=rtol,
         )
-        return found.y[:n].T, found.nfev, time.perf_counter() - start
+        return found.y[:n].T, found.nfev
 
     return run
 
 
-def case(
-    name: str, scene: rj.Scene, outputs: int, stiff: bool, links: int = 0, mild: bool = True
-) -> Case:
+def case(scene: rj.Scene, outputs: int, stiff: bool, links: int = 0, mild: bool = True) -> Case:
     """A case with all methods that suit it."""
     system, ts = rj.assemble(scene), jnp.linspace(0.0, 1.0, outputs + 1)
     omega = system.frequencies(ts[0], system.q0, system.v0).rigid
@@ -152,7 +120,9 @@ def case(
     found = {}
     if links <= 8:
         found["Rodas5P"] = Method(romjax_run(system, ts, rj.Rodas5P(), keep), RTOLS)
-        found["Kvaerno5"] = Method(romjax_run(system, ts, diffrax.Kvaerno5(), keep), RTOLS)
+        found["Kvaerno5"] = Method(
+            romjax_run(system, ts, diffrax.Kvaerno5(), keep), RTOLS if stiff else LOOSE
+        )
         # Stiffer cases take SciPy minutes a run.
         for method in ("BDF", "LSODA") if mild else ():
             found[f"SciPy {method}"] = Method(scipy_run(system, ts, method, keep), RTOLS[:3])
@@ -164,134 +134,88 @@ def case(
         steps = tuple(few * k // 2 for k in (2, 3, 4, 5, 6, 8))
         fixed = romjax_run(system, ts, diffrax.Dopri8(), keep, fixed=True)
         found["Dopri8, fixed steps"] = Method(fixed, steps)
-        if importlib.util.find_spec("mujoco"):
+        if "MuJoCo" not in peers.missing():
             steps = (10, 20, 40, 80, 160, 320) if links < 32 else (40, 80, 160, 320)
-            found["MuJoCo RK4"] = Method(peers.mujoco_chain(links), steps)
-        if importlib.util.find_spec("exudyn"):
+            found["MuJoCo"] = Method(peers.mujoco_chain(links), steps)
+        if "Exudyn" not in peers.missing():
             steps = (60, 200, 700, 2500, 6000) if links < 128 else (100, 400, 1600)
             found["Exudyn"] = Method(peers.exudyn_chain(links), steps)
     root = np.linalg.cholesky(np.asarray(truth.metric))
     size = float(np.linalg.norm((truth.q[1:] - truth.q[0]) @ root))
-    return Case(name, found, np.asarray(truth.q[1:]), root, size)
+    return Case(found, np.asarray(truth.q[1:]), root, size)
 
 
-CASES: dict[str, Callable[[str], Case]] = {
-    f"cart-pendulum, {f2:g} Hz": lambda name, f2=f2: case(
-        name, rj.gallery.cart_pendulum(f2=f2), 100, True, mild=f2 <= 1e3
+# By the frequency of the second mode, and by the number of bars.
+CASES: dict[str, Callable[[], Case]] = {
+    name: functools.partial(
+        lambda f2: case(rj.gallery.cart_pendulum(f2=f2), 100, True, mild=f2 <= 1e3), f2
     )
-    for f2 in (1e3, 1e4, 1e5)
+    for name, f2 in (("cart-pendulum", 1e3), ("cart, 10 kHz", 1e4), ("cart, 100 kHz", 1e5))
 } | {
-    f"chain of {n}": lambda name, n=n: case(name, rj.gallery.chain(n), 1, False, n)
+    f"chain of {n}": functools.partial(lambda n: case(rj.gallery.chain(n), 1, False, n), n)
     for n in (1, 2, 8, 32, 128)
 }
 
 
-def measure(case: Case, repeats: int) -> list[Row]:
-    """All methods at all settings of one case, in rounds."""
-    results, times, first = {}, {}, {}
-    for name, method in case.methods.items():
-        start = time.perf_counter()
-        method.run(method.settings[0])
-        first[name] = time.perf_counter() - start
-    for _ in tqdm(range(repeats), desc=case.name):
-        for name, method in case.methods.items():
-            for setting in method.settings:
-                q, steps, taken = method.run(setting)
-                results[name, setting] = q, steps
-                times.setdefault((name, setting), []).append(taken)
-    rows = []
-    for (name, setting), taken in times.items():
-        q, steps = results[name, setting]
-        missed = (np.reshape(q, case.truth.shape) - case.truth) @ case.root
-        error = float(np.linalg.norm(missed)) / case.size
-        ms = 1e3 * np.array(taken)
-        rows.append(
-            Row(case.name, name, setting, error, ms.min(), np.median(ms), first[name], steps)
-        )
+def runs(name: str) -> list[Row]:
+    """All methods at all settings of one case."""
+    found = CASES[name]()
+    labels = [
+        (method, setting) for method, one in found.methods.items() for setting in one.settings
+    ]
+    calls = [functools.partial(found.methods[method].run, setting) for method, setting in labels]
+    rows, first = [], {}
+    for (method, setting), timed in zip(labels, least(calls, REPEATS, SLOW, name), strict=True):
+        q, steps = timed.result
+        missed = (np.reshape(q, found.truth.shape) - found.truth) @ found.root
+        with np.errstate(over="ignore"):  # of steps that are too long
+            error = float(np.linalg.norm(missed)) / found.size
+        # One program serves all settings: the first call of the first one compiles it.
+        compiled = first.setdefault(method, timed.first)
+        ms = 1e3 * timed.least, 1e3 * timed.median
+        rows.append(Row(method, setting, error, *ms, compiled, int(steps)))
     return rows
 
 
-def at_error(rows: list[Row], error: float) -> float | None:
-    """Least time [ms] at an error, along straight lines between neighbours in the logarithms."""
-    points = sorted((row.error, row.least_ms) for row in rows if 0 < row.error < 1)
-    if not points or error < points[0][0]:
-        return None
-    errors, least = np.log(points).T
-    # Looser than the loosest run: that one, as it is.
-    return float(np.exp(np.interp(np.log(error), errors, least)))
+def compared(name: str, rows: list[Row]) -> tuple[list[list[str]], dict[str, float]]:
+    """The table of times at equal errors, and the ratios of those that are followed."""
+    others = [other for other in OTHERS if any(row.method == other for row in rows)]
+    lines = [["error", "best of romjax", "ms", *others]]
+    ratios = {}
+    for error in ERRORS:
+        found = at_equal_error(rows, error)
+        ours = {method: found[method] for method in OURS if method in found}
+        if not ours:
+            continue
+        best = min(ours, key=ours.__getitem__)
+        times = {other: found[other] / ours[best] for other in others if other in found}
+        cells = (record.short(times.get(other)) for other in others)
+        lines.append([f"{error:.0e}", best, f"{ours[best]:.2g}", *cells])
+        for other, value in times.items():
+            if error in OTHERS[other]:
+                short = other.removeprefix("SciPy ")
+                ratios[f"{name} at {error:.0e}: {short} / romjax".replace("e-0", "e-")] = value
+    return lines, ratios
 
 
-def at_equal_error(rows: list[Row]) -> list[list[object]]:
-    """Times at the same errors: the best of romjax, and how many times longer others take."""
-    lines = []
-    for name in dict.fromkeys(row.case for row in rows):
-        for error in ERRORS:
-            found = {
-                method: at_error([r for r in rows if (r.case, r.method) == (name, method)], error)
-                for method in STYLES
-            }
-            ours = {m: found[m] for m in STYLES if m in OURS and found[m]}
-            if ours:
-                best = min(ours, key=ours.__getitem__)  # type: ignore[arg-type]
-                others = [m for m in STYLES if m not in OURS]
-                ratios = [found[m] / ours[best] if found[m] else None for m in others]  # type: ignore[operator]
-                lines.append([name, error, best, ours[best], *ratios])
-    return lines
-
-
-def draw(rows: list[Row]) -> Figure:
-    """The work–precision diagram, one panel per case."""
-    names = list(dict.fromkeys(row.case for row in rows))
-    columns = min(4, len(names))
-    figure = Figure(figsize=(3.1 * columns, 3.0 * -(-len(names) // columns) + 0.7))
-    shared = {}
-    for k, name in enumerate(names):
-        axes = figure.add_subplot(-(-len(names) // columns), columns, k + 1, title=name)
-        for method, (colour, style) in STYLES.items():
-            chosen = [r for r in rows if (r.case, r.method) == (name, method) and r.error < 1]
-            points = sorted((r.error, r.least_ms) for r in chosen if r.error > 0)
-            if points:
-                (shared[method],) = axes.loglog(
-                    *np.transpose(points), style, color=colour, markersize=4, linewidth=1.2
-                )
-        axes.set_xlim(1e-9, 1e-2)
-        axes.invert_xaxis()
-        axes.grid(alpha=0.3)
-        axes.set_xlabel("error")
-        if k % columns == 0:
-            axes.set_ylabel("time [ms]")
-    figure.legend(shared.values(), shared.keys(), loc="lower center", ncols=5, frameon=False)
-    figure.tight_layout(rect=(0, 0.09, 1, 1))
-    return figure
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent)
-    parser.add_argument("--repeats", type=int, default=7)
-    parser.add_argument("--only", default="", help="cases whose name contains this")
-    options = parser.parse_args()
-    jax.config.update("jax_enable_x64", True)
-    rj.speed_up_xla()
-    rows = []
-    for name, make in CASES.items():
-        if options.only in name:
-            rows += measure(make(name), options.repeats)
-    others = [m for m in STYLES if m not in OURS]
-    header = ["case", "error", "best of romjax", "ms", *(f"{m} / ours" for m in others)]
-    machine = f"{platform.machine()}, {os.cpu_count()} cores, jax {jax.__version__}"
-    text = "\n\n".join(
-        [
-            f"{datetime.date.today()}, {machine}",
-            tabulate(at_equal_error(rows), header, floatfmt=".2g", missingval="-"),
-            tabulate(rows, Row._fields, floatfmt=".2e"),
+def measure() -> Iterator[record.Section]:
+    """The sections of all cases, then the diagram."""
+    cases: dict[str, list[Row]] = {}
+    for name in CASES:
+        rows = cases[name] = runs(name)
+        lines, ratios = compared(name, rows)
+        heading = f"{name}: times at equal errors, the best of romjax and others in units of it"
+        yield record.Section(f"{heading}:", lines, ratios, peers.missing())
+        cells = [
+            [row.method, f"{row.setting:g}", *(f"{x:.2e}" for x in row[2:6]), f"{row.steps}"]
+            for row in sorted(rows, key=lambda row: list(STYLES).index(row.method))
         ]
+        yield record.Section(f"{name}: all runs:", [Row._fields, *cells])
+    yield record.Section(
+        f"Least and median of {REPEATS} rounds; what takes longer than {SLOW:g} s, once.",
+        figure=draw(cases),
     )
-    print(text)
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "work_precision.txt").write_text(text + "\n")
-    draw(rows).savefig(options.out / "work_precision.png", dpi=110)
 
 
 if __name__ == "__main__":
-    main()
+    record.main(measure)

@@ -1,0 +1,82 @@
+"""Bars between points: a four-bar and a slider crank, for several comparisons."""
+
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+import numpy as np
+
+import romjax as rj
+
+Point = Sequence[float]
+REST = ((0.0, 0.0), (0.0, 0.0))
+FOUR_BAR = ((0.0, 0.0), (0.3, 0.9), (1.8, 1.3), (2.0, 0.0))
+
+
+def bar(
+    name: str, start: Point, end: Point, mass: float = 1.0, velocities: Sequence[Point] = REST
+) -> rj.RigidBody:
+    """A uniform bar between two points that have these velocities."""
+    along, faster = np.subtract(end, start), np.subtract(velocities[1], velocities[0])
+    length = float(np.hypot(*along))
+    return rj.RigidBody(
+        name,
+        mass=mass,
+        inertia=mass * length**2 / 12,
+        position=np.add(start, end) / 2,
+        angle=float(np.arctan2(along[1], along[0])),
+        velocity=np.mean(velocities, axis=0),
+        angular_velocity=float(along[0] * faster[1] - along[1] * faster[0]) / length**2,
+        extent=(length, 0.1),
+    )
+
+
+def ends(body: rj.RigidBody) -> tuple[rj.Marker, rj.Marker]:
+    """Its start and its end."""
+    half = body.extent * jnp.array([0.5, 0.0])
+    return body.at(-half), body.at(half)
+
+
+def four_bar(
+    points: Sequence[Point] = FOUR_BAR,
+    coupler: float = 1.0,
+    twice: bool = False,
+    velocities: Sequence[Point] = REST,
+    gravity: bool = True,
+) -> rj.Scene:
+    """Crank, coupler of a given mass [kg] and rocker between four points, the outer ones on the
+    ground, the inner ones with these velocities. The first hinge may be made twice.
+    """
+    a, b, c, d = points
+    fixed = (0.0, 0.0)
+    bodies = [
+        bar("crank", a, b, velocities=(fixed, velocities[0])),
+        bar("coupler", b, c, coupler, velocities),
+        bar("rocker", d, c, velocities=(fixed, velocities[1])),
+    ]
+    (foot, knee), (left, right), (base, top) = (ends(body) for body in bodies)
+    joints = [
+        rj.Revolute(foot, rj.ground.at(a)),
+        rj.Revolute(knee, left),
+        rj.Revolute(base, rj.ground.at(d)),
+        rj.Revolute(right, top),
+    ]
+    more = joints[:1] if twice else []
+    return rj.Scene(bodies, joints + more, [rj.Gravity()] if gravity else [])
+
+
+def slider_crank(
+    p: Point, s: Point, inertia: float, velocities: Sequence[Point] = REST, gravity: bool = True
+) -> rj.Scene:
+    """Crank from the origin to p, rod from p to s, and a slider of 1 kg at s on the x axis."""
+    crank = bar("crank", (0.0, 0.0), p, velocities=((0.0, 0.0), velocities[0]))
+    rod = bar("rod", p, s, velocities=velocities)
+    slider = rj.RigidBody("slider", 1.0, inertia, position=s, velocity=velocities[1])
+    (foot, knee), (left, right) = ends(crank), ends(rod)
+    joints = [
+        rj.Revolute(foot, rj.ground.at()),
+        rj.Revolute(knee, left),
+        rj.PointOnLine(slider.at(), rj.ground.at()),
+        rj.FixedAngle(slider.at(), rj.ground.at()),
+        rj.Revolute(right, slider.at()),
+    ]
+    return rj.Scene([crank, rod, slider], joints, [rj.Gravity()] if gravity else [])
