@@ -84,13 +84,16 @@ def rows_of(ways: Iterable[Way]) -> list[Row]:
 
 
 def promising(ways: list[Way]) -> list[Way]:
-    """Those on the front, and on that of the full model alone, by turns; most of it first."""
+    """Those on the front, and on that of the full model alone, by turns; what has most digits of it
+    first.
+    """
     fronts = []
     for own in (ways, [way for way in ways if way.model.formulation == "full"]):
-        owners = [way for way in own for _ in way.found]
-        rows = zip(owners, with_front(rows_of(own)), strict=True)
-        counts = collections.Counter(way for way, row in rows if row.pareto)
-        fronts.append([way for way, _ in counts.most_common()])
+        owners, digits = [way for way in own for _ in way.found], collections.Counter[Way]()
+        for way, row in zip(owners, with_front(rows_of(own)), strict=True):
+            if row.pareto:
+                digits[way] -= np.log10(max(row.error, np.finfo(float).tiny))
+        fronts.append([way for way, _ in digits.most_common()])
     turns = itertools.chain.from_iterable(itertools.zip_longest(*fronts))
     return list(dict.fromkeys(way for way in turns if way))
 
