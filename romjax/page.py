@@ -2,6 +2,7 @@
 
 import base64
 import csv
+import datetime
 import html
 import io
 import math
@@ -26,6 +27,8 @@ body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem aut
 img {{ max-width: 100%; }}
 table {{ border-collapse: collapse; font-size: 0.85rem; font-variant-numeric: tabular-nums; }}
 th, td {{ padding: 0.2rem 0.7rem; border-bottom: 1px solid #ddd; text-align: right; }}
+td {{ white-space: nowrap; }}
+.wide {{ overflow-x: auto; }}
 th:nth-child(-n+2), td:nth-child(-n+2) {{ text-align: left; }}
 tr.front td {{ font-weight: 600; }}
 </style></head><body>
@@ -59,7 +62,7 @@ def summary(result: Accuracy) -> str:
         for found in recommendations(result, lanes):
             row, runs = found.row, result.break_even(found.row)
             cells = [row.model, row.solver, _setting(row), f"{row.error:.1e}"]
-            pays = "" if runs is None else f"{runs:,.0f} runs"
+            pays = "" if runs is None else f"{runs:,.0f} runs" if math.isfinite(runs) else "never"
             rows.append([f"{found.error:g}", *cells, f"{1e3 * row.least:.2f}", pays])
         text += f"Of {lanes} runs at once, each:\n" if lanes > 1 else ""
         text += tabulate(rows, header, tablefmt="plain", disable_numparse=True, colalign=sides)
@@ -123,18 +126,19 @@ def _page(result: Accuracy, title: str, picture: bytes) -> str:
         f"<li>{html.escape(name)}: {html.escape(why)}</li>" for name, why in result.skipped.items()
     ]
     skipped = "<h2>Not measured</h2><ul>" + "\n".join(items) + "</ul>" if items else ""
-    found = [advice for lanes in _lanes(result) for advice in recommendations(result, lanes)]
+    # One line for each way, with the least of the errors that it is for.
+    found = {advice.row: advice for n in _lanes(result) for advice in recommendations(result, n)}
     device = jax.devices()[0]
     machine = (
-        f"{os.cpu_count()} cores, {platform.machine()}, {device.device_kind}; "
+        f"{datetime.date.today()}, {os.cpu_count()} cores, {platform.machine()}, {device.device_kind}; "
         f"Python {platform.python_version()}, jax {jax.__version__}"
     )
     return _PAGE.format(
         title=html.escape(title),
         reference=html.escape(_reference(result)),
-        recommendations="\n".join(f"<li>{html.escape(x.words)}</li>" for x in found),
+        recommendations="\n".join(f"<li>{html.escape(x.words)}</li>" for x in found.values()),
         figure=base64.b64encode(picture).decode(),
-        table="<table>\n" + "\n".join(lines) + "\n</table>",
+        table='<div class="wide"><table>\n' + "\n".join(lines) + "\n</table></div>",
         skipped=skipped,
         machine=html.escape(machine),
     )

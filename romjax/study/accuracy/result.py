@@ -177,9 +177,10 @@ class Accuracy:
             f"For an error of {error:g}: {row.model}, solver={row.solver}(), {name}={setting:.0e}; "
             f"error {row.error:.1e} in {1e3 * row.least:.2g} ms{each}."
         )
-        saved = self.break_even(row)
-        if saved is not None:
-            words += f" Making the model pays for itself after {saved:,.0f} runs."
+        runs = self.break_even(row)
+        if runs is not None:
+            when = f"after {runs:,.0f} runs" if np.isfinite(runs) else "never"
+            words += f" Making the model pays for itself {when}."
         settings = {"solver": self.solvers[row.solver], **row.settings}
         return Recommendation(error, row, self.models[row.model], settings, words)
 
@@ -187,12 +188,13 @@ class Accuracy:
         """After how many runs a reduced model has saved what it took to make: T_offline over
         T_full − T_reduced, where the full model takes the cheapest way to the same error.
 
-        None for the full model; infinite where nothing is saved.
+        None for the full model, and where that was not measured at this error; infinite where
+        nothing is saved.
         """
-        if row.formulation == "full":
-            return None
         full = self.cheapest_full(row)
-        if full is None or full.least <= row.least:
+        if row.formulation == "full" or full is None:
+            return None
+        if full.least <= row.least:
             return np.inf
         return row.offline / (full.least - row.least)
 
