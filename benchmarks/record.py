@@ -12,6 +12,7 @@ import json
 import math
 import os
 import platform
+import signal
 import sys
 import textwrap
 import tomllib
@@ -186,6 +187,8 @@ def main(measure: Callable[[], Iterator[Section]], setup: Callable[[], None] = b
         "--ratios", type=Path, metavar="FILE", help="file to write the ratios to, as JSON"
     )
     options = parser.parse_args()
+    # Also where the command was started in the background, which ignores Ctrl-C.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     setup()
     sections, failure = collect(measure)
     ratios = {name: float(x) for section in sections for name, x in section.ratios.items()}

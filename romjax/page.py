@@ -130,8 +130,8 @@ def _page(result: Accuracy, title: str, picture: bytes) -> str:
     found = {advice.row: advice for n in _lanes(result) for advice in recommendations(result, n)}
     device = jax.devices()[0]
     machine = (
-        f"{datetime.date.today()}, {os.cpu_count()} cores, {platform.machine()}, {device.device_kind}; "
-        f"Python {platform.python_version()}, jax {jax.__version__}"
+        f"{datetime.date.today()}, {os.cpu_count()} cores, {platform.machine()}, "
+        f"{device.device_kind}; Python {platform.python_version()}, jax {jax.__version__}"
     )
     return _PAGE.format(
         title=html.escape(title),

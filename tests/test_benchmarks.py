@@ -143,15 +143,20 @@ def test_ctrl_c(scripts):
         f"main = runpy.run_path({str(FOLDER / '__main__.py')!r}, run_name='command')['main']\n"
         f"sys.exit(main([], pathlib.Path({str(scripts)!r}), {names}, {{}}))"
     )
-    process = subprocess.Popen(
-        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    for line in process.stderr:
-        if line == "ready\n":
-            break
-    start = time.perf_counter()
-    os.kill(process.pid, signal.SIGINT)
-    process.communicate(timeout=60)
+    with subprocess.Popen(
+        [sys.executable, "-c", program],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # As in a terminal: what a shell runs in the background ignores Ctrl-C.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    ) as process:
+        for line in process.stderr:
+            if line == "ready\n":
+                break
+        start = time.perf_counter()
+        os.kill(process.pid, signal.SIGINT)
+        process.communicate(timeout=60)
     assert process.returncode == 130
     assert time.perf_counter() - start < 30
     summary = (scripts / "summary.txt").read_text()

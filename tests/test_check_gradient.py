@@ -46,6 +46,7 @@ def slider_crank(k, c):
     )
 
 
+@pytest.mark.slow
 def test_the_published_gradient_of_a_slider_crank():
     """G = ∫ T dt over 10 s, by Gauss's rule on the outputs; its derivatives by k and c."""
     nodes, weights = np.polynomial.legendre.leggauss(40)

@@ -93,6 +93,7 @@ def test_run_cart_pendulum(tmp_path):
     assert np.array(rows[1:], float).shape == (301, 1 + 8 + 8 + 4)
 
 
+@pytest.mark.slow
 def test_tune(tmp_path, capsys):
     """Parameters before and after, and the figure of the search."""
     arguments = ["tune", "chain", "--end", "0.2", "--steps", "3", "--out", str(tmp_path)]

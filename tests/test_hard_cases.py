@@ -183,6 +183,7 @@ def test_a_stiff_mode():
     assert rj.compare(truth, motion).error <= STIFF_ERROR
 
 
+@pytest.mark.slow
 def test_single_precision_where_it_can_and_where_not():
     """H12, H4. The cart in steps of 2e-4 s is right to 1e-5; a mass ratio of 1e4 is refused."""
     ts = jnp.linspace(0.0, 1.0, 101)

@@ -169,6 +169,7 @@ def history(system, energy, outputs=51):
     return jax.vmap(energy)(run.q, run.v) / size, run
 
 
+@pytest.mark.slow
 def test_energy_of_many_parts():
     found, run = history(*many_parts())
     assert jnp.max(jnp.abs(found - found[0])) <= ENERGY
@@ -201,6 +202,7 @@ def test_dissipation_never_gains():
     assert found[-1] < found[0] - DISSIPATED
 
 
+@pytest.mark.slow
 def test_energy_of_flexible_parts():
     """A stiffened blade on a sprung hub, and a mesh that hangs from its tip."""
     hub = rj.RigidBody("hub", 1.0, 0.02)

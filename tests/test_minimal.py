@@ -116,6 +116,7 @@ def test_a_singular_position_is_refused():
         rj.reduce(system, rj.pod(motion), "minimal")
 
 
+@pytest.mark.slow
 def test_a_subspace_does_not_change_charts():
     """One mode of two four-bars that go all the way round would be another in each chart."""
     first = {"A": (0, 0), "b": (0.3, 0.9), "c": (1.8, 1.3), "D": (2.0, 0)}
@@ -150,6 +151,7 @@ def test_a_moving_support():
         assert rj.compare(motion, approx).error <= 10 * SOLVED
 
 
+@pytest.mark.slow
 def test_reactions(cart_pendulum, truth):
     """All four multipliers from models that have two and none; the dropped mode's share is 4e-4."""
     for rank, formulation in ((5, "galerkin"), (3, "minimal")):

@@ -147,6 +147,7 @@ def test_modal_damping():
     assert not beam_body(8, modes=2).damped
 
 
+@pytest.mark.slow
 def test_derivatives():
     """Of accelerations by every number of a rod by its invariants and of a stiffened beam."""
     hanging = rj.Beam(

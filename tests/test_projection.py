@@ -93,6 +93,7 @@ def test_projection_costs_few_steps(pendulum):
     assert count(rj.Projection()) <= 1.1 * count(None)
 
 
+@pytest.mark.slow
 def test_the_gradient_passes_through(pendulum):
     """With respect to the start and to gravity, against central differences."""
     scene = rj.gallery.chain(1)

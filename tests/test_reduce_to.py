@@ -65,6 +65,7 @@ def test_variations_join_the_training(truth, cart_pendulum):
     assert not approx.flagged
 
 
+@pytest.mark.slow
 def test_what_cannot_be_reached_is_refused(truth, cart_pendulum):
     """A run that is no motion of the mechanism has no model as good as that."""
     other = dataclasses.replace(truth, t=1.01 * truth.t)

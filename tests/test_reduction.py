@@ -143,6 +143,7 @@ def test_the_chapters_formulation_is_worse(error):
     assert projected.drift >= WORSE * galerkin.drift
 
 
+@pytest.mark.slow
 def test_a_full_basis_reproduces_the_full_run(truth, cart_pendulum):
     """Eight mass-orthonormal columns: the same mechanism in other coordinates."""
     factor = jnp.linalg.cholesky(truth.metric)

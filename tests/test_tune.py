@@ -21,6 +21,7 @@ def pendulum() -> rj.CustomSystem:
     return point_pendulum()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The stabilisation and not the mechanism")
 @pytest.mark.parametrize("step", [0.02, 0.01, 0.005])
 def test_a_pendulum_leads_to_its_own_frequency(pendulum, step):
