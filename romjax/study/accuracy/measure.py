@@ -105,11 +105,9 @@ class Way:
         motion = jax.block_until_ready(self.run(setting))
         took = time.perf_counter() - begin
         found = _found(motion, reference)
-        if found.failure:
-            times = []
-        else:
-            times = [took / self.condition.lanes if took > SLOW else self.clock(setting)]
-        self.found[setting], self.times[setting] = found, times
+        once = found.failure or took > SLOW
+        least = took / self.condition.lanes if once else self.clock(setting)
+        self.found[setting], self.times[setting] = found, [least]
 
     def clock(self, setting: float) -> float:
         """The time of a run [s]; of one lane, if several run at once."""
@@ -131,8 +129,8 @@ class Way:
                 precision=self.condition.precision,
                 lanes=self.condition.lanes,
                 error=found.error,
-                least=min(self.times[setting], default=np.nan),
-                median=float(np.median(self.times[setting] or np.nan)),
+                least=min(self.times[setting]),
+                median=float(np.median(self.times[setting])),
                 compile=self.compile,
                 offline=self.model.offline,
                 steps=found.steps,

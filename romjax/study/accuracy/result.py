@@ -62,7 +62,7 @@ class Row(NamedTuple):
     precision: str
     lanes: int
     error: float  # as `Comparison.error`, of the worst lane; NaN where a run failed
-    least: float  # [s] of the interleaved runs; of one lane, where several run at once
+    least: float  # [s] of the interleaved runs, or until it failed; of one lane of several
     median: float  # [s]
     compile: float  # [s]
     offline: float  # [s]

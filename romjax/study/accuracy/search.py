@@ -73,7 +73,8 @@ class Search:
                 for setting, times in way.times.items():
                     if self.spent(1.0):
                         return
-                    if times and times[-1] * way.condition.lanes < SLOW:
+                    slow = times[-1] * way.condition.lanes > SLOW
+                    if not slow and not way.found[setting].failure:
                         times.append(way.clock(setting))
                 self.bar.update(0)
 
