@@ -139,6 +139,8 @@ def test_ctrl_c(scripts):
     """Ends in a moment and keeps what is measured, the interrupted comparison's part as well."""
     names = ["steady", "waiting", "raising"]
     program = (
+        # As in a terminal: what a shell runs in the background ignores Ctrl-C.
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         f"import pathlib, runpy, sys; sys.path.insert(0, {str(FOLDER)!r})\n"
         f"main = runpy.run_path({str(FOLDER / '__main__.py')!r}, run_name='command')['main']\n"
         f"sys.exit(main([], pathlib.Path({str(scripts)!r}), {names}, {{}}))"
@@ -148,8 +150,6 @@ def test_ctrl_c(scripts):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        # As in a terminal: what a shell runs in the background ignores Ctrl-C.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as process:
         for line in process.stderr:
             if line == "ready\n":
