@@ -67,9 +67,9 @@ def _parser() -> argparse.ArgumentParser:
         "accuracy",
         help="what accuracy costs in time: models, methods and tolerances of a scene",
         description="Measure error and time of the full and of reduced models of a scene by "
-        "several methods and tolerances, one run at a time and 256 at once, in double and in single "
-        "precision, recommend the cheapest for each error, and write a table (CSV), a figure (PNG) "
-        "and a page (HTML). Ctrl-C ends it with what has been measured.",
+        "several methods and tolerances, alone and 256 at once, in double and in single precision, "
+        "recommend the cheapest for each error, and write a table (CSV), a figure (PNG) and a page "
+        "(HTML). Ctrl-C ends it with what has been measured.",
     )
     _add_scene(costs)
     costs.add_argument(
