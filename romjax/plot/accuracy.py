@@ -110,7 +110,8 @@ def _edges(axes: Axes, result: Accuracy, condition: Condition) -> None:
     worst, least = axes.get_xlim()
     failed = [row for row in result.rows if row.failure and row.condition == condition]
     times = [1e3 * row.least for row in failed]
-    axes.plot([worst / 1.3] * len(failed), times, "x", color="black", zorder=5)
+    edge = axes.get_yaxis_transform()  # along the axis in fractions of it
+    axes.plot([0.02] * len(failed), times, "x", color="black", zorder=5, transform=edge)
     if least < result.floor:
         axes.axvspan(least, result.floor, color="0.9", zorder=0)
     axes.set_xlim(worst, least)
@@ -180,21 +181,19 @@ def _history(axes: Axes, result: Accuracy) -> None:
 def _many(axes: Axes, result: Accuracy) -> None:
     runs = np.geomspace(1, 1e5, 101)
     for row, dashes in zip(_cheapest(result), DASHES, strict=False):
-        full = result.cheapest_full(row)
+        full, crossing = result.cheapest_full(row), result.break_even(row) or np.inf
+        pays = bool(np.isfinite(crossing))
         for other in (row, full) if full and full != row else (row,):
             axes.loglog(
                 runs,
                 other.offline + runs * other.least,
                 linestyle=dashes,
                 color=_look(result, other.model)["color"],
-                label=f"{other.model}: {other.error:.0e}",
+                label=f"{other.model}: {other.error:.0e}"
+                + f", after {crossing:,.0f} runs" * (pays and other is row),
             )
-        crossing = result.break_even(row)
-        if crossing is not None and np.isfinite(crossing):
-            place = crossing, row.offline + crossing * row.least
-            axes.plot(*place, "o", color="black", markersize=5)
-            words = f"{crossing:,.0f} runs"
-            axes.annotate(words, place, (6, -10), textcoords="offset points", fontsize=SMALL)
+        if pays:
+            axes.plot(crossing, row.offline + crossing * row.least, "o", color="black", ms=5)
     if axes.lines:
         axes.legend(fontsize=SMALL)
     axes.set(xlabel="runs", ylabel="time with the making of the model [s]")
