@@ -9,9 +9,9 @@ _FLAGS = (
     # The newer way of compiling fusions takes twice as long, and loops that hold its results
     # cannot be compiled as one.
     "--xla_cpu_use_fusion_emitters=false",
-    # Loops of small arrays become one function instead of a list of kernels, each of which costs
-    # more to start than to run.
-    "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=131072",
+    # Loops of less than 16 MiB become one function instead of a list of kernels, each of which
+    # costs more to start than to run: chains of hundreds of bars, and batches of a thousand lanes.
+    "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=16777216",
     # Sums over small axes stay in the loops around them. A library for large ones would take them
     # out, one call for each: that halves the rate of batches.
     "--xla_cpu_experimental_ynn_fusion_type=",

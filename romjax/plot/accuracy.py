@@ -172,7 +172,8 @@ def _history(axes: Axes, result: Accuracy) -> None:
             **_look(result, row.model),
         )
     if axes.lines:
-        axes.legend(fontsize=SMALL)
+        axes.legend(fontsize=SMALL, loc="lower right")
+        axes.set_ylim(axes.get_ylim()[0] / 30)  # room for it
     axes.set(xlabel="time [s]", ylabel="error")
     axes.set_title("Error over time", fontsize=11)
     axes.grid(color="0.9")
@@ -195,7 +196,8 @@ def _many(axes: Axes, result: Accuracy) -> None:
         if pays:
             axes.plot(crossing, row.offline + crossing * row.least, "o", color="black", ms=5)
     if axes.lines:
-        axes.legend(fontsize=SMALL)
+        axes.legend(fontsize=SMALL, loc="lower right")
+        axes.set_ylim(axes.get_ylim()[0] / 100)  # room for it
     axes.set(xlabel="runs", ylabel="time with the making of the model [s]")
     axes.set_title("When reduction pays", fontsize=11)
     axes.grid(color="0.9")
