@@ -28,20 +28,21 @@ REMEDIES = {
     Status.MAX_STEPS: "the solver used up max_steps; loosen rtol and atol, raise max_steps, "
     "or use a solver for stiff systems such as romjax.Rodas5P()",
     Status.NOT_FINITE: "the motion became infinite or NaN; the system is unstable, the mechanism "
-    "passes a singular position, or the step is too long",
+    "passes a singular position, a beam with stiffening bends as far as it is long, or the step is "
+    "too long",
     Status.INCONSISTENT_START: "the start violates the constraints; "
     "use q0, v0 = romjax.consistent(system, q0, v0)",
     Status.PRECISION: "single precision cannot solve for the joint forces of this mechanism: the "
     "masses that a joint connects differ by 1e4 or more, or two joints nearly repeat each other; "
     'call jax.config.update("jax_enable_x64", True) before making any array',
-    Status.JOINTS_PART: "the joints cannot all hold on the way, and the projection leaves some of "
-    "them violated; look at the trajectory's violation, and take out joints that contradict",
+    Status.JOINTS_PART: "not all joints hold on the way; look at the trajectory's violation, take "
+    "out joints that contradict each other, or tighten rtol",
     Status.SOLVER_FAILED: "the solver failed inside a step; try another solver",
 }
 
 
 class SimulationError(RuntimeError):
-    """A simulation that did not reach its end, with the reason and the remedy."""
+    """A simulation that failed, with the reason and the remedy."""
 
 
 class Trajectory(eqx.Module):
