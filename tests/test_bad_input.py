@@ -325,7 +325,9 @@ def test_inconsistent_start(bar_on_a_hinge):
 
 def test_too_few_steps():
     system, run = oscillator(), {"ts": [0.0, 10.0], "max_steps": 4}
-    with pytest.raises(rj.SimulationError, match=r"4 steps.*t = 10 s: MAX_STEPS.*raise max_steps"):
+    with pytest.raises(
+        rj.SimulationError, match=r"4 steps.*t = 10 s and failed: MAX_STEPS.*raise max_steps"
+    ):
         rj.simulate(system, **run)
     trajectory = rj.simulate(system, throw=False, **run)
     assert trajectory.status == rj.Status.MAX_STEPS

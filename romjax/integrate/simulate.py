@@ -282,8 +282,9 @@ def _raise_failure(system: AbstractSystem, trajectory: Trajectory, start: Any) -
             f"{values[row]:.6g} {unit}. Use q0, v0 = romjax.consistent(system, q0, v0)."
         )
     if status != Status.SUCCESS:
+        steps = int(trajectory.stats["num_steps"])
         raise SimulationError(
-            f"simulate: {trajectory.solver} took {int(trajectory.stats['num_steps'])} steps towards "
+            f"simulate: {trajectory.solver} took {steps} steps towards "
             f"t = {float(trajectory.t[-1]):g} s and failed: {trajectory.reason()}."
         )
     return trajectory
