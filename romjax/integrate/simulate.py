@@ -201,7 +201,7 @@ def _simulate(
     # Drift can be finite in q and past all numbers in C.
     finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in (q, v, violation)]))
     status = jnp.asarray(Status.SUCCESS)
-    if projection or (baumgarte and dt is None):
+    if projection or (baumgarte and dt is None and system.holds):
         size = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=1))
         # Baumgarte's term holds them as far as the errors of the steps let it.
         drift = _TORN * size[0] + 10 * rtol * size

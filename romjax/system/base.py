@@ -117,6 +117,8 @@ class AbstractSystem(eqx.Module):
         """What speaks against a motion with this `violation`, as the number of a `Doubt`."""
         return jnp.zeros((), int)
 
+    holds: ClassVar[bool] = True  # whether Baumgarte's term can hold the constraints
+
     settles: ClassVar[bool] = False  # whether `settle` does anything
 
     def settle(

@@ -13,7 +13,7 @@ _LOOPED = 24
 # Up to here a sum of products is fused with what is around it; beyond, a product of its own is
 # faster, since XLA computes the factors again for each product: terms of each sum; and of a single
 # matrix, entries and products in all.
-_FUSED, _ENTRIES, _PRODUCTS = 16, 256, 600
+_FUSED, _ENTRIES, _PRODUCTS = 16, 100, 600
 
 
 def multiply(a: Float[Array, "... p c"], b: Float[Array, "..."]) -> Float[Array, "..."]:

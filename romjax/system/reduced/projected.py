@@ -1,5 +1,7 @@
 """The chapter's reduced model to the letter, for reference only."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -29,6 +31,8 @@ class ProjectedSystem(AbstractSubspaceSystem):
     v0: Float[Array, " r"]
     training: Training | None
     reason: str = eqx.field(static=True)
+
+    holds: ClassVar[bool] = False  # its motion is that of a subspace that knows no constraints
 
     @property
     def m(self) -> int:
