@@ -84,22 +84,6 @@ def test_front(found):
         assert bool(better) != row.pareto
 
 
-def row(least, error, **more):
-    fields = dict.fromkeys(Row._fields, 0) | {"failure": "", "least": least, "error": error}
-    fields |= ALONE._asdict()
-    return Row(**fields | more)
-
-
-def test_failures_are_not_on_the_front():
-    rows = with_front([row(1.0, np.nan, failure="MAX_STEPS"), row(2.0, 1e-3), row(3.0, 1e-3)])
-    assert [r.pareto for r in rows] == [False, True, False]
-
-
-def test_each_condition_has_its_front():
-    rows = with_front([row(1.0, 1e-3), row(2.0, 1e-3, lanes=2), row(2.0, 1e-3)])
-    assert [r.pareto for r in rows] == [True, True, False]
-
-
 def test_recommendation(found, scene):
     """The cheapest of what is accurate enough; its settings give that error."""
     wanted = 1e-3
@@ -115,22 +99,6 @@ def test_recommendation(found, scene):
     assert error <= wanted
     with pytest.raises(ValueError, match=r"nothing that was tried has an error of 1e-30; the best"):
         found.recommend(1e-30)
-
-
-def test_break_even(found):
-    """T_offline / (T_full − T_reduced), of the full model's cheapest way to the same error."""
-
-    def full(least, error):
-        return row(least, error, model="full", formulation="full")
-
-    def runs(*rows):
-        rows = (*rows, row(2.0, 1e-4, formulation="minimal", offline=30.0))
-        return dataclasses.replace(found, rows=rows).break_even(rows[-1])
-
-    assert runs(full(1.0, 1e-3), full(5.0, 1e-4), full(9.0, 1e-6)) == 30.0 / (5.0 - 2.0)
-    assert runs(full(2.0, 1e-6)) == np.inf
-    assert runs(full(5.0, 1e-3)) is None
-    assert found.break_even(full(1.0, 1e-3)) is None
 
 
 def test_table(found):
