@@ -17,14 +17,13 @@ from tabulate import tabulate
 from tqdm import tqdm
 
 from . import page, plot, report
+from .assembly.assemble import assemble
+from .errors import SceneError, SimulationError
 from .gallery.catalogue import EXAMPLES, Example, find
-from .integrate.trajectory import SimulationError
-from .scene.fields import SceneError
 from .scene.scene import Scene
 from .study.accuracy.study import accuracy
 from .study.reduction import reduction_study
 from .study.tune import tune_baumgarte
-from .system.assemble import assemble
 from .xla import speed_up_xla
 
 

@@ -7,11 +7,11 @@ import numpy as np
 from tabulate import tabulate
 
 from . import plot
-from .basis.verdict import verdict
+from .basis.describe import verdict
 from .integrate.trajectory import Trajectory
 from .scene.scene import Scene
+from .study.projected import ProjectedSystem
 from .study.reduction import ReductionStudy, Run
-from .system.reduced.projected import ProjectedSystem
 
 # Time saved in the chapter's section 39.4.2, by POD with six modes and by SOD with five.
 CHAPTER = {"POD projected": "12 %", "SOD projected": "30 %"}

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import optax
 
 import romjax as rj
-from romjax.system.reduced.minimal import MinimalSystem
+from romjax.reduction.minimal import MinimalSystem
 
 CLASS = re.compile(r"[A-Z]\w*[a-z]\w*")
 KEYWORD = re.compile(r"(\w+)=(?:\S.*)?")

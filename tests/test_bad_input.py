@@ -184,6 +184,8 @@ PARTS = {
         ),
         "4 constraints on 3 coordinates leave no motion.*Take out",
     ),
+}
+SYSTEMS = {
     "mass of a wrong shape": (
         lambda: oscillator(mass=lambda q: jnp.eye(2)),
         r"CustomSystem: mass\(q\) has shape \(2, 2\), but it must have shape \(1, 1\)",
@@ -205,9 +207,17 @@ PARTS = {
 
 
 @pytest.mark.parametrize(("make", "words"), PARTS.values(), ids=PARTS)
-def test_scenes_and_systems(make, words):
+def test_scenes(make, words):
     with pytest.raises(rj.SceneError, match="(?s)" + words):
         make()
+
+
+@pytest.mark.parametrize(("make", "words"), SYSTEMS.values(), ids=SYSTEMS)
+def test_systems(make, words):
+    """What is no scene is refused without speaking of one."""
+    with pytest.raises(rj.InputError, match="(?s)" + words) as refusal:
+        make()
+    assert refusal.type is rj.InputError
 
 
 STARTS = {
@@ -215,7 +225,7 @@ STARTS = {
     "times that stand still": ({"ts": [0.0, 0.1, 0.1]}, r"ts must increase, but ts\[1\] = 0\.1"),
     "times that run back": ({"ts": [0.0, 0.2, 0.1]}, r"ts\[1\] = 0\.2 is followed by 0\.1"),
     "NaN time": ({"ts": [0.0, NAN]}, "simulate: ts is .*finite"),
-    "times in a matrix": ({"ts": [[0.0, 1.0]]}, r"simulate: ts has shape \(1, 2\)"),
+    "times in a matrix": ({"ts": [[0.0, 1.0]]}, r"ts has shape \(1, 2\).*one axis"),
     "NaN start": ({"q0": [NAN]}, "simulate: q0 is .*finite"),
     "infinite start": ({"v0": [float("inf")]}, "simulate: v0 is .*finite"),
     "start of a wrong length": ({"q0": [0.0, 1.0]}, r"q0 has shape \(2,\).*\(1\)"),
@@ -224,8 +234,9 @@ STARTS = {
 
 @pytest.mark.parametrize(("changes", "words"), STARTS.values(), ids=STARTS)
 def test_times_and_starts(changes, words):
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises(ValueError, match=words) as refusal:
         rj.simulate(oscillator(), **({"ts": [0.0, 1.0]} | changes))
+    assert not issubclass(refusal.type, rj.SceneError)
 
 
 RANKS = {
@@ -274,7 +285,7 @@ def test_joints_that_cannot_hold():
         q0=[0.0, 0.0],
         v0=[0.0, 0.0],
     )
-    with pytest.raises(rj.SceneError, match=r"constraint [12] is still violated.*cannot all hold"):
+    with pytest.raises(rj.InputError, match=r"constraint [12] is still violated.*cannot all hold"):
         rj.consistent(system)
 
 

@@ -8,7 +8,7 @@ import pytest
 from tolerances import IDENTITY
 
 import romjax as rj
-from romjax.integrate.settled import SettledSolver
+from romjax.integrate.post_step import SettledSolver
 from romjax.integrate.term import MotionTerm
 from romjax.system.consistent import project
 

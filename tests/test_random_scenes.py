@@ -102,7 +102,7 @@ def state_of(seed: int) -> State | None:
         system = rj.assemble(scene_of(seed))
         chance = np.random.default_rng(seed).normal(size=(2, system.n))
         q, v = rj.consistent(system, system.q0 + 0.1 * chance[0], chance[1], TIME)
-    except rj.SceneError:
+    except rj.InputError:
         return None
     found = forces(scene_of(seed), q, v)
     fits = np.max(np.abs(found.rate), initial=0.0) <= BALANCE
@@ -217,7 +217,7 @@ def outcome(seed: int) -> str:
     try:
         system = rj.assemble(scene_of(seed))
         q0, v0 = rj.consistent(system)
-    except rj.SceneError as refusal:
+    except rj.InputError as refusal:
         return str(refusal)
     run = rj.simulate(
         system,
@@ -280,5 +280,5 @@ def test_velocities_that_no_joint_allows_are_refused():
     wheel = rj.RigidBody("wheel", mass=1.0, inertia=0.1)
     ends = wheel.at(), rj.ground.at()
     joints = [rj.FixedAngle(*ends), rj.PrescribedAngle(*ends, rj.Sine(0.5, 2.0))]
-    with pytest.raises(rj.SceneError, match=r"Angle.*by a rate of -?3\.14 /s.*contradict"):
+    with pytest.raises(rj.InputError, match=r"Angle.*by a rate of -?3\.14 /s.*contradict"):
         rj.consistent(rj.assemble(rj.Scene([wheel], joints)))

@@ -8,7 +8,7 @@ import pytest
 from tolerances import SOLVED
 
 import romjax as rj
-from romjax.basis.naive import naive_sod
+from romjax.basis.decomposition.naive import naive_sod
 
 # Sample rates 10 kHz, 3.3 kHz, 1 kHz, 303 Hz and 100 Hz, as every so many-th of the finest.
 STRIDES = (1, 3, 10, 33, 100)

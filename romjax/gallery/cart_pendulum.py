@@ -2,12 +2,12 @@
 
 import math
 
+from ..arrays import Number
 from ..scene.body.beam import Beam
 from ..scene.body.rigid import RigidBody
 from ..scene.effect.damper import Damper
 from ..scene.effect.force import Force
 from ..scene.effect.spring import Spring
-from ..scene.fields import Number
 from ..scene.joint.fixed_angle import FixedAngle
 from ..scene.joint.point_on_line import PointOnLine
 from ..scene.joint.revolute import Revolute

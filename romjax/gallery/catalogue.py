@@ -4,7 +4,7 @@ import dataclasses
 import difflib
 from collections.abc import Callable
 
-from ..scene.fields import SceneError
+from ..errors import SceneError
 from ..scene.scene import Scene
 from .cart_pendulum import cart_pendulum
 from .chain import chain

@@ -2,9 +2,9 @@
 
 import itertools
 
+from ..errors import SceneError
 from ..scene.body.rigid import RigidBody
 from ..scene.effect.gravity import Gravity
-from ..scene.fields import SceneError
 from ..scene.joint.revolute import Revolute
 from ..scene.marker import ground
 from ..scene.scene import Scene

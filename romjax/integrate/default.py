@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..scene.fields import concrete
+from ..arrays import concrete
 from ..system.base import AbstractSystem, Frequencies
 from ..system.stabilization import Baumgarte
 from .rodas5p import Rodas5P

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..system.reduced.base import AbstractReducedSystem
+from ..reduction.base import AbstractReducedSystem
 from .trajectory import Trajectory
 
 

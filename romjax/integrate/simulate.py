@@ -10,21 +10,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..scene.fields import Vector, as_array, check_finite, check_shape, concrete
+from ..arrays import Vector, as_array, concrete
+from ..checks import check_finite, check_shape
+from ..errors import SimulationError
 from ..system.base import AbstractSystem, Frequencies
 from ..system.consistent import START_TOLERANCE, check_start_shapes, project, project_start
 from ..system.stabilization import Baumgarte, Projection, Stabilization
 from .adjoint import default_adjoint
-from .default import (
-    default_solver,
-    default_stabilization,
-    frequencies,
-    warn_of_fast_stabilization,
-)
+from .default import default_solver, default_stabilization, frequencies, warn_of_fast_stabilization
+from .post_step import SettledSolver
 from .rodas5p import Rodas5P
-from .settled import SettledSolver
 from .term import MotionTerm, acceleration
-from .trajectory import REMEDIES, SimulationError, Status, Trajectory
+from .trajectory import REMEDIES, Status, Trajectory
 
 # Joints are torn, not just drifting, where they are violated by so much of the mechanism's size.
 _TORN = 1e-2

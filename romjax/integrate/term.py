@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..scene.fields import Time
+from ..arrays import Time
 from ..system.base import AbstractSystem, Linearization
 from ..system.stabilization import Baumgarte
 

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from ..system.doubt import WORDS, Doubt
+from ..reduction.validity import WORDS, Doubt
 
 
 class Status(enum.IntEnum):
@@ -39,10 +39,6 @@ REMEDIES = {
     "out joints that contradict each other, or tighten rtol",
     Status.SOLVER_FAILED: "the solver failed inside a step; try another solver",
 }
-
-
-class SimulationError(RuntimeError):
-    """A simulation that failed, with the reason and the remedy."""
 
 
 class Trajectory(eqx.Module):

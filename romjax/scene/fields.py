@@ -1,30 +1,20 @@
 """Numeric fields of scene elements: always arrays, so that a new number never recompiles."""
 
 import dataclasses
-from collections.abc import Sequence
+import functools
 from typing import Any, Literal
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, ArrayLike, Real
+from jaxtyping import Array
 
-# What a user may write for a number, a point or a list of numbers.
-Number = ArrayLike
-Vector = ArrayLike | Sequence[Any]
-Time = Real[ArrayLike, ""]  # [s]
+from .. import checks
+from ..arrays import as_array
+from ..errors import SceneError
 
-
-class SceneError(ValueError):
-    """A scene that cannot be assembled: names the culprit, its value and the remedy."""
-
-
-def as_array(value: Any) -> Array:
-    """`value` as a floating-point array of the precision that JAX is set to."""
-    if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jnp.inexact):
-        return value
-    return jnp.asarray(value, dtype=jnp.result_type(float))
+check_shape = functools.partial(checks.check_shape, error=SceneError)
+check_finite = functools.partial(checks.check_finite, error=SceneError)
+check_positive = functools.partial(checks.check_positive, error=SceneError)
+check_not_negative = functools.partial(checks.check_not_negative, error=SceneError)
 
 
 def _convert(value: Any) -> Array | None:
@@ -36,40 +26,6 @@ def number(default: Any = ..., **kwargs: Any) -> Any:
     if default is ...:
         return eqx.field(converter=_convert, **kwargs)
     return eqx.field(converter=_convert, default=default, **kwargs)
-
-
-def concrete(value: Any) -> np.ndarray | None:
-    """The value as a NumPy array, or None while JAX traces (then it cannot be judged)."""
-    return None if isinstance(value, jax.core.Tracer) else np.asarray(value)
-
-
-def check_shape(owner: str, field: str, value: Any, shape: tuple[int | None, ...]) -> None:
-    """Raise unless `value` has `shape`, where None stands for any length."""
-    found = jnp.shape(value)
-    fits = len(found) == len(shape) and all(
-        want in (None, got) for want, got in zip(shape, found, strict=True)
-    )
-    if not fits:
-        wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ")"
-        raise SceneError(f"{owner}: {field} has shape {found}, but it must have shape {wanted}.")
-
-
-def check_finite(owner: str, field: str, value: Any) -> None:
-    known = concrete(value)
-    if known is not None and not np.all(np.isfinite(known)):
-        raise SceneError(f"{owner}: {field} is {known}; every number must be finite.")
-
-
-def check_positive(owner: str, field: str, value: Any, remedy: str = "") -> None:
-    known = concrete(value)
-    if known is not None and not np.all(known > 0):
-        raise SceneError(f"{owner}: {field} is {known}, but it must be positive. {remedy}".rstrip())
-
-
-def check_not_negative(owner: str, field: str, value: Any) -> None:
-    known = concrete(value)
-    if known is not None and not np.all(known >= 0):
-        raise SceneError(f"{owner}: {field} is {known}, but it must not be negative.")
 
 
 def check_numbers(

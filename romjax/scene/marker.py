@@ -6,7 +6,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .fields import Number, SceneError, Vector, check_finite, check_shape, number
+from ..arrays import Number, Vector
+from ..errors import SceneError
+from .fields import check_finite, check_shape, number
 
 GROUND = "ground"
 

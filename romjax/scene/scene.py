@@ -5,9 +5,9 @@ from typing import Any
 
 import equinox as eqx
 
+from ..errors import SceneError
 from .body.base import AbstractBody
 from .effect.base import AbstractEffect
-from .fields import SceneError
 from .joint.base import AbstractJoint
 from .marker import GROUND
 

@@ -8,16 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .fields import (
-    SceneError,
-    Time,
-    as_array,
-    check_finite,
-    check_positive,
-    check_shape,
-    concrete,
-    number,
-)
+from ..arrays import Time, as_array, concrete
+from ..errors import SceneError
+from .fields import check_finite, check_positive, check_shape, number
 
 
 class AbstractSignal(eqx.Module):

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ..arrays import concrete
 from ..integrate.trajectory import Trajectory
-from ..scene.fields import concrete
 
 
 class Comparison(eqx.Module):

@@ -11,12 +11,13 @@ import numpy as np
 from tqdm import tqdm
 
 from ..basis.basis import Basis
-from ..basis.pod import pod
+from ..basis.decomposition.pod import pod
+from ..errors import ReductionError
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
+from ..reduction.base import AbstractReducedSystem
+from ..reduction.reduce import reduce
 from ..system.base import AbstractSystem
-from ..system.reduced.base import AbstractReducedSystem, ReductionError
-from ..system.reduced.reduce import reduce
 from .compare import compare
 from .variation import begin, vary
 

@@ -10,15 +10,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..basis.basis import Basis
-from ..basis.naive import naive_sod
-from ..basis.pod import pod
+from ..basis.decomposition.naive import naive_sod
+from ..basis.decomposition.pod import pod
+from ..basis.decomposition.sod import sod
 from ..basis.rank import Rank
-from ..basis.sod import sod
+from ..errors import ReductionError
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
+from ..reduction.reduce import reduce
 from ..system.base import AbstractSystem
-from ..system.reduced.base import ReductionError
-from ..system.reduced.reduce import reduce
 from ..system.stabilization import Baumgarte, Stabilization
 from .compare import Comparison, compare
 

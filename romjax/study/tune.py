@@ -13,12 +13,12 @@ import optax
 from jaxtyping import Array, ArrayLike, Float
 from tqdm import tqdm
 
+from ..arrays import Vector
 from ..integrate.adjoint import forward_mode
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Status
-from ..scene.fields import Vector
+from ..reduction.base import AbstractReducedSystem
 from ..system.base import AbstractSystem
-from ..system.reduced.base import AbstractReducedSystem
 from ..system.stabilization import Baumgarte
 
 # A step of the search that leaves what can be simulated is taken back, and later ones are shorter.

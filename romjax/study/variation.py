@@ -1,14 +1,14 @@
 """The same reduction of a system with other numbers."""
 
+from ..arrays import Vector
 from ..basis.basis import Basis
-from ..scene.fields import Vector
+from ..reduction.atlas import AtlasSystem
+from ..reduction.base import AbstractReducedSystem
+from ..reduction.minimal import MinimalSystem
+from ..reduction.reduce import reduce
 from ..system.base import AbstractSystem
 from ..system.consistent import consistent
-from ..system.reduced.atlas import AtlasSystem
-from ..system.reduced.base import AbstractReducedSystem
-from ..system.reduced.minimal import MinimalSystem
-from ..system.reduced.projected import ProjectedSystem
-from ..system.reduced.reduce import reduce
+from .projected import ProjectedSystem
 
 
 def vary(rom: AbstractReducedSystem, basis: Basis, system: AbstractSystem) -> AbstractReducedSystem:

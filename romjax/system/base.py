@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ..scene.fields import Time
-from .saddle import Saddle
+from ..arrays import Time
+from ..linalg.kkt import Saddle
+from ..linalg.pattern import Topology
 from .stabilization import Baumgarte
-from .topology import Topology
 
 
 class ConstraintState(NamedTuple):

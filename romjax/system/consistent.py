@@ -6,7 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..scene.fields import SceneError, Vector, as_array, check_shape, concrete
+from ..arrays import Vector, as_array, concrete
+from ..checks import check_shape
+from ..errors import InputError
 from .base import AbstractSystem
 
 START_SWEEPS = 10
@@ -29,7 +31,7 @@ def consistent(
 
     **Arguments:** the `system`; start `q0`, `v0` (n,), its own unless given; time `t` [s].
 
-    Raises SceneError, naming the constraint and what is left of it, if ten sweeps do not get
+    Raises InputError, naming the constraint and what is left of it, if ten sweeps do not get
     |C| below 1e-10, or if no velocity gets |Ċ| below 1e-8: joints that move contradict each other.
     """
     q, v = check_start_shapes(system, q0, v0)
@@ -42,14 +44,14 @@ def consistent(
         return q, v
     worst = int(np.argmax(np.abs(violation)))
     if not abs(violation[worst]) <= _scale(q) * ROUNDING[q.dtype]:
-        raise SceneError(
+        raise InputError(
             f"consistent: after {START_SWEEPS} sweeps {system.constraint_label(worst)} is still "
             f"violated by {violation[worst]:.3g}; the joints cannot all hold, or the given start "
             "is too far from any place where they do."
         )
     worst = int(np.argmax(np.abs(rate)))
     if not abs(rate[worst]) <= _scale(v) * START_TOLERANCE[q.dtype]:
-        raise SceneError(
+        raise InputError(
             f"consistent: {system.constraint_label(worst)} is still violated by a rate of "
             f"{rate[worst]:.3g} /s; no velocity suits all joints: motions that are prescribed "
             "contradict each other, or a joint that stands still."
@@ -103,7 +105,7 @@ def _project_start(
 def check_start_shapes(
     system: AbstractSystem, q0: Vector | None, v0: Vector | None
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-    """The start, that of the system unless given; raise SceneError on a wrong shape."""
+    """The start, that of the system unless given; raise InputError on a wrong shape."""
     q = system.q0 if q0 is None else as_array(q0)
     v = system.v0 if v0 is None else as_array(v0)
     check_shape("start", "q0", q, (system.n,))

@@ -8,7 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..scene.fields import Time, as_array, check_finite, check_shape
+from ..arrays import Time, as_array
+from ..checks import check_finite, check_shape
 from .base import AbstractSystem
 from .mobility import check_mobility
 

@@ -2,12 +2,18 @@
 
 import numpy as np
 
-from ..scene.fields import SceneError, concrete
+from ..arrays import concrete
+from ..errors import InputError
 from .base import AbstractSystem
 
 
-def check_mobility(owner: str, system: AbstractSystem, remedy: str = "") -> None:
-    """Raise SceneError if more constraints than coordinates leave no motion at the start.
+def check_mobility(
+    owner: str,
+    system: AbstractSystem,
+    remedy: str = "",
+    error: type[InputError] = InputError,
+) -> None:
+    """Raise an error if more constraints than coordinates leave no motion at the start.
 
     Repeated ones do not count: a mechanism may have them, and the solution of its equations of
     motion stays unique.
@@ -16,6 +22,5 @@ def check_mobility(owner: str, system: AbstractSystem, remedy: str = "") -> None
         return
     rows = concrete(system.jacobian(0.0, system.q0))
     if rows is not None and np.linalg.matrix_rank(rows) == system.n:
-        raise SceneError(
-            f"{owner}: {system.m} constraints on {system.n} coordinates leave no motion. {remedy}"
-        )
+        words = f"{system.m} constraints on {system.n} coordinates leave no motion. {remedy}"
+        raise error(f"{owner}: {words}".rstrip())

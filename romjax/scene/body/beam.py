@@ -7,15 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..fields import (
-    Number,
-    SceneError,
-    Vector,
-    as_array,
-    check_numbers,
-    concrete,
-    number,
-)
+from ...arrays import Number, Vector, as_array, concrete
+from ...errors import SceneError
+from ..fields import check_numbers, number
 from .base import AbstractBody, check_name, check_start, flexible_start
 from .inertia import Inertia
 from .modes import (

@@ -7,7 +7,8 @@ import scipy.linalg
 import scipy.sparse as sp
 import scipy.sparse.linalg
 
-from ..fields import SceneError, Vector
+from ...arrays import Vector
+from ...errors import SceneError
 
 Matrix = Any  # a NumPy array or a SciPy sparse matrix
 

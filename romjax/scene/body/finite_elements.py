@@ -9,7 +9,8 @@ import scipy.io
 import scipy.sparse as sp
 import scipy.spatial
 
-from ..fields import SceneError, Vector
+from ...arrays import Vector
+from ...errors import SceneError
 from .component_modes import Matrix, checked, craig_bampton, free_interface, ritz
 from .inertia import Inertia
 

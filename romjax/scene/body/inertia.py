@@ -5,7 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..fields import SceneError, check_numbers, concrete, number
+from ...arrays import concrete
+from ...errors import SceneError
+from ..fields import check_numbers, number
 
 
 class Inertia(eqx.Module):

@@ -6,7 +6,9 @@ import math
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..fields import SceneError, check_numbers, concrete, number
+from ...arrays import concrete
+from ...errors import SceneError
+from ..fields import check_numbers, number
 
 
 class AbstractSection(eqx.Module):

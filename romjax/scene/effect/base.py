@@ -10,8 +10,8 @@ import equinox as eqx
 import jax
 from jaxtyping import Array, Float
 
+from ...arrays import Time
 from ..body.base import AbstractBody
-from ..fields import Time
 from ..marker import Marker, Pose, Twist, Wrench
 
 

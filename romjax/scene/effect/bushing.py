@@ -3,7 +3,8 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..fields import Time, check_numbers, number
+from ...arrays import Time
+from ..fields import check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
 from .base import AbstractMarkerEffect, check_markers, displacement
 

@@ -5,8 +5,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ...arrays import Time
+from ...errors import SceneError
 from ..curve import AbstractCurve
-from ..fields import SceneError, Time, check_numbers, number
+from ..fields import check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
 from .base import AbstractMarkerEffect, check_markers, displacement
 

@@ -4,7 +4,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..fields import Time, check_numbers, number
+from ...arrays import Time
+from ..fields import check_numbers, number
 from ..marker import Marker, Pose, Twist
 from .base import AbstractDissipation, check_markers
 

@@ -7,7 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..fields import SceneError, Time, check_numbers, concrete, number
+from ...arrays import Time, concrete
+from ...errors import SceneError
+from ..fields import check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractMarkerEffect, check_markers

@@ -2,7 +2,8 @@
 
 from jaxtyping import Array, Float
 
-from ..fields import Time, check_numbers, number
+from ...arrays import Time
+from ..fields import check_numbers, number
 from ..marker import Marker, Pose
 from .base import AbstractPotential, check_markers
 

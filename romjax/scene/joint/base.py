@@ -5,7 +5,7 @@ import abc
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..fields import Time
+from ...arrays import Time
 from ..marker import Marker, Pose, check_distinct
 
 

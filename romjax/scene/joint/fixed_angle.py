@@ -5,7 +5,8 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..fields import Time, check_numbers, number
+from ...arrays import Time
+from ..fields import check_numbers, number
 from ..marker import Marker, Pose
 from .base import AbstractJoint
 

@@ -5,8 +5,8 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from ...arrays import Time
 from ..curve import AbstractCurve
-from ..fields import Time
 from ..marker import Marker, Pose
 from .base import AbstractJoint
 

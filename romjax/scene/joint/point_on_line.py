@@ -5,7 +5,7 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..fields import Time
+from ...arrays import Time
 from ..marker import Marker, Pose
 from .base import AbstractJoint
 

@@ -5,7 +5,8 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..fields import SceneError, Time
+from ...arrays import Time
+from ...errors import SceneError
 from ..marker import Marker, Pose
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractJoint

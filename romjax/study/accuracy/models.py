@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator, Sequence
 
 import jax
 
-from ...basis.pod import pod
+from ...basis.decomposition.pod import pod
+from ...basis.decomposition.sod import sod
 from ...basis.rank import Rank
-from ...basis.sod import sod
 from ...integrate.trajectory import Trajectory
+from ...reduction.reduce import reduce
 from ...system.base import AbstractSystem
-from ...system.reduced.reduce import reduce
 from .result import Model
 
 DECOMPOSE = {"POD": pod, "SOD": sod}

@@ -6,12 +6,12 @@ import diffrax
 import jax.numpy as jnp
 import numpy as np
 
-from ...basis.pod import pod
+from ...basis.decomposition.pod import pod
+from ...errors import ReductionError, SimulationError
 from ...integrate.simulate import simulate
-from ...integrate.trajectory import SimulationError, Trajectory
+from ...integrate.trajectory import Trajectory
+from ...reduction.reduce import reduce
 from ...system.base import AbstractSystem
-from ...system.reduced.base import ReductionError
-from ...system.reduced.reduce import reduce
 from ...system.stabilization import Projection
 from ..compare import compare
 from .measure import Way

@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import diffrax
 import numpy as np
 
+from ...arrays import Vector
 from ...basis.basis import Basis
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
-from ...scene.fields import Vector
+from ...reduction.base import AbstractReducedSystem
 from ...system.base import AbstractSystem
-from ...system.reduced.base import AbstractReducedSystem
 from ..variation import begin, vary
 
 

@@ -9,12 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from tqdm import tqdm
 
+from ...arrays import Vector
+from ...assembly.assemble import assemble
 from ...basis.rank import Rank
+from ...errors import SimulationError
 from ...integrate.rodas5p import Rodas5P
-from ...integrate.trajectory import SimulationError
-from ...scene.fields import Vector
 from ...scene.scene import Scene
-from ...system.assemble import assemble
 from ...system.base import AbstractSystem
 from .measure import Way
 from .models import DECOMPOSE, FORMULATIONS, default_kinds, reduced_models

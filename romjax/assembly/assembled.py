@@ -6,16 +6,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..arrays import Time
+from ..linalg.dense import multiply
+from ..linalg.indexing import spread
+from ..linalg.kkt import Saddle
+from ..linalg.pattern import Topology
 from ..scene.effect.base import AbstractField
-from ..scene.fields import Time
 from ..scene.marker import Twist
-from .base import AbstractSystem
-from .grouping import spread
+from ..system.base import AbstractSystem
 from .groups import BodyGroup, EffectGroup, JointGroup
 from .kinematics import Markers
-from .saddle import Saddle
-from .small import multiply
-from .topology import Topology
 
 
 class AssembledSystem(AbstractSystem):

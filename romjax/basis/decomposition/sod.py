@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import jax.scipy.linalg as jsl
 from jaxtyping import Array, Float
 
-from .basis import Basis
-from .build import build
-from .rank import FLOOR, Rank, choose_rank
-from .snapshots import Motion, Recording, Snapshots, weigh
-from .subspace import leading, singular_values
+from ..basis import Basis
+from ..build import build
+from ..rank import FLOOR, Rank, choose_rank
+from ..snapshots import Motion, Recording, Snapshots, weigh
+from ..subspace import leading, singular_values
 
 
 def sod(

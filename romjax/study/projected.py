@@ -7,12 +7,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...scene.fields import Time
-from ..base import AbstractSystem, Linearization
-from ..doubt import Training
-from ..small import multiply
-from ..stabilization import Baumgarte
-from .base import AbstractSubspaceSystem
+from ..arrays import Time
+from ..linalg.dense import multiply
+from ..reduction.base import AbstractSubspaceSystem
+from ..reduction.validity import Training
+from ..system.base import AbstractSystem, Linearization
+from ..system.stabilization import Baumgarte
 
 
 class ProjectedSystem(AbstractSubspaceSystem):

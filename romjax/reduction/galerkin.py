@@ -4,11 +4,11 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...scene.fields import Time
-from ..base import AbstractSystem
-from ..doubt import Training
-from ..small import multiply
+from ..arrays import Time
+from ..linalg.dense import multiply
+from ..system.base import AbstractSystem
 from .base import AbstractSubspaceSystem
+from .validity import Training
 
 
 class GalerkinSystem(AbstractSubspaceSystem):

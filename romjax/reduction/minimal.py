@@ -8,15 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...scene.fields import Time
-from ..base import AbstractSystem, Linearization
-from ..doubt import Training
-from ..saddle import Saddle
-from ..small import multiply
-from ..stabilization import Baumgarte
-from ..topology import Topology
+from ..arrays import Time
+from ..linalg.dense import multiply
+from ..linalg.kkt import Saddle
+from ..linalg.pattern import Topology
+from ..system.base import AbstractSystem, Linearization
+from ..system.stabilization import Baumgarte
 from .base import AbstractReducedSystem
 from .chart import Chart
+from .validity import Training
 
 # Newton's method for the dependent coordinates: most matrices, and most steps with each; what is
 # left when it has converged, relative to the coordinates; and what may be left at worst.

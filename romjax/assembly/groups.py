@@ -9,13 +9,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..arrays import Time
+from ..linalg.indexing import Index
 from ..scene.body.base import AbstractBody
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect
-from ..scene.fields import Time
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import Pose, Twist, Wrench
-from .base import quadratic_velocity_force
-from .grouping import Index
+from ..system.base import quadratic_velocity_force
 from .kinematics import PoseGradient, Slots
 
 

@@ -7,16 +7,18 @@ from typing import Any
 import jax.numpy as jnp
 import jax.tree_util as jtu
 
+from ..arrays import as_array
+from ..errors import SceneError
+from ..linalg.indexing import Index
+from ..linalg.pattern import Topology
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect
-from ..scene.fields import as_array
 from ..scene.marker import GROUND, Marker
 from ..scene.scene import Scene
+from ..system.mobility import check_mobility
 from .assembled import AssembledSystem
-from .grouping import Index, group
+from .grouping import group
 from .groups import BodyGroup, EffectGroup, JointGroup
 from .kinematics import Markers, Slots, place_markers
-from .mobility import check_mobility
-from .topology import Topology
 
 
 def assemble(scene: Scene) -> AssembledSystem:
@@ -84,5 +86,6 @@ def assemble(scene: Scene) -> AssembledSystem:
         topology=Topology.of([coordinates[name] for name in order], joined),
         constraint_labels=tuple(j.label() for j in scene.joints for _ in range(j.rows)),
     )
-    check_mobility("assemble", system, "Take out the joints that lock the mechanism.")
+    remedy = "Take out the joints that lock the mechanism."
+    check_mobility("assemble", system, remedy, SceneError)
     return system

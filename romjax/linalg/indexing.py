@@ -1,18 +1,11 @@
-"""Grouping: elements of equal structure are stacked and mapped over at once."""
+"""Static tables of places in flat arrays, and gathers by them."""
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, TypeVar
 
-import jax
 import jax.numpy as jnp
-import jax.tree_util as jtu
 import numpy as np
 from jaxtyping import Array, Float, Shaped
-
-from ..scene.marker import Marker
-
-T = TypeVar("T")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,56 +47,6 @@ def take(array: Shaped[Array, "n *k"], table: np.ndarray) -> Shaped[Array, "..."
             array = jnp.concatenate([array, np.zeros((1, *array.shape[1:]), array.dtype)])
         picked = array[flat]
     return picked.reshape(table.shape + array.shape[1:])
-
-
-def stack(elements: Sequence[T]) -> T:
-    """One element whose leaves have a new first axis that runs over `elements`.
-
-    Known numbers are stacked by NumPy: a long chain then adds nothing to a traced program.
-    """
-
-    def join(*leaves: Any) -> Array:
-        if any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
-            return jnp.stack([jnp.asarray(leaf) for leaf in leaves])
-        return jnp.asarray(np.stack([np.asarray(leaf) for leaf in leaves]))
-
-    return jtu.tree_map(join, *elements)
-
-
-def group(elements: Sequence[T]) -> list[tuple[T, list[int]]]:
-    """Stacks of the elements of equal structure, each with the places of its elements.
-
-    Equal: the same classes, static fields and shapes. Names do not count.
-    """
-    found: dict[Any, tuple[list[T], list[int]]] = {}
-    for place, element in enumerate(elements):
-        plain = anonymous(element)
-        leaves, structure = jtu.tree_flatten(plain)
-        key = (structure, tuple((jnp.shape(x), jnp.result_type(x)) for x in leaves))
-        members, places = found.setdefault(key, ([], []))
-        members.append(plain)
-        places.append(place)
-    return [(stack(members), places) for members, places in found.values()]
-
-
-def anonymous(element: T) -> T:
-    """The element without its name and those of the bodies that its markers sit on."""
-    blank = jtu.tree_map(
-        lambda x: Marker("", x.point, x.angle) if isinstance(x, Marker) else x,
-        element,
-        is_leaf=lambda x: isinstance(x, Marker),
-    )
-    if hasattr(blank, "name"):
-        blank = _rename(blank, "")
-    return blank
-
-
-def _rename(element: Any, name: str) -> Any:
-    # A copy with another static name, without passing through the checks of its constructor.
-    children, structure = jtu.tree_flatten(element, is_leaf=lambda x: x is not element)
-    copy = jtu.tree_unflatten(structure, children)
-    object.__setattr__(copy, "name", name)
-    return copy
 
 
 def spread(

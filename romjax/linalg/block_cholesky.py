@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, UInt32
 
-from .small import invert, multiply, multiply_transposed
+from .dense import invert, multiply, multiply_transposed
 
 Edge = tuple[int, int]
 

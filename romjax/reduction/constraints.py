@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...basis.basis import Basis
-from ...basis.subspace import leading
-from ..base import AbstractSystem
+from ..basis.basis import Basis
+from ..basis.subspace import leading
+from ..system.base import AbstractSystem
 
 # A combination of constraints is kept if the basis can move along it by this share of what the
 # full model can. Cart-pendulum: the shares are 0.018 | 1.0, 6e-5 | 1.0, 0.77 for POD with

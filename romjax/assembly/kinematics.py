@@ -9,9 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..linalg.indexing import Index
 from ..scene.body.base import AbstractBody
 from ..scene.marker import GROUND, Marker, Pose, Wrench
-from .grouping import Index, group, stack
+from .grouping import group, stack
 
 
 class PoseGradient(NamedTuple):

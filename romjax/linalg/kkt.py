@@ -7,10 +7,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .elimination import Factor
-from .grouping import take
-from .small import invert, multiply, multiply_transposed
-from .topology import Topology
+from .block_cholesky import Factor
+from .dense import invert, multiply, multiply_transposed
+from .indexing import take
+from .pattern import Topology
 
 # Added to the unit diagonal of the scaled Schur complement, so that redundant constraints leave a
 # factor, where LU and plain Cholesky give NaN; the sweeps remove its effect.

@@ -5,11 +5,11 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from .basis import Basis
-from .build import build
-from .rank import FLOOR, Rank, choose_rank
-from .snapshots import Motion, Recording, weigh
-from .subspace import Method, leading, singular_values
+from ..basis import Basis
+from ..build import build
+from ..rank import FLOOR, Rank, choose_rank
+from ..snapshots import Motion, Recording, weigh
+from ..subspace import Method, leading, singular_values
 
 # What the eigenvalue problem of the Gram matrix still sees: the values are roots.
 _GRAM_FLOOR = {jnp.dtype("float64"): 1e-7, jnp.dtype("float32"): 1e-3}

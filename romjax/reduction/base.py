@@ -6,15 +6,11 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ...basis.basis import Basis
-from ...scene.fields import Time
-from ..base import AbstractSystem, Frequencies
-from ..doubt import Training
-from ..small import multiply
-
-
-class ReductionError(ValueError):
-    """A basis that does not make a reduced model, with the reason and the remedy."""
+from ..arrays import Time
+from ..basis.basis import Basis
+from ..linalg.dense import multiply
+from ..system.base import AbstractSystem, Frequencies
+from .validity import Training
 
 
 class AbstractReducedSystem(AbstractSystem):

@@ -9,8 +9,8 @@ import jax
 import numpy as np
 import scipy.linalg
 
-from ...basis.snapshots import Recording
-from ..base import AbstractSystem
+from ..basis.snapshots import Recording
+from ..system.base import AbstractSystem
 
 # Minimal coordinates from which the others follow with a larger condition are none.
 WORST = 1e4

@@ -8,14 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...basis.snapshots import Recording
-from ...scene.fields import Time
-from ..base import AbstractSystem, Linearization
-from ..doubt import Training
-from ..stabilization import Baumgarte
-from .base import AbstractReducedSystem, ReductionError
+from ..arrays import Time
+from ..basis.snapshots import Recording
+from ..errors import ReductionError
+from ..system.base import AbstractSystem, Linearization
+from ..system.stabilization import Baumgarte
+from .base import AbstractReducedSystem
 from .chart import WORST, Chart, linear_chart, survey
 from .minimal import MinimalSystem
+from .validity import Training
 
 # A chart covers the snapshots at which its directions and those of the motion enclose an angle
 # whose cosine is at least this; Newton's method starts from those above the second number; and a

@@ -7,18 +7,19 @@ import jax.scipy.linalg as jsl
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...basis.basis import Basis
-from ...basis.pod import pod
-from ...basis.rank import FLOOR
-from ...basis.snapshots import Recording, weigh
-from ...basis.sod import sod
-from ...basis.subspace import singular_values
-from ..base import AbstractSystem
-from ..doubt import Training
+from ..basis.basis import Basis
+from ..basis.decomposition.pod import pod
+from ..basis.decomposition.sod import sod
+from ..basis.rank import FLOOR
+from ..basis.snapshots import Recording, weigh
+from ..basis.subspace import singular_values
+from ..errors import ReductionError
+from ..system.base import AbstractSystem
 from .atlas import Atlas, AtlasSystem, choose_atlas
-from .base import ReductionError, start
+from .base import start
 from .chart import WORST, Chart, choose_chart
 from .minimal import MinimalSystem
+from .validity import Training
 
 # Snapshots that Newton's method may start from.
 _GUESSES = 200

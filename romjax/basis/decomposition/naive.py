@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .snapshots import Motion
+from ..snapshots import Motion
 
 
 class NaiveSod(NamedTuple):

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Array, Float
 
-from .elimination import Edge
-from .grouping import Index, take
+from .block_cholesky import Edge
+from .indexing import Index, take
 
 
 class Pairs(NamedTuple):

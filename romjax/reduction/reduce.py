@@ -8,25 +8,19 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...basis.basis import Basis
-from ...scene.fields import concrete
-from ..base import AbstractSystem
-from ..consistent import ROUNDING, consistent
-from ..doubt import Training
+from ..arrays import concrete
+from ..basis.basis import Basis
+from ..errors import ReductionError
+from ..study.projected import ProjectedSystem
+from ..system.base import AbstractSystem
+from ..system.consistent import ROUNDING, consistent
 from .atlas import Atlas
-from .base import AbstractReducedSystem, ReductionError, project, start
+from .base import AbstractReducedSystem, project, start
 from .chart import Chart
-from .constraints import (
-    LOOSE,
-    ReducedConstraints,
-    locks,
-    looseness,
-    most_kept,
-    reduced_constraints,
-)
+from .constraints import LOOSE, ReducedConstraints, locks, looseness, most_kept, reduced_constraints
 from .galerkin import GalerkinSystem
 from .parametrize import minimal
-from .projected import ProjectedSystem
+from .validity import Training
 
 # Snapshots of which the constraints are evaluated.
 _LOOKS = 200

@@ -1,0 +1,25 @@
+"""What users may write for numbers, and how it becomes an array."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Real
+
+Number = ArrayLike
+Vector = ArrayLike | Sequence[Any]
+Time = Real[ArrayLike, ""]  # [s]
+
+
+def as_array(value: Any) -> Array:
+    """`value` as a floating-point array of the precision that JAX is set to."""
+    if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jnp.inexact):
+        return value
+    return jnp.asarray(value, dtype=jnp.result_type(float))
+
+
+def concrete(value: Any) -> np.ndarray | None:
+    """The value as a NumPy array, or None while JAX traces (then it cannot be judged)."""
+    return None if isinstance(value, jax.core.Tracer) else np.asarray(value)

@@ -1,0 +1,57 @@
+"""Checks of what users pass; each raises an error that names the owner, the field and the value."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from .arrays import concrete
+from .errors import InputError
+
+
+def check_shape(
+    owner: str,
+    field: str,
+    value: Any,
+    shape: tuple[int | None, ...],
+    error: type[InputError] = InputError,
+) -> None:
+    """Raise unless `value` has `shape`, where None stands for any length."""
+    actual = jnp.shape(value)
+    fits = len(actual) == len(shape) and all(
+        want in (None, got) for want, got in zip(shape, actual, strict=True)
+    )
+    if not fits:
+        raise error(f"{owner}: {field} has shape {actual}, but it must {_describe(shape)}.")
+
+
+def _describe(shape: tuple[int | None, ...]) -> str:
+    if shape == (None,):
+        return "have one axis, of any length"
+    lengths = ("any" if length is None else str(length) for length in shape)
+    return f"have shape ({', '.join(lengths)})"
+
+
+def check_finite(owner: str, field: str, value: Any, error: type[InputError] = InputError) -> None:
+    """Raise where a number is infinite or NaN."""
+    known = concrete(value)
+    if known is not None and not np.all(np.isfinite(known)):
+        raise error(f"{owner}: {field} is {known}; every number must be finite.")
+
+
+def check_positive(
+    owner: str, field: str, value: Any, remedy: str = "", error: type[InputError] = InputError
+) -> None:
+    """Raise unless all numbers are positive."""
+    known = concrete(value)
+    if known is not None and not np.all(known > 0):
+        raise error(f"{owner}: {field} is {known}, but it must be positive. {remedy}".rstrip())
+
+
+def check_not_negative(
+    owner: str, field: str, value: Any, error: type[InputError] = InputError
+) -> None:
+    """Raise where a number is negative."""
+    known = concrete(value)
+    if known is not None and not np.all(known >= 0):
+        raise error(f"{owner}: {field} is {known}, but it must not be negative.")

@@ -1,0 +1,17 @@
+"""The exceptions of romjax; each message names the culprit, its value and the remedy."""
+
+
+class InputError(ValueError):
+    """An argument that cannot be used: a wrong shape, a number out of range, …"""
+
+
+class SceneError(InputError):
+    """A scene that cannot be assembled."""
+
+
+class ReductionError(ValueError):
+    """A basis that does not make a reduced model."""
+
+
+class SimulationError(RuntimeError):
+    """A simulation that failed."""
