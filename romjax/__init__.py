@@ -8,6 +8,7 @@ from .basis.decomposition.pod import pod as pod
 from .basis.decomposition.sod import sod as sod
 from .basis.describe import verdict as verdict
 from .basis.stream import PodStream as PodStream
+from .deprecated import __getattr__ as __getattr__
 from .errors import InputError as InputError
 from .errors import ReductionError as ReductionError
 from .errors import SceneError as SceneError

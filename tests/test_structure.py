@@ -110,7 +110,7 @@ def test_the_name_of_a_body_is_no_number_but_no_program_either():
 
 # The layout of the package.
 
-BASE = {"arrays", "checks", "errors", "precision", "compat"}
+BASE = {"arrays", "checks", "errors", "precision", "compat", "deprecated"}
 BELOW = {
     "linalg": set(),
     "scene": set(),
@@ -170,6 +170,8 @@ def test_every_public_name_is_exported_once():
         assert isinstance(node, ast.ImportFrom), "romjax/__init__.py holds exports and no code"
         for alias in node.names:
             assert alias.asname == alias.name
+            if alias.name == "__getattr__":
+                continue  # finds names of the release before
             names.append(alias.name)
             if node.module:
                 home = sys.modules[f"romjax.{node.module}"]
