@@ -37,3 +37,37 @@ def __getattr__(name: str) -> Any:
     module, new = RENAMED[name]
     warn_once(f"romjax.{name}", f"romjax.{new}")
     return getattr(importlib.import_module(module, "romjax"), new)
+
+
+# What were methods of a system, and the functions in `system.dynamics` that took their place.
+_METHODS = {
+    "momentum": "apply_mass",
+    "jacobian": "jacobian",
+    "constraint_state": "constraint_state",
+    "linearize": "linearize",
+    "kinetic_energy": "kinetic_energy",
+}
+# Attributes of reduced systems that have another name now.
+_ATTRIBUTES = {
+    "physical": "reconstruct",
+    "reduced": "restrict",
+    "training": "validity",
+    "reason": "summary",
+}
+
+
+def method_of_system(system: Any, name: str) -> Any:
+    """What `system.NAME` finds for an old name."""
+    if name in _METHODS:
+        dynamics = importlib.import_module(".system.dynamics", "romjax")
+        new = _METHODS[name]
+        warn_once(f"system.{name}(…)", f"romjax.system.dynamics.{new}(system, …)")
+        return functools.partial(getattr(dynamics, new), system)
+    new = _ATTRIBUTES.get(name, "")
+    if hasattr(type(system), new) or new in getattr(system, "__dataclass_fields__", ()):
+        warn_once(f"system.{name}", f"system.{new}")
+        return getattr(system, new)
+    if name == "coordinate_labels":
+        warn_once("system.coordinate_labels()", "system.structure.coordinates")
+        return lambda: system.full.structure.coordinates
+    raise AttributeError(f"'{type(system).__name__}' has no attribute '{name}'")

@@ -10,11 +10,12 @@ import jax.tree_util as jtu
 from ..arrays import as_array
 from ..errors import SceneError
 from ..linalg.indexing import Index
-from ..linalg.pattern import Topology
+from ..linalg.pattern import Pattern
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect
 from ..scene.marker import GROUND, Marker
 from ..scene.scene import Scene
 from ..system.mobility import check_mobility
+from ..system.structure import Structure
 from .assembled import AssembledSystem
 from .grouping import group
 from .groups import BodyGroup, EffectGroup, JointGroup
@@ -81,10 +82,13 @@ def assemble(scene: Scene) -> AssembledSystem:
         fields=tuple(e for e in scene.effects if isinstance(e, AbstractField)),
         q0=jnp.concatenate([q for q, _ in starts]),
         v0=jnp.concatenate([v for _, v in starts]),
-        labels=tuple(label for body in scene.bodies for label in body.labels()),
-        modal=tuple(i >= 3 for body in scene.bodies for i in range(body.size)),
-        topology=Topology.of([coordinates[name] for name in order], joined),
-        constraint_labels=tuple(j.label() for j in scene.joints for _ in range(j.rows)),
+        structure=Structure(
+            coordinates=tuple(label for body in scene.bodies for label in body.labels()),
+            constraints=tuple(f"joint '{j.label()}'" for j in scene.joints for _ in range(j.rows)),
+            rigid=tuple(i < 3 for body in scene.bodies for i in range(body.size)),
+            flexible=any(body.modes for body in scene.bodies),
+        ),
+        pattern=Pattern.of([coordinates[name] for name in order], joined),
     )
     remedy = "Take out the joints that lock the mechanism."
     check_mobility("assemble", system, remedy, SceneError)

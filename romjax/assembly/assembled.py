@@ -4,16 +4,16 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from ..arrays import Time
-from ..linalg.dense import multiply
 from ..linalg.indexing import spread
-from ..linalg.kkt import Saddle
-from ..linalg.pattern import Topology
+from ..linalg.pattern import Pattern
 from ..scene.effect.base import AbstractField
 from ..scene.marker import Twist
 from ..system.base import AbstractSystem
+from ..system.state import FullState
+from ..system.structure import Structure
 from .groups import BodyGroup, EffectGroup, JointGroup
 from .kinematics import Markers
 
@@ -29,33 +29,32 @@ class AssembledSystem(AbstractSystem):
     fields: tuple[AbstractField, ...]
     q0: Float[Array, " n"]
     v0: Float[Array, " n"]
-    labels: tuple[str, ...] = eqx.field(static=True)
-    modal: tuple[bool, ...] = eqx.field(static=True)
-    topology: Topology = eqx.field(static=True)
-    constraint_labels: tuple[str, ...] = eqx.field(static=True)
+    structure: Structure = eqx.field(static=True)
+    pattern: Pattern = eqx.field(static=True)
 
     @property
-    def m(self) -> int:
-        return len(self.constraint_labels)
-
-    def coordinate_labels(self) -> tuple[str, ...]:
-        return self.labels
-
-    def constraint_label(self, row: int) -> str:
-        return f"joint '{self.constraint_labels[row]}'"
+    def full(self) -> AbstractSystem:
+        return self
 
     @property
-    def flexible(self) -> bool:
-        return any(self.modal)
+    def validity(self) -> None:
+        return None
 
-    def rigid(self) -> Bool[Array, " n"]:
-        return ~jnp.array(self.modal)
+    def state(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> FullState:
+        return FullState(
+            q,
+            v,
+            self.pattern,
+            lambda: self.mass_blocks(q),
+            lambda: self.jacobian_blocks(t, q),
+            lambda: self.force(t, q, v),
+        )
 
     def mass_blocks(self, q: Float[Array, " n"]) -> Float[Array, "bodies size *size"]:
         """Mass matrices of the bodies, padded to one size by ones on the diagonal; the diagonals
         alone where all are diagonal.
         """
-        size = self.topology.coordinates.width
+        size = self.pattern.coordinates.width
         blocks = [group.mass(q) for group in self.bodies]
         diagonal = all(block.ndim == 2 for block in blocks)
         whole = []
@@ -71,17 +70,7 @@ class AssembledSystem(AbstractSystem):
 
     def mass(self, q: Float[Array, " n"]) -> Float[Array, "n n"]:
         """Mass matrix M, block-diagonal by body."""
-        return self.momentum(q, jnp.eye(self.n, dtype=q.dtype))
-
-    def momentum(self, q: Float[Array, " n"], v: Float[Array, "n *k"]) -> Float[Array, "n *k"]:
-        """M v, body by body."""
-        blocks, parts = self.mass_blocks(q), self.topology.split(v)
-        if blocks.ndim == 2:
-            inertia = blocks.reshape(blocks.shape + (1,) * (v.ndim - 1)) * parts
-        else:
-            columns = parts.reshape(*parts.shape[:2], -1)
-            inertia = multiply(blocks, columns).reshape(parts.shape)
-        return self.topology.join(inertia)
+        return self.pattern.apply_mass(self.mass_blocks(q), jnp.eye(self.n, dtype=q.dtype))
 
     def force(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " n"]:
         own = [(group, group.force(self.fields, q, v)) for group in self.bodies]
@@ -107,19 +96,10 @@ class AssembledSystem(AbstractSystem):
         blocks = [group.residual(t, poses) for group in self.joints]
         return spread(blocks, [group.places.array for group in self.joints], (self.m,))
 
-    def jacobian(self, t: Time, q: Float[Array, " n"]) -> Float[Array, "m n"]:
-        """Constraint Jacobian C_q."""
-        layout = self.topology
-        rows = layout.rows.array[layout.nodes].astype(int)[:, :, None]
-        columns = layout.coordinates.array[layout.bodies].astype(int)[:, None]
-        there = (rows < self.m) & (columns < self.n)
-        places = np.where(there, rows * self.n + columns, -1)
-        return spread([self.sides(t, q)], [places], (self.m, self.n))
-
-    def sides(self, t: Time, q: Float[Array, " n"]) -> Float[Array, "sides height size"]:
+    def jacobian_blocks(self, t: Time, q: Float[Array, " n"]) -> Float[Array, "sides height size"]:
         """The blocks of C_q: one for each joint and body, by the chain rule."""
-        layout = self.topology
-        shape = (len(layout.nodes), layout.rows.width, layout.coordinates.width)
+        pattern = self.pattern
+        shape = (len(pattern.nodes), pattern.rows.width, pattern.coordinates.width)
         if self.joint_markers is None:
             return jnp.zeros(shape, q.dtype)
         poses, motion = self.joint_markers.poses(q), self.joint_markers.jacobian(q)
@@ -127,8 +107,5 @@ class AssembledSystem(AbstractSystem):
         blocks, places = [], []
         for group in self.joints:
             blocks.append(group.jacobian(t, poses, motion))
-            places.append(layout.places(group.places.array, np.stack(group.slots.take(columns))))
+            places.append(pattern.places(group.places.array, np.stack(group.slots.take(columns))))
         return spread(blocks, places, shape)
-
-    def saddle(self, t: Time, q: Float[Array, " n"]) -> Saddle:
-        return Saddle(self.topology, self.mass_blocks(q), self.sides(t, q))

@@ -15,7 +15,7 @@ from ..scene.body.base import AbstractBody
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import Pose, Twist, Wrench
-from ..system.base import quadratic_velocity_force
+from ..system.dynamics import quadratic_velocity_force
 from .kinematics import PoseGradient, Slots
 
 

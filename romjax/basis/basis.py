@@ -48,6 +48,14 @@ class Basis(eqx.Module):
         return cls(modes, offset, none, none, Recording.still(offset), zero, zero)
 
     @property
+    def snapshots(self):
+        return self.recording
+
+    @property
+    def decomposition(self):
+        return None if self.kind == "given" else self.kind
+
+    @property
     def rank(self) -> int:
         """Number of modes r."""
         return self.modes.shape[1]

@@ -120,3 +120,6 @@ def _noise(motion: Motion, kind: Any) -> Noise:
     if known is None:
         return Noise(jnp.zeros((), kind), jnp.zeros((), kind))
     return Noise(*(jnp.asarray(x, kind) for x in known()))
+
+
+SnapshotSet = Recording

@@ -10,7 +10,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import concrete
-from ..system.base import AbstractSystem, Frequencies
+from ..system import frequencies as _frequencies
+from ..system.base import AbstractSystem
+from ..system.frequencies import Frequencies
 from ..system.stabilization import Baumgarte
 from .rodas5p import Rodas5P
 from .trajectory import Trajectory
@@ -31,7 +33,7 @@ def frequencies(
     system: AbstractSystem, ts: Float[Array, " k"], q: Float[Array, " n"], v: Float[Array, " n"]
 ) -> Frequencies:
     """Those at the start, compiled once for all methods; a setting, not to be differentiated."""
-    return jax.lax.stop_gradient(system.frequencies(ts[0], q, v))
+    return jax.lax.stop_gradient(_frequencies.frequencies(system, ts[0], q, v))
 
 
 def default_solver(
@@ -49,7 +51,7 @@ def default_solver(
     """
     fastest, times, step = concrete(found.fastest), concrete(ts), concrete(dt)
     if fastest is None or times is None or (dt is not None and step is None):
-        stiff = system.flexible
+        stiff = system.structure.flexible
     elif dt is not None:
         stiff = bool(fastest * step > _RESOLVED)
     else:

@@ -5,12 +5,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..reduction.base import AbstractReducedSystem
+from ..reduction.system import ReducedSystem
 from .trajectory import Trajectory
 
 
 @eqx.filter_jit
-def reactions(rom: AbstractReducedSystem, trajectory: Trajectory) -> Float[Array, "k m"]:
+def reactions(rom: ReducedSystem, trajectory: Trajectory) -> Float[Array, "k m"]:
     """Lagrange multipliers of all constraints of the full system, (k, m), along a reduced run.
 
     A reduced model has few multipliers or none. Those of the mechanism follow from the balance
@@ -21,14 +21,15 @@ def reactions(rom: AbstractReducedSystem, trajectory: Trajectory) -> Float[Array
     **Arguments:** the reduced system `rom`; a `trajectory` that was simulated with it.
     """
     full = rom.full
-    rigid = full.rigid()
+    rigid = jnp.array(full.structure.rigid)
 
     def forces(t, q, v):  # type: ignore[no-untyped-def]
-        state = rom.reduced(q, v)
-        a = rom.physical_acceleration(t, *state, rom.acceleration(t, *state)[0])
+        own = rom.in_chart_of(q)
+        z, w = own.restrict(q, v)
+        a = own.state(t, z, w).physical_acceleration(own.acceleration(t, z, w)[0])
+        state = full.state(t, q, v)
         weight = jnp.where(rigid, 1 / jnp.sqrt(jnp.diagonal(full.mass(q))), 0)
-        rest = full.force(t, q, v) - full.momentum(q, a)
-        rows = full.jacobian(t, q).T * weight[:, None]
-        return jnp.linalg.lstsq(rows, weight * rest)[0]
+        rows = state.jacobian().T * weight[:, None]
+        return jnp.linalg.lstsq(rows, -weight * state.residual(a))[0]
 
     return jax.vmap(forces)(trajectory.t, trajectory.q, trajectory.v)

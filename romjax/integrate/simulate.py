@@ -13,8 +13,10 @@ from jaxtyping import Array, ArrayLike, Float
 from ..arrays import Vector, as_array, concrete
 from ..checks import check_finite, check_shape
 from ..errors import SimulationError
-from ..system.base import AbstractSystem, Frequencies
+from ..system.base import AbstractSystem
 from ..system.consistent import START_TOLERANCE, check_start_shapes, project, project_start
+from ..system.dynamics import constraint_state
+from ..system.frequencies import Frequencies
 from ..system.stabilization import Baumgarte, Projection, Stabilization
 from .adjoint import default_adjoint
 from .default import default_solver, default_stabilization, frequencies, warn_of_fast_stabilization
@@ -155,8 +157,6 @@ def _simulate(
     if projection:
         q0, v0 = project_start(system, ts[0], q0, v0)
         settled = SettledSolver(solver, eqx.Partial(project, sweeps=projection.sweeps))
-    elif system.settles:
-        settled = SettledSolver(solver, type(system).settle)
     # A short first step instead of diffrax's estimate, which would trace the acceleration twice
     # more; the step size control needs three steps to grow it a thousandfold.
     first = 1e-3 * rtol**0.2 * (ts[-1] - ts[0]) if dt is None else dt
@@ -188,9 +188,9 @@ def _simulate(
 
     def evaluate(t, q, v):  # type: ignore[no-untyped-def]
         _, multipliers = acceleration(system, t, q, v, baumgarte)
-        physical_q, physical_v = system.physical(t, q, v)
-        violation = jnp.max(jnp.abs(system.physical_constraint(t, physical_q)), initial=0.0)
-        return physical_q, physical_v, multipliers, violation, system.constraint_state(t, q, v)
+        state = system.state(t, q, v)
+        violation = jnp.max(jnp.abs(system.full.constraint(t, state.q)), initial=0.0)
+        return state.q, state.v, multipliers, violation, constraint_state(system, t, q, v)
 
     physical_q, physical_v, multipliers, violation, states = jax.vmap(evaluate)(ts, q, v)
     start = jax.tree.map(lambda x: x[0], states)
@@ -198,7 +198,7 @@ def _simulate(
     # Drift can be finite in q and past all numbers in C.
     finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in (q, v, violation)]))
     status = jnp.asarray(Status.SUCCESS)
-    if projection or (baumgarte and dt is None and system.holds):
+    if projection or (baumgarte and dt is None and system.m):
         size = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=1))
         # Baumgarte's term holds them as far as the errors of the steps let it.
         drift = _TORN * size[0] + 10 * rtol * size
@@ -228,11 +228,13 @@ def _simulate(
         v=physical_v,
         multipliers=multipliers,
         violation=violation,
-        metric=system.physical_metric(),
+        metric=system.full.mass(system.full.q0),
         stats=stats,
         status=status,
-        doubt=system.judge(ts, q, v, violation),
-        labels=system.coordinate_labels(),
+        doubt=jnp.zeros((), int)
+        if system.validity is None
+        else system.validity.flags(system, ts, q, v, physical_q, violation),
+        labels=system.full.structure.coordinates,
         solver=type(solver).__name__,
     )
     return trajectory, start
@@ -253,10 +255,11 @@ def _resolved(system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]
     The singular values of C_q, with rows of unit length in the metric of M⁻¹, are zero for those
     that repeat others; accelerations lose as many digits as their squares.
     """
-    saddle = system.saddle(t, q)
+    state = system.state(t, q, jnp.zeros_like(q))
+    saddle = state.kkt()
     half = jnp.linalg.cholesky(system.mass(q))
-    rows = jax.scipy.linalg.solve_triangular(half, system.jacobian(t, q).T, lower=True)
-    scale = saddle.topology.join_rows(saddle.scale)
+    rows = jax.scipy.linalg.solve_triangular(half, state.jacobian().T, lower=True)
+    scale = saddle.pattern.join_rows(saddle.scale)
     values = jnp.linalg.svd(rows * scale[None], compute_uv=False)
     return jnp.all((values < 1e-5) | (values > 1.5e-2))
 
@@ -275,7 +278,7 @@ def _raise_failure(system: AbstractSystem, trajectory: Trajectory, start: Any) -
             which, values, unit = ("its rate", rate, "m/s or rad/s")
         row = int(np.argmax(np.abs(values)))
         raise ValueError(
-            f"simulate: the start violates {system.constraint_label(row)}: {which} = "
+            f"simulate: the start violates {system.structure.constraints[row]}: {which} = "
             f"{values[row]:.6g} {unit}. Use q0, v0 = romjax.consistent(system, q0, v0)."
         )
     if status != Status.SUCCESS:

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..arrays import Time
-from ..system.base import AbstractSystem, Linearization
+from ..system.base import AbstractSystem
+from ..system.dynamics import Linearization, linearize
 from ..system.stabilization import Baumgarte
 
 State = tuple[Float[Array, " n"], Float[Array, " n"]]
@@ -53,4 +54,4 @@ class MotionTerm(diffrax.AbstractTerm):
     def linearize(self, t: Any, y: State) -> Linearization:
         """The acceleration and its derivatives at one state."""
         q, v = y
-        return self.system.linearize(jnp.asarray(t, q.dtype), q, v, self.stabilization)
+        return linearize(self.system, jnp.asarray(t, q.dtype), q, v, self.stabilization)

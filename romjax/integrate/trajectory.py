@@ -8,7 +8,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from ..reduction.validity import WORDS, Doubt
+from ..system.flags import WORDS
+from ..system.flags import Flag as Doubt
 
 
 class Status(enum.IntEnum):

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from .block_cholesky import Factor
 from .dense import invert, multiply, multiply_transposed
 from .indexing import take
-from .pattern import Topology
+from .pattern import Pattern
 
 # Added to the unit diagonal of the scaled Schur complement, so that redundant constraints leave a
 # factor, where LU and plain Cholesky give NaN; the sweeps remove its effect.
@@ -25,7 +25,7 @@ _NULL_SWEEPS = 2
 Blocks = Float[Array, "_ _ _"]
 
 
-class Saddle(eqx.Module):
+class KKT(eqx.Module):
     """[[M, Cᵀ], [C, 0]] for one configuration, prepared once and solved for many right-hand sides.
 
     M is block-diagonal by body and C sparse by joint, and so is the Schur complement S = B M⁻¹ Bᵀ.
@@ -34,12 +34,12 @@ class Saddle(eqx.Module):
 
     **Arguments:**
 
-    - `topology`: where the blocks sit.
+    - `pattern`: where the blocks sit.
     - `mass`: (bodies, size, size), or (bodies, size) if all are diagonal.
     - `sides`: the blocks of C_q, (sides, height, size).
     """
 
-    topology: Topology = eqx.field(static=True)
+    pattern: Pattern = eqx.field(static=True)
     mass: Float[Array, "bodies size *size"]
     sides: Float[Array, "sides height size"]
     inverse_mass: Float[Array, "bodies size *size"]
@@ -49,21 +49,21 @@ class Saddle(eqx.Module):
 
     def __init__(
         self,
-        topology: Topology,
+        pattern: Pattern,
         mass: Float[Array, "bodies size *size"],
         sides: Float[Array, "sides height size"],
     ):
-        self.topology, self.mass, self.sides = topology, mass, sides
+        self.pattern, self.mass, self.sides = pattern, mass, sides
         # Derivatives go through `solve` as a whole (implicit function), never through the factors.
         mass, sides = jax.lax.stop_gradient((mass, sides))
         self.inverse_mass = 1 / mass if mass.ndim == 2 else invert(mass)
-        if topology.m == 0:
+        if pattern.m == 0:
             self.scale, self.scaled, self.factor = jnp.ones((0, 0), mass.dtype), sides, None
             return
-        nodes, bodies, pairs = topology.nodes, topology.bodies, topology.pairs
+        nodes, bodies, pairs = pattern.nodes, pattern.bodies, pattern.pairs
         free = _apply(take(self.inverse_mass, bodies), jnp.swapaxes(sides, 1, 2))  # M⁻¹ Cᵀ
         lengths = jnp.sum(jnp.swapaxes(free, 1, 2) * sides, axis=2)
-        lengths = jnp.sum(take(lengths, topology.sides_of_nodes), axis=1)
+        lengths = jnp.sum(take(lengths, pattern.sides_of_nodes), axis=1)
         self.scale = 1 / jnp.sqrt(jnp.where(lengths > 0, lengths, 1))
         scale = take(self.scale, nodes)
         self.scaled = scale[:, :, None] * sides
@@ -72,7 +72,7 @@ class Saddle(eqx.Module):
         diagonal = jnp.sum(take(products, pairs.onto_nodes), axis=1)
         unit = PROXIMAL[mass.dtype] * jnp.eye(diagonal.shape[1], dtype=mass.dtype)
         couplings = jnp.sum(take(products, pairs.onto_edges), axis=1)
-        self.factor = Factor(diagonal + unit[None], couplings, topology.edges)
+        self.factor = Factor(diagonal + unit[None], couplings, pattern.edges)
 
     def solve(
         self, force: Float[Array, "n *k"], gamma: Float[Array, "m *k"]
@@ -85,7 +85,7 @@ class Saddle(eqx.Module):
         if force.ndim == 1:
             a, multipliers = self.solve(force[:, None], gamma[:, None])
             return a[:, 0], multipliers[:, 0]
-        layout = self.topology
+        layout = self.pattern
         if self.factor is None:
             return self.solve_mass(force), gamma
         size = layout.n
@@ -93,8 +93,8 @@ class Saddle(eqx.Module):
         # One vector, not a pair: a pair of which only one half is differentiated has no transpose.
         def matvec(x):  # type: ignore[no-untyped-def]
             a, multipliers = layout.split(x[:size]), layout.split_rows(x[size:])
-            inertia = _apply(self.mass, a) + self._reaction(self.sides, multipliers)
-            bend = self._bend(self.sides, a)
+            inertia = _apply(self.mass, a) + self._apply_jacobian_transpose(self.sides, multipliers)
+            bend = self._apply_jacobian(self.sides, a)
             return jnp.concatenate([layout.join(inertia), layout.join_rows(bend)])
 
         def solve(_: Callable, b, project=False):  # type: ignore[no-untyped-def]
@@ -113,17 +113,17 @@ class Saddle(eqx.Module):
         """M⁻¹ force."""
         free = jax.lax.custom_linear_solve(
             lambda a: _apply(self.mass, a),
-            self.topology.split(force),
+            self.pattern.split(force),
             lambda _, force: _apply(self.inverse_mass, force),
             symmetric=True,
         )
-        return self.topology.join(free)
+        return self.pattern.join(free)
 
     def _solve(self, force: Blocks, gamma: Blocks, project: bool) -> Float[Array, "whole k"]:
         factor = self.factor
         assert factor is not None
         free, gamma = _apply(self.inverse_mass, force), self.scale[:, :, None] * gamma
-        bend = self._bend(self.scaled, free)
+        bend = self._apply_jacobian(self.scaled, free)
         target = bend - gamma
         if project:
             target = self._without_null(target)
@@ -139,14 +139,16 @@ class Saddle(eqx.Module):
         def sweep(carry):  # type: ignore[no-untyped-def]
             multipliers, _, rest, _, count = carry
             multipliers += factor.solve(rest)
-            push = _apply(self.inverse_mass, self._reaction(self.scaled, multipliers))
-            again = target - self._bend(self.scaled, push)
+            push = _apply(
+                self.inverse_mass, self._apply_jacobian_transpose(self.scaled, multipliers)
+            )
+            again = target - self._apply_jacobian(self.scaled, push)
             return multipliers, free - push, again, _largest(rest), count + 1
 
         start = (jnp.zeros_like(target), free, target, jnp.full_like(terms, jnp.inf), 0)
         multipliers, a, *_ = jax.lax.while_loop(unfinished, sweep, start)
         multipliers = self.scale[:, :, None] * self._without_null(multipliers)
-        return jnp.concatenate([self.topology.join(a), self.topology.join_rows(multipliers)])
+        return jnp.concatenate([self.pattern.join(a), self.pattern.join_rows(multipliers)])
 
     def _without_null(self, x: Blocks) -> Blocks:
         """The part of x in the range of S.
@@ -165,15 +167,17 @@ class Saddle(eqx.Module):
 
         return jax.lax.scan(sweep, x, None, length=_NULL_SWEEPS)[0]
 
-    def _bend(self, sides: Float[Array, "sides height size"], a: Blocks) -> Blocks:
+    def _apply_jacobian(self, sides: Float[Array, "sides height size"], a: Blocks) -> Blocks:
         """C a."""
-        each = multiply(sides, take(a, self.topology.bodies))
-        return jnp.sum(take(each, self.topology.sides_of_nodes), axis=1)
+        each = multiply(sides, take(a, self.pattern.bodies))
+        return jnp.sum(take(each, self.pattern.sides_of_nodes), axis=1)
 
-    def _reaction(self, sides: Float[Array, "sides height size"], multipliers: Blocks) -> Blocks:
+    def _apply_jacobian_transpose(
+        self, sides: Float[Array, "sides height size"], multipliers: Blocks
+    ) -> Blocks:
         """Cᵀ λ."""
-        each = multiply_transposed(sides, take(multipliers, self.topology.nodes))
-        return jnp.sum(take(each, self.topology.sides_of_bodies), axis=1)
+        each = multiply_transposed(sides, take(multipliers, self.pattern.nodes))
+        return jnp.sum(take(each, self.pattern.sides_of_bodies), axis=1)
 
 
 def _apply(mass: Float[Array, "count size *size"], x: Blocks) -> Blocks:

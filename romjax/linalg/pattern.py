@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .block_cholesky import Edge
-from .indexing import Index, take
+from .dense import multiply
+from .indexing import Index, spread, take
 
 
 class Pairs(NamedTuple):
@@ -22,7 +23,7 @@ class Pairs(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class Topology:
+class Pattern:
     """Bodies, nodes and sides.
 
     A node is a set of constraints between the same bodies; a side is what a node does to one
@@ -37,7 +38,7 @@ class Topology:
     sides: Index  # node and body of each side, (sides, 2)
 
     @classmethod
-    def dense(cls, n: int, m: int) -> "Topology":
+    def dense(cls, n: int, m: int) -> "Pattern":
         """All in one block: a single body, a single node."""
         sides = [(0, 0)] if m else []
         return cls(n, m, Index.of([range(n)]), Index.of([range(m)]), Index.of(sides))
@@ -47,7 +48,7 @@ class Topology:
         cls,
         bodies: Sequence[Sequence[int]],
         joints: Sequence[tuple[Sequence[int], Sequence[int]]],
-    ) -> "Topology":
+    ) -> "Pattern":
         """Of the coordinates of each body, and the bodies and constraints of each joint.
 
         Joints between the same bodies share a node as long as they fit into the tallest one.
@@ -112,6 +113,25 @@ class Topology:
     @staticmethod
     def _places(index: Index, size: int) -> np.ndarray:
         return np.argsort(index.array.reshape(-1), kind="stable")[:size].astype(np.uint32)
+
+    # Products and dense forms of blocks.
+
+    def apply_mass(
+        self, blocks: Float[Array, "bodies size *size"], x: Float[Array, "n *k"]
+    ) -> Float[Array, "n *k"]:
+        """M x from the blocks of M, or from their diagonals (bodies, size)."""
+        parts = self.split(x)
+        if blocks.ndim == 2:
+            return self.join(blocks.reshape(blocks.shape + (1,) * (x.ndim - 1)) * parts)
+        columns = parts.reshape(*parts.shape[:2], -1)
+        return self.join(multiply(blocks, columns).reshape(parts.shape))
+
+    def dense_jacobian(self, sides: Float[Array, "sides height size"]) -> Float[Array, "m n"]:
+        """C_q from its blocks."""
+        rows = self.rows.array[self.nodes].astype(int)[:, :, None]
+        columns = self.coordinates.array[self.bodies].astype(int)[:, None]
+        inside = (rows < self.m) & (columns < self.n)
+        return spread([sides], [np.where(inside, rows * self.n + columns, -1)], (self.m, self.n))
 
     # Of the sides.
 

@@ -55,20 +55,21 @@ def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstrai
     their Jacobian is rounding noise, which a plain solver takes for a pivot. The rows are scaled to
     unit length in the mass metric, so that the shares know no units.
     """
-    stride = -(-len(basis.recording.t) // _SNAPSHOTS)
-    z, t = basis.coordinates[::stride], basis.recording.t[::stride]
+    stride = -(-len(basis.snapshots.t) // _SNAPSHOTS)
+    z, t = basis.coordinates[::stride], basis.snapshots.t[::stride]
 
     def reduced(t, z):  # type: ignore[no-untyped-def]
         q = basis.offset + basis.modes @ z
-        rows = system.jacobian(t, q)
-        squares = jnp.sum(rows.T * system.saddle(t, q).solve_mass(rows.T), axis=0)
+        state = system.state(t, q, jnp.zeros_like(q))
+        rows = state.jacobian()
+        squares = jnp.sum(rows.T * state.kkt().solve_mass(rows.T), axis=0)
         scale = 1 / jnp.sqrt(jnp.where(squares > 0, squares, 1))
         return scale[:, None] * rows @ basis.modes, scale
 
     rows, scales = jax.vmap(reduced)(t, z)
-    recording = basis.recording
-    velocities, root = recording.v[::stride], jnp.linalg.cholesky(recording.metric)
-    speeds = velocities @ recording.metric @ basis.modes
+    snapshots = basis.snapshots
+    velocities, root = snapshots.v[::stride], jnp.linalg.cholesky(snapshots.metric)
+    speeds = velocities @ snapshots.metric @ basis.modes
     missed = jnp.linalg.norm((velocities - speeds @ basis.modes.T) @ root)
     whole = jnp.linalg.norm(velocities @ root)
     missed = missed / jnp.where(whole > 0, whole, 1)

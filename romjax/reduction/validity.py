@@ -1,42 +1,26 @@
 """What speaks against the result of a reduced model."""
 
-import enum
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-
-class Doubt(enum.IntFlag):
-    """Reasons to doubt a simulated motion."""
-
-    NONE = 0
-    OUTSIDE_TRAINING = 1
-    VIOLATION = 2
-    ENERGY = 4
-
-
-WORDS = {
-    Doubt.OUTSIDE_TRAINING: "it leaves the box of the snapshots that the reduced model was made of",
-    Doubt.VIOLATION: "it violates the constraints by more than the snapshots in the basis do",
-    Doubt.ENERGY: "its energy changes by more than the work of the forces",
-}
+from ..system.base import AbstractSystem, AbstractValidity
+from ..system.flags import Flag
 
 # By how much of its width a motion may leave the training box on each side. Directions much
 # narrower than the widest one are allowed a thousandth of that.
 _MARGIN, _NARROW = 0.1, 1e-3
 # How many times the training's violation is too much, and what is never too much.
 _TIMES, _ROUNDING = 10.0, 1e-7
-# The share of the range of kinetic energy that may come from nowhere.
-_ENERGY = 0.01
 
 
-class Training(eqx.Module):
-    """What a reduced model was made of.
+class TrainingBox(AbstractValidity):
+    """The box of the snapshots that a reduced model was made of.
 
-    - `lower`, `upper` (r,): the box of the snapshots, in its own coordinates.
-    - `violation`: largest |C| of the snapshots in the basis.
+    - `lower`, `upper` (r,): in its own coordinates, or with a `root` R in R q, where the own ones
+      change on the way.
+    - `violation`: largest |C| of the snapshots in the subspace.
     - `error`: estimated error of a run, relative in the energy norm; NaN if nobody estimated it.
     """
 
@@ -44,28 +28,33 @@ class Training(eqx.Module):
     upper: Float[Array, " r"]
     violation: Float[Array, ""]
     error: Float[Array, ""]
+    root: Float[Array, "n n"] | None
 
     @classmethod
-    def of(cls, z: Float[Array, "K r"], violation: Float[Array, ""]) -> "Training":
-        """From snapshots in reduced coordinates."""
-        return cls(jnp.min(z, axis=0), jnp.max(z, axis=0), violation, jnp.full((), jnp.nan))
+    def of(
+        cls,
+        points: Float[Array, "K r"],
+        violation: Float[Array, ""] | float = 0.0,
+        root: Float[Array, "n n"] | None = None,
+    ) -> "TrainingBox":
+        """The box of points."""
+        violation = jnp.asarray(violation, points.dtype)
+        return cls(jnp.min(points, 0), jnp.max(points, 0), violation, jnp.full((), jnp.nan), root)
 
-    def judge(
+    def flags(
         self,
-        z: Float[Array, "k r"],
+        system: AbstractSystem,
+        ts: Float[Array, " k"],
+        q: Float[Array, "k r"],
+        v: Float[Array, "k r"],
+        physical: Float[Array, "k n"],
         violation: Float[Array, " k"],
-        lost: Float[Array, ""] | None,
     ) -> Int[Array, ""]:
-        """The doubts about a run, as the number of a `Doubt`.
-
-        `lost`: the share of the kinetic energy's range that no force has worked, if known.
-        """
+        del system, ts, v
+        points = q if self.root is None else physical @ self.root.T
         width = self.upper - self.lower
         allowed = _MARGIN * jnp.maximum(width, _NARROW * jnp.max(width))
-        left = jnp.maximum(self.lower[None] - z, z - self.upper[None])
-        found: Any = jnp.any(left > allowed[None]) * int(Doubt.OUTSIDE_TRAINING)
+        outside = jnp.maximum(self.lower[None] - points, points - self.upper[None])
+        raised: Any = jnp.any(outside > allowed[None]) * int(Flag.OUTSIDE_TRAINING)
         limit = jnp.maximum(_TIMES * self.violation, _ROUNDING)
-        found += jnp.any(violation > limit) * int(Doubt.VIOLATION)
-        if lost is not None:
-            found += (jnp.abs(lost) > _ENERGY) * int(Doubt.ENERGY)
-        return found
+        return raised + jnp.any(violation > limit) * int(Flag.VIOLATION)

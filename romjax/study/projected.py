@@ -1,91 +1,190 @@
-"""The chapter's reduced model to the letter, for reference only."""
+"""The chapter's reduced model to the letter: a specimen, for comparison only."""
 
-from typing import ClassVar
+import dataclasses
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ..arrays import Time
+from ..basis.basis import Basis
 from ..linalg.dense import multiply
-from ..reduction.base import AbstractSubspaceSystem
-from ..reduction.validity import Training
-from ..system.base import AbstractSystem, Linearization
+from ..linalg.kkt import KKT
+from ..linalg.pattern import Pattern
+from ..reduction.formulation.base import AbstractFormulation, start
+from ..reduction.validity import TrainingBox
+from ..system.base import AbstractSystem, AbstractValidity
+from ..system.flags import Flag
+from ..system.frequencies import frequencies
 from ..system.stabilization import Baumgarte
+from ..system.state import AbstractState
+from ..system.structure import Structure
+
+# The share of the range of kinetic energy that may come from nowhere.
+_ENERGY = 0.01
 
 
-class ProjectedSystem(AbstractSubspaceSystem):
+class Projected(AbstractFormulation):
     """z̈ = Φᵀ [M_ext⁻¹ (Q, γ)]₁ with Euclidean-orthonormal Φ (chapter equations 39.6, 39.7).
 
     For reference only. It projects the *solution* of the full equations instead of the equations:
     the constraint forces do work in the subspace, and energy grows without bound (7e7 times the
     kinetic range in 20 s of a free pendulum, where Galerkin drifts by 2e-10). Nothing is saved
     either: each step solves the full extended system, with all its constraints.
+
+    **Arguments:**
+
+    - `stabilization`: of the full equations; critical damping at their fastest rigid frequency at
+      the start unless given.
     """
+
+    name: ClassVar[str] = "projected"
+
+    stabilization: Baumgarte | None = None
+
+    def reduce(self, system: AbstractSystem, basis: Basis) -> "ProjectedSystem":
+        modes, _ = jnp.linalg.qr(basis.modes)
+        q, v, time = start(system, basis)
+        stabilization, t = self.stabilization, basis.snapshots.t
+        if stabilization is None and system.m:
+            # As `simulate` chooses it for the full system over the time of the snapshots.
+            rigid = frequencies(system, time, q, v).rigid
+            span = jnp.maximum(t[-1] - t[0], jnp.finfo(t.dtype).tiny)
+            stabilization = Baumgarte.critical(jnp.maximum(rigid, 2 * jnp.pi / span))
+        z = (basis.snapshots.q - basis.offset[None]) @ modes
+        given = basis.decomposition is None
+        return ProjectedSystem(
+            full=system,
+            modes=modes,
+            offset=basis.offset,
+            stabilization=stabilization,
+            q0=modes.T @ (q - basis.offset),
+            v0=modes.T @ v,
+            validity=None if given else EnergyBalance(_box(system, basis, modes, z)),
+            structure=Structure.unnamed(basis.rank, 0),
+            summary=f"{basis.rank} modes, all {system.m} constraints inside; for reference only",
+        )
+
+
+class ProjectedSystem(AbstractSystem):
+    """An ordinary differential equation for z: it knows no constraints of its own."""
 
     full: AbstractSystem
     modes: Float[Array, "n r"]
     offset: Float[Array, " n"]
+    stabilization: Baumgarte | None
     q0: Float[Array, " r"]
     v0: Float[Array, " r"]
-    training: Training | None
-    reason: str = eqx.field(static=True)
-
-    holds: ClassVar[bool] = False  # its motion is that of a subspace that knows no constraints
+    validity: AbstractValidity | None
+    structure: Structure = eqx.field(static=True)
+    summary: str = eqx.field(static=True)
 
     @property
-    def m(self) -> int:
-        return self.full.m
+    def degrees_of_freedom(self) -> int:
+        """All its coordinates are free."""
+        return self.n
 
-    def constraint(self, t: Time, q: Float[Array, " r"]) -> Float[Array, " m"]:
-        return self.full.constraint(t, self.lift(q))
+    def with_full(self, full: AbstractSystem) -> "ProjectedSystem":
+        """The same projection of a system with other numbers."""
+        return dataclasses.replace(self, full=full)
 
-    def constraint_label(self, row: int) -> str:
-        return self.full.constraint_label(row)
+    def starting_at(self, q: Any, v: Any, t: Any = None) -> "ProjectedSystem":
+        """From the start nearest to physical coordinates and velocities, in the Euclidean norm."""
+        del t
+        q0, v0 = self.modes.T @ (jnp.asarray(q) - self.offset), self.modes.T @ jnp.asarray(v)
+        return dataclasses.replace(self, q0=q0, v0=v0)
 
-    def acceleration(
+    def mass(self, q: Float[Array, " r"]) -> Float[Array, "r r"]:
+        return jnp.eye(self.n, dtype=q.dtype)
+
+    def force(self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]) -> Float[Array, " r"]:
+        """The chapter's z̈."""
+        position, velocity = self.offset + multiply(self.modes, q), multiply(self.modes, v)
+        a, _ = self.full.acceleration(t, position, velocity, self.stabilization)
+        return multiply(self.modes.T, a)
+
+    def constraint(self, t: Time, q: Float[Array, " r"]) -> Float[Array, " 0"]:
+        return jnp.zeros(0, q.dtype)
+
+    def state(self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]) -> "ProjectedState":
+        return ProjectedState(self, t, q, v)
+
+
+@dataclasses.dataclass(frozen=True)
+class ProjectedState(AbstractState):
+    """z̈ = Q with a unit mass matrix."""
+
+    system: ProjectedSystem
+    t: Time
+    z: Float[Array, " r"]
+    w: Float[Array, " r"]
+
+    @property
+    def q(self) -> Float[Array, " n"]:  # type: ignore[override]
+        return self.system.offset + multiply(self.system.modes, self.z)
+
+    @property
+    def v(self) -> Float[Array, " n"]:  # type: ignore[override]
+        return multiply(self.system.modes, self.w)
+
+    def apply_mass(self, x: Float[Array, "r *k"]) -> Float[Array, "r *k"]:
+        return x
+
+    def jacobian(self) -> Float[Array, "0 r"]:
+        return jnp.zeros((0, self.system.n), self.z.dtype)
+
+    def force(self) -> Float[Array, " r"]:
+        return self.system.force(self.t, self.z, self.w)
+
+    def residual(self, a: Float[Array, " r"]) -> Float[Array, " r"]:
+        return a - self.force()
+
+    def kkt(self) -> KKT:
+        n = self.system.n
+        return KKT(Pattern.dense(n, 0), self.system.mass(self.z)[None], self.jacobian()[None][:0])
+
+    def solve(self, gamma: Float[Array, " 0"]) -> tuple[Float[Array, " r"], Float[Array, " 0"]]:
+        return self.force(), gamma
+
+    def physical_acceleration(self, a: Float[Array, " r"]) -> Float[Array, " n"]:
+        return multiply(self.system.modes, a)
+
+
+class EnergyBalance(AbstractValidity):
+    """The box of the snapshots, and the work of the constraint forces that are projected away."""
+
+    box: TrainingBox
+
+    def flags(
         self,
-        t: Time,
-        q: Float[Array, " r"],
-        v: Float[Array, " r"],
-        stabilization: Baumgarte | None = None,
-    ) -> tuple[Float[Array, " r"], Float[Array, " m"]]:
-        """The chapter's z̈, and the multipliers of the full system."""
-        a, multipliers = self.full.acceleration(t, *self.physical(t, q, v), stabilization)
-        return self.modes.T @ a, multipliers
-
-    def linearize(
-        self,
-        t: Time,
-        q: Float[Array, " r"],
-        v: Float[Array, " r"],
-        stabilization: Baumgarte | None = None,
-    ) -> Linearization:
-        full = self.full.linearize(t, *self.physical(t, q, v), stabilization)
-        down, up = self.modes.T, self.modes
-        return Linearization(
-            down @ full.acceleration,
-            down @ full.by_position @ up,
-            down @ full.by_velocity @ up,
-            down @ full.by_time,
-        )
-
-    def lost_energy(
-        self, ts: Float[Array, " k"], q: Float[Array, "k r"], v: Float[Array, "k r"]
-    ) -> Float[Array, ""]:
-        """The work of the constraint forces that the projection leaves, by the trapezoidal rule."""
-
+        system: AbstractSystem,
+        ts: Float[Array, " k"],
+        q: Float[Array, "k r"],
+        v: Float[Array, "k r"],
+        physical: Float[Array, "k n"],
+        violation: Float[Array, " k"],
+    ) -> Int[Array, ""]:
         def power(t, q, v):  # type: ignore[no-untyped-def]
-            place, speed = self.physical(t, q, v)
-            a, _ = self.acceleration(t, q, v)
-            pushed = self.full.momentum(place, multiply(self.modes, a))
-            lost = speed @ (pushed - self.full.force(t, place, speed))
-            return lost, 0.5 * speed @ self.full.momentum(place, speed)
+            state = system.state(t, q, v)
+            full = system.full.state(t, state.q, state.v)
+            unbalanced = full.residual(state.physical_acceleration(state.force()))
+            return state.v @ unbalanced, 0.5 * state.v @ full.apply_mass(state.v)
 
         lost, kinetic = jax.vmap(power)(ts, q, v)
-        work = jnp.concatenate(
-            [jnp.zeros(1), jnp.cumsum(jnp.diff(ts) * (lost[1:] + lost[:-1]) / 2)]
-        )
+        # By the trapezoidal rule.
+        work = jnp.cumsum(jnp.diff(ts) * (lost[1:] + lost[:-1]) / 2)
         extent = jnp.max(kinetic) - jnp.min(kinetic)
-        return jnp.max(jnp.abs(work)) / jnp.where(extent > 0, extent, 1)
+        share = jnp.max(jnp.abs(work)) / jnp.where(extent > 0, extent, 1)
+        box = self.box.flags(system, ts, q, v, physical, violation)
+        return box + (share > _ENERGY) * int(Flag.ENERGY)
+
+
+@eqx.filter_jit
+def _box(
+    system: AbstractSystem, basis: Basis, modes: Float[Array, "n r"], z: Float[Array, "h r"]
+) -> TrainingBox:
+    q = basis.offset[None] + z @ modes.T
+    violation = jnp.abs(jax.vmap(system.constraint)(basis.snapshots.t, q))
+    return TrainingBox.of(z, jnp.max(violation, initial=0.0))

@@ -15,8 +15,8 @@ from ..basis.decomposition.pod import pod
 from ..errors import ReductionError
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
-from ..reduction.base import AbstractReducedSystem
 from ..reduction.reduce import reduce
+from ..reduction.system import ReducedSystem
 from ..system.base import AbstractSystem
 from .compare import compare
 from .variation import begin, vary
@@ -31,7 +31,7 @@ _SHARPER = 1e-3
 
 @dataclasses.dataclass(frozen=True)
 class _Model:
-    rom: AbstractReducedSystem
+    rom: ReducedSystem
     basis: Basis
     runs: list[Trajectory]  # one for each training run
 
@@ -44,7 +44,7 @@ def reduce_to(
     variations: Sequence[AbstractSystem] = (),
     formulation: str = "galerkin",
     progress: bool = False,
-) -> AbstractReducedSystem:
+) -> ReducedSystem:
     """A reduced system whose runs err by at most `tol`, of the smallest rank that does.
 
     The rank goes up until the change from one rank to the next, a good estimate of the error, and

@@ -17,8 +17,10 @@ from ..arrays import Vector
 from ..integrate.adjoint import forward_mode
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Status
-from ..reduction.base import AbstractReducedSystem
+from ..reduction.system import ReducedSystem
 from ..system.base import AbstractSystem
+from ..system.dynamics import constraint_state
+from ..system.frequencies import frequencies
 from ..system.stabilization import Baumgarte
 
 # A step of the search that leaves what can be simulated is taken back, and later ones are shorter.
@@ -101,7 +103,7 @@ def tune_baumgarte(
     if system.m == 0:
         raise ValueError("tune_baumgarte: the system has no constraints, so nothing drifts.")
     ts = jnp.asarray(ts)
-    frequency = float(system.frequencies(ts[0], system.q0, system.v0).rigid)
+    frequency = float(frequencies(system, ts[0], system.q0, system.v0).rigid)
     omega = max(frequency, 2 * np.pi / float(ts[-1] - ts[0]))
     first = Baumgarte.critical(jnp.asarray(omega)) if start is None else start
     if steps < 1:
@@ -120,9 +122,9 @@ def tune_baumgarte(
             throw=False,
         )
         q, v = run.q, run.v
-        if isinstance(system, AbstractReducedSystem):
-            q, v = jax.vmap(system.reduced)(q, v)
-        states = jax.vmap(system.constraint_state)(ts, q, v)
+        if isinstance(system, ReducedSystem):
+            q, v = jax.vmap(system.restrict)(q, v)
+        states = jax.vmap(lambda t, q, v: constraint_state(system, t, q, v))(ts, q, v)
         loss = _log_mean(states.violation) + _log_mean(states.rate)
         if cost:
             loss += cost * jnp.mean(jnp.log1p(_root(stabilization) / omega))

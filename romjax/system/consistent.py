@@ -10,6 +10,7 @@ from ..arrays import Vector, as_array, concrete
 from ..checks import check_shape
 from ..errors import InputError
 from .base import AbstractSystem
+from .dynamics import constraint_state
 
 START_SWEEPS = 10
 # What counts as satisfied, in m, rad and their rates; the second for single precision.
@@ -45,14 +46,14 @@ def consistent(
     worst = int(np.argmax(np.abs(violation)))
     if not abs(violation[worst]) <= _scale(q) * ROUNDING[q.dtype]:
         raise InputError(
-            f"consistent: after {START_SWEEPS} sweeps {system.constraint_label(worst)} is still "
-            f"violated by {violation[worst]:.3g}; the joints cannot all hold, or the given start "
-            "is too far from any place where they do."
+            f"consistent: after {START_SWEEPS} sweeps {system.structure.constraints[worst]} is "
+            f"still violated by {violation[worst]:.3g}; the joints cannot all hold, or the given "
+            "start is too far from any configuration where they do."
         )
     worst = int(np.argmax(np.abs(rate)))
     if not abs(rate[worst]) <= _scale(v) * START_TOLERANCE[q.dtype]:
         raise InputError(
-            f"consistent: {system.constraint_label(worst)} is still violated by a rate of "
+            f"consistent: {system.structure.constraints[worst]} is still violated by a rate of "
             f"{rate[worst]:.3g} /s; no velocity suits all joints: motions that are prescribed "
             "contradict each other, or a joint that stands still."
         )
@@ -73,14 +74,14 @@ def project(
     """The nearest state on C = 0 and Ċ = 0 in the mass metric: Gauss–Newton, then one solve."""
 
     def sweep(q, _):  # type: ignore[no-untyped-def]
-        step, _ = system.saddle(t, q).solve(jnp.zeros_like(q), -system.constraint(t, q))
+        step, _ = system.state(t, q, v).kkt().solve(jnp.zeros_like(q), -system.constraint(t, q))
         return q + step, None
 
     q, _ = jax.lax.scan(sweep, q, None, length=sweeps)
     # Subtracting the part that violates Ċ = 0, not solving for what remains of M v: a velocity
     # that is already right keeps its last digit.
-    excess = system.constraint_state(t, q, v).rate
-    step, _ = system.saddle(t, q).solve(jnp.zeros_like(v), -excess)
+    excess = constraint_state(system, t, q, v).rate
+    step, _ = system.state(t, q, v).kkt().solve(jnp.zeros_like(v), -excess)
     return q, v + step
 
 
@@ -98,7 +99,7 @@ def _project_start(
     system: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"], t: Float[Array, ""]
 ) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " m"], Float[Array, " m"]]:
     q, v = project_start(system, t, q, v)
-    state = system.constraint_state(t, q, v)
+    state = constraint_state(system, t, q, v)
     return q, v, state.violation, state.rate
 
 

@@ -10,8 +10,11 @@ from jaxtyping import Array, Float
 
 from ..arrays import Time, as_array
 from ..checks import check_finite, check_shape
+from ..linalg.pattern import Pattern
 from .base import AbstractSystem
 from .mobility import check_mobility
+from .state import FullState
+from .structure import Structure
 
 Function = Callable[..., Float[Array, "..."]]
 
@@ -36,7 +39,7 @@ class CustomSystem(AbstractSystem):
     constraint_: Function | None
     q0: Float[Array, " n"]
     v0: Float[Array, " n"]
-    m_: int = eqx.field(static=True)
+    structure: Structure = eqx.field(static=True)
 
     def __init__(
         self,
@@ -50,7 +53,8 @@ class CustomSystem(AbstractSystem):
         self.q0, self.v0 = as_array(q0), as_array(v0)
         # As pytrees, so that arrays inside modules are traced, not baked in.
         self.mass_, self.force_, self.constraint_ = mass, force, constraint
-        self.m_ = 0 if constraint is None else _length(constraint, self.q0)
+        m = 0 if constraint is None else _length(constraint, self.q0)
+        self.structure = Structure.unnamed(self.q0.size, m)
 
     def __check_init__(self) -> None:
         owner = "CustomSystem"
@@ -67,8 +71,12 @@ class CustomSystem(AbstractSystem):
         check_mobility(owner, self)
 
     @property
-    def m(self) -> int:
-        return self.m_
+    def full(self) -> AbstractSystem:
+        return self
+
+    @property
+    def validity(self) -> None:
+        return None
 
     def mass(self, q: Float[Array, " n"]) -> Float[Array, "n n"]:
         return self.mass_(q)
@@ -78,6 +86,20 @@ class CustomSystem(AbstractSystem):
 
     def constraint(self, t: Time, q: Float[Array, " n"]) -> Float[Array, " m"]:
         return jnp.zeros(0, q.dtype) if self.constraint_ is None else self.constraint_(t, q)
+
+    def state(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> FullState:
+        def jacobian():  # type: ignore[no-untyped-def]
+            rows = jax.jacfwd(self.constraint, argnums=1)(jnp.asarray(t, q.dtype), q)
+            return rows[None][: min(self.m, 1)]
+
+        return FullState(
+            q,
+            v,
+            Pattern.dense(self.n, self.m),
+            lambda: self.mass(q)[None],
+            jacobian,
+            lambda: self.force(t, q, v),
+        )
 
 
 def _length(constraint: Function, q: Float[Array, " n"]) -> int:

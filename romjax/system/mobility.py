@@ -5,6 +5,7 @@ import numpy as np
 from ..arrays import concrete
 from ..errors import InputError
 from .base import AbstractSystem
+from .dynamics import jacobian
 
 
 def check_mobility(
@@ -20,7 +21,7 @@ def check_mobility(
     """
     if system.m <= system.n:
         return
-    rows = concrete(system.jacobian(0.0, system.q0))
+    rows = concrete(jacobian(system, 0.0, system.q0))
     if rows is not None and np.linalg.matrix_rank(rows) == system.n:
         words = f"{system.m} constraints on {system.n} coordinates leave no motion. {remedy}"
         raise error(f"{owner}: {words}".rstrip())

@@ -11,7 +11,7 @@ from ...arrays import Vector
 from ...basis.basis import Basis
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
-from ...reduction.base import AbstractReducedSystem
+from ...reduction.system import ReducedSystem
 from ...system.base import AbstractSystem
 from ..variation import begin, vary
 
@@ -32,7 +32,7 @@ class Model:
 
     def of(self, system: AbstractSystem) -> AbstractSystem:
         """The same model of a system with other numbers."""
-        if self.basis is None or not isinstance(self.system, AbstractReducedSystem):
+        if self.basis is None or not isinstance(self.system, ReducedSystem):
             return system
         return vary(self.system, self.basis, system)
 
@@ -102,7 +102,7 @@ class Recommendation:
         """
         model = self.model.of(system)
         start = {}
-        if isinstance(model, AbstractReducedSystem):
+        if isinstance(model, ReducedSystem):
             q0, v0 = begin(model, system.q0, system.v0, np.asarray(ts)[0])
             start = {"q0": q0, "v0": v0}
         return simulate(model, ts, **{**start, **self.settings, **more})

@@ -1,0 +1,33 @@
+"""What a formulation is: a way from a system and a basis to a reduced system."""
+
+import abc
+from typing import ClassVar
+
+import equinox as eqx
+
+from ...basis.basis import Basis
+from ...system.base import AbstractSystem
+from ..system import ReducedSystem
+
+
+class AbstractFormulation(eqx.Module):
+    """How a system is reduced. One of one's own is a subclass with a `name` and `reduce`."""
+
+    name: ClassVar[str]
+
+    @abc.abstractmethod
+    def reduce(self, system: AbstractSystem, basis: Basis) -> ReducedSystem | AbstractSystem:
+        """`system` in the coordinates that the formulation makes of a basis of its coordinates.
+
+        Raises ReductionError if the basis does not make such a model.
+        """
+
+
+def start(system: AbstractSystem, basis: Basis):  # type: ignore[no-untyped-def]
+    """q, v (n,) and t of the start of a reduced model: that of the snapshots, or of the system
+    where the modes are given.
+    """
+    snapshots = basis.snapshots
+    if basis.decomposition is None:
+        return system.q0, system.v0, snapshots.t[0]
+    return snapshots.q[0], snapshots.v[0], snapshots.t[0]

@@ -1,0 +1,117 @@
+"""Galerkin's reduction: an affine subspace, with the constraints that it can violate."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...arrays import concrete
+from ...basis.basis import Basis
+from ...errors import ReductionError
+from ...system.base import AbstractSystem
+from ..constraints import (
+    LOOSE,
+    ReducedConstraints,
+    locks,
+    looseness,
+    most_kept,
+    reduced_constraints,
+)
+from ..lift.affine import AffineLift
+from ..system import ReducedSystem
+from ..validity import TrainingBox
+from .base import AbstractFormulation, start
+
+# Snapshots at which the constraints are evaluated.
+_SNAPSHOTS = 200
+
+
+class Galerkin(AbstractFormulation):
+    """d'Alembert's principle in the affine subspace q = q̄ + Φ z.
+
+    What the chapter's equations 39.6 and 39.7 mean to be. Of the constraints, those combinations
+    are kept that the basis can violate and that do not stop the snapshots' own motion.
+
+    **Arguments:**
+
+    - `constraints`: how many combinations to keep, instead of the rule; needed under jit and grad
+      through the basis, where it is `rom.m` of a model that was made outside.
+    """
+
+    name: ClassVar[str] = "galerkin"
+
+    constraints: int | None = eqx.field(static=True, default=None)
+
+    def reduce(self, system: AbstractSystem, basis: Basis) -> ReducedSystem:
+        """Raises ReductionError if the constraints that are kept lock the mechanism, or those that
+        are not free its joints.
+        """
+        count, r = self.constraints, basis.rank
+        candidates = reduced_constraints(system, basis)
+        kept = _count(system, candidates, r) if count is None else count
+        if count and concrete(candidates.missed) is not None and locks(candidates, count):
+            free = _count(system, candidates, r)
+            raise ReductionError(
+                f"reduce: the basis locks the mechanism. {count} constraints on its {r} modes "
+                f"would stop the motion of the snapshots; keep fewer (constraints={free}), or take "
+                "more modes."
+            )
+        q, v, time = start(system, basis)
+        lift = AffineLift(basis.modes, basis.offset)
+        return ReducedSystem.of(
+            system,
+            lift,
+            _restrict(system, lift, q, v),
+            time=time,
+            combinations=candidates.combinations(kept),
+            validity=training_box(system, basis),
+            summary=f"{r} modes, {kept} of {system.m} constraints kept, {r - kept} degrees of "
+            "freedom",
+        )
+
+
+def training_box(system: AbstractSystem, basis: Basis) -> TrainingBox | None:
+    """The box of the snapshots in the subspace, and how far they violate the constraints there."""
+    if basis.decomposition is None:
+        return None
+    z, t = basis.coordinates, basis.snapshots.t
+    stride = -(-len(z) // _SNAPSHOTS)
+    q = basis.offset[None] + z[::stride] @ basis.modes.T
+    return TrainingBox.of(z, _largest_violation(system, t[::stride], q))
+
+
+def _count(system: AbstractSystem, candidates: ReducedConstraints, r: int) -> int:
+    """As many constraints as the motion of the snapshots allows; refuse if joints come apart."""
+    if concrete(candidates.missed) is None:
+        raise ValueError(
+            "reduce: under jit, grad or vmap say how many constraints to keep, such as "
+            "romjax.Galerkin(constraints=2); find the number first, outside (rom.m)."
+        )
+    most = most_kept(candidates)
+    counts = range(most, -1, -1)
+    kept = next(count for count in counts if not count or not locks(candidates, count))
+    loose, row = looseness(candidates, kept) if system.m else (0.0, 0)
+    if loose > LOOSE:
+        raise ReductionError(
+            f"reduce: the basis frees the mechanism. With {r} modes only {kept} of {system.m} "
+            f"constraints can be kept, {most - kept} more would lock its motion, and what moves "
+            f"then violates {system.structure.constraints[row]} by {100 * loose:.0f} % of a free "
+            "motion; take more modes, or formulation=romjax.Minimal()."
+        )
+    return kept
+
+
+@eqx.filter_jit
+def _restrict(
+    system: AbstractSystem, lift: AffineLift, q: Float[Array, " n"], v: Float[Array, " n"]
+) -> tuple[Float[Array, " r"], Float[Array, " r"]]:
+    return lift.restrict(system, q, v)
+
+
+@eqx.filter_jit
+def _largest_violation(
+    system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"]
+) -> Float[Array, ""]:
+    return jnp.max(jnp.abs(jax.vmap(system.constraint)(t, q)), initial=0.0)

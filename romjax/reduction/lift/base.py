@@ -1,0 +1,69 @@
+"""What a lift is: physical coordinates as a function of few others."""
+
+import abc
+from collections.abc import Callable
+from typing import NamedTuple, Self
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...arrays import Time
+from ...system.base import AbstractSystem
+
+
+class Motion(NamedTuple):
+    """A reduced state as the full system sees it: v = G w + ∂L/∂t and q̈ = G ẇ + β."""
+
+    q: Float[Array, " n"]
+    v: Float[Array, " n"]
+    tangent: Float[Array, "n r"]  # G = ∂L/∂z
+    bias: Float[Array, " n"] | None  # β; None where it is zero for every motion
+
+
+class AbstractLift(eqx.Module):
+    """q = L(t, z): the configurations that a reduced system can take.
+
+    `full` is the system that is reduced; lifts that follow from its constraints ask it for them.
+    """
+
+    @abc.abstractmethod
+    def position(self, full: AbstractSystem, t: Time, z: Float[Array, " r"]) -> Float[Array, " n"]:
+        """L(t, z)."""
+
+    @abc.abstractmethod
+    def motion(
+        self, full: AbstractSystem, t: Time, z: Float[Array, " r"], w: Float[Array, " r"]
+    ) -> Motion:
+        """The physical motion where z changes with the velocity w."""
+
+    @abc.abstractmethod
+    def restrict(
+        self, full: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"]
+    ) -> tuple[Float[Array, " r"], Float[Array, " r"]]:
+        """Z and w of physical coordinates and velocities, or of the nearest that the lift has."""
+
+    @abc.abstractmethod
+    def with_full(self, full: AbstractSystem) -> Self:
+        """The same lift for a system with other numbers."""
+
+
+def differentiate(
+    position: Callable[..., Float[Array, " n"]],
+    t: Time,
+    z: Float[Array, " r"],
+    w: Float[Array, " r"],
+) -> Motion:
+    """The motion of an explicit lift `position(t, z)`, by autodiff.
+
+    Along the motion d/dt L = G w + L_t, and once more with ẇ = 0: β = (G w)_z w + 2 G_t w + L_tt.
+    """
+    t = jnp.asarray(t, z.dtype)
+    one = jnp.ones_like(t)
+
+    def rate(t, z):  # type: ignore[no-untyped-def]
+        return jax.jvp(position, (t, z), (one, w))
+
+    (q, v), (_, bias) = jax.jvp(rate, (t, z), (one, w))
+    return Motion(q, v, jax.jacfwd(position, argnums=1)(t, z), bias)

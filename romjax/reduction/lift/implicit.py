@@ -1,0 +1,160 @@
+"""Minimal coordinates from which Newton's method finds the others."""
+
+from typing import Self
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ... import precision
+from ...arrays import Time
+from ...linalg.dense import multiply
+from ...system.base import AbstractSystem
+from ...system.constraints import differentiate
+from ...system.dynamics import jacobian
+from ..charts import Chart
+from .base import AbstractLift, Motion
+
+# Most matrices of Newton's method, and most steps with each.
+_MATRICES, _STEPS = 6, 8
+# Most iterations for the inverse of a matrix.
+_ITERATIONS = 8
+
+
+class ImplicitLift(AbstractLift):
+    """q = q̄ + Y Φ z + W d, with d(t, z) from C(t, q) = 0.
+
+    With the columns Y, W of a chart the constraints determine d wherever ∂C/∂d = C_q W is regular
+    (generalized coordinate partitioning; Wehage and Haug 1982, doi:10.1115/1.3256318). They are
+    solved by simplified Newton steps d ← d − (C_q W)⁻¹ C from the nearest snapshot. Differentiating
+    C(t, q(t)) = 0 along a motion, once and twice, gives all else from the same matrix:
+
+        C_q (Y Φ + W ∂d/∂z) = 0             G = Y Φ − W (C_q W)⁻¹ C_q Y Φ
+        C_q v + C_t = 0                     v = G w − W (C_q W)⁻¹ C_t
+        C_q q̈ + (C_q v)_q v + … = 0         β = −W (C_q W)⁻¹ [(C_q v)_q v + 2 C_qt v + C_tt]
+    """
+
+    offset: Float[Array, " n"]  # q̄
+    modes: Float[Array, "n r"]  # Y Φ
+    dual: Float[Array, "r n"]  # z of a displacement
+    snapshots: Float[Array, "K r"]  # z of snapshots,
+    guesses: Float[Array, "K m"]  # d,
+    times: Float[Array, " K"]  # t,
+    inverses: Float[Array, "K m m"]  # and (C_q W)⁻¹ at these
+    chart: Chart
+
+    def position(self, full: AbstractSystem, t: Time, z: Float[Array, " r"]) -> Float[Array, " n"]:
+        """NaN where Newton's method does not converge."""
+        return self._solve(full, t, z)[0]
+
+    def motion(
+        self, full: AbstractSystem, t: Time, z: Float[Array, " r"], w: Float[Array, " r"]
+    ) -> Motion:
+        t = jnp.asarray(t, z.dtype)
+        chart = self.chart
+        q, inverse = self._solve(full, t, z)
+        dependent = jnp.asarray(chart.dependent, z.dtype)
+        rows = chart.regular(jacobian(full, t, q))
+        _, driven = jax.jvp(lambda t: full.constraint(t, q), (t,), (jnp.ones_like(t),))
+        right = [multiply(rows, self.modes), chart.regular(driven)[:, None]]
+        matrix = multiply(rows, dependent)
+        inverse = improve_inverse(inverse, jax.lax.stop_gradient(matrix))
+
+        def solve(right):  # type: ignore[no-untyped-def]
+            return jax.lax.custom_linear_solve(
+                lambda x: multiply(matrix, x),
+                right,
+                lambda _, right: multiply(inverse, right),
+                lambda _, right: multiply(inverse.T, right),
+            )
+
+        follow = -multiply(dependent, solve(jnp.concatenate(right, axis=1)))
+        tangent = self.modes + follow[:, :-1]
+        v = multiply(tangent, w) + follow[:, -1]
+        curvature = chart.regular(differentiate(full.constraint, t, q, v).curvature)
+        return Motion(q, v, tangent, -multiply(dependent, solve(curvature)))
+
+    def restrict(
+        self, full: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"]
+    ) -> tuple[Float[Array, " r"], Float[Array, " r"]]:
+        del full
+        return multiply(self.dual, q - self.offset), multiply(self.dual, v)
+
+    def with_full(self, full: AbstractSystem) -> Self:
+        dependent = jnp.asarray(self.chart.dependent, self.offset.dtype)
+        q = self.offset[None] + self.snapshots @ self.modes.T + self.guesses @ dependent.T
+        rows = jax.vmap(lambda t, q: self.chart.dependent_jacobian(full, t, q))(self.times, q)
+        return eqx.tree_at(lambda lift: lift.inverses, self, jnp.linalg.inv(rows))
+
+    def _solve(
+        self, full: AbstractSystem, t: Time, z: Float[Array, " r"]
+    ) -> tuple[Float[Array, " n"], Float[Array, "m m"]]:
+        """q, and (C_q W)⁻¹ near it, which is not to be differentiated."""
+        chart, t = self.chart, jnp.asarray(t, z.dtype)
+        origin = self.offset + multiply(self.modes, z)
+        dependent = jnp.asarray(chart.dependent, z.dtype)
+        limits = precision.of(z.dtype)
+
+        def violation(d):  # type: ignore[no-untyped-def]
+            return chart.regular(full.constraint(t, origin + multiply(dependent, d)))
+
+        def newton(_, start):  # type: ignore[no-untyped-def]
+            enough = limits.newton_converged * jnp.maximum(1, jnp.max(jnp.abs(origin)))
+
+            def unfinished(most):  # type: ignore[no-untyped-def]
+                return lambda x: (jnp.max(jnp.abs(x[1])) > enough) & (x[-1] < most)
+
+            def renew(carry):  # type: ignore[no-untyped-def]
+                # A matrix costs as much as many steps.
+                d, step, inverse, count = carry
+                rows = chart.regular(jacobian(full, t, origin + multiply(dependent, d)))
+                inverse = improve_inverse(inverse, multiply(rows, dependent))
+
+                def chord(carry):  # type: ignore[no-untyped-def]
+                    d, _, count = carry
+                    step = multiply(inverse, violation(d))
+                    return d - step, step, count + 1
+
+                d, step, _ = jax.lax.while_loop(unfinished(_STEPS), chord, (d, step, 0))
+                return d, step, inverse, count + 1
+
+            first = (start, jnp.full_like(start, jnp.inf), inverse, 0)
+            d, step, last, _ = jax.lax.while_loop(unfinished(_MATRICES), renew, first)
+            # The last step is the error before it.
+            converged = jnp.max(jnp.abs(step)) <= limits.newton_accepted
+            return jnp.where(converged, d, jnp.nan), last
+
+        def tangent(linear, right):  # type: ignore[no-untyped-def]
+            return jnp.linalg.solve(jax.jacobian(linear)(right), right)
+
+        nearest = jnp.argmin(jnp.sum((self.snapshots - z[None]) ** 2, axis=1))
+        start, inverse = jax.lax.stop_gradient((self.guesses[nearest], self.inverses[nearest]))
+        # Derivatives are those of the solution (implicit function theorem), not of the steps.
+        d, inverse = jax.lax.custom_root(violation, start, newton, tangent, has_aux=True)
+        return origin + multiply(dependent, d), jax.lax.stop_gradient(inverse)
+
+
+def improve_inverse(
+    inverse: Float[Array, "m m"], matrix: Float[Array, "m m"]
+) -> Float[Array, "m m"]:
+    """The inverse of a matrix A from that of a similar one.
+
+    X ← X + X (I − A X) squares the error I − A X (Schulz 1933, doi:10.1002/zamm.19330130111).
+    Products only: a library's factorisation takes longer than all the iterations.
+    """
+    unit = jnp.eye(len(matrix), dtype=matrix.dtype)
+    # The next iteration squares this to rounding.
+    enough = jnp.finfo(matrix.dtype).eps ** 0.5
+
+    def unfinished(carry):  # type: ignore[no-untyped-def]
+        _, error, count = carry
+        return (error > enough) & (count < _ITERATIONS)
+
+    def square(carry):  # type: ignore[no-untyped-def]
+        inverse, _, count = carry
+        error = unit - multiply(matrix, inverse)
+        return inverse + multiply(inverse, error), jnp.max(jnp.abs(error)), count + 1
+
+    start = (inverse, jnp.full_like(inverse[0, 0], jnp.inf), 0)
+    return jax.lax.while_loop(unfinished, square, start)[0]

@@ -1,0 +1,224 @@
+"""The reduced system: a lift, and the constraints that are kept."""
+
+import dataclasses
+import functools
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .. import precision
+from ..arrays import Time, Vector, as_array, concrete
+from ..errors import ReductionError
+from ..linalg.dense import multiply
+from ..linalg.kkt import KKT
+from ..linalg.pattern import Pattern
+from ..system.base import AbstractSystem, AbstractValidity
+from ..system.consistent import consistent
+from ..system.constraints import differentiate
+from ..system.state import AbstractState
+from ..system.structure import Structure
+from .lift.atlas import AtlasLift
+from .lift.base import AbstractLift, Motion
+
+
+class ReducedSystem(AbstractSystem):
+    """GᵀMG z̈ + (UᵀC_q G)ᵀ λ = Gᵀ(Q − M β), UᵀC(t, L(t, z)) = 0, on q = L(t, z), q̈ = G z̈ + β.
+
+    d'Alembert's principle: virtual displacements are δq = G δz, so the virtual work of the full
+    equations vanishes on the lift, and the energy balance survives. Of the constraints, the
+    combinations U are kept that the lift can violate.
+
+    A reduced system is a system: it simulates, compares and differentiates like any other. Made by
+    `reduce`.
+
+    - `full`: the system that was reduced. `lift`: L. `combinations` U (M, m): None keeps none.
+    - `q0`, `v0` (r,): the start. `time` [s]: at which `mass` is, where constraints depend on time.
+    - `validity`: what it was made of. `summary`: what it is, in words.
+    """
+
+    full: AbstractSystem
+    lift: AbstractLift
+    combinations: Float[Array, "M m"] | None
+    q0: Float[Array, " r"]
+    v0: Float[Array, " r"]
+    time: Float[Array, ""]
+    validity: AbstractValidity | None
+    structure: Structure = eqx.field(static=True)
+    summary: str = eqx.field(static=True)
+
+    @classmethod
+    def of(
+        cls,
+        full: AbstractSystem,
+        lift: AbstractLift,
+        start: tuple[Float[Array, " r"], Float[Array, " r"]],
+        *,
+        time: Vector = 0.0,
+        combinations: Float[Array, "M m"] | None = None,
+        validity: AbstractValidity | None = None,
+        summary: str = "",
+    ) -> "ReducedSystem":
+        """The system on a lift, from a start (z, w) that is put on the constraints it keeps."""
+        z, w = start
+        m = 0 if combinations is None else combinations.shape[1]
+        structure = Structure(
+            tuple(f"z{i + 1}" for i in range(z.size)),
+            tuple(f"kept combination {i + 1} of the constraints" for i in range(m)),
+            (True,) * z.size,
+            True,
+        )
+        time, combinations = jnp.asarray(time, z.dtype), combinations if m else None
+        rom = cls(full, lift, combinations, z, w, time, validity, structure, summary)
+        return rom._starting_at(z, w, time)
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Coordinates that the constraints leave free, r − m."""
+        return self.n - self.m
+
+    def mass(self, q: Float[Array, " r"]) -> Float[Array, "r r"]:
+        return self.state(self.time, q, jnp.zeros_like(q)).mass()
+
+    def force(self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]) -> Float[Array, " r"]:
+        return self.state(t, q, v).force()
+
+    def constraint(self, t: Time, q: Float[Array, " r"]) -> Float[Array, " m"]:
+        if self.combinations is None:
+            return jnp.zeros(0, q.dtype)
+        position = self.lift.position(self.full, t, q)
+        return multiply(self.combinations.T, self.full.constraint(t, position))
+
+    def state(self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]) -> "ReducedState":
+        motion = self.lift.motion(self.full, t, q, v)
+        return ReducedState(motion, self.full.state(t, motion.q, motion.v), self.combinations)
+
+    # Between physical and reduced coordinates.
+
+    def reconstruct(
+        self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]
+    ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+        """The physical coordinates and velocities that a reduced state stands for."""
+        motion = self.lift.motion(self.full, t, q, v)
+        return motion.q, motion.v
+
+    def restrict(
+        self, q: Float[Array, " n"], v: Float[Array, " n"]
+    ) -> tuple[Float[Array, " r"], Float[Array, " r"]]:
+        """The reduced coordinates and velocities nearest to physical ones.
+
+        Of a model in several charts, those of the chart that suits its start; see `starting_at` for
+        another start.
+        """
+        return self.lift.restrict(self.full, q, v)
+
+    def in_chart_of(self, q: Float[Array, " n"]) -> "ReducedSystem":
+        """The system in the coordinates that suit a configuration: itself, unless it has charts."""
+        if not isinstance(self.lift, AtlasLift):
+            return self
+        lift = dataclasses.replace(self.lift, current=self.lift.number(q))
+        return dataclasses.replace(self, lift=lift)
+
+    # The same reduction elsewhere.
+
+    def starting_at(self, q: Vector, v: Vector, t: Vector | None = None) -> "ReducedSystem":
+        """The system with the start nearest to physical q, v (n,) at t [s], on its constraints."""
+        time = self.time if t is None else as_array(t)
+        q, v = as_array(q), as_array(v)
+        rom = self.in_chart_of(q)
+        return rom._starting_at(*rom.restrict(q, v), time)
+
+    def with_full(self, full: AbstractSystem) -> "ReducedSystem":
+        """The same reduction of a system with other numbers: on the same lift, with the same
+        combinations of constraints, from the same reduced start, put on these constraints.
+
+        Works under `jit`, `grad` and `vmap`. Raises ReductionError if the coordinates differ.
+        """
+        if full.n != self.full.n or full.m != self.full.m:
+            raise ReductionError(
+                f"with_full: a system of {full.n} coordinates and {full.m} constraints cannot take "
+                f"the place of one of {self.full.n} and {self.full.m}; reduce it by itself."
+            )
+        rom = dataclasses.replace(self, full=full, lift=self.lift.with_full(full))
+        return rom._starting_at(self.q0, self.v0, self.time)
+
+    def _starting_at(
+        self, z: Float[Array, " r"], w: Float[Array, " r"], time: Float[Array, ""]
+    ) -> "ReducedSystem":
+        rom = dataclasses.replace(self, q0=z, v0=w, time=jnp.asarray(time, z.dtype))
+        if rom.m == 0:
+            return rom
+        violation = concrete(_largest_violation(rom))
+        if violation is not None and violation <= precision.of(z.dtype).projected:
+            return rom
+        q0, v0 = consistent(rom, t=rom.time)
+        return dataclasses.replace(rom, q0=q0, v0=v0)
+
+
+@eqx.filter_jit
+def _largest_violation(rom: ReducedSystem) -> Float[Array, ""]:
+    """Of the start, by the constraints or their rates."""
+    state = differentiate(rom.constraint, rom.time, rom.q0, rom.v0)
+    return jnp.max(jnp.abs(jnp.stack([state.violation, state.rate])))
+
+
+@dataclasses.dataclass(frozen=True)
+class ReducedState(AbstractState):
+    """A reduced system at one state: the full system's state there, seen through the lift."""
+
+    motion: Motion
+    inner: AbstractState  # of the full system
+    combinations: Float[Array, "M m"] | None
+
+    @property
+    def q(self) -> Float[Array, " n"]:  # type: ignore[override]
+        return self.motion.q
+
+    @property
+    def v(self) -> Float[Array, " n"]:  # type: ignore[override]
+        return self.motion.v
+
+    @functools.cached_property
+    def _pushed(self) -> Float[Array, "n columns"]:
+        """M G, and M β as one more column where there is a bias."""
+        _, _, tangent, bias = self.motion
+        columns = tangent if bias is None else jnp.concatenate([tangent, bias[:, None]], axis=1)
+        return self.inner.apply_mass(columns)
+
+    def mass(self) -> Float[Array, "r r"]:
+        """GᵀMG."""
+        tangent = self.motion.tangent
+        return multiply(tangent.T, self._pushed[:, : tangent.shape[1]])
+
+    def apply_mass(self, x: Float[Array, "r *k"]) -> Float[Array, "r *k"]:
+        tangent = self.motion.tangent
+        return multiply(tangent.T, self.inner.apply_mass(multiply(tangent, x)))
+
+    def jacobian(self) -> Float[Array, "m r"]:
+        tangent = self.motion.tangent
+        if self.combinations is None:
+            return jnp.zeros((0, tangent.shape[1]), tangent.dtype)
+        return multiply(multiply(self.combinations.T, self.inner.jacobian()), tangent)
+
+    def force(self) -> Float[Array, " r"]:
+        force = self.inner.force()
+        if self.motion.bias is not None:
+            force -= self._pushed[:, -1]
+        return multiply(self.motion.tangent.T, force)
+
+    def residual(self, a: Float[Array, " r"]) -> Float[Array, " r"]:
+        pushed = self.inner.apply_mass(self.physical_acceleration(a))
+        return multiply(self.motion.tangent.T, pushed - self.inner.force())
+
+    def kkt(self) -> KKT:
+        rows = self.jacobian()
+        m, r = rows.shape
+        return KKT(Pattern.dense(r, m), self.mass()[None], rows[None][: min(m, 1)])
+
+    def solve(self, gamma: Float[Array, " m"]) -> tuple[Float[Array, " r"], Float[Array, " m"]]:
+        return self.kkt().solve(self.force(), gamma)
+
+    def physical_acceleration(self, a: Float[Array, " r"]) -> Float[Array, " n"]:
+        _, _, tangent, bias = self.motion
+        pushed = multiply(tangent, a)
+        return pushed if bias is None else pushed + bias

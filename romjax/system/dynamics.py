@@ -1,0 +1,110 @@
+"""What follows from the equations of motion of any system, in the order of the theory."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..arrays import Time
+from .base import AbstractSystem
+from .constraints import ConstraintState, differentiate, right_hand_side
+from .stabilization import Baumgarte
+
+
+class Linearization(NamedTuple):
+    """The acceleration and its derivatives at one state."""
+
+    acceleration: Float[Array, " n"]
+    by_position: Float[Array, "n n"]  # ∂a/∂q
+    by_velocity: Float[Array, "n n"]  # ∂a/∂v
+    by_time: Float[Array, " n"]  # ∂a/∂t
+
+
+def apply_mass(
+    system: AbstractSystem, q: Float[Array, " n"], x: Float[Array, "n *k"]
+) -> Float[Array, "n *k"]:
+    """M x at the configuration q, for one or several x."""
+    return system.state(0.0, q, jnp.zeros_like(q)).apply_mass(x)
+
+
+def kinetic_energy(
+    system: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"]
+) -> Float[Array, ""]:
+    """T = ½ vᵀ M v [J]."""
+    return 0.5 * v @ apply_mass(system, q, v)
+
+
+def quadratic_velocity_force(mass: Callable) -> Callable:
+    """The quadratic velocity vector −Ṁ v + ½ ∂(vᵀ M v)/∂q of a mass matrix function, by autodiff.
+
+    `mass(q)` gives M (n, n), or the diagonal (n,) of a diagonal one. Returns a function of (q, v).
+    It belongs into the `force` of a CustomSystem whose mass matrix changes with q.
+    """
+
+    def force(q: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " n"]:
+        def momentum(q):  # type: ignore[no-untyped-def]
+            m = mass(q)
+            return m * v if m.ndim == 1 else m @ v
+
+        _, rate = jax.jvp(momentum, (q,), (v,))
+        _, transpose = jax.vjp(momentum, q)
+        return 0.5 * transpose(v)[0] - rate
+
+    return force
+
+
+def jacobian(system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Array, "m n"]:
+    """Constraint Jacobian C_q."""
+    return system.state(t, q, jnp.zeros_like(q)).jacobian()
+
+
+def constraint_state(
+    system: AbstractSystem,
+    t: Time,
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    a: Float[Array, " n"] | None = None,
+) -> ConstraintState:
+    """C, Ċ and C̈; without an acceleration `a`, C̈ without its part C_q a."""
+    return differentiate(system.constraint, t, q, v, a)
+
+
+def linearize(
+    system: AbstractSystem,
+    t: Time,
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    stabilization: Baumgarte | None = None,
+) -> Linearization:
+    """Acceleration and its derivatives.
+
+    With the residual R = (M a + C_qᵀ λ − Q, C_q a − γ) and a, λ held fixed, the derivatives solve
+    the extended system with the right-hand sides −∂R: one factorisation, instead of differentiating
+    through the solve.
+    """
+    t = jnp.asarray(t, q.dtype)
+    n, state = system.n, system.state(t, q, v)
+    kkt = state.kkt()
+    gamma = right_hand_side(system.constraint, system.m, t, q, v, stabilization)
+    a, multipliers = kkt.solve(state.force(), gamma)
+
+    def residual(t, q, v):  # type: ignore[no-untyped-def]
+        unbalanced = system.state(t, q, v).residual(a)
+        if system.m == 0:
+            return unbalanced, jnp.zeros(0, q.dtype)
+        reaction = jax.grad(lambda q: multipliers @ system.constraint(t, q))(q)
+        along = constraint_state(system, t, q, v, a)
+        curvature = along.curvature
+        if stabilization is not None:
+            curvature += stabilization.term(along.violation, along.rate)
+        return unbalanced + reaction, curvature
+
+    def push(direction):  # type: ignore[no-untyped-def]
+        tangent = (direction[2 * n], direction[:n], direction[n : 2 * n])
+        return jax.jvp(residual, (t, q, v), tangent)[1]
+
+    by_state = jax.vmap(push, out_axes=1)(jnp.eye(2 * n + 1, dtype=q.dtype))
+    slopes, _ = kkt.solve(-by_state[0], -by_state[1])
+    return Linearization(a, slopes[:, :n], slopes[:, n : 2 * n], slopes[:, 2 * n])

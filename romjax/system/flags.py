@@ -1,0 +1,19 @@
+"""What speaks against the result of a simulation, as numbers that JAX can carry."""
+
+import enum
+
+
+class Flag(enum.IntFlag):
+    """Reasons not to trust a simulated motion."""
+
+    NONE = 0
+    OUTSIDE_TRAINING = 1
+    VIOLATION = 2
+    ENERGY = 4
+
+
+WORDS = {
+    Flag.OUTSIDE_TRAINING: "it leaves the box of the snapshots that the reduced model was made of",
+    Flag.VIOLATION: "it violates the constraints by more than the snapshots in the basis do",
+    Flag.ENERGY: "its energy changes by more than the work of the forces",
+}

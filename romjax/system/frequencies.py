@@ -1,0 +1,74 @@
+"""How fast a system is: what the choice of a method and of a stabilisation needs."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..arrays import Time
+from .base import AbstractSystem
+
+# Of the power iteration; the estimate settles a choice, not a result.
+_ITERATIONS = 12
+
+
+class Frequencies(NamedTuple):
+    """How fast a system is at one state [rad/s]."""
+
+    rigid: Float[Array, ""]  # fastest rigid-body frequency
+    fastest: Float[Array, ""]  # fastest frequency or rate of decay of all
+
+
+def frequencies(
+    system: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
+) -> Frequencies:
+    """The fastest frequencies at a state.
+
+    Of a reduced system with constraints, the rigid one is that of the full system: it sets the
+    stabilisation, and reduced coordinates know no bodies.
+    """
+    own = _estimate(system, t, q, v)
+    if system.m == 0 or system.full is system:
+        return own
+    state = system.state(t, q, v)
+    return Frequencies(_estimate(system.full, t, state.q, state.v).rigid, own.fastest)
+
+
+def _estimate(
+    system: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
+) -> Frequencies:
+    """By power iteration with products only, in the metric of M.
+
+    ω² = |∂a/∂q| sees springs, flexible modes, gravity on hinged bodies and rotation; the rate
+    |∂a/∂v| sees dampers. Three directions are iterated at once: among the rigid coordinates for
+    ∂a/∂q, among all for ∂a/∂q, and among all for ∂a/∂v.
+    """
+    # Difference quotients: the derivative would double the program for a rough number.
+    step = jnp.sqrt(jnp.finfo(q.dtype).eps)
+    among = jnp.stack([jnp.array(system.structure.rigid), *[jnp.ones(system.n, bool)] * 2])
+    state = system.state(t, q, v)
+
+    def sizes(x):  # type: ignore[no-untyped-def]
+        return jnp.sqrt(jnp.sum(x * state.apply_mass(x.T).T, axis=1))
+
+    def push(x, _):  # type: ignore[no-untyped-def]
+        # The third row is the state itself, from which the quotients are taken.
+        positions = jnp.concatenate([x[:2], jnp.zeros_like(x[:2])])
+        rates = jnp.concatenate([jnp.zeros_like(x), x[2:]])
+        pushed = jax.vmap(lambda x, w: system.acceleration(t, q + step * x, v + step * w)[0])(
+            positions, rates
+        )
+        change = jnp.where(among, (pushed[np.array([0, 1, 3])] - pushed[2][None]) / step, 0)
+        size = sizes(change)
+        return change / jnp.where(size > 0, size, 1)[:, None], size
+
+    # No symmetric direction, so that no mode of a symmetric mechanism is missed.
+    x = jnp.where(among, jnp.cos(1.0 + jnp.arange(system.n, dtype=q.dtype) ** 1.5)[None], 0)
+    size = sizes(x)
+    start = x / jnp.where(size > 0, size, 1)[:, None]
+    _, stretches = jax.lax.scan(push, start, None, length=_ITERATIONS)
+    # The largest stretch met, not the last: a level pendulum's ∂a/∂q is nilpotent.
+    rigid, all_, rate = jnp.max(stretches, axis=0)
+    return Frequencies(jnp.sqrt(rigid), jnp.maximum(jnp.sqrt(all_), rate))

@@ -1,0 +1,91 @@
+"""A system at one state: the parts of its equations of motion, each evaluated on demand."""
+
+import abc
+import dataclasses
+import functools
+from collections.abc import Callable
+
+from jaxtyping import Array, Float
+
+from ..linalg.kkt import KKT
+from ..linalg.pattern import Pattern
+
+
+class AbstractState(abc.ABC):
+    """M, C_q and Q at one (t, q, v), and the physical motion that the state stands for.
+
+    Quantities that share intermediate results, such as the tangent of a reduced system, share them
+    here; what nobody asks for is not traced.
+    """
+
+    q: Float[Array, " N"]  # physical coordinates
+    v: Float[Array, " N"]  # and their rates
+
+    @abc.abstractmethod
+    def apply_mass(self, x: Float[Array, "n *k"]) -> Float[Array, "n *k"]:
+        """M x, for one or several x."""
+
+    @abc.abstractmethod
+    def jacobian(self) -> Float[Array, "m n"]:
+        """Constraint Jacobian C_q."""
+
+    @abc.abstractmethod
+    def force(self) -> Float[Array, " n"]:
+        """Generalized force Q."""
+
+    @abc.abstractmethod
+    def residual(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
+        """M a − Q."""
+
+    @abc.abstractmethod
+    def kkt(self) -> KKT:
+        """The extended mass matrix [[M, C_qᵀ], [C_q, 0]], factored."""
+
+    @abc.abstractmethod
+    def solve(self, gamma: Float[Array, " m"]) -> tuple[Float[Array, " n"], Float[Array, " m"]]:
+        """(a, λ) with M a + C_qᵀ λ = Q and C_q a = γ."""
+
+    @abc.abstractmethod
+    def physical_acceleration(self, a: Float[Array, " n"]) -> Float[Array, " N"]:
+        """The acceleration of the physical coordinates, for that of the system's own."""
+
+
+@dataclasses.dataclass(frozen=True)
+class FullState(AbstractState):
+    """Of a system whose coordinates are the physical ones.
+
+    - `pattern`: where the blocks sit; `mass_blocks`, `jacobian_blocks`: those of M and of C_q, as
+      `KKT` takes them; `force_vector`: Q. Functions, so that only what is asked for is traced.
+    """
+
+    q: Float[Array, " n"]
+    v: Float[Array, " n"]
+    pattern: Pattern
+    mass_blocks: Callable[[], Float[Array, "bodies size *size"]]
+    jacobian_blocks: Callable[[], Float[Array, "sides height size"]]
+    force_vector: Callable[[], Float[Array, " n"]]
+
+    @functools.cached_property
+    def _mass(self) -> Float[Array, "bodies size *size"]:
+        return self.mass_blocks()
+
+    def apply_mass(self, x: Float[Array, "n *k"]) -> Float[Array, "n *k"]:
+        return self.pattern.apply_mass(self._mass, x)
+
+    def jacobian(self) -> Float[Array, "m n"]:
+        return self.pattern.dense_jacobian(self.jacobian_blocks())
+
+    def force(self) -> Float[Array, " n"]:
+        return self.force_vector()
+
+    def residual(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
+        return self.apply_mass(a) - self.force()
+
+    def kkt(self) -> KKT:
+        return KKT(self.pattern, self._mass, self.jacobian_blocks())
+
+    def solve(self, gamma: Float[Array, " m"]) -> tuple[Float[Array, " n"], Float[Array, " m"]]:
+        return self.kkt().solve(self.force(), gamma)
+
+    def physical_acceleration(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
+        return a
