@@ -15,7 +15,6 @@ import jax.numpy as jnp
 import optax
 
 import romjax as rj
-from romjax.reduction.minimal import MinimalSystem
 
 CLASS = re.compile(r"[A-Z]\w*[a-z]\w*")
 KEYWORD = re.compile(r"(\w+)=(?:\S.*)?")
@@ -39,7 +38,7 @@ INSTANCES = {
     "basis": rj.Basis,
     "body": rj.AbstractBody,
     "report": rj.Comparison,
-    "rom": MinimalSystem,
+    "rom": rj.ReducedSystem,
     "scene": rj.Scene,
     "system": rj.AbstractSystem,
     "trajectory": rj.Trajectory,

@@ -14,6 +14,7 @@ from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
 from romjax.scene.body.modes import bending_moments, bending_shapes
+from romjax.system import dynamics
 
 LENGTH, MASS, EI = 1.3, 0.7, 3.0
 # Of frequencies by eight modes, against a basis of polynomials.
@@ -112,7 +113,7 @@ def clamped(tension, speed, stiffening):
     ]
     pull = rj.Force(tip, (1.0, 0.0), rj.Constant(tension * EI / LENGTH**2))
     system = rj.assemble(rj.Scene([body], joints, [pull]))
-    return system.linearize(0.0, system.q0, system.v0).by_position[3:, 3:] / unit**2
+    return dynamics.linearize(system, 0.0, system.q0, system.v0).by_position[3:, 3:] / unit**2
 
 
 @pytest.mark.parametrize(
@@ -142,7 +143,7 @@ def test_jacobian_of_a_stiffened_beam():
     system = rj.assemble(rj.Scene([body, other], joints))
     q = 0.1 * jax.random.normal(jax.random.key(0), (system.n,))
     wanted = jax.jit(jax.jacfwd(system.constraint, argnums=1))(0.0, q)
-    assert np.allclose(system.jacobian(0.0, q), wanted, rtol=0, atol=IDENTITY)
+    assert np.allclose(dynamics.jacobian(system, 0.0, q), wanted, rtol=0, atol=IDENTITY)
     # The tip comes nearer by ½ ∫w'² ds, here by a quadrature of the slopes.
     places = system.joint_markers.poses(q).position
     nodes, weights = np.polynomial.legendre.leggauss(40)
@@ -235,7 +236,7 @@ def tip(count, load):
     @jax.jit
     def improve(force, x):
         def residual(x):
-            reaction = system.jacobian(0.0, x[:n]).T @ x[n:]
+            reaction = dynamics.jacobian(system, 0.0, x[:n]).T @ x[n:]
             pull = system.force(force, x[:n], still) - reaction
             return jnp.concatenate([pull, system.constraint(0.0, x[:n])])
 

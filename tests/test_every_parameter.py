@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 from jax.tree_util import tree_map_with_path
+from test_minimal import DECIDED
 from tolerances import DIFFERENCED
 
 import romjax as rj
@@ -24,7 +25,7 @@ def trained(scene, kind):
     system = rj.assemble(SCENES[scene])
     basis = rj.pod(rj.simulate(system, TIMES, **FIXED), rank=RANKS[scene][kind])
     rom = rj.reduce(system, basis, kind)
-    return basis, {"constraints": rom.m} if kind == "galerkin" else {"chart": rom.chart}
+    return basis, DECIDED[kind](rom)
 
 
 def last(run):
@@ -41,12 +42,12 @@ def test_every_parameter_of_a_scene(scene, kind, batched):
     values, rest = eqx.partition(SCENES[scene], eqx.is_inexact_array)
     if scene == "cart":  # differences need to know how large an amplitude is
         values = eqx.tree_at(lambda s: s.bodies[1].amplitudes, values, jnp.array([1e-4, 1e-5]))
-    basis, fixed = trained(scene, kind) if kind != "full" else (None, {})
+    basis, formulation = trained(scene, kind) if kind != "full" else (None, None)
 
     def end(factor, values):
         system = rj.assemble(eqx.combine(jax.tree.map(lambda x: factor * x, values), rest))
         if kind != "full":
-            system = rj.reduce(system, basis, kind, **fixed)
+            system = rj.reduce(system, basis, formulation)
         return last(rj.simulate(system, TIMES, **FIXED))
 
     def f(values):
@@ -73,12 +74,12 @@ def test_every_parameter_through_the_basis(scene, kind):
         return eqx.is_inexact_array(leaf) and any(getattr(key, "name", "") in names for key in path)
 
     values, rest = eqx.partition(SCENES[scene], tree_map_with_path(free, SCENES[scene]))
-    _, fixed = trained(scene, kind)
+    _, formulation = trained(scene, kind)
 
     def f(values):
         system = rj.assemble(eqx.combine(values, rest))
         basis = rj.pod(rj.simulate(system, TIMES, **FIXED), rank=RANKS[scene][kind])
-        return last(rj.simulate(rj.reduce(system, basis, kind, **fixed), TIMES, **FIXED))
+        return last(rj.simulate(rj.reduce(system, basis, formulation), TIMES, **FIXED))
 
     found = rj.check_gradient(f, values)
     assert found.error <= THROUGH, str(found)

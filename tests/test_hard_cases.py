@@ -14,6 +14,7 @@ from mechanisms import RK4, ends, linkage
 from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
+from romjax.system import dynamics
 
 # Required figures, case by case.
 ANGLE, ENERGY = 1e-8, 1e-9  # through a change point that a step lands on
@@ -46,7 +47,7 @@ def moving(system):
 def solved_exactly(system, q, v) -> tuple[np.ndarray, np.ndarray]:
     """q̈ and λ of the extended system, by Gauss's elimination in rational arithmetic."""
     n, m = system.n, system.m
-    mass, rows = np.asarray(system.mass(q)), np.asarray(system.jacobian(0.0, q))
+    mass, rows = np.asarray(system.mass(q)), np.asarray(dynamics.jacobian(system, 0.0, q))
     matrix = np.block([[mass, rows.T], [rows, np.zeros((m, m))]])
     right = np.concatenate([system.force(0.0, q, v), system.gamma(0.0, q, v)])
     table = [[Fraction(float(x)) for x in (*row, b)] for row, b in zip(matrix, right, strict=True)]

@@ -17,6 +17,7 @@ from random_scenes import random_scene
 from rigid_motion import moved_coordinates, moved_scene, turned
 
 import romjax as rj
+from romjax.system import dynamics
 
 STRUCTURES, SETS = 25, 8
 QUICK = 3  # structures that are looked at in every run of the tests
@@ -81,9 +82,9 @@ class Forces(NamedTuple):
 def forces(scene: rj.Scene, q, v) -> Forces:
     system = rj.assemble(scene)
     a, multipliers = system.acceleration(TIME, q, v)
-    reaction = system.jacobian(TIME, q).T @ multipliers
+    reaction = dynamics.jacobian(system, TIME, q).T @ multipliers
     sizes = jnp.abs(system.force(TIME, q, v)) + jnp.abs(reaction)
-    rate = system.constraint_state(TIME, q, v).rate
+    rate = dynamics.constraint_state(system, TIME, q, v).rate
     return Forces(a, multipliers, sizes, jnp.diag(system.mass(q)), rate)
 
 

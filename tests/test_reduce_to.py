@@ -45,10 +45,10 @@ def test_the_error_asked_for_is_kept(truth, cart_pendulum, others, formulation, 
     settings = {"rtol": min(1e-3 * tol, 1e-7), "throw": False}
     error = rj.compare(truth, rj.simulate(rom, truth.t, **settings)).error
     assert error <= tol
-    assert error <= 2 * rom.training.error
-    assert f"for tol {tol:g}" in rom.reason
+    assert error <= 2 * rom.validity.error
+    assert f"for tol {tol:g}" in rom.summary
     for number, (system, run) in enumerate(others):
-        approx = rj.simulate(dataclasses.replace(rom, full=system), truth.t, **settings)
+        approx = rj.simulate(rom.with_full(system), truth.t, **settings)
         assert approx.flagged or rj.compare(run, approx).error <= HELD_OUT * tol
         assert approx.flagged or number > 0
 
@@ -58,9 +58,9 @@ def test_variations_join_the_training(truth, cart_pendulum):
     """The last one is tried; it fails a model of the training alone, and joins."""
     more = [varied(force=11.0), varied(force=100.0)]
     rom = rj.reduce_to(cart_pendulum, truth, 1e-4, variations=more)
-    assert "2 training runs" in rom.reason
+    assert "2 training runs" in rom.summary
     large = rj.simulate(more[1], truth.t, **TRAINING)
-    approx = rj.simulate(dataclasses.replace(rom, full=more[1]), truth.t, rtol=1e-8)
+    approx = rj.simulate(rom.with_full(more[1]), truth.t, rtol=1e-8)
     assert rj.compare(large, approx).error <= 1e-4
     assert not approx.flagged
 
@@ -92,8 +92,8 @@ def test_a_run_beyond_the_training_is_doubted(truth):
 
 def test_energy_from_nowhere_is_doubted(truth, cart_pendulum):
     """The chapter's projection of the solution, with weak stabilisation."""
-    rom = rj.reduce(cart_pendulum, rj.pod(truth, rank=3), "projected")
-    motion = rj.simulate(rom, truth.t, stabilization=rj.Baumgarte(5.0, 10.0), rtol=1e-8)
+    rom = rj.reduce(cart_pendulum, rj.pod(truth, rank=3), rj.Projected(rj.Baumgarte(5.0, 10.0)))
+    motion = rj.simulate(rom, truth.t, rtol=1e-8)
     assert rj.Doubt.ENERGY in rj.Doubt(int(motion.doubt))
 
 

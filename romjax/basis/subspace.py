@@ -6,6 +6,7 @@ from typing import Literal
 
 import jax
 import jax.numpy as jnp
+import jax.scipy.linalg as jsl
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
@@ -13,6 +14,8 @@ Method = Literal["svd", "gram"]
 # The share of the last kept singular value that the first dropped one may reach before derivatives
 # of the subspace tell nothing: they grow with 1/(1 − share).
 CLOSE = 0.9
+# Vectors whose singular values are below this share of the largest depend on each other.
+DEPENDENT = 1e-6
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1, 2))
@@ -66,6 +69,22 @@ def singular_values(matrix: Float[Array, "n h"], method: Method = "svd") -> Floa
     if method == "svd":
         return jnp.linalg.svd(matrix, compute_uv=False)
     return jnp.sqrt(jnp.maximum(jnp.linalg.eigvalsh(_gram(matrix))[::-1], 0))
+
+
+def span(vectors: Float[Array, "n r"], metric: Float[Array, "n n"]) -> Float[Array, "n k"]:
+    """A basis of the span of vectors, orthonormal in a metric, the first along the first vector.
+
+    Vectors that depend on others to `DEPENDENT` count once; while JAX traces, all count.
+    """
+    root = jnp.linalg.cholesky(metric).T
+    weighted = root @ vectors
+    values, rank = singular_values(weighted), min(vectors.shape)
+    if not isinstance(values, jax.core.Tracer):
+        rank = int(np.sum(np.asarray(values) > DEPENDENT * float(values[0])))
+    orthonormal, _ = leading(weighted, rank)
+    # How the span's vectors are mixed is no matter of its derivative.
+    turn, _ = jnp.linalg.qr(jax.lax.stop_gradient(orthonormal.T @ weighted)[:, :rank])
+    return jsl.solve_triangular(root, orthonormal @ turn)
 
 
 def _gram(matrix: Float[Array, "n h"]) -> Float[Array, "k k"]:

@@ -14,6 +14,8 @@ _LOOPED = 24
 # faster, since XLA computes the factors again for each product: terms of each sum; and of a single
 # matrix, entries and products in all.
 _FUSED, _ENTRIES, _PRODUCTS = 16, 100, 600
+# Of the iteration for an inverse.
+_MOST_ITERATIONS = 8
 
 
 def multiply(a: Float[Array, "... p c"], b: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -61,3 +63,28 @@ def invert(a: Float[Array, "*batch b b"]) -> Float[Array, "*batch b b"]:
     for unit in units:
         a, _ = eliminate(a, unit)
     return a
+
+
+def improve_inverse(
+    inverse: Float[Array, "m m"], matrix: Float[Array, "m m"]
+) -> Float[Array, "m m"]:
+    """The inverse of a matrix A from that of a similar one.
+
+    X ← X + X (I − A X) squares the error I − A X (Schulz 1933, doi:10.1002/zamm.19330130111).
+    Products only: a library's factorisation takes longer than all the iterations.
+    """
+    unit = jnp.eye(len(matrix), dtype=matrix.dtype)
+    # The next iteration squares this to rounding.
+    enough = jnp.finfo(matrix.dtype).eps ** 0.5
+
+    def unfinished(carry):  # type: ignore[no-untyped-def]
+        _, error, count = carry
+        return (error > enough) & (count < _MOST_ITERATIONS)
+
+    def square(carry):  # type: ignore[no-untyped-def]
+        inverse, _, count = carry
+        error = unit - multiply(matrix, inverse)
+        return inverse + multiply(inverse, error), jnp.max(jnp.abs(error)), count + 1
+
+    start = (inverse, jnp.full_like(inverse[0, 0], jnp.inf), 0)
+    return jax.lax.while_loop(unfinished, square, start)[0]

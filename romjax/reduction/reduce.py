@@ -1,7 +1,7 @@
 """From a system and a basis to a reduced system."""
 
 import dataclasses
-from typing import Any
+from typing import Any, Literal, overload
 
 from .. import deprecated
 from ..basis.basis import Basis
@@ -14,12 +14,26 @@ from .formulation.parse import as_formulation
 from .system import ReducedSystem
 
 
+@overload
+def reduce(
+    system: AbstractSystem,
+    basis: Basis,
+    formulation: Galerkin | Minimal | Literal["galerkin", "minimal"] = ...,
+) -> ReducedSystem: ...
+
+
+@overload
+def reduce(
+    system: AbstractSystem, basis: Basis, formulation: AbstractFormulation | str
+) -> AbstractSystem: ...
+
+
 def reduce(
     system: AbstractSystem,
     basis: Basis,
     formulation: AbstractFormulation | str = "galerkin",
     **old: Any,
-) -> ReducedSystem:
+) -> AbstractSystem:
     """The system in the coordinates of a basis.
 
     It starts where the snapshots start, or with modes of one's own where the system does; see

@@ -19,7 +19,7 @@ from ..system.constraints import differentiate
 from ..system.state import AbstractState
 from ..system.structure import Structure
 from .lift.atlas import AtlasLift
-from .lift.base import AbstractLift, Motion
+from .lift.base import AbstractLift, Motion, Physical, Reduced
 
 
 class ReducedSystem(AbstractSystem):
@@ -52,59 +52,53 @@ class ReducedSystem(AbstractSystem):
         cls,
         full: AbstractSystem,
         lift: AbstractLift,
-        start: tuple[Float[Array, " r"], Float[Array, " r"]],
-        *,
-        time: Vector = 0.0,
+        start: tuple[Physical, Physical, Float[Array, ""]],
         combinations: Float[Array, "M m"] | None = None,
         validity: AbstractValidity | None = None,
         summary: str = "",
     ) -> "ReducedSystem":
-        """The system on a lift, from a start (z, w) that is put on the constraints it keeps."""
-        z, w = start
+        """The system on a lift, from the start nearest to physical (q, v, t)."""
+        z, w = _restrict(lift, full, *start[:2])
         m = 0 if combinations is None else combinations.shape[1]
         structure = Structure(
             tuple(f"z{i + 1}" for i in range(z.size)),
             tuple(f"kept combination {i + 1} of the constraints" for i in range(m)),
-            (True,) * z.size,
-            True,
+            rigid=(True,) * z.size,
+            flexible=True,
         )
-        time, combinations = jnp.asarray(time, z.dtype), combinations if m else None
-        rom = cls(full, lift, combinations, z, w, time, validity, structure, summary)
-        return rom._starting_at(z, w, time)
+        kept = combinations if m else None
+        rom = cls(full, lift, kept, z, w, start[2], validity, structure, summary)
+        return rom._starting_at(z, w, start[2])
 
     @property
     def degrees_of_freedom(self) -> int:
         """Coordinates that the constraints leave free, r − m."""
         return self.n - self.m
 
-    def mass(self, q: Float[Array, " r"]) -> Float[Array, "r r"]:
+    def mass(self, q: Reduced) -> Float[Array, "r r"]:
         return self.state(self.time, q, jnp.zeros_like(q)).mass()
 
-    def force(self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]) -> Float[Array, " r"]:
+    def force(self, t: Time, q: Reduced, v: Reduced) -> Reduced:
         return self.state(t, q, v).force()
 
-    def constraint(self, t: Time, q: Float[Array, " r"]) -> Float[Array, " m"]:
+    def constraint(self, t: Time, q: Reduced) -> Float[Array, " m"]:
         if self.combinations is None:
             return jnp.zeros(0, q.dtype)
         position = self.lift.position(self.full, t, q)
         return multiply(self.combinations.T, self.full.constraint(t, position))
 
-    def state(self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]) -> "ReducedState":
+    def state(self, t: Time, q: Reduced, v: Reduced) -> "ReducedState":
         motion = self.lift.motion(self.full, t, q, v)
         return ReducedState(motion, self.full.state(t, motion.q, motion.v), self.combinations)
 
     # Between physical and reduced coordinates.
 
-    def reconstruct(
-        self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]
-    ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    def reconstruct(self, t: Time, q: Reduced, v: Reduced) -> tuple[Physical, Physical]:
         """The physical coordinates and velocities that a reduced state stands for."""
         motion = self.lift.motion(self.full, t, q, v)
         return motion.q, motion.v
 
-    def restrict(
-        self, q: Float[Array, " n"], v: Float[Array, " n"]
-    ) -> tuple[Float[Array, " r"], Float[Array, " r"]]:
+    def restrict(self, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
         """The reduced coordinates and velocities nearest to physical ones.
 
         Of a model in several charts, those of the chart that suits its start; see `starting_at` for
@@ -112,11 +106,11 @@ class ReducedSystem(AbstractSystem):
         """
         return self.lift.restrict(self.full, q, v)
 
-    def in_chart_of(self, q: Float[Array, " n"]) -> "ReducedSystem":
+    def in_chart_of(self, q: Physical) -> "ReducedSystem":
         """The system in the coordinates that suit a configuration: itself, unless it has charts."""
         if not isinstance(self.lift, AtlasLift):
             return self
-        lift = dataclasses.replace(self.lift, current=self.lift.number(q))
+        lift = eqx.tree_at(lambda atlas: atlas.current, self.lift, self.lift.number(q))
         return dataclasses.replace(self, lift=lift)
 
     # The same reduction elsewhere.
@@ -142,9 +136,7 @@ class ReducedSystem(AbstractSystem):
         rom = dataclasses.replace(self, full=full, lift=self.lift.with_full(full))
         return rom._starting_at(self.q0, self.v0, self.time)
 
-    def _starting_at(
-        self, z: Float[Array, " r"], w: Float[Array, " r"], time: Float[Array, ""]
-    ) -> "ReducedSystem":
+    def _starting_at(self, z: Reduced, w: Reduced, time: Float[Array, ""]) -> "ReducedSystem":
         rom = dataclasses.replace(self, q0=z, v0=w, time=jnp.asarray(time, z.dtype))
         if rom.m == 0:
             return rom
@@ -153,6 +145,18 @@ class ReducedSystem(AbstractSystem):
             return rom
         q0, v0 = consistent(rom, t=rom.time)
         return dataclasses.replace(rom, q0=q0, v0=v0)
+
+
+def has_charts(system: AbstractSystem) -> bool:
+    """Whether the coordinates of a system refer to one of several charts."""
+    return isinstance(system, ReducedSystem) and isinstance(system.lift, AtlasLift)
+
+
+@eqx.filter_jit
+def _restrict(
+    lift: AbstractLift, full: AbstractSystem, q: Physical, v: Physical
+) -> tuple[Reduced, Reduced]:
+    return lift.restrict(full, q, v)
 
 
 @eqx.filter_jit
@@ -200,13 +204,13 @@ class ReducedState(AbstractState):
             return jnp.zeros((0, tangent.shape[1]), tangent.dtype)
         return multiply(multiply(self.combinations.T, self.inner.jacobian()), tangent)
 
-    def force(self) -> Float[Array, " r"]:
+    def force(self) -> Reduced:
         force = self.inner.force()
         if self.motion.bias is not None:
             force -= self._pushed[:, -1]
         return multiply(self.motion.tangent.T, force)
 
-    def residual(self, a: Float[Array, " r"]) -> Float[Array, " r"]:
+    def residual(self, a: Reduced) -> Reduced:
         pushed = self.inner.apply_mass(self.physical_acceleration(a))
         return multiply(self.motion.tangent.T, pushed - self.inner.force())
 
@@ -215,10 +219,10 @@ class ReducedState(AbstractState):
         m, r = rows.shape
         return KKT(Pattern.dense(r, m), self.mass()[None], rows[None][: min(m, 1)])
 
-    def solve(self, gamma: Float[Array, " m"]) -> tuple[Float[Array, " r"], Float[Array, " m"]]:
+    def solve(self, gamma: Float[Array, " m"]) -> tuple[Reduced, Float[Array, " m"]]:
         return self.kkt().solve(self.force(), gamma)
 
-    def physical_acceleration(self, a: Float[Array, " r"]) -> Float[Array, " n"]:
+    def physical_acceleration(self, a: Reduced) -> Physical:
         _, _, tangent, bias = self.motion
         pushed = multiply(tangent, a)
         return pushed if bias is None else pushed + bias

@@ -2,9 +2,12 @@
 
 from typing import Any
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from ..basis.basis import Basis
 from ..system.base import AbstractSystem, AbstractValidity
 from ..system.flags import Flag
 
@@ -13,6 +16,8 @@ from ..system.flags import Flag
 _MARGIN, _NARROW = 0.1, 1e-3
 # How many times the training's violation is too much, and what is never too much.
 _TIMES, _ROUNDING = 10.0, 1e-7
+# Snapshots at which the constraints are evaluated.
+_SNAPSHOTS = 200
 
 
 class TrainingBox(AbstractValidity):
@@ -41,6 +46,20 @@ class TrainingBox(AbstractValidity):
         violation = jnp.asarray(violation, points.dtype)
         return cls(jnp.min(points, 0), jnp.max(points, 0), violation, jnp.full((), jnp.nan), root)
 
+    @classmethod
+    def of_basis(
+        cls, system: AbstractSystem, basis: Basis, modes: Float[Array, "n r"], dual: Array
+    ) -> "TrainingBox | None":
+        """The box of the snapshots of a basis in the subspace of `modes`, whose coordinates are
+        z = `dual` (q − q̄), and how far they violate the constraints there; None without snapshots.
+        """
+        if basis.decomposition is None:
+            return None
+        z = (basis.snapshots.q - basis.offset[None]) @ dual.T
+        stride = -(-len(z) // _SNAPSHOTS)
+        q = basis.offset[None] + z[::stride] @ modes.T
+        return cls.of(z, _largest_violation(system, basis.snapshots.t[::stride], q))
+
     def flags(
         self,
         system: AbstractSystem,
@@ -58,3 +77,10 @@ class TrainingBox(AbstractValidity):
         raised: Any = jnp.any(outside > allowed[None]) * int(Flag.OUTSIDE_TRAINING)
         limit = jnp.maximum(_TIMES * self.violation, _ROUNDING)
         return raised + jnp.any(violation > limit) * int(Flag.VIOLATION)
+
+
+@eqx.filter_jit
+def _largest_violation(
+    system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"]
+) -> Float[Array, ""]:
+    return jnp.max(jnp.abs(jax.vmap(system.constraint)(t, q)), initial=0.0)

@@ -53,8 +53,7 @@ class Projected(AbstractFormulation):
             rigid = frequencies(system, time, q, v).rigid
             span = jnp.maximum(t[-1] - t[0], jnp.finfo(t.dtype).tiny)
             stabilization = Baumgarte.critical(jnp.maximum(rigid, 2 * jnp.pi / span))
-        z = (basis.snapshots.q - basis.offset[None]) @ modes
-        given = basis.decomposition is None
+        box = TrainingBox.of_basis(system, basis, modes, modes.T)
         return ProjectedSystem(
             full=system,
             modes=modes,
@@ -62,7 +61,7 @@ class Projected(AbstractFormulation):
             stabilization=stabilization,
             q0=modes.T @ (q - basis.offset),
             v0=modes.T @ v,
-            validity=None if given else EnergyBalance(_box(system, basis, modes, z)),
+            validity=None if box is None else EnergyBalance(box),
             structure=Structure.unnamed(basis.rank, 0),
             summary=f"{basis.rank} modes, all {system.m} constraints inside; for reference only",
         )
@@ -179,12 +178,3 @@ class EnergyBalance(AbstractValidity):
         share = jnp.max(jnp.abs(work)) / jnp.where(extent > 0, extent, 1)
         box = self.box.flags(system, ts, q, v, physical, violation)
         return box + (share > _ENERGY) * int(Flag.ENERGY)
-
-
-@eqx.filter_jit
-def _box(
-    system: AbstractSystem, basis: Basis, modes: Float[Array, "n r"], z: Float[Array, "h r"]
-) -> TrainingBox:
-    q = basis.offset[None] + z @ modes.T
-    violation = jnp.abs(jax.vmap(system.constraint)(basis.snapshots.t, q))
-    return TrainingBox.of(z, jnp.max(violation, initial=0.0))

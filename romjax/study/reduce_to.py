@@ -97,8 +97,8 @@ def reduce_to(
         words += f", {held_out:.1e} on the last variation tried" + (
             "" if rest else ", which then joined the training"
         )
-    rom = eqx.tree_at(lambda r: r.training.error, model.rom, jnp.asarray(error))
-    return dataclasses.replace(rom, reason=rom.reason + words)
+    rom = eqx.tree_at(lambda r: r.validity.error, model.rom, jnp.asarray(error))
+    return dataclasses.replace(rom, summary=rom.summary + words)
 
 
 def _smallest(

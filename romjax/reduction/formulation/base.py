@@ -7,7 +7,6 @@ import equinox as eqx
 
 from ...basis.basis import Basis
 from ...system.base import AbstractSystem
-from ..system import ReducedSystem
 
 
 class AbstractFormulation(eqx.Module):
@@ -16,7 +15,7 @@ class AbstractFormulation(eqx.Module):
     name: ClassVar[str]
 
     @abc.abstractmethod
-    def reduce(self, system: AbstractSystem, basis: Basis) -> ReducedSystem | AbstractSystem:
+    def reduce(self, system: AbstractSystem, basis: Basis) -> AbstractSystem:
         """`system` in the coordinates that the formulation makes of a basis of its coordinates.
 
         Raises ReductionError if the basis does not make such a model.

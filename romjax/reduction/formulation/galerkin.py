@@ -3,9 +3,6 @@
 from typing import ClassVar
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ...arrays import concrete
 from ...basis.basis import Basis
@@ -23,9 +20,6 @@ from ..lift.affine import AffineLift
 from ..system import ReducedSystem
 from ..validity import TrainingBox
 from .base import AbstractFormulation, start
-
-# Snapshots at which the constraints are evaluated.
-_SNAPSHOTS = 200
 
 
 class Galerkin(AbstractFormulation):
@@ -58,28 +52,16 @@ class Galerkin(AbstractFormulation):
                 f"would stop the motion of the snapshots; keep fewer (constraints={free}), or take "
                 "more modes."
             )
-        q, v, time = start(system, basis)
-        lift = AffineLift(basis.modes, basis.offset)
+        modes, offset = basis.modes, basis.offset
+        dual = modes.T @ basis.snapshots.metric
         return ReducedSystem.of(
             system,
-            lift,
-            _restrict(system, lift, q, v),
-            time=time,
-            combinations=candidates.combinations(kept),
-            validity=training_box(system, basis),
-            summary=f"{r} modes, {kept} of {system.m} constraints kept, {r - kept} degrees of "
-            "freedom",
+            AffineLift(modes, offset),
+            start(system, basis),
+            candidates.combinations(kept),
+            TrainingBox.of_basis(system, basis, modes, dual),
+            f"{r} modes, {kept} of {system.m} constraints kept, {r - kept} degrees of freedom",
         )
-
-
-def training_box(system: AbstractSystem, basis: Basis) -> TrainingBox | None:
-    """The box of the snapshots in the subspace, and how far they violate the constraints there."""
-    if basis.decomposition is None:
-        return None
-    z, t = basis.coordinates, basis.snapshots.t
-    stride = -(-len(z) // _SNAPSHOTS)
-    q = basis.offset[None] + z[::stride] @ basis.modes.T
-    return TrainingBox.of(z, _largest_violation(system, t[::stride], q))
 
 
 def _count(system: AbstractSystem, candidates: ReducedConstraints, r: int) -> int:
@@ -101,17 +83,3 @@ def _count(system: AbstractSystem, candidates: ReducedConstraints, r: int) -> in
             "motion; take more modes, or formulation=romjax.Minimal()."
         )
     return kept
-
-
-@eqx.filter_jit
-def _restrict(
-    system: AbstractSystem, lift: AffineLift, q: Float[Array, " n"], v: Float[Array, " n"]
-) -> tuple[Float[Array, " r"], Float[Array, " r"]]:
-    return lift.restrict(system, q, v)
-
-
-@eqx.filter_jit
-def _largest_violation(
-    system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"]
-) -> Float[Array, ""]:
-    return jnp.max(jnp.abs(jax.vmap(system.constraint)(t, q)), initial=0.0)

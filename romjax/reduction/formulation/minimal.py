@@ -5,16 +5,16 @@ from typing import ClassVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import jax.scipy.linalg as jsl
 import numpy as np
 from jaxtyping import Array, Float
 
 from ...basis.basis import Basis
-from ...basis.subspace import leading, singular_values
+from ...basis.subspace import span
+from ...charts.atlas import Atlas, choose_atlas
+from ...charts.chart import Chart
+from ...charts.choose import WORST_CONDITION, choose_chart
 from ...errors import ReductionError
 from ...system.base import AbstractSystem
-from ..atlas import Atlas, choose_atlas
-from ..charts import WORST_CONDITION, Chart, choose_chart
 from ..lift.atlas import AtlasLift
 from ..lift.closed_form import ClosedFormLift
 from ..lift.implicit import ImplicitLift
@@ -24,8 +24,6 @@ from .base import AbstractFormulation, start
 
 # Snapshots that Newton's method may start from.
 _GUESSES = 200
-# Modes that are less independent than this, seen in the independent coordinates, are one.
-_DEPENDENT = 1e-6
 
 
 class Minimal(AbstractFormulation):
@@ -53,23 +51,19 @@ class Minimal(AbstractFormulation):
         chart = _choose(system, basis) if self.chart is None else self.chart
         if isinstance(chart, Atlas):
             return _in_atlas(system, basis, chart)
-        metric = _metric(system, chart, basis)
-        inner = _subspace(jnp.asarray(chart.read, metric.dtype) @ basis.modes, metric)
+        snapshots = basis.snapshots
+        metric = _metric(chart, system, snapshots.t[0], snapshots.q[0])
+        inner = span(jnp.asarray(chart.read, metric.dtype) @ basis.modes, metric)
         count = 1 if chart.affine else _GUESSES
-        domain = np.linspace(0, len(basis.snapshots.t) - 1, count).astype(int)
+        domain = np.linspace(0, len(snapshots.t) - 1, count).astype(int)
         lift = _lift(system, basis, chart, inner, metric, np.unique(domain))
+        z = (snapshots.q - basis.offset[None]) @ lift.dual.T
+        validity = None if basis.decomposition is None else TrainingBox.of(z)
         r = inner.shape[1]
-        z = (basis.snapshots.q - basis.offset[None]) @ lift.dual.T
-        q, v, time = start(system, basis)
-        return ReducedSystem.of(
-            system,
-            lift,
-            lift.restrict(system, q, v),
-            time=time,
-            validity=None if basis.decomposition is None else TrainingBox.of(z),
-            summary=f"{r} modes of {len(metric)} minimal coordinates, no constraints"
-            + (f"; {basis.rank} modes were asked for" if r < basis.rank else ""),
-        )
+        summary = f"{r} modes of {len(metric)} minimal coordinates, no constraints"
+        if r < basis.rank:
+            summary += f"; {basis.rank} modes were asked for"
+        return ReducedSystem.of(system, lift, start(system, basis), None, validity, summary)
 
 
 def _in_atlas(system: AbstractSystem, basis: Basis, atlas: Atlas) -> ReducedSystem:
@@ -88,14 +82,10 @@ def _in_atlas(system: AbstractSystem, basis: Basis, atlas: Atlas) -> ReducedSyst
     snapshots = basis.snapshots
     root = jnp.linalg.cholesky(snapshots.metric).T
     lift = AtlasLift.of(lifts, snapshots.q, root, atlas)
-    return ReducedSystem.of(
-        system,
-        lift,
-        lift.restrict(system, snapshots.q[0], snapshots.v[0]),
-        time=snapshots.t[0],
-        validity=TrainingBox.of(lift.seen, root=root),
-        summary=f"{freedoms} minimal coordinates in {len(lifts)} charts, no constraints",
-    )
+    validity = TrainingBox.of(lift.seen, root=root)
+    summary = f"{freedoms} minimal coordinates in {len(lifts)} charts, no constraints"
+    begin = (snapshots.q[0], snapshots.v[0], snapshots.t[0])
+    return ReducedSystem.of(system, lift, begin, None, validity, summary)
 
 
 def _choose(system: AbstractSystem, basis: Basis) -> Chart | Atlas:
@@ -104,10 +94,9 @@ def _choose(system: AbstractSystem, basis: Basis) -> Chart | Atlas:
             "reduce: under jit, grad or vmap say which coordinates are independent, such as "
             "romjax.Minimal(chart=rom.lift.chart) of a reduced model that was made outside."
         )
-    best = choose_chart(system, basis.snapshots)
-    if best.condition <= WORST_CONDITION:
-        return best.chart
-    return choose_atlas(system, basis.snapshots)
+    t, q = basis.snapshots.t, basis.snapshots.q
+    best = choose_chart(system, t, q)
+    return best.chart if best.condition <= WORST_CONDITION else choose_atlas(system, t, q)
 
 
 def _lift(
@@ -125,44 +114,18 @@ def _lift(
     read_others = jnp.asarray(np.linalg.pinv(chart.dependent) @ others, dtype)
     t, moved = basis.snapshots.t[domain], basis.snapshots.q[domain] - basis.offset[None]
     guesses = moved @ read_others.T
-    inverses = _inverses(system, chart, t, basis.snapshots.q[domain])
+    inverses = _inverses(chart, system, t, basis.snapshots.q[domain])
     if chart.affine:
         return ClosedFormLift(basis.offset, inner, dual, guesses[0], inverses[0], t[0], chart)
     modes = jnp.asarray(chart.independent, dtype) @ inner
     return ImplicitLift(basis.offset, modes, dual, moved @ dual.T, guesses, t, inverses, chart)
 
 
-def _subspace(modes: Float[Array, "d r"], metric: Float[Array, "d d"]) -> Float[Array, "d k"]:
-    """A basis of the span of modes, orthonormal in a metric, first along the first mode."""
-    root = jnp.linalg.cholesky(metric).T
-    weighted = root @ modes
-    values, most = singular_values(weighted), min(modes.shape)
-    if not isinstance(values, jax.core.Tracer):
-        most = int(np.sum(np.asarray(values) > _DEPENDENT * float(values[0])))
-    vectors, _ = leading(weighted, most)
-    # A turn within the subspace is no matter of its derivative.
-    turn, _ = jnp.linalg.qr(jax.lax.stop_gradient(vectors.T @ weighted)[:, :most])
-    return jsl.solve_triangular(root, vectors @ turn)
+@eqx.filter_jit
+def _metric(chart: Chart, system: AbstractSystem, t: Array, q: Array) -> Float[Array, "d d"]:
+    return chart.metric(system, t, q)
 
 
 @eqx.filter_jit
-def _metric(system: AbstractSystem, chart: Chart, basis: Basis) -> Float[Array, "d d"]:
-    """The mass matrix of the independent coordinates at the start."""
-    t, q = basis.snapshots.t[0], basis.snapshots.q[0]
-    independent = jnp.asarray(chart.independent, q.dtype)
-    state = system.state(t, q, jnp.zeros_like(q))
-    tangent = independent
-    if chart.rows:
-        dependent = jnp.asarray(chart.dependent, q.dtype)
-        rows = chart.regular(state.jacobian())
-        tangent -= dependent @ jnp.linalg.solve(rows @ dependent, rows @ independent)
-    return tangent.T @ state.apply_mass(tangent)
-
-
-@eqx.filter_jit
-def _inverses(
-    system: AbstractSystem, chart: Chart, t: Float[Array, " K"], q: Float[Array, "K n"]
-) -> Float[Array, "K m m"]:
-    """(C_q W)⁻¹ at snapshots."""
-    rows = jax.vmap(lambda t, q: chart.dependent_jacobian(system, t, q))(t, q)
-    return jnp.linalg.inv(rows)
+def _inverses(chart: Chart, system: AbstractSystem, t: Array, q: Array) -> Float[Array, "K m m"]:
+    return chart.dependent_inverses(system, t, q)

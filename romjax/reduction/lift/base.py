@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Callable
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -11,6 +11,10 @@ from jaxtyping import Array, Float
 
 from ...arrays import Time
 from ...system.base import AbstractSystem
+
+# Shapes of signatures: coordinates of the full system, and of the reduced one.
+Physical = Float[Array, " n"]
+Reduced = Float[Array, " r"]
 
 
 class Motion(NamedTuple):
@@ -29,33 +33,30 @@ class AbstractLift(eqx.Module):
     """
 
     @abc.abstractmethod
-    def position(self, full: AbstractSystem, t: Time, z: Float[Array, " r"]) -> Float[Array, " n"]:
+    def position(self, full: AbstractSystem, t: Time, z: Reduced) -> Physical:
         """L(t, z)."""
 
     @abc.abstractmethod
-    def motion(
-        self, full: AbstractSystem, t: Time, z: Float[Array, " r"], w: Float[Array, " r"]
-    ) -> Motion:
+    def motion(self, full: AbstractSystem, t: Time, z: Reduced, w: Reduced) -> Motion:
         """The physical motion where z changes with the velocity w."""
 
     @abc.abstractmethod
-    def restrict(
-        self, full: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"]
-    ) -> tuple[Float[Array, " r"], Float[Array, " r"]]:
-        """Z and w of physical coordinates and velocities, or of the nearest that the lift has."""
+    def restrict(self, full: AbstractSystem, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
+        """The z and w of physical coordinates and velocities, or of the nearest on the lift."""
 
     @abc.abstractmethod
-    def with_full(self, full: AbstractSystem) -> Self:
+    def with_full(self, full: AbstractSystem) -> "AbstractLift":
         """The same lift for a system with other numbers."""
 
 
 def differentiate(
-    position: Callable[..., Float[Array, " n"]],
+    position: Callable[..., Physical],
     t: Time,
-    z: Float[Array, " r"],
-    w: Float[Array, " r"],
+    z: Reduced,
+    w: Reduced,
+    tangent: Float[Array, "n r"] | None = None,
 ) -> Motion:
-    """The motion of an explicit lift `position(t, z)`, by autodiff.
+    """The motion of an explicit lift `position(t, z)`, by autodiff, unless `tangent` is known.
 
     Along the motion d/dt L = G w + L_t, and once more with ẇ = 0: β = (G w)_z w + 2 G_t w + L_tt.
     """
@@ -66,4 +67,6 @@ def differentiate(
         return jax.jvp(position, (t, z), (one, w))
 
     (q, v), (_, bias) = jax.jvp(rate, (t, z), (one, w))
-    return Motion(q, v, jax.jacfwd(position, argnums=1)(t, z), bias)
+    if tangent is None:
+        tangent = jax.jacfwd(position, argnums=1)(t, z)
+    return Motion(q, v, tangent, bias)

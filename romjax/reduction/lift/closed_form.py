@@ -1,17 +1,15 @@
 """Minimal coordinates from which the others follow in closed form."""
 
-from typing import Self
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
+from ...charts.chart import Chart
 from ...linalg.dense import multiply
 from ...system.base import AbstractSystem
-from ..charts import Chart
-from .base import AbstractLift, Motion
+from .base import AbstractLift, Motion, Physical, Reduced, differentiate
 
 
 class ClosedFormLift(AbstractLift):
@@ -29,38 +27,25 @@ class ClosedFormLift(AbstractLift):
     time: Float[Array, ""]  # at which it was evaluated
     chart: Chart
 
-    def position(self, full: AbstractSystem, t: Time, z: Float[Array, " r"]) -> Float[Array, " n"]:
+    def position(self, full: AbstractSystem, t: Time, z: Reduced) -> Physical:
         d = self.guess - multiply(self.inverse, self._violation(full, t, z))
         return self.offset + self.chart.ordered(multiply(self.inner, z), d)
 
-    def motion(
-        self, full: AbstractSystem, t: Time, z: Float[Array, " r"], w: Float[Array, " r"]
-    ) -> Motion:
-        t = jnp.asarray(t, z.dtype)
-        one = jnp.ones_like(t)
-
-        def rate(t, z):  # type: ignore[no-untyped-def]
-            return jax.jvp(lambda t, z: self.position(full, t, z), (t, z), (one, w))
-
-        (q, v), (_, bias) = jax.jvp(rate, (t, z), (one, w))
+    def motion(self, full: AbstractSystem, t: Time, z: Reduced, w: Reduced) -> Motion:
         # Of the tangent, only the rows of d need a derivative.
         slopes = jax.jacfwd(lambda z: self._violation(full, t, z))(z)
         tangent = self.chart.ordered(self.inner, -multiply(self.inverse, slopes))
-        return Motion(q, v, tangent, bias)
+        return differentiate(lambda t, z: self.position(full, t, z), t, z, w, tangent)
 
-    def restrict(
-        self, full: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"]
-    ) -> tuple[Float[Array, " r"], Float[Array, " r"]]:
+    def restrict(self, full: AbstractSystem, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
         del full
         return multiply(self.dual, q - self.offset), multiply(self.dual, v)
 
-    def with_full(self, full: AbstractSystem) -> Self:
-        rows = self.chart.dependent_jacobian(full, self.time, self.offset)
-        return eqx.tree_at(lambda lift: lift.inverse, self, jnp.linalg.inv(rows))
+    def with_full(self, full: AbstractSystem) -> "ClosedFormLift":
+        inverses = self.chart.dependent_inverses(full, self.time[None], self.offset[None])
+        return eqx.tree_at(lambda lift: lift.inverse, self, inverses[0])
 
-    def _violation(
-        self, full: AbstractSystem, t: Time, z: Float[Array, " r"]
-    ) -> Float[Array, " m"]:
+    def _violation(self, full: AbstractSystem, t: Time, z: Reduced) -> Float[Array, " m"]:
         """The constraints where d is that of the guess."""
         if not self.chart.rows:
             return jnp.zeros(0, z.dtype)

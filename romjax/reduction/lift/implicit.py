@@ -1,7 +1,5 @@
 """Minimal coordinates from which Newton's method finds the others."""
 
-from typing import Self
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -9,17 +7,15 @@ from jaxtyping import Array, Float
 
 from ... import precision
 from ...arrays import Time
-from ...linalg.dense import multiply
+from ...charts.chart import Chart
+from ...linalg.dense import improve_inverse, multiply
 from ...system.base import AbstractSystem
 from ...system.constraints import differentiate
 from ...system.dynamics import jacobian
-from ..charts import Chart
-from .base import AbstractLift, Motion
+from .base import AbstractLift, Motion, Physical, Reduced
 
 # Most matrices of Newton's method, and most steps with each.
 _MATRICES, _STEPS = 6, 8
-# Most iterations for the inverse of a matrix.
-_ITERATIONS = 8
 
 
 class ImplicitLift(AbstractLift):
@@ -44,13 +40,11 @@ class ImplicitLift(AbstractLift):
     inverses: Float[Array, "K m m"]  # and (C_q W)⁻¹ at these
     chart: Chart
 
-    def position(self, full: AbstractSystem, t: Time, z: Float[Array, " r"]) -> Float[Array, " n"]:
+    def position(self, full: AbstractSystem, t: Time, z: Reduced) -> Physical:
         """NaN where Newton's method does not converge."""
         return self._solve(full, t, z)[0]
 
-    def motion(
-        self, full: AbstractSystem, t: Time, z: Float[Array, " r"], w: Float[Array, " r"]
-    ) -> Motion:
+    def motion(self, full: AbstractSystem, t: Time, z: Reduced, w: Reduced) -> Motion:
         t = jnp.asarray(t, z.dtype)
         chart = self.chart
         q, inverse = self._solve(full, t, z)
@@ -75,21 +69,19 @@ class ImplicitLift(AbstractLift):
         curvature = chart.regular(differentiate(full.constraint, t, q, v).curvature)
         return Motion(q, v, tangent, -multiply(dependent, solve(curvature)))
 
-    def restrict(
-        self, full: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"]
-    ) -> tuple[Float[Array, " r"], Float[Array, " r"]]:
+    def restrict(self, full: AbstractSystem, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
         del full
         return multiply(self.dual, q - self.offset), multiply(self.dual, v)
 
-    def with_full(self, full: AbstractSystem) -> Self:
+    def with_full(self, full: AbstractSystem) -> "ImplicitLift":
         dependent = jnp.asarray(self.chart.dependent, self.offset.dtype)
         q = self.offset[None] + self.snapshots @ self.modes.T + self.guesses @ dependent.T
-        rows = jax.vmap(lambda t, q: self.chart.dependent_jacobian(full, t, q))(self.times, q)
-        return eqx.tree_at(lambda lift: lift.inverses, self, jnp.linalg.inv(rows))
+        inverses = self.chart.dependent_inverses(full, self.times, q)
+        return eqx.tree_at(lambda lift: lift.inverses, self, inverses)
 
     def _solve(
-        self, full: AbstractSystem, t: Time, z: Float[Array, " r"]
-    ) -> tuple[Float[Array, " n"], Float[Array, "m m"]]:
+        self, full: AbstractSystem, t: Time, z: Reduced
+    ) -> tuple[Physical, Float[Array, "m m"]]:
         """q, and (C_q W)⁻¹ near it, which is not to be differentiated."""
         chart, t = self.chart, jnp.asarray(t, z.dtype)
         origin = self.offset + multiply(self.modes, z)
@@ -133,28 +125,3 @@ class ImplicitLift(AbstractLift):
         # Derivatives are those of the solution (implicit function theorem), not of the steps.
         d, inverse = jax.lax.custom_root(violation, start, newton, tangent, has_aux=True)
         return origin + multiply(dependent, d), jax.lax.stop_gradient(inverse)
-
-
-def improve_inverse(
-    inverse: Float[Array, "m m"], matrix: Float[Array, "m m"]
-) -> Float[Array, "m m"]:
-    """The inverse of a matrix A from that of a similar one.
-
-    X ← X + X (I − A X) squares the error I − A X (Schulz 1933, doi:10.1002/zamm.19330130111).
-    Products only: a library's factorisation takes longer than all the iterations.
-    """
-    unit = jnp.eye(len(matrix), dtype=matrix.dtype)
-    # The next iteration squares this to rounding.
-    enough = jnp.finfo(matrix.dtype).eps ** 0.5
-
-    def unfinished(carry):  # type: ignore[no-untyped-def]
-        _, error, count = carry
-        return (error > enough) & (count < _ITERATIONS)
-
-    def square(carry):  # type: ignore[no-untyped-def]
-        inverse, _, count = carry
-        error = unit - multiply(matrix, inverse)
-        return inverse + multiply(inverse, error), jnp.max(jnp.abs(error)), count + 1
-
-    start = (inverse, jnp.full_like(inverse[0, 0], jnp.inf), 0)
-    return jax.lax.while_loop(unfinished, square, start)[0]

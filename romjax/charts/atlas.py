@@ -2,11 +2,13 @@
 
 import equinox as eqx
 import numpy as np
+from jaxtyping import Array, Float
 
-from ..basis.snapshots import SnapshotSet
 from ..errors import ReductionError
 from ..system.base import AbstractSystem
-from .charts import WORST_CONDITION, Chart, survey
+from .chart import Chart
+from .choose import WORST_CONDITION
+from .survey import survey
 
 # Cosines of the angle between a chart's directions and those of the motion: a chart covers the
 # snapshots above the first, and Newton's method starts from those above the second.
@@ -33,19 +35,19 @@ class Atlas(eqx.Module):
     owners: np.ndarray
 
 
-def choose_atlas(system: AbstractSystem, snapshots: SnapshotSet) -> Atlas:
+def choose_atlas(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"]) -> Atlas:
     """Charts along a motion, each as late as it still covers what the one before does not.
 
     Raises ReductionError at a singular position.
     """
-    seen = survey(system, snapshots, _SNAPSHOTS)
+    seen = survey(system, t, q, _SNAPSHOTS)
     conditions = np.linalg.cond(seen.jacobians)
     if np.max(conditions) > WORST_CONDITION:
-        t = float(snapshots.t[seen.snapshots[np.argmax(conditions)]])
+        when = float(t[seen.snapshots[np.argmax(conditions)]])
         raise ReductionError(
             "reduce: the mechanism passes a singular position, where no coordinates are "
             f"independent: the condition of its constraints is {np.max(conditions):.1e} at "
-            f"t = {t:g} s; use formulation=romjax.Galerkin()."
+            f"t = {when:g} s; use formulation=romjax.Galerkin()."
         )
     null_spaces, count = seen.null_spaces, len(seen.null_spaces)
     # cosine[i, j]: how much of a motion at j the directions at i see.

@@ -1,0 +1,62 @@
+"""A chart: which coordinates of a mechanism are independent, and which follow from them."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..arrays import Time
+from ..system.base import AbstractSystem
+from ..system.dynamics import jacobian
+
+
+class Chart(eqx.Module):
+    """q = q̄ + Y s + W d: independent coordinates s, and d that the constraints determine.
+
+    - `independent` Y (n, d), `dependent` W (n, m); `read` (d, n) gives s of a displacement.
+    - `rows`: numbers of the constraints that do not repeat others.
+    - `affine`: the constraints are affine in d with constant coefficients, so that q(s) has a
+      closed form. Y and W are then columns of the unit matrix, and `order` says which:
+      q − q̄ is (s, d)[order]. Else the columns are orthonormal in the mass metric.
+    """
+
+    independent: np.ndarray
+    dependent: np.ndarray
+    read: np.ndarray
+    rows: tuple[int, ...] = eqx.field(static=True)
+    affine: bool = eqx.field(static=True)
+    order: tuple[int, ...] = eqx.field(static=True, default=())
+
+    @classmethod
+    def of_coordinates(cls, n: int, dependent: np.ndarray, rows: tuple[int, ...]) -> "Chart":
+        """An affine chart whose dependent coordinates have the numbers `dependent`."""
+        unit, others = np.eye(n), np.setdiff1d(np.arange(n), dependent)
+        order = tuple(int(i) for i in np.argsort(np.concatenate([others, dependent])))
+        return cls(unit[:, others], unit[:, dependent], unit[others], rows, True, order)
+
+    def ordered(self, s: Float[Array, "d *r"], d: Float[Array, "m *r"]) -> Float[Array, "n *r"]:
+        """The coordinates of an affine chart in the order of q."""
+        return jnp.concatenate([s, d])[np.array(self.order)]
+
+    def regular(self, rows: Float[Array, "M *n"]) -> Float[Array, "m *n"]:
+        """Of quantities for each constraint, those of the constraints that do not repeat others."""
+        return rows if len(self.rows) == len(rows) else rows[np.array(self.rows, int)]
+
+    def metric(self, system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Array, "d d"]:
+        """The mass matrix of the independent coordinates: TᵀMT, T = Y − W (C_q W)⁻¹ C_q Y."""
+        tangent = jnp.asarray(self.independent, q.dtype)
+        state = system.state(t, q, jnp.zeros_like(q))
+        if self.rows:
+            dependent = jnp.asarray(self.dependent, q.dtype)
+            rows = self.regular(state.jacobian())
+            tangent -= dependent @ jnp.linalg.solve(rows @ dependent, rows @ tangent)
+        return tangent.T @ state.apply_mass(tangent)
+
+    def dependent_inverses(
+        self, system: AbstractSystem, t: Float[Array, " K"], q: Float[Array, "K n"]
+    ) -> Float[Array, "K m m"]:
+        """(∂C/∂d)⁻¹ = (C_q W)⁻¹ at several configurations."""
+        dependent = jnp.asarray(self.dependent, q.dtype)
+        rows = jax.vmap(lambda t, q: self.regular(jacobian(system, t, q)))(t, q)
+        return jnp.linalg.inv(rows @ dependent)

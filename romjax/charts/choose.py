@@ -1,0 +1,101 @@
+"""The choice of independent coordinates."""
+
+import itertools
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Array, Float
+
+from ..system.base import AbstractSystem
+from .chart import Chart
+from .survey import Survey, jacobians, survey
+
+# A chart whose dependent coordinates follow with a larger condition is refused.
+WORST_CONDITION = 1e4
+# Snapshots at which charts are judged.
+_SNAPSHOTS = 100
+# Sweeps towards the chart whose worst snapshot is best; few, as none is needed far from singular
+# positions.
+_SWEEPS = 10
+# A column of C_q that varies by less is constant.
+_CONSTANT = 1e-12
+
+
+class Candidate(NamedTuple):
+    """A chart, and the worst condition of its dependent coordinates over the snapshots."""
+
+    chart: Chart
+    condition: float
+
+
+def choose_chart(
+    system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"]
+) -> Candidate:
+    """The chart that suits all snapshots t, q of a motion best.
+
+    One in closed form, where the columns of C_q that never change determine enough coordinates.
+    Else the best of two kinds: single coordinates, and directions averaged over the motion.
+    """
+    n = system.n
+    if system.m == 0:
+        return Candidate(Chart.of_coordinates(n, np.zeros(0, int), ()), 1.0)
+    seen = survey(system, t, q, _SNAPSHOTS)
+    rank = len(seen.rows)
+
+    # Any configuration is as good as another for telling which columns are constant.
+    anywhere = np.asarray(q[:1]) + np.cos(np.arange(3 * n).reshape(3, n) ** 1.5)
+    varied = np.asarray(jacobians(system, t[0] + np.arange(3.0), anywhere))[:, seen.rows]
+    steady = np.ptp(varied, axis=0).max(axis=0) <= _CONSTANT * np.abs(varied).max()
+    _, r, pivots = scipy.linalg.qr(varied[0] * steady / np.diagonal(seen.root), pivoting=True)
+    if abs(r[-1, rank - 1]) > abs(r[0, 0]) / WORST_CONDITION:
+        dependent = np.sort(pivots[:rank])
+        chart = Chart.of_coordinates(n, dependent, seen.rows)
+        return Candidate(chart, float(np.linalg.cond(varied[0][:, dependent])))
+
+    candidates = []
+    for directions in (_coordinates(seen.null_spaces), *_means(seen.null_spaces)):
+        independent, dependent = directions[:, rank:], directions[:, :rank]
+        condition = _worst_condition(independent, dependent, seen)
+        candidates.append(Candidate(seen.chart(independent, dependent), condition))
+    return min(candidates, key=lambda candidate: candidate.condition)
+
+
+def _coordinates(null_spaces: np.ndarray) -> np.ndarray:
+    """Unit vectors (n, n), last the coordinates that move most where they move least.
+
+    Such as the angle of a crank, which grows where means of directions return.
+    """
+    _, n, d = null_spaces.shape
+    left, chosen = null_spaces.copy(), list[int]()
+    for _ in range(d):
+        reach = np.min(np.linalg.norm(left, axis=2), axis=0)
+        reach[chosen] = -1
+        best = int(np.argmax(reach))
+        chosen.append(best)
+        # Take the direction of this coordinate out of each null space.
+        row = left[:, best] / np.maximum(np.linalg.norm(left[:, best], axis=1), 1e-12)[:, None]
+        left -= np.einsum("kna,ka,kb->knb", left, row, row)
+    return np.eye(n)[:, [*np.setdiff1d(np.arange(n), chosen), *chosen]]
+
+
+def _means(null_spaces: np.ndarray) -> Iterator[np.ndarray]:
+    """Eigenvectors (n, n) of Σ w ZZᵀ, the largest last; w grows where the last ones fit worst."""
+    d, weights = null_spaces.shape[2], np.ones(len(null_spaces))
+    for _ in range(_SWEEPS):
+        _, vectors = np.linalg.eigh(np.einsum("k,kna,kma->nm", weights, null_spaces, null_spaces))
+        yield vectors
+        fit = np.linalg.svd(vectors[:, -d:].T @ null_spaces, compute_uv=False)[:, -1]
+        weights = weights / np.maximum(fit, 1e-3)
+        weights /= np.mean(weights)
+
+
+def _worst_condition(independent: np.ndarray, dependent: np.ndarray, seen: Survey) -> float:
+    """The largest condition of C_q W over the snapshots; infinite across a singular position."""
+    conditions = np.linalg.cond(seen.jacobians @ dependent)
+    signs = np.linalg.det(independent.T @ seen.null_spaces)
+    turns = [np.linalg.det(a.T @ b) for a, b in itertools.pairwise(seen.null_spaces)]
+    # Where the sign of the determinant changes, a singular position lies in between.
+    crossed = np.any(signs[:-1] * signs[1:] * np.array(turns) < 0)
+    return float(np.inf if crossed else np.max(conditions))

@@ -1,0 +1,59 @@
+"""The constraints of a mechanism along a motion."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import numpy as np
+import scipy.linalg
+from jaxtyping import Array, Float
+
+from ..system.base import AbstractSystem
+from ..system.dynamics import jacobian
+from .chart import Chart
+
+# Singular values of C_q below this share of the largest come from constraints that repeat others.
+_REDUNDANT = 1e-9
+
+
+class Survey(NamedTuple):
+    """The constraints at some snapshots of a motion, in coordinates R q with RᵀR = M."""
+
+    snapshots: np.ndarray  # numbers of the snapshots
+    rows: tuple[int, ...]  # constraints that do not repeat others
+    jacobians: np.ndarray  # C_q R⁻¹ of these, (K, m, n)
+    null_spaces: np.ndarray  # orthonormal Z with C_q R⁻¹ Z = 0, (K, n, d)
+    root: np.ndarray  # R at the start
+
+    def chart(self, independent: np.ndarray, dependent: np.ndarray) -> Chart:
+        """The chart of directions (n, d) and (n, m) that are orthonormal in these coordinates."""
+        inverse = np.linalg.inv(self.root)
+        read = independent.T @ self.root
+        return Chart(inverse @ independent, inverse @ dependent, read, self.rows, False)
+
+
+def survey(
+    system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"], count: int
+) -> Survey:
+    """The constraints at `count` of the snapshots t, q, spread evenly."""
+    numbers = np.linspace(0, len(t) - 1, min(count, len(t))).astype(int)
+    t, q = t[numbers], q[numbers]
+    root = np.linalg.cholesky(np.asarray(system.mass(q[0]))).T
+    scaled = np.asarray(jacobians(system, t, q)) @ np.linalg.inv(root)
+    # The snapshot farthest from a singular position tells which constraints repeat others.
+    typical = scaled[np.argmax([np.linalg.svd(x, compute_uv=False)[-1] for x in scaled])]
+    tol = _REDUNDANT * np.linalg.norm(typical, 2)
+    rank = int(np.linalg.matrix_rank(typical, tol=tol))
+    _, _, order = scipy.linalg.qr(typical.T, pivoting=True)
+    rows = tuple(sorted(int(i) for i in order[:rank]))
+    scaled = scaled[:, rows]
+    null_spaces = np.stack([scipy.linalg.svd(x)[2][rank:].T for x in scaled])
+    return Survey(numbers, rows, scaled, null_spaces, root)
+
+
+@eqx.filter_jit
+def jacobians(
+    system: AbstractSystem, t: Float[Array, " K"], q: Float[Array, "K n"]
+) -> Float[Array, "K m n"]:
+    """C_q at several configurations."""
+    return jax.vmap(lambda t, q: jacobian(system, t, q))(t, q)
