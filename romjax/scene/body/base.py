@@ -1,7 +1,7 @@
 """What a body is to the rest of romjax."""
 
 import abc
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -23,7 +23,12 @@ class AbstractBody(eqx.Module):
 
     name: eqx.AbstractVar[str]
 
-    modes: eqx.AbstractVar[int]  # how many modal coordinates follow x, y, φ
+    # How many modal coordinates follow x, y, φ. As a field of this class, type checkers would ask
+    # for it in the constructor of a body that has it as a constant.
+    if TYPE_CHECKING:
+        modes = 0
+    else:
+        modes: eqx.AbstractVar[int]
 
     def __check_init__(self) -> None:
         self.check()

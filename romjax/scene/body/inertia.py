@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import concrete
+from ...arrays import Vector, concrete
 from ...errors import SceneError
-from ..fields import check_numbers, number
+from ..fields import Converted, check_numbers, number
 
 
 class Inertia(eqx.Module):
@@ -32,16 +32,16 @@ class Inertia(eqx.Module):
       −½ q_fᵀ G q_f of second order.
     """
 
-    mass: Float[Array, ""] = number()
-    moment: Float[Array, ""] | None = number()
-    modal: Float[Array, "modes modes"] | None = number(None)
-    centre: Float[Array, "2"] | None = number(None)
-    shift: Float[Array, "2 modes"] | None = number(None)
-    swing: Float[Array, " modes"] | None = number(None)
-    stretch: Float[Array, " modes"] | None = number(None)
-    gyration: Float[Array, "modes modes"] | None = number(None)
-    shortening: Float[Array, "2 modes modes"] | None = number(None)
-    spin: Float[Array, "modes modes"] | None = number(None)
+    mass: Converted[Float[Array, ""]] = number()
+    moment: Converted[Float[Array, ""] | None] = number()
+    modal: Converted[Float[Array, "modes modes"] | None, Vector] = number(default=None)
+    centre: Converted[Float[Array, "2"] | None, Vector] = number(default=None)
+    shift: Converted[Float[Array, "2 modes"] | None, Vector] = number(default=None)
+    swing: Converted[Float[Array, " modes"] | None, Vector] = number(default=None)
+    stretch: Converted[Float[Array, " modes"] | None, Vector] = number(default=None)
+    gyration: Converted[Float[Array, "modes modes"] | None, Vector] = number(default=None)
+    shortening: Converted[Float[Array, "2 modes modes"] | None, Vector] = number(default=None)
+    spin: Converted[Float[Array, "modes modes"] | None, Vector] = number(default=None)
 
     @property
     def diagonal(self) -> bool:
