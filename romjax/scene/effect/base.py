@@ -125,7 +125,9 @@ def displacement(
 
     @functools.cache
     def rate() -> Float[Array, " k"]:
-        return jax.jvp(measure, poses, tuple(Pose(*twist) for twist in twists))[1]
+        change: Float[Array, " k"]
+        _, change = jax.jvp(measure, poses, tuple(Pose(*twist) for twist in twists))
+        return change
 
     def wrenches(force: Float[Array, " k"]) -> tuple[Wrench, ...]:
         return tuple(Wrench(*pose) for pose in pull_back(force))
