@@ -1,5 +1,7 @@
 """romjax: differentiable reduced-order simulation of constrained flexible multibody systems."""
 
+from typing import TYPE_CHECKING
+
 from . import gallery as gallery
 from . import plot as plot
 from .assembly.assemble import assemble as assemble
@@ -8,7 +10,6 @@ from .basis.decomposition.pod import pod as pod
 from .basis.decomposition.sod import sod as sod
 from .basis.describe import verdict as verdict
 from .basis.stream import PodStream as PodStream
-from .deprecated import __getattr__ as __getattr__
 from .errors import InputError as InputError
 from .errors import ReductionError as ReductionError
 from .errors import SceneError as SceneError
@@ -93,3 +94,7 @@ from .system.flags import Flag as Flag
 from .system.stabilization import Baumgarte as Baumgarte
 from .system.stabilization import Projection as Projection
 from .xla import speed_up_xla as speed_up_xla
+
+if not TYPE_CHECKING:
+    # Finds names of the release before. Type checkers would take any name for one of them.
+    from .deprecated import __getattr__ as __getattr__

@@ -9,7 +9,11 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Real
 
 Number = ArrayLike
-Vector = ArrayLike | Sequence[Any]
+# Sequences of sequences, three deep, as lists of matrices are. Not Sequence[Any], nor a type that
+# names itself: to checkers a string would be one.
+_Row = Sequence[ArrayLike]
+_Rows = Sequence[ArrayLike | _Row]
+Vector = ArrayLike | Sequence[ArrayLike | _Rows]
 Time = Real[ArrayLike, ""]  # [s]
 
 

@@ -3,7 +3,10 @@
 import functools
 import importlib
 import warnings
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 # Public names that changed, and where the new ones are.
 RENAMED: dict[str, tuple[str, str]] = {}
@@ -28,6 +31,35 @@ def renamed(old: str, new: str) -> Any:
         return getattr(self, attribute)
 
     return property(read, doc=f"The old name of `{new}`.")
+
+
+def renamed_keywords(**names: str) -> Callable[[type[T]], type[T]]:
+    """A class whose constructor takes arguments by their old names, `old="new"`, too."""
+
+    def decorate(cls: type[T]) -> type[T]:
+        init = cls.__init__
+
+        @functools.wraps(init)
+        def accept(self: T, *args: Any, **kwargs: Any) -> None:
+            for old in names.keys() & kwargs.keys():
+                warn_once(f"{cls.__name__}({old}=...)", f"{cls.__name__}({names[old]}=...)")
+                kwargs[names[old]] = kwargs.pop(old)
+            init(self, *args, **kwargs)
+
+        type.__setattr__(cls, "__init__", accept)
+        return cls
+
+    return decorate
+
+
+def adopt(cls: type, **names: str) -> None:
+    """Let what a subclass overrides by old names, `old="new"`, count as the new ones.
+
+    Else a part of a user's own would be taken for one that does not have them, in silence.
+    """
+    for old in names.keys() & vars(cls).keys():
+        warn_once(f"{cls.__name__}.{old}", f"{cls.__name__}.{names[old]}")
+        type.__setattr__(cls, names[old], vars(cls)[old])
 
 
 def __getattr__(name: str) -> Any:

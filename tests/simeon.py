@@ -134,7 +134,7 @@ def rod() -> rj.ModalBody:
             M2,
             J2,
             modal=own.MQ,
-            centre=(M2 * L2 / 2, 0.0),
+            first_moment=(M2 * L2 / 2, 0.0),
             shift=DENSITY * jnp.stack([own.c1, own.c2]),
             swing=DENSITY * own.c21,
             stretch=DENSITY * own.c12,

@@ -61,12 +61,12 @@ BODIES = {
 # Numbers do not count: what is given as zero is traced all the same.
 TERMS = {
     "modal": np.eye(2),
-    "centre": np.zeros(2),
+    "first_moment": np.zeros(2),
     "shift": np.zeros((2, 2)),
     "swing": np.zeros(2),
     "stretch": np.zeros(2),
     "gyration": np.zeros((2, 2)),
-    "shortening": np.zeros((2, 2, 2)),
+    "foreshortening": np.zeros((2, 2, 2)),
     "spin": np.zeros((2, 2)),
 }
 
@@ -100,7 +100,7 @@ def test_a_term_of_inertia_that_is_none_is_not_traced(term):
     assert len(force(plain)) < len(force(one))
     others, every = modal(**TERMS | {term: None}), modal(**TERMS)
     fewer, more = ((products(mass(x)), products(force(x))) for x in (others, every))
-    if term in ("centre", "swing"):
+    if term in ("first_moment", "swing"):
         assert fewer == more
     else:
         assert fewer[0] < more[0]
@@ -111,7 +111,7 @@ class OnlyBeam(rj.Beam):
     """A beam of free-free modes that knows neither damping nor stiffening nor other shapes."""
 
     damped: ClassVar[bool] = False
-    shortens: ClassVar[bool] = False
+    foreshortens: ClassVar[bool] = False
 
     def mass_matrix(self, q):
         turning = self.mass * self.length**2 / 12 + q[3:] @ q[3:]

@@ -25,7 +25,8 @@ def stack(elements: Sequence[T]) -> T:
             return jnp.stack([jnp.asarray(leaf) for leaf in leaves])
         return jnp.asarray(np.stack([np.asarray(leaf) for leaf in leaves]))
 
-    return jtu.tree_map(join, *elements)
+    stacked: T = jtu.tree_map(join, *elements)
+    return stacked
 
 
 def group(elements: Sequence[T]) -> list[tuple[T, list[int]]]:
@@ -46,7 +47,7 @@ def group(elements: Sequence[T]) -> list[tuple[T, list[int]]]:
 
 def anonymous(element: T) -> T:
     """The element without its name and those of the bodies that its markers sit on."""
-    blank = jtu.tree_map(
+    blank: T = jtu.tree_map(
         lambda x: Marker("", x.point, x.angle) if isinstance(x, Marker) else x,
         element,
         is_leaf=lambda x: isinstance(x, Marker),
@@ -56,9 +57,9 @@ def anonymous(element: T) -> T:
     return blank
 
 
-def _rename(element: Any, name: str) -> Any:
+def _rename(element: T, name: str) -> T:
     # A copy with another static name, without passing through the checks of its constructor.
     children, structure = jtu.tree_flatten(element, is_leaf=lambda x: x is not element)
-    copy = jtu.tree_unflatten(structure, children)
+    copy: T = jtu.tree_unflatten(structure, children)
     object.__setattr__(copy, "name", name)
     return copy

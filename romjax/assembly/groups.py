@@ -27,7 +27,11 @@ class BodyGroup(eqx.Module):
 
     def mass(self, q: Float[Array, " n"]) -> Float[Array, "count size *size"]:
         """Mass matrices, or their diagonals where the bodies give these."""
-        return jax.vmap(lambda body, q: body.mass_matrix(q))(self.bodies, self.coordinates.take(q))
+        masses: Float[Array, "count size *size"]
+        masses = jax.vmap(lambda body, q: body.mass_matrix(q))(
+            self.bodies, self.coordinates.take(q)
+        )
+        return masses
 
     def force(
         self, fields: tuple[AbstractField, ...], q: Float[Array, " n"], v: Float[Array, " n"]
@@ -47,7 +51,7 @@ class BodyGroup(eqx.Module):
         if not still and not moving:
             return None
 
-        def total(body, q, *v):  # type: ignore[no-untyped-def]
+        def total(body: AbstractBody, q: Array, *v: Array) -> Array:
             found = [term(body, q) for term in still] + [term(body, q, *v) for term in moving]
             return functools.reduce(operator.add, found)
 
@@ -63,17 +67,21 @@ class JointGroup(eqx.Module):
     places: Index = eqx.field(static=True)  # of their rows among the constraints, (count, rows)
 
     def residual(self, t: Time, poses: Pose) -> Float[Array, "count rows"]:
-        return jax.vmap(lambda joint, a, b: joint.residual(t, a, b))(
+        residuals: Float[Array, "count rows"]
+        residuals = jax.vmap(lambda joint, a, b: joint.residual(t, a, b))(
             self.joints, *self.slots.take(poses)
         )
+        return residuals
 
     def jacobian(
         self, t: Time, poses: Pose, motion: PoseGradient
     ) -> Float[Array, "side count rows size"]:
         """Derivatives with respect to the coordinates of the bodies on both sides."""
 
-        def gradient(joint, a, b):  # type: ignore[no-untyped-def]
-            return jax.jacrev(lambda a, b: joint.residual(t, a, b), argnums=(0, 1))(a, b)
+        def gradient(joint: AbstractJoint, a: Pose, b: Pose) -> tuple[Pose, Pose]:
+            sides: tuple[Pose, Pose]
+            sides = jax.jacrev(lambda a, b: joint.residual(t, a, b), argnums=(0, 1))(a, b)
+            return sides
 
         sides = jax.vmap(gradient)(self.joints, *self.slots.take(poses))
         return jnp.stack(

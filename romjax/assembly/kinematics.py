@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from ..linalg.indexing import Index
 from ..scene.body.base import AbstractBody
 from ..scene.marker import GROUND, Marker, Pose, Wrench
-from .grouping import group, stack
+from .grouping import T, group, stack
 
 
 class PoseGradient(NamedTuple):
@@ -73,7 +73,9 @@ class Markers(eqx.Module):
     def pull_back(self, q: Float[Array, " n"], wrenches: Wrench) -> Float[Array, " n"]:
         """Generalized forces of wrenches on all markers, stacked like the poses."""
         _, transpose = jax.vjp(self.poses, q)
-        return transpose(Pose(wrenches.force, wrenches.torque))[0]
+        force: Float[Array, " n"]
+        (force,) = transpose(Pose(wrenches.force, wrenches.torque))
+        return force
 
     def _local(
         self, extended: Float[Array, " extended"]
@@ -107,7 +109,7 @@ class Slots(eqx.Module):
     count: int = eqx.field(static=True)
     sides: int = eqx.field(static=True)
 
-    def take(self, stacked):  # type: ignore[no-untyped-def]
+    def take(self, stacked: T) -> tuple[T, ...]:
         """The rows of each side, from any pytree with a row for each marker."""
         begins = [self.start + side * self.count for side in range(self.sides)]
         return tuple(jax.tree.map(lambda x, b=b: x[b : b + self.count], stacked) for b in begins)
@@ -131,7 +133,7 @@ def place_markers(
         slots = np.array([moving[place] for place in places])
         own = carriers.modes
         shapes = shapes.at[slots, :, :own].set(_shapes(carriers, points[slots]))
-        if carriers.shortens:
+        if carriers.foreshortens:
             short = (
                 jnp.zeros((len(markers), 2, most, most), points.dtype) if short is None else short
             )
@@ -144,11 +146,15 @@ def place_markers(
 
 @jax.jit
 def _shapes(bodies: AbstractBody, points: Float[Array, "count 2"]) -> Float[Array, "count 3 modes"]:
-    return jax.vmap(lambda body, point: body.mode_shapes(point))(bodies, points)
+    shapes: Float[Array, "count 3 modes"]
+    shapes = jax.vmap(lambda body, point: body.mode_shapes(point))(bodies, points)
+    return shapes
 
 
 @jax.jit
 def _shortening(
     bodies: AbstractBody, points: Float[Array, "count 2"]
 ) -> Float[Array, "count 2 modes modes"]:
-    return jax.vmap(lambda body, point: body.shortening(point))(bodies, points)
+    foreshortening: Float[Array, "count 2 modes modes"]
+    foreshortening = jax.vmap(lambda body, point: body.foreshortening(point))(bodies, points)
+    return foreshortening

@@ -97,7 +97,9 @@ class Snapshots(NamedTuple):
 def weigh(recording: Recording, offset: Any) -> Snapshots:
     """The weighted snapshots about `offset` (n,), the first configuration if that is None."""
     q = recording.q
-    return _weigh(recording, q[0] if offset is None else jnp.asarray(offset, q.dtype))
+    weighted: Snapshots
+    weighted = _weigh(recording, q[0] if offset is None else jnp.asarray(offset, q.dtype))
+    return weighted
 
 
 @jax.jit

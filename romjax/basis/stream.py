@@ -87,7 +87,7 @@ class PodStream(eqx.Module):
             factor=factor,
             lost=self.lost + lost,
             last=(t[-1:], q[-1:]),
-            sample=tuple(sample),
+            sample=(sample[0], sample[1], sample[2]),
             stride=stride,
             count=self.count + len(t),
         )

@@ -1,7 +1,8 @@
 """Factors of a sparse symmetric positive definite matrix of small blocks, in linear time."""
 
 import functools
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -12,6 +13,10 @@ from jaxtyping import Array, Float, UInt32
 from .dense import invert, multiply, multiply_transposed
 
 Edge = tuple[int, int]
+Pair = tuple[Array, Array]
+Carry = TypeVar("Carry")
+Levels = TypeVar("Levels")
+Out = TypeVar("Out")
 
 _WRITTEN_OUT = 6  # levels: a chain of 32
 
@@ -132,7 +137,7 @@ class Factor(eqx.Module):
         shape = diagonal.shape[1:]
         fill = jnp.zeros((filled - len(edges), *shape), diagonal.dtype)
 
-        def level(carry, at):  # type: ignore[no-untyped-def]
+        def level(carry: Pair, at: Schedule) -> tuple[Pair, Pair]:
             diagonal, couplings = carry
             both = jnp.concatenate([couplings, jnp.swapaxes(couplings, 1, 2)])
             inverse, near = invert(diagonal[at.nodes]), _padded(both)[at.couplings]
@@ -150,24 +155,30 @@ class Factor(eqx.Module):
         """The solution for several right-hand sides."""
         schedule, _ = order(self.nodes, self.edges)
 
-        def down(right, xs):  # type: ignore[no-untyped-def]
+        def down(right: Array, xs: tuple[Schedule, Array]) -> Pair:
             at, rows = xs
             own = right[at.nodes]
             passed = multiply_transposed(rows, own[:, None])
             passed = _padded(passed.reshape(-1, *right.shape[1:]))
             return right - jnp.sum(passed[at.onto_sides], axis=1), own
 
-        def up(x, xs):  # type: ignore[no-untyped-def]
+        def up(x: Array, xs: tuple[Schedule, Array, Array, Array]) -> tuple[Array, None]:
             at, inverse, rows, own = xs
             known = jnp.sum(multiply(rows, x[at.neighbours]), axis=1)
             return x + _padded(multiply(inverse, own) - known)[at.place], None
 
         _, own = _each(down, right, (schedule, self.rows))
         back = (schedule, self.inverses, self.rows, own)
-        return _each(up, jnp.zeros_like(right), back, reverse=True)[0]
+        x, _ = _each(up, jnp.zeros_like(right), back, reverse=True)
+        return x
 
 
-def _each(step, start, xs, reverse=False):  # type: ignore[no-untyped-def]
+def _each(
+    step: Callable[[Carry, Levels], tuple[Carry, Out]],
+    start: Carry,
+    xs: Levels,
+    reverse: bool = False,
+) -> tuple[Carry, Out]:
     # Traced once, whatever the number of levels. A few are written out for XLA, which then knows
     # the tables, in half the time of a loop; more would take it longer to compile.
     written_out = len(jax.tree.leaves(xs)[0]) <= _WRITTEN_OUT

@@ -49,7 +49,7 @@ def invert(a: Float[Array, "*batch b b"]) -> Float[Array, "*batch b b"]:
         return a[..., ::-1, ::-1] * signs / determinant[..., None, None]
     units = np.eye(size, dtype=a.dtype).reshape(size, *[1] * (a.ndim - 2), size)
 
-    def eliminate(a, unit):  # type: ignore[no-untyped-def]
+    def eliminate(a: Array, unit: Array | np.ndarray) -> tuple[Array, None]:
         """Gauss–Jordan in place; without pivoting, as the matrices are positive definite."""
         rest = 1 - unit
         own = jnp.sum(a * unit[..., None], axis=-2)

@@ -23,6 +23,8 @@ _SWEEPS = 20
 _NULL_SWEEPS = 2
 
 Blocks = Float[Array, "_ _ _"]
+# Of the iteration: multipliers, accelerations, what is left, its size before, the count of sweeps.
+Carry = tuple[Blocks, Blocks, Blocks, Float[Array, " k"], Array | int]
 
 
 class KKT(eqx.Module):
@@ -91,13 +93,13 @@ class KKT(eqx.Module):
         size = layout.n
 
         # One vector, not a pair: a pair of which only one half is differentiated has no transpose.
-        def matvec(x):  # type: ignore[no-untyped-def]
+        def matvec(x: Array) -> Array:
             a, multipliers = layout.split(x[:size]), layout.split_rows(x[size:])
             inertia = _apply(self.mass, a) + self._apply_jacobian_transpose(self.sides, multipliers)
             bend = self._apply_jacobian(self.sides, a)
             return jnp.concatenate([layout.join(inertia), layout.join_rows(bend)])
 
-        def solve(_: Callable, b, project=False):  # type: ignore[no-untyped-def]
+        def solve(_: Callable[[Array], Array], b: Array, project: bool = False) -> Array:
             return self._solve(layout.split(b[:size]), layout.split_rows(b[size:]), project)
 
         found = jax.lax.custom_linear_solve(
@@ -129,14 +131,14 @@ class KKT(eqx.Module):
             target = self._without_null(target)
         terms = _largest(bend) + _largest(gamma)
 
-        def unfinished(carry):  # type: ignore[no-untyped-def]
+        def unfinished(carry: Carry) -> Array:
             multipliers, _, rest, before, count = carry
             # A residual is the difference of its terms: it cannot fall below their rounding.
             rounding = 4 * jnp.finfo(rest.dtype).eps * (terms + _largest(multipliers))
             left, enough = _largest(rest), _RESIDUAL[rest.dtype] * _largest(target) + rounding
             return jnp.any((left > enough) & (left < 0.5 * before)) & (count < _SWEEPS)
 
-        def sweep(carry):  # type: ignore[no-untyped-def]
+        def sweep(carry: Carry) -> Carry:
             multipliers, _, rest, _, count = carry
             multipliers += factor.solve(rest)
             push = _apply(
@@ -145,7 +147,7 @@ class KKT(eqx.Module):
             again = target - self._apply_jacobian(self.scaled, push)
             return multipliers, free - push, again, _largest(rest), count + 1
 
-        start = (jnp.zeros_like(target), free, target, jnp.full_like(terms, jnp.inf), 0)
+        start: Carry = (jnp.zeros_like(target), free, target, jnp.full_like(terms, jnp.inf), 0)
         multipliers, a, *_ = jax.lax.while_loop(unfinished, sweep, start)
         multipliers = self.scale[:, :, None] * self._without_null(multipliers)
         return jnp.concatenate([self.pattern.join(a), self.pattern.join_rows(multipliers)])
@@ -158,10 +160,10 @@ class KKT(eqx.Module):
         epsilon, factor = PROXIMAL[x.dtype], self.factor
         assert factor is not None
 
-        def damp(x, _):  # type: ignore[no-untyped-def]
+        def damp(x: Blocks, _: None) -> tuple[Blocks, None]:
             return epsilon * factor.solve(x), None
 
-        def sweep(x, _):  # type: ignore[no-untyped-def]
+        def sweep(x: Blocks, _: None) -> tuple[Blocks, None]:
             rest, _ = jax.lax.scan(damp, x, None, length=2)
             return x - rest, None
 

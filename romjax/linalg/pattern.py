@@ -187,7 +187,7 @@ class Pattern:
         )
 
 
-def _table(entries: list, size: int | None = None) -> np.ndarray:
+def _table(entries: Sequence[Sequence[int] | np.ndarray], size: int | None = None) -> np.ndarray:
     """Lists of unequal length as one table, filled with one past the largest entry."""
     size = sum(map(len, entries)) if size is None else size
     filled = np.full((len(entries), max(map(len, entries), default=0)), size, np.uint32)

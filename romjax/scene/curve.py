@@ -6,7 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .fields import check_numbers, number
+from ..arrays import Vector
+from .fields import Converted, check_numbers, number
 
 
 class AbstractCurve(eqx.Module):
@@ -34,7 +35,7 @@ class Line(AbstractCurve):
 class Circle(AbstractCurve):
     """x² + y² = `radius`² [m]."""
 
-    radius: Float[Array, ""] = number()
+    radius: Converted[Float[Array, ""]] = number()
 
     def __call__(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return (point @ point - self.radius**2) / (2 * self.radius)
@@ -46,7 +47,7 @@ class Circle(AbstractCurve):
 class Polynomial(AbstractCurve):
     """y = c₀ + c₁ x + c₂ x² + … by its `coefficients` [m^(1−k)]."""
 
-    coefficients: Float[Array, " k"] = number()
+    coefficients: Converted[Float[Array, " k"], Vector] = number()
 
     def __call__(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return point[1] - jnp.polyval(self.coefficients[::-1], point[0])

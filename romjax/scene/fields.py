@@ -1,15 +1,31 @@
-"""Numeric fields of scene elements: always arrays, so that a new number never recompiles."""
+"""Fields of scene elements: numbers are arrays, so that a new number never recompiles.
+
+`Converted` and the field functions tell type checkers what a constructor takes and what its field
+holds. Neither follows from `equinox.field(converter=...)`: mypy takes the type of the field for
+that of the argument, pyright that of the converter's argument, which is Any.
+"""
 
 import dataclasses
 import functools
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Generic, Literal
 
 import equinox as eqx
 from jaxtyping import Array
 
 from .. import checks
-from ..arrays import as_array
+from ..arrays import Number, as_array
 from ..errors import SceneError
+
+__all__ = [
+    "Converted",
+    "check_finite",
+    "check_not_negative",
+    "check_numbers",
+    "check_positive",
+    "check_shape",
+    "number",
+    "parts",
+]
 
 check_shape = functools.partial(checks.check_shape, error=SceneError)
 check_finite = functools.partial(checks.check_finite, error=SceneError)
@@ -17,15 +33,45 @@ check_positive = functools.partial(checks.check_positive, error=SceneError)
 check_not_negative = functools.partial(checks.check_not_negative, error=SceneError)
 
 
-def _convert(value: Any) -> Array | None:
+if TYPE_CHECKING:
+    # Both checkers know a field by the function that declares it; under these names it is hidden
+    # from them that a converter is set, so that the annotation decides what may be given.
+    from equinox import field as number
+    from equinox import field as parts
+    from typing_extensions import TypeVar
+
+    Held = TypeVar("Held")
+    Given = TypeVar("Given", default=Number)
+
+    class Converted(Generic[Held, Given]):
+        """Of a field that holds a `Held` and takes a `Given`, a number unless told, too.
+
+        To checkers it is a descriptor, whose `__set__` gives the type of the argument of a
+        constructor (https://typing.python.org/en/latest/spec/dataclasses.html).
+        """
+
+        def __get__(self, instance: object, owner: type) -> Held: ...
+        def __set__(self, instance: object, value: Held | Given) -> None: ...
+
+else:
+
+    class Converted:
+        """`Converted[held, given]` is `held`: the annotation that is checked at run time."""
+
+        def __class_getitem__(cls, types: Any) -> Any:
+            return types[0] if isinstance(types, tuple) else types
+
+    def number(**kwargs: Any) -> Any:
+        """A field holding a floating-point array (or None, where the element allows it)."""
+        return eqx.field(converter=_as_number, **kwargs)
+
+    def parts(**kwargs: Any) -> Any:
+        """A field holding a tuple of elements, of any sequence of them."""
+        return eqx.field(converter=tuple, **kwargs)
+
+
+def _as_number(value: Any) -> Array | None:
     return None if value is None else as_array(value)
-
-
-def number(default: Any = ..., **kwargs: Any) -> Any:
-    """A field holding a floating-point array (or None, where the element allows it)."""
-    if default is ...:
-        return eqx.field(converter=_convert, **kwargs)
-    return eqx.field(converter=_convert, default=default, **kwargs)
 
 
 def check_numbers(

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ..arrays import Number, Vector
 from ..errors import SceneError
-from .fields import check_finite, check_shape, number
+from .fields import Converted, check_finite, check_shape, number
 
 GROUND = "ground"
 
@@ -64,8 +64,8 @@ class Marker(eqx.Module):
     """
 
     body: str = eqx.field(static=True)
-    point: Float[Array, "2"] = number()
-    angle: Float[Array, ""] = number(0.0)
+    point: Converted[Float[Array, "2"], Vector] = number()
+    angle: Converted[Float[Array, ""]] = number(default=0.0)
 
     def check(self, owner: str) -> None:
         check_shape(owner, f"marker on '{self.body}': point", self.point, (2,))

@@ -1,6 +1,6 @@
 """What is there: bodies, joints and effects."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -8,6 +8,7 @@ import equinox as eqx
 from ..errors import SceneError
 from .body.base import AbstractBody
 from .effect.base import AbstractEffect
+from .fields import Converted, parts
 from .joint.base import AbstractJoint
 from .marker import GROUND
 
@@ -21,9 +22,9 @@ class Scene(eqx.Module):
       is the order of the coordinates, that of the joints the order of the constraints.
     """
 
-    bodies: tuple[AbstractBody, ...] = eqx.field(converter=tuple)
-    joints: tuple[AbstractJoint, ...] = eqx.field(converter=tuple, default=())
-    effects: tuple[AbstractEffect, ...] = eqx.field(converter=tuple, default=())
+    bodies: Converted[tuple[AbstractBody, ...], Iterable[AbstractBody]] = parts()
+    joints: Converted[tuple[AbstractJoint, ...], Iterable[AbstractJoint]] = parts(default=())
+    effects: Converted[tuple[AbstractEffect, ...], Iterable[AbstractEffect]] = parts(default=())
 
     def check(self) -> None:
         """Raise a SceneError that names the first part that makes no sense."""

@@ -1,16 +1,28 @@
 """Signals: numbers that change with time. Their parameters are traced, their kind is static."""
 
 import abc
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Time, as_array, concrete
+from ..arrays import Time, Vector, as_array, concrete
 from ..errors import SceneError
-from .fields import check_finite, check_positive, check_shape, number
+from .fields import Converted, check_finite, check_positive, check_shape, number
+
+__all__ = [
+    "AbstractSignal",
+    "Chirp",
+    "Constant",
+    "Ramp",
+    "Sine",
+    "Step",
+    "Sum",
+    "Table",
+    "signal_field",
+]
 
 
 class AbstractSignal(eqx.Module):
@@ -28,9 +40,13 @@ class AbstractSignal(eqx.Module):
             check_finite(owner, f"{type(self).__name__}.{name}", as_array(value))
 
 
-def signal_field() -> Any:
-    """A field that holds a signal."""
-    return eqx.field(converter=_as_signal)
+if TYPE_CHECKING:  # why, see fields.py
+    from equinox import field as signal_field
+else:
+
+    def signal_field(**kwargs: Any) -> Any:
+        """A field that holds a signal."""
+        return eqx.field(converter=_as_signal, **kwargs)
 
 
 def _as_signal(value: Any) -> AbstractSignal:
@@ -45,7 +61,7 @@ def _as_signal(value: Any) -> AbstractSignal:
 class Constant(AbstractSignal):
     """The same `value` at all times."""
 
-    value: Float[Array, ""] = number()
+    value: Converted[Float[Array, ""]] = number()
 
     def __call__(self, t: Time) -> Float[Array, ""]:
         del t
@@ -55,9 +71,9 @@ class Constant(AbstractSignal):
 class Sine(AbstractSignal):
     """`amplitude * sin(2 pi frequency t + phase)`; frequency [Hz], phase [rad]."""
 
-    amplitude: Float[Array, ""] = number()
-    frequency: Float[Array, ""] = number()
-    phase: Float[Array, ""] = number(0.0)
+    amplitude: Converted[Float[Array, ""]] = number()
+    frequency: Converted[Float[Array, ""]] = number()
+    phase: Converted[Float[Array, ""]] = number(default=0.0)
 
     def __call__(self, t: Time) -> Float[Array, ""]:
         return self.amplitude * jnp.sin(2 * jnp.pi * self.frequency * t + self.phase)
@@ -66,8 +82,8 @@ class Sine(AbstractSignal):
 class Ramp(AbstractSignal):
     """`rate * t + offset`; the rate per second."""
 
-    rate: Float[Array, ""] = number()
-    offset: Float[Array, ""] = number(0.0)
+    rate: Converted[Float[Array, ""]] = number()
+    offset: Converted[Float[Array, ""]] = number(default=0.0)
 
     def __call__(self, t: Time) -> Float[Array, ""]:
         return self.rate * t + self.offset
@@ -78,8 +94,8 @@ class Table(AbstractSignal):
 
     smooth: ClassVar[bool] = False
 
-    times: Float[Array, " k"] = number()
-    values: Float[Array, " k"] = number()
+    times: Converted[Float[Array, " k"], Vector] = number()
+    values: Converted[Float[Array, " k"], Vector] = number()
 
     def __call__(self, t: Time) -> Float[Array, ""]:
         return jnp.interp(t, self.times, self.values)
@@ -96,9 +112,9 @@ class Table(AbstractSignal):
 class Chirp(AbstractSignal):
     """`amplitude * sin(...)` whose frequency grows by `rate` [Hz/s] from `frequency` [Hz]."""
 
-    amplitude: Float[Array, ""] = number()
-    frequency: Float[Array, ""] = number()
-    rate: Float[Array, ""] = number()
+    amplitude: Converted[Float[Array, ""]] = number()
+    frequency: Converted[Float[Array, ""]] = number()
+    rate: Converted[Float[Array, ""]] = number()
 
     def __call__(self, t: Time) -> Float[Array, ""]:
         return self.amplitude * jnp.sin(2 * jnp.pi * (self.frequency + self.rate * t / 2) * t)
@@ -107,9 +123,9 @@ class Chirp(AbstractSignal):
 class Step(AbstractSignal):
     """Zero before the time `start` [s], `height` after `start + duration`, smooth in between."""
 
-    height: Float[Array, ""] = number()
-    start: Float[Array, ""] = number()
-    duration: Float[Array, ""] = number()
+    height: Converted[Float[Array, ""]] = number()
+    start: Converted[Float[Array, ""]] = number()
+    duration: Converted[Float[Array, ""]] = number()
 
     def __call__(self, t: Time) -> Float[Array, ""]:
         x = jnp.clip((t - self.start) / self.duration, 0.0, 1.0)

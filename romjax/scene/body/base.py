@@ -1,13 +1,14 @@
 """What a body is to the rest of romjax."""
 
 import abc
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Number, Vector
+from ...deprecated import adopt, renamed
 from ...errors import SceneError
 from ..fields import check_finite, check_shape
 from ..marker import GROUND, Marker
@@ -23,7 +24,19 @@ class AbstractBody(eqx.Module):
 
     name: eqx.AbstractVar[str]
 
-    modes: eqx.AbstractVar[int]  # how many modal coordinates follow x, y, φ
+    # How many modal coordinates follow x, y, φ. As a field of this class, type checkers would ask
+    # for it in the constructor of a body that has it as a constant.
+    if TYPE_CHECKING:
+        modes = 0
+    else:
+        modes: eqx.AbstractVar[int]
+
+    shortens = renamed("AbstractBody.shortens", "AbstractBody.foreshortens")
+    shortening = renamed("AbstractBody.shortening", "AbstractBody.foreshortening")
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        adopt(cls, shortens="foreshortens", shortening="foreshortening")
 
     def __check_init__(self) -> None:
         self.check()
@@ -39,7 +52,7 @@ class AbstractBody(eqx.Module):
         return False
 
     @property
-    def shortens(self) -> bool:
+    def foreshortens(self) -> bool:
         """Whether bending moves its points along the axis too: a motion of second order."""
         return False
 
@@ -76,9 +89,9 @@ class AbstractBody(eqx.Module):
         r = R + A(φ) (X + S q_f), turned by φ + s q_f.
         """
 
-    def shortening(self, point: Float[Array, "2"]) -> Float[Array, "2 modes modes"]:
+    def foreshortening(self, point: Float[Array, "2"]) -> Float[Array, "2 modes modes"]:
         """G of a displacement −½ q_fᵀ G q_f of a material point along local x and y, beyond that
-        of the mode shapes; asked only of bodies that shorten.
+        of the mode shapes; asked only of bodies that foreshorten.
         """
         return jnp.zeros((2, self.modes, self.modes), point.dtype)
 

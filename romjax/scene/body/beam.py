@@ -17,8 +17,8 @@ from .modes import (
     bending_moments,
     bending_roots,
     bending_shapes,
-    shortening,
-    shortening_moments,
+    foreshortening,
+    foreshortening_moments,
 )
 from .sections import AbstractSection
 
@@ -55,16 +55,16 @@ class Beam(AbstractBody):
     name: str = eqx.field(static=True)
     mass: Float[Array, ""] = number()
     length: Float[Array, ""] = number()
-    EI: Float[Array, ""] | None = number(None)
-    frequencies: Float[Array, " modes"] | None = number(None)
-    inertia: Float[Array, ""] | None = number(None)
-    damping: Float[Array, " modes"] | None = number(None)
-    position: Float[Array, "2"] = number((0.0, 0.0))
-    angle: Float[Array, ""] = number(0.0)
-    velocity: Float[Array, "2"] = number((0.0, 0.0))
-    angular_velocity: Float[Array, ""] = number(0.0)
-    amplitudes: Float[Array, " modes"] = number(())
-    rates: Float[Array, " modes"] = number(())
+    EI: Float[Array, ""] | None = number(default=None)
+    frequencies: Float[Array, " modes"] | None = number(default=None)
+    inertia: Float[Array, ""] | None = number(default=None)
+    damping: Float[Array, " modes"] | None = number(default=None)
+    position: Float[Array, "2"] = number(default=(0.0, 0.0))
+    angle: Float[Array, ""] = number(default=0.0)
+    velocity: Float[Array, "2"] = number(default=(0.0, 0.0))
+    angular_velocity: Float[Array, ""] = number(default=0.0)
+    amplitudes: Float[Array, " modes"] = number(default=())
+    rates: Float[Array, " modes"] = number(default=())
     modes: int = eqx.field(static=True, default=0)
     axis: str = eqx.field(static=True, default="x")
     shapes: str = eqx.field(static=True, default="free-free")
@@ -158,7 +158,7 @@ class Beam(AbstractBody):
         return self.damping is not None and self.modes > 0
 
     @property
-    def shortens(self) -> bool:
+    def foreshortens(self) -> bool:
         return self.stiffening and self.modes > 0
 
     def natural_frequencies(self) -> Float[Array, " modes"]:
@@ -187,7 +187,7 @@ class Beam(AbstractBody):
         return jnp.concatenate([jnp.zeros_like(v[:3]), modal])
 
     def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "2"]:
-        return self._inertia().first_moment(q)
+        return self._inertia().first_moment_at(q)
 
     def mode_shapes(self, point: Float[Array, "2"]) -> Float[Array, "3 modes"]:
         deflection, slope = bending_shapes(self.shapes, self.modes, self._place(point))
@@ -197,8 +197,8 @@ class Beam(AbstractBody):
         rows = [none, deflection, slope] if self.axis == "x" else [deflection, none, -slope]
         return jnp.stack(rows) / jnp.sqrt(self.mass)
 
-    def shortening(self, point: Float[Array, "2"]) -> Float[Array, "2 modes modes"]:
-        along = shortening(self.shapes, self.modes, self._place(point))
+    def foreshortening(self, point: Float[Array, "2"]) -> Float[Array, "2 modes modes"]:
+        along = foreshortening(self.shapes, self.modes, self._place(point))
         return self._lengthwise(along) / (self.mass * self.length)
 
     def _place(self, point: Float[Array, "2"]) -> Float[Array, ""]:
@@ -218,10 +218,10 @@ class Beam(AbstractBody):
             across, turn = ([none, mean], lever) if self.axis == "x" else ([mean, none], -lever)
             terms["shift"] = size * np.stack(across)
             terms["swing"] = size * self.length * turn
-        if self.shortens:
-            mean, lever = shortening_moments(self.shapes, self.modes)
+        if self.foreshortens:
+            mean, lever = foreshortening_moments(self.shapes, self.modes)
             terms["spin"] = jnp.asarray(lever)
-            terms["shortening"] = self._lengthwise(mean) / self.length
+            terms["foreshortening"] = self._lengthwise(mean) / self.length
         return Inertia(self.mass, moment, **terms)
 
     def outline(self) -> Float[Array, "points 2"]:
@@ -242,10 +242,10 @@ class Beam(AbstractBody):
             raise SceneError(f"{owner}: stiffening is for beams with modes; give EI and modes.")
         check_numbers(owner, self, "mass", "length", "EI", "inertia", sign="positive")
         self._check_inertia(owner)
-        modal = {"shape": (self.modes,)}
-        check_numbers(owner, self, "frequencies", **modal, sign="positive")
-        check_numbers(owner, self, "damping", **modal, sign="not negative")
-        check_numbers(owner, self, "amplitudes", "rates", **modal)
+        modal = (self.modes,)
+        check_numbers(owner, self, "frequencies", shape=modal, sign="positive")
+        check_numbers(owner, self, "damping", shape=modal, sign="not negative")
+        check_numbers(owner, self, "amplitudes", "rates", shape=modal)
         check_start(owner, self)
 
     def _check_inertia(self, owner: str) -> None:

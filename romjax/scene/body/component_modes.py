@@ -107,9 +107,11 @@ def _lowest(k: Matrix, m: Matrix, count: int, solve: Any, shift: float = 0.0) ->
     """Lowest modes; ARPACK where it can, since it takes fewer modes than rows."""
     n = k.shape[0]
     if 2 * count + 1 >= n:
-        return scipy.linalg.eigh(k.toarray(), m.toarray())[1][:, :count]
+        modes: np.ndarray = scipy.linalg.eigh(k.toarray(), m.toarray())[1][:, :count]
+        return modes
     if count == 0:
         return np.zeros((n, 0))
     inverse = scipy.sparse.linalg.LinearOperator((n, n), solve)
     start = np.ones(n)  # not a random one: the same matrices give the same modes
-    return scipy.sparse.linalg.eigsh(k, count, m, sigma=shift, OPinv=inverse, v0=start)[1]
+    modes = scipy.sparse.linalg.eigsh(k, count, m, sigma=shift, OPinv=inverse, v0=start)[1]
+    return modes

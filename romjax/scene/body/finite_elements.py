@@ -49,7 +49,7 @@ def reduce_mesh(
     if not pins:
         raise SceneError(f"{owner}: it has no ports; give the nodes where joints and effects act.")
     centres, tie = _tie(owner, places, rows, pins)
-    tied = [tie.T @ matrix @ tie for matrix in (k, m)]
+    tied = tie.T @ k @ tie, tie.T @ m @ tie
     held = tied[0].shape[0] - 3 * len(pins) + np.arange(3 * len(pins))
     if interface == "fixed":
         found = craig_bampton(*tied, held, modes)
@@ -157,7 +157,8 @@ def _follow(
 ) -> np.ndarray:
     """Motion of a rigid port per unit amplitude, (3, modes)."""
     motion = _rigid(places[nodes] - centre[None], rows[nodes])
-    return np.linalg.lstsq(motion, elastic[rows[nodes].ravel()])[0]
+    pinned: np.ndarray = np.linalg.lstsq(motion, elastic[rows[nodes].ravel()])[0]
+    return pinned
 
 
 def _inertia(places: np.ndarray, rows: np.ndarray, mass: Matrix, elastic: np.ndarray) -> Inertia:
@@ -169,7 +170,7 @@ def _inertia(places: np.ndarray, rows: np.ndarray, mass: Matrix, elastic: np.nda
     turned[rows[:, 0]], turned[rows[:, 1]] = -elastic[rows[:, 1]], elastic[rows[:, 0]]
     total, moment = rigid[:, 0] @ (mass @ rigid[:, 0]), rigid[:, 2] @ (mass @ rigid[:, 2])
     terms = {
-        "centre": (rigid[:, :2].T @ (mass @ radius), (total * moment) ** 0.5),
+        "first_moment": (rigid[:, :2].T @ (mass @ radius), (total * moment) ** 0.5),
         "stretch": ((mass @ radius) @ elastic, moment**0.5),
         "gyration": (elastic.T @ (mass @ turned), 1.0),
     }
@@ -183,5 +184,6 @@ def _outline(places: np.ndarray) -> np.ndarray:
     if spread[1] > ROUNDING * spread[0]:
         hull = scipy.spatial.ConvexHull(places).vertices
         return np.append(hull, hull[0])
-    order = np.argsort(places @ axes[0])
-    return order[np.unique(np.linspace(0, len(order) - 1, 41).astype(int))]
+    order: np.ndarray = np.argsort(places @ axes[0])
+    some: np.ndarray = order[np.unique(np.linspace(0, len(order) - 1, 41).astype(int))]
+    return some

@@ -5,11 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import concrete
+from ...arrays import Vector, concrete
+from ...deprecated import renamed, renamed_keywords
 from ...errors import SceneError
-from ..fields import check_numbers, number
+from ..fields import Converted, check_numbers, number
 
 
+@renamed_keywords(centre="first_moment", shortening="foreshortening")
 class Inertia(eqx.Module):
     """Inertia invariants: all that a mass matrix needs to know of the points of a body.
 
@@ -23,31 +25,34 @@ class Inertia(eqx.Module):
     - `mass`: ∫ρ [kg].
     - `moment`: ∫ρ X·X [kg m²]; None where only first moments are asked for.
     - `modal`: ∫ρ SᵀS; the identity unless given.
-    - `centre`: ∫ρ X, zero if the frame sits in the centre of mass.
+    - `first_moment`: ∫ρ X [kg m], zero if the frame sits in the centre of mass.
     - `shift`: ∫ρ S (2, modes), and `swing`: ∫ρ (ĨX)ᵀS (modes): zero if the modes are orthogonal
       to rigid motion.
     - `stretch`: ∫ρ XᵀS (modes).
     - `gyration`: ∫ρ Sᵀ ĨS (modes, modes), antisymmetric; zero if all points move along one line.
-    - `shortening`: ∫ρ G (2, modes, modes), and `spin`: ∫ρ X·G (modes, modes), of a displacement
+    - `foreshortening`: ∫ρ G (2, modes, modes), and `spin`: ∫ρ X·G (modes, modes), of a displacement
       −½ q_fᵀ G q_f of second order.
     """
 
-    mass: Float[Array, ""] = number()
-    moment: Float[Array, ""] | None = number()
-    modal: Float[Array, "modes modes"] | None = number(None)
-    centre: Float[Array, "2"] | None = number(None)
-    shift: Float[Array, "2 modes"] | None = number(None)
-    swing: Float[Array, " modes"] | None = number(None)
-    stretch: Float[Array, " modes"] | None = number(None)
-    gyration: Float[Array, "modes modes"] | None = number(None)
-    shortening: Float[Array, "2 modes modes"] | None = number(None)
-    spin: Float[Array, "modes modes"] | None = number(None)
+    mass: Converted[Float[Array, ""]] = number()
+    moment: Converted[Float[Array, ""] | None] = number()
+    modal: Converted[Float[Array, "modes modes"] | None, Vector] = number(default=None)
+    first_moment: Converted[Float[Array, "2"] | None, Vector] = number(default=None)
+    shift: Converted[Float[Array, "2 modes"] | None, Vector] = number(default=None)
+    swing: Converted[Float[Array, " modes"] | None, Vector] = number(default=None)
+    stretch: Converted[Float[Array, " modes"] | None, Vector] = number(default=None)
+    gyration: Converted[Float[Array, "modes modes"] | None, Vector] = number(default=None)
+    foreshortening: Converted[Float[Array, "2 modes modes"] | None, Vector] = number(default=None)
+    spin: Converted[Float[Array, "modes modes"] | None, Vector] = number(default=None)
+
+    centre = renamed("Inertia.centre", "Inertia.first_moment")
+    shortening = renamed("Inertia.shortening", "Inertia.foreshortening")
 
     @property
     def diagonal(self) -> bool:
         """Whether no coordinate couples with another."""
-        couplings = (self.modal, self.centre, self.shift, self.swing, self.gyration)
-        return all(term is None for term in (*couplings, self.shortening))
+        couplings = (self.modal, self.first_moment, self.shift, self.swing, self.gyration)
+        return all(term is None for term in (*couplings, self.foreshortening))
 
     def matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         """Mass matrix at the coordinates x, y, φ, q_f; a diagonal one as its diagonal."""
@@ -74,9 +79,9 @@ class Inertia(eqx.Module):
         low = jnp.concatenate([top[:, 3:].T, around[:, None], modal], axis=1)
         return jnp.concatenate([top, middle[None], low])
 
-    def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "2"]:
-        """∫ρ r dV [kg m]."""
-        still = (self.centre, self.shift, self.shortening)
+    def first_moment_at(self, q: Float[Array, " size"]) -> Float[Array, "2"]:
+        """∫ρ r dV [kg m] at the coordinates x, y, φ, q_f."""
+        still = (self.first_moment, self.shift, self.foreshortening)
         if all(term is None for term in still):
             return self.mass * q[:2]
         c, s = jnp.cos(q[2]), jnp.sin(q[2])
@@ -88,12 +93,12 @@ class Inertia(eqx.Module):
             "mass": (),
             "moment": (),
             "modal": (modes, modes),
-            "centre": (2,),
+            "first_moment": (2,),
             "shift": (2, modes),
             "swing": (modes,),
             "stretch": (modes,),
             "gyration": (modes, modes),
-            "shortening": (2, modes, modes),
+            "foreshortening": (2, modes, modes),
             "spin": (modes, modes),
         }
         for field, shape in shapes.items():
@@ -120,14 +125,14 @@ class Inertia(eqx.Module):
 
     def _arm(self, bent: Float[Array, " modes"]) -> Float[Array, "2"]:
         """First moment in the body frame."""
-        total = jnp.zeros(2, bent.dtype) if self.centre is None else self.centre
+        total = jnp.zeros(2, bent.dtype) if self.first_moment is None else self.first_moment
         if self.shift is not None:
             total = total + self.shift @ bent
-        if self.shortening is not None:
-            total = total - 0.5 * (self.shortening @ bent) @ bent
+        if self.foreshortening is not None:
+            total = total - 0.5 * (self.foreshortening @ bent) @ bent
         return total
 
     def _slide(self, bent: Float[Array, " modes"]) -> Float[Array, "2 modes"]:
         """Derivative of the first moment by the amplitudes."""
         total = jnp.zeros((2, bent.shape[0]), bent.dtype) if self.shift is None else self.shift
-        return total if self.shortening is None else total - self.shortening @ bent
+        return total if self.foreshortening is None else total - self.foreshortening @ bent

@@ -13,7 +13,8 @@ from ...errors import SceneError
 from ..fields import check_numbers, number
 from ..marker import Marker
 from .base import AbstractBody, check_name, check_start, flexible_start
-from .finite_elements import Matrix, reduce_mesh
+from .component_modes import Matrix
+from .finite_elements import reduce_mesh
 from .inertia import Inertia
 
 
@@ -40,17 +41,17 @@ class ModalBody(AbstractBody):
     """
 
     name: str = eqx.field(static=True)
-    inertia: Inertia  # type: ignore[misc]
+    inertia: Inertia
     stiffness: Float[Array, "modes *modes"] = number()
     points: Float[Array, "points 2"] = number()
     shapes: Float[Array, "points 3 modes"] = number()
-    damping: Float[Array, "modes *modes"] | None = number(None)
-    position: Float[Array, "2"] = number((0.0, 0.0))
-    angle: Float[Array, ""] = number(0.0)
-    velocity: Float[Array, "2"] = number((0.0, 0.0))
-    angular_velocity: Float[Array, ""] = number(0.0)
-    amplitudes: Float[Array, " modes"] = number(())
-    rates: Float[Array, " modes"] = number(())
+    damping: Float[Array, "modes *modes"] | None = number(default=None)
+    position: Float[Array, "2"] = number(default=(0.0, 0.0))
+    angle: Float[Array, ""] = number(default=0.0)
+    velocity: Float[Array, "2"] = number(default=(0.0, 0.0))
+    angular_velocity: Float[Array, ""] = number(default=0.0)
+    amplitudes: Float[Array, " modes"] = number(default=())
+    rates: Float[Array, " modes"] = number(default=())
     ports: tuple[str, ...] = eqx.field(static=True, default=())
     modes: int = eqx.field(static=True, default=0)
 
@@ -169,7 +170,7 @@ class ModalBody(AbstractBody):
         return jnp.concatenate([jnp.zeros_like(v[:3]), -_times(self.damping, v[3:])])
 
     def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "2"]:
-        return self.inertia.first_moment(q)
+        return self.inertia.first_moment_at(q)
 
     def mode_shapes(self, point: Float[Array, "2"]) -> Float[Array, "3 modes"]:
         return self.shapes[jnp.argmin(jnp.sum((self.points - point[None]) ** 2, axis=1))]

@@ -86,11 +86,11 @@ def bending_moments(shapes: str, count: int) -> np.ndarray:
 
 
 def anchor(shapes: str) -> float:
-    """The place ξ that stays where it is as the beam bends and shortens."""
+    """The place ξ that stays where it is as the beam bends and foreshortens."""
     return 0.5 if shapes == "free-free" else 0.0
 
 
-def shortening(shapes: str, count: int, place: Float[Array, ""]) -> Float[Array, "modes modes"]:
+def foreshortening(shapes: str, count: int, place: Float[Array, ""]) -> Float[Array, "modes modes"]:
     """∫w'_k w'_l dξ from the anchor to ξ = `place`, by a quadrature that is exact to rounding."""
     nodes, weights = _quadrature(count)
     start = anchor(shapes)
@@ -99,8 +99,8 @@ def shortening(shapes: str, count: int, place: Float[Array, ""]) -> Float[Array,
     return (place - start) * jnp.einsum("i,ik,il->kl", weights, slopes, slopes)
 
 
-def shortening_moments(shapes: str, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """∫G dξ and ∫(ξ − ½) G dξ of G = `shortening`, both (modes, modes).
+def foreshortening_moments(shapes: str, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """∫G dξ and ∫(ξ − ½) G dξ of G = `foreshortening`, both (modes, modes).
 
     The order of integration is turned: each w'_k w'_l dη counts for all that lies outside of it.
     """

@@ -6,7 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..fields import check_numbers, check_shape, number
+from ...arrays import Vector
+from ..fields import Converted, check_numbers, check_shape, number
 from .base import AbstractBody, check_name, check_start, rectangle
 
 
@@ -24,13 +25,13 @@ class RigidBody(AbstractBody):
     """
 
     name: str = eqx.field(static=True)
-    mass: Float[Array, ""] = number()
-    inertia: Float[Array, ""] = number()
-    position: Float[Array, "2"] = number((0.0, 0.0))
-    angle: Float[Array, ""] = number(0.0)
-    velocity: Float[Array, "2"] = number((0.0, 0.0))
-    angular_velocity: Float[Array, ""] = number(0.0)
-    extent: Float[Array, "2"] = number((0.2, 0.1))
+    mass: Converted[Float[Array, ""]] = number()
+    inertia: Converted[Float[Array, ""]] = number()
+    position: Converted[Float[Array, "2"], Vector] = number(default=(0.0, 0.0))
+    angle: Converted[Float[Array, ""]] = number(default=0.0)
+    velocity: Converted[Float[Array, "2"], Vector] = number(default=(0.0, 0.0))
+    angular_velocity: Converted[Float[Array, ""]] = number(default=0.0)
+    extent: Converted[Float[Array, "2"], Vector] = number(default=(0.2, 0.1))
     modes: ClassVar[int] = 0  # type: ignore[misc]
 
     @property

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ...arrays import concrete
 from ...errors import SceneError
-from ..fields import check_numbers, number
+from ..fields import Converted, check_numbers, number
 
 
 class AbstractSection(eqx.Module):
@@ -41,8 +41,8 @@ class AbstractSection(eqx.Module):
 class Rectangle(AbstractSection):
     """A solid rectangle: `width` across the plane, `height` in it [m]."""
 
-    width: Float[Array, ""] = number()
-    height: Float[Array, ""] = number()
+    width: Converted[Float[Array, ""]] = number()
+    height: Converted[Float[Array, ""]] = number()
 
     @property
     def area(self) -> Float[Array, ""]:
@@ -56,7 +56,7 @@ class Rectangle(AbstractSection):
 class Rod(AbstractSection):
     """A solid circle of a `diameter` [m]."""
 
-    diameter: Float[Array, ""] = number()
+    diameter: Converted[Float[Array, ""]] = number()
 
     @property
     def area(self) -> Float[Array, ""]:
@@ -70,8 +70,8 @@ class Rod(AbstractSection):
 class Tube(AbstractSection):
     """A circular tube: outer `diameter` and thickness of its `wall` [m]."""
 
-    diameter: Float[Array, ""] = number()
-    wall: Float[Array, ""] = number()
+    diameter: Converted[Float[Array, ""]] = number()
+    wall: Converted[Float[Array, ""]] = number()
 
     @property
     def hollow(self) -> tuple[Float[Array, ""], ...]:
@@ -90,9 +90,9 @@ class Tube(AbstractSection):
 class Box(AbstractSection):
     """A rectangular tube: outer `width` and `height`, thickness of its `wall` [m]."""
 
-    width: Float[Array, ""] = number()
-    height: Float[Array, ""] = number()
-    wall: Float[Array, ""] = number()
+    width: Converted[Float[Array, ""]] = number()
+    height: Converted[Float[Array, ""]] = number()
+    wall: Converted[Float[Array, ""]] = number()
 
     @property
     def hollow(self) -> tuple[Float[Array, ""], ...]:
@@ -113,10 +113,10 @@ class IProfile(AbstractSection):
     `web` [m], loaded in the plane of the web.
     """
 
-    width: Float[Array, ""] = number()
-    height: Float[Array, ""] = number()
-    flange: Float[Array, ""] = number()
-    web: Float[Array, ""] = number()
+    width: Converted[Float[Array, ""]] = number()
+    height: Converted[Float[Array, ""]] = number()
+    flange: Converted[Float[Array, ""]] = number()
+    web: Converted[Float[Array, ""]] = number()
 
     @property
     def hollow(self) -> tuple[Float[Array, ""], ...]:

@@ -4,7 +4,7 @@ import abc
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
 import jax
@@ -13,6 +13,11 @@ from jaxtyping import Array, Float
 from ...arrays import Time
 from ..body.base import AbstractBody
 from ..marker import Marker, Pose, Twist, Wrench
+
+if TYPE_CHECKING:
+    from typing import ClassVar as AbstractClassVar
+else:
+    from equinox import AbstractClassVar
 
 
 class AbstractEffect(eqx.Module):
@@ -39,7 +44,7 @@ class AbstractMarkerEffect(AbstractEffect):
     """An effect that acts on markers: those among its fields, unless it says otherwise."""
 
     # Whether the wrenches depend on velocities; where none do, no velocity is traced.
-    needs_twists: eqx.AbstractClassVar[bool]
+    needs_twists: AbstractClassVar[bool]
 
     @property
     def markers(self) -> tuple[Marker, ...]:
@@ -120,7 +125,9 @@ def displacement(
 
     @functools.cache
     def rate() -> Float[Array, " k"]:
-        return jax.jvp(measure, poses, tuple(Pose(*twist) for twist in twists))[1]
+        change: Float[Array, " k"]
+        _, change = jax.jvp(measure, poses, tuple(Pose(*twist) for twist in twists))
+        return change
 
     def wrenches(force: Float[Array, " k"]) -> tuple[Wrench, ...]:
         return tuple(Wrench(*pose) for pose in pull_back(force))

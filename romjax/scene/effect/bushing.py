@@ -3,8 +3,8 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Time
-from ..fields import check_numbers, number
+from ...arrays import Time, Vector
+from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
 from .base import AbstractMarkerEffect, check_markers, displacement
 
@@ -24,8 +24,8 @@ class Bushing(AbstractMarkerEffect):
 
     a: Marker
     b: Marker
-    stiffness: Float[Array, "3"] = number()
-    damping: Float[Array, "3"] | None = number(None)
+    stiffness: Converted[Float[Array, "3"], Vector] = number()
+    damping: Converted[Float[Array, "3"] | None, Vector] = number(default=None)
 
     @property
     def needs_twists(self) -> bool:  # type: ignore[override]

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 from ...arrays import Time
 from ...errors import SceneError
 from ..curve import AbstractCurve
-from ..fields import check_numbers, number
+from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
 from .base import AbstractMarkerEffect, check_markers, displacement
 
@@ -26,10 +26,10 @@ class Friction(eqx.Module):
     - `static`: μ_s of slow motion, and `stribeck`: up to which speed [m/s]; none unless given.
     """
 
-    coefficient: Float[Array, ""] = number()
-    creep: Float[Array, ""] = number(1e-3)
-    static: Float[Array, ""] | None = number(None)
-    stribeck: Float[Array, ""] | None = number(None)
+    coefficient: Converted[Float[Array, ""]] = number()
+    creep: Converted[Float[Array, ""]] = number(default=1e-3)
+    static: Converted[Float[Array, ""] | None] = number(default=None)
+    stribeck: Converted[Float[Array, ""] | None] = number(default=None)
 
     def __call__(self, speed: Float[Array, ""]) -> Float[Array, ""]:
         """Tangential force over normal force, with the sign of the speed [m/s]."""
@@ -67,8 +67,8 @@ class Contact(AbstractMarkerEffect):
     a: Marker
     b: Marker
     curve: AbstractCurve
-    stiffness: Float[Array, ""] = number()
-    dissipation: Float[Array, ""] | None = number(None)
+    stiffness: Converted[Float[Array, ""]] = number()
+    dissipation: Converted[Float[Array, ""] | None] = number(default=None)
     friction: Friction | None = None
 
     @property

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
-from ..fields import check_numbers, number
+from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist
 from .base import AbstractDissipation, check_markers
 
@@ -25,7 +25,7 @@ class Damper(AbstractDissipation):
 
     a: Marker
     b: Marker
-    damping: Float[Array, ""] = number()
+    damping: Converted[Float[Array, ""]] = number()
     along_line: bool = eqx.field(static=True, default=False)
 
     def rayleigh(

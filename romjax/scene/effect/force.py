@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Time, concrete
+from ...arrays import Time, Vector, concrete
 from ...errors import SceneError
-from ..fields import check_numbers, number
+from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractMarkerEffect, check_markers
@@ -27,7 +27,7 @@ class Force(AbstractMarkerEffect):
     """
 
     at: Marker
-    direction: Float[Array, "2"] = number()
+    direction: Converted[Float[Array, "2"], Vector] = number()
     signal: AbstractSignal = signal_field()
     frame: str = eqx.field(static=True, default="world")
     needs_twists: ClassVar[bool] = False

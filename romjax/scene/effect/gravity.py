@@ -2,8 +2,9 @@
 
 from jaxtyping import Array, Float
 
+from ...arrays import Vector
 from ..body.base import AbstractBody
-from ..fields import check_numbers, number
+from ..fields import Converted, check_numbers, number
 from .base import AbstractField
 
 
@@ -15,7 +16,7 @@ class Gravity(AbstractField):
     - `acceleration`: vector of the gravitational acceleration [m/s²]; down along −y unless given.
     """
 
-    acceleration: Float[Array, "2"] = number((0.0, -9.81))
+    acceleration: Converted[Float[Array, "2"], Vector] = number(default=(0.0, -9.81))
 
     def energy(self, body: AbstractBody, q: Float[Array, " size"]) -> Float[Array, ""]:
         return -self.acceleration @ body.first_moment(q)

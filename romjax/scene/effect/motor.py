@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
-from ..fields import check_numbers, number
+from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractMarkerEffect, check_markers
@@ -28,8 +28,8 @@ class Motor(AbstractMarkerEffect):
     a: Marker
     b: Marker
     target: AbstractSignal = signal_field()
-    proportional: Float[Array, ""] = number()
-    derivative: Float[Array, ""] = number()
+    proportional: Converted[Float[Array, ""]] = number()
+    derivative: Converted[Float[Array, ""]] = number()
     needs_twists: ClassVar[bool] = True
 
     def wrenches(

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
-from ..fields import check_numbers, number
+from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose
 from .base import AbstractPotential, check_markers
 
@@ -25,9 +25,9 @@ class Spring(AbstractPotential):
 
     a: Marker
     b: Marker
-    stiffness: Float[Array, ""] = number()
-    rest_length: Float[Array, ""] | None = number(None)
-    cubic: Float[Array, ""] | None = number(None)
+    stiffness: Converted[Float[Array, ""]] = number()
+    rest_length: Converted[Float[Array, ""] | None] = number(default=None)
+    cubic: Converted[Float[Array, ""] | None] = number(default=None)
 
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         del t

@@ -3,7 +3,7 @@
 from jaxtyping import Array, Float
 
 from ...arrays import Time
-from ..fields import check_numbers, number
+from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist
 from .base import AbstractDissipation, check_markers
 
@@ -19,7 +19,7 @@ class TorsionDamper(AbstractDissipation):
 
     a: Marker
     b: Marker
-    damping: Float[Array, ""] = number()
+    damping: Converted[Float[Array, ""]] = number()
 
     def rayleigh(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]

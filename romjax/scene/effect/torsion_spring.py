@@ -3,7 +3,7 @@
 from jaxtyping import Array, Float
 
 from ...arrays import Time
-from ..fields import check_numbers, number
+from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose
 from .base import AbstractPotential, check_markers
 
@@ -22,8 +22,8 @@ class TorsionSpring(AbstractPotential):
 
     a: Marker
     b: Marker
-    stiffness: Float[Array, ""] = number()
-    rest_angle: Float[Array, ""] = number(0.0)
+    stiffness: Converted[Float[Array, ""]] = number()
+    rest_angle: Converted[Float[Array, ""]] = number(default=0.0)
 
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         del t

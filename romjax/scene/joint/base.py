@@ -1,12 +1,18 @@
 """What a joint is: one residual of the poses of its two markers."""
 
 import abc
+from typing import TYPE_CHECKING
 
 import equinox as eqx
 from jaxtyping import Array, Float
 
 from ...arrays import Time
 from ..marker import Marker, Pose, check_distinct
+
+if TYPE_CHECKING:
+    from typing import ClassVar as AbstractClassVar
+else:
+    from equinox import AbstractClassVar
 
 
 class AbstractJoint(eqx.Module):
@@ -18,8 +24,12 @@ class AbstractJoint(eqx.Module):
 
     a: eqx.AbstractVar[Marker]
     b: eqx.AbstractVar[Marker]
-    name: eqx.AbstractVar[str]
-    rows: eqx.AbstractClassVar[int]
+    if TYPE_CHECKING:
+        # As a field of this class it would come before those of the joints to type checkers.
+        name = ""
+    else:
+        name: eqx.AbstractVar[str]
+    rows: AbstractClassVar[int]
 
     def __check_init__(self) -> None:
         self.check()

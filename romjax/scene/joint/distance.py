@@ -6,7 +6,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ...arrays import Time
-from ..fields import check_numbers, number
+from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose
 from .base import AbstractJoint
 
@@ -19,7 +19,7 @@ class Distance(AbstractJoint):
 
     a: Marker
     b: Marker
-    length: Float[Array, ""] = number()
+    length: Converted[Float[Array, ""]] = number()
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
 

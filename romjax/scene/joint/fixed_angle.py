@@ -6,7 +6,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ...arrays import Time
-from ..fields import check_numbers, number
+from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose
 from .base import AbstractJoint
 
@@ -16,7 +16,7 @@ class FixedAngle(AbstractJoint):
 
     a: Marker
     b: Marker
-    value: Float[Array, ""] = number(0.0)
+    value: Converted[Float[Array, ""]] = number(default=0.0)
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
 

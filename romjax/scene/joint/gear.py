@@ -6,7 +6,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ...arrays import Time
-from ..fields import check_numbers, number
+from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose
 from .base import AbstractJoint
 
@@ -21,8 +21,8 @@ class Gear(AbstractJoint):
 
     a: Marker
     b: Marker
-    ratio: Float[Array, ""] = number()
-    offset: Float[Array, ""] = number(0.0)
+    ratio: Converted[Float[Array, ""]] = number()
+    offset: Converted[Float[Array, ""]] = number(default=0.0)
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
 

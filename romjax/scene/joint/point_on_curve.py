@@ -16,7 +16,7 @@ class PointOnCurve(AbstractJoint):
 
     a: Marker
     b: Marker
-    curve: AbstractCurve  # type: ignore[misc]
+    curve: AbstractCurve
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
 

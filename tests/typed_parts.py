@@ -1,0 +1,90 @@
+"""A user's lines, one for each part: type checkers accept them, and they run (test_types.py)."""
+
+from typing import ClassVar, assert_type
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+import romjax as rj
+
+BAR = {"density": 7850.0, "modulus": 2.1e11}
+
+
+class Slot(rj.AbstractJoint):
+    """A joint of one's own: a point that stays at a height [m] above a marker's x axis."""
+
+    a: rj.Marker
+    b: rj.Marker
+    height: Float[Array, ""]
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 1
+
+    def residual(self, t: ArrayLike, a: rj.Pose, b: rj.Pose) -> Float[Array, "1"]:
+        del t
+        return (b.across(a.position) - self.height)[None]
+
+
+# Numbers, tuples, lists and arrays of either library, by place and by keyword.
+cart = rj.RigidBody("cart", 1, 0.01, (0.0, 0.0), 0.1, extent=[0.2, 0.1])
+wheel = rj.RigidBody("wheel", mass=jnp.ones(()), inertia=np.float64(0.5), position=np.zeros(2))
+bar = rj.Beam("bar", 1.0, 2.0, frequencies=[16.0, 44.0], damping=0.01, position=(0.0, -0.4))
+flat = rj.Beam.of_section("flat", 1.0, rj.sections.Rectangle(0.01, 0.02), modes=2, **BAR)
+inertia = rj.Inertia(2.0, 1.0, first_moment=(0.0, 0.0), shift=[[0.0], [0.1]])
+plate = rj.ModalBody("plate", inertia, [4.0], [(0.0, 0.0)], np.zeros((1, 3, 1)), ports=["rim"])
+profiles = (
+    rj.sections.Rod(0.1),
+    rj.sections.Tube(0.1, wall=0.01),
+    rj.sections.Box(0.1, 0.1, 0.01),
+    rj.sections.IProfile(width=0.1, height=0.2, flange=0.01, web=0.01),
+)
+
+here, there = cart.at((0.1, 0.0), angle=np.pi / 4), rj.ground.at([0, 1])
+signals = [
+    rj.Constant(1.0),
+    rj.Sine(10.0, 2.0, phase=np.pi),
+    rj.Ramp(1.0),
+    rj.Table([0.0, 1.0], values=(0.0, 2.0)),
+    rj.Chirp(1.0, 2.0, 3.0),
+    rj.Step(1.0, start=0.0, duration=1),
+]
+joints = [
+    rj.Revolute(cart.at(), bar.at((0.0, 0.4)), name="hinge"),
+    rj.Prismatic(wheel.at(), there, 0.1),
+    rj.Weld(flat.at(), there, value=0.1),
+    rj.FixedAngle(here, there),
+    rj.PointOnLine(here, there),
+    rj.PointOnCurve(here, there, rj.Circle(2)),
+    rj.Distance(here, there, 1.0, "link"),
+    rj.Gear(here, there, -2, offset=jnp.array(0.1)),
+    rj.PrescribedAngle(here, there, rj.Sum((rj.Sine(1.0, 2.0), rj.Constant(1.0)))),
+    rj.PrescribedTravel(here, there, signal=rj.Ramp(1.0)),
+    Slot(here, there, jnp.array(0.1), name="slot"),
+]
+spring = rj.Spring(here, there, stiffness=100.0)
+effects = (
+    rj.Gravity(),
+    rj.Gravity([0.0, -1.62]),
+    spring,
+    rj.Spring(here, there, 100.0, rest_length=0.3, cubic=None),
+    rj.Damper(here, there, damping=0.1, along_line=True),
+    rj.TorsionSpring(here, there, 1.0, rest_angle=0.1),
+    rj.TorsionDamper(here, there, 0.1),
+    rj.Bushing(here, there, (1.0, 1.0, 0.1), damping=[0.1, 0.1, 0.0]),
+    rj.Force(here, (1.0, 1.0), rj.Sine(10.0, frequency=2.0), frame="body"),
+    rj.Torque(here, signal=rj.Constant(2.0)),
+    rj.Motor(here, there, rj.Ramp(1.0), proportional=10.0, derivative=1),
+    rj.Contact(here, there, rj.Line(), 1e5, friction=rj.Friction(0.3, static=0.4, stribeck=0.1)),
+    rj.Contact(here, there, rj.Polynomial([0.0, 1.0]), stiffness=1e5, dissipation=0.1),
+)
+scene = rj.Scene(bodies=[cart, wheel, bar], joints=joints[:1], effects=effects[:3])
+
+# What a field holds is an array, whatever it was given as.
+assert_type(spring.stiffness, jax.Array)
+assert_type(spring.rest_length, jax.Array | None)
+assert_type(cart.position, jax.Array)
+assert_type(inertia.shift, jax.Array | None)
+assert_type(scene.bodies, tuple[rj.AbstractBody, ...])
+assert_type(scene.joints, tuple[rj.AbstractJoint, ...])
