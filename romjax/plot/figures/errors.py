@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..integrate.trajectory import Trajectory
-from ..study.compare import compare
-from .panels import check_coordinates, check_times, choose, finish, grid
-from .style import line, marks, symbol
+from ...integrate.trajectory import Trajectory
+from ...study.compare import compare
+from ..panels import check_coordinates, check_times, choose, finish, grid
+from ..style import line, marks, symbol
 
 DECADES = 8  # shown below the largest error; a zero crossing reaches further and says nothing
 

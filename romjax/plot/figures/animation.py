@@ -8,11 +8,11 @@ from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..integrate.trajectory import Trajectory
-from ..scene.scene import Scene
-from .mechanism import Picture, bounds, stage, view
-from .panels import check_coordinates, check_times
-from .style import SMALL, line
+from ...integrate.trajectory import Trajectory
+from ...scene.scene import Scene
+from ..mechanism import Picture, bounds, stage, view
+from ..panels import check_coordinates, check_times
+from ..style import SMALL, line
 
 FRAMES = 60  # unless the playing time is given
 DPI = 80

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..integrate.trajectory import Trajectory
-from .panels import check_coordinates, check_motion, choose, finish, grid
-from .style import line, marks, symbol, unit
+from ...integrate.trajectory import Trajectory
+from ..panels import check_coordinates, check_motion, choose, finish, grid
+from ..style import line, marks, symbol, unit
 
 
 def response(

@@ -4,12 +4,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..basis.basis import Basis
-from ..scene.scene import Scene
-from ..system.base import AbstractSystem
-from .geometry import outlines
-from .mechanism import Picture, bounds, stage, view
-from .style import COLOURS, GREY, SMALL, DisplayedFigure, symbol
+from ...basis.basis import Basis
+from ...scene.scene import Scene
+from ...system.base import AbstractSystem
+from ..geometry import outlines
+from ..mechanism import Picture, bounds, stage, view
+from ..style import COLOURS, GREY, SMALL, DisplayedFigure, symbol
 
 MOST = 8  # modes
 ROWS = 24  # of the table
