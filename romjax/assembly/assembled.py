@@ -11,6 +11,7 @@ from ..linalg.dense import multiply
 from ..linalg.indexing import spread
 from ..linalg.kkt import Saddle
 from ..linalg.pattern import Topology
+from ..scene.coordinate import Coordinate
 from ..scene.effect.base import AbstractField
 from ..scene.marker import Twist
 from ..system.base import AbstractSystem
@@ -29,7 +30,7 @@ class AssembledSystem(AbstractSystem):
     fields: tuple[AbstractField, ...]
     q0: Float[Array, " n"]
     v0: Float[Array, " n"]
-    labels: tuple[str, ...] = eqx.field(static=True)
+    coordinates: tuple[Coordinate, ...] = eqx.field(static=True)
     modal: tuple[bool, ...] = eqx.field(static=True)
     topology: Topology = eqx.field(static=True)
     constraint_labels: tuple[str, ...] = eqx.field(static=True)
@@ -37,6 +38,10 @@ class AssembledSystem(AbstractSystem):
     @property
     def m(self) -> int:
         return len(self.constraint_labels)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        return tuple(coordinate.label for coordinate in self.coordinates)
 
     def coordinate_labels(self) -> tuple[str, ...]:
         return self.labels
@@ -127,7 +132,7 @@ class AssembledSystem(AbstractSystem):
         blocks, places = [], []
         for group in self.joints:
             blocks.append(group.jacobian(t, poses, motion))
-            places.append(layout.places(group.places.array, np.stack(group.slots.take(columns))))
+            places.append(layout.places(group.places.array, np.stack(group.markers.take(columns))))
         return spread(blocks, places, shape)
 
     def saddle(self, t: Time, q: Float[Array, " n"]) -> Saddle:
