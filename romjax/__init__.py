@@ -33,6 +33,7 @@ from .scene.body.component_modes import free_interface as free_interface
 from .scene.body.inertia import Inertia as Inertia
 from .scene.body.modal import ModalBody as ModalBody
 from .scene.body.rigid import RigidBody as RigidBody
+from .scene.coordinate import Coordinate as Coordinate
 from .scene.curve import AbstractCurve as AbstractCurve
 from .scene.curve import Circle as Circle
 from .scene.curve import Line as Line
@@ -68,6 +69,7 @@ from .scene.marker import Pose as Pose
 from .scene.marker import Twist as Twist
 from .scene.marker import Wrench as Wrench
 from .scene.marker import ground as ground
+from .scene.outline import Outline as Outline
 from .scene.scene import Scene as Scene
 from .scene.signal import AbstractSignal as AbstractSignal
 from .scene.signal import Chirp as Chirp

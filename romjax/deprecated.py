@@ -100,6 +100,6 @@ def method_of_system(system: Any, name: str) -> Any:
         warn_once(f"system.{name}", f"system.{new}")
         return getattr(system, new)
     if name == "coordinate_labels":
-        warn_once("system.coordinate_labels()", "system.structure.coordinates")
-        return lambda: system.full.structure.coordinates
+        warn_once("system.coordinate_labels()", "system.structure.labels")
+        return lambda: system.full.structure.labels
     raise AttributeError(f"'{type(system).__name__}' has no attribute '{name}'")

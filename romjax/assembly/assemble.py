@@ -1,8 +1,6 @@
 """From a scene to its system."""
 
 import itertools
-from collections.abc import Sequence
-from typing import Any
 
 import jax.numpy as jnp
 import jax.tree_util as jtu
@@ -12,14 +10,14 @@ from ..errors import SceneError
 from ..linalg.indexing import Index
 from ..linalg.pattern import Pattern
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect
-from ..scene.marker import GROUND, Marker
+from ..scene.marker import GROUND
 from ..scene.scene import Scene
 from ..system.mobility import check_mobility
 from ..system.structure import Structure
 from .assembled import AssembledSystem
 from .grouping import group
 from .groups import BodyGroup, EffectGroup, JointGroup
-from .kinematics import Markers, Slots, place_markers
+from .kinematics import arrange, columns_of
 
 
 def assemble(scene: Scene) -> AssembledSystem:
@@ -35,28 +33,14 @@ def assemble(scene: Scene) -> AssembledSystem:
     # A Python number that was put in by hand would be static and recompile at every change.
     scene = jtu.tree_map(as_array, scene)
 
-    offsets, coordinates = 0, {}
-    for body in scene.bodies:
-        coordinates[body.name] = tuple(range(offsets, offsets + body.size))
-        offsets += body.size
+    columns, n = columns_of(scene.bodies)
     bodies, order = [], list[str]()
     for stacked, places in group(scene.bodies):
         names = [scene.bodies[i].name for i in places]
-        bodies.append(BodyGroup(stacked, Index.of([coordinates[name] for name in names])))
+        bodies.append(BodyGroup(stacked, Index.of([columns[name] for name in names])))
         order += names
 
     named = {body.name: body for body in scene.bodies}
-
-    def arrange(
-        elements: Sequence[Any],
-    ) -> tuple[list[tuple[Any, Slots, list[int]]], Markers | None]:
-        """Groups of equal elements with the places of their markers, and all the markers."""
-        groups, markers = [], list[Marker]()
-        for stacked, places in group(elements):
-            sides = list(zip(*(elements[i].markers for i in places), strict=True))
-            groups.append((stacked, Slots(len(markers), len(places), len(sides)), places))
-            markers += [marker for side in sides for marker in side]
-        return groups, place_markers(markers, named, coordinates, offsets) if markers else None
 
     first_row = [0]
     for joint in scene.joints:
@@ -65,30 +49,29 @@ def assemble(scene: Scene) -> AssembledSystem:
         ([order.index(m.body) for m in joint.markers if m.body != GROUND], range(*rows))
         for joint, rows in zip(scene.joints, itertools.pairwise(first_row), strict=True)
     ]
-    joints, joint_markers = arrange(scene.joints)
-    effects, effect_markers = arrange(
-        [e for e in scene.effects if isinstance(e, AbstractMarkerEffect)]
-    )
+    joints, joint_markers = arrange(scene.joints, named, columns, n)
+    acting = [e for e in scene.effects if isinstance(e, AbstractMarkerEffect)]
+    effects, effect_markers = arrange(acting, named, columns, n)
     starts = [body.start() for body in scene.bodies]
     system = AssembledSystem(
         bodies=tuple(bodies),
         joints=tuple(
-            JointGroup(stacked, slots, Index.of([range(*first_row[i : i + 2]) for i in places]))
-            for stacked, slots, places in joints
+            JointGroup(stacked, markers, Index.of([range(*first_row[i : i + 2]) for i in places]))
+            for stacked, markers, places in joints
         ),
         joint_markers=joint_markers,
-        effects=tuple(EffectGroup(stacked, slots) for stacked, slots, _ in effects),
+        effects=tuple(EffectGroup(stacked, markers) for stacked, markers, _ in effects),
         effect_markers=effect_markers,
         fields=tuple(e for e in scene.effects if isinstance(e, AbstractField)),
         q0=jnp.concatenate([q for q, _ in starts]),
         v0=jnp.concatenate([v for _, v in starts]),
         structure=Structure(
-            coordinates=tuple(label for body in scene.bodies for label in body.labels()),
+            coordinates=tuple(c for body in scene.bodies for c in body.coordinates()),
             constraints=tuple(f"joint '{j.label()}'" for j in scene.joints for _ in range(j.rows)),
             rigid=tuple(i < 3 for body in scene.bodies for i in range(body.size)),
             flexible=any(body.modes for body in scene.bodies),
         ),
-        pattern=Pattern.of([coordinates[name] for name in order], joined),
+        pattern=Pattern.of([columns[name] for name in order], joined),
     )
     remedy = "Take out the joints that lock the mechanism."
     check_mobility("assemble", system, remedy, SceneError)

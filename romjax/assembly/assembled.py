@@ -107,5 +107,6 @@ class AssembledSystem(AbstractSystem):
         blocks, places = [], []
         for group in self.joints:
             blocks.append(group.jacobian(t, poses, motion))
-            places.append(pattern.places(group.places.array, np.stack(group.slots.take(columns))))
+            rows = group.places.array
+            places.append(pattern.places(rows, np.stack(group.markers.take(columns))))
         return spread(blocks, places, shape)

@@ -16,7 +16,7 @@ from ..scene.effect.base import AbstractField, AbstractMarkerEffect
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import Pose, Twist, Wrench
 from ..system.dynamics import quadratic_velocity_force
-from .kinematics import PoseGradient, Slots
+from .kinematics import MarkerBlocks, PoseGradient
 
 
 class BodyGroup(eqx.Module):
@@ -63,13 +63,13 @@ class JointGroup(eqx.Module):
     """Joints of equal structure."""
 
     joints: AbstractJoint  # stacked
-    slots: Slots
+    markers: MarkerBlocks
     places: Index = eqx.field(static=True)  # of their rows among the constraints, (count, rows)
 
     def residual(self, t: Time, poses: Pose) -> Float[Array, "count rows"]:
         residuals: Float[Array, "count rows"]
         residuals = jax.vmap(lambda joint, a, b: joint.residual(t, a, b))(
-            self.joints, *self.slots.take(poses)
+            self.joints, *self.markers.take(poses)
         )
         return residuals
 
@@ -83,11 +83,11 @@ class JointGroup(eqx.Module):
             sides = jax.jacrev(lambda a, b: joint.residual(t, a, b), argnums=(0, 1))(a, b)
             return sides
 
-        sides = jax.vmap(gradient)(self.joints, *self.slots.take(poses))
+        sides = jax.vmap(gradient)(self.joints, *self.markers.take(poses))
         return jnp.stack(
             [
                 side.position @ moved.position + side.angle[:, :, None] * moved.angle[:, None]
-                for side, moved in zip(sides, self.slots.take(motion), strict=True)
+                for side, moved in zip(sides, self.markers.take(motion), strict=True)
             ]
         )
 
@@ -96,13 +96,13 @@ class EffectGroup(eqx.Module):
     """Effects of equal structure."""
 
     effects: AbstractMarkerEffect  # stacked
-    slots: Slots
+    markers: MarkerBlocks
 
     def wrenches(self, t: Time, poses: Pose, twists: Twist | None) -> list[Wrench]:
         """Wrenches on each side, one row per effect."""
-        rates = self.slots.take(twists) if self.effects.needs_twists else ()
+        rates = self.markers.take(twists) if self.effects.needs_twists else ()
         return list(
             jax.vmap(lambda effect, poses, twists: effect.wrenches(t, poses, twists))(
-                self.effects, self.slots.take(poses), rates
+                self.effects, self.markers.take(poses), rates
             )
         )

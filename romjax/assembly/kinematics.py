@@ -1,7 +1,7 @@
 """The motion of all markers of a family of elements, and the way back from wrenches to Q."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -28,13 +28,13 @@ class Markers(eqx.Module):
     Bodies of all kinds share one formula, pose = frame ∘ (place + shapes · amplitudes), so the
     program is the same for any number and mix of bodies. Bodies with fewer modes than the richest
     one are padded with zero shapes; the ground is a frame that stays at zero. Where a body shortens
-    as it bends, the place moves by −½ amplitudes · shortening · amplitudes too.
+    as it bends, the place moves by −½ amplitudes · foreshortening · amplitudes too.
     """
 
     points: Float[Array, "count 2"]  # in the body frame
     angles: Float[Array, " count"]  # against the body
     shapes: Float[Array, "count 3 modes"]
-    shortening: Float[Array, "count 2 modes modes"] | None
+    foreshortening: Float[Array, "count 2 modes modes"] | None
     frames: Index = eqx.field(static=True)  # of x, y, φ in q; n stands for the ground
     amplitudes: Index = eqx.field(static=True)  # of the modal coordinates; n stands for padding
 
@@ -52,9 +52,9 @@ class Markers(eqx.Module):
         angle = extended[self.frames.array[:, 2]]
         arm, _ = self._local(extended)
         shapes = self.shapes
-        if self.shortening is not None:
+        if self.foreshortening is not None:
             bent = extended[self.amplitudes.array]
-            slide = jnp.einsum("cikl,cl->cik", self.shortening, bent)
+            slide = jnp.einsum("cikl,cl->cik", self.foreshortening, bent)
             shapes = shapes - jnp.pad(slide, ((0, 0), (0, 1), (0, 0)))
         count = len(self.angles)
         unit = jnp.broadcast_to(jnp.eye(2, dtype=q.dtype), (count, 2, 2))
@@ -85,8 +85,10 @@ class Markers(eqx.Module):
         amplitudes = extended[self.amplitudes.array]
         bent = jnp.einsum("cik,ck->ci", self.shapes, amplitudes)
         points = self.points + bent[:, :2]
-        if self.shortening is not None:
-            points -= 0.5 * jnp.einsum("cikl,ck,cl->ci", self.shortening, amplitudes, amplitudes)
+        if self.foreshortening is not None:
+            points -= 0.5 * jnp.einsum(
+                "cikl,ck,cl->ci", self.foreshortening, amplitudes, amplitudes
+            )
         return points, self.angles + bent[:, 2]
 
 
@@ -102,8 +104,8 @@ def _perpendicular(arm: Float[Array, "count 2"]) -> Float[Array, "count 2"]:
     return arm[:, ::-1] * np.array([[-1, 1]], arm.dtype)
 
 
-class Slots(eqx.Module):
-    """The places of the markers of equal elements: a block for each side, one row per element."""
+class MarkerBlocks(eqx.Module):
+    """Where the markers of equal elements are: a block for each side, one row per element."""
 
     start: int = eqx.field(static=True)
     count: int = eqx.field(static=True)
@@ -115,33 +117,67 @@ class Slots(eqx.Module):
         return tuple(jax.tree.map(lambda x, b=b: x[b : b + self.count], stacked) for b in begins)
 
 
-def place_markers(
-    markers: Sequence[Marker],
+def columns_of(bodies: Sequence[AbstractBody]) -> tuple[dict[str, tuple[int, ...]], int]:
+    """The columns of q that belong to each body, by name, and how many there are."""
+    n, columns = 0, {}
+    for body in bodies:
+        columns[body.name] = tuple(range(n, n + body.size))
+        n += body.size
+    return columns, n
+
+
+def arrange(
+    elements: Sequence[Any],
     bodies: dict[str, AbstractBody],
-    coordinates: dict[str, tuple[int, ...]],
+    columns: dict[str, tuple[int, ...]],
+    n: int,
+) -> tuple[list[tuple[Any, MarkerBlocks, list[int]]], Markers | None]:
+    """Groups of equal elements, each stacked, with the blocks of their markers and the numbers of
+    the elements; and the markers of all groups, None if there are none.
+
+    The other arguments are those of `prepare_points`.
+    """
+    groups, markers = [], list[Marker]()
+    for stacked, members in group(elements):
+        sides = list(zip(*(elements[i].markers for i in members), strict=True))
+        groups.append((stacked, MarkerBlocks(len(markers), len(members), len(sides)), members))
+        markers += [marker for side in sides for marker in side]
+    if not markers:
+        return groups, None
+    points, angles = stack([(m.point, m.angle) for m in markers])
+    names = [marker.body for marker in markers]
+    return groups, prepare_points(names, points, angles, bodies, columns, n)
+
+
+def prepare_points(
+    names: Sequence[str],
+    points: Float[Array, "count 2"],
+    angles: Float[Array, " count"],
+    bodies: dict[str, AbstractBody],
+    columns: dict[str, tuple[int, ...]],
     n: int,
 ) -> Markers:
-    """Prepare all about the markers that does not change in time.
+    """Prepare all about markers at material points that does not change in time.
 
-    `bodies` are the bodies by name, `coordinates` their places in q, `n` the length of q.
+    `names` are those of the bodies that carry them or "ground", `bodies` the bodies by name,
+    `columns` theirs of q, `n` the length of q.
     """
-    points, angles = stack([(m.point, m.angle) for m in markers])
-    moving = [i for i, m in enumerate(markers) if m.body != GROUND and bodies[m.body].modes]
-    most = max((bodies[markers[i].body].modes for i in moving), default=0)
-    shapes, short = jnp.zeros((len(markers), 3, most), points.dtype), None
-    for carriers, places in group([bodies[markers[i].body] for i in moving]):
-        slots = np.array([moving[place] for place in places])
+    moving = [i for i, name in enumerate(names) if name != GROUND and bodies[name].modes]
+    most = max((bodies[names[i]].modes for i in moving), default=0)
+    shapes, foreshortening = jnp.zeros((len(names), 3, most), points.dtype), None
+    for carriers, members in group([bodies[names[i]] for i in moving]):
+        rows = np.array([moving[member] for member in members])
         own = carriers.modes
-        shapes = shapes.at[slots, :, :own].set(_shapes(carriers, points[slots]))
+        shapes = shapes.at[rows, :, :own].set(_shapes(carriers, points[rows]))
         if carriers.foreshortens:
-            short = (
-                jnp.zeros((len(markers), 2, most, most), points.dtype) if short is None else short
-            )
-            short = short.at[slots, :, :own, :own].set(_shortening(carriers, points[slots]))
-    columns = [coordinates.get(m.body, (n, n, n)) for m in markers]
-    frames = Index.of([c[:3] for c in columns])
-    padded = Index.of([(*c[3:], *[n] * (most + 3 - len(c))) for c in columns])
-    return Markers(points, angles, shapes, short, frames, padded)
+            if foreshortening is None:
+                foreshortening = jnp.zeros((len(names), 2, most, most), points.dtype)
+            second = _foreshortening(carriers, points[rows])
+            foreshortening = foreshortening.at[rows, :, :own, :own].set(second)
+    owned = [columns.get(name, (n, n, n)) for name in names]
+    frames = Index.of([c[:3] for c in owned])
+    padded = Index.of([(*c[3:], *[n] * (most + 3 - len(c))) for c in owned])
+    return Markers(points, angles, shapes, foreshortening, frames, padded)
 
 
 @jax.jit
@@ -152,7 +188,7 @@ def _shapes(bodies: AbstractBody, points: Float[Array, "count 2"]) -> Float[Arra
 
 
 @jax.jit
-def _shortening(
+def _foreshortening(
     bodies: AbstractBody, points: Float[Array, "count 2"]
 ) -> Float[Array, "count 2 modes modes"]:
     foreshortening: Float[Array, "count 2 modes modes"]

@@ -234,7 +234,7 @@ def _simulate(
         doubt=jnp.zeros((), int)
         if system.validity is None
         else system.validity.flags(system, ts, q, v, physical_q, violation),
-        labels=system.full.structure.coordinates,
+        labels=system.full.structure.labels,
         solver=type(solver).__name__,
     )
     return trajectory, start

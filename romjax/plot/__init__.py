@@ -1,9 +1,39 @@
-"""Figures of motions, bases and mechanisms; the only importer of matplotlib."""
+"""Figures of motions, bases and mechanisms; the only importer of matplotlib.
 
-from .accuracy import accuracy as accuracy
-from .animation import animate as animate
-from .errors import errors as errors
-from .modes import modes as modes
-from .response import response as response
-from .tuning import tuning as tuning
-from .values import values as values
+A figure is imported when it is first asked for: `import romjax` loads no matplotlib.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .figures.accuracy import accuracy as accuracy
+    from .figures.animation import animate as animate
+    from .figures.errors import errors as errors
+    from .figures.modes import modes as modes
+    from .figures.response import response as response
+    from .figures.tuning import tuning as tuning
+    from .figures.values import values as values
+
+# Functions, and the modules of `figures` that define them.
+_FIGURES = {
+    "accuracy": "accuracy",
+    "animate": "animation",
+    "errors": "errors",
+    "modes": "modes",
+    "response": "response",
+    "tuning": "tuning",
+    "values": "values",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _FIGURES:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    function = getattr(importlib.import_module(f".figures.{_FIGURES[name]}", __name__), name)
+    globals()[name] = function  # the next access does not come here
+    return function
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_FIGURES])

@@ -7,34 +7,49 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from ..scene.scene import Scene
-from .geometry import hinges, outlines, rails
-from .style import GREY
+from ..assembly.outlines import MovingOutline
+from .style import LINES, SIGNS
 
 
 class Picture:
-    """One mechanism in one pair of axes; `show` moves it to another configuration."""
+    """One mechanism in one pair of axes; `show` moves it to another configuration.
 
-    def __init__(self, axes: Axes, scene: Scene, q: np.ndarray, **look: Any):
-        self.outlines = outlines(scene, q)
-        self.hinges = hinges(scene, q)
-        self.lines = [Line2D([], [], solid_capstyle="round", **look) for _ in self.outlines]
-        dots = look | {"linestyle": "none", "marker": "o", "markersize": 4}
-        self.dots = Line2D([], [], markerfacecolor="white", **dots)
-        for line in (*self.lines, self.dots):
-            axes.add_line(line)
+    There is one line in the axes for each style of outline, whatever their number. The `look` is
+    that of the bodies; without `details` only these and the marks of joints are drawn.
+    """
+
+    def __init__(
+        self, axes: Axes, outlines: Sequence[MovingOutline], *, details: bool = True, **look: Any
+    ):
+        looks: dict[str, dict[str, Any]] = {"body": {"solid_capstyle": "round", **look}}
+        if details:
+            looks |= {style: dict(own) for style, own in LINES.items()}
+        for style, own in SIGNS.items():
+            looks[style] = {"color": look.get("color"), "linestyle": "none", "zorder": 2.5, **own}
+        self.points: dict[str, np.ndarray] = {}
+        self.lines: dict[str, Line2D] = {}
+        for style, own in looks.items():
+            parts = [outline.points for outline in outlines if outline.style == style]
+            if parts:
+                self.points[style] = _joined(parts)
+                self.lines[style] = axes.add_line(Line2D([], [], **own))
         self.show(0)
 
     def show(self, index: int) -> None:
         """Draw the configuration number `index`."""
-        for line, outline in zip(self.lines, self.outlines, strict=True):
-            line.set_data(outline[index, :, 0], outline[index, :, 1])
-        self.dots.set_data(self.hinges[index, :, 0], self.hinges[index, :, 1])
+        for style, line in self.lines.items():
+            line.set_data(*self.points[style][index].T)
 
 
-def bounds(shapes: Sequence[np.ndarray]) -> np.ndarray:
-    """Lower and upper corner (2, 2) of all points of the arrays (..., 2), finite ones only."""
-    points = np.concatenate([shape.reshape(-1, 2) for shape in shapes])
+def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Polylines (frames, points, 2) as one, with a gap after each."""
+    gap = np.full((len(parts[0]), 1, 2), np.nan)
+    return np.concatenate([piece for part in parts for piece in (part, gap)], axis=1)
+
+
+def bounds(outlines: Sequence[MovingOutline]) -> np.ndarray:
+    """Lower and upper corner (2, 2) of all that is finite."""
+    points = np.concatenate([o.points.reshape(-1, 2) for o in outlines if not o.endless])
     points = points[np.all(np.isfinite(points), axis=1)]
     return np.stack([np.min(points, axis=0), np.max(points, axis=0)])
 
@@ -47,17 +62,8 @@ def view(box: np.ndarray) -> np.ndarray:
     return np.stack([middle - half, middle + half])
 
 
-def stage(axes: Axes, scene: Scene, box: np.ndarray) -> None:
-    """Equal scales, the limits of `box`, and the rails on the ground."""
+def stage(axes: Axes, box: np.ndarray) -> None:
+    """Equal scales, and the limits of `box`."""
     axes.set_aspect("equal")
     axes.set_xlim(box[0, 0], box[1, 0])
     axes.set_ylim(box[0, 1], box[1, 1])
-    for point, angle in rails(scene):
-        axes.axline(
-            (point[0], point[1]),
-            (point[0] + np.cos(angle), point[1] + np.sin(angle)),
-            color=GREY,
-            linewidth=0.8,
-            linestyle="-.",
-            zorder=0,
-        )

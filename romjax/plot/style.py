@@ -6,6 +6,9 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from ..scene.coordinate import Coordinate
+from ..scene.outline import Style
+
 # Okabe and Ito's palette, which colour-blind readers can tell apart; the reference in black, then
 # in an order that alternates dark and light, for print in grey.
 COLOURS = ("#000000", "#D55E00", "#56B4E9", "#009E73", "#CC79A7", "#0072B2", "#E69F00")
@@ -14,7 +17,23 @@ MARKERS = ("", "o", "s", "^", "D", "v", "P")
 GREY = "0.6"
 
 SMALL = 8  # [pt] notes, legends and tables
-UNITS = {"x": "m", "y": "m", "phi": "rad"}
+
+# How outlines look, by what they stand for; bodies and marks take the colour of their model.
+# Everything else is grey, so that bodies stand out, and is drawn for the first model only.
+LINES: dict[Style, dict[str, Any]] = {
+    "link": {"color": "0.25", "linewidth": 1.0},
+    "track": {"color": GREY, "linewidth": 0.8, "linestyle": "-.", "zorder": 0.5},
+    "spring": {"color": "0.4", "linewidth": 0.9, "zorder": 1.5},
+    "damper": {"color": "0.4", "linewidth": 0.9, "zorder": 1.5},
+    "load": {"color": "0.25", "linewidth": 1.1, "zorder": 3},
+    "surface": {"color": GREY, "linewidth": 1.6, "zorder": 0.5},
+    "ground": {"color": GREY, "linewidth": 0.8, "zorder": 0.5},
+}
+SIGNS: dict[Style, dict[str, Any]] = {
+    "hinge": {"marker": "o", "markersize": 4.5, "markerfacecolor": "white"},
+    "weld": {"marker": "s", "markersize": 4.5},
+    "point": {"marker": "o", "markersize": 2.5},
+}
 
 
 class DisplayedFigure(Figure):
@@ -46,23 +65,33 @@ def marks(index: int, models: int, points: int) -> dict[str, Any]:
     }
 
 
-def symbol(label: str, separator: str = " ") -> str:
-    """A coordinate's label as one prints it: `beam.q1` becomes 'beam q₁' in mathematical type.
+def coordinate(label: str) -> Coordinate:
+    """What a label such as "cart.x" stands for, from its ending; unknown ones have no unit."""
+    owner, _, name = label.rpartition(".")
+    if owner and name in ("x", "y"):
+        return Coordinate(owner, name, "m", name)
+    if owner and name == "phi":
+        return Coordinate(owner, name, "rad", r"\varphi")
+    if owner and re.fullmatch(r"q\d+", name):
+        return Coordinate(owner, name, "kg^1/2 m", f"q_{{{name[1:]}}}")
+    return Coordinate("", label)
+
+
+def symbol(coordinate: Coordinate, separator: str = " ") -> str:
+    """A coordinate as one prints it: `beam.q1` becomes 'beam q₁' in mathematical type.
 
     `separator` stands between the name of the body and the symbol.
     """
-    body, _, name = label.rpartition(".")
-    plain = body.replace("$", r"\$")
-    if body and name in UNITS:
-        return plain + separator + (r"$\varphi$" if name == "phi" else f"${name}$")
-    if body and re.fullmatch(r"q\d+", name):
-        return f"{plain}{separator}$q_{{{name[1:]}}}$"
-    return label.replace("$", r"\$")
+    sign = f"${coordinate.symbol}$" if coordinate.symbol else _plain(coordinate.name)
+    return f"{_plain(coordinate.owner)}{separator}{sign}" if coordinate.owner else sign
 
 
-def unit(label: str) -> str:
+def unit(coordinate: Coordinate) -> str:
     """The unit of a coordinate in brackets; nothing for coordinates of unknown meaning."""
-    body, _, name = label.rpartition(".")
-    if body and name in UNITS:
-        return f"[{UNITS[name]}]"
-    return r"[kg$^{1/2}$ m]" if body and re.fullmatch(r"q\d+", name) else ""
+    if not coordinate.unit:
+        return ""
+    return "[" + re.sub(r"\^([-\d/]+)", r"$^{\1}$", coordinate.unit) + "]"
+
+
+def _plain(text: str) -> str:
+    return text.replace("$", r"\$")

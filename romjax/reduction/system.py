@@ -13,6 +13,7 @@ from ..errors import ReductionError
 from ..linalg.dense import multiply
 from ..linalg.kkt import KKT
 from ..linalg.pattern import Pattern
+from ..scene.coordinate import Coordinate
 from ..system.base import AbstractSystem, AbstractValidity
 from ..system.consistent import consistent
 from ..system.constraints import differentiate
@@ -61,7 +62,7 @@ class ReducedSystem(AbstractSystem):
         z, w = _restrict(lift, full, *start[:2])
         m = 0 if combinations is None else combinations.shape[1]
         structure = Structure(
-            tuple(f"z{i + 1}" for i in range(z.size)),
+            tuple(Coordinate("", f"z{i + 1}") for i in range(z.size)),
             tuple(f"kept combination {i + 1} of the constraints" for i in range(m)),
             rigid=(True,) * z.size,
             flexible=True,

@@ -1,12 +1,16 @@
 """Curves: where a number that depends on a point is zero. Their parameters are traced."""
 
 import abc
+from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import Vector
+from .drawing import REACH, arc
 from .fields import Converted, check_numbers, number
 
 
@@ -16,6 +20,32 @@ class AbstractCurve(eqx.Module):
     @abc.abstractmethod
     def __call__(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         """Zero on the curve [m], with a gradient that is not zero there; negative inside."""
+
+    # Whether pictures show only a part of it.
+    endless: ClassVar[bool] = True
+
+    def outline(self, near: Float[Array, "2"], size: Float[Array, ""]) -> Float[Array, "points 2"]:
+        """Points of the curve for pictures, to both sides of the foot of the point `near` [m].
+
+        `size` [m] is that of signs. Of a curve of unknown shape: 100 steps of half a size to each
+        side, each along the tangent and back to the curve by two of Newton.
+        """
+
+        def back(point: Array, _: object) -> tuple[Array, None]:
+            value, slope = jax.value_and_grad(self)(point)
+            squared = slope @ slope
+            return point - value * slope / jnp.where(squared > 0, squared, 1.0), None
+
+        def step(point: Array, side: Array) -> tuple[Array, Array]:
+            slope = jax.grad(self)(point)
+            steep = jnp.sqrt(jnp.maximum(slope @ slope, 1e-30))
+            point = point + side * size / steep * jnp.stack([slope[1], -slope[0]])
+            point, _ = jax.lax.scan(back, point, None, length=2)
+            return point, point
+
+        foot, _ = jax.lax.scan(back, near, None, length=12)
+        left, right = (jax.lax.scan(step, foot, jnp.full(100, side))[1] for side in (-0.5, 0.5))
+        return jnp.concatenate([left[::-1], foot[None], right])
 
     @abc.abstractmethod
     def check(self, owner: str) -> None:
@@ -28,6 +58,10 @@ class Line(AbstractCurve):
     def __call__(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return point[1]
 
+    def outline(self, near: Float[Array, "2"], size: Float[Array, ""]) -> Float[Array, "points 2"]:
+        along = near[0] + REACH * size * np.array([-1.0, 1.0])
+        return jnp.stack([along, jnp.zeros_like(along)], axis=1)
+
     def check(self, owner: str) -> None:
         del owner
 
@@ -36,9 +70,14 @@ class Circle(AbstractCurve):
     """x² + y² = `radius`² [m]."""
 
     radius: Converted[Float[Array, ""]] = number()
+    endless: ClassVar[bool] = False
 
     def __call__(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return (point @ point - self.radius**2) / (2 * self.radius)
+
+    def outline(self, near: Float[Array, "2"], size: Float[Array, ""]) -> Float[Array, "points 2"]:
+        del size
+        return arc(jnp.zeros_like(near), self.radius, jnp.zeros_like(self.radius), 2 * np.pi, 97)
 
     def check(self, owner: str) -> None:
         check_numbers(owner, self, "radius", sign="positive", prefix="Circle.")

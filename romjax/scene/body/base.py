@@ -1,7 +1,7 @@
 """What a body is to the rest of romjax."""
 
 import abc
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 from ...arrays import Number, Vector
 from ...deprecated import adopt, renamed
 from ...errors import SceneError
+from ..coordinate import Coordinate
 from ..fields import check_finite, check_shape
 from ..marker import GROUND, Marker
 
@@ -106,10 +107,27 @@ class AbstractBody(eqx.Module):
     def check_marker(self, owner: str, marker: Marker) -> None:
         """Raise a SceneError if the body knows nothing of the marker's point."""
 
+    # What its modes are called.
+    mode_kind: ClassVar[str] = "mode"
+
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """What each coordinate is, with its unit and symbol."""
+        frame = (
+            Coordinate(self.name, "x", "m", "x", f"position x of {self.name}"),
+            Coordinate(self.name, "y", "m", "y", f"position y of {self.name}"),
+            Coordinate(self.name, "phi", "rad", r"\varphi", f"angle of {self.name}"),
+        )
+        modal = [
+            Coordinate(
+                self.name, f"q{k}", "kg^1/2 m", f"q_{{{k}}}", f"{self.mode_kind} {k} of {self.name}"
+            )
+            for k in range(1, self.modes + 1)
+        ]
+        return (*frame, *modal)
+
     def labels(self) -> tuple[str, ...]:
-        """Names of the coordinates."""
-        modal = tuple(f"q{k + 1}" for k in range(self.size - 3))
-        return tuple(f"{self.name}.{label}" for label in ("x", "y", "phi", *modal))
+        """Labels of the coordinates, such as "cart.x"."""
+        return tuple(coordinate.label for coordinate in self.coordinates())
 
     def at(self, point: Vector = (0.0, 0.0), angle: Number = 0.0) -> Marker:
         """A marker at the material `point` X [m] of the body frame, turned by `angle` [rad]."""

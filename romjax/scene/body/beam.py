@@ -1,6 +1,6 @@
 """A slender elastic beam in a floating frame."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -69,6 +69,7 @@ class Beam(AbstractBody):
     axis: str = eqx.field(static=True, default="x")
     shapes: str = eqx.field(static=True, default="free-free")
     stiffening: bool = eqx.field(static=True, default=False)
+    mode_kind: ClassVar[str] = "bending mode"
 
     def __init__(
         self,

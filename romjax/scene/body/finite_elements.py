@@ -5,9 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import scipy.io
 import scipy.sparse as sp
-import scipy.spatial
 
 from ...arrays import Vector
 from ...errors import SceneError
@@ -90,7 +88,11 @@ def _matrix(given: Matrix | str | Path) -> Matrix:
     """The matrix, read from its file if it is the name of one."""
     if not isinstance(given, str | Path):
         return given
-    return sp.load_npz(given) if Path(given).suffix == ".npz" else scipy.io.mmread(given)
+    if Path(given).suffix == ".npz":
+        return sp.load_npz(given)
+    import scipy.io  # here, since few ask for it
+
+    return scipy.io.mmread(given)
 
 
 def _layout(
@@ -182,6 +184,8 @@ def _outline(places: np.ndarray) -> np.ndarray:
     """Nodes of the convex hull, closed; of a straight line, some of its nodes in order."""
     _, spread, axes = np.linalg.svd(places - places.mean(axis=0)[None], full_matrices=False)
     if spread[1] > ROUNDING * spread[0]:
+        import scipy.spatial  # here, since it takes long to load and few ask for it
+
         hull = scipy.spatial.ConvexHull(places).vertices
         return np.append(hull, hull[0])
     order: np.ndarray = np.argsort(places @ axes[0])

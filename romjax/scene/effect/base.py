@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 from ...arrays import Time
 from ..body.base import AbstractBody
 from ..marker import Marker, Pose, Twist, Wrench
+from ..outline import Outline, linked
 
 if TYPE_CHECKING:
     from typing import ClassVar as AbstractClassVar
@@ -22,6 +23,9 @@ else:
 
 class AbstractEffect(eqx.Module):
     """Anything that contributes to the generalized force Q."""
+
+    # Whether pictures hatch the ground at a marker on it.
+    hatched: ClassVar[bool] = False
 
     def __check_init__(self) -> None:
         self.check()
@@ -34,6 +38,16 @@ class AbstractEffect(eqx.Module):
     @abc.abstractmethod
     def check(self) -> None:
         """Raise a SceneError that names effect, field, value and remedy."""
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """What pictures show, from the poses of the markers at time t; nothing unless said.
+
+        `size` [m] is what a sign such as an arrow should be about as large as.
+        """
+        del t, poses, size
+        return ()
 
     def label(self) -> str:
         """How messages call the effect: its kind and its bodies."""
@@ -51,6 +65,15 @@ class AbstractMarkerEffect(AbstractEffect):
         """The markers that the effect sees: the fields that are Markers, in their order."""
         values = (getattr(self, field.name) for field in dataclasses.fields(self))
         return tuple(value for value in values if isinstance(value, Marker))
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """What pictures show, from the poses of the markers at time t: lines between them, unless
+        the effect has a sign of its own, about as large as `size` [m].
+        """
+        del t, size
+        return linked(poses)
 
     @abc.abstractmethod
     def wrenches(

@@ -1,11 +1,16 @@
 """An elastic joint."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ...arrays import Time, Vector
+from ..drawing import arc, wheel
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
+from ..outline import Outline
 from .base import AbstractMarkerEffect, check_markers, displacement
 
 
@@ -26,6 +31,7 @@ class Bushing(AbstractMarkerEffect):
     b: Marker
     stiffness: Converted[Float[Array, "3"], Vector] = number()
     damping: Converted[Float[Array, "3"] | None, Vector] = number(default=None)
+    hatched: ClassVar[bool] = True
 
     @property
     def needs_twists(self) -> bool:  # type: ignore[override]
@@ -40,6 +46,17 @@ class Bushing(AbstractMarkerEffect):
         if self.damping is not None:
             force -= self.damping * rate()
         return wrenches(force)
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """A sleeve that sits on `b`, and a pin inside that sits on `a`."""
+        del t
+        a, b = poses
+        return (
+            Outline(wheel(a, 0.45 * size), "spring"),
+            Outline(arc(b.position, size, b.angle, 2 * np.pi), "spring"),
+        )
 
     def check(self) -> None:
         owner = check_markers(self)

@@ -8,8 +8,10 @@ from jaxtyping import Array, Float
 from ...arrays import Time
 from ...errors import SceneError
 from ..curve import AbstractCurve
+from ..drawing import placed
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
+from ..outline import Outline
 from .base import AbstractMarkerEffect, check_markers, displacement
 
 
@@ -96,6 +98,18 @@ class Contact(AbstractMarkerEffect):
             tangent = jnp.stack([normal[1], -normal[0]])
             force -= push * self.friction(tangent @ rate()) * tangent
         return wrenches(jnp.where(inside, force, 0))
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """The curve, and the point that it stops."""
+        del t
+        a, b = poses
+        surface = placed(b, self.curve.outline(b.local(a.position), size))
+        return (
+            Outline(surface, "surface", endless=self.curve.endless),
+            Outline(a.position[None], "point"),
+        )
 
     def check(self) -> None:
         owner = check_markers(self)

@@ -1,12 +1,16 @@
 """A linear viscous damper."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
+from ..drawing import dashpot
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist
+from ..outline import Outline
 from .base import AbstractDissipation, check_markers
 
 
@@ -27,6 +31,7 @@ class Damper(AbstractDissipation):
     b: Marker
     damping: Converted[Float[Array, ""]] = number()
     along_line: bool = eqx.field(static=True, default=False)
+    hatched: ClassVar[bool] = True
 
     def rayleigh(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
@@ -40,6 +45,14 @@ class Damper(AbstractDissipation):
             e = line / jnp.sqrt(jnp.where(squared > 0, squared, 1.0))
             return 0.5 * self.damping * (e @ (a.velocity - b.velocity)) ** 2
         return 0.5 * self.damping * jnp.sum((a.velocity - b.velocity) ** 2)
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        del t
+        a, b = poses
+        parts = dashpot(a.position, b.position, size)
+        return tuple(Outline(points, "damper") for points in parts)
 
     def check(self) -> None:
         check_numbers(check_markers(self), self, "damping", sign="not negative")

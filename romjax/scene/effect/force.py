@@ -9,8 +9,10 @@ from jaxtyping import Array, Float
 
 from ...arrays import Time, Vector, concrete
 from ...errors import SceneError
+from ..drawing import arrow
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
+from ..outline import Outline
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractMarkerEffect, check_markers
 
@@ -40,6 +42,19 @@ class Force(AbstractMarkerEffect):
         if self.frame == "body":
             force = poses[0].turned(force)
         return (Wrench(force, jnp.zeros_like(force[0])),)
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """An arrow of fixed length from the marker, in the direction of the force."""
+        (wrench,) = self.wrenches(t, poses, ())
+        (pose,) = poses
+        strength = jnp.sqrt(wrench.force @ wrench.force)
+        given = self.direction / jnp.sqrt(self.direction @ self.direction)
+        ahead = pose.turned(given) if self.frame == "body" else given
+        strong = strength > 0
+        ahead = jnp.where(strong, wrench.force / jnp.where(strong, strength, 1.0), ahead)
+        return (Outline(arrow(pose.position, pose.position + 4 * size * ahead, size), "load"),)
 
     def check(self) -> None:
         owner = check_markers(self)

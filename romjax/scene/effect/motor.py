@@ -7,8 +7,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
+from ..drawing import turning_arrow
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
+from ..outline import Outline
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractMarkerEffect, check_markers
 
@@ -43,6 +45,15 @@ class Motor(AbstractMarkerEffect):
         torque = self.proportional * (target - angle) + self.derivative * (rate - speed)
         none = jnp.zeros_like(a.position)
         return Wrench(none, torque), Wrench(none, -torque)
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """An arrow around `a`, in the sense in which the target turns."""
+        a, _ = poses
+        t = jnp.asarray(t, size.dtype)
+        way = turning_arrow(a.position, size, a.angle, jax.grad(self.target)(t))
+        return Outline(way, "load"), Outline(a.position[None], "point")
 
     def check(self) -> None:
         owner = check_markers(self)

@@ -1,11 +1,15 @@
 """A spring between two points."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
+from ..drawing import zigzag
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose
+from ..outline import Outline
 from .base import AbstractPotential, check_markers
 
 
@@ -28,6 +32,7 @@ class Spring(AbstractPotential):
     stiffness: Converted[Float[Array, ""]] = number()
     rest_length: Converted[Float[Array, ""] | None] = number(default=None)
     cubic: Converted[Float[Array, ""] | None] = number(default=None)
+    hatched: ClassVar[bool] = True
 
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         del t
@@ -40,6 +45,13 @@ class Spring(AbstractPotential):
             squared = (length - self.rest_length) ** 2
         energy = 0.5 * self.stiffness * squared
         return energy if self.cubic is None else energy + 0.25 * self.cubic * squared**2
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        del t
+        a, b = poses
+        return (Outline(zigzag(a.position, b.position, size), "spring"),)
 
     def check(self) -> None:
         fields = ("stiffness", "rest_length", "cubic")

@@ -3,9 +3,12 @@
 from typing import ClassVar
 
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from ...arrays import Time
+from ..drawing import turning_arrow
 from ..marker import Marker, Pose, Twist, Wrench
+from ..outline import Outline
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractMarkerEffect, check_markers
 
@@ -28,6 +31,14 @@ class Torque(AbstractMarkerEffect):
     ) -> tuple[Wrench, ...]:
         del twists
         return (Wrench(jnp.zeros_like(poses[0].position), self.signal(t)),)
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """An arrow around the marker, in the sense of the torque."""
+        (pose,) = poses
+        way = turning_arrow(pose.position, size, pose.angle, self.signal(t))
+        return Outline(way, "load"), Outline(pose.position[None], "point")
 
     def check(self) -> None:
         self.signal.check(check_markers(self))

@@ -1,10 +1,13 @@
 """A damper that turns."""
 
+import numpy as np
 from jaxtyping import Array, Float
 
 from ...arrays import Time
+from ..drawing import arc, placed
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist
+from ..outline import Outline
 from .base import AbstractDissipation, check_markers
 
 
@@ -27,6 +30,16 @@ class TorsionDamper(AbstractDissipation):
         del t, poses
         a, b = twists
         return 0.5 * self.damping * (a.angular_velocity - b.angular_velocity) ** 2
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """A ring around a vane that turns with `a`."""
+        del t
+        a, b = poses
+        vane = placed(a, np.array([(-0.7, 0.0), (0.7, 0.0)]) * size)
+        ring = arc(a.position, 0.9 * size, b.angle, 2 * np.pi)
+        return Outline(ring, "damper"), Outline(vane, "damper")
 
     def check(self) -> None:
         check_numbers(check_markers(self), self, "damping", sign="not negative")

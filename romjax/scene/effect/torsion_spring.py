@@ -1,10 +1,13 @@
 """A spring that turns."""
 
+import numpy as np
 from jaxtyping import Array, Float
 
 from ...arrays import Time
+from ..drawing import arc
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose
+from ..outline import Outline
 from .base import AbstractPotential, check_markers
 
 
@@ -29,6 +32,16 @@ class TorsionSpring(AbstractPotential):
         del t
         a, b = poses
         return 0.5 * self.stiffness * (a.angle - b.angle - self.rest_angle) ** 2
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """A spiral from the x axis of `a` outwards, two turns more than the angle of both."""
+        del t
+        a, b = poses
+        sweep = b.angle - a.angle + 4 * np.pi
+        radius = size * np.linspace(0.2, 1.2, 61)
+        return (Outline(arc(a.position, radius, a.angle, sweep, 61), "spring"),)
 
     def check(self) -> None:
         owner = check_markers(self)

@@ -1,13 +1,14 @@
 """What a joint is: one residual of the poses of its two markers."""
 
 import abc
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
 from jaxtyping import Array, Float
 
 from ...arrays import Time
 from ..marker import Marker, Pose, check_distinct
+from ..outline import Outline, linked
 
 if TYPE_CHECKING:
     from typing import ClassVar as AbstractClassVar
@@ -31,12 +32,26 @@ class AbstractJoint(eqx.Module):
         name: eqx.AbstractVar[str]
     rows: AbstractClassVar[int]
 
+    # Whether pictures hatch the ground at a marker on it.
+    hatched: ClassVar[bool] = True
+
     def __check_init__(self) -> None:
         self.check()
 
     @abc.abstractmethod
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, " rows"]:
         """Zero where the joint holds; lengths [m] and angles [rad]."""
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """What pictures show, from the poses of `a` and `b` at time t.
+
+        `size` [m] is what a sign such as the box of a slider should be about as large as. Without a
+        method of its own a joint is a line between its markers.
+        """
+        del t, size
+        return linked(poses)
 
     @property
     def markers(self) -> tuple[Marker, ...]:

@@ -3,11 +3,13 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose
+from ..outline import Outline
 from .base import AbstractJoint
 
 
@@ -27,6 +29,13 @@ class Distance(AbstractJoint):
         del t
         d = a.position - b.position
         return ((d @ d - self.length**2) / (2 * self.length))[None]
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        del t, size
+        points = jnp.stack([pose.position for pose in poses])
+        return Outline(points, "link"), Outline(points, "hinge")
 
     def check(self) -> None:
         super().check()

@@ -3,11 +3,14 @@
 from typing import ClassVar
 
 import equinox as eqx
+import numpy as np
 from jaxtyping import Array, Float
 
 from ...arrays import Time
+from ..drawing import placed
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose
+from ..outline import Outline
 from .base import AbstractJoint
 
 
@@ -19,10 +22,18 @@ class FixedAngle(AbstractJoint):
     value: Converted[Float[Array, ""]] = number(default=0.0)
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
+    hatched: ClassVar[bool] = False
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         del t
         return (a.angle - b.angle - self.value)[None]
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        del t
+        corner = np.array([(0.8, 0.0), (0.8, 0.8), (0.0, 0.8), (0, 0), (0.8, 0)]) * size
+        return (Outline(placed(poses[0], corner), "link"),)
 
     def check(self) -> None:
         super().check()

@@ -3,11 +3,14 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
+from ..drawing import belt, length_between, wheel
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose
+from ..outline import Outline
 from .base import AbstractJoint
 
 
@@ -25,10 +28,29 @@ class Gear(AbstractJoint):
     offset: Converted[Float[Array, ""]] = number(default=0.0)
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
+    hatched: ClassVar[bool] = False
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         del t
         return (a.angle - self.ratio * b.angle - self.offset)[None]
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """Pitch circles that touch where wheels mesh outside, else a belt."""
+        del t
+        a, b = poses
+        apart = length_between(a.position, b.position)
+        outside = self.ratio < 0
+        total = jnp.where(apart > 0, jnp.where(outside, apart, 0.4 * apart), 2 * size)
+        share = jnp.abs(self.ratio) / (1 + jnp.abs(self.ratio))
+        radii = total * (1 - share), total * share
+        belts = [
+            jnp.where(outside, a.position[None], side)
+            for side in belt(a.position, b.position, radii)
+        ]
+        wheels = [wheel(pose, radius) for pose, radius in zip(poses, radii, strict=True)]
+        return tuple(Outline(points, "link") for points in (*wheels, *belts))
 
     def check(self) -> None:
         super().check()

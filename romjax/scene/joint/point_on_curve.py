@@ -7,7 +7,9 @@ from jaxtyping import Array, Float
 
 from ...arrays import Time
 from ..curve import AbstractCurve
+from ..drawing import placed
 from ..marker import Marker, Pose
+from ..outline import Outline
 from .base import AbstractJoint
 
 
@@ -19,10 +21,22 @@ class PointOnCurve(AbstractJoint):
     curve: AbstractCurve
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
+    hatched: ClassVar[bool] = False
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         del t
         return self.curve(b.local(a.position))[None]
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        del t
+        a, b = poses
+        track = placed(b, self.curve.outline(b.local(a.position), size))
+        return (
+            Outline(track, "track", endless=self.curve.endless),
+            Outline(a.position[None], "hinge"),
+        )
 
     def check(self) -> None:
         super().check()

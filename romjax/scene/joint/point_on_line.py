@@ -6,7 +6,9 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ...arrays import Time
+from ..drawing import rail
 from ..marker import Marker, Pose
+from ..outline import Outline
 from .base import AbstractJoint
 
 
@@ -17,7 +19,18 @@ class PointOnLine(AbstractJoint):
     b: Marker
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
+    hatched: ClassVar[bool] = False
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         del t
         return b.across(a.position)[None]
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        del t
+        a, b = poses
+        return (
+            Outline(rail(b, a.position, size), "track", endless=True),
+            Outline(a.position[None], "hinge"),
+        )

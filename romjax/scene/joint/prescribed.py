@@ -3,11 +3,14 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
 from ...errors import SceneError
+from ..drawing import arrow, placed, turning_arrow
 from ..marker import Marker, Pose
+from ..outline import Outline
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractJoint
 
@@ -16,6 +19,7 @@ class _Prescribed(AbstractJoint):
     """What both kinds share: a signal without kinks, at which forces would be infinite."""
 
     signal: eqx.AbstractVar[AbstractSignal]
+    hatched: ClassVar[bool] = False
 
     def check(self) -> None:
         super().check()
@@ -40,6 +44,14 @@ class PrescribedAngle(_Prescribed):
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         return (a.angle - b.angle - self.signal(t))[None]
 
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        del t
+        a, _ = poses
+        way = turning_arrow(a.position, size, a.angle, jnp.ones_like(size))
+        return Outline(way, "load"), Outline(a.position[None], "point")
+
 
 class PrescribedTravel(_Prescribed):
     """Marker `a` is at x = `signal(t)` [m] in the frame of marker `b`; the multiplier is the force
@@ -54,3 +66,13 @@ class PrescribedTravel(_Prescribed):
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         return (b.along(a.position) - self.signal(t))[None]
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """An arrow from the y axis of `b` to `a`, on the x axis of `b`."""
+        del t
+        a, b = poses
+        foot = placed(b, jnp.stack([b.along(a.position), jnp.zeros_like(size)])[None])[0]
+        way = arrow(b.position, foot, size)
+        return Outline(way, "load"), Outline(a.position[None], "point")

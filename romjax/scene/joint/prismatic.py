@@ -7,8 +7,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
+from ..drawing import box, rail
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose
+from ..outline import Outline
 from .base import AbstractJoint
 
 
@@ -20,10 +22,22 @@ class Prismatic(AbstractJoint):
     value: Converted[Float[Array, ""]] = number(default=0.0)
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 2
+    hatched: ClassVar[bool] = False
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "2"]:
         del t
         return jnp.stack([b.across(a.position), a.angle - b.angle - self.value])
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        del t
+        a, b = poses
+        slider = box(Pose(a.position, a.angle - self.value), size)
+        return (
+            Outline(rail(b, a.position, size), "track", endless=True),
+            Outline(slider, "link"),
+        )
 
     def check(self) -> None:
         super().check()

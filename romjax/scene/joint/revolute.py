@@ -3,10 +3,12 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
 from ..marker import Marker, Pose
+from ..outline import Outline
 from .base import AbstractJoint
 
 
@@ -21,3 +23,10 @@ class Revolute(AbstractJoint):
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "2"]:
         del t
         return a.position - b.position
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """Two marks in one place, unless the joint is torn."""
+        del t, size
+        return (Outline(jnp.stack([pose.position for pose in poses]), "hinge"),)

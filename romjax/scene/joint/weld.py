@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 from ...arrays import Time
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose
+from ..outline import Outline
 from .base import AbstractJoint
 
 
@@ -24,6 +25,13 @@ class Weld(AbstractJoint):
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "3"]:
         del t
         return jnp.append(a.position - b.position, a.angle - b.angle - self.value)
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """Two marks in one place, unless the joint is torn."""
+        del t, size
+        return (Outline(jnp.stack([pose.position for pose in poses]), "weld"),)
 
     def check(self) -> None:
         super().check()

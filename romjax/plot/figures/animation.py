@@ -8,11 +8,12 @@ from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..integrate.trajectory import Trajectory
-from ..scene.scene import Scene
-from .mechanism import Picture, bounds, stage, view
-from .panels import check_coordinates, check_times
-from .style import SMALL, line
+from ...assembly.outlines import outlines
+from ...integrate.trajectory import Trajectory
+from ...scene.scene import Scene
+from ..mechanism import Picture, bounds, stage, view
+from ..panels import check_coordinates, check_times
+from ..style import SMALL, line
 
 FRAMES = 60  # unless the playing time is given
 DPI = 80
@@ -55,12 +56,15 @@ def animate(
 
     figure = Figure(dpi=DPI)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    pictures = [
-        Picture(axes, scene, np.asarray(motion.q)[chosen], **line(index))
-        for index, motion in enumerate(trajectories.values())
+    moving = [
+        outlines(scene, t[chosen], np.asarray(motion.q)[chosen]) for motion in trajectories.values()
     ]
-    box = view(bounds([part for picture in pictures for part in picture.outlines]))
-    stage(axes, scene, box)
+    pictures = [
+        Picture(axes, parts, details=index == 0, **line(index))
+        for index, parts in enumerate(moving)
+    ]
+    box = view(bounds([part for parts in moving for part in parts]))
+    stage(axes, box)
     _lay_out(figure, axes, box, pictures, list(trajectories))
     # A fixed height, since matplotlib would look for a free place above all ticks at each frame.
     title = axes.set_title("", y=1.01)
@@ -93,7 +97,7 @@ def _lay_out(
     axes.locator_params(nbins=5)
     axes.set_xlabel("$x$ [m]")
     axes.set_ylabel("$y$ [m]")
-    handles = [picture.lines[0] for picture in pictures]
+    handles = [picture.lines["body"] for picture in pictures]
     figure.legend(handles, names, loc="lower center", ncols=columns, fontsize=SMALL + 1)
 
 

@@ -4,12 +4,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..basis.basis import Basis
-from ..scene.scene import Scene
-from ..system.base import AbstractSystem
-from .geometry import outlines
-from .mechanism import Picture, bounds, stage, view
-from .style import COLOURS, GREY, SMALL, DisplayedFigure, symbol
+from ...assembly.outlines import outlines
+from ...basis.basis import Basis
+from ...scene.coordinate import Coordinate
+from ...scene.scene import Scene
+from ...system.base import AbstractSystem
+from ..mechanism import Picture, bounds, stage, view
+from ..style import COLOURS, GREY, SMALL, DisplayedFigure, symbol
 
 MOST = 8  # modes
 ROWS = 24  # of the table
@@ -20,11 +21,11 @@ NEGLIGIBLE = 1e-9  # component, relative to the largest of its mode
 def modes(scene: Scene, basis: Basis, system: AbstractSystem | None = None) -> Figure:
     """Each mode as a shape of the mechanism, over a table of its components (table 39.1).
 
-    The mechanism at rest in grey, and displaced by the mode in colour, so far that the point that
-    moves most moves by 15 % of the mechanism's size. The table has a row for each coordinate and
-    a column for each mode; it is left out for more than 24 coordinates, as are modes after the
-    eighth. The components have the units of the coordinates over kg^½ m, the modes being
-    orthonormal in the mass metric.
+    The mechanism at rest in grey, without loads, and displaced by the mode in colour, so far that
+    the point that moves most moves by 15 % of the mechanism's size; hinges that a mode tears apart
+    have two dots. The table has a row for each coordinate and a column for each mode; it is left
+    out for more than 24 coordinates, as are modes after the eighth. The components have the units
+    of the coordinates over kg^½ m, the modes being orthonormal in the mass metric.
 
     **Arguments:**
 
@@ -41,10 +42,10 @@ def modes(scene: Scene, basis: Basis, system: AbstractSystem | None = None) -> F
             f"{vectors.shape}; give the full system that the basis was made from."
         )
     n, r = len(rest), min(basis.rank, MOST)
-    base = outlines(scene, rest[None])
-    box = bounds(base)
-    moved = [rest + _amplitude(scene, rest, vectors[:, j], box) * vectors[:, j] for j in range(r)]
-    frame = view(bounds([*base, *outlines(scene, np.stack(moved))]))
+    sizes = _amplitudes(scene, rest, vectors[:, :r])
+    moved = outlines(scene, 0.0, np.stack([rest, *(rest[:, None] + sizes * vectors[:, :r]).T]))
+    moved = [outline for outline in moved if outline.style != "load"]  # modes know no time
+    frame = view(bounds(moved))
     width, height = frame[1] - frame[0]
 
     # As many pictures side by side as suit their shape.
@@ -59,26 +60,32 @@ def modes(scene: Scene, basis: Basis, system: AbstractSystem | None = None) -> F
     pictures = parts[0].subgridspec(rows, columns)
     for j in range(r):
         axes = figure.add_subplot(pictures[j // columns, j % columns])
-        stage(axes, scene, frame)
-        Picture(axes, scene, rest[None], color=GREY, linewidth=2.2)
-        Picture(axes, scene, moved[j][None], color=COLOURS[5], linewidth=1.6)
+        stage(axes, frame)
+        Picture(axes, moved, color=GREY, linewidth=2.2)
+        Picture(axes, moved, details=False, color=COLOURS[5], linewidth=1.6).show(j + 1)
         axes.set_axis_off()
         axes.set_title(_title(basis, j), fontsize=SMALL + 1)
     if low:
         _table(
-            figure.add_subplot(parts[1]), basis, [b for body in scene.bodies for b in body.labels()]
+            figure.add_subplot(parts[1]),
+            basis,
+            [c for body in scene.bodies for c in body.coordinates()],
         )
     kind = "Modes" if basis.kind == "given" else f"{basis.kind} modes"
     figure.suptitle(f"{kind} (first {r} of {basis.rank})" if r < basis.rank else kind, fontsize=11)
     return figure
 
 
-def _amplitude(scene: Scene, rest: np.ndarray, mode: np.ndarray, box: np.ndarray) -> float:
-    """How much of the mode makes the largest displacement VISIBLE; 0 if nothing is displaced."""
-    step = 1e-6 / np.max(np.abs(mode))
-    pair = outlines(scene, np.stack([rest, rest + step * mode]))
-    speed = max(float(np.max(np.linalg.norm(p[1] - p[0], axis=-1))) for p in pair) / step
-    return VISIBLE * float(np.linalg.norm(box[1] - box[0])) / speed if speed > 0 else 0.0
+def _amplitudes(scene: Scene, rest: np.ndarray, modes: np.ndarray) -> np.ndarray:
+    """How much of each of the `modes` (n, r) makes its largest displacement VISIBLE; 0 of those
+    that displace nothing.
+    """
+    steps = 1e-6 / np.max(np.abs(modes), axis=0)
+    moved = outlines(scene, 0.0, np.stack([rest, *(rest[:, None] + steps * modes).T]))
+    points = np.concatenate([o.points for o in moved if o.style == "body"], axis=1)
+    speeds = np.max(np.linalg.norm(points[1:] - points[:1], axis=2), axis=1) / steps
+    size = np.linalg.norm(np.max(points[0], axis=0) - np.min(points[0], axis=0))
+    return np.where(speeds > 0, VISIBLE * size / np.where(speeds > 0, speeds, 1.0), 0.0)
 
 
 def _title(basis: Basis, j: int) -> str:
@@ -91,7 +98,7 @@ def _title(basis: Basis, j: int) -> str:
     return f"mode {j + 1}"
 
 
-def _table(axes: Axes, basis: Basis, labels: list[str]) -> None:
+def _table(axes: Axes, basis: Basis, coordinates: list[Coordinate]) -> None:
     """The components; what is rounding beside the largest of the mode is printed as 0."""
     axes.set_axis_off()
     vectors = np.asarray(basis.modes)[:, :MOST]
@@ -102,7 +109,7 @@ def _table(axes: Axes, basis: Basis, labels: list[str]) -> None:
     ]
     table = axes.table(
         cells,
-        rowLabels=[symbol(label) for label in labels],
+        rowLabels=[symbol(coordinate) for coordinate in coordinates],
         colLabels=[f"mode {j + 1}" for j in range(vectors.shape[1])],
         bbox=(0.14, 0.0, 0.86, 1.0),
         cellLoc="center",

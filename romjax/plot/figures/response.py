@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..integrate.trajectory import Trajectory
-from .panels import check_coordinates, check_motion, choose, finish, grid
-from .style import line, marks, symbol, unit
+from ...integrate.trajectory import Trajectory
+from ..panels import check_coordinates, check_motion, choose, finish, grid
+from ..style import coordinate, line, marks, symbol, unit
 
 
 def response(
@@ -45,8 +45,9 @@ def response(
         for index, (name, motion) in enumerate(zip(names, motions, strict=True)):
             look = line(index) | marks(index, len(motions), len(motion.t))
             axes.plot(np.asarray(motion.t), np.asarray(motion.q[:, place]), label=name, **look)
-        name = symbol(truth.labels[place], separator="\n")
-        axes.set_ylabel(f"{name} {unit(truth.labels[place])}".strip(), multialignment="center")
+        shown = coordinate(truth.labels[place])
+        name = symbol(shown, separator="\n")
+        axes.set_ylabel(f"{name} {unit(shown)}".strip(), multialignment="center")
     finish(figure, panels, "Response", note)
     return figure
 

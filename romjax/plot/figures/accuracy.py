@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..study.accuracy.result import ALONE, Accuracy, Condition, Row
-from .style import COLOURS, DASHES, MARKERS, SMALL, DisplayedFigure
+from ...study.accuracy.result import ALONE, Accuracy, Condition, Row
+from ..style import COLOURS, DASHES, MARKERS, SMALL, DisplayedFigure
 
 # Errors whose cheapest ways are drawn over time.
 SHOWN = (1e-3, 1e-5, 1e-7)

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ..basis.basis import Basis
-from .style import COLOURS, DASHES, MARKERS, SMALL, DisplayedFigure
+from ...basis.basis import Basis
+from ..style import COLOURS, DASHES, MARKERS, SMALL, DisplayedFigure
 
 
 def values(*bases: Basis) -> Figure:

@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..study.tune import Tuning
-from .style import COLOURS, SMALL, DisplayedFigure
+from ...study.tune import Tuning
+from ..style import COLOURS, SMALL, DisplayedFigure
 
 
 def tuning(result: Tuning, *, count: int = 25) -> Figure:

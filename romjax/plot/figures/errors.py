@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..integrate.trajectory import Trajectory
-from ..study.compare import compare
-from .panels import check_coordinates, check_times, choose, finish, grid
-from .style import line, marks, symbol
+from ...integrate.trajectory import Trajectory
+from ...study.compare import compare
+from ..panels import check_coordinates, check_times, choose, finish, grid
+from ..style import coordinate, line, marks, symbol
 
 DECADES = 8  # shown below the largest error; a zero crossing reaches further and says nothing
 
@@ -52,7 +52,9 @@ def errors(
         axes.set_yscale("log")
         if bottom < top:
             axes.set_ylim(max(bottom, top * 10.0**-DECADES) / 2, top * 3)
-        axes.set_ylabel(f"$|e|$ of\n{symbol(truth.labels[place])}", multialignment="center")
+        axes.set_ylabel(
+            f"$|e|$ of\n{symbol(coordinate(truth.labels[place]))}", multialignment="center"
+        )
     finish(
         figure,
         panels,

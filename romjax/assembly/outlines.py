@@ -1,0 +1,137 @@
+"""The outlines of a scene as it moves, from the poses that the dynamics use."""
+
+import functools
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import jax.tree_util as jtu
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..arrays import Vector, as_array
+from ..scene.drawing import GROUND as HATCH
+from ..scene.marker import GROUND, Pose
+from ..scene.outline import Outline, Style
+from ..scene.scene import Scene
+from .kinematics import MarkerBlocks, Markers, arrange, columns_of, prepare_points
+
+# Signs are this share of the diagonal of all that moves.
+SIGN = 0.03
+# Frames are evaluated in multiples of this, so that any number of them compiles to one program.
+FRAMES = 64
+
+
+class MovingOutline(NamedTuple):
+    """An outline at several times, without a trace of JAX.
+
+    - `part`: the name of the body, or what messages call the joint or the effect; "ground" for
+      what is hatched.
+    - `points`: in the inertial frame [m], (frames, points, 2).
+    - `style`, `endless`: as of `romjax.Outline`.
+    """
+
+    part: str
+    points: Float[np.ndarray, "frames points 2"]
+    style: Style
+    endless: bool
+
+
+def outlines(scene: Scene, t: Vector, q: Vector) -> list[MovingOutline]:
+    """All that pictures of a `scene` show: its bodies, joints and effects, in this order.
+
+    **Arguments:**
+
+    - `t`: times [s], (frames,), or one for all.
+    - `q`: coordinates (frames, n). Modal amplitudes are not exaggerated.
+
+    Raises ValueError if `q` is not one of this scene.
+    """
+    scene = jtu.tree_map(as_array, scene)
+    bodies = {body.name: body for body in scene.bodies}
+    columns, n = columns_of(scene.bodies)
+    q = np.asarray(q)
+    if q.ndim != 2 or q.shape[1] != n:
+        given = f"{q.shape[1]} coordinates" if q.ndim == 2 else f"shape {q.shape}"
+        raise ValueError(
+            f"outlines: q has {given}, but the bodies of the scene ({', '.join(bodies)}) have {n} "
+            f"coordinates; draw a motion of this scene, (times, {n})."
+        )
+    t = np.broadcast_to(np.asarray(t, q.dtype), len(q))
+    count, rest = len(q), -len(q) % FRAMES
+    q, t = np.pad(q, ((0, rest), (0, 0)), mode="edge"), np.pad(t, (0, rest), mode="edge")
+
+    lines = [np.asarray(body.outline()) for body in scene.bodies]
+    names = [name for name, line in zip(bodies, lines, strict=True) for _ in line]
+    points = jnp.asarray(np.concatenate(lines))
+    material = prepare_points(names, points, jnp.zeros_like(points[:, 0]), bodies, columns, n)
+    parts = (*scene.joints, *scene.effects)
+    groups, markers = arrange(parts, bodies, columns, n)
+    elements = [(stacked, blocks) for stacked, blocks, _ in groups]
+    placed, drawn, size = jax.device_get(_evaluate(material, markers, elements, t, q))
+
+    shown = [
+        MovingOutline(name, part[:count], "body", False)
+        for name, part in zip(
+            bodies, np.split(placed, np.cumsum([len(line) for line in lines])[:-1], 1), strict=True
+        )
+    ]
+    signs: dict[int, list[MovingOutline]] = {}
+    for (_, _, members), found in zip(groups, drawn, strict=True):
+        for row, member in enumerate(members):
+            signs[member] = [
+                MovingOutline(parts[member].label(), o.points[:count, row], o.style, o.endless)
+                for o in found
+            ]
+    shown += [outline for member in sorted(signs) for outline in signs[member]]
+    return shown + _ground(parts, float(size), count)
+
+
+# A program that runs once or twice: compiling it with all of XLA's care takes three times as long.
+_QUICKLY = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
+
+
+@functools.partial(jax.jit, compiler_options=_QUICKLY)
+def _evaluate(
+    material: Markers,
+    markers: Markers | None,
+    elements: list[tuple[Any, MarkerBlocks]],
+    t: Float[Array, " frames"],
+    q: Float[Array, "frames n"],
+) -> tuple[Float[Array, "frames points 2"], list[tuple[Outline, ...]], Float[Array, ""]]:
+    """Points of the bodies; outlines of joints and effects, group by group, with the axes (frames,
+    elements, points, 2); the size of signs.
+    """
+    placed = jax.vmap(material.poses)(q).position
+    poses = Pose(jnp.zeros((len(q), 0, 2), q.dtype), jnp.zeros((len(q), 0), q.dtype))
+    if markers is not None:
+        poses = jax.vmap(markers.poses)(q)
+    everything = jnp.concatenate([placed, poses.position], axis=1).reshape(-1, 2)
+    finite = jnp.all(jnp.isfinite(everything), axis=1, keepdims=True)
+    low = jnp.min(jnp.where(finite, everything, jnp.inf), axis=0)
+    high = jnp.max(jnp.where(finite, everything, -jnp.inf), axis=0)
+    size = SIGN * jnp.sqrt(jnp.sum((high - low) ** 2))
+    size = jnp.where((size > 0) & jnp.isfinite(size), size, SIGN)
+
+    def frame(t: Array, poses: Pose) -> list[tuple[Outline, ...]]:
+        def outline(part: Any, number: Array, poses: tuple[Pose, ...]) -> tuple[Outline, ...]:
+            del number  # there for parts without any number or marker, to be mapped over
+            return tuple(part.outline(t, poses, size))
+
+        return [
+            jax.vmap(outline)(stacked, np.arange(blocks.count), blocks.take(poses))
+            for stacked, blocks in elements
+        ]
+
+    return placed, jax.vmap(frame)(t, poses), size
+
+
+def _ground(parts: Sequence[Any], size: float, count: int) -> list[MovingOutline]:
+    """A hatched line at each marker on the ground of the parts that ask for it."""
+    held = [m for part in parts if part.hatched for m in part.markers if m.body == GROUND]
+    places = {tuple(np.round(np.asarray(marker.point), 12)) for marker in held}
+    return [
+        MovingOutline("ground", np.tile(place + size * HATCH, (count, 1, 1)), "ground", False)
+        for place in sorted(places)
+    ]

@@ -1,0 +1,27 @@
+"""What a generalized coordinate is: how pictures and reports name it."""
+
+from typing import NamedTuple
+
+
+class Coordinate(NamedTuple):
+    r"""A generalized coordinate in words and signs.
+
+    **Arguments:**
+
+    - `owner`: the body that it belongs to; empty for coordinates of one's own systems.
+    - `name`: short, such as "phi".
+    - `unit`: in SI units, with powers such as "kg^1/2 m"; empty where it is unknown.
+    - `symbol`: in TeX's mathematics, such as "\varphi"; the name in plain type if it is empty.
+    - `description`: in words, such as "bending mode 1 of beam"; the label if it is empty.
+    """
+
+    owner: str
+    name: str
+    unit: str = ""
+    symbol: str = ""
+    description: str = ""
+
+    @property
+    def label(self) -> str:
+        """What stands for the coordinate in tables, such as "cart.x"."""
+        return f"{self.owner}.{self.name}" if self.owner else self.name

@@ -1,0 +1,53 @@
+"""Outlines: what pictures show of bodies, joints and effects."""
+
+from typing import Literal, get_args
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..errors import SceneError
+from .marker import Pose
+
+# What an outline stands for; pictures choose colours and widths by it. The last three are marks,
+# of one size on every picture, at each of the points; the others are lines through them.
+Style = Literal[
+    "body",  # material points of a body
+    "link",  # a connection without mass
+    "track",  # along which something slides
+    "spring",
+    "damper",
+    "load",  # forces, torques and drives, with the head of an arrow
+    "surface",  # of what can be touched
+    "ground",
+    "hinge",
+    "weld",
+    "point",
+]
+STYLES: tuple[str, ...] = get_args(Style)
+
+
+class Outline(eqx.Module):
+    """A line through points, or marks at them.
+
+    **Arguments:**
+
+    - `points`: in the inertial frame [m], (points, 2); with a leading axis where it moves.
+    - `style`: what it stands for, one of `Style`.
+    - `endless`: whether it goes on beyond its ends; then pictures cut it off, where finite ones
+      are shown as a whole.
+    """
+
+    points: Float[Array, "*frames points 2"]
+    style: Style = eqx.field(static=True, default="link")
+    endless: bool = eqx.field(static=True, default=False)
+
+    def __check_init__(self) -> None:
+        if self.style not in STYLES:
+            raise SceneError(f"Outline: style is {self.style!r}; it must be one of {STYLES}.")
+
+
+def linked(poses: tuple[Pose, ...], style: Style = "link") -> tuple[Outline, ...]:
+    """Dots at the markers and a line from each to the next, the plain sign of any part."""
+    points = jnp.stack([pose.position for pose in poses])
+    return Outline(points, style), Outline(points, "point")

@@ -1,0 +1,357 @@
+"""Outlines: every part is drawn, where the dynamics have it."""
+
+import inspect
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from mechanics import marker_place
+from tolerances import IDENTITY
+
+import romjax as rj
+from romjax import plot
+from romjax.assembly.outlines import SIGN, MovingOutline, outlines
+
+ONE = rj.RigidBody("one", 2.0, 0.3, position=(0.4, 0.1), angle=0.3)
+TWO = rj.Beam("two", 0.7, 1.1, EI=4.0, modes=2, position=(1.1, -0.2), angle=-0.5)
+ENDS = ONE.at((0.2, 0.1), 0.2), TWO.at((-0.1, 0.0), -0.4)
+SWING = rj.Sine(0.3, 2.0, phase=0.4)
+
+
+class Ellipse(rj.AbstractCurve):
+    """A curve that brings no outline of its own."""
+
+    def __call__(self, point):
+        return (point[0] / 0.5) ** 2 + (point[1] / 0.3) ** 2 - 1
+
+    def check(self, owner):
+        pass
+
+
+PARTS = [
+    rj.Distance(*ENDS, length=0.7),
+    rj.FixedAngle(*ENDS),
+    rj.Gear(*ENDS, ratio=-2.5),
+    rj.Gear(*ENDS, ratio=2.5),
+    rj.PointOnCurve(*ENDS, rj.Circle(0.5)),
+    rj.PointOnCurve(*ENDS, rj.Polynomial([0.1, 0.2, -0.3])),
+    rj.PointOnCurve(*ENDS, Ellipse()),
+    rj.PointOnLine(*ENDS),
+    rj.PrescribedAngle(*ENDS, SWING),
+    rj.PrescribedTravel(*ENDS, SWING),
+    rj.Prismatic(*ENDS, value=0.1),
+    rj.Revolute(*ENDS),
+    rj.Weld(*ENDS),
+    rj.Bushing(*ENDS, [30.0, 50.0, 4.0]),
+    rj.Contact(*ENDS, rj.Circle(0.5), stiffness=10.0),
+    rj.Damper(*ENDS, damping=0.8),
+    rj.Force(ENDS[0], (3.0, 4.0), SWING),
+    rj.Force(ENDS[0], (3.0, 4.0), SWING, frame="body"),
+    rj.Motor(*ENDS, SWING, proportional=5.0, derivative=0.4),
+    rj.Spring(*ENDS, stiffness=20.0),
+    rj.TorsionDamper(*ENDS, damping=0.8),
+    rj.TorsionSpring(*ENDS, stiffness=3.0),
+    rj.Torque(ENDS[0], SWING),
+]
+
+
+def scene_of(*parts, bodies=(ONE, TWO)) -> rj.Scene:
+    joints = [part for part in parts if isinstance(part, rj.AbstractJoint)]
+    return rj.Scene(bodies, joints, [part for part in parts if part not in joints])
+
+
+def some(scene: rj.Scene, frames: int = 3) -> np.ndarray:
+    """Configurations around the start; joints need not hold."""
+    start = np.concatenate([body.start()[0] for body in scene.bodies])
+    return start + 0.2 * np.random.default_rng(4).normal(size=(frames, len(start)))
+
+
+def signs(scene: rj.Scene, q: np.ndarray, t=0.3) -> list[MovingOutline]:
+    """Outlines of all but bodies."""
+    return [outline for outline in outlines(scene, t, q) if outline.style != "body"]
+
+
+def size_of(scene: rj.Scene, q: np.ndarray) -> float:
+    """What signs are about as large as, from the bodies and markers that the scene is made of."""
+    points = [o.points.reshape(-1, 2) for o in outlines(scene, 0.0, q) if o.style == "body"]
+    for part in (*scene.joints, *scene.effects):
+        points += [np.array([marker_place(scene, m, x) for x in q]) for m in part.markers]
+    return SIGN * np.linalg.norm(np.ptp(np.concatenate(points), axis=0))
+
+
+def test_a_hinge_on_a_beam_that_shortens_is_where_its_joint_has_it():
+    """The joint's residual is its place, since it is hinged to the origin."""
+    beam = rj.Beam("beam", 1.0, 1.0, EI=1.0, modes=2, stiffening=True)
+    scene = rj.Scene([beam], [rj.Revolute(beam.at((0.5, 0.0)), rj.ground.at())])
+    system = rj.assemble(scene)
+    q = np.array([[0.1, 0.2, 0.3, 0.1, 0.05], [0.0, 0.0, 0.0, 0.12, 0.0]])
+    wanted = np.array([system.constraint(0.0, jnp.asarray(x)) for x in q])
+    straight = np.array([0.5, 0.12 * beam.mode_shapes(jnp.array([0.5, 0.0]))[1, 0]])
+    assert wanted[1, 0] < 0.45 < straight[0]
+    line, hinge, _ = outlines(scene, 0.0, q)
+    np.testing.assert_allclose(hinge.points[:, 0], wanted, rtol=0, atol=IDENTITY)
+    np.testing.assert_allclose(line.points[:, -1], wanted, rtol=0, atol=IDENTITY)
+
+
+def test_every_kind_is_tested():
+    """A new joint or effect of the package has to be drawn here."""
+    kinds = {
+        kind
+        for kind in vars(rj).values()
+        if inspect.isclass(kind)
+        and issubclass(kind, rj.AbstractJoint | rj.AbstractMarkerEffect)
+        and not kind.__name__.startswith("Abstract")
+    }
+    assert kinds == {type(part) for part in PARTS}
+
+
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: type(part).__name__)
+def test_every_kind_is_drawn_at_its_markers(part):
+    scene = scene_of(part)
+    q = some(scene)
+    drawn = signs(scene, q)
+    assert drawn
+    assert {outline.part for outline in drawn} == {part.label()}
+    points = np.concatenate([outline.points for outline in drawn], axis=1)
+    assert np.all(np.isfinite(points))
+    near = 1.2 * size_of(scene, q)
+    for frame, x in enumerate(q):
+        place = np.array(marker_place(scene, part.markers[0], x))
+        assert np.min(np.linalg.norm(points[frame] - place, axis=1)) <= near
+
+
+def ends(scene, part, q):
+    """Places of both markers over time."""
+    return [np.array([marker_place(scene, m, x) for x in q]) for m in part.markers]
+
+
+@pytest.mark.parametrize("kind", [rj.Spring, rj.Damper])
+def test_springs_and_dampers_reach_from_end_to_end(kind):
+    part = kind(*ENDS, 1.0)
+    scene = scene_of(part)
+    q = some(scene)
+    points = np.concatenate([outline.points for outline in signs(scene, q)], axis=1)
+    for end in ends(scene, part, q):
+        away = np.min(np.linalg.norm(points - end[:, None], axis=2), axis=1)
+        np.testing.assert_allclose(away, 0, atol=IDENTITY)
+
+
+def local(scene, part, q, points):
+    """Points in the frame of the second marker."""
+    _, origin = ends(scene, part, q)
+    marker = part.b
+    slope = [TWO.mode_shapes(marker.point)[2] @ x[6:] for x in q]
+    angle = q[:, 5] + np.asarray(marker.angle) + np.array(slope)
+    away = points - origin[:, None]
+    cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    x, y = away[..., 0], away[..., 1]
+    return np.stack([cos * x + sin * y, cos * y - sin * x], axis=2)
+
+
+@pytest.mark.parametrize("curve", [rj.Circle(0.5), rj.Polynomial([0.1, 0.2, -0.3]), Ellipse()])
+def test_curves_are_where_their_residual_is_zero(curve):
+    part = rj.PointOnCurve(*ENDS, curve)
+    scene = scene_of(part)
+    q = some(scene)
+    (track,) = (outline for outline in signs(scene, q) if outline.style == "track")
+    places = jnp.asarray(local(scene, part, q, track.points).reshape(-1, 2))
+    value, slope = jax.vmap(jax.value_and_grad(curve))(places)
+    # Newton's last step leaves a distance of the square of the one before it.
+    np.testing.assert_allclose(value / jnp.linalg.norm(slope, axis=1), 0, atol=1e-6)
+    assert np.ptp(np.asarray(places), axis=0).min() > 0.1
+
+
+@pytest.mark.parametrize("kind", [rj.PointOnLine, rj.Prismatic])
+def test_rails_cross_the_picture(kind):
+    part = kind(*ENDS)
+    scene = scene_of(part)
+    q = some(scene)
+    (rail,) = (outline for outline in signs(scene, q) if outline.style == "track")
+    assert rail.endless
+    along, across = np.moveaxis(local(scene, part, q, rail.points), 2, 0)
+    np.testing.assert_allclose(across, 0, atol=IDENTITY * np.max(np.abs(along)))
+    assert np.all(along[:, 0] < -4)
+    assert np.all(along[:, 1] > 4)
+
+
+def test_wheels_of_a_gear_touch():
+    part = rj.Gear(*ENDS, ratio=-2.5)
+    scene = scene_of(part)
+    q = some(scene)
+    a, b = ends(scene, part, q)
+    wheels = [outline.points for outline in signs(scene, q)[:2]]
+    radii = [np.linalg.norm(w[:, 1] - w[:, 0], axis=1) for w in wheels]
+    np.testing.assert_allclose(radii[1], 2.5 * radii[0], rtol=IDENTITY)
+    np.testing.assert_allclose(sum(radii), np.linalg.norm(a - b, axis=1), rtol=IDENTITY)
+
+
+def test_loads_point_where_they_act():
+    """A force is drawn along itself, a torque around its marker in its own sense."""
+    force = rj.Force(ENDS[0], (3.0, 4.0), rj.Sine(2.0, 1.0))
+    torque = rj.Torque(ENDS[0], rj.Sine(2.0, 1.0))
+    scene = scene_of(force, torque)
+    q = np.tile(some(scene, 1), (2, 1))
+    arrow, turn, _ = signs(scene, q, t=np.array([0.25, 0.75]))
+    way = arrow.points[:, 1] - arrow.points[:, 0]
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    np.testing.assert_allclose(way, [[0.6, 0.8], [-0.6, -0.8]], atol=IDENTITY)
+    first, second = (turn.points[:, k] - np.mean(turn.points[:, :21:20], axis=1) for k in (0, 1))
+    sense = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+    assert sense[0] > 0 > sense[1]
+
+
+def test_the_ground_is_hatched_where_parts_hold_to_it():
+    hinge = rj.Revolute(ONE.at(), rj.ground.at((0.5, 0.6)))
+    rail = rj.PointOnLine(ONE.at(), rj.ground.at((-1.0, 0.0)))
+    spring = rj.Spring(TWO.at(), rj.ground.at((0.5, 0.6)), 1.0)
+    scene = scene_of(hinge, rail, spring)
+    (ground,) = (o for o in outlines(scene, 0.0, some(scene)) if o.style == "ground")
+    middle = np.mean(ground.points[:, ::3], axis=1)
+    np.testing.assert_allclose(middle, [[0.5, 0.6]] * 3, atol=IDENTITY)
+
+
+def test_outline_of_a_turned_rigid_body():
+    box = rj.RigidBody("box", mass=1.0, inertia=1.0, extent=(0.4, 0.2))
+    q = np.array([[1.0, 2.0, np.pi / 2], [0.0, 0.0, 0.0]])
+    (drawn,) = outlines(rj.Scene([box]), 0.0, q)
+    turned = [[1.1, 1.8], [1.1, 2.2], [0.9, 2.2], [0.9, 1.8], [1.1, 1.8]]
+    np.testing.assert_allclose(drawn.points[0], turned, atol=IDENTITY)
+    np.testing.assert_allclose(drawn.points[1, 2], [0.2, 0.1], atol=IDENTITY)
+
+
+def test_outline_of_a_bent_beam():
+    beam = rj.Beam("beam", mass=0.5, length=2.0, frequencies=[5.0, 20.0])
+    (drawn,) = outlines(rj.Scene([beam]), 0.0, np.array([[1.0, 2.0, np.pi / 6, 0.05, 0.0]]))
+    # Each mode is 2/√m at the lower end and even modes return to it at the other.
+    bend = 0.05 * 2 / np.sqrt(0.5)
+    cos, sin = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    for end, along in ((0, -1.0), (-1, 1.0)):
+        place = [1 + cos * along - sin * bend, 2 + sin * along + cos * bend]
+        np.testing.assert_allclose(drawn.points[0, end], place, atol=IDENTITY)
+
+
+# Parts that the package does not know.
+
+
+class Belt(rj.AbstractJoint):
+    """Without an outline of its own."""
+
+    a: rj.Marker
+    b: rj.Marker
+    name: str = eqx.field(static=True, default="belt")
+    rows = 1
+
+    def residual(self, t, a, b):
+        return (a.position[0] - 0.25 * b.angle)[None]
+
+
+class Lamp(rj.AbstractMarkerEffect):
+    """With an outline of its own: two short rays from its marker."""
+
+    at: rj.Marker
+    needs_twists = False
+
+    def wrenches(self, t, poses, twists):
+        (pose,) = poses
+        return (rj.Wrench(0 * pose.position, 0 * pose.angle),)
+
+    def outline(self, t, poses, size):
+        (pose,) = poses
+        rays = [jnp.stack([size, side * size]) for side in (-1, 1)]
+        tips = [pose.position + pose.turned(ray) for ray in rays]
+        return (rj.Outline(jnp.stack([tips[0], pose.position, tips[1]]), "load"),)
+
+    def check(self):
+        pass
+
+
+class Wind(rj.AbstractField):
+    """A field with a sign, though it has neither marker nor number."""
+
+    def energy(self, body, q):
+        return -q[0]
+
+    def outline(self, t, poses, size):
+        del poses
+        return (rj.Outline(jnp.stack([jnp.zeros(2), jnp.stack([size, 0 * size])]), "load"),)
+
+    def check(self):
+        pass
+
+
+def test_parts_of_ones_own_are_drawn():
+    belt, lamp = Belt(*ENDS), Lamp(ENDS[0])
+    scene = scene_of(belt, lamp, Wind())
+    q = some(scene)
+    line, dots, rays, wind = signs(scene, q)
+    a, b = ends(scene, belt, q)
+    for drawn in (line, dots):
+        np.testing.assert_allclose(drawn.points, np.stack([a, b], axis=1), atol=IDENTITY)
+    assert (line.part, line.style, dots.style) == ("belt", "link", "point")
+    np.testing.assert_allclose(rays.points[:, 1], a, atol=IDENTITY)
+    assert wind.points.shape == (3, 2, 2)
+
+
+def test_parts_of_ones_own_are_in_the_figures(tmp_path):
+    """The same points, as lines of a matplotlib figure."""
+    scene = scene_of(Belt(*ENDS), Lamp(ENDS[0]))
+    q = np.asarray(rj.assemble(scene).q0)
+    basis = rj.Basis.from_modes(jnp.eye(len(q))[:, :1], jnp.asarray(q))
+    drawn = [line.get_xydata() for line in plot.modes(scene, basis).axes[0].lines]
+    a, b = (np.array(marker_place(scene, marker, q)) for marker in ENDS)
+    wanted = np.stack([a, b])
+    lines = [x for x in drawn if len(x) == 3 and np.all(np.isnan(x[2]))]
+    assert any(np.allclose(x[:2], wanted, rtol=0, atol=IDENTITY) for x in lines)
+
+
+def test_gravity_has_no_sign():
+    scene = scene_of(rj.Gravity())
+    assert not signs(scene, some(scene))
+
+
+def test_equal_parts_are_traced_once():
+    """Outlines of a longer chain take the same program, with longer arrays."""
+    traced = []
+
+    class Hinge(rj.AbstractJoint):
+        a: rj.Marker
+        b: rj.Marker
+        name: str = eqx.field(static=True, default="")
+        rows = 2
+
+        def residual(self, t, a, b):
+            return a.position - b.position
+
+        def outline(self, t, poses, size):
+            traced.append(1)
+            return super().outline(t, poses, size)
+
+    chain = rj.gallery.chain(6)
+    scene = rj.Scene(chain.bodies, [Hinge(j.a, j.b, name=str(j.a.body)) for j in chain.joints])
+    q = some(scene, 5)
+    outlines(scene, 0.0, q)
+    assert len(traced) == 1
+    outlines(scene, np.linspace(0, 1, 3), q[:3])
+    assert len(traced) == 1
+
+
+def test_what_outlines_refuse():
+    with pytest.raises((rj.SceneError, TypeError), match="style(.|\n)*'dotted'"):
+        rj.Outline(jnp.zeros((2, 2)), "dotted")
+    with pytest.raises(ValueError, match=r"q has 6 coordinates, but .*\(one, two\) have 8"):
+        outlines(scene_of(), 0.0, np.zeros((1, 6)))
+
+
+def test_coordinates_say_what_they_are():
+    """A beam's modes bend, those of a body of any shape are just modes."""
+    inertia = rj.Inertia(1.0, 0.1)
+    plate = rj.ModalBody("plate", inertia, [4.0], [[0.0, 0.0]], np.zeros((1, 3, 1)))
+    system = rj.assemble(rj.Scene([TWO, plate]))
+    assert system.labels == tuple(c.label for c in system.coordinates)
+    named = {c.label: c for c in system.coordinates}
+    assert named["two.q2"].description == "bending mode 2 of two"
+    assert named["plate.q1"].description == "mode 1 of plate"
+    units = [named[f"plate.{name}"].unit for name in ("x", "y", "phi", "q1")]
+    assert units == ["m", "m", "rad", "kg^1/2 m"]
