@@ -8,12 +8,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .. import precision
 from ..arrays import concrete
 from ..basis.basis import Basis
 from ..errors import ReductionError
 from ..study.projected import ProjectedSystem
 from ..system.base import AbstractSystem
-from ..system.consistent import ROUNDING, consistent
+from ..system.consistent import consistent
 from .atlas import Atlas
 from .base import AbstractReducedSystem, project, start
 from .chart import Chart
@@ -94,7 +95,7 @@ def _galerkin(system: AbstractSystem, basis: Basis, count: int | None) -> Galerk
     parts = (system, basis.modes, basis.offset, combinations)
     rom = GalerkinSystem(*parts, *found_start[:2], known, reason)
     violation = concrete(found_start.violation)
-    if kept == 0 or (violation is not None and violation <= ROUNDING[q.dtype]):
+    if kept == 0 or (violation is not None and violation <= precision.of(q.dtype).projected):
         return rom
     q0, v0 = consistent(rom, t=time)
     return GalerkinSystem(*parts, q0, v0, known, reason)
