@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Real
 
+from .compat import is_traced
+
 Number = ArrayLike
 Vector = ArrayLike | Sequence[Any]
 Time = Real[ArrayLike, ""]  # [s]
@@ -22,4 +24,4 @@ def as_array(value: Any) -> Array:
 
 def concrete(value: Any) -> np.ndarray | None:
     """The value as a NumPy array, or None while JAX traces (then it cannot be judged)."""
-    return None if isinstance(value, jax.core.Tracer) else np.asarray(value)
+    return None if is_traced(value) else np.asarray(value)
