@@ -20,7 +20,7 @@ from .integrate.simulate import simulate as simulate
 from .integrate.trajectory import Status as Status
 from .integrate.trajectory import Trajectory as Trajectory
 from .reduction.reduce import reduce as reduce
-from .reduction.validity import Doubt as Doubt
+from .reduction.validity import Flag as Flag
 from .scene.body import sections as sections
 from .scene.body.base import AbstractBody as AbstractBody
 from .scene.body.beam import Beam as Beam

@@ -95,7 +95,7 @@ def test_stabilisation_that_sets_the_step(pendulum):
     well = run(5.0, 10.5)
     with pytest.warns(UserWarning, match=r"decay at 500 /s.*fastest.*2\.\d+ rad/s.*steps of 0\.00"):
         fast = run(1000.0, 2.5e5)
-    assert fast.stats["num_steps"] > 20 * well.stats["num_steps"]
+    assert fast.stats.num_steps > 20 * well.stats.num_steps
 
 
 def test_a_start_off_the_constraints_decays(pendulum):

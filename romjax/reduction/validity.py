@@ -8,8 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 
-class Doubt(enum.IntFlag):
-    """Reasons to doubt a simulated motion."""
+class Flag(enum.IntFlag):
+    """What speaks against the motion of a reduced model."""
 
     NONE = 0
     OUTSIDE_TRAINING = 1
@@ -18,9 +18,9 @@ class Doubt(enum.IntFlag):
 
 
 WORDS = {
-    Doubt.OUTSIDE_TRAINING: "it leaves the box of the snapshots that the reduced model was made of",
-    Doubt.VIOLATION: "it violates the constraints by more than the snapshots in the basis do",
-    Doubt.ENERGY: "its energy changes by more than the work of the forces",
+    Flag.OUTSIDE_TRAINING: "it leaves the box of the snapshots that the reduced model was made of",
+    Flag.VIOLATION: "it violates the constraints by more than the snapshots in the basis do",
+    Flag.ENERGY: "its energy changes by more than the work of the forces",
 }
 
 # By how much of its width a motion may leave the training box on each side. Directions much
@@ -56,16 +56,16 @@ class Training(eqx.Module):
         violation: Float[Array, " k"],
         lost: Float[Array, ""] | None,
     ) -> Int[Array, ""]:
-        """The doubts about a run, as the number of a `Doubt`.
+        """What speaks against a run, as the number of a `Flag`.
 
         `lost`: the share of the kinetic energy's range that no force has worked, if known.
         """
         width = self.upper - self.lower
         allowed = _MARGIN * jnp.maximum(width, _NARROW * jnp.max(width))
         left = jnp.maximum(self.lower[None] - z, z - self.upper[None])
-        found: Any = jnp.any(left > allowed[None]) * int(Doubt.OUTSIDE_TRAINING)
+        found: Any = jnp.any(left > allowed[None]) * int(Flag.OUTSIDE_TRAINING)
         limit = jnp.maximum(_TIMES * self.violation, _ROUNDING)
-        found += jnp.any(violation > limit) * int(Doubt.VIOLATION)
+        found += jnp.any(violation > limit) * int(Flag.VIOLATION)
         if lost is not None:
-            found += (jnp.abs(lost) > _ENERGY) * int(Doubt.ENERGY)
+            found += (jnp.abs(lost) > _ENERGY) * int(Flag.ENERGY)
         return found

@@ -114,7 +114,7 @@ class AbstractSystem(eqx.Module):
         v: Float[Array, "k n"],
         violation: Float[Array, " k"],
     ) -> Int[Array, ""]:
-        """What speaks against a motion with this `violation`, as the number of a `Doubt`."""
+        """What speaks against a motion with this `violation`, as the number of a `Flag`."""
         return jnp.zeros((), int)
 
     holds: ClassVar[bool] = True  # whether Baumgarte's term can hold the constraints
