@@ -79,7 +79,7 @@ def held_out(found: Accuracy) -> record.Section:
         for error in ERRORS:
             run = found.recommend(error).simulate(system, TS)
             reached = float(rj.compare(truth, run).error)
-            cells.append(f"{reached:.1e}{' flagged' if bool(run.flagged) else ''}")
+            cells.append(f"{reached:.1e}{' flagged' if not run.is_valid else ''}")
             worst[error] = max(worst[error], reached)
         rows.append([name, *cells])
     ratios = {

@@ -91,7 +91,7 @@ def precision() -> list[list[Any]]:
     for (model, rtol), timed in zip(cases, least(calls, REPEATS, SLOW, "errors"), strict=True):
         found = timed.result
         error = jax.vmap(rj.compare)(reference, jax.tree.map(lambda x: x[some], found)).error
-        steps = found.stats["num_steps"]
+        steps = found.stats.num_steps
         row = [rtol, float(jnp.max(error)), f"{steps.min()}-{steps.max()}"]
         rows.append([list(model), *row, LANES / timed.least])
     return rows

@@ -101,8 +101,8 @@ def compared(name: str) -> record.Section:
             continue
         best = min(good, key=lambda one: one.least)
         run, error = best.result, float(rj.compare(truth, best.result).error)
-        steps = int(run.stats["num_steps"])
-        row = [kind, rank, run.solver, f"{steps}", f"{1e3 * best.least:.2f}", f"{error:.1e}"]
+        steps = int(run.stats.num_steps)
+        row = [kind, rank, run.solver_name, f"{steps}", f"{1e3 * best.least:.2f}", f"{error:.1e}"]
         if kind == "full":
             full = best.least
         else:

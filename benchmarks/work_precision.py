@@ -74,7 +74,7 @@ def romjax_run(system, ts, solver, stabilization, **fixed):  # type: ignore[no-u
             throw=False,
             **chosen,
         )
-        return found.q[1:], found.stats["num_steps"]
+        return found.q[1:], found.stats.num_steps
 
     # Made once: of the shortest runs it would be a third.
     numbers = functools.cache(lambda setting: jnp.asarray(float(setting)))

@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Real
 
+from .compat import is_traced
+
 Number = ArrayLike
 # Sequences of sequences, three deep, as lists of matrices are. Not Sequence[Any], nor a type that
 # names itself: to checkers a string would be one.
@@ -26,4 +28,4 @@ def as_array(value: Any) -> Array:
 
 def concrete(value: Any) -> np.ndarray | None:
     """The value as a NumPy array, or None while JAX traces (then it cannot be judged)."""
-    return None if isinstance(value, jax.core.Tracer) else np.asarray(value)
+    return None if is_traced(value) else np.asarray(value)

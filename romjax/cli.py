@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import diffrax
-import equinox._errors
 import jax
 import numpy as np
 from tabulate import tabulate
 from tqdm import tqdm
 
-from . import page, plot, report
+from . import compat, page, plot, report
 from .assembly.assemble import assemble
 from .errors import SceneError, SimulationError
 from .gallery.catalogue import EXAMPLES, Example, find
@@ -224,10 +223,8 @@ def _set_up_jax() -> None:
     """Double precision, quick compilation, and compiled programs kept between runs."""
     jax.config.update("jax_enable_x64", True)
     speed_up_xla()
-    # diffrax's own run-time checks are host callbacks, and JAX keeps no program with a callback on
-    # disk. `simulate` makes the same checks itself. EQX_ON_ERROR=off says the same to equinox, but
-    # only before it is imported.
-    equinox._errors.EQX_ON_ERROR = "off"
+    # `simulate` makes the same checks as diffrax itself.
+    compat.switch_off_runtime_checks()
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     jax.config.update("jax_compilation_cache_dir", str(home / "romjax"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)

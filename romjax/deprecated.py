@@ -9,7 +9,9 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 # Public names that changed, and where the new ones are.
-RENAMED: dict[str, tuple[str, str]] = {}
+RENAMED: dict[str, tuple[str, str]] = {
+    "Doubt": (".reduction.validity", "Flag"),
+}
 
 
 @functools.cache

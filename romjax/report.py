@@ -50,7 +50,7 @@ def _row(run: Run, full: Run) -> list[str]:
         str(run.system.n),
         str(run.system.m),
         str(run.system.n - run.system.m) if free else "",
-        str(int(run.trajectory.stats["num_steps"])),
+        str(int(run.trajectory.stats.num_steps)),
         f"{run.compile_time:.1f}",
         f"{1e3 * run.run_time:.1f}",
         (f"{float(run.comparison.error):.1e}" if ok else "failed") if reduced else "",

@@ -3,19 +3,7 @@
 import os
 import warnings
 
-import jax
-
-_FLAGS = (
-    # The newer way of compiling fusions takes twice as long, and loops that hold its results
-    # cannot be compiled as one.
-    "--xla_cpu_use_fusion_emitters=false",
-    # Loops of less than 16 MiB become one function instead of a list of kernels, each of which
-    # costs more to start than to run: chains of hundreds of bars, and batches of a thousand lanes.
-    "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=16777216",
-    # Sums over small axes stay in the loops around them. A library for large ones would take them
-    # out, one call for each: that halves the rate of batches.
-    "--xla_cpu_experimental_ynn_fusion_type=",
-)
+from . import compat
 
 
 def speed_up_xla() -> None:
@@ -27,14 +15,9 @@ def speed_up_xla() -> None:
 
     Warns if JAX has computed something already, since the flags then have no effect.
     """
-    # XLA ends the process at a flag that it does not know.
-    if not (0, 9) <= jax.__version_info__ < (0, 11):
-        return
-    from jax._src import xla_bridge  # private, and known in these versions
-
     before = os.environ.get("XLA_FLAGS", "").split()
-    missing = [flag for flag in _FLAGS if flag not in before]
-    if missing and xla_bridge.backends_are_initialized():
+    missing = [flag for flag in compat.compiler_flags() if flag not in before]
+    if missing and compat.compiler_is_set_up():
         warnings.warn(
             "speed_up_xla: JAX has computed something already, so its compiler is set up and this "
             "has no effect; call it right after importing romjax.",

@@ -6,6 +6,8 @@ import jaxtyping
 import pytest
 
 import romjax as rj
+from romjax.integrate.statistics import Statistics
+from romjax.integrate.trajectory import SolverParts
 
 
 @pytest.fixture(autouse=True)
@@ -307,10 +309,10 @@ def _motion(t):
         multipliers=jnp.zeros((k, 0)),
         violation=jnp.zeros(k),
         metric=jnp.eye(1),
-        stats={"num_steps": jnp.asarray(1)},
+        stats=Statistics(1, 1, 0),
         status=jnp.asarray(0),
         labels=("q1",),
-        solver="none",
+        solver_parts=SolverParts.of(diffrax.Tsit5()),
     )
 
 
@@ -329,7 +331,7 @@ def test_inconsistent_start(bar_on_a_hinge):
         rj.simulate(bar_on_a_hinge, v0=[0.3, 0.0, 0.0], **run)
     marked = rj.simulate(bar_on_a_hinge, q0=[0.51, 0.0, 0.0], throw=False, **run)
     assert marked.status == rj.Status.INCONSISTENT_START
-    assert "romjax.consistent" in marked.reason()
+    assert "romjax.consistent" in marked.summary()
     q, v = rj.consistent(bar_on_a_hinge, [0.51, 0.0, 0.0], [0.3, 0.0, 0.0])
     assert rj.simulate(bar_on_a_hinge, q0=q, v0=v, **run).success
 

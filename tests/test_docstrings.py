@@ -13,7 +13,7 @@ WORD = re.compile(r"\w+")
 HEAD = re.compile(r"(?:^- |[.;] )((?:`\w+[^`]*`(?: ?[(\[][^)\]]*[)\]])*(?:, | and (?:the )?)?)+):")
 
 # Made by functions of their own, or with parameters of Python's.
-INTERNAL = {"PodStream", "Status", "Doubt"}
+INTERNAL = {"PodStream", "Status", "Flag"}
 
 
 def own(part: Any) -> str:

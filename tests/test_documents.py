@@ -77,7 +77,7 @@ def test_names():
         "RigidBodies",
         "Beam.of_sections",
         "trajectory.doubting()",
-        "trajectory.doubts(1)",
+        "trajectory.warnings(1)",
         "rj.tune_baumgarten(system, ts)",
         "rj.reduce_to(system, truth, tolerance=1e-4)",
         "print(rj.check_gradient(f))",

@@ -179,8 +179,8 @@ def test_a_stiff_mode():
     system = rj.assemble(rj.gallery.cart_pendulum(f2=1e5))
     ts = jnp.linspace(0.0, 1.0, 101)
     motion, truth = (rj.simulate(system, ts, rtol=rtol) for rtol in (1e-6, 1e-10))
-    assert motion.solver == "Rodas5P"
-    assert motion.stats["num_steps"] <= STIFF_STEPS
+    assert motion.solver_name == "Rodas5P"
+    assert motion.stats.num_steps <= STIFF_STEPS
     assert rj.compare(truth, motion).error <= STIFF_ERROR
 
 

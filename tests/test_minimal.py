@@ -99,7 +99,7 @@ def test_three_modes(cart_pendulum, truth, decompose):
     approx = rj.simulate(rom, truth.t, rtol=TIGHT)
     assert rj.compare(truth, approx).error <= ERROR_THREE
     assert jnp.max(approx.violation) <= EXACT
-    assert approx.stats["num_steps"] < truth.stats["num_steps"] / 10
+    assert approx.stats.num_steps < truth.stats.num_steps / 10
 
 
 def test_more_modes_than_freedoms(cart_pendulum, truth):

@@ -5,6 +5,7 @@ import io
 import subprocess
 import sys
 
+import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,6 +18,8 @@ from tolerances import IDENTITY
 
 import romjax as rj
 from romjax import plot
+from romjax.integrate.statistics import Statistics
+from romjax.integrate.trajectory import SolverParts
 
 COUNT = 21
 
@@ -35,10 +38,10 @@ def motion(scene: rj.Scene, amplitude: float = 0.1) -> rj.Trajectory:
         multipliers=jnp.zeros((COUNT, system.m)),
         violation=jnp.zeros(COUNT),
         metric=jnp.diag(jnp.arange(1.0, n + 1)),
-        stats={"num_steps": jnp.asarray(COUNT)},
+        stats=Statistics(COUNT, COUNT, 0),
         status=jnp.asarray(0),
         labels=system.coordinate_labels(),
-        solver="none",
+        solver_parts=SolverParts.of(diffrax.Tsit5()),
     )
 
 

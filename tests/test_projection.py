@@ -8,10 +8,9 @@ import pytest
 from tolerances import IDENTITY
 
 import romjax as rj
-from romjax.integrate.post_step import SettledSolver
+from romjax.integrate.post_step import PostStepSolver, ProjectState
 from romjax.integrate.term import MotionTerm
 from romjax.system import dynamics
-from romjax.system.consistent import project
 
 # Velocities reach some metres per second; an identity is relative to the size of its terms.
 SCALED = 10 * IDENTITY
@@ -60,7 +59,7 @@ def test_a_motion_at_rest_has_an_absolute_error(projected):
 
 def test_every_step_is_on_the_constraints(pendulum):
     """Not the saved points alone: C and Ċ after each accepted step, at rounding."""
-    solver = SettledSolver(diffrax.Tsit5(), eqx.Partial(project, sweeps=2))
+    solver = PostStepSolver(diffrax.Tsit5(), ProjectState(2))
 
     @jax.jit
     def steps():
@@ -89,7 +88,7 @@ def test_projection_costs_few_steps(pendulum):
 
     def count(keep):
         found = rj.simulate(pendulum, TS, rtol=1e-6, solver=diffrax.Tsit5(), stabilization=keep)
-        return found.stats["num_steps"]
+        return found.stats.num_steps
 
     assert count(rj.Projection()) <= 1.1 * count(None)
 

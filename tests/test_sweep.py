@@ -29,7 +29,7 @@ def swing(p):
         v0=jnp.zeros(2),
     )
     run = rj.simulate(system, TS, solver=rj.Rodas5P(), throw=False, max_steps=1000)
-    return {"end": run.q[-1], "steps": run.stats["num_steps"], "status": run.status}
+    return {"end": run.q[-1], "steps": run.stats.num_steps, "status": run.status}
 
 
 def lanes(count):

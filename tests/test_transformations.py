@@ -200,7 +200,7 @@ def test_a_bad_lane_is_marked_and_the_others_finish():
         rj.Status.SUCCESS,
         rj.Status.NOT_FINITE,
     ]
-    assert batch.stats["num_steps"][3] < 30
+    assert batch.stats.num_steps[3] < 30
     assert np.allclose(batch.q[jnp.array([0, 2]), -1, 0], np.cos([1.0, 2.0]), rtol=0, atol=1e-5)
 
 
@@ -218,7 +218,7 @@ def test_any_solver(by_rodas, solver):
     """Explicit and implicit methods of diffrax agree with romjax's own."""
     motion = rj.simulate(rj.assemble(pendulum()), RUN["ts"], rtol=TIGHT, solver=solver)
     assert close((motion.q, motion.v), (by_rodas.q, by_rodas.v), SOLVED)
-    assert motion.solver == type(solver).__name__
+    assert motion.solver == solver
 
 
 def test_methods_of_a_system_can_be_jitted():

@@ -57,7 +57,7 @@ def test_mechanisms_drift_less_in_no_more_steps(scene, ts, solver):
         for pair in (rj.Baumgarte(0.0, 0.0), found.best)
     )
     assert jnp.max(bare.violation) >= LESS * jnp.max(tuned.violation)
-    assert tuned.stats["num_steps"] <= STEPS * bare.stats["num_steps"]
+    assert tuned.stats.num_steps <= STEPS * bare.stats.num_steps
 
 
 def test_one_pair_for_each_constraint_and_the_cost_of_speed(pendulum):

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from typing import Any, TypeVar
 
-import jax
 import jax.numpy as jnp
 import jax.tree_util as jtu
 import numpy as np
 from jaxtyping import Array
 
+from ..compat import is_traced
 from ..scene.marker import Marker
 
 T = TypeVar("T")
@@ -21,7 +21,7 @@ def stack(elements: Sequence[T]) -> T:
     """
 
     def join(*leaves: Any) -> Array:
-        if any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
+        if any(is_traced(leaf) for leaf in leaves):
             return jnp.stack([jnp.asarray(leaf) for leaf in leaves])
         return jnp.asarray(np.stack([np.asarray(leaf) for leaf in leaves]))
 

@@ -1,17 +1,17 @@
-"""How simulations are differentiated where their call does not say."""
+"""The way to differentiate simulations whose call does not name one."""
 
 import contextlib
 from collections.abc import Iterator
 
 import diffrax
-import jax
 
-# Part of the key of JAX's caches: a function that is compiled is traced again in another mode.
-_forwards = jax.make_user_context(False)
+from ..compat import trace_context
+
+_forwards = trace_context(False)
 
 
 def default_adjoint() -> diffrax.AbstractAdjoint:
-    """Reverse mode with checkpoints, or what surrounds the call."""
+    """Forward mode inside of `forward_mode()`, reverse mode with checkpoints elsewhere."""
     return diffrax.ForwardMode() if _forwards.value else diffrax.RecursiveCheckpointAdjoint()
 
 

@@ -10,9 +10,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import concrete
-from ..system import frequencies as _frequencies
 from ..system.base import AbstractSystem
-from ..system.frequencies import Frequencies
+from ..system.frequencies import Frequencies, frequencies
 from ..system.stabilization import Baumgarte
 from .rodas5p import Rodas5P
 from .trajectory import Trajectory
@@ -29,18 +28,18 @@ _STEPS = 100
 
 
 @eqx.filter_jit
-def frequencies(
+def start_frequencies(
     system: AbstractSystem, ts: Float[Array, " k"], q: Float[Array, " n"], v: Float[Array, " n"]
 ) -> Frequencies:
-    """Those at the start, compiled once for all methods; a setting, not to be differentiated."""
-    return jax.lax.stop_gradient(_frequencies.frequencies(system, ts[0], q, v))
+    """Of a system at its start, compiled once for all methods; a setting, so not differentiated."""
+    return jax.lax.stop_gradient(frequencies(system, ts[0], q, v))
 
 
 def default_solver(
     system: AbstractSystem,
     ts: Float[Array, " k"],
     dt: Float[Array, ""] | None,
-    found: Frequencies,
+    start: Frequencies,
 ) -> diffrax.AbstractSolver:
     """Rodas5P for stiff systems, Dopri8 for others.
 
@@ -49,7 +48,7 @@ def default_solver(
     Dopri8 carry some twenty times the tolerance. While JAX traces, numbers are unknown,
     and flexible systems count as stiff.
     """
-    fastest, times, step = concrete(found.fastest), concrete(ts), concrete(dt)
+    fastest, times, step = concrete(start.fastest), concrete(ts), concrete(dt)
     if fastest is None or times is None or (dt is not None and step is None):
         stiff = system.structure.flexible
     elif dt is not None:
@@ -61,7 +60,10 @@ def default_solver(
 
 
 def default_stabilization(
-    system: AbstractSystem, ts: Float[Array, " k"], dt: Float[Array, ""] | None, found: Frequencies
+    system: AbstractSystem,
+    ts: Float[Array, " k"],
+    dt: Float[Array, ""] | None,
+    start: Frequencies,
 ) -> Baumgarte | None:
     """Critical damping at the fastest rigid frequency ω: α = 2ω, β = ω².
 
@@ -71,7 +73,7 @@ def default_stabilization(
     """
     if system.m == 0:
         return None
-    omega = jnp.maximum(found.rigid, 2 * jnp.pi / (ts[-1] - ts[0]))
+    omega = jnp.maximum(start.rigid, 2 * jnp.pi / (ts[-1] - ts[0]))
     if dt is not None:
         omega = jnp.minimum(omega, 0.1 / dt)
     return Baumgarte.critical(omega)
@@ -84,8 +86,11 @@ def warn_of_fast_stabilization(
     v0: Float[Array, " n"],
 ) -> None:
     """Warn if Baumgarte's terms, and not the mechanism, have set the step of an explicit method."""
-    numbers = [trajectory.stats.get(key) for key in ("alpha", "beta", "num_accepted_steps")]
-    if any(x is None or concrete(x) is None for x in (*numbers, trajectory.t, q0, system.q0)):
+    baumgarte = trajectory.stats.stabilization
+    if not isinstance(baumgarte, Baumgarte):
+        return
+    numbers = (baumgarte.alpha, baumgarte.beta, trajectory.stats.num_accepted_steps)
+    if any(concrete(x) is None for x in (*numbers, trajectory.t, q0, system.q0)):
         return
     alpha, beta, steps = (np.asarray(x, float) for x in numbers)
     # |s| of s² + α s + β = 0
@@ -93,12 +98,12 @@ def warn_of_fast_stabilization(
     step = float(trajectory.t[-1] - trajectory.t[0]) / max(float(steps), 1.0)
     if steps < _STEPS or rate * step < _COMPARABLE:
         return
-    fastest = float(frequencies(system, trajectory.t, q0, v0).fastest)
+    fastest = float(start_frequencies(system, trajectory.t, q0, v0).fastest)
     if rate > _FASTER * fastest:
         warnings.warn(
             f"The stabilisation and not the mechanism sets the step: Baumgarte's terms decay at "
             f"{rate:.3g} /s, the fastest frequency of the mechanism is {fastest:.3g} rad/s, and "
-            f"{trajectory.solver} took steps of {step:.2g} s. Use "
+            f"{trajectory.solver_name} took steps of {step:.2g} s. Use "
             f"romjax.Baumgarte.critical({max(fastest, 1e-3):.2g}), romjax.Projection(), or "
             "romjax.Rodas5P().",
             stacklevel=3,

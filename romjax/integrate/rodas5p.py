@@ -15,14 +15,15 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
+from ..compat import parts_of_term, unwrap_term
 from .rodas5p_tableau import DENSE, GAMMA, SLOPES, TIMES, A, C
-from .term import MotionTerm, unwrap
+from .term import MotionTerm
 
 Flat = Float[Array, " size"]
 
 
-class _Point(NamedTuple):
-    """Everything about the vector field at the start of a step."""
+class _Linearized(NamedTuple):
+    """The vector field at the start of a step, as Rosenbrock methods use it."""
 
     slope: Flat  # f
     drift: Flat  # h ∂f/∂t
@@ -58,8 +59,11 @@ class Rodas5P(diffrax.AbstractAdaptiveSolver):
 
     For stiff and for differential-algebraic systems of index one. A step costs one derivative of
     the vector field, one factorisation and eight evaluations; there is no iteration to fail.
-    Works on any diffrax term. For equations of motion (a `MotionTerm`) it uses that q' = v: only
-    W = I/(hγ) − ∂a/∂v − hγ ∂a/∂q is factored, half as large as the Jacobian.
+    For all terms of diffrax whose control is time: `ODETerm`, a `MultiTerm` of such, and what
+    `BacksolveAdjoint` makes of them. For equations of motion (a `MotionTerm`) it uses that q' = v:
+    only W = I/(hγ) − ∂a/∂v − hγ ∂a/∂q is factored, half as large as the Jacobian.
+
+    Raises ValueError, naming the term, for controls other than time.
     """
 
     term_structure: ClassVar = diffrax.AbstractTerm
@@ -97,8 +101,15 @@ def _step(
     # Jitted for its cache: diffrax traces a step several times, which takes seconds.
     start, unravel = ravel_pytree(y0)
     dtype = start.dtype
-    h = jnp.asarray(terms.contr(t0, t1), dtype)
-    point = _linearize(terms, t0, t1, y0, args, h)
+    control = _time_control(terms, t0, t1)
+    h = jnp.asarray(jax.tree.leaves(control)[0], dtype)
+    unit = jax.tree.map(jnp.ones_like, control)
+
+    def rate(t, y):  # type: ignore[no-untyped-def]
+        # Of a sum of terms there is no vector field, but its product with the control.
+        return ravel_pytree(terms.vf_prod(t, unravel(y), args, unit))[0]
+
+    point = _linearize(terms, rate, t0, t1, y0, h)
     first = point.solve(point.slope + SLOPES[0].astype(dtype) * point.drift)
     stages = jnp.zeros((8, start.size), dtype).at[0].set(first)
 
@@ -106,8 +117,7 @@ def _step(
         stages, _ = carry
         i, a, c, time, slope = row
         y = start + a @ stages
-        f = ravel_pytree(terms.vf(t0 + time * (t1 - t0), unravel(y), args))[0]
-        k = point.solve(f + c @ stages / h + slope * point.drift)
+        k = point.solve(rate(t0 + time * (t1 - t0), y) + c @ stages / h + slope * point.drift)
         return (stages.at[i].set(k), y), None
 
     # Scanned: the vector field is compiled once, not eight times.
@@ -119,25 +129,43 @@ def _step(
     return y1, error, dense
 
 
+def _time_control(terms: PyTree, t0: Any, t1: Any) -> PyTree:
+    """The control over a step, each part of which is the length of the step; else ValueError."""
+    waiting = [terms]
+    while waiting:
+        term = waiting.pop()
+        parts = parts_of_term(term)
+        waiting.extend(parts)
+        shapes = [] if parts else [jnp.shape(x) for x in jax.tree.leaves(term.contr(t0, t1))]
+        if isinstance(term, diffrax.ControlTerm) or (not parts and shapes != [()]):
+            raise ValueError(
+                f"Rodas5P: a {type(term).__name__} is driven by a control that is not time; make "
+                "it an ODETerm (ControlTerm.to_ode() does), or use a solver of diffrax such as "
+                "diffrax.Heun()."
+            )
+    return terms.contr(t0, t1)
+
+
 def _linearize(
-    terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree, h: Float[Array, ""]
-) -> _Point:
-    inner, direction = unwrap(terms)
+    terms: PyTree,
+    rate: Callable[[Any, Flat], Flat],
+    t0: Any,
+    t1: Any,
+    y0: PyTree,
+    h: Float[Array, ""],
+) -> _Linearized:
+    inner, direction = unwrap_term(terms)
     if isinstance(inner, MotionTerm):
         return _linearize_motion(inner, t0 * direction, y0, h)
-    start, unravel = ravel_pytree(y0)
-
-    def field(t, y):  # type: ignore[no-untyped-def]
-        return ravel_pytree(terms.vf(t, unravel(y), args))[0]
-
+    start, _ = ravel_pytree(y0)
     t = jnp.asarray(t0, start.dtype)
-    slope, drift = jax.jvp(lambda t: field(t, start), (t,), (jnp.asarray(t1 - t0, t.dtype),))
-    jacobian = jax.jacfwd(field, argnums=1)(t, start)
+    slope, drift = jax.jvp(lambda t: rate(t, start), (t,), (jnp.asarray(t1 - t0, t.dtype),))
+    jacobian = jax.jacfwd(rate, argnums=1)(t, start)
     inverse = jnp.linalg.inv(jnp.eye(start.size, dtype=start.dtype) / (h * GAMMA) - jacobian)
-    return _Point(slope, drift, lambda r: inverse @ r)
+    return _Linearized(slope, drift, lambda r: inverse @ r)
 
 
-def _linearize_motion(term: MotionTerm, t: Any, y: PyTree, h: Float[Array, ""]) -> _Point:
+def _linearize_motion(term: MotionTerm, t: Any, y: PyTree, h: Float[Array, ""]) -> _Linearized:
     _, v = y
     n, step = v.size, h * GAMMA
     a, by_q, by_v, by_t = term.linearize(t, y)
@@ -150,4 +178,6 @@ def _linearize_motion(term: MotionTerm, t: Any, y: PyTree, h: Float[Array, ""]) 
         kv = inverse @ (rv + step * (by_q @ rq))
         return jnp.concatenate([step * (rq + kv), kv])
 
-    return _Point(jnp.concatenate([v, a]), jnp.concatenate([jnp.zeros_like(v), h * by_t]), solve)
+    return _Linearized(
+        jnp.concatenate([v, a]), jnp.concatenate([jnp.zeros_like(v), h * by_t]), solve
+    )

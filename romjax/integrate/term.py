@@ -14,6 +14,7 @@ from ..system.dynamics import Linearization, linearize
 from ..system.stabilization import Baumgarte
 
 State = tuple[Float[Array, " n"], Float[Array, " n"]]
+ChartedState = tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, ""]]
 
 
 @eqx.filter_jit
@@ -26,11 +27,6 @@ def acceleration(
 ) -> tuple[Float[Array, " n"], Float[Array, " m"]]:
     """`system.acceleration`, jitted so that a program that asks for it often traces it once."""
     return system.acceleration(t, q, v, stabilization)
-
-
-def unwrap(terms: Any) -> tuple[Any, Any]:
-    """The term itself and the direction of time, which diffrax wraps around it."""
-    return getattr(terms, "term", terms), getattr(terms, "direction", 1)
 
 
 class MotionTerm(diffrax.AbstractTerm):
@@ -55,3 +51,29 @@ class MotionTerm(diffrax.AbstractTerm):
         """The acceleration and its derivatives at one state."""
         q, v = y
         return linearize(self.system, jnp.asarray(t, q.dtype), q, v, self.stabilization)
+
+
+class ChartedMotionTerm(diffrax.AbstractTerm):
+    """(q, v, chart)' = (v, a(t, q, v), 0): motion in one of several charts of a system.
+
+    The number of the chart is part of the state, since it changes between steps, and constant
+    within each. `PostStepSolver` takes it out before its own solver sees the state.
+    """
+
+    motion: MotionTerm
+    post_step: Any  # a `PostStep`
+
+    def in_chart(self, chart: Float[Array, ""]) -> MotionTerm:
+        """The term of (q, v) in one chart."""
+        system = self.post_step.in_chart(self.motion.system, chart)
+        return MotionTerm(system, self.motion.stabilization)
+
+    def vf(self, t: Any, y: ChartedState, args: Any) -> ChartedState:
+        q, v, chart = y
+        return *self.in_chart(chart).vf(t, (q, v), args), jnp.zeros_like(chart)
+
+    def contr(self, t0: Any, t1: Any, **kwargs: Any) -> Any:
+        return t1 - t0
+
+    def prod(self, vf: ChartedState, control: Any) -> ChartedState:
+        return jax.tree.map(lambda f: control * f, vf)

@@ -1,45 +1,39 @@
 """What a simulation returns."""
 
 import dataclasses
-import enum
 from typing import Any
 
+import diffrax
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ..system.flags import WORDS
-from ..system.flags import Flag as Doubt
+from ..deprecated import renamed, warn_once
+from ..system.flags import WORDS, Flag
+from .statistics import Statistics
+from .status import REMEDIES, Status
 
 
-class Status(enum.IntEnum):
-    """How a simulation ended."""
+class SolverParts(eqx.Module):
+    """A solver as a pytree of arrays, so that runs pass through any transformation of JAX.
 
-    SUCCESS = 0
-    MAX_STEPS = 1
-    NOT_FINITE = 2
-    INCONSISTENT_START = 3
-    SOLVER_FAILED = 4
-    PRECISION = 5
-    JOINTS_PART = 6
+    The numbers of a solver (tolerances of an iteration, say) may be traced; its functions are
+    leaves that `jax.jit` does not accept, and become static.
+    """
 
+    arrays: Any
+    structure: Any = eqx.field(static=True)
 
-REMEDIES = {
-    Status.SUCCESS: "",
-    Status.MAX_STEPS: "the solver used up max_steps; loosen rtol and atol, raise max_steps, "
-    "or use a solver for stiff systems such as romjax.Rodas5P()",
-    Status.NOT_FINITE: "the motion became infinite or NaN; the system is unstable, the mechanism "
-    "passes a singular position, a beam with stiffening bends as far as it is long, or the step is "
-    "too long",
-    Status.INCONSISTENT_START: "the start violates the constraints; "
-    "use q0, v0 = romjax.consistent(system, q0, v0)",
-    Status.PRECISION: "single precision cannot solve for the joint forces of this mechanism: the "
-    "masses that a joint connects differ by 1e4 or more, or two joints nearly repeat each other; "
-    'call jax.config.update("jax_enable_x64", True) before making any array',
-    Status.JOINTS_PART: "not all joints hold on the way; look at the trajectory's violation, take "
-    "out joints that contradict each other, or tighten rtol",
-    Status.SOLVER_FAILED: "the solver failed inside a step; try another solver",
-}
+    @classmethod
+    def of(cls, solver: diffrax.AbstractSolver) -> "SolverParts":
+        """From the solver itself."""
+        return cls(*eqx.partition(solver, lambda x: isinstance(x, jax.Array | np.ndarray)))
+
+    def join(self) -> diffrax.AbstractSolver:
+        """The solver itself."""
+        return eqx.combine(self.arrays, self.structure)
 
 
 class Trajectory(eqx.Module):
@@ -50,12 +44,13 @@ class Trajectory(eqx.Module):
     - `violation` (k,): largest |C| of the mechanism's own constraints.
     - `metric` (n, n): mass matrix at the start, the metric of errors and bases.
     - `stats`: numbers of steps (`num_steps`, `num_accepted_steps`, `num_rejected_steps`), the
-      tolerances `rtol`, `atol` of the step size control, the stabilisation used, `alpha` and
-      `beta`, and where the method or the stabilisation was chosen by it, the `fastest_frequency`
-      [rad/s] of the system.
-    - `status`: a number of `romjax.Status`; `success` says whether all went well.
-    - `doubt`: a number of `romjax.Doubt`, of a reduced model's run; `doubts()` says it in words.
-    - `labels`: names of the coordinates. `solver`: name of the method.
+      tolerances `rtol`, `atol` of the step size control, the `stabilization` used, and where the
+      method or the stabilization was chosen by it, the `fastest_frequency` [rad/s] of the system.
+    - `status`: a number of `romjax.Status`; `success` says whether all went well, `summary()` says
+      it in words.
+    - `flags`: a number of `romjax.Flag`, of a reduced model's run; `warnings()` says it in words.
+    - `labels`: names of the coordinates.
+    - `solver`: the method, an object; `solver_name`: what messages and tables call it.
     """
 
     t: Float[Array, " k"]
@@ -64,11 +59,21 @@ class Trajectory(eqx.Module):
     multipliers: Float[Array, "k m"]
     violation: Float[Array, " k"]
     metric: Float[Array, "n n"]
-    stats: dict[str, Any]
+    stats: Statistics
     status: Int[Array, ""]
     labels: tuple[str, ...] = eqx.field(static=True)
-    solver: str = eqx.field(static=True)
-    doubt: Int[Array, ""] = eqx.field(default_factory=lambda: jnp.zeros((), int))
+    solver_parts: SolverParts
+    flags: Int[Array, ""] = eqx.field(default_factory=lambda: jnp.zeros((), int))
+
+    @property
+    def solver(self) -> diffrax.AbstractSolver:
+        """The method, as it was given to `simulate` or chosen by it."""
+        return self.solver_parts.join()
+
+    @property
+    def solver_name(self) -> str:
+        """The name of the method's class."""
+        return type(self.solver_parts.structure).__name__
 
     @property
     def success(self) -> Bool[Array, ""]:
@@ -76,14 +81,23 @@ class Trajectory(eqx.Module):
         return self.status == Status.SUCCESS
 
     @property
-    def flagged(self) -> Bool[Array, ""]:
-        """Whether something speaks against this run of a reduced model."""
-        return self.doubt != Doubt.NONE
+    def is_valid(self) -> Bool[Array, ""]:
+        """Whether nothing speaks against this run, so that `warnings()` is empty."""
+        return self.success & (self.flags == Flag.NONE)
 
-    def doubts(self) -> str:
-        """What speaks against this run, in words; empty if nothing does."""
-        found = Doubt(int(self.doubt))
-        return "; ".join(WORDS[doubt] for doubt in WORDS if doubt in found)
+    def warnings(self) -> str:
+        """What speaks against this run, in words; empty if nothing does.
+
+        That it failed, or what is wrong with a reduced model's motion.
+        """
+        flags = Flag(int(self.flags))
+        words = [] if self.success else [self.summary()]
+        return "; ".join(words + [WORDS[flag] for flag in WORDS if flag in flags])
+
+    def summary(self) -> str:
+        """The status in words, with the remedy."""
+        status = Status(int(self.status))
+        return "success" if status is Status.SUCCESS else f"{status.name}: {REMEDIES[status]}"
 
     def every(self, stride: int) -> "Trajectory":
         """The same motion at every `stride`-th output time."""
@@ -95,22 +109,31 @@ class Trajectory(eqx.Module):
 
         The step size control holds the errors of velocities below atol + rtol |v|. Those that point
         out of the motion's own directions oscillate with the fastest frequency ω of the system, and
-        so leave 1/ω of it in the positions. Zero for a run in fixed steps: nothing is known of it.
+        so leave 1/ω of it in the positions. Zero for a run in fixed steps, which has no tolerances.
         """
-        if "rtol" not in self.stats:
+        stats = self.stats
+        if stats.rtol is None or stats.atol is None:
             zero = jnp.zeros((), self.q.dtype)
             return zero, zero
         size = jnp.sqrt(jnp.mean(self.v**2, axis=0))
-        allowed = self.stats["atol"] + self.stats["rtol"] * size
+        allowed = stats.atol + stats.rtol * size
         # The control looks at the root mean square over all coordinates and velocities.
         count = 2 * self.q.shape[1]
         speed = jnp.sqrt(count * jnp.sum(jnp.diagonal(self.metric) * allowed**2))
         speed *= jnp.sqrt(self.t[-1] - self.t[0])
         turn = 2 * jnp.pi / (self.t[-1] - self.t[0])
-        fastest = jnp.maximum(self.stats.get("fastest_frequency", 0.0), turn)
+        frequency = 0.0 if stats.fastest_frequency is None else stats.fastest_frequency
+        fastest = jnp.maximum(frequency, turn)
         return speed / fastest, speed
 
-    def reason(self) -> str:
-        """The status in words, with the remedy."""
-        status = Status(int(self.status))
-        return "success" if status is Status.SUCCESS else f"{status.name}: {REMEDIES[status]}"
+    # Names of the release before.
+
+    reason = renamed("Trajectory.reason", "Trajectory.summary")
+    doubts = renamed("Trajectory.doubts", "Trajectory.warnings")
+    doubt = renamed("Trajectory.doubt", "Trajectory.flags")
+
+    @property
+    def flagged(self) -> Bool[Array, ""]:
+        """The old name of the opposite of `is_valid`, but for runs that failed."""
+        warn_once("Trajectory.flagged", "the opposite of Trajectory.is_valid")
+        return self.flags != Flag.NONE

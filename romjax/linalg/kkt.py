@@ -7,16 +7,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .. import precision
 from .block_cholesky import Factor
 from .dense import invert, multiply, multiply_transposed
 from .indexing import take
 from .pattern import Pattern
 
-# Added to the unit diagonal of the scaled Schur complement, so that redundant constraints leave a
-# factor, where LU and plain Cholesky give NaN; the sweeps remove its effect.
-PROXIMAL = {jnp.dtype("float64"): 1e-10, jnp.dtype("float32"): 5e-6}
-# What is left of C a − γ, relative to its terms, when no more sweeps are made.
-_RESIDUAL = {jnp.dtype("float64"): 1e-14, jnp.dtype("float32"): 5e-6}
 # Two are the rule, a mass ratio of 1e8 takes a few; one that does not halve the rest is the last.
 _SWEEPS = 20
 # The second removes what rounding leaves of the first.
@@ -72,7 +68,7 @@ class KKT(eqx.Module):
         products = multiply(take(self.scaled, pairs.left), take(free, pairs.right))
         products *= take(scale, pairs.right)[:, None]
         diagonal = jnp.sum(take(products, pairs.onto_nodes), axis=1)
-        unit = PROXIMAL[mass.dtype] * jnp.eye(diagonal.shape[1], dtype=mass.dtype)
+        unit = precision.of(mass.dtype).proximal * jnp.eye(diagonal.shape[1], dtype=mass.dtype)
         couplings = jnp.sum(take(products, pairs.onto_edges), axis=1)
         self.factor = Factor(diagonal + unit[None], couplings, pattern.edges)
 
@@ -135,7 +131,8 @@ class KKT(eqx.Module):
             multipliers, _, rest, before, count = carry
             # A residual is the difference of its terms: it cannot fall below their rounding.
             rounding = 4 * jnp.finfo(rest.dtype).eps * (terms + _largest(multipliers))
-            left, enough = _largest(rest), _RESIDUAL[rest.dtype] * _largest(target) + rounding
+            left = _largest(rest)
+            enough = precision.of(rest.dtype).residual * _largest(target) + rounding
             return jnp.any((left > enough) & (left < 0.5 * before)) & (count < _SWEEPS)
 
         def sweep(carry: Carry) -> Carry:
@@ -157,7 +154,7 @@ class KKT(eqx.Module):
 
         ε (S + ε I)⁻¹ keeps the rest of x, and ε/σ of its part at a singular value σ; twice, less.
         """
-        epsilon, factor = PROXIMAL[x.dtype], self.factor
+        epsilon, factor = precision.of(x.dtype).proximal, self.factor
         assert factor is not None
 
         def damp(x: Blocks, _: None) -> tuple[Blocks, None]:

@@ -64,7 +64,7 @@ def _compare(truth: Trajectory, approx: Trajectory) -> Comparison:
         per_coordinate=jnp.max(jnp.abs(history), axis=0),
         moving=moving,
         drift=jnp.max(approx.violation),
-        steps=(truth.stats["num_steps"], approx.stats["num_steps"]),
+        steps=(truth.stats.num_steps, approx.stats.num_steps),
     )
 
 

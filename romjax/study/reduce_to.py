@@ -63,7 +63,7 @@ def reduce_to(
     - `progress`: show a progress bar.
 
     Returns the reduced system. Its `training` holds the estimated `error` and the box of the
-    snapshots; a later run outside of it is flagged, see `Trajectory.doubts`. Its `reason` says in
+    snapshots; a later run outside of it is flagged, see `Trajectory.warnings`. Its `reason` says in
     words what was done.
 
     Raises ReductionError if no rank is good enough, naming the best one.
@@ -202,14 +202,13 @@ def _simulate_all(systems: list[AbstractSystem], training: Trajectory) -> list[T
             "with other numbers."
         )
     stacked = jax.tree.map(lambda *x: jnp.stack(x), *(dynamic for dynamic, _ in arrays))
-    solver = {"Dopri8": diffrax.Dopri8()}.get(training.solver)
 
     def one(dynamic):  # type: ignore[no-untyped-def]
         return simulate(
             eqx.combine(dynamic, arrays[0][1]),
             training.t,
-            rtol=training.stats.get("rtol", 1e-8),
-            solver=solver,
+            rtol=1e-8 if training.stats.rtol is None else training.stats.rtol,
+            solver=training.solver,
             adjoint=diffrax.ForwardMode(),
             throw=False,
         )
@@ -218,5 +217,5 @@ def _simulate_all(systems: list[AbstractSystem], training: Trajectory) -> list[T
     runs = [jax.tree.map(lambda x, i=i: x[i], batch) for i in range(len(systems))]
     for i, run in enumerate(runs):
         if not bool(run.success):
-            raise ValueError(f"reduce_to: variation {i} cannot be simulated: {run.reason()}.")
+            raise ValueError(f"reduce_to: variation {i} cannot be simulated: {run.summary()}.")
     return runs

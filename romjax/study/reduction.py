@@ -19,7 +19,7 @@ from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..reduction.reduce import reduce
 from ..system.base import AbstractSystem
-from ..system.stabilization import Baumgarte, Stabilization
+from ..system.stabilization import Stabilization
 from .compare import Comparison, compare
 
 # The chapter samples at 100 Hz, then at 300 Hz to see whether the ranks move.
@@ -97,7 +97,7 @@ def reduction_study(
     coarse = fine.every(REFINEMENT)
     bases = {"POD": pod(coarse, pod_rank), "SOD": sod(coarse, sod_rank)}
     # One stabilisation for all: that of the full run.
-    used = Baumgarte(fine.stats["alpha"], fine.stats["beta"]) if system.m else None
+    used = fine.stats.stabilization
     runs, refused = [full], {}
     for formulation in ("galerkin", "minimal", "projected"):
         for kind, basis in bases.items():

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from .. import precision
 from ..arrays import Vector, as_array, concrete
 from ..checks import check_shape
 from ..errors import InputError
@@ -13,10 +14,6 @@ from .base import AbstractSystem
 from .dynamics import constraint_state
 
 START_SWEEPS = 10
-# What counts as satisfied, in m, rad and their rates; the second for single precision.
-START_TOLERANCE = {jnp.dtype("float64"): 1e-8, jnp.dtype("float32"): 1e-4}
-# What a projection reaches.
-ROUNDING = {jnp.dtype("float64"): 1e-10, jnp.dtype("float32"): 1e-5}
 
 
 def consistent(
@@ -44,14 +41,14 @@ def consistent(
     if violation is None or rate is None:
         return q, v
     worst = int(np.argmax(np.abs(violation)))
-    if not abs(violation[worst]) <= _scale(q) * ROUNDING[q.dtype]:
+    if not abs(violation[worst]) <= _scale(q) * precision.of(q.dtype).projected:
         raise InputError(
             f"consistent: after {START_SWEEPS} sweeps {system.structure.constraints[worst]} is "
             f"still violated by {violation[worst]:.3g}; the joints cannot all hold, or the given "
             "start is too far from any configuration where they do."
         )
     worst = int(np.argmax(np.abs(rate)))
-    if not abs(rate[worst]) <= _scale(v) * START_TOLERANCE[q.dtype]:
+    if not abs(rate[worst]) <= _scale(v) * precision.of(q.dtype).start_tolerance:
         raise InputError(
             f"consistent: {system.structure.constraints[worst]} is still violated by a rate of "
             f"{rate[worst]:.3g} /s; no velocity suits all joints: motions that are prescribed "

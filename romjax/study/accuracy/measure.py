@@ -162,7 +162,7 @@ def _found(motion: Trajectory, reference: Trajectory) -> Found:
     """The errors of a motion, or of several at once."""
     wide = eqx.tree_at(lambda run: run.q, motion, jnp.asarray(motion.q, reference.q.dtype))
     status = np.ravel(motion.status)
-    steps = round(float(np.mean(motion.stats["num_steps"])))
+    steps = round(float(np.mean(motion.stats.num_steps)))
     failed = status[status != Status.SUCCESS]
     if failed.size:
         blank = np.full(len(reference.t), np.nan)

@@ -30,7 +30,7 @@ def make_reference(
     second = way.run(rtol)
     words = f"at rtol={rtol:.0e}, checked by redundant ones with {way.method}"
     if not bool(second.success):
-        words = f"at rtol={rtol:.0e}, unchecked, as {way.method} failed there ({second.reason()})"
+        words = f"at rtol={rtol:.0e}, unchecked, as {way.method} failed there ({second.summary()})"
     settings = {"rtol": rtol, "adjoint": diffrax.ForwardMode(), "max_steps": 1_000_000}
     system = way.model.system
     try:

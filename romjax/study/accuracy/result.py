@@ -97,7 +97,7 @@ class Recommendation:
     words: str
 
     def simulate(self, system: AbstractSystem, ts: Vector, **more: Any) -> Trajectory:
-        """A run of `system` as recommended; a reduced model's says in `doubts()` if it left what
+        """A run of `system` as recommended; a reduced model's says in `warnings()` if it left what
         it was trained on.
         """
         model = self.model.of(system)

@@ -11,7 +11,7 @@ import diffrax
 import numpy as np
 from tqdm import tqdm
 
-from ...integrate.default import default_solver, frequencies
+from ...integrate.default import default_solver, start_frequencies
 from ...integrate.trajectory import Trajectory
 from .measure import SLOW, Way
 from .models import NO_TIME
@@ -104,7 +104,7 @@ def methods_for(
 ) -> list[diffrax.AbstractSolver]:
     """The methods, with that first which `simulate` would choose."""
     system = model.system
-    found = frequencies(system, ts, system.q0, system.v0)
+    found = start_frequencies(system, ts, system.q0, system.v0)
     chosen = type(default_solver(system, ts, None, found))
     return sorted(methods, key=lambda method: type(method) is not chosen)
 

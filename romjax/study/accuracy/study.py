@@ -90,8 +90,8 @@ def accuracy(
         training = way.run(min(tolerances))
         if not bool(training.success):
             raise SimulationError(
-                f"accuracy: the full model by {training.solver} at rtol={min(tolerances):g} has "
-                f"failed, {training.reason()}."
+                f"accuracy: the full model by {training.solver_name} at rtol={min(tolerances):g} "
+                f"has failed, {training.summary()}."
             )
         bar.set_description_str("reference")
         reference, words, floor = make_reference(way, training, min(tolerances))

@@ -1,0 +1,93 @@
+"""What romjax uses of JAX, diffrax and equinox that is not public, one function for each.
+
+Every function has a test in tests/test_compat.py that fails when the interface behind it changes.
+The upper bound of jax in pyproject.toml stands for the newest version these tests have passed with.
+"""
+
+from typing import Any
+
+import diffrax
+import equinox._errors
+import jax
+from diffrax._term import AdjointTerm, WrapTerm
+from jax._src import xla_bridge
+
+# Versions of JAX whose compiler is known to know the flags below.
+_FIRST, _AFTER = (0, 9), (0, 11)
+
+_FLAGS = (
+    # The newer way of compiling fusions takes twice as long, and loops that hold its results
+    # cannot be compiled as one.
+    "--xla_cpu_use_fusion_emitters=false",
+    # Loops of less than 16 MiB become one function instead of a list of kernels, each of which
+    # costs more to start than to run: chains of hundreds of bars, and batches of a thousand lanes.
+    "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=16777216",
+    # Sums over small axes stay in the loops around them. A library for large ones would take them
+    # out, one call for each: that halves the rate of batches.
+    "--xla_cpu_experimental_ynn_fusion_type=",
+)
+
+
+def compiler_flags() -> tuple[str, ...]:
+    """Flags of XLA for small mechanisms on a CPU; none for versions of JAX that may not know them.
+
+    XLA ends the process at a flag that it does not know.
+    """
+    return _FLAGS if _FIRST <= jax.__version_info__ < _AFTER else ()
+
+
+def compiler_is_set_up() -> bool:
+    """Whether JAX has computed something, so that XLA reads no flags any more."""
+    return xla_bridge.backends_are_initialized()
+
+
+def switch_off_runtime_checks() -> None:
+    """Leave equinox's run-time checks out of all programs, but for those traced before.
+
+    They are host callbacks, and JAX keeps no program with a callback in its cache on disk. The
+    environment variable EQX_ON_ERROR=off says the same, but only before equinox is imported.
+    """
+    equinox._errors.EQX_ON_ERROR = "off"
+
+
+def is_traced(value: Any) -> bool:
+    """Whether JAX traces this value, so that its number is not available."""
+    return isinstance(value, jax.core.Tracer)
+
+
+def trace_context(default: Any) -> Any:
+    """A setting that is part of the key of JAX's caches: `.value`, and `with setting(value):`.
+
+    A function that is compiled is traced again under another value. Not in JAX's documentation.
+    """
+    return jax.make_user_context(default)
+
+
+def unwrap_term(term: Any) -> tuple[Any, Any]:
+    """A term without the direction of time that diffrax wraps around it, and that direction."""
+    return (term.term, term.direction) if isinstance(term, WrapTerm) else (term, 1)
+
+
+def wrap_term(term: diffrax.AbstractTerm, direction: Any) -> diffrax.AbstractTerm:
+    """A term with the direction of time, 1 or −1, that diffrax wraps around it."""
+    return WrapTerm(term, direction)
+
+
+def parts_of_term(term: Any) -> tuple[Any, ...]:
+    """The terms that a term of diffrax is made of; none for one that stands alone."""
+    if isinstance(term, WrapTerm | AdjointTerm):
+        return (term.term,)
+    return tuple(term.terms) if isinstance(term, diffrax.MultiTerm) else ()
+
+
+def scan_kind(solver: Any) -> Any:
+    """The kind of loop over a Runge–Kutta method's stages.
+
+    diffrax's adjoints set it in what they take for such a method, a wrapped one too.
+    """
+    return solver.scan_kind
+
+
+def control_arguments(solver: diffrax.AbstractSolver) -> Any:
+    """What a solver passes on to `contr` of its terms; diffrax asks a wrapper for it."""
+    return solver.term_compatible_contr_kwargs

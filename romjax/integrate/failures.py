@@ -1,0 +1,48 @@
+"""Failures of simulations in words."""
+
+import equinox as eqx
+import numpy as np
+
+from ..arrays import concrete
+from ..errors import SimulationError
+from ..system.base import AbstractSystem, ConstraintState
+from .status import REMEDIES, Status
+from .trajectory import Trajectory
+
+
+def raise_failure(
+    system: AbstractSystem, trajectory: Trajectory, start: ConstraintState
+) -> Trajectory:
+    """The same trajectory; raise if it failed, while JAX traces when the program runs.
+
+    `start`: the constraints at the start of the run. Raises ValueError for a start that violates
+    them, SimulationError for everything else.
+    """
+    status = concrete(trajectory.status)
+    if status is None:
+        failed = trajectory.status != Status.SUCCESS
+        words = "; or ".join(remedy for remedy in REMEDIES.values() if remedy)
+        q = eqx.error_if(trajectory.q, failed, f"A simulation failed: {words}.")
+        return eqx.tree_at(lambda run: run.q, trajectory, q)
+    if status == Status.INCONSISTENT_START:
+        raise ValueError(_describe_start(system, start))
+    if status != Status.SUCCESS:
+        steps = int(trajectory.stats.num_steps)
+        raise SimulationError(
+            f"simulate: {trajectory.solver_name} took {steps} steps towards "
+            f"t = {float(trajectory.t[-1]):g} s and failed: {trajectory.summary()}."
+        )
+    return trajectory
+
+
+def _describe_start(system: AbstractSystem, start: ConstraintState) -> str:
+    """The constraint that a start violates most, and by how much."""
+    violation, rate = np.asarray(start.violation), np.asarray(start.rate)
+    which, values, unit = "C", violation, "m or rad"
+    if np.max(np.abs(violation)) < np.max(np.abs(rate)):
+        which, values, unit = "its rate", rate, "m/s or rad/s"
+    row = int(np.argmax(np.abs(values)))
+    return (
+        f"simulate: the start violates {system.constraint_label(row)}: {which} = "
+        f"{values[row]:.6g} {unit}. Use q0, v0 = romjax.consistent(system, q0, v0)."
+    )

@@ -1,0 +1,99 @@
+"""The status of a run, decided from its states and outputs."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from .. import precision
+from ..system.base import AbstractSystem
+from ..system.constraints import ConstraintState
+from .integration import Outputs, States
+from .settings import Settings
+from .status import Status
+
+# Violations of so much of the mechanism's size mean that a joint has come apart, not drifted.
+_APART = 1e-2
+# A violation may be so many times the tolerance of the step size control, relative to the size.
+_DRIFT = 10.0
+
+
+def judge_run(
+    system: AbstractSystem,
+    ts: Float[Array, " k"],
+    states: States,
+    outputs: Outputs,
+    settings: Settings,
+) -> Int[Array, ""]:
+    """The status of a run, from its integrated states and its outputs."""
+    result, (q0, v0) = states.result, states.start
+    # Drift can be finite in q and past all numbers in C.
+    numbers = (states.q, states.v, outputs.violation)
+    finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in numbers]))
+    start = jax.tree.map(lambda x: x[0], outputs.constraints)
+    # The first that applies is the status: causes come before their consequences. Numbers that
+    # cannot be trusted and a wrong start spoil all that follows; what the solver reports explains
+    # why numbers are not finite; and only finite ones tell whether the constraints hold.
+    # Time hardly advances by less than the least step: a motion that turns NaN rejects steps until
+    # it gets there.
+    ladder = [
+        (~_is_consistent(start, q0, v0), Status.INCONSISTENT_START),
+        (result == diffrax.RESULTS.dt_min_reached, Status.NOT_FINITE),
+        (result == diffrax.RESULTS.max_steps_reached, Status.MAX_STEPS),
+        (result != diffrax.RESULTS.successful, Status.SOLVER_FAILED),
+        (~finite, Status.NOT_FINITE),
+    ]
+    limits = precision.of(q0.dtype).dependent_rows
+    if limits is not None:
+        unresolved = ~_is_resolved(system, ts[0], q0, limits)
+        ladder.insert(0, (unresolved, Status.PRECISION))
+    if settings.holds_constraints:
+        violated = ~_constraints_hold(states.q, outputs.constraints.violation, settings)
+        ladder.append((violated, Status.CONSTRAINTS_VIOLATED))
+    conditions = [condition for condition, _ in ladder]
+    codes = [jnp.asarray(int(status)) for _, status in ladder]
+    return jnp.select(conditions, codes, jnp.asarray(int(Status.SUCCESS)))
+
+
+def _is_consistent(
+    start: ConstraintState, q0: Float[Array, " n"], v0: Float[Array, " n"]
+) -> Bool[Array, ""]:
+    tolerance = precision.of(q0.dtype).start_tolerance
+    scale_q = jnp.maximum(1.0, jnp.max(jnp.abs(q0)))
+    scale_v = jnp.maximum(1.0, jnp.max(jnp.abs(v0)))
+    return jnp.all(jnp.abs(start.violation) <= tolerance * scale_q) & jnp.all(
+        jnp.abs(start.rate) <= tolerance * scale_v
+    )
+
+
+def _constraints_hold(
+    q: Float[Array, "k n"], violation: Float[Array, "k m"], settings: Settings
+) -> Bool[Array, ""]:
+    """Whether projection or Baumgarte's term has done what it can do."""
+    size = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=1))
+    if settings.baumgarte is not None:
+        # It holds the constraints as far as the errors of the steps let it.
+        allowed = _APART * size[0] + _DRIFT * settings.rtol * size
+    else:
+        allowed = precision.of(q.dtype).start_tolerance * size
+    return jnp.all(jnp.max(jnp.abs(violation), axis=1, initial=0.0) <= allowed)
+
+
+def _is_resolved(
+    system: AbstractSystem,
+    t: Float[Array, ""],
+    q: Float[Array, " n"],
+    limits: tuple[float, float],
+) -> Bool[Array, ""]:
+    """Whether this precision tells nearly dependent constraints from repeated ones.
+
+    The singular values of C_q, with rows of unit length in the metric of M⁻¹, are zero for those
+    that repeat others; none may lie between the two `limits`.
+    """
+    state = system.state(t, q, jnp.zeros_like(q))
+    kkt = state.kkt()
+    half = jnp.linalg.cholesky(system.mass(q))
+    rows = jax.scipy.linalg.solve_triangular(half, state.jacobian().T, lower=True)
+    scale = kkt.pattern.join_rows(kkt.scale)
+    values = jnp.linalg.svd(rows * scale[None], compute_uv=False)
+    return jnp.all((values < limits[0]) | (values > limits[1]))

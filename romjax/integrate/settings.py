@@ -1,0 +1,80 @@
+"""The settings of a simulation, and checks of what users pass for them."""
+
+from typing import Literal
+
+import diffrax
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..arrays import Vector, as_array, concrete
+from ..checks import check_finite, check_shape
+from ..system.base import AbstractSystem
+from ..system.frequencies import Frequencies
+from ..system.stabilization import Baumgarte, Projection, Stabilization
+from .default import default_stabilization
+
+
+class Settings(eqx.Module):
+    """Everything about a simulation but the system, the output times and the start.
+
+    - `rtol`, `atol`: tolerances of the step size control, or `dt` [s], a fixed step.
+    - `stabilization`: "default" until `resolve` replaces it.
+    - `frequencies`: of the system at its start, where a choice needs them.
+    - `meter`: what shows the progress.
+    """
+
+    solver: diffrax.AbstractSolver
+    rtol: Float[Array, ""]
+    atol: Float[Array, ""]
+    dt: Float[Array, ""] | None
+    stabilization: Stabilization | Literal["default"]
+    frequencies: Frequencies | None
+    adjoint: diffrax.AbstractAdjoint
+    max_steps: int
+    meter: diffrax.AbstractProgressMeter
+
+    def resolve(self, system: AbstractSystem, ts: Float[Array, " k"]) -> "Settings":
+        """The same with the stabilization of this system; no projection of no constraints."""
+        stabilization = self.stabilization
+        if stabilization == "default":
+            assert self.frequencies is not None
+            stabilization = default_stabilization(system, ts, self.dt, self.frequencies)
+        elif isinstance(stabilization, Projection) and system.m == 0:
+            stabilization = None
+        return eqx.tree_at(
+            lambda s: s.stabilization, self, stabilization, is_leaf=lambda x: x is None
+        )
+
+    @property
+    def baumgarte(self) -> Baumgarte | None:
+        """The terms that the equations of motion contain."""
+        return self.stabilization if isinstance(self.stabilization, Baumgarte) else None
+
+    @property
+    def projection(self) -> Projection | None:
+        """The projection that follows each step."""
+        return self.stabilization if isinstance(self.stabilization, Projection) else None
+
+    @property
+    def holds_constraints(self) -> bool:
+        """Whether a run promises that the constraints hold; in fixed steps, only by projection."""
+        controlled = self.baumgarte is not None and self.dt is None
+        return self.projection is not None or controlled
+
+
+def check_times(ts: Vector) -> Float[Array, " k"]:
+    """The output times as an array; raise ValueError unless they are finite and increase."""
+    times = as_array(ts)
+    check_shape("simulate", "ts", times, (None,))
+    check_finite("simulate", "ts", times)
+    if times.shape[0] < 2:
+        raise ValueError(f"simulate: ts has {times.shape[0]} entries; give the start and the end.")
+    numbers = concrete(times)
+    if numbers is not None and not np.all(np.diff(numbers) > 0):
+        index = int(np.argmin(np.diff(numbers)))
+        raise ValueError(
+            f"simulate: ts must increase, but ts[{index}] = {numbers[index]:g} is followed by "
+            f"{numbers[index + 1]:g}."
+        )
+    return times

@@ -1,0 +1,189 @@
+"""Motion in several charts: the solver changes them between steps, and nothing else changes."""
+
+from typing import ClassVar
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tolerances import IDENTITY, SOLVED
+
+import romjax as rj
+from romjax.integrate.post_step import PostStepSolver, motion_norm
+from romjax.integrate.term import ChartedMotionTerm, MotionTerm
+
+GRAVITY = 9.81
+# The motion leaves a chart here [rad]; the other one has then −1.14 rad, well inside.
+LEFT = 2.0
+# Rounding of the error estimate, up to 1e-14 / ATOL, shifts each step by that share, and
+# some hundred steps of a motion that turns over add up.
+ATOL, SAME = 1e-5, 1e2 * IDENTITY
+TS = jnp.linspace(0.0, 3.0, 31)
+
+
+class Pendulum(rj.AbstractSystem):
+    """A pendulum of length one in the angle q = ±(φ − centre): around the bottom, or mirrored and
+    around the top.
+    """
+
+    q0: jax.Array
+    v0: jax.Array
+    centre: jax.Array
+    sign: jax.Array
+    charted: bool = eqx.field(static=True)
+    settles: ClassVar[bool] = True
+
+    @property
+    def m(self):
+        return 0
+
+    @property
+    def post_step(self):
+        return TwoAngles() if self.charted else Nothing()
+
+    def mass(self, q):
+        return jnp.eye(1)
+
+    def angle(self, q):
+        return self.centre + self.sign * q
+
+    def force(self, t, q, v):
+        return -self.sign * GRAVITY * jnp.sin(self.angle(q))
+
+    def constraint(self, t, q):
+        return jnp.zeros(0)
+
+    def physical(self, t, q, v):
+        return self.angle(q), self.sign * v
+
+
+class Nothing(eqx.Module):
+    """One chart, and steps that change nothing."""
+
+    def start(self, system):
+        return None
+
+    def in_chart(self, system, chart):
+        return system
+
+    def after_step(self, system, t, q, v):
+        return None, q, v
+
+
+class TwoAngles(eqx.Module):
+    """Chart 0 is centred at φ = 0 and chart 1 at φ = π, where its angle is mirrored."""
+
+    def start(self, system):
+        return jnp.zeros(())
+
+    def in_chart(self, system, chart):
+        top = jax.lax.stop_gradient(chart) > 0.5
+        centre, sign = jnp.where(top, jnp.pi, 0.0), jnp.where(top, -1.0, 1.0)
+        return eqx.tree_at(lambda s: (s.centre, s.sign), system, (centre, sign))
+
+    def after_step(self, system, t, q, v):
+        now = jnp.where(system.sign < 0, 1.0, 0.0)
+        chart = jnp.where(jnp.abs(q[0]) > LEFT, 1 - now, now)
+        other = self.in_chart(system, chart)
+        turned = jnp.arctan2(*(f(system.angle(q) - other.centre) for f in (jnp.sin, jnp.cos)))
+        return (
+            chart,
+            jnp.where(chart == now, q, other.sign * turned),
+            jnp.where(chart == now, v, system.sign * other.sign * v),
+        )
+
+
+def pendulum(charted):
+    """Fast enough to turn over again and again."""
+    return Pendulum(jnp.array([0.3]), jnp.array([7.0]), jnp.zeros(()), jnp.ones(()), charted)
+
+
+def every_step(system, solver, end=3.0):
+    """Times and states after each step, with an absolute tolerance, which no chart scales."""
+    norm = {"norm": motion_norm} if system.charted else {}
+    term, state = MotionTerm(system, None), (system.q0, system.v0)
+    if system.charted:
+        term = ChartedMotionTerm(term, system.post_step)
+        state = (*state, jnp.zeros(()))
+
+    @jax.jit
+    def run():
+        return diffrax.diffeqsolve(
+            term,
+            PostStepSolver(solver, system.post_step),
+            0.0,
+            end,
+            1e-3,
+            state,
+            saveat=diffrax.SaveAt(steps=True),
+            stepsize_controller=diffrax.PIDController(rtol=0.0, atol=ATOL, **norm),
+            max_steps=1024,
+        )
+
+    solution = run()
+    taken = np.isfinite(np.asarray(solution.ts))
+    return jax.tree.map(lambda x: np.asarray(x)[taken], (solution.ts, *solution.ys))
+
+
+def apart(found, wanted):
+    """The largest angle between two motions, whatever turn they are in."""
+    return np.max(np.abs((np.asarray(found) - np.asarray(wanted) + np.pi) % (2 * np.pi) - np.pi))
+
+
+@pytest.mark.parametrize("solver", [diffrax.Tsit5(), rj.Rodas5P()], ids=["Tsit5", "Rodas5P"])
+def test_the_same_steps_as_in_one_chart(solver):
+    """The number of the chart has no part in the error of a step, and starts none anew."""
+    t, q, v, chart = every_step(pendulum(True), solver)
+    times, angle, rate = every_step(pendulum(False), solver)
+    assert len(t) == len(times)
+    assert np.max(np.abs(t - times)) <= SAME, np.max(np.abs(t - times))
+    assert np.sum(np.abs(np.diff(chart))) >= 4
+    assert set(chart) == {0.0, 1.0}
+    # A step may end further out, but the state that it leaves is inside of its chart.
+    assert np.max(np.abs(q)) <= LEFT
+    sign = np.where(chart > 0.5, -1.0, 1.0)[:, None]
+    error = apart(np.where(chart > 0.5, np.pi, 0.0)[:, None] + sign * q, angle)
+    assert error <= SAME, error
+    assert np.max(np.abs(sign * v - rate)) <= SAME, np.max(np.abs(sign * v - rate))
+
+
+def test_the_norm_leaves_out_the_chart():
+    y = (jnp.array([3.0]), jnp.array([4.0]))
+    assert abs(motion_norm((*y, jnp.asarray(1e9))) - np.sqrt(12.5)) <= IDENTITY
+
+
+@pytest.fixture(scope="module")
+def run():
+    return rj.simulate(pendulum(True), TS, rtol=1e-10)
+
+
+def test_a_simulation_gives_physical_coordinates(run):
+    """Between steps too, each in the chart of its step."""
+    alone = rj.simulate(pendulum(False), TS, rtol=1e-10)
+    assert run.success
+    error = max(apart(run.q, alone.q), float(jnp.max(jnp.abs(run.v - alone.v))))
+    assert error <= 1e2 * SOLVED, error
+
+
+def test_forward_and_reverse_mode_agree():
+    """Through the changes of charts, with respect to the start."""
+
+    def last(speed, adjoint):
+        settings = {"v0": speed[None], "dt": 0.02, "adjoint": adjoint, "throw": False}
+        return rj.simulate(pendulum(True), TS[:11], solver=diffrax.Tsit5(), **settings).v[-1, 0]
+
+    speed = jnp.asarray(7.0)
+    forward = jax.jit(jax.jacfwd(lambda v: last(v, diffrax.ForwardMode())))(speed)
+    reverse = jax.jit(jax.grad(lambda v: last(v, diffrax.RecursiveCheckpointAdjoint())))(speed)
+    assert abs(forward) > 1e-2
+    assert abs(forward - reverse) <= SOLVED * abs(forward), (forward, reverse)
+
+
+def test_other_terms_are_refused():
+    """Such as the one that the continuous adjoint integrates backwards."""
+    term = diffrax.ODETerm(lambda t, y, args: y)
+    solver = PostStepSolver(diffrax.Tsit5(), Nothing())
+    with pytest.raises(ValueError, match=r"ODETerm is no motion .*RecursiveCheckpointAdjoint"):
+        diffrax.diffeqsolve(term, solver, 0.0, 1.0, 0.1, jnp.ones(1))

@@ -1,0 +1,169 @@
+"""What romjax uses of other packages that is not public: each test fails where that has changed."""
+
+import subprocess
+import sys
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import pytest
+
+from romjax import compat
+
+
+def test_the_newest_version_tested():
+    """The bound of pyproject.toml: a newer JAX must pass these tests before it is allowed."""
+    assert (0, 9) <= jax.__version_info__ < (0, 11), jax.__version__
+
+
+def test_compiler_flags_are_for_versions_that_have_them(monkeypatch):
+    """That the compiler takes them is tested with `speed_up_xla`."""
+    assert len(compat.compiler_flags()) == 3
+    for version in [(0, 8, 3), (0, 11, 0)]:
+        monkeypatch.setattr(jax, "__version_info__", version)
+        assert compat.compiler_flags() == ()
+
+
+def run(words: str) -> list[str]:
+    """What a process of its own prints, without what this one has set up."""
+    command = [sys.executable, "-W", "error", "-c", words]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+
+
+def test_the_compiler_is_set_up_by_the_first_computation():
+    words = (
+        "import jax\n"
+        "from romjax.compat import compiler_is_set_up\n"
+        "print(compiler_is_set_up())\n"
+        "jax.numpy.ones(3)\n"
+        "print(compiler_is_set_up())"
+    )
+    assert run(words) == ["False", "True"]
+
+
+def test_runtime_checks_can_be_switched_off():
+    """A function with a check has a callback in its program, and none without checks."""
+    words = (
+        "import equinox as eqx, jax\n"
+        "from romjax.compat import switch_off_runtime_checks\n"
+        "def checked(x):\n"
+        "    return eqx.error_if(x, x < 0, 'negative')\n"
+        "def callbacks(x):\n"
+        "    return 'callback' in jax.jit(lambda x: checked(x)).lower(x).as_text()\n"
+        "print(callbacks(1.0))\n"
+        "switch_off_runtime_checks()\n"
+        "print(callbacks(1))  # of another type: the first one is in JAX's cache"
+    )
+    assert run(words) == ["True", "False"]
+
+
+def test_traced_numbers_are_told_from_others():
+    seen = []
+
+    def look(x):
+        seen.append(compat.is_traced(x))
+        return x
+
+    for transform in (jax.jit, jax.grad, jax.vmap):
+        transform(look)(jnp.ones(2) if transform is jax.vmap else 1.0)
+    assert seen == [True] * 3
+    assert not compat.is_traced(jnp.ones(2))
+    assert not compat.is_traced(1.0)
+
+
+def test_a_trace_context_is_part_of_the_key_of_compiled_functions():
+    setting = compat.trace_context(1)
+    function = jax.jit(lambda x: x * setting.value)
+    assert function(2.0) == 2
+    with setting(5):
+        assert function(2.0) == 10
+    assert function(2.0) == 2
+
+
+class Probe(diffrax.Euler):
+    """Notes the terms that diffrax hands to a solver."""
+
+    def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
+        inner, direction = compat.unwrap_term(terms)
+        assert isinstance(inner, diffrax.ODETerm)
+        again = compat.wrap_term(inner, direction)
+        assert jax.tree.structure(again) == jax.tree.structure(terms)
+        time = compat.unwrap_term(again)[1] * t0
+        y = jnp.where(jnp.isnan(y0), y0, time)
+        return y, None, {"y0": y0, "y1": y}, None, diffrax.RESULTS.successful
+
+
+@pytest.mark.parametrize(("start", "end"), [(1.0, 2.0), (2.0, 1.0)])
+def test_the_direction_of_time_around_a_term(start, end):
+    """Inside of a step, t0 times the direction is the time at which the step starts."""
+    term = diffrax.ODETerm(lambda t, y, args: -y)
+    step = end - start
+    found = diffrax.diffeqsolve(term, Probe(), start, end, step, jnp.zeros(())).ys
+    assert found == start
+    assert compat.unwrap_term(term) == (term, 1)
+
+
+def test_the_parts_of_a_term():
+    one, other = (diffrax.ODETerm(lambda t, y, args: y) for _ in range(2))
+    assert compat.parts_of_term(one) == ()
+    assert compat.parts_of_term(diffrax.MultiTerm(one, other)) == (one, other)
+    assert compat.parts_of_term(compat.wrap_term(one, -1)) == (one,)
+
+
+def test_the_term_of_a_continuous_adjoint():
+    """`BacksolveAdjoint` integrates a term of its own, made of the one that it is given."""
+    seen = []
+
+    class Watched(diffrax.Euler):
+        def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
+            inner, _ = compat.unwrap_term(terms)
+            seen.append([type(x).__name__ for x in (inner, *compat.parts_of_term(inner))])
+            return super().step(terms, t0, t1, y0, args, solver_state, made_jump)
+
+    def loss(y):
+        return diffrax.diffeqsolve(
+            diffrax.ODETerm(lambda t, y, args: -y),
+            Watched(),
+            0.0,
+            1.0,
+            0.5,
+            y,
+            adjoint=diffrax.BacksolveAdjoint(),
+        ).ys[-1]
+
+    jax.grad(loss)(jnp.ones(()))
+    assert ["ODETerm"] in seen
+    assert ["AdjointTerm", "WrapTerm"] in seen
+
+
+def test_the_kind_of_loop_over_stages():
+    """Unset in a new solver, set by the adjoints of forward and direct differentiation."""
+    seen = []
+
+    class Watched(diffrax.Tsit5):
+        def step(self, *args, **settings):
+            seen.append(compat.scan_kind(self))
+            return super().step(*args, **settings)
+
+    assert compat.scan_kind(diffrax.Tsit5()) is None
+    term = diffrax.ODETerm(lambda t, y, args: -y)
+    kinds = {diffrax.ForwardMode: "lax", diffrax.DirectAdjoint: "bounded"}
+    for adjoint, kind in kinds.items():
+        seen.clear()
+        settings = {"adjoint": adjoint(), "max_steps": 4}
+        diffrax.diffeqsolve(term, Watched(), 0.0, 1.0, 0.5, jnp.ones(()), **settings)
+        assert set(seen) == {kind}
+
+
+def test_what_solvers_pass_on_to_controls():
+    """One dict for each term; empty, but for methods that need areas of Brownian motion."""
+    assert compat.control_arguments(diffrax.Tsit5()) == {}
+    assert compat.control_arguments(diffrax.SPaRK()) != {}
+
+
+def test_statics_of_equinox_modules_are_compared_by_value():
+    """Trajectories hold their solver in a static field; equal ones must share a program."""
+    one, other = (eqx.partition(diffrax.Kvaerno5(), eqx.is_array)[1] for _ in range(2))
+    assert one == other
+    assert hash(one) == hash(other)

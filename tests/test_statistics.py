@@ -1,0 +1,149 @@
+"""What a trajectory says of its run: steps, settings, solver, and names of the release before."""
+
+import dataclasses
+import warnings
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import pytest
+
+import romjax as rj
+from romjax.deprecated import warn_once
+from romjax.integrate.statistics import Statistics
+from romjax.integrate.trajectory import SolverParts
+
+TS = jnp.linspace(0.0, 0.2, 5)
+
+
+@pytest.fixture(scope="module")
+def system():
+    return rj.assemble(rj.gallery.chain(1))
+
+
+@pytest.fixture(scope="module")
+def run(system):
+    keep = rj.Baumgarte(10.0, 25.0)
+    return rj.simulate(system, TS, rtol=1e-5, solver=diffrax.Kvaerno5(), stabilization=keep)
+
+
+@pytest.fixture(autouse=True)
+def warn_again():
+    """Each old name warns once in a process: here, in each test."""
+    warn_once.cache_clear()
+
+
+def test_the_settings_of_a_run(run):
+    stats = run.stats
+    assert stats.num_steps == stats.num_accepted_steps + stats.num_rejected_steps > 0
+    assert (stats.rtol, stats.atol) == (1e-5, 1e-5)
+    assert (stats.stabilization.alpha, stats.stabilization.beta) == (10, 25)
+    assert stats.fastest_frequency is None
+
+
+def test_what_does_not_apply_is_none(system):
+    """No tolerances in fixed steps; a frequency where something was chosen by it."""
+    fixed = rj.simulate(system, TS, dt=0.01, solver=diffrax.Tsit5(), stabilization=None).stats
+    assert (fixed.rtol, fixed.atol, fixed.stabilization) == (None, None, None)
+    chosen = rj.simulate(system, TS, stabilization=rj.Projection()).stats
+    assert chosen.fastest_frequency > 0
+    assert chosen.stabilization == rj.Projection()
+
+
+def test_the_numbers_of_steps_are_items_too(run):
+    """Without a warning."""
+    for name in ("num_steps", "num_accepted_steps", "num_rejected_steps"):
+        assert run.stats[name] == run.stats.get(name) == getattr(run.stats, name)
+        assert name in run.stats
+
+
+def test_other_items_name_the_attribute(run):
+    with pytest.warns(DeprecationWarning, match=r'stats\["rtol"\] is called .*stats\.rtol now'):
+        assert run.stats["rtol"] == 1e-5
+    with pytest.warns(DeprecationWarning, match=r"stats\.stabilization\.alpha now"):
+        assert run.stats.get("alpha") == 10
+    assert "fastest_frequency" not in run.stats
+    assert run.stats.get("fastest_frequency", 3.0) == 3.0
+    with pytest.raises(KeyError, match="steps"):
+        run.stats["steps"]
+
+
+SOLVERS = {
+    "explicit": diffrax.Dopri8(),
+    "implicit": diffrax.Kvaerno5(),
+    "own": rj.Rodas5P(),
+    "with a number": diffrax.Kvaerno5(root_finder=diffrax.VeryChord(rtol=1e-3, atol=1e-3)),
+}
+
+
+@pytest.mark.parametrize("solver", SOLVERS.values(), ids=SOLVERS)
+def test_the_solver_is_kept(run, solver):
+    """Through all transformations, and as one program for equal solvers."""
+    run = dataclasses.replace(run, solver_parts=SolverParts.of(solver))
+    traced = []
+
+    @jax.jit
+    def same(run):
+        traced.append(1)
+        return run
+
+    again = same(run)
+    for other in (
+        again,
+        same(dataclasses.replace(run, solver_parts=SolverParts.of(solver))),
+        jax.tree.map(lambda x: x, run),
+        run.every(2),
+        dataclasses.replace(run, q=run.q + 1),
+    ):
+        assert other.solver == solver
+        assert other.solver_name == type(solver).__name__
+    assert len(traced) == 1
+    batch = jax.vmap(lambda x: dataclasses.replace(run, q=x * run.q))(jnp.ones(3))
+    assert batch.solver_name == run.solver_name
+
+
+def test_a_solver_with_a_traced_number(system):
+    """It is an array of the trajectory then."""
+
+    def simulate(rtol):
+        finder = diffrax.VeryChord(rtol=rtol, atol=rtol)
+        solver = diffrax.Kvaerno5(root_finder=finder)
+        return rj.simulate(system, TS, dt=0.05, solver=solver, throw=False)
+
+    run = jax.jit(simulate)(1e-4)
+    assert run.solver.root_finder.rtol == 1e-4
+    assert run.solver.order(None) == 5
+
+
+def test_old_names(run):
+    """They mean what they meant, and warn once."""
+    olds = {"reason": run.summary(), "doubts": run.warnings()}
+    for name, value in olds.items():
+        with pytest.warns(DeprecationWarning, match=rf"Trajectory\.{name} is called"):
+            assert getattr(run, name)() == value
+    with pytest.warns(DeprecationWarning, match=r"Trajectory\.flags now"):
+        assert run.doubt == run.flags
+    with pytest.warns(DeprecationWarning, match=r"the opposite of Trajectory\.is_valid"):
+        assert bool(run.flagged) is not bool(run.is_valid)
+    with pytest.warns(DeprecationWarning, match=r"romjax\.Doubt is called romjax\.Flag"):
+        assert rj.Doubt is rj.Flag
+    assert rj.Status.JOINTS_PART is rj.Status.CONSTRAINTS_VIOLATED
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert run.reason() == run.summary()
+
+
+def test_a_failed_run_is_not_valid(run):
+    """And says so in its warnings."""
+    failed = dataclasses.replace(run, status=jnp.asarray(int(rj.Status.MAX_STEPS)))
+    assert run.is_valid
+    assert run.warnings() == ""
+    assert not failed.is_valid
+    assert "max_steps" in failed.warnings()
+
+
+def test_statistics_of_plain_numbers():
+    """Of a run that was not simulated."""
+    stats = Statistics(3, 2, 1)
+    assert stats["num_steps"] == 3
+    assert stats.rtol is None
