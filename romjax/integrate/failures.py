@@ -5,7 +5,8 @@ import numpy as np
 
 from ..arrays import concrete
 from ..errors import SimulationError
-from ..system.base import AbstractSystem, ConstraintState
+from ..system.base import AbstractSystem
+from ..system.constraints import ConstraintState
 from .status import REMEDIES, Status
 from .trajectory import Trajectory
 
@@ -43,6 +44,6 @@ def _describe_start(system: AbstractSystem, start: ConstraintState) -> str:
         which, values, unit = "its rate", rate, "m/s or rad/s"
     row = int(np.argmax(np.abs(values)))
     return (
-        f"simulate: the start violates {system.constraint_label(row)}: {which} = "
+        f"simulate: the start violates {system.structure.constraints[row]}: {which} = "
         f"{values[row]:.6g} {unit}. Use q0, v0 = romjax.consistent(system, q0, v0)."
     )
