@@ -6,7 +6,9 @@ import warnings
 from typing import Any
 
 # Public names that changed, and where the new ones are.
-RENAMED: dict[str, tuple[str, str]] = {}
+RENAMED: dict[str, tuple[str, str]] = {
+    "verdict": (".basis.describe", "describe"),
+}
 
 
 @functools.cache

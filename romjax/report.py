@@ -7,7 +7,7 @@ import numpy as np
 from tabulate import tabulate
 
 from . import plot
-from .basis.describe import verdict
+from .basis.describe import describe
 from .integrate.trajectory import Trajectory
 from .scene.scene import Scene
 from .study.projected import ProjectedSystem
@@ -26,7 +26,7 @@ def summary(study: ReductionStudy, chapter: bool) -> str:
         text.append("chapter: time that its models save; they are the projected ones.")
     text += [f"{name}: refused. {reason}" for name, reason in study.refused.items()]
     for basis in study.bases.values():
-        text += ["", textwrap.fill(verdict(basis), 80)]
+        text += ["", textwrap.fill(describe(basis), 80)]
     ranks = [[f"{r.rate:g} Hz", str(r.naive), str(r.pod), str(r.sod)] for r in study.ranks]
     text += ["", tabulate([["rank at", "naive SOD", "POD", "SOD"], *ranks], tablefmt="plain")]
     text.append("naive: generalised SVD of raw snapshots" + (" (chapter: 5, then 6)" * chapter))

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..arrays import Time
-from ..basis.snapshots import Recording
+from ..basis.snapshots import SnapshotSet
 from ..errors import ReductionError
 from ..system.base import AbstractSystem, Linearization
 from ..system.stabilization import Baumgarte
@@ -35,7 +35,7 @@ class Atlas(eqx.Module):
     owners: np.ndarray  # (P,): the chart that suits each best
 
 
-def choose_atlas(system: AbstractSystem, recording: Recording) -> Atlas:
+def choose_atlas(system: AbstractSystem, recording: SnapshotSet) -> Atlas:
     """Charts along a motion, each as late as it still covers what the one before does not."""
     found = survey(system, recording, _LOOKS)
     steepness = np.array([np.linalg.cond(rows) for rows in found.rows])
@@ -101,7 +101,7 @@ class AtlasSystem(AbstractReducedSystem):
 
     @classmethod
     def of(
-        cls, parts: list[MinimalSystem], atlas: Atlas, recording: Recording, reason: str
+        cls, parts: list[MinimalSystem], atlas: Atlas, recording: SnapshotSet, reason: str
     ) -> "AtlasSystem":
         """From the system of each chart."""
         bare = [eqx.tree_at(lambda s: (s.full, s.training), part, (None, None)) for part in parts]

@@ -128,6 +128,6 @@ def project(
 
 def start(system: AbstractSystem, basis: Basis) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
     """Where a reduced model starts: with the snapshots, or where there are none, as the system."""
-    if basis.kind == "given":
+    if basis.decomposition is None:
         return system.q0, system.v0
-    return basis.recording.q[0], basis.recording.v[0]
+    return basis.snapshots.q[0], basis.snapshots.v[0]

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 import scipy.linalg
 
-from ..basis.snapshots import Recording
+from ..basis.snapshots import SnapshotSet
 from ..system.base import AbstractSystem
 
 # Minimal coordinates from which the others follow with a larger condition are none.
@@ -64,7 +64,7 @@ class Candidate(NamedTuple):
     place: int
 
 
-def survey(system: AbstractSystem, recording: Recording, looks: int) -> Survey:
+def survey(system: AbstractSystem, recording: SnapshotSet, looks: int) -> Survey:
     """Look at a motion's snapshots, or at so many of them."""
     places = np.linspace(0, len(recording.t) - 1, min(looks, len(recording.t))).astype(int)
     t, q = recording.t[places], recording.q[places]
@@ -79,7 +79,7 @@ def survey(system: AbstractSystem, recording: Recording, looks: int) -> Survey:
     return Survey(places, kept, rows, moves, root)
 
 
-def choose_chart(system: AbstractSystem, recording: Recording) -> Candidate:
+def choose_chart(system: AbstractSystem, recording: SnapshotSet) -> Candidate:
     """The chart that suits all snapshots of a motion best.
 
     Closed form where the columns of C_q that never change determine enough coordinates. Else the

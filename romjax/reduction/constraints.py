@@ -55,8 +55,8 @@ def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstrai
     their Jacobian is rounding noise, which a plain solver takes for a pivot. The rows are scaled to
     unit length in the mass metric, so that the shares know no units.
     """
-    stride = -(-len(basis.recording.t) // _SNAPSHOTS)
-    z, t = basis.coordinates[::stride], basis.recording.t[::stride]
+    stride = -(-len(basis.snapshots.t) // _SNAPSHOTS)
+    z, t = basis.coordinates[::stride], basis.snapshots.t[::stride]
 
     def reduced(t, z):  # type: ignore[no-untyped-def]
         q = basis.offset + basis.modes @ z
@@ -66,7 +66,7 @@ def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstrai
         return scale[:, None] * rows @ basis.modes, scale
 
     rows, scales = jax.vmap(reduced)(t, z)
-    recording = basis.recording
+    recording = basis.snapshots
     velocities, root = recording.v[::stride], jnp.linalg.cholesky(recording.metric)
     speeds = velocities @ recording.metric @ basis.modes
     missed = jnp.linalg.norm((velocities - speeds @ basis.modes.T) @ root)

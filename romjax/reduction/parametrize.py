@@ -8,11 +8,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..basis.basis import Basis
-from ..basis.decomposition.pod import pod
-from ..basis.decomposition.sod import sod
-from ..basis.rank import FLOOR
-from ..basis.snapshots import Recording, weigh
-from ..basis.subspace import singular_values
+from ..basis.decomposition.base import AbstractDecomposition
+from ..basis.snapshots import SnapshotSet, weigh
 from ..errors import ReductionError
 from ..system.base import AbstractSystem
 from .atlas import Atlas, AtlasSystem, choose_atlas
@@ -45,7 +42,7 @@ def minimal(
             f'rank={freedoms} or more, or formulation="galerkin".'
         )
     reason = f"{freedoms} minimal coordinates in {len(parts)} charts, no constraints"
-    return AtlasSystem.of(parts, chart, basis.recording, reason)
+    return AtlasSystem.of(parts, chart, basis.snapshots, reason)
 
 
 def _in_chart(
@@ -58,11 +55,11 @@ def _in_chart(
     of its own. Of a basis without snapshots, the modes are taken as they are; in one of several
     charts, all coordinates are.
     """
-    recording = basis.recording
+    recording = basis.snapshots
     metric = _metric(system, chart, recording.t[0], recording.q[0])
     read = jnp.asarray(chart.read, metric.dtype)
     moved = recording.q - basis.offset[None]
-    part = Recording(
+    part = SnapshotSet(
         recording.t,
         moved @ read.T,
         recording.v @ read.T,
@@ -74,14 +71,14 @@ def _in_chart(
     if domain is not None:
         inner = jnp.eye(len(metric), dtype=metric.dtype)
         metric = inner
-    elif basis.kind == "given":
+    elif basis.decomposition is None:
         root = jnp.linalg.cholesky(metric).T
         vectors, _ = jnp.linalg.qr(root @ read @ basis.modes)
         inner = jsl.solve_triangular(root, vectors)
     else:
         origin = jnp.zeros_like(metric[0])
-        rank = min(basis.rank, _most(part, origin, basis.kind))
-        inner = {"POD": pod, "SOD": sod}[basis.kind](part, rank, offset=origin).modes
+        rank = min(basis.rank, _most(part, origin, basis.decomposition))
+        inner = basis.decomposition.with_rank(rank, origin)(part).modes
     r, dual = inner.shape[1], inner.T @ metric @ read
     if domain is None:
         count = 1 if chart.affine else min(_GUESSES, len(recording.t))
@@ -101,7 +98,7 @@ def _in_chart(
         q0=dual @ (q - basis.offset),
         v0=dual @ v,
         chart=chart,
-        training=None if basis.kind == "given" else Training.of(moved @ dual.T, jnp.zeros(())),
+        training=basis.decomposition and Training.of(moved @ dual.T, jnp.zeros(())),
         reason=f"{r} modes of {len(metric)} minimal coordinates, no constraints"
         + (f"; {basis.rank} modes were asked for" if r < basis.rank else ""),
     )
@@ -113,8 +110,8 @@ def _choose(system: AbstractSystem, basis: Basis) -> Chart | Atlas:
             "reduce: under jit, grad or vmap say which coordinates are independent, such as "
             "chart=rom.chart of a reduced model that was made outside."
         )
-    found = choose_chart(system, basis.recording)
-    return found.chart if found.condition <= WORST else choose_atlas(system, basis.recording)
+    found = choose_chart(system, basis.snapshots)
+    return found.chart if found.condition <= WORST else choose_atlas(system, basis.snapshots)
 
 
 @eqx.filter_jit
@@ -137,10 +134,11 @@ def _inverses(
     return jnp.linalg.inv(rows @ jnp.asarray(chart.bound, q.dtype))
 
 
-def _most(part: Recording, offset: Float[Array, " d"], kind: str) -> int:
+def _most(
+    part: SnapshotSet, offset: Float[Array, " d"], decomposition: AbstractDecomposition
+) -> int:
     """How many directions the snapshots span above rounding; all, while JAX traces."""
-    snapshots = weigh(part, offset)
-    values = singular_values(snapshots.positions if kind == "POD" else snapshots.velocities)
+    values, rounding, _ = decomposition.criterion(weigh(part, offset))
     if isinstance(values, jax.core.Tracer):
         return len(values)
-    return int(np.sum(np.asarray(values) > FLOOR[values.dtype] * values[0]))
+    return int(np.sum(np.asarray(values) > rounding * values[0]))

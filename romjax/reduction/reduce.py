@@ -57,8 +57,10 @@ def reduce(
     lock the mechanism or those that are not free its joints, or if the mechanism passes a singular
     position (minimal).
     """
-    # Words are static: with them, each basis would compile programs of its own.
-    basis = dataclasses.replace(basis, reason="", tol=None)
+    # Words and ranks as asked for are static: with them, each basis would compile programs of its
+    # own.
+    made = basis.decomposition and basis.decomposition.with_rank(basis.rank, basis.offset)
+    basis = dataclasses.replace(basis, summary="", decomposition=made)
     if basis.modes.shape[0] != system.n:
         raise ReductionError(
             f"reduce: the basis has {basis.modes.shape[0]} coordinates and the system {system.n}; "
@@ -87,7 +89,7 @@ def _galerkin(system: AbstractSystem, basis: Basis, count: int | None) -> Galerk
         )
     combinations = found.combinations(kept)
     reason = f"{r} modes, {kept} of {system.m} constraints kept, {r - kept} degrees of freedom"
-    time = basis.recording.t[0]
+    time = basis.snapshots.t[0]
     q, v = start(system, basis)
     found_start = _galerkin_start(system, basis, combinations, time, q, v)
     known = _training(system, basis)
@@ -137,11 +139,11 @@ def _training(
 
     `turn`: from the coordinates of the basis to those of the system, if they are others.
     """
-    if basis.kind == "given":
+    if basis.decomposition is None:
         return None
     z = basis.coordinates
     stride = -(-len(z) // _LOOKS)
-    some, t = z[::stride], basis.recording.t[::stride]
+    some, t = z[::stride], basis.snapshots.t[::stride]
     violation = _violation(system, t, basis.offset[None] + some @ basis.modes.T)
     return Training.of(z if turn is None else z @ turn.T, violation)
 

@@ -128,7 +128,7 @@ def _smallest(
             estimate = max(_change(truths, previous, model), _error(truths, previous))
             best = min(best, estimate)
             # In minimal coordinates, the values of the physical ones say nothing.
-            tail = float(previous.basis.leak) if formulation == "galerkin" else 0.0
+            tail = float(previous.basis.projection_error) if formulation == "galerkin" else 0.0
             if estimate <= tol / _SAFETY and tail <= _TAIL * tol:
                 return previous, estimate, previous.basis.rank
             if formulation == "minimal" and model.rom.n == previous.rom.n:

@@ -51,5 +51,5 @@ def make_reference(
 def _complete(training: Trajectory, system: AbstractSystem) -> AbstractSystem:
     """The system in minimal coordinates, all of them: the same motion by other equations."""
     basis = pod(training, rank=1)
-    whole = dataclasses.replace(basis, modes=jnp.eye(system.n), kind="given")
-    return reduce(system, whole, "minimal")
+    given = dataclasses.replace(basis, modes=jnp.eye(system.n), decomposition=None)
+    return reduce(system, given.orthonormalised(training.metric), "minimal")
