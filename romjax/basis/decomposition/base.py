@@ -64,9 +64,10 @@ class AbstractDecomposition(eqx.Module):
     def directions(self, snapshots: WeightedSnapshots, rank: int) -> Directions:
         """The subspace of that rank; it may be differentiated."""
 
-    def with_rank(self, rank: int, offset: Any) -> "AbstractDecomposition":
-        """The same decomposition to a number of modes, about `offset` (n,)."""
-        return dataclasses.replace(self, rank=rank, tol=None, offset=jnp.asarray(offset))
+    def with_rank(self, rank: Rank, offset: Any = None) -> "AbstractDecomposition":
+        """The same decomposition to a number of modes; about `offset` (n,), if that is given."""
+        about = self.offset if offset is None else jnp.asarray(offset)
+        return dataclasses.replace(self, rank=rank, tol=None, offset=about)
 
     def __call__(self, motion: Motion | Sequence[Motion] | SnapshotSet) -> Basis:
         """The Basis of a motion, or of several of one mechanism.
