@@ -95,7 +95,7 @@ def saved(found: Accuracy) -> record.Section:
     ratios = {}
     for name, model in found.models.items():
         own = [row for row in found.rows if row.model == name and not row.failure]
-        if model.formulation == "full" or not own:
+        if model.reduction is None or not own:
             continue
         # The last half of an error costs more than it is worth.
         least = min(row.error for row in own)

@@ -6,11 +6,15 @@ from . import gallery as gallery
 from . import plot as plot
 from .assembly.assemble import assemble as assemble
 from .basis.basis import Basis as Basis
+from .basis.decomposition.base import AbstractDecomposition as AbstractDecomposition
+from .basis.decomposition.pod import POD as POD
 from .basis.decomposition.pod import pod as pod
+from .basis.decomposition.sod import SOD as SOD
 from .basis.decomposition.sod import sod as sod
-from .basis.describe import verdict as verdict
+from .basis.describe import describe as describe
 from .basis.stream import PodStream as PodStream
 from .errors import InputError as InputError
+from .errors import RankError as RankError
 from .errors import ReductionError as ReductionError
 from .errors import SceneError as SceneError
 from .errors import SimulationError as SimulationError

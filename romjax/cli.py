@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from . import compat, page, plot, report
 from .assembly.assemble import assemble
-from .errors import SceneError, SimulationError
+from .errors import InputError, SceneError, SimulationError
 from .gallery.catalogue import EXAMPLES, Example, find
 from .scene.scene import Scene
 from .study.accuracy.study import accuracy
@@ -131,7 +131,7 @@ def _run(options: argparse.Namespace) -> int:
         files = report.write(study, scene, folder, animation=not options.no_animation)
         bar.set_description_str("done")
         bar.update(stages - bar.n)
-    print(report.summary(study, chapter=example.name == "cart-pendulum"))
+    print(report.summary(study, example))
     print(f"\nWrote {len(files)} files to {folder}{os.sep}: {', '.join(f.name for f in files)}")
     return 0
 
@@ -141,7 +141,7 @@ def _accuracy(options: argparse.Namespace) -> int:
     folder = _writable(options.out or Path(f"romjax-{example.name}"))
     end, rate = _given(options.end, example.end), _given(options.rate, example.rate)
     if not (options.budget > 0 and end * rate >= 1):
-        raise ValueError(
+        raise InputError(
             f"accuracy: a budget of {options.budget:g} s for {end:g} s at {rate:g} Hz; give time "
             "to spend, and at least one output."
         )
@@ -196,8 +196,9 @@ def _load(name: str) -> Example:
     path = Path(name)
     if not path.is_file():
         raise SceneError(f"There is no file {path}; give a Python file that defines `scene`.")
-    found = runpy.run_path(str(path)).get("scene")
-    scene = found() if callable(found) and not isinstance(found, Scene) else found
+    scene = runpy.run_path(str(path)).get("scene")
+    if callable(scene) and not isinstance(scene, Scene):
+        scene = scene()
     if not isinstance(scene, Scene):
         raise SceneError(
             f"{path} defines no `scene`; it must hold a romjax.Scene of that name, or a function "

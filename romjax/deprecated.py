@@ -10,7 +10,8 @@ T = TypeVar("T")
 
 # Public names that changed, and where the new ones are.
 RENAMED: dict[str, tuple[str, str]] = {
-    "Doubt": (".reduction.validity", "Flag"),
+    "Doubt": (".system.flags", "Flag"),
+    "verdict": (".basis.describe", "describe"),
 }
 
 

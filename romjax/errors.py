@@ -9,6 +9,10 @@ class SceneError(InputError):
     """A scene that cannot be assembled."""
 
 
+class RankError(InputError):
+    """A number of modes that the snapshots do not allow."""
+
+
 class ReductionError(ValueError):
     """A basis that does not make a reduced model."""
 

@@ -15,9 +15,11 @@ import jax
 from tabulate import tabulate
 
 from . import plot
-from .study.accuracy.result import ALONE, Accuracy, Condition, Recommendation, Row
+from .study.accuracy.recommendation import Recommendation
+from .study.accuracy.result import Accuracy
+from .study.accuracy.row import SINGLE_RUN, Condition, Row
 
-# Errors that the page and the command line recommend a way for.
+# Errors that the page and the command line recommend something for.
 ERRORS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 
 _PAGE = """<!doctype html>
@@ -57,32 +59,29 @@ def summary(result: Accuracy) -> str:
     header = ["error", "model", "method", "rtol", "reached", "ms", "pays after"]
     sides = ("left", "left", "left", *["right"] * (len(header) - 3))
     text = ""
-    for lanes in _lanes(result):
+    for lanes in result.lanes:
         rows = []
-        for found in recommendations(result, lanes):
-            row, runs = found.row, result.break_even(found.row)
+        for advice in recommendations(result, lanes):
+            row, runs = advice.row, result.break_even(advice.row)
             cells = [row.model, row.solver, _setting(row), f"{row.error:.1e}"]
             pays = "" if runs is None else f"{runs:,.0f} runs" if math.isfinite(runs) else "never"
-            rows.append([f"{found.error:g}", *cells, f"{1e3 * row.least:.2f}", pays])
+            rows.append([f"{advice.error:g}", *cells, f"{1e3 * row.least:.2f}", pays])
         text += f"Of {lanes} runs at once, each:\n" if lanes > 1 else ""
         text += tabulate(rows, header, tablefmt="plain", disable_numparse=True, colalign=sides)
         text += "\n\n"
     text += textwrap.fill(_reference(result), 80)
     if result.skipped:
-        text += f"\n{len(result.skipped)} ways were refused or left out; the page says which."
+        text += (
+            f"\n{len(result.skipped)} configurations were refused or left out; the page says which."
+        )
     return text
 
 
 def recommendations(result: Accuracy, lanes: int = 1) -> list[Recommendation]:
     """Those for all of the usual errors that something reaches."""
-    front = result.front(Condition(ALONE.precision, lanes))
+    front = result.front(Condition(SINGLE_RUN.precision, lanes))
     least = min((row.error for row in front), default=math.inf)
     return [result.recommend(error, lanes=lanes) for error in ERRORS if error >= least]
-
-
-def _lanes(result: Accuracy) -> list[int]:
-    """How many runs at once were tried, in double precision."""
-    return [c.lanes for c in result.conditions if c.precision == ALONE.precision]
 
 
 def _setting(row: Row) -> str:
@@ -126,8 +125,8 @@ def _page(result: Accuracy, title: str, picture: bytes) -> str:
         f"<li>{html.escape(name)}: {html.escape(why)}</li>" for name, why in result.skipped.items()
     ]
     skipped = "<h2>Not measured</h2><ul>" + "\n".join(items) + "</ul>" if items else ""
-    # One line for each way, with the least of the errors that it is for.
-    found = {advice.row: advice for n in _lanes(result) for advice in recommendations(result, n)}
+    # One line for each row, with the least of the errors that it is for.
+    advised = {advice.row: advice for n in result.lanes for advice in recommendations(result, n)}
     device = jax.devices()[0]
     machine = (
         f"{datetime.date.today()}, {os.cpu_count()} cores, {platform.machine()}, "
@@ -136,7 +135,7 @@ def _page(result: Accuracy, title: str, picture: bytes) -> str:
     return _PAGE.format(
         title=html.escape(title),
         reference=html.escape(_reference(result)),
-        recommendations="\n".join(f"<li>{html.escape(x.words)}</li>" for x in found.values()),
+        recommendations="\n".join(f"<li>{html.escape(x.words)}</li>" for x in advised.values()),
         figure=base64.b64encode(picture).decode(),
         table='<div class="wide"><table>\n' + "\n".join(lines) + "\n</table></div>",
         skipped=skipped,

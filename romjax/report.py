@@ -7,49 +7,61 @@ import numpy as np
 from tabulate import tabulate
 
 from . import plot
-from .basis.describe import verdict
+from .basis.describe import describe
+from .gallery.catalogue import Example
 from .integrate.trajectory import Trajectory
 from .scene.scene import Scene
 from .study.reduction import ReductionStudy, Run
 
-# Time saved in the chapter's section 39.4.2, by POD with six modes and by SOD with five.
-CHAPTER = {"POD projected": "12 %", "SOD projected": "30 %"}
 
-
-def summary(study: ReductionStudy, chapter: bool) -> str:
-    """The table of the models, at most 80 columns wide, and the ranks at both sample rates."""
+def summary(study: ReductionStudy, example: Example) -> str:
+    """The table of the models, at most 80 columns wide, and the ranks at both sample rates; beside
+    them what is published of the `example`.
+    """
     header = ["model", "r", "kept", "dof", "steps", "comp. s", "run ms", "error", "speed-up"]
-    text = [_table(header, [_row(run, study.full) for run in study.runs], chapter)]
-    text.append("r modes, kept constraints, degrees of freedom; compile time apart.")
-    if chapter:
+    rows = [_row(run, study.full) for run in study.runs]
+    text = []
+    if example.published_savings:
+        header.append("chapter")
+        for row, run in zip(rows, study.runs, strict=True):
+            row.append(_published(run, example))
         text.append("chapter: time that its models save; they are the projected ones.")
+    text.insert(0, "r modes, kept constraints, degrees of freedom; compile time apart.")
+    text.insert(0, _table(header, rows))
     text += [f"{name}: refused. {reason}" for name, reason in study.refused.items()]
     for basis in study.bases.values():
-        text += ["", textwrap.fill(verdict(basis), 80)]
+        text += ["", textwrap.fill(describe(basis), 80)]
     ranks = [[f"{r.rate:g} Hz", str(r.naive), str(r.pod), str(r.sod)] for r in study.ranks]
     text += ["", tabulate([["rank at", "naive SOD", "POD", "SOD"], *ranks], tablefmt="plain")]
-    text.append("naive: generalised SVD of raw snapshots" + (" (chapter: 5, then 6)" * chapter))
+    published = ", then ".join(str(rank) for rank in example.published_ranks)
+    text.append(
+        "naive: generalised SVD of raw snapshots" + f" (chapter: {published})" * bool(published)
+    )
     return "\n".join(text)
 
 
-def _table(header: list[str], rows: list[list[str]], chapter: bool) -> str:
-    if chapter:
-        header = [*header, "chapter"]
-        rows = [[*row, CHAPTER.get(row[0], "")] for row in rows]
+def _table(header: list[str], rows: list[list[str]]) -> str:
     lines = [header, ["-" * len(name) for name in header], *rows]
     sides = ["left"] + ["right"] * (len(header) - 1)
     return tabulate(lines, tablefmt="plain", disable_numparse=True, colalign=sides)
 
 
+def _published(run: Run, example: Example) -> str:
+    """The published saving of a model; published models are those for reference."""
+    if run.basis is None or run.formulation is None or not run.formulation.for_reference:
+        return ""
+    saving = example.published_savings.get(run.basis.name)
+    return "" if saving is None else f"{100 * saving:.0f} %"
+
+
 def _row(run: Run, full: Run) -> list[str]:
     reduced, ok = run is not full, bool(run.trajectory.success)
-    # The projected formulation keeps no constraint in the reduced coordinates.
-    free = not False
+    freedoms = run.degrees_of_freedom
     return [
         run.name,
         str(run.system.n),
         str(run.system.m),
-        str(run.system.n - run.system.m) if free else "",
+        "" if freedoms is None else str(freedoms),
         str(int(run.trajectory.stats.num_steps)),
         f"{run.compile_time:.1f}",
         f"{1e3 * run.run_time:.1f}",
@@ -74,8 +86,7 @@ def write(study: ReductionStudy, scene: Scene, folder: Path, animation: bool) ->
         figure.savefig(folder / name, dpi=100)
         written.append(folder / name)
     if animation:
-        best = "POD galerkin"
-        shown = {"full": truth} | ({best: approx[best]} if best in approx else {})
+        shown = {"full": truth} | dict(list(approx.items())[:1])
         plot.animate(scene, shown, folder / "animation.gif", fps=20, seconds=2.0)
         written.append(folder / "animation.gif")
     for name, trajectory in {"full": truth, **approx}.items():

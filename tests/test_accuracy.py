@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+from typing import Any, ClassVar
 
 import diffrax
 import equinox as eqx
@@ -12,8 +13,10 @@ import pytest
 
 import romjax as rj
 from romjax import page
-from romjax.study.accuracy.measure import Way
-from romjax.study.accuracy.result import ALONE, Accuracy, Condition, Row, with_front
+from romjax.basis.decomposition.base import Directions, RankCriterion
+from romjax.study.accuracy.configuration import Configuration
+from romjax.study.accuracy.result import Accuracy
+from romjax.study.accuracy.row import SINGLE_RUN, Condition, Row, with_front
 
 TS = np.linspace(0.0, 1.0, 101)
 DOPRI8 = diffrax.Dopri8()
@@ -50,7 +53,7 @@ def found(scene) -> Accuracy:
     return study(scene, 2)
 
 
-def test_all_ways_are_measured(found):
+def test_all_configurations_are_measured(found):
     assert set(found.models) == {"full", "POD minimal, r = 2"}
     assert len(found.rows) == len(found.models) * len(found.solvers) * 3
     for row in found.rows:
@@ -136,7 +139,7 @@ def test_single_precision_has_no_reference():
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ({"formulations": ["newton"]}, "'newton' is none of galerkin, minimal, projected"),
+        ({"formulations": ["newton"]}, "'newton'.*galerkin.*minimal.*projected"),
         ({"bases": ["PCA"]}, "'PCA' is none of POD, SOD"),
         ({"tolerances": []}, r"tolerances=\(\).*between 0 and 1"),
         ({"tolerances": [0.0]}, r"tolerances=\(0.0,\).*between 0 and 1"),
@@ -175,7 +178,7 @@ def test_recommendations_hold_on_other_scenes():
 
 
 @pytest.mark.slow
-def test_ways_that_fail_are_marked():
+def test_runs_that_fail_are_marked():
     """An explicit method on a beam of 100 kHz needs too many steps; the stiff one does not."""
     stiff = rj.gallery.cart_pendulum(f2=1e5)
     found = rj.accuracy(
@@ -214,14 +217,14 @@ def test_one_method_and_a_small_mechanism():
     assert all(row.solver == "Dopri8" and not row.failure for row in found.rows)
     wide, single, many = (
         {(r.model, r.rtol): r.error for r in found.rows if r.condition == condition}
-        for condition in (ALONE, Condition("f32", 1), Condition("f64", 4))
+        for condition in (SINGLE_RUN, Condition("f32", 1), Condition("f64", 4))
     )
     assert {rtol for _, rtol in single} == {1e-4}  # 1e-6 is out of reach
-    for way, error in many.items():
+    for run, error in many.items():
         # By the lane of the loosest tolerance.
-        assert 0.5 * wide[way] < error < 3 * wide[way]
-    for way, error in single.items():
-        assert 0.3 * wide[way] < error < 3 * wide[way]
+        assert 0.5 * wide[run] < error < 3 * wide[run]
+    for run, error in single.items():
+        assert 0.3 * wide[run] < error < 3 * wide[run]
     assert found.recommend(1e-3, lanes=4).row.lanes == 4
     assert "4 at once" in str(found.recommend(1e-3, lanes=4))
     with pytest.raises(ValueError, match="nothing was measured with lanes=5, only 1, 4"):
@@ -264,17 +267,60 @@ def figure_legend(found):
 
 
 def test_interrupt_keeps_what_is_measured(scene, monkeypatch):
-    """Ctrl-C while the second way is compiled: the first is there, the rest is listed."""
-    compile_way, made = Way.of, []
+    """Ctrl-C while the second model is compiled: the first is there, the rest is listed."""
+    compiled, made = Configuration.compiled, []
 
     def interrupted(*arguments):
         if made:
             raise KeyboardInterrupt
-        made.append(compile_way(*arguments))
+        made.append(compiled(*arguments))
         return made[0]
 
-    monkeypatch.setattr(Way, "of", interrupted)
+    monkeypatch.setattr(Configuration, "compiled", interrupted)
     found = rj.accuracy(scene, TS, tolerances=[1e-3], lanes=[1], repeats=1)
     assert [r.model for r in found.rows] == ["full"]
     assert found.skipped["the rest"] == "interrupted"
     assert found.recommend(1e-1).row.least > 0
+
+
+class Wrong(rj.AbstractDecomposition):
+    """A decomposition with a programming error."""
+
+    rank: int | None = eqx.field(static=True, default=None)
+    tol: Any = None
+    offset: Any = None
+    name: ClassVar[str] = "wrong"
+
+    def criterion(self, snapshots):
+        return RankCriterion(jnp.ones(2), 1e-12, snapshots.noise.positions)
+
+    def directions(self, snapshots, rank) -> Directions:
+        raise ValueError("a bug")
+
+
+def test_programming_errors_surface(scene):
+    """They were listed as models that are refused."""
+    with pytest.raises(ValueError, match="^a bug$"):
+        rj.accuracy(scene, TS, bases=[Wrong()], tolerances=[1e-3], lanes=[1], repeats=1)
+
+
+def test_objects_are_as_good_as_names(scene):
+    """And a model says what it was made of."""
+    found = rj.accuracy(
+        scene,
+        TS[:11],
+        formulations=["minimal"],
+        bases=[rj.SOD()],
+        ranks=[2],
+        tolerances=[1e-3],
+        solvers=[DOPRI8],
+        precisions=["f64"],
+        lanes=[1],
+        repeats=1,
+    )
+    full, other = found.models.values()
+    assert full.reduction is None
+    assert other.name == "SOD minimal, r = 2"
+    assert other.reduction.basis.name == "SOD"
+    assert other.reduction.formulation.name == "minimal"
+    assert [row.is_full for row in found.rows] == [True, False]

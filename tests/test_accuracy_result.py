@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from romjax.study.accuracy.result import ALONE, Accuracy, Row, with_front
+from romjax.study.accuracy.result import Accuracy
+from romjax.study.accuracy.row import SINGLE_RUN, Row, with_front
 
 
 def row(least, error, **more):
     fields = dict.fromkeys(Row._fields, 0) | {"failure": "", "least": least, "error": error}
-    fields |= ALONE._asdict()
+    fields |= SINGLE_RUN._asdict()
     return Row(**fields | more)
 
 
@@ -22,7 +23,7 @@ def test_each_condition_has_its_front():
 
 
 def test_break_even():
-    """T_offline / (T_full − T_reduced), of the full model's cheapest way to the same error."""
+    """T_offline / (T_full − T_reduced), of the full model's cheapest run at the same error."""
 
     def full(least, error):
         return row(least, error, model="full", formulation="full")

@@ -260,7 +260,7 @@ RANKS = {
 @pytest.mark.parametrize("decompose", [rj.pod, rj.sod])
 @pytest.mark.parametrize(("motion", "choice", "words"), RANKS.values(), ids=RANKS)
 def test_ranks(decompose, motion, choice, words):
-    with pytest.raises(ValueError, match=f"{decompose.__name__}: .*{words}"):
+    with pytest.raises(ValueError, match=f"{decompose.__name__.upper()}: .*{words}"):
         decompose(motion, **choice)
 
 

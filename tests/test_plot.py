@@ -153,9 +153,9 @@ def test_values_relative_to_the_largest_with_the_rank():
     spectrum = jnp.array([4.0, 1.0, 0.5, 0.0])
     pod = dataclasses.replace(
         rj.Basis.from_modes(jnp.eye(4)[:, :2], jnp.zeros(4)),
-        spectrum=spectrum, values=spectrum, kind="POD",
+        spectrum=spectrum, values=spectrum, decomposition=rj.POD(),
     )  # fmt: skip
-    sod = dataclasses.replace(pod, values=jnp.array([0.3, 0.1]), kind="SOD")
+    sod = dataclasses.replace(pod, values=jnp.array([0.3, 0.1]), decomposition=rj.SOD())
     figure = plot.values(pod)
     (axes,) = panels(figure)
     kept, _, dropped, rank = axes.lines

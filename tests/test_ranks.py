@@ -48,10 +48,10 @@ def test_what_the_integration_hides_does_not_count(runs, rtol):
 
 
 def test_the_reason_names_what_decided(runs):
-    assert "tolerance 0.001" in rj.sod(runs[1e-8], tol=1e-3).reason
-    assert "integration errors" in rj.sod(runs[1e-8], tol=1e-8).reason
-    assert "1 of them below integration errors" in rj.sod(runs[1e-8], rank=6).reason
-    assert "drop point" in rj.pod(runs[1e-12]).reason
+    assert "tolerance 0.001" in rj.sod(runs[1e-8], tol=1e-3).summary
+    assert "integration errors" in rj.sod(runs[1e-8], tol=1e-8).summary
+    assert "1 of them below integration errors" in rj.sod(runs[1e-8], rank=6).summary
+    assert "drop point" in rj.pod(runs[1e-12]).summary
 
 
 def test_the_values_do_not_move_either(runs):
@@ -94,7 +94,7 @@ def test_single_precision_keeps_the_ranks(runs):
             )
         for stride in STRIDES:
             assert ranks(rj.sod, motion.every(stride))[:3] == EXACT[:3]
-            assert "rounding of 1.0e-06" in rj.sod(motion.every(stride), tol=1e-8).reason
+            assert "rounding of 1.0e-06" in rj.sod(motion.every(stride), tol=1e-8).summary
 
 
 def test_the_gram_matrix_gives_the_same(runs):
@@ -119,11 +119,11 @@ def test_a_stream_gives_the_same(runs):
             stream = stream.add(motion.t[part], motion.q[part], motion.v[part])
         basis = stream.basis(rank=4)
         assert stream.factor.shape == (8, most or 8)
-        assert len(basis.recording.t) <= 400
+        assert len(basis.snapshots.t) <= 400
         scale = direct.values[0]
         assert jnp.max(jnp.abs(direct.values[:4] - basis.values[:4])) <= SOLVED / 10 * scale
         assert angle(motion, direct, basis) <= SOLVED / 10
-        assert abs(basis.leak - direct.leak) <= SOLVED / 10
+        assert abs(basis.projection_error - direct.projection_error) <= SOLVED / 10
 
 
 def angle(motion, one, other) -> float:

@@ -110,3 +110,63 @@ def test_a_start_away_from_the_origin():
         rom = rj.reduce(system, rj.pod(motion, rank=5))
         errors.append(rj.compare(motion, rj.simulate(rom, ts, rtol=1e-9)).error)
     assert errors[1] <= 10 * errors[0]
+
+
+@pytest.fixture(scope="module")
+def falling():
+    """Two bars that fall for a tenth of a second: the system and a run by Rodas5P."""
+    system = rj.assemble(rj.gallery.chain(2))
+    settings = {"rtol": 1e-7, "adjoint": diffrax.ForwardMode()}
+    return system, rj.simulate(system, jnp.linspace(0.0, 0.1, 11), solver=rj.Rodas5P(), **settings)
+
+
+def test_programming_errors_surface(falling, monkeypatch):
+    """They were told as "no rank reaches tol"."""
+
+    def wrong(*arguments, **settings):
+        raise ValueError("a bug")
+
+    monkeypatch.setattr("romjax.study.reduce_to.simulate", wrong)
+    with pytest.raises(ValueError, match="^a bug$"):
+        rj.reduce_to(*falling, 1e-2)
+
+
+def test_a_model_that_cannot_start_is_no_model(falling, monkeypatch):
+    """Of a held-out variation the reduced constraints cannot hold: that joins the training."""
+    system, training = falling
+    accepted = []
+
+    def refused(rom, q, v, t):
+        accepted.append(t)
+        raise rj.ReductionError("The reduced model has no start there.")
+
+    monkeypatch.setattr("romjax.study.reduce_to.starting_at", refused)
+    with pytest.raises(rj.ReductionError, match="no rank up to 6 reaches tol=0.01; The reduced"):
+        rj.reduce_to(system, training, 1e-2)
+    assert len(accepted) == 6
+
+
+@pytest.mark.xfail(
+    strict=True,
+    raises=AssertionError,
+    reason="a trajectory holds the name of its solver, not the solver",
+)
+def test_variations_are_simulated_as_the_training_was(falling, monkeypatch):
+    """By the same method, not by the default one."""
+    system, training = falling
+    solvers = []
+
+    def watched(system, ts, *, solver=None, **settings):
+        solvers.append(solver)
+        return rj.simulate(system, ts, solver=solver, **settings)
+
+    monkeypatch.setattr("romjax.study.reduce_to.simulate", watched)
+    rj.reduce_to(system, training, 1e-2, variations=[system], formulation="minimal")
+    assert type(solvers[0]) is rj.Rodas5P
+
+
+def test_a_formulation_for_reference_is_refused(falling):
+    with pytest.raises(rj.ReductionError, match="'projected' is for reference only"):
+        rj.reduce_to(*falling, 1e-2, formulation="projected")
+    with pytest.raises(rj.ReductionError, match="formulation='best'"):
+        rj.reduce_to(*falling, 1e-2, formulation="best")

@@ -57,7 +57,7 @@ def test_drop_point(coarse):
     """Six directions stand out, as in the chapter; what follows is rounding."""
     basis = rj.pod(coarse)
     assert basis.rank == 6
-    assert "drop point" in basis.reason
+    assert "drop point" in basis.summary
     assert basis.values[5] / basis.values[6] >= DROP
 
 
@@ -114,8 +114,8 @@ def test_coordinates_that_rest(coarse):
 
 
 def test_more_modes_miss_less(coarse):
-    leaks = [rj.pod(coarse, rank=rank).leak for rank in (2, 3, 4, 5)]
-    assert all(less < more for more, less in itertools.pairwise(leaks))
+    errors = [rj.pod(coarse, rank=rank).projection_error for rank in (2, 3, 4, 5)]
+    assert all(less < more for more, less in itertools.pairwise(errors))
 
 
 def test_six_modes(error):

@@ -120,11 +120,11 @@ def test_bases_of_any_snapshots(rows, columns, numbers, kind):
         basis = rj.pod(motion, rank=rank)
         assert np.max(np.abs(basis.modes.T @ basis.modes - np.eye(rank))) <= exact
         least = np.linalg.norm(spectrum[rank:]) / np.linalg.norm(spectrum)
-        # The leak is a root of a sum of squares: rounding of 1 is 1e-8 of it.
-        assert abs(basis.leak - least) <= (1e-3 if single else 1e-7)
+        # The projection error is a root of a sum of squares: rounding of 1 is 1e-8 of it.
+        assert abs(basis.projection_error - least) <= (1e-3 if single else 1e-7)
 
         def missed(x, rank=rank):
-            return rj.pod(Recorded(x), rank=rank).leak ** 2
+            return rj.pod(Recorded(x), rank=rank).projection_error ** 2
 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)

@@ -1,59 +1,83 @@
-"""A subspace to reduce in, and how it was found."""
+"""A subspace to reduce in, and how it was made."""
 
-from typing import Any
+import dataclasses
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .snapshots import Recording
+from ..deprecated import renamed, warn_once
+from ..errors import InputError
+from .orthonormal import orthonormalize
+from .snapshots import SnapshotSet
+
+if TYPE_CHECKING:
+    from .decomposition.base import AbstractDecomposition
+else:
+    # Decompositions make bases, so their module imports this one.
+    AbstractDecomposition = eqx.Module
 
 
 class Basis(eqx.Module):
     """An affine subspace q ≈ q̄ + Φ z.
 
-    - `modes` Φ (n, r): orthonormal in the metric, Φᵀ M Φ = I.
+    - `modes` Φ (n, r): orthonormal in the metric of the snapshots, Φᵀ M Φ = I.
     - `offset` q̄ (n,).
     - `values`: proper orthogonal values (all of them) or smooth orthogonal values (of the modes).
     - `spectrum`: the singular values that decided the rank, largest first.
-    - `recording`: the snapshots it was made from.
-    - `leak`: share of the snapshots that the subspace misses, in the energy norm.
+    - `snapshots`: what it was made from.
+    - `projection_error`: share of the snapshots that the subspace misses, in the energy norm.
     - `floor`: directions below this share of the largest are noise, of rounding or integration.
-    - `kind`: "POD", "SOD" or "given"; `reason`: why the rank is what it is, in words; `tol`: the
-      tolerance that was asked for, if one was.
+    - `decomposition`: the object that made it, such as `POD(tol=1e-4)`; None for given modes.
+    - `summary`: why the rank is what it is, in words.
     """
 
     modes: Float[Array, "n r"]
     offset: Float[Array, " n"]
     values: Float[Array, " k"]
     spectrum: Float[Array, " s"]
-    recording: Recording
-    leak: Float[Array, ""]
+    snapshots: SnapshotSet
+    projection_error: Float[Array, ""]
     floor: Float[Array, ""]
-    kind: str = eqx.field(static=True, default="given")
-    reason: str = eqx.field(static=True, default="given")
-    tol: float | None = eqx.field(static=True, default=None)
+    decomposition: AbstractDecomposition | None = None
+    summary: str = eqx.field(static=True, default="given")
 
     @classmethod
-    def from_modes(cls, modes: Any, offset: Any) -> "Basis":
-        """A basis of one's own: any independent columns `modes` (n, r) about `offset` (n,)."""
-        kind = jnp.result_type(jnp.asarray(modes), jnp.asarray(offset), float)
-        modes, offset = jnp.asarray(modes, kind), jnp.asarray(offset, kind)
+    def from_modes(cls, modes: Any, offset: Any, metric: Any = None) -> "Basis":
+        """A basis of one's own.
+
+        **Arguments:**
+
+        - `modes` (n, r): independent columns, which are made orthonormal; the span stays.
+        - `offset` (n,): q̄.
+        - `metric` (n, n): mass matrix in which they are orthonormal; the identity unless given.
+
+        Raises InputError for shapes that do not fit, for columns that depend on each other, and for
+        a metric that is not positive definite.
+        """
+        dtype = jnp.result_type(jnp.asarray(modes), jnp.asarray(offset), float)
+        modes, offset = jnp.asarray(modes, dtype), jnp.asarray(offset, dtype)
         if modes.ndim != 2 or offset.shape != modes.shape[:1] or modes.shape[1] > modes.shape[0]:
-            raise ValueError(
+            raise InputError(
                 f"Basis: modes {modes.shape} and offset {offset.shape} do not fit; they must have "
                 "shapes (n, r) and (n,) with r at most n."
             )
-        none, zero = jnp.ones(modes.shape[1], modes.dtype), jnp.zeros((), modes.dtype)
-        return cls(modes, offset, none, none, Recording.still(offset), zero, zero)
+        metric = _metric(metric, offset)
+        ones, zero = jnp.ones(modes.shape[1], dtype), jnp.zeros((), dtype)
+        snapshots = SnapshotSet.single(offset, metric)
+        return cls(orthonormalize(modes, metric), offset, ones, ones, snapshots, zero, zero)
 
-    @property
-    def snapshots(self):
-        return self.recording
+    def orthonormalised(self, metric: Any) -> "Basis":
+        """The same subspace and the same snapshots, with modes orthonormal in `metric` (n, n).
 
-    @property
-    def decomposition(self):
-        return None if self.kind == "given" else self.kind
+        `values`, `spectrum` and `projection_error` stay those of the metric before. Raises
+        InputError for a metric of another shape or one that is not positive definite.
+        """
+        metric = _metric(metric, self.offset)
+        snapshots = dataclasses.replace(self.snapshots, metric=metric)
+        modes = orthonormalize(self.modes, metric)
+        return dataclasses.replace(self, modes=modes, snapshots=snapshots)
 
     @property
     def rank(self) -> int:
@@ -61,7 +85,38 @@ class Basis(eqx.Module):
         return self.modes.shape[1]
 
     @property
+    def name(self) -> str:
+        """What made it, in words: "POD", "SOD", "given modes"."""
+        return "given modes" if self.decomposition is None else self.decomposition.name
+
+    @property
+    def tol(self) -> Float[Array, ""] | None:
+        """The tolerance that was asked for, if one was."""
+        return None if self.decomposition is None else self.decomposition.tol
+
+    @property
     def coordinates(self) -> Float[Array, "h r"]:
         """The snapshots in the basis, z = Φᵀ M (q − q̄)."""
-        moved = self.recording.q - self.offset[None]
-        return moved @ self.recording.metric @ self.modes
+        displacements = self.snapshots.q - self.offset[None]
+        return displacements @ self.snapshots.metric @ self.modes
+
+    @property
+    def kind(self) -> str:
+        """The old name of `Basis.decomposition`: "POD", "SOD" or "given"."""
+        warn_once("Basis.kind", "Basis.decomposition")
+        return "given" if self.decomposition is None else self.decomposition.name
+
+    recording = renamed("Basis.recording", "Basis.snapshots")
+    leak = renamed("Basis.leak", "Basis.projection_error")
+    reason = renamed("Basis.reason", "Basis.summary")
+
+
+def _metric(metric: Any, offset: Float[Array, " n"]) -> Float[Array, "n n"]:
+    """The metric as an array that fits the offset; the identity if it is None."""
+    n = len(offset)
+    if metric is None:
+        return jnp.eye(n, dtype=offset.dtype)
+    metric = jnp.asarray(metric, offset.dtype)
+    if metric.shape != (n, n):
+        raise InputError(f"Basis: metric has shape {metric.shape}, but it must have ({n}, {n}).")
+    return metric

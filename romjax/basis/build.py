@@ -1,37 +1,9 @@
-"""From orthonormal vectors in weighted coordinates to a Basis."""
+"""From orthonormal vectors in weighted coordinates to modes, and what they miss."""
 
 import jax
 import jax.numpy as jnp
 import jax.scipy.linalg as jsl
 from jaxtyping import Array, Float
-
-from .basis import Basis
-from .rank import Choice
-from .snapshots import Recording, Snapshots
-
-
-def build(
-    recording: Recording,
-    snapshots: Snapshots,
-    vectors: Float[Array, "n r"],
-    values: Float[Array, " k"],
-    spectrum: Float[Array, " s"],
-    kind: str,
-    chosen: Choice,
-) -> Basis:
-    """The Basis of orthonormal `vectors`."""
-    return Basis(
-        modes=modes_of(snapshots.root, vectors),
-        offset=snapshots.offset,
-        values=values,
-        spectrum=spectrum,
-        recording=recording,
-        leak=_leak(snapshots.positions, vectors),
-        kind=kind,
-        reason=chosen.reason,
-        floor=chosen.floor,
-        tol=chosen.tol,
-    )
 
 
 @jax.jit
@@ -43,9 +15,12 @@ def modes_of(root: Float[Array, "n n"], vectors: Float[Array, "n r"]) -> Float[A
 
 
 @jax.jit
-def _leak(positions: Float[Array, "n h"], vectors: Float[Array, "n r"]) -> Float[Array, ""]:
+def projection_error(
+    positions: Float[Array, "n h"], vectors: Float[Array, "n r"]
+) -> Float[Array, ""]:
+    """‖X − V Vᵀ X‖ / ‖X‖ of weighted snapshots X and orthonormal vectors V."""
     missed = jnp.sum((positions - vectors @ (vectors.T @ positions)) ** 2)
-    moved = jnp.sum(positions**2)
-    # A root by way of max(…, tiny), whose gradient exists where nothing leaks or moves.
+    total = jnp.sum(positions**2)
+    # A root by way of max(…, tiny), whose gradient exists where nothing is missed or moves.
     tiny = jnp.finfo(positions.dtype).tiny
-    return jnp.sqrt(jnp.maximum(missed / jnp.maximum(moved, tiny), tiny))
+    return jnp.sqrt(jnp.maximum(missed / jnp.maximum(total, tiny), tiny))

@@ -8,6 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..errors import InputError
+
 
 @runtime_checkable
 class Motion(Protocol):
@@ -31,12 +33,13 @@ class Noise(NamedTuple):
     velocities: Float[Array, ""]
 
 
-class Recording(eqx.Module):
+class SnapshotSet(eqx.Module):
     """The snapshots of one motion or of several, one after the other.
 
     - `t` (h,) [s]; `q`, `v` (h, n).
-    - `weights` (h,): √w of the trapezoidal rule in time, run by run.
+    - `weights` (h,): √w of the trapezoidal rule in time, motion by motion.
     - `metric` (n, n): mass matrix at the first start.
+    - `noise`: the size of integration errors; `labels`: names of the coordinates, () if unknown.
     """
 
     t: Float[Array, " h"]
@@ -48,40 +51,42 @@ class Recording(eqx.Module):
     labels: tuple[str, ...] = eqx.field(static=True)
 
     @classmethod
-    def of(cls, motions: "Motion | Sequence[Motion] | Recording") -> "Recording":
-        """The record of a motion, or of a list of them."""
-        if isinstance(motions, Recording):
+    def of(cls, motions: "Motion | Sequence[Motion] | SnapshotSet") -> "SnapshotSet":
+        """The snapshots of a motion, or of a list of them.
+
+        Raises InputError for an empty list, and for motions of different numbers of coordinates.
+        """
+        if isinstance(motions, SnapshotSet):
             return motions
         runs = [motions] if isinstance(motions, Motion) else list(motions)
         if not runs:
-            raise ValueError("basis: no motion given; simulate one.")
+            raise InputError("basis: no motion given; simulate one.")
         shapes = {run.q.shape[1:] for run in runs}
         if len(shapes) > 1:
-            raise ValueError(
+            raise InputError(
                 f"basis: the motions have {sorted(n for (n,) in shapes)} coordinates; give motions "
                 "of one mechanism."
             )
-        kind = jnp.result_type(*(jnp.asarray(run.q) for run in runs), float)
-        noises = [_noise(run, kind) for run in runs]
+        dtype = jnp.result_type(*(jnp.asarray(run.q) for run in runs), float)
+        noises = [_noise(run, dtype) for run in runs]
         return cls(
-            jnp.concatenate([jnp.asarray(run.t, kind) for run in runs]),
-            jnp.concatenate([jnp.asarray(run.q, kind) for run in runs]),
-            jnp.concatenate([jnp.asarray(run.v, kind) for run in runs]),
-            jnp.concatenate([time_weights(jnp.asarray(run.t, kind)) for run in runs]),
-            jnp.asarray(runs[0].metric, kind),
+            jnp.concatenate([jnp.asarray(run.t, dtype) for run in runs]),
+            jnp.concatenate([jnp.asarray(run.q, dtype) for run in runs]),
+            jnp.concatenate([jnp.asarray(run.v, dtype) for run in runs]),
+            jnp.concatenate([time_weights(jnp.asarray(run.t, dtype)) for run in runs]),
+            jnp.asarray(runs[0].metric, dtype),
             jax.tree.map(lambda *x: jnp.max(jnp.stack(x)), *noises),
             runs[0].labels,
         )
 
     @classmethod
-    def still(cls, q: Float[Array, " n"]) -> "Recording":
-        """One snapshot at rest, of a mechanism of which nothing else is known."""
+    def single(cls, q: Float[Array, " n"], metric: Float[Array, "n n"]) -> "SnapshotSet":
+        """One snapshot at rest, of a mechanism of which nothing but its `metric` is given."""
         zero = jnp.zeros(1, q.dtype)
-        none = Noise(zero[0], zero[0])
-        return cls(zero, q[None], 0 * q[None], zero, jnp.eye(len(q), dtype=q.dtype), none, ())
+        return cls(zero, q[None], 0 * q[None], zero, metric, Noise(zero[0], zero[0]), ())
 
 
-class Snapshots(NamedTuple):
+class WeightedSnapshots(NamedTuple):
     """S (q − q̄) √w and S v √w as columns, with Sᵀ S the metric and w trapezoidal time weights.
 
     The metric makes the singular values independent of units, the weights of the sample rate
@@ -92,22 +97,24 @@ class Snapshots(NamedTuple):
     velocities: Float[Array, "n h"]
     offset: Float[Array, " n"]
     root: Float[Array, "n n"]  # S, upper triangular
+    noise: Noise
 
 
-def weigh(recording: Recording, offset: Any) -> Snapshots:
+def weigh(snapshots: SnapshotSet, offset: Any) -> WeightedSnapshots:
     """The weighted snapshots about `offset` (n,), the first configuration if that is None."""
-    q = recording.q
-    weighted: Snapshots
-    weighted = _weigh(recording, q[0] if offset is None else jnp.asarray(offset, q.dtype))
+    q = snapshots.q
+    weighted: WeightedSnapshots
+    weighted = _weigh(snapshots, q[0] if offset is None else jnp.asarray(offset, q.dtype))
     return weighted
 
 
 @jax.jit
-def _weigh(recording: Recording, offset: Float[Array, " n"]) -> Snapshots:
-    root = jnp.linalg.cholesky(recording.metric).T
-    weights = recording.weights[None]
-    positions = root @ (recording.q - offset[None]).T * weights
-    return Snapshots(positions, root @ recording.v.T * weights, offset, root)
+def _weigh(snapshots: SnapshotSet, offset: Float[Array, " n"]) -> WeightedSnapshots:
+    root = jnp.linalg.cholesky(snapshots.metric).T
+    weights = snapshots.weights[None]
+    positions = root @ (snapshots.q - offset[None]).T * weights
+    velocities = root @ snapshots.v.T * weights
+    return WeightedSnapshots(positions, velocities, offset, root, snapshots.noise)
 
 
 @jax.jit
@@ -117,11 +124,8 @@ def time_weights(t: Float[Array, " h"]) -> Float[Array, " h"]:
     return jnp.sqrt(0.5 * (jnp.append(step, none) + jnp.append(none, step)))
 
 
-def _noise(motion: Motion, kind: Any) -> Noise:
-    known = getattr(motion, "noise", None)
-    if known is None:
-        return Noise(jnp.zeros((), kind), jnp.zeros((), kind))
-    return Noise(*(jnp.asarray(x, kind) for x in known()))
-
-
-SnapshotSet = Recording
+def _noise(motion: Motion, dtype: Any) -> Noise:
+    estimate = getattr(motion, "noise", None)
+    if estimate is None:
+        return Noise(jnp.zeros((), dtype), jnp.zeros((), dtype))
+    return Noise(*(jnp.asarray(x, dtype) for x in estimate()))

@@ -9,10 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..errors import InputError
 from .basis import Basis
 from .build import modes_of
+from .decomposition.pod import POD
 from .rank import FLOOR, Rank, choose_rank
-from .snapshots import Noise, Recording, time_weights
+from .snapshots import Noise, SnapshotSet, time_weights
 
 # Snapshots that are kept as they are, for a reduced model to look at.
 _SAMPLE = 400
@@ -50,17 +52,17 @@ class PodStream(eqx.Module):
         - `most`: how many directions are kept; all n unless given.
         """
         metric = jnp.asarray(metric)
-        n, kind = len(metric), metric.dtype
+        n, dtype = len(metric), metric.dtype
         if most is not None and not 1 <= most <= n:
-            raise ValueError(f"PodStream: most={most}, but it must lie between 1 and {n}.")
+            raise InputError(f"PodStream: most={most}, but it must lie between 1 and {n}.")
         return cls(
-            factor=jnp.zeros((n, most or n), kind),
+            factor=jnp.zeros((n, most or n), dtype),
             root=jnp.linalg.cholesky(metric).T,
             metric=metric,
-            offset=jnp.asarray(offset, kind),
-            lost=jnp.zeros((), kind),
+            offset=jnp.asarray(offset, dtype),
+            lost=jnp.zeros((), dtype),
             last=None,
-            sample=(np.zeros(0, kind), np.zeros((0, n), kind), np.zeros((0, n), kind)),
+            sample=(np.zeros(0, dtype), np.zeros((0, n), dtype), np.zeros((0, n), dtype)),
             stride=1,
             count=0,
         )
@@ -68,12 +70,12 @@ class PodStream(eqx.Module):
     def add(self, t: Any, q: Any, v: Any) -> "PodStream":
         """With the snapshots `q`, `v` (h, n) at the times `t` (h,), which follow those before."""
         t, q = jnp.asarray(t, self.factor.dtype), jnp.asarray(q, self.factor.dtype)
-        times, places = t, q
+        block_t, block_q = t, q
         if self.last is not None:
             # The trapezoid between two blocks belongs to the later one.
-            times = jnp.concatenate([self.last[0], t])
-            places = jnp.concatenate([self.last[1], q])
-        factor, lost = _merge(self.factor, self.root, self.offset, times, places)
+            block_t = jnp.concatenate([self.last[0], t])
+            block_q = jnp.concatenate([self.last[1], q])
+        factor, lost = _merge(self.factor, self.root, self.offset, block_t, block_q)
         first = -self.count % self.stride
         parts = zip(self.sample, (t, q, v), strict=True)
         sample = [
@@ -95,22 +97,22 @@ class PodStream(eqx.Module):
     def basis(self, rank: Rank | None = None, *, tol: float | None = None) -> Basis:
         """The basis of all snapshots so far; `rank` and `tol` as in `pod`."""
         vectors, values, _ = jnp.linalg.svd(self.factor, full_matrices=False)
-        none = jnp.zeros((), values.dtype)
-        chosen = choose_rank("PodStream", values, rank, tol, FLOOR[values.dtype], none)
+        zero = jnp.zeros((), values.dtype)
+        chosen = choose_rank("PodStream", values, rank, tol, FLOOR[values.dtype], zero)
         squares = values**2
         missed = jnp.sum(squares[chosen.rank :]) + self.lost
         t, q, v = (jnp.asarray(x, values.dtype) for x in self.sample)
+        weights, noise = time_weights(t), Noise(zero, zero)
         return Basis(
             modes=modes_of(self.root, vectors[:, : chosen.rank]),
             offset=self.offset,
             values=values,
             spectrum=values,
-            recording=Recording(t, q, v, time_weights(t), self.metric, Noise(none, none), ()),
-            leak=jnp.sqrt(missed / (jnp.sum(squares) + self.lost)),
-            kind="POD",
-            reason=chosen.reason,
+            snapshots=SnapshotSet(t, q, v, weights, self.metric, noise, ()),
+            projection_error=jnp.sqrt(missed / (jnp.sum(squares) + self.lost)),
             floor=chosen.floor,
-            tol=chosen.tol,
+            decomposition=POD(rank, tol, self.offset),
+            summary=chosen.reason,
         )
 
 
@@ -123,8 +125,7 @@ def _merge(
     q: Float[Array, "h n"],
 ) -> tuple[Float[Array, "n most"], Float[Array, ""]]:
     new = root @ (q - offset[None]).T * time_weights(t)[None]
-    both = jnp.concatenate([factor, new], axis=1)
-    vectors, values, _ = jnp.linalg.svd(both, full_matrices=False)
+    joined = jnp.concatenate([factor, new], axis=1)
+    vectors, values, _ = jnp.linalg.svd(joined, full_matrices=False)
     most = factor.shape[1]
-    kept = (vectors * values[None])[:, :most]
-    return kept, jnp.sum(values[most:] ** 2)
+    return (vectors * values[None])[:, :most], jnp.sum(values[most:] ** 2)

@@ -51,16 +51,17 @@ def _leading_jvp(rank: int, method: Method, primals, tangents):  # type: ignore[
     # In the metric of all left and right vectors.
     inside = u.T @ change @ vt.T
     gap = (kept[None] - dropped[:, None]) * (kept[None] + dropped[:, None])
-    turned = inside[rank:, :rank] * kept[None] + dropped[:, None] * inside[:rank, rank:].T
-    moved = u[:, rank:] @ (turned * _inverse(gap))
+    coupling = inside[rank:, :rank] * kept[None] + dropped[:, None] * inside[:rank, rank:].T
+    # The kept vectors turn towards the dropped ones.
+    tangent = u[:, rank:] @ (coupling * _inverse(gap))
     # What no left vector spans: with fewer columns than rows, the larger part.
-    pushed = change @ vt[:rank].T
-    moved += (pushed - u @ (u.T @ pushed)) * _inverse(kept)[None]
+    image = change @ vt[:rank].T
+    tangent += (image - u @ (u.T @ image)) * _inverse(kept)[None]
     if method == "gram":
         # Its vectors may have other signs, and mix those of equal values.
-        vectors, found = _by_gram(matrix, rank)
-        return (vectors, found), (moved @ (u[:, :rank].T @ vectors), jnp.diagonal(inside))
-    return (u[:, :rank], values), (moved, jnp.diagonal(inside))
+        vectors, values = _by_gram(matrix, rank)
+        return (vectors, values), (tangent @ (u[:, :rank].T @ vectors), jnp.diagonal(inside))
+    return (u[:, :rank], values), (tangent, jnp.diagonal(inside))
 
 
 def singular_values(matrix: Float[Array, "n h"], method: Method = "svd") -> Float[Array, " k"]:
@@ -102,8 +103,8 @@ def _by_gram(
     basis, _ = jnp.linalg.qr(vectors if short else matrix @ vectors)
     basis, _ = jnp.linalg.qr(matrix @ (matrix.T @ basis))
     turn, values, _ = jnp.linalg.svd(basis.T @ matrix, full_matrices=False)
-    rest = jnp.sqrt(jnp.maximum(squares[rank:], 0))
-    return basis @ turn, jnp.concatenate([values, jnp.minimum(rest, values[-1])])
+    dropped = jnp.sqrt(jnp.maximum(squares[rank:], 0))
+    return basis @ turn, jnp.concatenate([values, jnp.minimum(dropped, values[-1])])
 
 
 def _inverse(x: Float[Array, "..."]) -> Float[Array, "..."]:

@@ -66,4 +66,4 @@ def reduce(
             "make the basis from a simulation of this system."
         )
     # Words are static: with them, each basis would compile programs of its own.
-    return chosen.reduce(system, dataclasses.replace(basis, reason="", tol=None))
+    return chosen.reduce(system, dataclasses.replace(basis, summary=""))

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from .. import precision
 from ..arrays import Time, Vector, as_array, concrete
-from ..errors import ReductionError
+from ..errors import InputError, ReductionError
 from ..linalg.dense import multiply
 from ..linalg.kkt import KKT
 from ..linalg.pattern import Pattern
@@ -117,7 +117,10 @@ class ReducedSystem(AbstractSystem):
     # The same reduction elsewhere.
 
     def starting_at(self, q: Vector, v: Vector, t: Vector | None = None) -> "ReducedSystem":
-        """The system with the start nearest to physical q, v (n,) at t [s], on its constraints."""
+        """The system with the start nearest to physical q, v (n,) at t [s], on its constraints.
+
+        Raises ReductionError if these cannot be satisfied there.
+        """
         time = self.time if t is None else as_array(t)
         q, v = as_array(q), as_array(v)
         rom = self.in_chart_of(q)
@@ -144,7 +147,10 @@ class ReducedSystem(AbstractSystem):
         violation = concrete(_largest_violation(rom))
         if violation is not None and violation <= precision.of(z.dtype).projected:
             return rom
-        q0, v0 = consistent(rom, t=rom.time)
+        try:
+            q0, v0 = consistent(rom, t=rom.time)
+        except InputError as error:
+            raise ReductionError(f"The reduced model has no start there. {error}") from error
         return dataclasses.replace(rom, q0=q0, v0=v0)
 
 

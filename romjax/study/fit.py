@@ -120,7 +120,7 @@ def fit(
         standard_errors=unravel(jnp.asarray(np.sqrt(np.diagonal(covariance)))),
         covariance=covariance,
         residual=float(np.sqrt(left @ left / max(1, np.sum(known)))),
-        steps=int(found.stats["num_steps"]),
+        steps=int(found.stats.num_steps),
         success=bool(found.result == optimistix.RESULTS.successful),
     )
 

@@ -41,6 +41,7 @@ class Projected(AbstractFormulation):
     """
 
     name: ClassVar[str] = "projected"
+    for_reference: ClassVar[bool] = True
 
     stabilization: Baumgarte | None = None
 

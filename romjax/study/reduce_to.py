@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -11,15 +12,16 @@ import numpy as np
 from tqdm import tqdm
 
 from ..basis.basis import Basis
-from ..basis.decomposition.pod import pod
-from ..errors import ReductionError
+from ..basis.decomposition.pod import POD
+from ..errors import InputError, RankError, ReductionError
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
+from ..reduction.formulation.base import AbstractFormulation
+from ..reduction.formulation.parse import as_formulation
 from ..reduction.reduce import reduce
 from ..reduction.system import ReducedSystem
 from ..system.base import AbstractSystem
 from .compare import compare
-from .variation import begin, vary
 
 # The next rank shows the error of this one up to a factor of two.
 _SAFETY = 2.0
@@ -30,10 +32,15 @@ _SHARPER = 1e-3
 
 
 @dataclasses.dataclass(frozen=True)
-class _Model:
+class _Candidate:
     rom: ReducedSystem
     basis: Basis
     runs: list[Trajectory]  # one for each training run
+
+
+class _Accepted(NamedTuple):
+    candidate: _Candidate
+    estimate: float  # of its error
 
 
 def reduce_to(
@@ -42,7 +49,7 @@ def reduce_to(
     tol: float,
     *,
     variations: Sequence[AbstractSystem] = (),
-    formulation: str = "galerkin",
+    formulation: AbstractFormulation | str = "galerkin",
     progress: bool = False,
 ) -> ReducedSystem:
     """A reduced system whose runs err by at most `tol`, of the smallest rank that does.
@@ -57,99 +64,112 @@ def reduce_to(
     - `system`: the full system; `training`: a run of it, at a tolerance well below `tol`.
     - `tol`: relative error in the energy norm, as `Comparison.error`.
     - `variations`: systems of the same structure with other numbers: amplitudes, frequencies,
-      starts. They are simulated in one batch, at the times of the training; the last is tried
-      first, and each as often as needed.
-    - `formulation`: "galerkin" or "minimal".
+      starts. They are simulated in one batch, by the method of the training and at its times; the
+      last is tried first, and each as often as needed.
+    - `formulation`: "galerkin" or "minimal", by name or as an object.
     - `progress`: show a progress bar.
 
-    Returns the reduced system. Its `training` holds the estimated `error` and the box of the
-    snapshots; a later run outside of it is flagged, see `Trajectory.warnings`. Its `reason` says in
-    words what was done.
+    Returns the reduced system. Its `validity` holds the estimated `error` and the box of the
+    snapshots; `Trajectory.warnings` tells of a later run outside of it. Its `summary` says in words
+    what was done.
 
-    Raises ReductionError if no rank is good enough, naming the best one.
+    Raises ReductionError if no rank is good enough, naming the best one; InputError for variations
+    that differ in structure or cannot be simulated.
     """
     if not 0 < tol < 1:
-        raise ValueError(f"reduce_to: tol={tol}, but it must lie between 0 and 1.")
-    if formulation not in ("galerkin", "minimal"):
+        raise InputError(f"reduce_to: tol={tol}, but it must lie between 0 and 1.")
+    chosen = as_formulation(formulation)
+    if chosen.for_reference:
         raise ReductionError(
-            f'reduce_to: formulation={formulation!r}; it must be "galerkin" or "minimal".'
+            f"reduce_to: formulation={chosen.name!r} is for reference only; take another."
         )
-    systems, truths = [system], [training]
-    rest = list(variations)
-    unseen = _simulate_all(rest, training) if rest else []
+    remaining = list(variations)
+    unseen = _simulate_all(remaining, training) if remaining else []
+    search = _Search([system], [training], tol, chosen)
     held_out = None
     with tqdm(disable=not progress, unit=" models", desc="reduce_to") as bar:
-        rank = 1
-        while True:
-            model, estimate, rank = _smallest(systems, truths, tol, formulation, rank, bar)
-            if not rest:
-                break
-            held_out = _held_out(model, rest[-1], unseen[-1], tol)
+        accepted = search.smallest(1, bar)
+        while remaining:
+            held_out = _held_out(accepted.candidate, remaining[-1], unseen[-1], tol)
             if held_out <= tol:
                 break
-            systems.append(rest.pop())
-            truths.append(unseen.pop())
-    error = max(estimate, held_out or 0.0)
-    words = f"; estimated error {estimate:.1e} for tol {tol:g}, {len(truths)} training run" + (
-        "s" if len(truths) > 1 else ""
-    )
+            search.systems.append(remaining.pop())
+            search.truths.append(unseen.pop())
+            accepted = search.smallest(accepted.candidate.basis.rank, bar)
+    error = max(accepted.estimate, held_out or 0.0)
+    count = len(search.truths)
+    words = f"; estimated error {accepted.estimate:.1e} for tol {tol:g}, {count} training run"
+    words += "s" * (count > 1)
     if held_out is not None:
-        words += f", {held_out:.1e} on the last variation tried" + (
-            "" if rest else ", which then joined the training"
-        )
-    rom = eqx.tree_at(lambda r: r.validity.error, model.rom, jnp.asarray(error))
+        words += f", {held_out:.1e} on the last variation tried"
+        words += "" if remaining else ", which then joined the training"
+    rom = accepted.candidate.rom
+    rom = eqx.tree_at(lambda r: r.validity.error, rom, jnp.asarray(error))
     return dataclasses.replace(rom, summary=rom.summary + words)
 
 
-def _smallest(
-    systems: list[AbstractSystem],
-    truths: list[Trajectory],
-    tol: float,
-    formulation: str,
-    rank: int,
-    bar: tqdm,
-) -> tuple[_Model, float, int]:
-    """The model of the smallest rank from `rank` on that is good enough, and its estimate."""
-    most = min(truths[0].q.shape[1], sum(len(run.t) for run in truths))
-    previous, best, refusal = None, np.inf, ""
-    for r in range(rank, most + 1):
-        bar.set_postfix_str(f"rank {r}")
-        bar.update()
-        try:
-            basis = pod(truths, rank=r)
-            rom = reduce(systems[0], basis, formulation)
-            pairs = list(zip(systems, truths, strict=True))
-            model = _Model(rom, basis, [])
-            model.runs.extend(_run(model, s, run, tol) for s, run in pairs)
-        except ValueError as error:  # a refused basis, or no more directions
-            refusal = str(error)
-            continue
+@dataclasses.dataclass(frozen=True)
+class _Search:
+    """Training runs, each with its system, and what a model of them should do."""
+
+    systems: list[AbstractSystem]
+    truths: list[Trajectory]
+    tol: float
+    formulation: AbstractFormulation
+
+    def smallest(self, rank: int, bar: tqdm) -> _Accepted:
+        """The model of the smallest rank from `rank` on that is good enough, and its estimate.
+
+        Raises ReductionError if there is none.
+        """
+        tol, truths = self.tol, self.truths
+        most = min(truths[0].q.shape[1], sum(len(run.t) for run in truths))
+        previous, best, refusal = None, np.inf, ""
+        for r in range(rank, most + 1):
+            bar.set_postfix_str(f"rank {r}")
+            bar.update()
+            try:
+                candidate = self.candidate(r)
+            except (RankError, ReductionError) as error:  # no more directions, or it would lock
+                refusal = str(error)
+                continue
+            if previous is not None:
+                estimate = max(_change(truths, previous, candidate), _error(truths, previous))
+                best = min(best, estimate)
+                if estimate <= tol / _SAFETY and self.tail(previous) <= _TAIL * tol:
+                    return _Accepted(previous, estimate)
+                if candidate.rom.n == previous.rom.n:
+                    break  # all minimal coordinates are there
+            previous = candidate
         if previous is not None:
-            estimate = max(_change(truths, previous, model), _error(truths, previous))
+            # The largest model has no next one; the full one takes its place.
+            estimate = _error(truths, previous)
             best = min(best, estimate)
-            # In minimal coordinates, the values of the physical ones say nothing.
-            tail = float(previous.basis.leak) if formulation == "galerkin" else 0.0
-            if estimate <= tol / _SAFETY and tail <= _TAIL * tol:
-                return previous, estimate, previous.basis.rank
-            if formulation == "minimal" and model.rom.n == previous.rom.n:
-                break
-        previous = model
-    if previous is not None:
-        # The largest model has no next one; the full one takes its place.
-        estimate = _error(truths, previous)
-        best = min(best, estimate)
-        if estimate <= tol:
-            return previous, estimate, previous.basis.rank
-    raise ReductionError(
-        f"reduce_to: no rank up to {most} reaches tol={tol:g}; "
-        + (f"the best error is {best:.1e}. " if np.isfinite(best) else "")
-        + (f"{refusal} " if refusal else "")
-        + "Simulate the training run more accurately, ask for less"
-        + ("." if formulation == "minimal" else ', or use formulation="minimal".')
-    )
+            if estimate <= tol:
+                return _Accepted(previous, estimate)
+        raise ReductionError(
+            f"reduce_to: no rank up to {most} reaches tol={tol:g}; "
+            + (f"the best error is {best:.1e}. " if np.isfinite(best) else "")
+            + (f"{refusal} " if refusal else "")
+            + "Simulate the training run more accurately, ask for less"
+            + (', or use formulation="minimal".' if self.formulation.in_subspace else ".")
+        )
+
+    def candidate(self, rank: int) -> _Candidate:
+        """The model of a rank, with its runs from the starts of all training runs."""
+        basis = POD(rank)(self.truths)
+        rom = reduce(self.systems[0], basis, self.formulation)
+        pairs = zip(self.systems, self.truths, strict=True)
+        runs = [_run(rom, basis, system, truth, self.tol) for system, truth in pairs]
+        return _Candidate(rom, basis, runs)
+
+    def tail(self, candidate: _Candidate) -> float:
+        """What the basis misses of the snapshots; in minimal coordinates, that says nothing."""
+        error = candidate.basis.projection_error
+        return float(error) if self.formulation.in_subspace else 0.0
 
 
-def _change(truths: list[Trajectory], coarse: _Model, fine: _Model) -> float:
+def _change(truths: list[Trajectory], coarse: _Candidate, fine: _Candidate) -> float:
     """‖q̃_{r+1} − q̃_r‖ relative to the motion, the largest of all training runs."""
     sizes = []
     for truth, one, other in zip(truths, coarse.runs, fine.runs, strict=True):
@@ -159,9 +179,9 @@ def _change(truths: list[Trajectory], coarse: _Model, fine: _Model) -> float:
     return _finite(sizes)
 
 
-def _error(truths: list[Trajectory], model: _Model) -> float:
+def _error(truths: list[Trajectory], candidate: _Candidate) -> float:
     """The largest error of all training runs."""
-    pairs = zip(truths, model.runs, strict=True)
+    pairs = zip(truths, candidate.runs, strict=True)
     return _finite([float(compare(truth, run).error) for truth, run in pairs])
 
 
@@ -170,34 +190,39 @@ def _finite(errors: list[float]) -> float:
     return max(error if np.isfinite(error) else np.inf for error in errors)
 
 
-def _run(model: _Model, system: AbstractSystem, truth: Trajectory, tol: float) -> Trajectory:
+def _run(
+    rom: ReducedSystem,
+    basis: Basis,
+    system: AbstractSystem,
+    truth: Trajectory,
+    tol: float,
+) -> Trajectory:
     """The reduced model of a system with other numbers, from the start of a run of it."""
-    other = vary(model.rom, model.basis, system)
-    q0, v0 = begin(other, truth.q[0], truth.v[0], truth.t[0])
     return simulate(
-        other,
+        rom.with_full(system).starting_at(truth.q[0], truth.v[0], truth.t[0]),
         truth.t,
-        q0=q0,
-        v0=v0,
         rtol=max(_SHARPER * tol, 1e-10),
         adjoint=diffrax.ForwardMode(),
         throw=False,
     )
 
 
-def _held_out(model: _Model, system: AbstractSystem, truth: Trajectory, tol: float) -> float:
+def _held_out(
+    candidate: _Candidate, system: AbstractSystem, truth: Trajectory, tol: float
+) -> float:
     """The error on a run that the model has not seen; infinite where it cannot even start."""
     try:
-        return _finite([float(compare(truth, _run(model, system, truth, tol)).error)])
-    except ValueError:
+        run = _run(candidate.rom, candidate.basis, system, truth, tol)
+    except ReductionError:
         return np.inf
+    return _finite([float(compare(truth, run).error)])
 
 
 def _simulate_all(systems: list[AbstractSystem], training: Trajectory) -> list[Trajectory]:
     """All variations in one batch, as accurately as the training."""
     arrays = [eqx.partition(system, eqx.is_array) for system in systems]
     if len({jax.tree.structure(static) for _, static in arrays}) > 1:
-        raise ValueError(
+        raise InputError(
             "reduce_to: the variations differ in structure; give systems assembled from one scene "
             "with other numbers."
         )
@@ -217,5 +242,5 @@ def _simulate_all(systems: list[AbstractSystem], training: Trajectory) -> list[T
     runs = [jax.tree.map(lambda x, i=i: x[i], batch) for i in range(len(systems))]
     for i, run in enumerate(runs):
         if not bool(run.success):
-            raise ValueError(f"reduce_to: variation {i} cannot be simulated: {run.summary()}.")
+            raise InputError(f"reduce_to: variation {i} cannot be simulated: {run.summary()}.")
     return runs

@@ -1,26 +1,29 @@
 """The chapter's study: one full model, its reduced models, what they save and what they cost."""
 
 import dataclasses
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import diffrax
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..basis.basis import Basis
 from ..basis.decomposition.naive import naive_sod
-from ..basis.decomposition.pod import pod
-from ..basis.decomposition.sod import sod
+from ..basis.decomposition.pod import POD
+from ..basis.decomposition.sod import SOD
 from ..basis.rank import Rank
-from ..errors import ReductionError
+from ..errors import InputError, ReductionError
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
+from ..reduction.formulation.base import AbstractFormulation
+from ..reduction.formulation.galerkin import Galerkin
+from ..reduction.formulation.minimal import Minimal
 from ..reduction.reduce import reduce
 from ..system.base import AbstractSystem
 from ..system.stabilization import Stabilization
 from .compare import Comparison, compare
+from .projected import Projected
+from .timing import timed
 
 # The chapter samples at 100 Hz, then at 300 Hz to see whether the ranks move.
 REFINEMENT = 3
@@ -36,6 +39,17 @@ class Run:
     compile_time: float  # [s] first call less a later one
     run_time: float  # [s] least of the later calls
     comparison: Comparison
+    basis: Basis | None = None  # None for the full model, as is the formulation
+    formulation: AbstractFormulation | None = None
+
+    @property
+    def degrees_of_freedom(self) -> int | None:
+        """Coordinates that the constraints leave free; None for a formulation that is for reference
+        only, since it keeps the constraints of the full system, not of its own coordinates.
+        """
+        if self.formulation is not None and self.formulation.for_reference:
+            return None
+        return self.system.n - self.system.m
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,6 +60,12 @@ class Ranks:
     naive: int  # generalised SVD of raw snapshots (equation 39.13)
     pod: int
     sod: int
+
+    @classmethod
+    def of(cls, rate: float, motion: Trajectory) -> "Ranks":
+        """Of a motion sampled at that rate."""
+        bases = (POD("drop")(motion), SOD("drop")(motion))
+        return cls(rate, naive_sod(motion).rank, *(basis.rank for basis in bases))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,66 +104,75 @@ def reduction_study(
     - `repeats`: how many times each run is timed.
     - `report`: called with a few words before each stage.
 
-    Raises ValueError for an end or a rate that make no time grid, SimulationError if the full run
+    Raises InputError for an end or a rate that make no time grid, SimulationError if the full run
     fails. A reduced model that is refused or fails is reported, not raised.
     """
     if not (end > 0 and rate > 0 and end * rate >= 1):
-        raise ValueError(f"study: end={end} s at rate={rate} Hz is no sample; make both larger.")
-    samples = round(end * rate)
-    ts = jnp.linspace(0.0, end, REFINEMENT * samples + 1)
+        raise InputError(f"study: end={end} s at rate={rate} Hz is no sample; make both larger.")
+    ts = jnp.linspace(0.0, end, REFINEMENT * round(end * rate) + 1)
     report("full model")
-    full = _run("full", system, ts, rtol, "default", repeats, None)
+    runner = _Runner(ts, rtol, repeats)
+    full = runner.run("full", system, "default", None)
     fine = full.trajectory
     coarse = fine.every(REFINEMENT)
-    bases = {"POD": pod(coarse, pod_rank), "SOD": sod(coarse, sod_rank)}
-    # One stabilisation for all: that of the full run.
-    used = fine.stats.stabilization
-    runs, refused = [full], {}
-    for formulation in ("galerkin", "minimal", "projected"):
-        for kind, basis in bases.items():
-            name = f"{kind} {formulation}, r = {basis.rank}"
-            report(name)
-            try:
-                rom = reduce(system, basis, formulation)
-            except ReductionError as error:
-                refused[name] = str(error)
-                continue
-            stabilization = used if rom.m else None
-            runs.append(_run(f"{kind} {formulation}", rom, ts, rtol, stabilization, repeats, fine))
-    ranks = [
-        Ranks(
-            hertz,
-            naive_sod(motion).rank,
-            pod(motion, "drop").rank,
-            sod(motion, "drop").rank,
-        )
-        for hertz, motion in ((rate, coarse), (REFINEMENT * rate, fine))
-    ]
+    bases = {made.name: made(coarse) for made in (POD(pod_rank), SOD(sod_rank))}
+    refused: dict[str, str] = {}
+    runs = [full, *_reduced_runs(full, bases, runner, refused, report)]
+    ranks = [Ranks.of(rate, coarse), Ranks.of(REFINEMENT * rate, fine)]
     return ReductionStudy(runs, bases, ranks, refused)
 
 
-def _run(
-    name: str,
-    system: AbstractSystem,
-    ts: Float[Array, " k"],
-    rtol: float,
-    stabilization: Stabilization | str,
-    repeats: int,
-    truth: Trajectory | None,
-) -> Run:
-    times = []
-    for _ in range(1 + repeats):
-        start = time.perf_counter()
-        trajectory = simulate(
-            system,
-            ts,
-            rtol=rtol,
-            stabilization=stabilization,
-            adjoint=diffrax.ForwardMode(),  # no gradient is asked for: the plain loop traces faster
-            throw=truth is None,
-        )
-        jax.block_until_ready(trajectory.q)
-        times.append(time.perf_counter() - start)
-    least = min(times[1:])
-    comparison = compare(trajectory if truth is None else truth, trajectory)
-    return Run(name, system, trajectory, times[0] - least, least, comparison)
+@dataclasses.dataclass(frozen=True)
+class _Runner:
+    """How every model is run and timed."""
+
+    ts: Float[Array, " k"]
+    rtol: float
+    repeats: int
+
+    def run(
+        self,
+        name: str,
+        system: AbstractSystem,
+        stabilization: Stabilization | str,
+        truth: Trajectory | None,
+    ) -> Run:
+        """Simulate and compare with the `truth`; without one, a run that fails raises."""
+
+        def simulated() -> Trajectory:
+            return simulate(
+                system,
+                self.ts,
+                rtol=self.rtol,
+                stabilization=stabilization,
+                adjoint=diffrax.ForwardMode(),  # no gradient is asked for: traces faster
+                throw=truth is None,
+            )
+
+        trajectory, first = timed(simulated)
+        least = min(timed(simulated)[1] for _ in range(self.repeats))
+        comparison = compare(trajectory if truth is None else truth, trajectory)
+        return Run(name, system, trajectory, first - least, least, comparison)
+
+
+def _reduced_runs(
+    full: Run,
+    bases: dict[str, Basis],
+    runner: _Runner,
+    refused: dict[str, str],
+    report: Callable[[str], None],
+) -> Iterator[Run]:
+    """Each basis in each formulation; the reasons of refusals go into `refused`."""
+    # One stabilisation for all: that of the full run.
+    used = full.trajectory.stats.stabilization
+    for formulation in (Galerkin(), Minimal(), Projected(used)):
+        for basis in bases.values():
+            name = f"{basis.name} {formulation.name}"
+            report(f"{name}, r = {basis.rank}")
+            try:
+                rom = reduce(full.system, basis, formulation)
+            except ReductionError as error:
+                refused[f"{name}, r = {basis.rank}"] = str(error)
+                continue
+            run = runner.run(name, rom, used if rom.m else None, full.trajectory)
+            yield dataclasses.replace(run, basis=basis, formulation=formulation)

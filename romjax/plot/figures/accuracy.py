@@ -3,7 +3,8 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from ...study.accuracy.result import ALONE, Accuracy, Condition, Row
+from ...study.accuracy.result import Accuracy
+from ...study.accuracy.row import SINGLE_RUN, Condition, Row
 from ..style import COLOURS, DASHES, MARKERS, SMALL, DisplayedFigure
 
 # Errors whose cheapest ways are drawn over time.
@@ -27,7 +28,7 @@ def accuracy(result: Accuracy) -> DisplayedFigure:
     figure = DisplayedFigure(figsize=(12, 8.5))
     figure.set_layout_engine("constrained")
     top, below = np.ravel(figure.subfigures(2, 1, height_ratios=(1.25, 1)))
-    conditions = [ALONE, *(c for c in result.conditions if c != ALONE)]
+    conditions = [SINGLE_RUN, *(c for c in result.conditions if c != SINGLE_RUN)]
     widths = (1.5, *[1] * (len(conditions) - 1))
     panels = top.subplots(
         1, len(conditions), sharex=True, sharey=True, squeeze=False, width_ratios=widths
@@ -72,7 +73,7 @@ def _dashes(result: Accuracy) -> dict[str, object]:
     return {name: DASHES[i % len(DASHES)] for i, name in enumerate(names)}
 
 
-def _good(result: Accuracy, condition: Condition = ALONE) -> list[Row]:
+def _good(result: Accuracy, condition: Condition = SINGLE_RUN) -> list[Row]:
     """Runs that did not fail, by error."""
     own = [row for row in result.rows if not row.failure and row.condition == condition]
     return sorted(own, key=lambda row: row.error)
@@ -132,7 +133,7 @@ def _explain(axes: Axes, result: Accuracy) -> None:
 def _ranks(axes: Axes, result: Accuracy) -> None:
     least: dict[str, dict[int, float]] = {}
     for row in reversed(_good(result)):  # the least error last
-        if row.formulation != "full":
+        if not row.is_full:
             least.setdefault(_kind(row.model), {})[row.rank] = row.error
     for place, (kind, errors) in enumerate(sorted(least.items()), start=1):
         ranks = sorted(errors)

@@ -71,8 +71,9 @@ def modes(scene: Scene, basis: Basis, system: AbstractSystem | None = None) -> F
             basis,
             [c for body in scene.bodies for c in body.coordinates()],
         )
-    kind = "Modes" if basis.kind == "given" else f"{basis.kind} modes"
-    figure.suptitle(f"{kind} (first {r} of {basis.rank})" if r < basis.rank else kind, fontsize=11)
+    title = "Modes" if basis.decomposition is None else f"{basis.name} modes"
+    title += f" (first {r} of {basis.rank})" if r < basis.rank else ""
+    figure.suptitle(title, fontsize=11)
     return figure
 
 
@@ -90,12 +91,13 @@ def _amplitudes(scene: Scene, rest: np.ndarray, modes: np.ndarray) -> np.ndarray
 
 def _title(basis: Basis, j: int) -> str:
     value = float(basis.values[j])
-    if basis.kind == "POD":
+    if basis.decomposition is None:
+        return f"mode {j + 1}"
+    label = basis.decomposition.value_label
+    if label is None:  # the singular values that decided the rank
         share = value / float(basis.values[0])
         return f"mode {j + 1}\n$\\sigma/\\sigma_1$ = {share:.2g}"
-    if basis.kind == "SOD":
-        return f"mode {j + 1}\n$\\lambda$ = {value:.2g} s$^2$"
-    return f"mode {j + 1}"
+    return f"mode {j + 1}\n${label.symbol}$ = {value:.2g} {label.unit}"
 
 
 def _table(axes: Axes, basis: Basis, coordinates: list[Coordinate]) -> None:

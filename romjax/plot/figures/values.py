@@ -18,18 +18,19 @@ def values(*bases: Basis) -> Figure:
     Against the index, a line for each basis: the modes that are kept filled, the ones that are
     dropped hollow, the rank as a vertical line between them. Level lines show what decided it: the
     tolerance, where one was given, and the noise floor, of rounding or of the integration; below
-    the lowest floor all is grey, and zeros are drawn at its foot. With SOD bases, a second panel
-    shows the smooth orthogonal values λ [s²] of the kept modes.
+    the lowest floor all is grey, and zeros are drawn at its foot. Values of another kind have a
+    panel of their own: the smooth orthogonal values λ [s²] of the kept modes, of SOD bases.
 
     Raises ValueError without any basis.
     """
     if not bases:
         raise ValueError("values: no basis given; pass some, such as values(romjax.pod(truth)).")
     names = _names(bases)
-    smooth = [i for i, basis in enumerate(bases) if basis.kind == "SOD"]
-    figure = DisplayedFigure(figsize=(8.5 if smooth else 5.5, 4))
+    labels = [basis.decomposition and basis.decomposition.value_label for basis in bases]
+    kinds = [label for label in dict.fromkeys(labels) if label is not None]
+    figure = DisplayedFigure(figsize=(5.5 + 3.0 * len(kinds), 4))
     figure.set_layout_engine("constrained")
-    panels = figure.subplots(1, 2 if smooth else 1, squeeze=False)[0]
+    panels = figure.subplots(1, 1 + len(kinds), squeeze=False)[0]
     axes = panels[0]
     # Bases of one's own have no floor.
     floor = min((float(basis.floor) for basis in bases if basis.floor > 0), default=1e-12)
@@ -47,18 +48,18 @@ def values(*bases: Basis) -> Figure:
         if basis.floor > 0:
             _level(axes, i, float(basis.floor), f"noise floor{whose}", ":", "top")
         if basis.tol is not None:
-            _level(axes, i, basis.tol, f"tolerance{whose}", "-.", "bottom")
+            _level(axes, i, float(basis.tol), f"tolerance{whose}", "-.", "bottom")
     _dress(axes, "index $i$", r"singular value $\sigma_i / \sigma_1$", "Singular values")
     axes.set_ylim(top=4)
     bottom = min(lowest, floor) / 4
     axes.axhspan(bottom, floor, color="0.92", zorder=0)
     axes.set_ylim(bottom=bottom)
-    if smooth:
-        for i in smooth:
-            found = np.asarray(bases[i].values)
-            positive = np.maximum(found, max(float(np.max(found)) * foot, np.finfo(float).tiny))
-            _stems(panels[1], i, positive, len(found), names[i])
-        _dress(panels[1], "mode $i$", r"$\lambda_i$ [s$^2$]", "Smooth orthogonal values")
+    for panel, kind in zip(panels[1:], kinds, strict=True):
+        for i in (i for i, label in enumerate(labels) if label == kind):
+            heights = np.asarray(bases[i].values)
+            least = max(float(np.max(heights)) * foot, np.finfo(float).tiny)
+            _stems(panel, i, np.maximum(heights, least), len(heights), names[i])
+        _dress(panel, "mode $i$", f"${kind.symbol}_i$ [{kind.unit}]", kind.title)
     return figure
 
 
@@ -107,7 +108,7 @@ def _dress(axes: Axes, across: str, up: str, title: str) -> None:
 
 
 def _names(bases: Sequence[Basis]) -> list[str]:
-    kinds = [basis.kind for basis in bases]
+    kinds = [basis.name for basis in bases]
     return [
         kind if kinds.count(kind) == 1 else f"{kind} {kinds[: i + 1].count(kind)}"
         for i, kind in enumerate(kinds)

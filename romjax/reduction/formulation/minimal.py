@@ -41,6 +41,7 @@ class Minimal(AbstractFormulation):
     """
 
     name: ClassVar[str] = "minimal"
+    in_subspace: ClassVar[bool] = False
 
     chart: Chart | Atlas | None = None
 

@@ -1,67 +1,76 @@
-"""The models that a study of accuracy tries, the most promising first."""
+"""The reduced models that a study of accuracy tries, the most promising first."""
 
 import itertools
-import time
 from collections.abc import Callable, Iterator, Sequence
 
-import jax
-
-from ...basis.decomposition.pod import pod
-from ...basis.decomposition.sod import sod
+from ...basis.basis import Basis
+from ...basis.decomposition.base import AbstractDecomposition
+from ...basis.decomposition.pod import POD
 from ...basis.rank import Rank
+from ...errors import RankError, ReductionError
 from ...integrate.trajectory import Trajectory
+from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.reduce import reduce
+from ...reduction.system import ReducedSystem
 from ...system.base import AbstractSystem
-from .result import Model
+from ..timing import timed
+from .model import Model, Reduction
 
-DECOMPOSE = {"POD": pod, "SOD": sod}
-FORMULATIONS = ("galerkin", "minimal", "projected")
 NO_TIME = "no time left in the budget"
 
 
 def reduced_models(
     system: AbstractSystem,
     training: Trajectory,
-    made_in: float,
-    bases: Sequence[str],
-    kinds: Sequence[tuple[str, Rank]],
+    training_time: float,
+    decompositions: Sequence[AbstractDecomposition],
+    choices: Sequence[tuple[AbstractFormulation, Rank]],
     refused: dict[str, str],
-    enough: Callable[[], bool],
+    out_of_time: Callable[[], bool],
 ) -> Iterator[Model]:
-    """Reduced models of the training run, which was `made_in` so many seconds.
+    """Reduced models of the training run, which took `training_time` [s].
 
-    `kinds`: formulations, each with a rank. Those that are refused go into `refused`, once there is
-    `enough` all others too; of equal ones the first is made.
+    `choices`: formulations, each with a rank. Models that the snapshots or the reduction refuse go
+    into `refused`, and once there is `out_of_time` all others; of equal ones the first is made.
     """
     seen = set()
-    for basis, (formulation, rank) in itertools.product(bases, kinds):
-        begin = time.perf_counter()
-        if enough():
-            refused[f"{basis} {formulation}, r = {rank}"] = NO_TIME
+    for decomposition, (formulation, rank) in itertools.product(decompositions, choices):
+        name = f"{decomposition.name} {formulation.name}, r = {rank}"
+        if out_of_time():
+            refused[name] = NO_TIME
             continue
+
+        def make(
+            decomposition: AbstractDecomposition = decomposition,
+            formulation: AbstractFormulation = formulation,
+            rank: Rank = rank,
+        ) -> tuple[ReducedSystem, Basis]:
+            basis = decomposition.with_rank(rank)(training)
+            return reduce(system, basis, formulation), basis
+
         try:
-            found = DECOMPOSE[basis](training, rank)
-            rom = reduce(system, found, formulation)
-        except ValueError as error:  # too few directions, or a mechanism that would lock
-            refused[f"{basis} {formulation}, r = {rank}"] = str(error)
+            (rom, basis), duration = timed(make)
+        except (RankError, ReductionError) as error:  # too few directions, or it would lock
+            refused[name] = str(error)
             continue
-        jax.block_until_ready(rom.q0)
-        took = time.perf_counter() - begin
-        name = f"{basis} {formulation}, r = {rom.n}"
-        if name not in seen:
-            seen.add(name)
-            yield Model(name, formulation, rom, found, made_in + took)
+        model = Model(system, Reduction(rom, basis, formulation, training_time + duration))
+        if model.name not in seen:
+            seen.add(model.name)
+            yield model
 
 
-def default_kinds(
-    system: AbstractSystem, training: Trajectory, formulations: Sequence[str]
-) -> list[tuple[str, Rank]]:
-    """Of minimal coordinates all the freedoms or some less, of others the drop point or less.
+def default_choices(
+    system: AbstractSystem, training: Trajectory, formulations: Sequence[AbstractFormulation]
+) -> list[tuple[AbstractFormulation, Rank]]:
+    """Formulations with ranks: in a subspace the drop point of the training run or less, of minimal
+    coordinates as many as there are degrees of freedom or less.
 
     One less comes first: the least mode is often the stiff one that hardly moves.
     """
-    drop = pod(training).rank
-    freedoms = max(1, system.n - system.m)
-    top = {kind: freedoms if kind == "minimal" else drop for kind in formulations}
-    kinds = [(kind, top[kind] - less) for less in (1, 0, 2) for kind in formulations]
-    return [(kind, rank) for kind, rank in kinds if rank > 0]
+    drop, freedoms = POD()(training).rank, max(1, system.n - system.m)
+    ranks = [
+        (formulation, (drop if formulation.in_subspace else freedoms) - less)
+        for less in (1, 0, 2)
+        for formulation in formulations
+    ]
+    return [(formulation, rank) for formulation, rank in ranks if rank > 0]

@@ -1,0 +1,222 @@
+"""Bases of one's own: given modes, and decompositions that the package does not have."""
+
+import warnings
+from typing import Any, ClassVar
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tolerances import DIFFERENCED, IDENTITY
+
+import romjax as rj
+from romjax import deprecated, plot
+from romjax.basis.decomposition.base import Directions, RankCriterion, ValueLabel
+from romjax.basis.rank import FLOOR
+from romjax.basis.subspace import leading, singular_values
+
+# Of a reduced run with all freedoms of the cart-pendulum's smooth motion.
+REDUCED = 1e-3
+
+
+def gram(basis):
+    return basis.modes.T @ basis.snapshots.metric @ basis.modes
+
+
+def random(*shape, seed=0):
+    return jnp.asarray(np.random.default_rng(seed).normal(size=shape))
+
+
+def positive(n, seed=1):
+    root = random(n, n, seed=seed)
+    return root @ root.T + n * jnp.eye(n)
+
+
+def projector(modes):
+    """Onto the span of the columns, which does not depend on how they are scaled or mixed."""
+    return modes @ np.linalg.pinv(modes)
+
+
+# Given modes.
+
+
+def test_given_modes_are_made_orthonormal():
+    """Of columns twice and three times as long as units, the Gram matrix was diag(4, 9)."""
+    basis = rj.Basis.from_modes(jnp.array([[2.0, 0.0], [0.0, 3.0], [0.0, 0.0]]), jnp.zeros(3))
+    np.testing.assert_allclose(gram(basis), jnp.eye(2), atol=IDENTITY)
+
+
+@pytest.mark.parametrize("metric", [None, positive(6)], ids=["identity", "metric"])
+def test_given_modes_keep_their_span_and_directions(metric):
+    modes, offset = random(6, 3), random(6)
+    basis = rj.Basis.from_modes(modes, offset, metric)
+    np.testing.assert_allclose(gram(basis), jnp.eye(3), atol=IDENTITY)
+    np.testing.assert_allclose(projector(basis.modes), projector(modes), atol=IDENTITY)
+    np.testing.assert_allclose(
+        projector(basis.modes[:, :2]), projector(modes[:, :2]), atol=IDENTITY
+    )
+    again = rj.Basis.from_modes(basis.modes, offset, metric)
+    np.testing.assert_allclose(again.modes, basis.modes, atol=IDENTITY)
+
+
+def test_another_metric(truth):
+    """The system's own, of modes that were given without one: span and snapshots stay."""
+    basis = rj.pod(truth, rank=3)
+    metric = positive(8)
+    other = basis.orthonormalised(metric)
+    np.testing.assert_allclose(gram(other), jnp.eye(3), atol=IDENTITY)
+    np.testing.assert_allclose(projector(other.modes), projector(basis.modes), atol=IDENTITY)
+    np.testing.assert_array_equal(other.snapshots.q, basis.snapshots.q)
+    # The coordinates are the nearest ones in the new metric.
+    root = np.linalg.cholesky(metric).T
+    displacements = (truth.q - basis.offset[None]) @ root.T
+    wanted = np.linalg.lstsq(root @ other.modes, displacements.T, rcond=None)[0].T
+    np.testing.assert_allclose(other.coordinates, wanted, atol=IDENTITY)
+
+
+def test_given_modes_differentiate():
+    """Under jit, against central differences."""
+    modes, change, metric = random(5, 2), random(5, 2, seed=2), positive(5)
+    x = random(5, seed=3)
+
+    def held(s):
+        basis = rj.Basis.from_modes(modes + s * change, jnp.zeros(5), (1 + s) * metric)
+        return jnp.sum((basis.modes.T @ x) ** 2) + basis.modes[0, 1]
+
+    step = 1e-5
+    wanted = (held(0.1 + step) - held(0.1 - step)) / (2 * step)
+    found = jax.jit(jax.grad(held))(0.1)
+    np.testing.assert_allclose(found, wanted, atol=DIFFERENCED / 100)
+
+
+WRONG = {
+    "dependent columns": (
+        {"modes": [[1.0, 2.0], [1.0, 2.0], [0.0, 0.0]]},
+        "mode 2 of 2 lies in the span of those before it.*independent columns",
+    ),
+    "a column of zeros": ({"modes": [[0.0], [0.0], [0.0]]}, "mode 1 of 1 is zero"),
+    "a column that is not finite": (
+        {"modes": [[1.0, 0.0], [0.0, float("nan")], [0.0, 0.0]]},
+        "mode 2 of 2 is not finite",
+    ),
+    "a metric of another size": ({"metric": jnp.eye(2)}, r"metric has shape \(2, 2\).*\(3, 3\)"),
+    "a metric that is not positive": (
+        {"metric": jnp.diag(jnp.array([1.0, 0.0, -1.0]))},
+        "metric is not positive definite; give a mass matrix",
+    ),
+}
+
+
+@pytest.mark.parametrize(("changes", "words"), WRONG.values(), ids=WRONG)
+def test_modes_that_make_no_basis(changes, words):
+    given = {"modes": [[1.0], [1.0], [0.0]], "offset": jnp.zeros(3)} | changes
+    with pytest.raises(rj.InputError, match=words):
+        rj.Basis.from_modes(**given)
+
+
+def test_units_do_not_make_columns_dependent():
+    """A column of micrometres is as good as one of kilometres."""
+    modes = jnp.array([[1e3, 1.0], [0.0, 1e-6], [0.0, 0.0]])
+    basis = rj.Basis.from_modes(modes, jnp.zeros(3))
+    np.testing.assert_allclose(jnp.abs(basis.modes), jnp.eye(3, 2), atol=IDENTITY)
+
+
+# Decompositions.
+
+
+@pytest.mark.parametrize(
+    ("make", "function"), [(rj.POD, rj.pod), (rj.SOD, rj.sod)], ids=["POD", "SOD"]
+)
+def test_a_decomposition_is_an_object(truth, make, function):
+    """Which the functions are one line of, and which a basis holds."""
+    for settings in ({}, {"rank": 3}, {"tol": 1e-3}):
+        one, other = make(**settings)(truth), function(truth, **settings)
+        np.testing.assert_array_equal(one.modes, other.modes)
+        assert one.summary == other.summary
+        assert one.decomposition.rank == settings.get("rank")
+        assert one.name == make.name == function.__name__.upper()
+    again = one.decomposition.with_rank(2, truth.q[0])(truth)
+    np.testing.assert_array_equal(again.modes, function(truth, rank=2).modes)
+
+
+class VelocityPOD(rj.AbstractDecomposition):
+    """Proper orthogonal directions of the velocities; its values are energies."""
+
+    rank: int | None = eqx.field(static=True, default=None)
+    tol: Any = None
+    offset: Any = None
+
+    name: ClassVar[str] = "velocity POD"
+    value_label: ClassVar[ValueLabel] = ValueLabel("Kinetic energies", "E", "J s")
+
+    def criterion(self, snapshots):
+        values = singular_values(snapshots.velocities)
+        return RankCriterion(values, FLOOR[values.dtype], snapshots.noise.velocities)
+
+    def directions(self, snapshots, rank):
+        vectors, values = leading(snapshots.velocities, rank)
+        return Directions(vectors, 0.5 * values**2, values)
+
+
+def test_a_new_decomposition_is_described_and_drawn(truth):
+    basis = VelocityPOD(rank=5)(truth)
+    np.testing.assert_allclose(gram(basis), jnp.eye(5), atol=IDENTITY)
+    words = rj.describe(basis)
+    assert words.startswith("velocity POD, rank 5: as asked")
+    assert "of pendulum.q2 all but" in words
+    figure = plot.values(rj.pod(truth, rank=5), basis, rj.sod(truth, rank=5), VelocityPOD(3)(truth))
+    titles = ["Singular values", "Kinetic energies", "Smooth orthogonal values"]
+    assert [axes.get_title() for axes in figure.axes] == titles
+    names = [[t.get_text() for t in axes.get_legend().get_texts()] for axes in figure.axes]
+    assert names[1:] == [["velocity POD 1", "velocity POD 2"], ["SOD"]]
+    assert figure.axes[1].get_ylabel() == "$E_i$ [J s]"
+    figure = plot.modes(rj.gallery.cart_pendulum(), basis)
+    assert figure.get_suptitle() == "velocity POD modes"
+    energy = f"{float(basis.values[0]):.2g}"
+    assert figure.axes[0].get_title() == f"mode 1\n$E$ = {energy} J s"
+
+
+@pytest.mark.parametrize(("formulation", "rank"), [("galerkin", 5), ("minimal", 3)])
+def test_a_new_decomposition_reduces(truth, cart_pendulum, formulation, rank):
+    rom = rj.reduce(cart_pendulum, VelocityPOD(rank)(truth), formulation)
+    run = rj.simulate(rom, truth.t, rtol=1e-8, adjoint=diffrax.ForwardMode())
+    error = float(rj.compare(truth, run).error)
+    assert error <= REDUCED, f"{formulation}: error {error:.2e}"
+
+
+def test_the_rank_that_snapshots_do_not_allow_has_an_error_of_its_own(truth):
+    for decomposition in (rj.POD(9), rj.SOD(9), VelocityPOD(9)):
+        with pytest.raises(rj.RankError, match=f"{decomposition.name}: rank=9, but .* allow 1 to"):
+            decomposition(truth)
+    with pytest.raises(rj.InputError) as refusal:
+        rj.pod(truth, rank="best")
+    assert not isinstance(refusal.value, rj.RankError)
+
+
+# Names of the release before.
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("recording", "snapshots"), ("leak", "projection_error"), ("reason", "summary")],
+)
+def test_old_names_of_a_basis_warn_once(truth, old, new):
+    basis = rj.pod(truth, rank=2)
+    deprecated.warn_once.cache_clear()
+    with pytest.warns(DeprecationWarning, match=f"Basis.{old} is called Basis.{new} now"):
+        value = getattr(basis, old)
+    assert value is getattr(basis, new)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        getattr(basis, old)
+
+
+def test_the_old_name_of_a_decomposition(truth):
+    bases = rj.pod(truth, 2), rj.sod(truth, 2), rj.Basis.from_modes(jnp.eye(2), jnp.zeros(2))
+    deprecated.warn_once.cache_clear()
+    with pytest.warns(DeprecationWarning, match=r"Basis\.kind is called Basis\.decomposition"):
+        assert [basis.kind for basis in bases] == ["POD", "SOD", "given"]
+    with pytest.warns(DeprecationWarning, match=r"romjax\.verdict is called romjax\.describe"):
+        assert rj.verdict is rj.describe
