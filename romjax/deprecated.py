@@ -37,7 +37,7 @@ def renamed(old: str, new: str) -> Any:
 
 
 def renamed_keywords(**names: str) -> Callable[[type[T]], type[T]]:
-    """A class whose constructor takes arguments by their old names, `old="new"`, too."""
+    """Let a constructor take arguments by their old names, too; `names` gives the new ones."""
 
     def decorate(cls: type[T]) -> type[T]:
         init = cls.__init__
@@ -56,7 +56,7 @@ def renamed_keywords(**names: str) -> Callable[[type[T]], type[T]]:
 
 
 def adopt(cls: type, **names: str) -> None:
-    """Let what a subclass overrides by old names, `old="new"`, count as the new ones.
+    """Let what a subclass overrides by old names count as the new ones, which `names` gives.
 
     Else a part of a user's own would be taken for one that does not have them, in silence.
     """
@@ -66,7 +66,7 @@ def adopt(cls: type, **names: str) -> None:
 
 
 def __getattr__(name: str) -> Any:
-    """What `romjax.NAME` finds for an old name."""
+    """What the package has by an old name."""
     if name not in RENAMED:
         raise AttributeError(f"module 'romjax' has no attribute '{name}'")
     module, new = RENAMED[name]

@@ -1,8 +1,8 @@
 """Fields of scene elements: numbers are arrays, so that a new number never recompiles.
 
 `Converted` and the field functions tell type checkers what a constructor takes and what its field
-holds. Neither follows from `equinox.field(converter=...)`: mypy takes the type of the field for
-that of the argument, pyright that of the converter's argument, which is Any.
+holds. Neither follows from the converter of a field of equinox: mypy takes the type of the field
+for that of the argument, pyright that of the converter's argument, which is Any.
 """
 
 import dataclasses
@@ -34,8 +34,8 @@ check_not_negative = functools.partial(checks.check_not_negative, error=SceneErr
 
 
 if TYPE_CHECKING:
-    # Both checkers know a field by the function that declares it; under these names it is hidden
-    # from them that a converter is set, so that the annotation decides what may be given.
+    # Checkers know a field, and whether it has a default, by the function that declares it, here
+    # that of equinox by other names. They do not see its converter: the annotation decides.
     from equinox import field as number
     from equinox import field as parts
     from typing_extensions import TypeVar
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     Given = TypeVar("Given", default=Number)
 
     class Converted(Generic[Held, Given]):
-        """Of a field that holds a `Held` and takes a `Given`, a number unless told, too.
+        """Of a field that holds the first type and takes the second too, a number unless told.
 
         To checkers it is a descriptor, whose `__set__` gives the type of the argument of a
         constructor (https://typing.python.org/en/latest/spec/dataclasses.html).
