@@ -26,7 +26,8 @@ def values(*bases: Basis) -> Figure:
     if not bases:
         raise ValueError("values: no basis given; pass some, such as values(romjax.pod(truth)).")
     names = _names(bases)
-    labels = [basis.decomposition and basis.decomposition.value_label for basis in bases]
+    made_by = [basis.decomposition for basis in bases]
+    labels = [None if made is None else made.value_label for made in made_by]
     kinds = [label for label in dict.fromkeys(labels) if label is not None]
     figure = DisplayedFigure(figsize=(5.5 + 3.0 * len(kinds), 4))
     figure.set_layout_engine("constrained")
