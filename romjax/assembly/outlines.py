@@ -12,6 +12,8 @@ from jaxtyping import Array, Float
 
 from ..arrays import Vector, as_array
 from ..scene.drawing import GROUND as HATCH
+from ..scene.effect.base import AbstractEffect
+from ..scene.joint.base import AbstractJoint
 from ..scene.marker import GROUND, Pose
 from ..scene.outline import Outline, Style
 from ..scene.scene import Scene
@@ -66,7 +68,7 @@ def outlines(scene: Scene, t: Vector, q: Vector) -> list[MovingOutline]:
     names = [name for name, line in zip(bodies, lines, strict=True) for _ in line]
     points = jnp.asarray(np.concatenate(lines))
     material = prepare_points(names, points, jnp.zeros_like(points[:, 0]), bodies, columns, n)
-    parts = (*scene.joints, *scene.effects)
+    parts: tuple[AbstractJoint | AbstractEffect, ...] = (*scene.joints, *scene.effects)
     groups, markers = arrange(parts, bodies, columns, n)
     elements = [(stacked, blocks) for stacked, blocks, _ in groups]
     placed, drawn, size = jax.device_get(_evaluate(material, markers, elements, t, q))
@@ -127,7 +129,9 @@ def _evaluate(
     return placed, jax.vmap(frame)(t, poses), size
 
 
-def _ground(parts: Sequence[Any], size: float, count: int) -> list[MovingOutline]:
+def _ground(
+    parts: Sequence[AbstractJoint | AbstractEffect], size: float, count: int
+) -> list[MovingOutline]:
     """A hatched line at each marker on the ground of the parts that ask for it."""
     held = [m for part in parts if part.hatched for m in part.markers if m.body == GROUND]
     places = {tuple(np.round(np.asarray(marker.point), 12)) for marker in held}

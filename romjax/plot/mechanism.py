@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from ..assembly.outlines import MovingOutline
+from ..scene.outline import Style
 from .style import LINES, SIGNS
 
 
@@ -21,13 +22,13 @@ class Picture:
     def __init__(
         self, axes: Axes, outlines: Sequence[MovingOutline], *, details: bool = True, **look: Any
     ):
-        looks: dict[str, dict[str, Any]] = {"body": {"solid_capstyle": "round", **look}}
+        looks: dict[Style, dict[str, Any]] = {"body": {"solid_capstyle": "round", **look}}
         if details:
             looks |= {style: dict(own) for style, own in LINES.items()}
         for style, own in SIGNS.items():
             looks[style] = {"color": look.get("color"), "linestyle": "none", "zorder": 2.5, **own}
-        self.points: dict[str, np.ndarray] = {}
-        self.lines: dict[str, Line2D] = {}
+        self.points: dict[Style, np.ndarray] = {}
+        self.lines: dict[Style, Line2D] = {}
         for style, own in looks.items():
             parts = [outline.points for outline in outlines if outline.style == style]
             if parts:

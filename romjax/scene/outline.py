@@ -33,7 +33,8 @@ class Outline(eqx.Module):
     **Arguments:**
 
     - `points`: in the inertial frame [m], (points, 2); with a leading axis where it moves.
-    - `style`: what it stands for, one of `Style`.
+    - `style`: what it stands for: "body", "link", "track", "spring", "damper", "load", "surface" or
+      "ground" for lines; "hinge", "weld" or "point" for marks.
     - `endless`: whether it goes on beyond its ends; then pictures cut it off, where finite ones
       are shown as a whole.
     """
