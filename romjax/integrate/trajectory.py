@@ -29,11 +29,13 @@ class SolverParts(eqx.Module):
     @classmethod
     def of(cls, solver: diffrax.AbstractSolver) -> "SolverParts":
         """From the solver itself."""
-        return cls(*eqx.partition(solver, lambda x: isinstance(x, jax.Array | np.ndarray)))
+        arrays, rest = eqx.partition(solver, lambda x: isinstance(x, jax.Array | np.ndarray))
+        # Most solvers have none, and an empty tree costs time in every call.
+        return cls(arrays if jax.tree.leaves(arrays) else None, rest)
 
     def join(self) -> diffrax.AbstractSolver:
         """The solver itself."""
-        return eqx.combine(self.arrays, self.structure)
+        return self.structure if self.arrays is None else eqx.combine(self.arrays, self.structure)
 
 
 class Trajectory(eqx.Module):
@@ -50,7 +52,8 @@ class Trajectory(eqx.Module):
       it in words.
     - `flags`: a number of `romjax.Flag`, of a reduced model's run; `warnings()` says it in words.
     - `labels`: names of the coordinates.
-    - `solver`: the method, an object; `solver_name`: what messages and tables call it.
+    - `solver_parts`: the method as a pytree. `solver` is the object that it stands for, and
+      `solver_name` what messages and tables call it.
     """
 
     t: Float[Array, " k"]
