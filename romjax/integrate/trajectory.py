@@ -48,8 +48,8 @@ class Trajectory(eqx.Module):
     - `stats`: numbers of steps (`num_steps`, `num_accepted_steps`, `num_rejected_steps`), the
       tolerances `rtol`, `atol` of the step size control, the `stabilization` used, and where the
       method or the stabilization was chosen by it, the `fastest_frequency` [rad/s] of the system.
-    - `status`: a number of `romjax.Status`; `success` says whether all went well, `summary()` says
-      it in words.
+    - `status`: a number of `romjax.Status`; `success` says whether all went well,
+      `Trajectory.summary` says it in words.
     - `flags`: a number of `romjax.Flag`, of a reduced model's run; `warnings()` says it in words.
     - `labels`: names of the coordinates.
     - `solver_parts`: the method as a pytree. `solver` is the object that it stands for, and
