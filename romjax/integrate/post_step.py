@@ -51,20 +51,20 @@ class ProjectState(eqx.Module):
 
     sweeps: int = eqx.field(static=True)
 
-    def start(self, system: AbstractSystem) -> None:
+    def start(self, system: AbstractSystem) -> Chart:
         return None
 
-    def in_chart(self, system: AbstractSystem, chart: None) -> AbstractSystem:
+    def in_chart(self, system: AbstractSystem, chart: Chart) -> AbstractSystem:
         return system
 
     def after_step(
         self,
         system: AbstractSystem,
-        chart: None,
+        chart: Chart,
         t: Time,
         q: Float[Array, " n"],
         v: Float[Array, " n"],
-    ) -> tuple[None, Float[Array, " n"], Float[Array, " n"]]:
+    ) -> tuple[Chart, Float[Array, " n"], Float[Array, " n"]]:
         return None, *project(system, t, q, v, self.sweeps)
 
 
@@ -95,7 +95,7 @@ class _Interpolate:
 
 
 class PostStepSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrappedSolver[Any]):
-    """Any diffrax solver, each step followed by `post_step.after_step(system, chart, t, q, v)`.
+    """Any diffrax solver, each step followed by the `after_step` of a `PostStep`.
 
     The state is (q, v), of a `MotionTerm`, or (q, v, chart), of a `ChartedMotionTerm`. The wrapped
     solver sees (q, v) in the chart of the step, and so does its dense output.

@@ -146,7 +146,7 @@ def _statistics(states: States, settings: Settings) -> Statistics:
         rtol=settings.rtol if controlled else None,
         atol=settings.atol if controlled else None,
         fastest_frequency=None if frequencies is None else frequencies.fastest,
-        stabilization=settings.stabilization,  # type: ignore[arg-type]
+        stabilization=settings.stabilization,
     )
 
 
