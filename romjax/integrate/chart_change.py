@@ -45,4 +45,7 @@ class ChartChange(eqx.Module):
         number = self.atlas.number(motion.q)
         others = self.atlas.lift(number).restrict(system.full, motion.q, motion.v)
         new = (number.astype(chart.dtype), *others)
-        return jax.tree.map(lambda new, old: jnp.where(leave, new, old), new, (chart, q, v))
+        chosen: tuple[Float[Array, ""], Reduced, Reduced] = jax.tree.map(
+            lambda new, old: jnp.where(leave, new, old), new, (chart, q, v)
+        )
+        return chosen

@@ -1,6 +1,6 @@
 """The settings of a simulation, and checks of what users pass for them."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import diffrax
 import equinox as eqx
@@ -24,7 +24,7 @@ class Settings(eqx.Module):
     - `meter`: what shows the progress.
     """
 
-    solver: diffrax.AbstractSolver
+    solver: diffrax.AbstractSolver[Any]
     rtol: Float[Array, ""]
     atol: Float[Array, ""]
     dt: Float[Array, ""] | None
@@ -32,7 +32,7 @@ class Settings(eqx.Module):
     frequencies: Frequencies | None
     adjoint: diffrax.AbstractAdjoint
     max_steps: int
-    meter: diffrax.AbstractProgressMeter
+    meter: diffrax.AbstractProgressMeter[Any]
 
     def resolve(self, system: AbstractSystem, ts: Float[Array, " k"]) -> "Settings":
         """The same with the stabilization of this system; no projection of no constraints."""
@@ -42,9 +42,10 @@ class Settings(eqx.Module):
             stabilization = default_stabilization(system, ts, self.dt, self.frequencies)
         elif isinstance(stabilization, Projection) and system.m == 0:
             stabilization = None
-        return eqx.tree_at(
+        settings: Settings = eqx.tree_at(
             lambda s: s.stabilization, self, stabilization, is_leaf=lambda x: x is None
         )
+        return settings
 
     @property
     def baumgarte(self) -> Baumgarte | None:

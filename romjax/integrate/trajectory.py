@@ -27,13 +27,14 @@ class SolverParts(eqx.Module):
     structure: Any = eqx.field(static=True)
 
     @classmethod
-    def of(cls, solver: diffrax.AbstractSolver) -> "SolverParts":
+    def of(cls, solver: diffrax.AbstractSolver[Any]) -> "SolverParts":
         """From the solver itself."""
         return cls(*eqx.partition(solver, lambda x: isinstance(x, jax.Array | np.ndarray)))
 
-    def join(self) -> diffrax.AbstractSolver:
+    def join(self) -> diffrax.AbstractSolver[Any]:
         """The solver itself."""
-        return eqx.combine(self.arrays, self.structure)
+        solver: diffrax.AbstractSolver[Any] = eqx.combine(self.arrays, self.structure)
+        return solver
 
 
 class Trajectory(eqx.Module):
@@ -66,7 +67,7 @@ class Trajectory(eqx.Module):
     flags: Int[Array, ""] = eqx.field(default_factory=lambda: jnp.zeros((), int))
 
     @property
-    def solver(self) -> diffrax.AbstractSolver:
+    def solver(self) -> diffrax.AbstractSolver[Any]:
         """The method, as it was given to `simulate` or chosen by it."""
         return self.solver_parts.join()
 

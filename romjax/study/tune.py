@@ -77,7 +77,7 @@ def tune_baumgarte(
     cost: float = 0.0,
     steps: int = 300,
     rate: float = 0.1,
-    solver: diffrax.AbstractSolver | None = None,
+    solver: diffrax.AbstractSolver[Any] | None = None,
     rtol: ArrayLike = 1e-6,
     dt: ArrayLike | None = None,
     progress: bool = False,

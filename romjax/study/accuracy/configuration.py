@@ -34,7 +34,7 @@ class Configuration:
     """A model, a method and a condition; its runs by tolerance or, with `fixed`, by step."""
 
     model: Model
-    solver: diffrax.AbstractSolver
+    solver: diffrax.AbstractSolver[Any]
     condition: Condition
     fixed: bool
     run: Callable[[float], Trajectory]
@@ -47,7 +47,7 @@ class Configuration:
     def compiled(
         cls,
         model: Model,
-        solver: diffrax.AbstractSolver,
+        solver: diffrax.AbstractSolver[Any],
         ts: Any,
         condition: Condition = SINGLE_RUN,
         fixed: bool = False,

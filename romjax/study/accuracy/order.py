@@ -16,8 +16,8 @@ from .search import rows_of
 
 
 def methods_for(
-    model: Model, methods: Sequence[diffrax.AbstractSolver], ts: Any
-) -> list[diffrax.AbstractSolver]:
+    model: Model, methods: Sequence[diffrax.AbstractSolver[Any]], ts: Any
+) -> list[diffrax.AbstractSolver[Any]]:
     """The methods, with that first which `simulate` would choose."""
     system = model.system
     fastest = frequencies(system, ts, system.q0, system.v0)
@@ -27,11 +27,11 @@ def methods_for(
 
 def queue(
     full: Model,
-    others: Sequence[diffrax.AbstractSolver],
+    others: Sequence[diffrax.AbstractSolver[Any]],
     models: Iterable[Model],
-    methods: Sequence[diffrax.AbstractSolver],
+    methods: Sequence[diffrax.AbstractSolver[Any]],
     ts: Any,
-) -> Iterator[tuple[Model, diffrax.AbstractSolver]]:
+) -> Iterator[tuple[Model, diffrax.AbstractSolver[Any]]]:
     """Each model by the method that `simulate` would choose, then by the others; the full model
     among the first, for all else is measured by it.
     """

@@ -79,7 +79,7 @@ def _train(full: Configuration, rtol: float) -> Trajectory:
 def _try_single_runs(
     search: Search,
     training: Trajectory,
-    others: list[diffrax.AbstractSolver],
+    others: list[diffrax.AbstractSolver[Any]],
     models: dict[str, Model],
 ) -> None:
     """All models by all methods, one run at a time in double precision; adds to `models`.
