@@ -69,7 +69,9 @@ def unwrap_term(term: Any) -> tuple[Any, Any]:
     return (term.term, term.direction) if isinstance(term, WrapTerm) else (term, 1)
 
 
-def wrap_term(term: diffrax.AbstractTerm[Any, Any], direction: Any) -> diffrax.AbstractTerm[Any, Any]:
+def wrap_term(
+    term: diffrax.AbstractTerm[Any, Any], direction: Any
+) -> diffrax.AbstractTerm[Any, Any]:
     """A term with the direction of time, 1 or −1, that diffrax wraps around it."""
     return WrapTerm(term, direction)
 

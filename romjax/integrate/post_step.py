@@ -54,18 +54,18 @@ class ProjectState(eqx.Module):
     def start(self, system: AbstractSystem) -> None:
         return None
 
-    def in_chart(self, system: AbstractSystem, chart: None) -> AbstractSystem:
+    def in_chart(self, system: AbstractSystem, chart: Chart) -> AbstractSystem:
         return system
 
     def after_step(
         self,
         system: AbstractSystem,
-        chart: None,
+        chart: Chart,
         t: Time,
         q: Float[Array, " n"],
         v: Float[Array, " n"],
     ) -> tuple[None, Float[Array, " n"], Float[Array, " n"]]:
-        return None, *project(system, t, q, v, self.sweeps)
+        return None, *project(system, jnp.asarray(t, q.dtype), q, v, self.sweeps)
 
 
 class PostStepInterpolation(diffrax.AbstractLocalInterpolation):

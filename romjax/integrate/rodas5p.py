@@ -49,7 +49,8 @@ class RodasInterpolation(diffrax.AbstractLocalInterpolation):
         def leaf(y0: Array, y1: Array, k: Array) -> Array:
             x = theta.astype(y0.dtype)
             h1, h2, h3 = jnp.tensordot(jnp.asarray(DENSE, k.dtype), k, axes=1)
-            return (1 - x) * y0 + x * (y1 + (1 - x) * (h1 + x * (h2 + x * h3)))
+            y: Array = (1 - x) * y0 + x * (y1 + (1 - x) * (h1 + x * (h2 + x * h3)))
+            return y
 
         return jax.tree.map(leaf, self.y0, self.y1, self.k)
 

@@ -89,7 +89,7 @@ class CustomSystem(AbstractSystem):
 
     def state(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> FullState:
         def jacobian() -> Array:
-            rows = jax.jacfwd(self.constraint, argnums=1)(jnp.asarray(t, q.dtype), q)
+            rows: Array = jax.jacfwd(self.constraint, argnums=1)(jnp.asarray(t, q.dtype), q)
             return rows[None][: min(self.m, 1)]
 
         return FullState(

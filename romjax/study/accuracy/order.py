@@ -8,7 +8,7 @@ from typing import Any
 import diffrax
 import numpy as np
 
-from ...integrate.default import default_solver, frequencies
+from ...integrate.default import default_solver, start_frequencies
 from .configuration import Configuration
 from .model import Model
 from .row import with_front
@@ -20,7 +20,7 @@ def methods_for(
 ) -> list[diffrax.AbstractSolver[Any]]:
     """The methods, with that first which `simulate` would choose."""
     system = model.system
-    fastest = frequencies(system, ts, system.q0, system.v0)
+    fastest = start_frequencies(system, ts, system.q0, system.v0)
     chosen = type(default_solver(system, ts, None, fastest))
     return sorted(methods, key=lambda method: type(method) is not chosen)
 

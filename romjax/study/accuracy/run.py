@@ -1,6 +1,7 @@
 """A study of accuracy from its training run to its result."""
 
 import itertools
+from typing import Any
 
 import diffrax
 import numpy as np
@@ -31,7 +32,7 @@ def run_study(
     times: Float[Array, " k"],
     settings: Settings,
     begin: float,
-    bar: tqdm,
+    bar: tqdm,  # type: ignore[type-arg]  # generic in the stubs only
 ) -> Accuracy:
     """Try what the `settings` ask for; `begin` [s]: since when the budget is spent.
 
