@@ -61,4 +61,5 @@ class Chart(eqx.Module):
         """(∂C/∂d)⁻¹ = (C_q W)⁻¹ at several configurations."""
         dependent = jnp.asarray(self.dependent, q.dtype)
         rows = jax.vmap(lambda t, q: self.regular(jacobian(system, t, q)))(t, q)
-        return jnp.linalg.inv(rows @ dependent)
+        inverses: Array = jnp.linalg.inv(rows @ dependent)
+        return inverses

@@ -65,7 +65,7 @@ class ProjectState(eqx.Module):
         q: Float[Array, " n"],
         v: Float[Array, " n"],
     ) -> tuple[Chart, Float[Array, " n"], Float[Array, " n"]]:
-        return None, *project(system, t, q, v, self.sweeps)
+        return None, *project(system, jnp.asarray(t, q.dtype), q, v, self.sweeps)
 
 
 class PostStepInterpolation(diffrax.AbstractLocalInterpolation):
@@ -104,7 +104,7 @@ class PostStepSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrappe
     the vector field, so the wrapped solver is told of a jump at every step.
     """
 
-    solver: diffrax.AbstractSolver  # type: ignore[misc]
+    solver: diffrax.AbstractSolver[Any]  # type: ignore[misc]
     post_step: PostStep
 
     @property
@@ -165,7 +165,8 @@ class PostStepSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrappe
 def motion_norm(y: PyTree) -> Array:
     """The root mean square of q and v, without the number of their chart, which is no error."""
     q, v, _ = y
-    return optimistix.rms_norm((q, v))
+    size: Array = optimistix.rms_norm((q, v))
+    return size
 
 
 def _split(terms: PyTree, y: PyTree) -> tuple[Any, AbstractSystem, PyTree, Chart]:

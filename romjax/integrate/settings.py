@@ -1,6 +1,6 @@
 """The settings of a simulation, and checks of what users pass for them."""
 
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import diffrax
 import numpy as np
@@ -25,7 +25,7 @@ class Settings(NamedTuple):
     - `meter`: what shows the progress.
     """
 
-    solver: diffrax.AbstractSolver
+    solver: diffrax.AbstractSolver[Any]
     rtol: Float[Array, ""]
     atol: Float[Array, ""]
     dt: Float[Array, ""] | None
@@ -33,7 +33,7 @@ class Settings(NamedTuple):
     frequencies: Frequencies | None
     adjoint: diffrax.AbstractAdjoint
     max_steps: int
-    meter: diffrax.AbstractProgressMeter
+    meter: diffrax.AbstractProgressMeter[Any]
 
     def resolve(self, system: AbstractSystem, ts: Float[Array, " k"]) -> "Settings":
         """The same with the stabilization of this system; no projection of no constraints."""

@@ -1,7 +1,7 @@
 """Simulation: the one way from a system to a trajectory."""
 
 import warnings
-from typing import Literal
+from typing import Any, Literal
 
 import diffrax
 import equinox as eqx
@@ -32,7 +32,7 @@ def simulate(
     *,
     q0: Vector | None = None,
     v0: Vector | None = None,
-    solver: diffrax.AbstractSolver | None = None,
+    solver: diffrax.AbstractSolver[Any] | None = None,
     rtol: ArrayLike = 1e-6,
     atol: ArrayLike | None = None,
     dt: ArrayLike | None = None,

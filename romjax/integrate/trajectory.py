@@ -27,15 +27,18 @@ class SolverParts(eqx.Module):
     structure: Any = eqx.field(static=True)
 
     @classmethod
-    def of(cls, solver: diffrax.AbstractSolver) -> "SolverParts":
+    def of(cls, solver: diffrax.AbstractSolver[Any]) -> "SolverParts":
         """From the solver itself."""
         arrays, rest = eqx.partition(solver, lambda x: isinstance(x, jax.Array | np.ndarray))
         # Most solvers have none, and an empty tree costs time in every call.
         return cls(arrays if jax.tree.leaves(arrays) else None, rest)
 
-    def join(self) -> diffrax.AbstractSolver:
+    def join(self) -> diffrax.AbstractSolver[Any]:
         """The solver itself."""
-        return self.structure if self.arrays is None else eqx.combine(self.arrays, self.structure)
+        solver: diffrax.AbstractSolver[Any] = self.structure
+        if self.arrays is not None:
+            solver = eqx.combine(self.arrays, self.structure)
+        return solver
 
 
 class Trajectory(eqx.Module):
@@ -69,7 +72,7 @@ class Trajectory(eqx.Module):
     flags: Int[Array, ""] = eqx.field(default_factory=lambda: jnp.zeros((), int))
 
     @property
-    def solver(self) -> diffrax.AbstractSolver:
+    def solver(self) -> diffrax.AbstractSolver[Any]:
         """The method, as it was given to `simulate` or chosen by it."""
         return self.solver_parts.join()
 

@@ -39,7 +39,9 @@ class ReducedConstraints(NamedTuple):
 
     @property
     def side_by_side(self) -> Float[Array, "m rK"]:
-        return jnp.moveaxis(self.rows, 0, 1).reshape(self.rows.shape[1], -1) / len(self.rows) ** 0.5
+        rows = jnp.moveaxis(self.rows, 0, 1).reshape(self.rows.shape[1], -1)
+        root: float = len(self.rows) ** 0.5
+        return rows / root
 
     def combinations(self, count: int) -> Float[Array, "m count"]:
         """The principal ones: columns U, so that UᵀC are combinations of the constraints."""
@@ -58,7 +60,7 @@ def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstrai
     stride = -(-len(basis.snapshots.t) // _SNAPSHOTS)
     z, t = basis.coordinates[::stride], basis.snapshots.t[::stride]
 
-    def reduced(t, z):  # type: ignore[no-untyped-def]
+    def reduced(t: Array, z: Array) -> tuple[Array, Array]:
         q = basis.offset + basis.modes @ z
         state = system.state(t, q, jnp.zeros_like(q))
         rows = state.jacobian()

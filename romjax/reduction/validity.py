@@ -1,7 +1,5 @@
 """What speaks against the result of a reduced model."""
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -66,9 +64,10 @@ class TrainingBox(AbstractValidity):
         width = self.upper - self.lower
         allowed = _MARGIN * jnp.maximum(width, _NARROW * jnp.max(width))
         outside = jnp.maximum(self.lower[None] - points, points - self.upper[None])
-        raised: Any = jnp.any(outside > allowed[None]) * int(Flag.OUTSIDE_TRAINING)
+        raised: Array = jnp.any(outside > allowed[None]) * int(Flag.OUTSIDE_TRAINING)
         limit = jnp.maximum(_TIMES * self.violation, _ROUNDING)
-        return raised + jnp.any(run.violation > limit) * int(Flag.VIOLATION)
+        raised += jnp.any(run.violation > limit) * int(Flag.VIOLATION)
+        return raised
 
 
 @eqx.filter_jit

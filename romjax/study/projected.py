@@ -158,7 +158,7 @@ class EnergyBalance(AbstractValidity):
     box: TrainingBox
 
     def flags(self, system: AbstractSystem, run: Run) -> Int[Array, ""]:
-        def power(t, q, v):  # type: ignore[no-untyped-def]
+        def power(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
             state = system.state(t, q, v)
             full = system.full.state(t, state.q, state.v)
             unbalanced = full.residual(state.physical_acceleration(state.force()))

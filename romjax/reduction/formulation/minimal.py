@@ -75,10 +75,11 @@ def _in_atlas(system: AbstractSystem, basis: Basis, atlas: Atlas) -> ReducedSyst
             f"rank={freedoms} or more, or formulation=romjax.Galerkin()."
         )
     unit = jnp.eye(freedoms, dtype=basis.modes.dtype)
-    lifts = [
-        _lift(system, basis, chart, unit, unit, domain)
-        for chart, domain in zip(atlas.charts, atlas.domains, strict=True)
-    ]
+    lifts = []
+    for chart, domain in zip(atlas.charts, atlas.domains, strict=True):
+        one = _lift(system, basis, chart, unit, unit, domain)
+        assert isinstance(one, ImplicitLift)  # a chart in closed form needs no others
+        lifts.append(one)
     snapshots = basis.snapshots
     root = jnp.linalg.cholesky(snapshots.metric).T
     lift = AtlasLift.of(lifts, snapshots.q, root, atlas)
