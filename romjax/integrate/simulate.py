@@ -131,7 +131,7 @@ def _simulate(
         stats=_statistics(states, settings),
         status=judge_run(system, ts, states, outputs, settings),
         flags=_flags(system, ts, states, outputs),
-        labels=system.full.structure.labels,
+        coordinates=system.full.structure.coordinates,
         solver_parts=SolverParts.of(settings.solver),
     )
     return trajectory, jax.tree.map(lambda x: x[0], outputs.constraints)

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..deprecated import renamed, warn_once
+from ..scene.coordinate import Coordinate
 from ..system.flags import WORDS, Flag
 from .statistics import Statistics
 from .status import REMEDIES, Status
@@ -54,7 +55,8 @@ class Trajectory(eqx.Module):
     - `status`: a number of `romjax.Status`; `success` says whether all went well,
       `Trajectory.summary` says it in words.
     - `flags`: a number of `romjax.Flag`, of a reduced model's run; `warnings()` says it in words.
-    - `labels`: names of the coordinates.
+    - `coordinates`: what the columns of q are (`romjax.Coordinate`); `labels` and `descriptions`
+      name them, shortly and in words.
     - `solver_parts`: the method as a pytree. `solver` is the object that it stands for, and
       `solver_name` what messages and tables call it.
     """
@@ -67,9 +69,19 @@ class Trajectory(eqx.Module):
     metric: Float[Array, "n n"]
     stats: Statistics
     status: Int[Array, ""]
-    labels: tuple[str, ...] = eqx.field(static=True)
+    coordinates: tuple[Coordinate, ...] = eqx.field(static=True)
     solver_parts: SolverParts
     flags: Int[Array, ""] = eqx.field(default_factory=lambda: jnp.zeros((), int))
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The coordinates as tables name them, such as "cart.x"."""
+        return tuple(coordinate.label for coordinate in self.coordinates)
+
+    @property
+    def descriptions(self) -> tuple[str, ...]:
+        """The coordinates in words, such as "bending mode 1 of beam"; else their labels."""
+        return tuple(coordinate.description or coordinate.label for coordinate in self.coordinates)
 
     @property
     def solver(self) -> diffrax.AbstractSolver[Any]:

@@ -10,13 +10,13 @@ from jaxtyping import Array, Float
 
 # Up to here an elimination is written out; a call of LAPACK costs as much as a 6 × 6 inverse.
 _WRITTEN_OUT = 6
-# Up to here it is a loop, which XLA can compile with the loops around it; it cannot with LAPACK.
+# Up to here it is a loop, which XLA compiles together with the loops around it; LAPACK's it cannot.
 _LOOPED = 24
-# Up to here a sum of products is fused with what is around it; beyond, a product of its own is
-# faster, since XLA computes the factors again for each product: terms of each sum; and of a single
-# matrix, entries and products in all.
+# Up to here a sum of products is written so that XLA fuses it with what is around it. Beyond, a
+# library's product is faster, since a fused one computes its factors again for each entry. The
+# limits: terms of each sum; and for a single matrix, its entries, and the products in all.
 _FUSED, _ENTRIES, _PRODUCTS = 16, 100, 600
-# Of the iteration for an inverse.
+# Of Schulz's iteration, each of which squares the error.
 _MOST_ITERATIONS = 8
 
 
@@ -45,7 +45,7 @@ def invert(a: Float[Array, "*batch b b"]) -> Float[Array, "*batch b b"]:
         unit = jnp.broadcast_to(jnp.eye(size, dtype=a.dtype), a.shape)
         half = jsl.solve_triangular(factor, unit, lower=True)
         return jnp.swapaxes(half, -1, -2) @ half
-    if size == 2:  # most joints
+    if size == 2:  # most joints have two rows
         determinant = a[..., 0, 0] * a[..., 1, 1] - a[..., 0, 1] ** 2
         signs = np.array([[1, -1], [-1, 1]], a.dtype).reshape(*[1] * (a.ndim - 2), 2, 2)
         return a[..., ::-1, ::-1] * signs / determinant[..., None, None]
@@ -53,11 +53,11 @@ def invert(a: Float[Array, "*batch b b"]) -> Float[Array, "*batch b b"]:
 
     def eliminate(a: Array, unit: Array | np.ndarray) -> tuple[Array, None]:
         """Gauss–Jordan in place; without pivoting, as the matrices are positive definite."""
-        rest = 1 - unit
+        others = 1 - unit
         own = jnp.sum(a * unit[..., None], axis=-2)
-        row = (own * rest + unit) / jnp.sum(own * unit, axis=-1, keepdims=True)
-        column = unit - jnp.sum(a * unit[..., None, :], axis=-1) * rest
-        outer = rest[..., None] * rest[..., None, :]
+        row = (own * others + unit) / jnp.sum(own * unit, axis=-1, keepdims=True)
+        column = unit - jnp.sum(a * unit[..., None, :], axis=-1) * others
+        outer = others[..., None] * others[..., None, :]
         return a * outer + column[..., None] * row[..., None, :], None
 
     if size > _WRITTEN_OUT:
