@@ -109,7 +109,7 @@ def method_of_system(system: Any, name: str) -> Any:
     raise AttributeError(f"'{type(system).__name__}' has no attribute '{name}'")
 
 
-def decided(formulation: Any, old: dict[str, Any]) -> Any:
+def decided(formulation: T, old: dict[str, Any]) -> T:
     """The formulation with what was a keyword argument of `reduce`: `constraints`, `chart`."""
     fields = getattr(formulation, "__dataclass_fields__", {})
     for name, value in old.items():
@@ -117,5 +117,5 @@ def decided(formulation: Any, old: dict[str, Any]) -> Any:
             raise TypeError(f"reduce() got an unexpected keyword argument '{name}'")
         warn_once(f"reduce({name}=…)", f"a formulation's argument, such as Galerkin({name}=…)")
         if name in fields:
-            formulation = dataclasses.replace(formulation, **{name: value})
+            formulation = dataclasses.replace(formulation, **{name: value})  # type: ignore[type-var]
     return formulation

@@ -24,7 +24,10 @@ class Motion(Protocol):
     q: Float[Array, "h n"]
     v: Float[Array, "h n"]
     metric: Float[Array, "n n"]
-    labels: tuple[str, ...]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What tables call the coordinates."""
 
 
 class Noise(NamedTuple):
