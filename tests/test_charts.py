@@ -17,9 +17,9 @@ from romjax.integrate.term import ChartedMotionTerm, MotionTerm
 GRAVITY = 9.81
 # The motion leaves a chart here [rad]; the other one has then −1.14 rad, well inside.
 LEFT = 2.0
-# Rounding of the error estimate, up to 1e-14 / ATOL, shifts each step by that share, and
-# some hundred steps of a motion that turns over add up.
-ATOL, SAME = 1e-5, 1e2 * IDENTITY
+# Rounding of the error estimate shifts each step by 1e-14 / ATOL of its length, and by more where
+# the estimate passes zero.
+ATOL = 1e-5
 TS = jnp.linspace(0.0, 3.0, 31)
 
 
@@ -138,15 +138,17 @@ def test_the_same_steps_as_in_one_chart(solver):
     t, q, v, chart = every_step(pendulum(True), solver)
     times, angle, rate = every_step(pendulum(False), solver)
     assert len(t) == len(times)
-    assert np.max(np.abs(t - times)) <= SAME, np.max(np.abs(t - times))
+    assert np.max(np.abs(t - times)) <= SOLVED, np.max(np.abs(t - times))
     assert np.sum(np.abs(np.diff(chart))) >= 4
     assert set(chart) == {0.0, 1.0}
     # A step may end further out, but the state that it leaves is inside of its chart.
     assert np.max(np.abs(q)) <= LEFT
     sign = np.where(chart > 0.5, -1.0, 1.0)[:, None]
     error = apart(np.where(chart > 0.5, np.pi, 0.0)[:, None] + sign * q, angle)
-    assert error <= SAME, error
-    assert np.max(np.abs(sign * v - rate)) <= SAME, np.max(np.abs(sign * v - rate))
+    assert error <= SOLVED, error
+    # Relative to the velocity, since the shift of the times is in it.
+    error = np.max(np.abs(sign * v - rate)) / np.max(np.abs(rate))
+    assert error <= SOLVED, error
 
 
 def test_the_norm_leaves_out_the_chart():

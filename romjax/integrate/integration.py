@@ -16,7 +16,7 @@ from ..system.dynamics import constraint_state
 from .chart_change import ChartChange
 from .post_step import PostStep, PostStepSolver, ProjectState, motion_norm
 from .settings import Settings
-from .term import ChartedMotionTerm, MotionTerm, acceleration
+from .term import ChartedMotionTerm, ChartedState, MotionTerm, State, acceleration
 
 
 class States(NamedTuple):
@@ -63,7 +63,7 @@ def integrate(
         q0, v0 = project_start(system, ts[0], q0, v0)
     motion = MotionTerm(system, settings.baumgarte)
     term: diffrax.AbstractTerm[Any, Any] = motion
-    state: tuple[Array, ...] = (q0, v0)
+    state: State | ChartedState = (q0, v0)
     solver = settings.solver
     chart = None if post_step is None else post_step.start(system)
     if post_step is not None:

@@ -51,7 +51,7 @@ class ProjectState(eqx.Module):
 
     sweeps: int = eqx.field(static=True)
 
-    def start(self, system: AbstractSystem) -> None:
+    def start(self, system: AbstractSystem) -> Chart:
         return None
 
     def in_chart(self, system: AbstractSystem, chart: Chart) -> AbstractSystem:
@@ -64,7 +64,7 @@ class ProjectState(eqx.Module):
         t: Time,
         q: Float[Array, " n"],
         v: Float[Array, " n"],
-    ) -> tuple[None, Float[Array, " n"], Float[Array, " n"]]:
+    ) -> tuple[Chart, Float[Array, " n"], Float[Array, " n"]]:
         return None, *project(system, jnp.asarray(t, q.dtype), q, v, self.sweeps)
 
 
@@ -95,7 +95,7 @@ class _Interpolate:
 
 
 class PostStepSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrappedSolver[Any]):
-    """Any diffrax solver, each step followed by `post_step.after_step(system, chart, t, q, v)`.
+    """Any diffrax solver, each step followed by the `after_step` of a `PostStep`.
 
     The state is (q, v), of a `MotionTerm`, or (q, v, chart), of a `ChartedMotionTerm`. The wrapped
     solver sees (q, v) in the chart of the step, and so does its dense output.

@@ -29,11 +29,14 @@ class SolverParts(eqx.Module):
     @classmethod
     def of(cls, solver: diffrax.AbstractSolver[Any]) -> "SolverParts":
         """From the solver itself."""
-        return cls(*eqx.partition(solver, lambda x: isinstance(x, jax.Array | np.ndarray)))
+        arrays, rest = eqx.partition(solver, lambda x: isinstance(x, jax.Array | np.ndarray))
+        # Most solvers have none, and an empty tree costs time in every call.
+        return cls(arrays if jax.tree.leaves(arrays) else None, rest)
 
     def join(self) -> diffrax.AbstractSolver[Any]:
         """The solver itself."""
-        solver: diffrax.AbstractSolver[Any] = eqx.combine(self.arrays, self.structure)
+        whole = self.structure if self.arrays is None else eqx.combine(self.arrays, self.structure)
+        solver: diffrax.AbstractSolver[Any] = whole
         return solver
 
 
@@ -47,11 +50,12 @@ class Trajectory(eqx.Module):
     - `stats`: numbers of steps (`num_steps`, `num_accepted_steps`, `num_rejected_steps`), the
       tolerances `rtol`, `atol` of the step size control, the `stabilization` used, and where the
       method or the stabilization was chosen by it, the `fastest_frequency` [rad/s] of the system.
-    - `status`: a number of `romjax.Status`; `success` says whether all went well, `summary()` says
-      it in words.
+    - `status`: a number of `romjax.Status`; `success` says whether all went well,
+      `Trajectory.summary` says it in words.
     - `flags`: a number of `romjax.Flag`, of a reduced model's run; `warnings()` says it in words.
     - `labels`: names of the coordinates.
-    - `solver`: the method, an object; `solver_name`: what messages and tables call it.
+    - `solver_parts`: the method as a pytree. `solver` is the object that it stands for, and
+      `solver_name` what messages and tables call it.
     """
 
     t: Float[Array, " k"]

@@ -1,7 +1,7 @@
 """The system: how a mechanism moves. Full, user-made and reduced ones are all of this kind."""
 
 import abc
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
 from jaxtyping import Array, Float, Int
@@ -14,23 +14,22 @@ from .state import AbstractState
 from .structure import Structure
 
 
+class Run(NamedTuple):
+    """A simulated motion in the coordinates of a system, and what it is physically."""
+
+    t: Float[Array, " k"]
+    q: Float[Array, "k n"]
+    v: Float[Array, "k n"]
+    physical: Float[Array, "k N"]  # coordinates
+    violation: Float[Array, " k"]  # largest |C|
+
+
 class AbstractValidity(eqx.Module):
     """What a system knows of where its results hold."""
 
     @abc.abstractmethod
-    def flags(
-        self,
-        system: "AbstractSystem",
-        ts: Float[Array, " k"],
-        q: Float[Array, "k n"],
-        v: Float[Array, "k n"],
-        physical: Float[Array, "k N"],
-        violation: Float[Array, " k"],
-    ) -> Int[Array, ""]:
-        """What speaks against a run of `system`, as the number of a `Flag`.
-
-        `physical`: the physical coordinates of the run; `violation`: its largest |C|.
-        """
+    def flags(self, system: "AbstractSystem", run: Run) -> Int[Array, ""]:
+        """What speaks against a run of `system`, as the number of a `Flag`."""
 
 
 class AbstractSystem(eqx.Module):
