@@ -139,8 +139,6 @@ def _simulate(
 
 def _statistics(states: States, settings: Settings) -> Statistics:
     controlled, frequencies = settings.dt is None, settings.frequencies
-    stabilization = settings.stabilization
-    assert stabilization != "default"  # it is resolved by now
     return Statistics(
         num_steps=states.stats["num_steps"],
         num_accepted_steps=states.stats["num_accepted_steps"],
@@ -148,7 +146,7 @@ def _statistics(states: States, settings: Settings) -> Statistics:
         rtol=settings.rtol if controlled else None,
         atol=settings.atol if controlled else None,
         fastest_frequency=None if frequencies is None else frequencies.fastest,
-        stabilization=stabilization,
+        stabilization=settings.baumgarte or settings.projection,
     )
 
 

@@ -52,7 +52,7 @@ def reduce(
     lock the mechanism or those that are not free its joints, or if the mechanism passes a singular
     position (minimal).
     """
-    chosen = deprecated.decided(as_formulation(formulation), old)
+    chosen: AbstractFormulation = deprecated.decided(as_formulation(formulation), old)
     if basis.modes.shape[0] != system.n:
         raise ReductionError(
             f"reduce: the basis has {basis.modes.shape[0]} coordinates and the system {system.n}; "
