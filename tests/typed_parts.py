@@ -79,6 +79,7 @@ effects = (
     rj.Contact(here, there, rj.Line(), 1e5, friction=rj.Friction(0.3, static=0.4, stribeck=0.1)),
     rj.Contact(here, there, rj.Polynomial([0.0, 1.0]), stiffness=1e5, dissipation=0.1),
 )
+rj.Baumgarte(alpha=10.0, beta=25.0)
 scene = rj.Scene(bodies=[cart, wheel, bar], joints=joints[:1], effects=effects[:3])
 
 # What a field holds is an array, whatever it was given as.

@@ -118,7 +118,9 @@ def _evaluate(
     size = jnp.where((size > 0) & jnp.isfinite(size), size, SIGN)
 
     def frame(t: Array, poses: Pose) -> list[tuple[Outline, ...]]:
-        def outline(part: Any, number: Array, poses: tuple[Pose, ...]) -> tuple[Outline, ...]:
+        def outline(
+            part: Any, number: Array | np.ndarray, poses: tuple[Pose, ...]
+        ) -> tuple[Outline, ...]:
             del number  # there for parts without any number or marker, to be mapped over
             return tuple(part.outline(t, poses, size))
 

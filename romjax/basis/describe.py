@@ -44,4 +44,5 @@ def describe(basis: Basis) -> str:
 def _shares(displacements: np.ndarray, metric: np.ndarray) -> np.ndarray:
     """The share of each coordinate (n,) in the motion (h, n), in the energy norm."""
     own = np.sqrt(np.diag(metric)) * np.linalg.norm(displacements, axis=0)
-    return own / np.linalg.norm(displacements @ np.linalg.cholesky(metric))
+    shares: np.ndarray = own / np.linalg.norm(displacements @ np.linalg.cholesky(metric))
+    return shares

@@ -28,13 +28,18 @@ class SolverParts(eqx.Module):
     structure: Any = eqx.field(static=True)
 
     @classmethod
-    def of(cls, solver: diffrax.AbstractSolver) -> "SolverParts":
+    def of(cls, solver: diffrax.AbstractSolver[Any]) -> "SolverParts":
         """From the solver itself."""
-        return cls(*eqx.partition(solver, lambda x: isinstance(x, jax.Array | np.ndarray)))
+        arrays, rest = eqx.partition(solver, lambda x: isinstance(x, jax.Array | np.ndarray))
+        # Most solvers have none, and an empty tree costs time in every call.
+        return cls(arrays if jax.tree.leaves(arrays) else None, rest)
 
-    def join(self) -> diffrax.AbstractSolver:
+    def join(self) -> diffrax.AbstractSolver[Any]:
         """The solver itself."""
-        return eqx.combine(self.arrays, self.structure)
+        solver: diffrax.AbstractSolver[Any] = self.structure
+        if self.arrays is not None:
+            solver = eqx.combine(self.arrays, self.structure)
+        return solver
 
 
 class Trajectory(eqx.Module):
@@ -47,12 +52,13 @@ class Trajectory(eqx.Module):
     - `stats`: numbers of steps (`num_steps`, `num_accepted_steps`, `num_rejected_steps`), the
       tolerances `rtol`, `atol` of the step size control, the `stabilization` used, and where the
       method or the stabilization was chosen by it, the `fastest_frequency` [rad/s] of the system.
-    - `status`: a number of `romjax.Status`; `success` says whether all went well, `summary()` says
-      it in words.
+    - `status`: a number of `romjax.Status`; `success` says whether all went well,
+      `Trajectory.summary` says it in words.
     - `flags`: a number of `romjax.Flag`, of a reduced model's run; `warnings()` says it in words.
     - `coordinates`: what the columns of q are (`romjax.scene.coordinate.Coordinate`); `labels` and
       `descriptions` name them, shortly and in words.
-    - `solver`: the method, an object; `solver_name`: what messages and tables call it.
+    - `solver_parts`: the method as a pytree. `solver` is the object that it stands for, and
+      `solver_name` what messages and tables call it.
     """
 
     t: Float[Array, " k"]
@@ -78,7 +84,7 @@ class Trajectory(eqx.Module):
         return tuple(coordinate.description or coordinate.label for coordinate in self.coordinates)
 
     @property
-    def solver(self) -> diffrax.AbstractSolver:
+    def solver(self) -> diffrax.AbstractSolver[Any]:
         """The method, as it was given to `simulate` or chosen by it."""
         return self.solver_parts.join()
 

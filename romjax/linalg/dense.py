@@ -1,5 +1,7 @@
 """Batches of small dense matrices, as arithmetic that XLA fuses: no library call for each."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import jax.scipy.linalg as jsl
@@ -77,14 +79,16 @@ def improve_inverse(
     # The next iteration squares this to rounding.
     enough = jnp.finfo(matrix.dtype).eps ** 0.5
 
-    def unfinished(carry):  # type: ignore[no-untyped-def]
+    def unfinished(carry: Any) -> Array:
         _, error, count = carry
-        return (error > enough) & (count < _MOST_ITERATIONS)
+        more: Array = (error > enough) & (count < _MOST_ITERATIONS)
+        return more
 
-    def square(carry):  # type: ignore[no-untyped-def]
+    def square(carry: Any) -> Any:
         inverse, _, count = carry
         error = unit - multiply(matrix, inverse)
         return inverse + multiply(inverse, error), jnp.max(jnp.abs(error)), count + 1
 
     start = (inverse, jnp.full_like(inverse[0, 0], jnp.inf), 0)
-    return jax.lax.while_loop(unfinished, square, start)[0]
+    found: Array = jax.lax.while_loop(unfinished, square, start)[0]
+    return found

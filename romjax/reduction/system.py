@@ -90,7 +90,8 @@ class ReducedSystem(AbstractSystem):
 
     def state(self, t: Time, q: Reduced, v: Reduced) -> "ReducedState":
         motion = self.lift.motion(self.full, t, q, v)
-        return ReducedState(motion, self.full.state(t, motion.q, motion.v), self.combinations)
+        inner = self.full.state(t, motion.q, motion.v)
+        return ReducedState(motion.q, motion.v, motion, inner, self.combinations)
 
     # Between physical and reduced coordinates.
 
@@ -177,17 +178,11 @@ def _largest_violation(rom: ReducedSystem) -> Float[Array, ""]:
 class ReducedState(AbstractState):
     """A reduced system at one state: the full system's state there, seen through the lift."""
 
+    q: Physical
+    v: Physical
     motion: Motion
     inner: AbstractState  # of the full system
     combinations: Float[Array, "M m"] | None
-
-    @property
-    def q(self) -> Float[Array, " n"]:  # type: ignore[override]
-        return self.motion.q
-
-    @property
-    def v(self) -> Float[Array, " n"]:  # type: ignore[override]
-        return self.motion.v
 
     @functools.cached_property
     def _pushed(self) -> Float[Array, "n columns"]:

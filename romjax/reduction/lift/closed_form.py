@@ -43,7 +43,8 @@ class ClosedFormLift(AbstractLift):
 
     def with_full(self, full: AbstractSystem) -> "ClosedFormLift":
         inverses = self.chart.dependent_inverses(full, self.time[None], self.offset[None])
-        return eqx.tree_at(lambda lift: lift.inverse, self, inverses[0])
+        lift: ClosedFormLift = eqx.tree_at(lambda lift: lift.inverse, self, inverses[0])
+        return lift
 
     def _violation(self, full: AbstractSystem, t: Time, z: Reduced) -> Float[Array, " m"]:
         """The constraints where d is that of the guess."""
