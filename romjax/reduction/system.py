@@ -101,10 +101,8 @@ class ReducedSystem(AbstractSystem):
         return motion.q, motion.v
 
     def restrict(self, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
-        """The reduced coordinates and velocities nearest to physical ones.
-
-        Of a model in several charts, those of the chart that suits its start; see `starting_at` for
-        another start.
+        """The reduced coordinates and velocities nearest to physical ones; in several charts, those
+        of the chart that suits its start (see `starting_at` for another start).
         """
         return self.lift.restrict(self.full, q, v)
 
@@ -122,10 +120,9 @@ class ReducedSystem(AbstractSystem):
 
         Raises ReductionError if these cannot be satisfied there.
         """
-        time = self.time if t is None else as_array(t)
         q, v = as_array(q), as_array(v)
         rom = self.in_chart_of(q)
-        return rom._starting_at(*rom.restrict(q, v), time)
+        return rom._starting_at(*rom.restrict(q, v), self.time if t is None else as_array(t))
 
     def with_full(self, full: AbstractSystem) -> "ReducedSystem":
         """The same reduction of a system with other numbers: on the same lift, with the same

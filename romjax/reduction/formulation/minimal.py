@@ -85,8 +85,7 @@ def _in_atlas(system: AbstractSystem, basis: Basis, atlas: Atlas) -> ReducedSyst
     lift = AtlasLift.of(lifts, snapshots.q, root, atlas)
     validity = TrainingBox.of(lift.seen, root=root)
     summary = f"{freedoms} minimal coordinates in {len(lifts)} charts, no constraints"
-    begin = (snapshots.q[0], snapshots.v[0], snapshots.t[0])
-    return ReducedSystem.of(system, lift, begin, None, validity, summary)
+    return ReducedSystem.of(system, lift, start(system, basis), None, validity, summary)
 
 
 def _choose(system: AbstractSystem, basis: Basis) -> Chart | Atlas:
