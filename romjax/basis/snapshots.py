@@ -24,7 +24,10 @@ class Motion(Protocol):
     q: Float[Array, "h n"]
     v: Float[Array, "h n"]
     metric: Float[Array, "n n"]
-    labels: tuple[str, ...]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The coordinates as tables name them, () if unknown."""
 
 
 class Noise(NamedTuple):
