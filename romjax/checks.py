@@ -34,24 +34,24 @@ def _describe(shape: tuple[int | None, ...]) -> str:
 
 def check_finite(owner: str, field: str, value: Any, error: type[InputError] = InputError) -> None:
     """Raise where a number is infinite or NaN."""
-    known = concrete(value)
-    if known is not None and not np.all(np.isfinite(known)):
-        raise error(f"{owner}: {field} is {known}; every number must be finite.")
+    number = concrete(value)
+    if number is not None and not np.all(np.isfinite(number)):
+        raise error(f"{owner}: {field} is {number}; every number must be finite.")
 
 
 def check_positive(
     owner: str, field: str, value: Any, remedy: str = "", error: type[InputError] = InputError
 ) -> None:
     """Raise unless all numbers are positive."""
-    known = concrete(value)
-    if known is not None and not np.all(known > 0):
-        raise error(f"{owner}: {field} is {known}, but it must be positive. {remedy}".rstrip())
+    number = concrete(value)
+    if number is not None and not np.all(number > 0):
+        raise error(f"{owner}: {field} is {number}, but it must be positive. {remedy}".rstrip())
 
 
 def check_not_negative(
     owner: str, field: str, value: Any, error: type[InputError] = InputError
 ) -> None:
     """Raise where a number is negative."""
-    known = concrete(value)
-    if known is not None and not np.all(known >= 0):
-        raise error(f"{owner}: {field} is {known}, but it must not be negative.")
+    number = concrete(value)
+    if number is not None and not np.all(number >= 0):
+        raise error(f"{owner}: {field} is {number}, but it must not be negative.")

@@ -20,7 +20,7 @@ def orthonormalize(modes: Float[Array, "n r"], metric: Float[Array, "n n"]) -> F
     those before it, unless JAX traces.
     """
     root = jnp.linalg.cholesky(metric).T
-    if (known := concrete(root)) is not None and not np.all(np.isfinite(known)):
+    if (entries := concrete(root)) is not None and not np.all(np.isfinite(entries)):
         raise InputError(
             "Basis: the metric is not positive definite; give a mass matrix, such as "
             "Trajectory.metric or system.mass(system.q0)."

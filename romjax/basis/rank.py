@@ -59,14 +59,14 @@ def choose_rank(
                 "find it first, outside."
             )
         return Choice(rank, f"rank {rank}: as asked", floor)
-    known = np.asarray(values)
-    if not np.all(np.isfinite(known)):
+    spectrum = np.asarray(values)
+    if not np.all(np.isfinite(spectrum)):
         raise InputError(f"{name}: the snapshots are not finite; did the simulation succeed?")
-    if not known[0] > 0:
+    if not spectrum[0] > 0:
         raise InputError(
             f"{name}: the snapshots do not move, so no direction stands out; simulate a motion."
         )
-    levels = _Levels(known / known[0], rounding, float(floor))
+    levels = _Levels(spectrum / spectrum[0], rounding, float(floor))
     if isinstance(rank, int):
         count, why = rank, _as_asked(name, levels, rank)
     elif tol is not None:

@@ -27,7 +27,7 @@ class Motion(Protocol):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What tables call the coordinates."""
+        """The coordinates as tables name them, () if unknown."""
 
 
 class Noise(NamedTuple):

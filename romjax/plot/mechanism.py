@@ -15,21 +15,26 @@ from .style import LINES, SIGNS
 class Picture:
     """One mechanism in one pair of axes; `show` moves it to another configuration.
 
-    There is one line in the axes for each style of outline, whatever their number. The `look` is
-    that of the bodies; without `details` only these and the marks of joints are drawn.
+    There is one line in the axes for each style of outline, whatever their number. `body` is the
+    style of the bodies; without `details` only these and the marks of joints are drawn.
     """
 
     def __init__(
-        self, axes: Axes, outlines: Sequence[MovingOutline], *, details: bool = True, **look: Any
+        self, axes: Axes, outlines: Sequence[MovingOutline], *, details: bool = True, **body: Any
     ):
-        looks: dict[Style, dict[str, Any]] = {"body": {"solid_capstyle": "round", **look}}
+        settings: dict[Style, dict[str, Any]] = {"body": {"solid_capstyle": "round", **body}}
         if details:
-            looks |= {style: dict(own) for style, own in LINES.items()}
+            settings |= {style: dict(own) for style, own in LINES.items()}
         for style, own in SIGNS.items():
-            looks[style] = {"color": look.get("color"), "linestyle": "none", "zorder": 2.5, **own}
+            settings[style] = {
+                "color": body.get("color"),
+                "linestyle": "none",
+                "zorder": 2.5,
+                **own,
+            }
         self.points: dict[Style, np.ndarray] = {}
         self.lines: dict[Style, Line2D] = {}
-        for style, own in looks.items():
+        for style, own in settings.items():
             parts = [outline.points for outline in outlines if outline.style == style]
             if parts:
                 self.points[style] = _joined(parts)

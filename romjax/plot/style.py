@@ -1,4 +1,4 @@
-"""How all figures look: colours, line styles, and names with units."""
+"""The style of all figures: colours, line styles, and names with units."""
 
 import io
 import re
@@ -18,7 +18,7 @@ GREY = "0.6"
 
 SMALL = 8  # [pt] notes, legends and tables
 
-# How outlines look, by what they stand for; bodies and marks take the colour of their model.
+# The style of outlines, by what they stand for; bodies and marks take the colour of their model.
 # Everything else is grey, so that bodies stand out, and is drawn for the first model only.
 LINES: dict[Style, dict[str, Any]] = {
     "link": {"color": "0.25", "linewidth": 1.0},
@@ -55,7 +55,7 @@ def line(index: int) -> dict[str, Any]:
 
 
 def marks(index: int, models: int, points: int) -> dict[str, Any]:
-    """Sparse markers, staggered between the models, so that even lines in one place differ."""
+    """Sparse markers, staggered between the models, so that even coincident lines differ."""
     step = max(1, points // 8)
     return {
         "marker": MARKERS[index % len(MARKERS)],

@@ -24,14 +24,14 @@ class AbstractCurve(eqx.Module):
     # Whether pictures show only a part of it.
     endless: ClassVar[bool] = True
 
-    def outline(self, near: Float[Array, "2"], size: Float[Array, ""]) -> Float[Array, "points 2"]:
-        """Points of the curve for pictures, to both sides of the foot of the point `near` [m].
+    def outline(self, point: Float[Array, "2"], size: Float[Array, ""]) -> Float[Array, "points 2"]:
+        """Points of the curve for pictures, to both sides of the foot of `point` [m].
 
         `size` [m] is that of signs. Of a curve of unknown shape: 100 steps of half a size to each
         side, each along the tangent and back to the curve by two of Newton.
         """
 
-        def back(point: Array, _: object) -> tuple[Array, None]:
+        def newton(point: Array, _: object) -> tuple[Array, None]:
             value, slope = jax.value_and_grad(self)(point)
             squared = slope @ slope
             return point - value * slope / jnp.where(squared > 0, squared, 1.0), None
@@ -40,10 +40,10 @@ class AbstractCurve(eqx.Module):
             slope = jax.grad(self)(point)
             steep = jnp.sqrt(jnp.maximum(slope @ slope, 1e-30))
             point = point + side * size / steep * jnp.stack([slope[1], -slope[0]])
-            point, _ = jax.lax.scan(back, point, None, length=2)
+            point, _ = jax.lax.scan(newton, point, None, length=2)
             return point, point
 
-        foot, _ = jax.lax.scan(back, near, None, length=12)
+        foot, _ = jax.lax.scan(newton, point, None, length=12)
         left, right = (jax.lax.scan(step, foot, jnp.full(100, side))[1] for side in (-0.5, 0.5))
         return jnp.concatenate([left[::-1], foot[None], right])
 
@@ -58,8 +58,8 @@ class Line(AbstractCurve):
     def __call__(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return point[1]
 
-    def outline(self, near: Float[Array, "2"], size: Float[Array, ""]) -> Float[Array, "points 2"]:
-        along = near[0] + REACH * size * np.array([-1.0, 1.0])
+    def outline(self, point: Float[Array, "2"], size: Float[Array, ""]) -> Float[Array, "points 2"]:
+        along = point[0] + REACH * size * np.array([-1.0, 1.0])
         return jnp.stack([along, jnp.zeros_like(along)], axis=1)
 
     def check(self, owner: str) -> None:
@@ -75,9 +75,9 @@ class Circle(AbstractCurve):
     def __call__(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return (point @ point - self.radius**2) / (2 * self.radius)
 
-    def outline(self, near: Float[Array, "2"], size: Float[Array, ""]) -> Float[Array, "points 2"]:
+    def outline(self, point: Float[Array, "2"], size: Float[Array, ""]) -> Float[Array, "points 2"]:
         del size
-        return arc(jnp.zeros_like(near), self.radius, jnp.zeros_like(self.radius), 2 * np.pi, 97)
+        return arc(jnp.zeros_like(point), self.radius, jnp.zeros_like(self.radius), 2 * np.pi, 97)
 
     def check(self, owner: str) -> None:
         check_numbers(owner, self, "radius", sign="positive", prefix="Circle.")

@@ -75,7 +75,7 @@ class Marker(eqx.Module):
 
 
 class Ground(eqx.Module):
-    """The inertial frame; `ground.at(point)` marks a fixed place."""
+    """The inertial frame; `ground.at(point)` marks a fixed point."""
 
     def at(self, point: Vector = (0.0, 0.0), angle: Number = 0.0) -> Marker:
         """A marker at `point` [m] of the inertial frame, turned by `angle` [rad]."""

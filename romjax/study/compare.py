@@ -53,7 +53,7 @@ def _compare(truth: Trajectory, approx: Trajectory) -> Comparison:
     difference = truth.q - approx.q
     motion = truth.q - truth.q[:1]
     root = jnp.linalg.cholesky(truth.metric)
-    # Rest, up to rounding: a coordinate of order one cannot move by less than this.
+    # What moves by less than this is at rest: rounding of a coordinate of order one is as large.
     scale = jnp.maximum(1.0, jnp.max(jnp.abs(truth.q), axis=0))
     reach = jnp.max(jnp.abs(motion), axis=0)
     moving = reach > 100 * jnp.finfo(motion.dtype).eps * scale
@@ -72,5 +72,5 @@ def _compare(truth: Trajectory, approx: Trajectory) -> Comparison:
 def _norm(x: Float[Array, "k n"]) -> Float[Array, ""]:
     """Euclidean norm whose gradient is zero, not NaN, where x vanishes."""
     squared = jnp.sum(x**2)
-    some = squared > 0
-    return jnp.where(some, jnp.sqrt(jnp.where(some, squared, 1)), 0)
+    positive = squared > 0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, squared, 1)), 0)

@@ -27,7 +27,7 @@ class Fit:
     - `standard_errors`: the same with their standard errors; infinite for those that the
       measurements do not determine.
     - `covariance` (p, p): of the parameters in the order of `jax.tree.leaves`.
-    - `residual`: root mean square of what is left, in units of the noise if that was given.
+    - `residual`: root mean square of the residuals, in units of the noise if that was given.
     - `steps`: of the search; `success`: whether it has converged.
     """
 
@@ -61,7 +61,7 @@ def fit(
     - `start`: parameters to begin with, a pytree of floats such as `{"stiffness": 80.0}`.
     - `measured`: any shape; NaN where nothing was measured.
     - `noise`: standard deviation of the measurements, of any shape that broadcasts; estimated from
-      what is left unless given.
+      the residuals unless given.
     - `lower`, `upper`: bounds, pytrees like `start` with None for no bound, or single numbers for
       all, never touched: the search goes on in logarithms of the distance from them.
     - `optimizer`: an optax method, such as `optax.adam(0.05)`; Levenberg and Marquardt's unless
@@ -75,14 +75,14 @@ def fit(
     origin, unravel = ravel_pytree(jax.tree.map(lambda x: jnp.asarray(x, float), start))
     data = np.asarray(measured, float)
     spread = np.broadcast_to(1.0 if noise is None else np.asarray(noise, float), data.shape)
-    known = np.isfinite(data)
-    if not np.all(spread[known] > 0):
+    present = np.isfinite(data)
+    if not np.all(spread[present] > 0):
         raise ValueError("fit: the noise must be positive wherever something was measured.")
     misfit = _Misfit(
         predict,
         unravel,
-        jnp.asarray(np.where(known, data, 0)),
-        jnp.asarray(np.where(known, 1 / spread, 0)),
+        jnp.asarray(np.where(present, data, 0)),
+        jnp.asarray(np.where(present, 1 / spread, 0)),
         _Bounds.of(origin, start, lower, upper),
     )
     begin = misfit.bounds.free(origin)
@@ -108,40 +108,40 @@ def fit(
         if optimizer is None:
             with forward_mode():
                 method: Any = optimistix.LevenbergMarquardt(**common)
-                found = _least_squares(misfit, method, begin, steps)
+                result = _least_squares(misfit, method, begin, steps)
         else:
             method = optimistix.BestSoFarMinimiser(optimistix.OptaxMinimiser(optimizer, **common))
-            found = _minimise(misfit, method, begin, steps)
+            result = _minimise(misfit, method, begin, steps)
         jax.effects_barrier()
     with forward_mode():
-        left, slopes = (size * np.asarray(x) for x in _linearize(misfit, found.value))
-    freedom = max(1, int(np.sum(known)) - origin.size)
-    variance = float(left @ left) / freedom if noise is None else 1.0
-    covariance = variance * _inverse_square(slopes)
+        residuals, jacobian = (size * np.asarray(x) for x in _linearize(misfit, result.value))
+    freedom = max(1, int(np.sum(present)) - origin.size)
+    variance = float(residuals @ residuals) / freedom if noise is None else 1.0
+    covariance = variance * _inverse_square(jacobian)
     return Fit(
-        parameters=unravel(misfit.bounds.natural(found.value)),
+        parameters=unravel(misfit.bounds.natural(result.value)),
         standard_errors=unravel(jnp.asarray(np.sqrt(np.diagonal(covariance)))),
         covariance=covariance,
-        residual=float(np.sqrt(left @ left / max(1, np.sum(known)))),
-        steps=int(found.stats.num_steps),
-        success=bool(found.result == optimistix.RESULTS.successful),
+        residual=float(np.sqrt(residuals @ residuals / max(1, np.sum(present)))),
+        steps=int(result.stats.num_steps),
+        success=bool(result.result == optimistix.RESULTS.successful),
     )
 
 
-def _inverse_square(slopes: np.ndarray) -> np.ndarray:
+def _inverse_square(jacobian: np.ndarray) -> np.ndarray:
     """(JᵀJ)⁻¹, with infinite variances of the parameters that J does not determine."""
-    count = slopes.shape[1]
-    if not np.all(np.isfinite(slopes)):
+    count = jacobian.shape[1]
+    if not np.all(np.isfinite(jacobian)):
         return np.full((count, count), np.nan)
     # Columns of one size, as parameters have units.
-    size = np.linalg.norm(slopes, axis=0)
+    size = np.linalg.norm(jacobian, axis=0)
     size = np.where(size > 0, size, 1.0)
-    _, values, right = np.linalg.svd(np.linalg.qr(slopes / size, mode="r"))
+    _, values, right = np.linalg.svd(np.linalg.qr(jacobian / size, mode="r"))
     values = np.pad(values, (0, count - len(values)))
-    seen = values > np.finfo(float).eps * max(slopes.shape) * values[0]
-    half = (right[seen] / values[seen, None]).T / size[:, None]
-    blind = np.any(np.abs(right[~seen]) > np.sqrt(np.finfo(float).eps), axis=0)
-    inverse: np.ndarray = half @ half.T + np.diag(np.where(blind, np.inf, 0.0))
+    determined = values > np.finfo(float).eps * max(jacobian.shape) * values[0]
+    half = (right[determined] / values[determined, None]).T / size[:, None]
+    undetermined = np.any(np.abs(right[~determined]) > np.sqrt(np.finfo(float).eps), axis=0)
+    inverse: np.ndarray = half @ half.T + np.diag(np.where(undetermined, np.inf, 0.0))
     return inverse
 
 
@@ -200,8 +200,8 @@ class _Bounds(eqx.Module):
         with np.errstate(all="ignore"):
             inside = np.log((x - lower) / (upper - x))
             beyond = np.log(np.where(low, x - lower, upper - x))
-            found = np.where(low & high, inside, np.where(low | high, beyond, x / self.size))
-        return jnp.asarray(found)
+            free = np.where(low & high, inside, np.where(low | high, beyond, x / self.size))
+        return jnp.asarray(free)
 
 
 class _Misfit(eqx.Module):

@@ -16,7 +16,7 @@ from ..integrate.adjoint import forward_mode
 # Steps of central differences, relative to the size of the number. With the second,
 # twice as long, Richardson's extrapolation leaves an error of the fourth order.
 _STEP = 1e-3
-# What counts as zero: alone, and beside larger entries of the same array.
+# What counts as zero: in itself, and beside larger entries of the same array.
 _ZERO, _SMALL = 1e-12, 1e-6
 # Rounding of f in units of eps, when it is the end of a hundred steps.
 _ROUNDING = 10
@@ -27,7 +27,7 @@ _ROWS = 20  # of the printed table
 class GradientCheck:
     """A gradient by reverse mode, forward mode and central differences.
 
-    Each is a pytree like the point. `part`: where the three part most, and `error` by how much.
+    Each is a pytree like the point. `part`: where the three differ most, and `error` by how much.
     Derivatives are compared times the `size` of their parameters, relative to the largest of the
     same array, or to `least` where all are smaller. `print` shows a table.
     """
@@ -42,9 +42,9 @@ class GradientCheck:
 
     def __str__(self) -> str:
         rows = []
-        for path, *found in _leaves(self.size, self.reverse, self.forward, self.central):
-            reverse, forward, central = (np.ravel(x) for x in found[1:])
-            error = _error(self.least, *found)
+        for path, *arrays in _leaves(self.size, self.reverse, self.forward, self.central):
+            reverse, forward, central = (np.ravel(x) for x in arrays[1:])
+            error = _error(self.least, *arrays)
             for i in range(len(reverse)):
                 name = path if reverse.size == 1 else f"{path}[{i}]"
                 rows.append([name, reverse[i], forward[i], central[i], error])
@@ -77,9 +77,9 @@ def check_gradient(f: Callable[[Any], Any], x: Any, *, step: float = _STEP) -> G
     shape = jax.eval_shape(value, start)
     if not isinstance(shape, jax.ShapeDtypeStruct) or shape.shape != ():
         raise ValueError(f"check_gradient: f must return a number, but f(x) is {shape}.")
-    found = jax.jit(value)(start)
-    if not jnp.isfinite(found):
-        raise ValueError(f"check_gradient: f(x) = {found}; check at a place where it is finite.")
+    at_start = jax.jit(value)(start)
+    if not jnp.isfinite(at_start):
+        raise ValueError(f"check_gradient: f(x) = {at_start}; check where it is finite.")
     reverse = jax.jit(jax.grad(value))(start)
     with forward_mode():
         forward = jax.jit(jax.jacfwd(value))(start)
@@ -89,7 +89,7 @@ def check_gradient(f: Callable[[Any], Any], x: Any, *, step: float = _STEP) -> G
     trees = [unravel(gradient) for gradient in (reverse, forward, central)]
     # Rounding of f leaves differences an error of some eps / step; changes of f by its root, for a
     # change of a parameter by its own size, are the least that they show to as many digits.
-    least = float(jnp.sqrt(_ROUNDING * jnp.finfo(start.dtype).eps / step) * jnp.abs(found))
+    least = float(jnp.sqrt(_ROUNDING * jnp.finfo(start.dtype).eps / step) * jnp.abs(at_start))
     errors = [(_error(least, *values), path) for path, *values in _leaves(sizes, *trees)]
     error, part = max(errors, default=(0.0, ""))
     return GradientCheck(trees[0], trees[1], trees[2], error, part, sizes, least)
@@ -125,8 +125,8 @@ def _leaves(*trees: Any) -> list[tuple[Any, ...]]:
 
 
 def _error(least: float, size: np.ndarray, *values: np.ndarray) -> float:
-    """How far the values part for changes by the sizes of the parameters, relative to the largest;
-    of NaNs, infinitely far.
+    """How far the values differ for changes by the sizes of the parameters, relative to the
+    largest; of NaNs, infinitely far.
     """
     stacked = size * np.stack(values)
     if not stacked.size:

@@ -176,8 +176,8 @@ def _change(truths: list[Trajectory], coarse: _Candidate, fine: _Candidate) -> f
     sizes = []
     for truth, one, other in zip(truths, coarse.runs, fine.runs, strict=True):
         root = jnp.linalg.cholesky(truth.metric)
-        moved = jnp.linalg.norm((truth.q - truth.q[:1]) @ root)
-        sizes.append(float(jnp.linalg.norm((one.q - other.q) @ root) / moved))
+        size = jnp.linalg.norm((truth.q - truth.q[:1]) @ root)
+        sizes.append(float(jnp.linalg.norm((one.q - other.q) @ root) / size))
     return _finite(sizes)
 
 

@@ -1,4 +1,4 @@
-"""Many variants of one computation, in chunks, over all devices, kept on disk as they come."""
+"""Many variants of one computation, in chunks, over all devices, stored on disk as they come."""
 
 import dataclasses
 import hashlib
@@ -61,7 +61,7 @@ def sweep(
 
     The lanes are computed in chunks of one compiled program, each split over all devices of this
     process, whose lanes do not wait for each other. With `jax.distributed`, each process computes
-    its share of the chunks; all need the same `path`, and all return the whole.
+    its share of the chunks; all need the same `path`, and all return the results of all.
 
     **Arguments:**
 
@@ -106,8 +106,10 @@ def sweep(
             here = np.minimum(np.arange(number * chunk, (number + 1) * chunk), lanes - 1)
             own = min(chunk, lanes - number * chunk)
             if not store.has(number) and number % jax.process_count() == jax.process_index():
-                found = _run(function, used, jax.tree.map(lambda x, here=here: x[here], parameters))
-                store.put(number, [np.asarray(x)[:own] for x in jax.tree.leaves(found)])
+                results = _run(
+                    function, used, jax.tree.map(lambda x, here=here: x[here], parameters)
+                )
+                store.put(number, [np.asarray(x)[:own] for x in jax.tree.leaves(results)])
             bar.update(own)
     if jax.process_count() > 1:
         multihost_utils.sync_global_devices("sweep")
@@ -139,11 +141,11 @@ def _with_status(result: Any) -> tuple[Any, jax.Array]:
     """What a function returns as arrays, and its status."""
     result = jax.tree.map(jnp.asarray, result)
     nodes = jax.tree.leaves(result, is_leaf=lambda x: isinstance(x, Trajectory))
-    known = [node.status for node in nodes if isinstance(node, Trajectory)]
+    statuses = [node.status for node in nodes if isinstance(node, Trajectory)]
     if isinstance(result, dict) and "status" in result:
-        known.append(result["status"])
-    if known:
-        status = jnp.max(jnp.stack(known))  # success is zero
+        statuses.append(result["status"])
+    if statuses:
+        status = jnp.max(jnp.stack(statuses))  # success is zero
     else:
         floats = filter(_is_float, jax.tree.leaves(result))
         finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in floats]))
@@ -181,8 +183,8 @@ class _Store:
         }
         file = folder / "sweep.json"
         if file.exists():
-            known = json.loads(file.read_text())
-            other = [key for key, value in wanted.items() if known.get(key) != value]
+            stored = json.loads(file.read_text())
+            other = [key for key, value in wanted.items() if stored.get(key) != value]
             if other:
                 raise ValueError(
                     f"sweep: {folder} holds another sweep, which differs in its {other[0]}; "
@@ -214,8 +216,8 @@ class _Store:
             if number in self.done:
                 parts.append(self.done[number])
                 continue
-            with np.load(self._file(number)) as kept:
-                parts.append([kept[f"arr_{i}"] for i in range(len(kept.files))])
+            with np.load(self._file(number)) as stored:
+                parts.append([stored[f"arr_{i}"] for i in range(len(stored.files))])
         return [np.concatenate(x) for x in zip(*parts, strict=True)]
 
 

@@ -24,8 +24,8 @@ from ..system.stabilization import Baumgarte
 
 # A step of the search that leaves what can be simulated is taken back, and later ones are shorter.
 _SHORTER = 0.5
-# The search ends when the best loss has not fallen by more than this in so many steps.
-_STILL, _PATIENCE = 1e-4, 25
+# The search ends when the best loss has not fallen by more than the first in so many steps.
+_LEAST_FALL, _PATIENCE = 1e-4, 25
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,8 +64,8 @@ class Tuning:
         with forward_mode():
             row = jax.jit(jax.vmap(lambda a, b: self.loss_of(Baumgarte(a, b)), (0, None)))
             losses = [row(jnp.asarray(sides[0]), b) for b in jnp.asarray(sides[1])]
-        found = np.stack([np.asarray(x) for x in losses])
-        return sides[0], sides[1], np.where(np.isfinite(found), found, np.nan)
+        grid = np.stack([np.asarray(x) for x in losses])
+        return sides[0], sides[1], np.where(np.isfinite(grid), grid, np.nan)
 
 
 def tune_baumgarte(
@@ -148,11 +148,11 @@ def tune_baumgarte(
         return optax.apply_updates(logs, updates), state, loss, drift, finite
 
     logs = jax.tree.map(jnp.log, first)
-    state, best, fallen = optimizer.init(logs), (np.inf, logs), 0
+    state, best, last_fall = optimizer.init(logs), (np.inf, logs), 0
     path: list[tuple[Any, ...]] = []
     with forward_mode(), tqdm(total=steps, disable=not progress, desc="tune", unit="step") as bar:
         for step in range(steps):
-            after, moved, loss, drift, finite = advance(logs, state)
+            next_logs, next_state, loss, drift, finite = advance(logs, state)
             if not finite:
                 if not path:
                     raise ValueError(
@@ -166,13 +166,13 @@ def tune_baumgarte(
             path.append((float(loss), float(drift), *(np.exp(x) for x in (logs.alpha, logs.beta))))
             bar.set_postfix_str(f"loss {float(loss):.3f}, |C| {float(drift):.1e}")
             bar.update()
-            if float(loss) < best[0] - _STILL:
-                fallen = step
+            if float(loss) < best[0] - _LEAST_FALL:
+                last_fall = step
             if float(loss) < best[0]:
                 best = float(loss), logs
-            if step - fallen >= _PATIENCE:
+            if step - last_fall >= _PATIENCE:
                 break
-            logs, state = after, moved
+            logs, state = next_logs, next_state
     losses, drifts, alphas, betas = (np.stack(x) for x in zip(*path, strict=True))
     tuned = jax.tree.map(jnp.exp, best[1])
     return Tuning(tuned, first, losses, drifts, alphas, betas, omega, lambda pair: measure(pair)[0])
@@ -186,6 +186,7 @@ def _log_mean(x: Float[Array, "k m"]) -> Array:
 def _root(stabilization: Baumgarte) -> Any:
     """|s| of the faster root of s² + α s + β."""
     alpha, beta = stabilization.alpha, stabilization.beta
-    spread = alpha**2 / 4 - beta
-    real = jnp.where(spread > 0, spread, 1)
-    return jnp.where(spread > 0, alpha / 2 + jnp.sqrt(real), jnp.sqrt(beta))
+    discriminant = alpha**2 / 4 - beta
+    # The square root is taken of one where it is not used: its derivative there would be NaN.
+    positive = jnp.where(discriminant > 0, discriminant, 1)
+    return jnp.where(discriminant > 0, alpha / 2 + jnp.sqrt(positive), jnp.sqrt(beta))

@@ -103,7 +103,7 @@ class CustomSystem(AbstractSystem):
 
 
 def _length(constraint: Function, q: Float[Array, " n"]) -> int:
-    found = jax.eval_shape(constraint, jnp.zeros((), q.dtype), q)
-    check_shape("CustomSystem", "constraint(t, q)", found, (None,))
-    length: int = found.shape[0]
+    residual = jax.eval_shape(constraint, jnp.zeros((), q.dtype), q)
+    check_shape("CustomSystem", "constraint(t, q)", residual, (None,))
+    length: int = residual.shape[0]
     return length

@@ -56,14 +56,14 @@ def _kind(model: str) -> str:
     return model.partition(",")[0]
 
 
-class _Look(TypedDict):
+class _Style(TypedDict):
     color: str
     marker: str
     markersize: float
     markerfacecolor: str
 
 
-def _look(result: Accuracy, model: str) -> _Look:
+def _style(result: Accuracy, model: str) -> _Style:
     """The colour of a kind of models, the marker of one of them; the full model is a black dot."""
     kinds = list(dict.fromkeys(map(_kind, result.models)))
     own = [name for name in result.models if _kind(name) == _kind(model)]
@@ -107,7 +107,7 @@ def _work(axes: Axes, result: Accuracy, condition: Condition) -> None:
             [1e3 * row.least for row in rows],
             linestyle=dashes[method],
             linewidth=1.2,
-            **_look(result, model),
+            **_style(result, model),
         )
     many = f", {condition.lanes} at once" if condition.lanes > 1 else ""
     axes.set_title(f"{WORDS[condition.precision]}{many}", fontsize=11)
@@ -131,7 +131,7 @@ def _explain(axes: Axes, result: Accuracy) -> None:
     """Models have a colour and a marker, methods a line: a legend of their sum, not product."""
     axes.plot([], [], color="0.8", linewidth=7, label="least time")
     for model in dict.fromkeys(row.model for row in result.rows):
-        axes.plot([], [], "-", label=model, **_look(result, model))
+        axes.plot([], [], "-", label=model, **_style(result, model))
     for method, dashes in _dashes(result).items():
         label = method.replace(" *", " * (fixed steps)")
         axes.plot([], [], color="black", linestyle=dashes, label=label)
@@ -144,14 +144,16 @@ def _ranks(axes: Axes, result: Accuracy) -> None:
     for row in reversed(_good(result)):  # the least error last
         if not row.is_full:
             least.setdefault(_kind(row.model), {})[row.rank] = row.error
-    for place, (kind, errors) in enumerate(sorted(least.items()), start=1):
+    for index, (kind, errors) in enumerate(sorted(least.items()), start=1):
         ranks = sorted(errors)
-        colour = _look(result, next(name for name in result.models if _kind(name) == kind))["color"]
+        colour = _style(result, next(name for name in result.models if _kind(name) == kind))[
+            "color"
+        ]
         axes.semilogy(
             ranks,
             [errors[rank] for rank in ranks],
             color=colour,
-            linestyle=DASHES[place % len(DASHES)],
+            linestyle=DASHES[index % len(DASHES)],
             marker=".",
             label=kind,
         )
@@ -179,7 +181,7 @@ def _history(axes: Axes, result: Accuracy) -> None:
             linewidth=1.2,
             markevery=max(1, len(history) // 8),
             label=f"{row.model}, {row.solver}: {row.error:.0e}",
-            **_look(result, row.model),
+            **_style(result, row.model),
         )
     if axes.lines:
         axes.legend(fontsize=SMALL, loc="lower right")
@@ -199,7 +201,7 @@ def _many(axes: Axes, result: Accuracy) -> None:
                 runs,
                 other.offline + runs * other.least,
                 linestyle=dashes,
-                color=_look(result, other.model)["color"],
+                color=_style(result, other.model)["color"],
                 label=f"{other.model}: {other.error:.0e}"
                 + f", after {crossing:,.0f} runs" * (pays and other is row),
             )

@@ -67,16 +67,16 @@ def animate(
     box = view(bounds([part for parts in moving for part in parts]))
     stage(axes, box)
     _lay_out(figure, axes, box, pictures, list(trajectories))
-    # A fixed height, since matplotlib would look for a free place above all ticks at each frame.
+    # A fixed height, since matplotlib would search free space above all ticks at each frame.
     title = axes.set_title("", y=1.01)
     digits = max(0, int(np.ceil(-np.log10(max(t[-1] - t[0], 1e-12) / count))))
-    # It takes any number, but is declared to take whole ones.
+    # It takes any number, but is declared to take integers.
     writer = PillowWriter(fps=cast(int, fps))
     with writer.saving(figure, str(path), DPI):
-        for frame, place in enumerate(chosen):
+        for frame, index in enumerate(chosen):
             for picture in pictures:
                 picture.show(frame)
-            title.set_text(f"t = {t[place]:.{digits}f} s")
+            title.set_text(f"t = {t[index]:.{digits}f} s")
             writer.grab_frame()
     return Path(path)
 
@@ -104,6 +104,6 @@ def _lay_out(
 
 
 def _nearest(t: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Places of the output times nearest to the wanted ones."""
-    places: np.ndarray = np.argmin(np.abs(t[None] - wanted[:, None]), axis=1)
-    return places
+    """Indices of the output times nearest to the wanted ones."""
+    indices: np.ndarray = np.argmin(np.abs(t[None] - wanted[:, None]), axis=1)
+    return indices

@@ -31,22 +31,24 @@ def modes(scene: Scene, basis: Basis, system: AbstractSystem | None = None) -> F
     **Arguments:**
 
     - `scene`, `basis`: modes (n, r) of that scene.
-    - `system`: its start q0 (n,) is the place of rest, instead of the offset of the basis.
+    - `system`: its start q0 (n,) is the configuration at rest, instead of the offset of the basis.
 
     Raises ValueError if scene and basis do not fit.
     """
     vectors = np.asarray(basis.modes)
-    rest = np.asarray(basis.offset if system is None else system.q0)
-    if rest.shape != vectors.shape[:1]:
+    reference = np.asarray(basis.offset if system is None else system.q0)
+    if reference.shape != vectors.shape[:1]:
         raise ValueError(
-            f"modes: the place of rest has shape {rest.shape}, but the modes have shape "
-            f"{vectors.shape}; give the full system that the basis was made from."
+            f"modes: the configuration at rest has shape {reference.shape}, but the modes have "
+            f"shape {vectors.shape}; give the full system that the basis was made from."
         )
-    n, r = len(rest), min(basis.rank, MOST)
-    sizes = _amplitudes(scene, rest, vectors[:, :r])
-    moved = outlines(scene, 0.0, np.stack([rest, *(rest[:, None] + sizes * vectors[:, :r]).T]))
-    moved = [outline for outline in moved if outline.style != "load"]  # modes know no time
-    frame = view(bounds(moved))
+    n, r = len(reference), min(basis.rank, MOST)
+    sizes = _amplitudes(scene, reference, vectors[:, :r])
+    drawn = outlines(
+        scene, 0.0, np.stack([reference, *(reference[:, None] + sizes * vectors[:, :r]).T])
+    )
+    drawn = [outline for outline in drawn if outline.style != "load"]  # modes know no time
+    frame = view(bounds(drawn))
     width, height = frame[1] - frame[0]
 
     # As many pictures side by side as suit their shape.
@@ -62,8 +64,8 @@ def modes(scene: Scene, basis: Basis, system: AbstractSystem | None = None) -> F
     for j in range(r):
         axes = figure.add_subplot(pictures[j // columns, j % columns])
         stage(axes, frame)
-        Picture(axes, moved, color=GREY, linewidth=2.2)
-        Picture(axes, moved, details=False, color=COLOURS[5], linewidth=1.6).show(j + 1)
+        Picture(axes, drawn, color=GREY, linewidth=2.2)
+        Picture(axes, drawn, details=False, color=COLOURS[5], linewidth=1.6).show(j + 1)
         axes.set_axis_off()
         axes.set_title(_title(basis, j), fontsize=SMALL + 1)
     if low:
@@ -78,13 +80,13 @@ def modes(scene: Scene, basis: Basis, system: AbstractSystem | None = None) -> F
     return figure
 
 
-def _amplitudes(scene: Scene, rest: np.ndarray, modes: np.ndarray) -> np.ndarray:
+def _amplitudes(scene: Scene, reference: np.ndarray, modes: np.ndarray) -> np.ndarray:
     """How much of each of the `modes` (n, r) makes its largest displacement VISIBLE; 0 of those
     that displace nothing.
     """
     steps = 1e-6 / np.max(np.abs(modes), axis=0)
-    moved = outlines(scene, 0.0, np.stack([rest, *(rest[:, None] + steps * modes).T]))
-    points = np.concatenate([o.points for o in moved if o.style == "body"], axis=1)
+    drawn = outlines(scene, 0.0, np.stack([reference, *(reference[:, None] + steps * modes).T]))
+    points = np.concatenate([o.points for o in drawn if o.style == "body"], axis=1)
     speeds = np.max(np.linalg.norm(points[1:] - points[:1], axis=2), axis=1) / steps
     size = np.linalg.norm(np.max(points[0], axis=0) - np.min(points[0], axis=0))
     return np.where(speeds > 0, VISIBLE * size / np.where(speeds > 0, speeds, 1.0), 0.0)

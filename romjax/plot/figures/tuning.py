@@ -1,4 +1,4 @@
-"""How Baumgarte's parameters were found."""
+"""The search for Baumgarte's parameters."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -34,13 +34,13 @@ def tuning(result: Tuning, *, count: int = 25) -> Figure:
         across = np.array([0.3 * alpha.min(), 3 * alpha.max()])
     plane.plot(across, across**2 / 4, "--", color="white", linewidth=3)
     plane.plot(across, across**2 / 4, "--", color="black", linewidth=1, label="critical damping")
-    look = {"markeredgecolor": "white", "linestyle": "none"}
+    style = {"markeredgecolor": "white", "linestyle": "none"}
     plane.plot(alpha, beta, "-", color=COLOURS[1], linewidth=2, label="search")
-    plane.plot(alpha[0], beta[0], "s", color=COLOURS[1], label="start", **look)
+    plane.plot(alpha[0], beta[0], "s", color=COLOURS[1], label="start", **style)
     best = [float(np.mean(x)) for x in (result.best.alpha, result.best.beta)]
-    plane.plot(*best, "*", color=COLOURS[1], markersize=15, label="best", **look)
+    plane.plot(*best, "*", color=COLOURS[1], markersize=15, label="best", **style)
     omega = result.frequency
-    plane.plot(2 * omega, omega**2, "o", color="black", label="default", **look)
+    plane.plot(2 * omega, omega**2, "o", color="black", label="default", **style)
     plane.set(xscale="log", yscale="log", ylim=(bottom, top), xlim=(across[0], across[-1]))
     plane.set_xlabel(r"$\alpha$ [1/s]")
     plane.set_ylabel(r"$\beta$ [1/s$^2$]")

@@ -42,9 +42,9 @@ def values(*bases: Basis) -> Figure:
         relative = np.maximum(spectrum / np.max(spectrum), foot)
         lowest = min(lowest, float(np.min(relative)))
         _stems(axes, i, relative, basis.rank, f"{name}, rank {basis.rank}")
-        # Moved a little, so that equal ranks stay two lines.
-        place = basis.rank + 0.5 + 0.06 * (i - 0.5 * (len(bases) - 1))
-        axes.axvline(place, color=_colour(i), linestyle=DASHES[(i + 1) % len(DASHES)], linewidth=1)
+        # Shifted a little, so that equal ranks stay two lines.
+        across = basis.rank + 0.5 + 0.06 * (i - 0.5 * (len(bases) - 1))
+        axes.axvline(across, color=_colour(i), linestyle=DASHES[(i + 1) % len(DASHES)], linewidth=1)
         whose = f" of {name}" if len(bases) > 1 else ""
         if basis.floor > 0:
             _level(axes, i, float(basis.floor), f"noise floor{whose}", ":", "top")
@@ -86,15 +86,15 @@ def _level(axes: Axes, index: int, height: float, text: str, dashes: str, va: st
 def _stems(axes: Axes, index: int, heights: np.ndarray, rank: int, name: str) -> None:
     """One line over 1, 2, …; filled markers up to `rank`, hollow ones beyond."""
     number = np.arange(1, len(heights) + 1)
-    look: dict[str, Any] = {"color": _colour(index), "marker": MARKERS[(index + 1) % len(MARKERS)]}
-    look["markersize"] = max(3.5, 8 - 2 * index)  # the first still shows behind the next
+    style: dict[str, Any] = {"color": _colour(index), "marker": MARKERS[(index + 1) % len(MARKERS)]}
+    style["markersize"] = max(3.5, 8 - 2 * index)  # the first still shows behind the next
     dashes = DASHES[(index + 1) % len(DASHES)]
-    axes.plot(number[:rank], heights[:rank], linestyle=dashes, label=name, **look)
+    axes.plot(number[:rank], heights[:rank], linestyle=dashes, label=name, **style)
     dropped = slice(rank - 1, None)
     axes.plot(
-        number[dropped], heights[dropped], linestyle=dashes, linewidth=0.8, color=look["color"]
+        number[dropped], heights[dropped], linestyle=dashes, linewidth=0.8, color=style["color"]
     )
-    hollow = {**look, "linestyle": "none", "markerfacecolor": "white"}
+    hollow = {**style, "linestyle": "none", "markerfacecolor": "white"}
     axes.plot(number[rank:], heights[rank:], **hollow)
 
 

@@ -1,4 +1,4 @@
-"""What a body is to the rest of romjax."""
+"""The interface that every kind of body has."""
 
 import abc
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -148,7 +148,7 @@ def rectangle(extent: Float[Array, "2"]) -> Float[Array, "5 2"]:
 
 
 def check_start(owner: str, body: Any) -> None:
-    """Check the initial place and motion that every kind of body has."""
+    """Check the initial pose and motion that every kind of body has."""
     for field, shape in (
         ("position", (2,)),
         ("angle", ()),

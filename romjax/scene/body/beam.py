@@ -29,7 +29,7 @@ class Beam(AbstractBody):
     Coordinates x, y [m], φ [rad] of the frame in the middle of the undeformed beam, then one
     amplitude per mode, mass-normalised [kg^½ m]. Free-free modes are orthogonal to rigid motion, so
     the mass matrix is exactly diag(m, m, J + |q_f|², 1, …) and nothing else couples. The frame of
-    clamped-free and pinned-free modes follows the lower end, its tangent or its place, and they
+    clamped-free and pinned-free modes follows the lower end, its tangent or its position, and they
     converge faster where that end is welded or hinged.
     Small deflections against the frame; longitudinal stiffness is infinite.
 
@@ -48,7 +48,7 @@ class Beam(AbstractBody):
     - `damping`: damping ratios ζ of the modes, or one for all; none unless given.
     - `stiffening`: with geometric stiffening: bending pulls the points of the beam together by
       ½ ∫w'² ds, so that tension, as in fast rotation, stiffens it.
-    - `position`, `angle`, `velocity`, `angular_velocity`: initial place and motion of the frame.
+    - `position`, `angle`, `velocity`, `angular_velocity`: initial pose and motion of the frame.
     - `amplitudes`, `rates`: initial modal coordinates and velocities, zero unless given.
     """
 
@@ -129,7 +129,7 @@ class Beam(AbstractBody):
         density: Number,
         modulus: Number,
         modes: int,
-        **rest: Any,
+        **options: Any,
     ) -> "Beam":
         """A beam of a `section` and a material.
 
@@ -137,17 +137,17 @@ class Beam(AbstractBody):
 
         - `length`: Length [m]. `section`: such as `sections.Rectangle(width, height)`.
         - `density`: ρ [kg/m³]. `modulus`: Young's modulus E [Pa].
-        - `name`, `modes` and the `rest`: as for every beam. Its inertia, ρ (A L³/12 + I L), counts
+        - `name`, `modes` and `options`: as for every beam. Its inertia, ρ (A L³/12 + I L), counts
           the rotary inertia of the section in rigid motion.
         """
-        size, area, bend = as_array(length), section.area, section.second_moment
+        size, area, second_moment = as_array(length), section.area, section.second_moment
         return cls(
             name,
             density * area * size,
             size,
-            EI=modulus * bend,
+            EI=modulus * second_moment,
             modes=modes,
-            **{"inertia": density * (area * size**3 / 12 + bend * size), **rest},
+            **{"inertia": density * (area * size**3 / 12 + second_moment * size), **options},
         )
 
     @property

@@ -80,7 +80,7 @@ def ritz(stiffness: Matrix, mass: Matrix, basis: np.ndarray) -> ComponentModes:
 
 def checked(stiffness: Matrix, mass: Matrix) -> tuple[Matrix, Matrix]:
     """Both as sparse matrices, if they are square, alike, finite and symmetric."""
-    found = []
+    matrices = []
     for name, given in (("stiffness", stiffness), ("mass", mass)):
         matrix = sp.csc_array(given)
         rows, columns = matrix.shape
@@ -92,8 +92,8 @@ def checked(stiffness: Matrix, mass: Matrix) -> tuple[Matrix, Matrix]:
         skew = abs(matrix - matrix.T).max()
         if skew > 1e-8 * size:
             raise SceneError(f"{name} is not symmetric: entries differ by {skew:g} of {size:g}.")
-        found.append(matrix)
-    return found[0], found[1]
+        matrices.append(matrix)
+    return matrices[0], matrices[1]
 
 
 def _factor(matrix: Matrix, what: str) -> Any:

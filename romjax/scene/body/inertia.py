@@ -103,9 +103,9 @@ class Inertia(eqx.Module):
         }
         for field, shape in shapes.items():
             check_numbers(owner, self, field, shape=shape, prefix="inertia.")
-        known = concrete(self.matrix(jnp.zeros(3 + modes)))
-        if known is not None:
-            least = np.min(np.linalg.eigvalsh(np.diag(known) if known.ndim == 1 else known))
+        matrix = concrete(self.matrix(jnp.zeros(3 + modes)))
+        if matrix is not None:
+            least = np.min(np.linalg.eigvalsh(np.diag(matrix) if matrix.ndim == 1 else matrix))
             if not least > 0:
                 raise SceneError(
                     f"{owner}: its mass matrix is not positive definite, with an eigenvalue of "

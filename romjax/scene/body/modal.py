@@ -36,7 +36,7 @@ class ModalBody(AbstractBody):
     - `damping`: generalized force −D q̇_f, as `stiffness`; none unless given.
     - `ports`: names of the first points, for `body.at("name")`. The points after them, if there are
       any, are its outline in pictures.
-    - `position`, `angle`, `velocity`, `angular_velocity`: initial place and motion of the frame.
+    - `position`, `angle`, `velocity`, `angular_velocity`: initial pose and motion of the frame.
     - `amplitudes`, `rates`: initial modal coordinates and velocities, zero unless given.
     """
 
@@ -105,7 +105,7 @@ class ModalBody(AbstractBody):
         - `name`: unique in the scene.
         - `stiffness`, `mass`: K and M, as NumPy arrays, SciPy sparse matrices, or names of files:
           Matrix Market (`.mtx`) or SciPy's `.npz`.
-        - `nodes`: places in the body frame [m], (nodes, 2).
+        - `nodes`: positions in the body frame [m], (nodes, 2).
         - `ports`: where joints and effects may act: names, each with a node or with the nodes of a
           rim or an edge, which are held together as by a rigid pin; markers sit in their mean
           place, `body.at("name")`.
@@ -138,8 +138,8 @@ class ModalBody(AbstractBody):
         """A marker at a port, by its name or its `point` [m], turned by `angle` [rad]."""
         if isinstance(point, str):
             if point not in self.ports:
-                known = ", ".join(self.ports) or "none"
-                raise SceneError(f"body '{self.name}' has no port '{point}'. It has: {known}.")
+                ports = ", ".join(self.ports) or "none"
+                raise SceneError(f"body '{self.name}' has no port '{point}'. It has: {ports}.")
             return Marker(self.name, self.points[self.ports.index(point)], angle)
         return Marker(self.name, point, angle)
 

@@ -41,33 +41,33 @@ def _coefficients(shapes: str, roots: np.ndarray) -> np.ndarray:
     columns = []
     for b in roots:
         c, s, e = math.cos(b), math.sin(b), math.exp(-b)
-        place, slope, bend, shear = (
+        value, slope, moment, shear = (
             [1, 0, 1, e],
             [0, 1, -1, e],
             [-1, 0, 1, e],
             [0, -1, -1, e],
         )
         lower = {
-            "free-free": (bend, shear),
-            "clamped-free": (place, slope),
-            "pinned-free": (place, bend),
+            "free-free": (moment, shear),
+            "clamped-free": (value, slope),
+            "pinned-free": (value, moment),
         }[shapes]
         column = np.linalg.svd(np.array([*lower, [-c, -s, e, 1], [s, -c, -e, 1]]))[2][3]
-        end = place if shapes == "free-free" else [c, s, e, 1]
+        end = value if shapes == "free-free" else [c, s, e, 1]
         columns.append(2 * column / (column @ np.array(end)))
     return np.array(columns).reshape(-1, 4).T
 
 
-def bending_shapes(shapes: str, count: int, place: Any, xp: Any = jnp) -> tuple[Any, Any]:
-    """Deflections w and slopes dw/dξ of the modes, (modes,), at ξ = `place`, 0 to 1 on the beam.
+def bending_shapes(shapes: str, count: int, xi: Any, xp: Any = jnp) -> tuple[Any, Any]:
+    """Deflections w and slopes dw/dξ of the modes, (modes,), at `xi`, 0 to 1 on the beam.
 
     ∫w² dξ = 1. Every mode is 2 at its free end; at the lower one if both are free. With NumPy as
-    `xp`, for places that are known: then nothing is traced.
+    `xp`, for a ξ that is not traced: then nothing is.
     """
     b = bending_roots(shapes, count)
     cosine, sine, left, right = _coefficients(shapes, b)
-    c, s = xp.cos(b * place), xp.sin(b * place)
-    falling, rising = left * xp.exp(-b * place), right * xp.exp(b * (place - 1))
+    c, s = xp.cos(b * xi), xp.sin(b * xi)
+    falling, rising = left * xp.exp(-b * xi), right * xp.exp(b * (xi - 1))
     deflection = cosine * c + sine * s + falling + rising
     slope = b * (sine * c - cosine * s - falling + rising)
     return deflection, slope
@@ -76,43 +76,43 @@ def bending_shapes(shapes: str, count: int, place: Any, xp: Any = jnp) -> tuple[
 def bending_moments(shapes: str, count: int) -> np.ndarray:
     """∫w dξ and ∫(ξ − ½) w dξ of the modes, (2, modes).
 
-    By parts from w'''' = b⁴ w: shear and bending moment of the lower end are all that is left.
+    By parts from w'''' = b⁴ w, so that only shear and bending moment of the lower end remain.
     """
     b = bending_roots(shapes, count)
     cosine, sine, left, right = _coefficients(shapes, b)
     right = right * np.exp(-b)
-    bend, shear = (left + right - cosine) / b**2, (right - left - sine) / b
-    return np.stack([-shear, bend + shear / 2])
+    moment, shear = (left + right - cosine) / b**2, (right - left - sine) / b
+    return np.stack([-shear, moment + shear / 2])
 
 
 def anchor(shapes: str) -> float:
-    """The place ξ that stays where it is as the beam bends and foreshortens."""
+    """The ξ whose point does not move along the axis as the beam foreshortens."""
     return 0.5 if shapes == "free-free" else 0.0
 
 
-def foreshortening(shapes: str, count: int, place: Float[Array, ""]) -> Float[Array, "modes modes"]:
-    """∫w'_k w'_l dξ from the anchor to ξ = `place`, by a quadrature that is exact to rounding."""
+def foreshortening(shapes: str, count: int, xi: Float[Array, ""]) -> Float[Array, "modes modes"]:
+    """∫w'_k w'_l dξ from the anchor to `xi`, by a quadrature that is exact to rounding."""
     nodes, weights = _quadrature(count)
     start = anchor(shapes)
-    places = start + (place - start) * nodes
-    _, slopes = jax.vmap(lambda place: bending_shapes(shapes, count, place))(places)
-    return (place - start) * jnp.einsum("i,ik,il->kl", weights, slopes, slopes)
+    points = start + (xi - start) * nodes
+    _, slopes = jax.vmap(lambda point: bending_shapes(shapes, count, point))(points)
+    return (xi - start) * jnp.einsum("i,ik,il->kl", weights, slopes, slopes)
 
 
 def foreshortening_moments(shapes: str, count: int) -> tuple[np.ndarray, np.ndarray]:
     """∫G dξ and ∫(ξ − ½) G dξ of G = `foreshortening`, both (modes, modes).
 
-    The order of integration is turned: each w'_k w'_l dη counts for all that lies outside of it.
+    The order of integration is exchanged: each w'_k w'_l dη counts for all that lies outside of it.
     """
     nodes, weights = _quadrature(count)
     middle, mean, lever = anchor(shapes), np.zeros((count, count)), np.zeros((count, count))
     for start, end in ((0.0, middle), (middle, 1.0)):
-        places = start + (end - start) * nodes
-        _, slopes = bending_shapes(shapes, count, places[:, None], np)
-        outside = -places if end == middle else 1 - places
+        points = start + (end - start) * nodes
+        _, slopes = bending_shapes(shapes, count, points[:, None], np)
+        outside = -points if end == middle else 1 - points
         share = (end - start) * weights
         mean += np.einsum("i,ik,il->kl", share * outside, slopes, slopes)
-        lever += np.einsum("i,ik,il->kl", share * places * (1 - places) / 2, slopes, slopes)
+        lever += np.einsum("i,ik,il->kl", share * points * (1 - points) / 2, slopes, slopes)
     return mean, lever
 
 

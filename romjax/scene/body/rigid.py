@@ -19,7 +19,7 @@ class RigidBody(AbstractBody):
     - `name`: unique in the scene.
     - `mass`: Mass [kg].
     - `inertia`: Moment of inertia about the centre of mass [kg m²].
-    - `position`, `angle`: initial place of the frame [m], [rad].
+    - `position`, `angle`: initial pose of the frame [m], [rad].
     - `velocity`, `angular_velocity`: initial motion [m/s], [rad/s].
     - `extent`: length and height [m] of the rectangle it is drawn as; no mechanical meaning.
     """

@@ -28,9 +28,9 @@ class AbstractSection(eqx.Module):
         owner = f"section '{type(self).__name__}'"
         check_numbers(owner, self, *vars(self), sign="positive")
         for left in self.hollow:
-            known = concrete(left)
-            if known is not None and not known >= 0:
-                raise SceneError(f"{owner}: its walls overlap by {-known:g} m; make them thinner.")
+            gap = concrete(left)
+            if gap is not None and not gap >= 0:
+                raise SceneError(f"{owner}: its walls overlap by {-gap:g} m; make them thinner.")
 
     @property
     def hollow(self) -> tuple[Float[Array, ""], ...]:

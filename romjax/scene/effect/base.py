@@ -121,7 +121,7 @@ class AbstractDissipation(AbstractMarkerEffect):
 
 
 class AbstractField(AbstractEffect):
-    """A conservative effect on every body as a whole, given by its energy; Q = −∂energy/∂q."""
+    """A conservative effect on every body, not on markers, given by its energy; Q = −∂energy/∂q."""
 
     @property
     def markers(self) -> tuple[Marker, ...]:

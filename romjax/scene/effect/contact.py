@@ -81,13 +81,14 @@ class Contact(AbstractMarkerEffect):
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> tuple[Wrench, ...]:
         del t
-        place, rate, wrenches = displacement(_place, poses, twists)
-        gap, slope = jax.value_and_grad(self.curve)(place)
+        point, rate, wrenches = displacement(_local_point, poses, twists)
+        gap, slope = jax.value_and_grad(self.curve)(point)
         squared = slope @ slope
         # The centre of a circle has no direction out of it, and no force.
         steepness = jnp.sqrt(jnp.where(squared > 0, squared, 1.0))
         normal = slope / steepness
-        # Inside, so that no derivative meets the root of zero.
+        # Outside, a depth of one stands in: the power of a negative depth is NaN, which derivatives
+        # pass through `where`.
         inside = gap < 0
         depth = jnp.where(inside, -gap / steepness, 1.0)
         push = self.stiffness * depth**1.5
@@ -119,6 +120,6 @@ class Contact(AbstractMarkerEffect):
             self.friction.check(owner)
 
 
-def _place(a: Pose, b: Pose) -> Float[Array, "2"]:
-    """Of `a` in the frame of `b` [m]."""
+def _local_point(a: Pose, b: Pose) -> Float[Array, "2"]:
+    """The position of `a` in the frame of `b` [m]."""
     return b.local(a.position)

@@ -59,9 +59,9 @@ class Force(AbstractMarkerEffect):
     def check(self) -> None:
         owner = check_markers(self)
         check_numbers(owner, self, "direction", shape=(2,))
-        known = concrete(self.direction)
-        if known is not None and not np.any(known):
-            raise SceneError(f"{owner}: direction is {known}; give a vector that is not zero.")
+        direction = concrete(self.direction)
+        if direction is not None and not np.any(direction):
+            raise SceneError(f"{owner}: direction is {direction}; give a vector that is not zero.")
         if self.frame not in ("world", "body"):
             raise SceneError(f"{owner}: frame is {self.frame!r}, but it must be 'world' or 'body'.")
         self.signal.check(owner)

@@ -13,7 +13,7 @@ from .base import AbstractJoint
 
 
 class Revolute(AbstractJoint):
-    """The two markers stay in one place (chapter equation 39.16); both bodies may turn."""
+    """The two markers stay at one position (chapter equation 39.16); both bodies may turn."""
 
     a: Marker
     b: Marker
@@ -27,6 +27,6 @@ class Revolute(AbstractJoint):
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
     ) -> tuple[Outline, ...]:
-        """Two marks in one place, unless the joint is torn."""
+        """Two marks at one position, unless the joint is torn."""
         del t, size
         return (Outline(jnp.stack([pose.position for pose in poses]), "hinge"),)

@@ -14,7 +14,7 @@ from .base import AbstractJoint
 
 
 class Weld(AbstractJoint):
-    """Marker `a` stays in the place of marker `b`, at the angle `value` [rad] against it."""
+    """Marker `a` stays at the position of marker `b`, at the angle `value` [rad] against it."""
 
     a: Marker
     b: Marker
@@ -29,7 +29,7 @@ class Weld(AbstractJoint):
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
     ) -> tuple[Outline, ...]:
-        """Two marks in one place, unless the joint is torn."""
+        """Two marks at one position, unless the joint is torn."""
         del t, size
         return (Outline(jnp.stack([pose.position for pose in poses]), "weld"),)
 

@@ -37,9 +37,9 @@ def queue(
     """
     later = [(full, method) for method in others]
     for model in models:
-        first, *rest = methods_for(model, methods, ts)
+        first, *others = methods_for(model, methods, ts)
         yield model, first
-        later += [(model, method) for method in rest]
+        later += [(model, method) for method in others]
         if later and later[0][0] is full:
             yield later.pop(0)
     yield from later

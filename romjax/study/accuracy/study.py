@@ -64,8 +64,8 @@ def accuracy(
     settings = Settings.of(formulations, bases, ranks, solvers, *runs)
     begin = time.perf_counter()
     system = _in_double_precision(assemble(what) if isinstance(what, Scene) else what)
-    look = "{desc:48} {n_fmt} runs, {elapsed}"
-    with tqdm(disable=not progress, bar_format=look, desc="full model") as bar:
+    layout = "{desc:48} {n_fmt} runs, {elapsed}"
+    with tqdm(disable=not progress, bar_format=layout, desc="full model") as bar:
         return run_study(system, jnp.asarray(ts, system.q0.dtype), settings, begin, bar)
 
 
