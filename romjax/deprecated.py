@@ -89,6 +89,8 @@ _ATTRIBUTES = {
     "training": "validity",
     "reason": "summary",
 }
+# What was an attribute of reduced systems, and belongs to their lifts now.
+_OF_LIFTS = ("chart", "modes", "offset")
 
 
 def method_of_system(system: Any, name: str) -> Any:
@@ -102,6 +104,9 @@ def method_of_system(system: Any, name: str) -> Any:
     if hasattr(type(system), new) or new in getattr(system, "__dataclass_fields__", ()):
         warn_once(f"system.{name}", f"system.{new}")
         return getattr(system, new)
+    if name in _OF_LIFTS and hasattr(getattr(system, "lift", None), name):
+        warn_once(f"system.{name}", f"system.lift.{name}")
+        return getattr(system.lift, name)
     if name == "coordinate_labels":
         warn_once("system.coordinate_labels()", "system.structure.labels")
         return lambda: system.full.structure.labels
