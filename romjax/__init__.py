@@ -22,7 +22,7 @@ from .integrate.adjoint import forward_mode as forward_mode
 from .integrate.reactions import reactions as reactions
 from .integrate.rodas5p import Rodas5P as Rodas5P
 from .integrate.simulate import simulate as simulate
-from .integrate.trajectory import Status as Status
+from .integrate.status import Status as Status
 from .integrate.trajectory import Trajectory as Trajectory
 from .reduction.formulation.base import AbstractFormulation as AbstractFormulation
 from .reduction.formulation.galerkin import Galerkin as Galerkin

@@ -31,7 +31,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     _set_up_jax()
     try:
-        return options.verb(options)
+        status: int = options.verb(options)
+        return status
     except (SimulationError, ValueError, OSError) as error:
         print(f"romjax: {error}", file=sys.stderr)
         return 2

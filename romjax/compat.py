@@ -47,7 +47,8 @@ def switch_off_runtime_checks() -> None:
     They are host callbacks, and JAX keeps no program with a callback in its cache on disk. The
     environment variable EQX_ON_ERROR=off says the same, but only before equinox is imported.
     """
-    equinox._errors.EQX_ON_ERROR = "off"
+    # The module reads the name that it has imported, which counts as no export.
+    equinox._errors.EQX_ON_ERROR = "off"  # type: ignore[attr-defined]
 
 
 def is_traced(value: Any) -> bool:
@@ -68,7 +69,9 @@ def unwrap_term(term: Any) -> tuple[Any, Any]:
     return (term.term, term.direction) if isinstance(term, WrapTerm) else (term, 1)
 
 
-def wrap_term(term: diffrax.AbstractTerm, direction: Any) -> diffrax.AbstractTerm:
+def wrap_term(
+    term: diffrax.AbstractTerm[Any, Any], direction: Any
+) -> diffrax.AbstractTerm[Any, Any]:
     """A term with the direction of time, 1 or −1, that diffrax wraps around it."""
     return WrapTerm(term, direction)
 
@@ -88,6 +91,6 @@ def scan_kind(solver: Any) -> Any:
     return solver.scan_kind
 
 
-def control_arguments(solver: diffrax.AbstractSolver) -> Any:
+def control_arguments(solver: diffrax.AbstractSolver[Any]) -> Any:
     """What a solver passes on to `contr` of its terms; diffrax asks a wrapper for it."""
     return solver.term_compatible_contr_kwargs

@@ -1,5 +1,6 @@
 """Names of the release before: they work until the next one, warn once, and name the new one."""
 
+import dataclasses
 import functools
 import importlib
 import warnings
@@ -111,3 +112,15 @@ def method_of_system(system: Any, name: str) -> Any:
         warn_once("system.coordinate_labels()", "system.structure.labels")
         return lambda: system.full.structure.labels
     raise AttributeError(f"'{type(system).__name__}' has no attribute '{name}'")
+
+
+def decided(formulation: T, old: dict[str, Any]) -> T:
+    """The formulation with what was a keyword argument of `reduce`: `constraints`, `chart`."""
+    fields = getattr(formulation, "__dataclass_fields__", {})
+    for name, value in old.items():
+        if name not in ("constraints", "chart"):
+            raise TypeError(f"reduce() got an unexpected keyword argument '{name}'")
+        warn_once(f"reduce({name}=…)", f"a formulation's argument, such as Galerkin({name}=…)")
+        if name in fields:
+            formulation = dataclasses.replace(formulation, **{name: value})  # type: ignore[type-var]
+    return formulation

@@ -10,8 +10,8 @@ def speed_up_xla() -> None:
     """Make simulations of a few bodies on a CPU compile in 0.7 of the time and run in half of it.
 
     Adds flags to the environment variable XLA_FLAGS, which XLA reads at JAX's first computation,
-    for the whole process; call it before. It does nothing for versions of JAX that are not known
-    to know the flags, and nothing to other devices.
+    for the whole process; call it before. It does nothing for versions of JAX of which it is
+    not tested that they have the flags, and nothing on other devices.
 
     Warns if JAX has computed something already, since the flags then have no effect.
     """

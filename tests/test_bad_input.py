@@ -8,6 +8,7 @@ import pytest
 import romjax as rj
 from romjax.integrate.statistics import Statistics
 from romjax.integrate.trajectory import SolverParts
+from romjax.scene.coordinate import Coordinate
 
 
 @pytest.fixture(autouse=True)
@@ -311,7 +312,7 @@ def _motion(t):
         metric=jnp.eye(1),
         stats=Statistics(1, 1, 0),
         status=jnp.asarray(0),
-        labels=("q1",),
+        coordinates=(Coordinate("", "q1"),),
         solver_parts=SolverParts.of(diffrax.Tsit5()),
     )
 

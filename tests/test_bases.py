@@ -15,6 +15,7 @@ import romjax as rj
 from romjax import deprecated, plot
 from romjax.basis.decomposition.base import Directions, RankCriterion, ValueLabel
 from romjax.basis.rank import FLOOR
+from romjax.basis.snapshots import _weigh
 from romjax.basis.subspace import leading, singular_values
 
 # Of a reduced run with all freedoms of the cart-pendulum's smooth motion.
@@ -160,12 +161,48 @@ class VelocityPOD(rj.AbstractDecomposition):
         return Directions(vectors, 0.5 * values**2, values)
 
 
+def test_coordinates_are_described_in_words():
+    """A plate's mode is no bending mode; motions from elsewhere have labels, or nothing."""
+    beam = rj.Beam("beam", mass=1.0, length=1.0, frequencies=[5.0, 20.0], amplitudes=(0.0, 0.1))
+    plate = rj.ModalBody(
+        "plate", rj.Inertia(1.0, 0.1), [4.0], [[0.0, 0.0]], np.zeros((1, 3, 1)), amplitudes=[1e-6]
+    )
+    system = rj.assemble(rj.Scene([beam, plate]))
+    run = rj.simulate(system, jnp.linspace(0.0, 0.1, 21))
+    words = rj.describe(rj.pod(run, rank=1))
+    assert "of bending mode 2 of beam all but" in words
+    assert "Dropped: mode 1 of plate, because" in words
+    assert "At rest: position x of beam, " in words
+    assert words.endswith("angle of plate.")
+    run = Measured(run, run.labels)
+    assert "Dropped: plate.q1, because" in rj.describe(rj.pod(run, rank=1))
+    unnamed = Measured(run, ())
+    assert "Dropped: coordinate 9, because" in rj.describe(rj.pod(unnamed, rank=1))
+
+
+def test_names_of_coordinates_compile_nothing(truth):
+    """Snapshots in another coordinates' names are weighted by the program that there is."""
+    rj.pod(truth, rank=5)
+    before = _weigh._cache_size()
+    rj.pod(Measured(truth, tuple(f"u{i}" for i in range(truth.q.shape[1]))), rank=5)
+    assert _weigh._cache_size() == before
+
+
+class Measured:
+    """What every motion has, and names."""
+
+    def __init__(self, run, labels):
+        self.t, self.q, self.v, self.metric = run.t, run.q, run.v, run.metric
+        self.labels = labels
+        self.noise = run.noise
+
+
 def test_a_new_decomposition_is_described_and_drawn(truth):
     basis = VelocityPOD(rank=5)(truth)
     np.testing.assert_allclose(gram(basis), jnp.eye(5), atol=IDENTITY)
     words = rj.describe(basis)
     assert words.startswith("velocity POD, rank 5: as asked")
-    assert "of pendulum.q2 all but" in words
+    assert "of bending mode 2 of pendulum all but" in words
     figure = plot.values(rj.pod(truth, rank=5), basis, rj.sod(truth, rank=5), VelocityPOD(3)(truth))
     titles = ["Singular values", "Kinetic energies", "Smooth orthogonal values"]
     assert [axes.get_title() for axes in figure.axes] == titles

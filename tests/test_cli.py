@@ -78,7 +78,7 @@ def test_run_cart_pendulum(tmp_path):
     lines = result.stdout.splitlines()
     table = [line for line in lines if line.startswith(("full", "POD ", "SOD ", "model"))]
     assert len(table) == 8
-    assert "At rest: cart.phi." in " ".join(result.stdout.split())
+    assert "At rest: angle of cart." in " ".join(result.stdout.split())
     assert max(len(line) for line in table) <= WIDTH
     assert "12 %" in result.stdout
     assert "30 %" in result.stdout

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from comparison import assert_close
 from mechanics import coordinates, marker_place
 from tolerances import IDENTITY
 
@@ -18,10 +19,10 @@ STIFF, DAMP = jnp.array([30.0, 50.0, 4.0]), jnp.array([0.5, 0.7, 0.2])
 
 
 def pose(marker, q):
-    """Place and angle of a marker."""
+    """Position and angle of a marker."""
     bodies = coordinates(rj.Scene([ARM, BLOCK]), q)
-    bend = ARM.mode_shapes(marker.point)[2] @ bodies["arm"][3:] if marker.body == "arm" else 0.0
-    turn = bodies[marker.body][2] + marker.angle + bend
+    slope = ARM.mode_shapes(marker.point)[2] @ bodies["arm"][3:] if marker.body == "arm" else 0.0
+    turn = bodies[marker.body][2] + marker.angle + slope
     return marker_place(rj.Scene([ARM, BLOCK]), marker, q), turn
 
 
@@ -113,7 +114,7 @@ def test_power(kind):
             return jax.jvp(function, (q,), (v,))
 
         size = jnp.abs(force) @ jnp.abs(v) + jnp.abs(plain.force(TIME, q, v)) @ jnp.abs(v)
-        assert abs(force @ v - law(q, dq)) <= IDENTITY * size
+        assert_close(force @ v, law(q, dq), IDENTITY, size)
 
 
 def test_a_damper_along_a_line_is_central():
@@ -125,7 +126,7 @@ def test_a_damper_along_a_line_is_central():
     line = jnp.array([1.0, -1.0]) / np.sqrt(2)
     push = -0.8 * (1.1 - 0.1) / np.sqrt(2)
     wanted = jnp.concatenate([push * line, jnp.zeros(1), -push * line, jnp.zeros(1)])
-    assert np.allclose(force, wanted, rtol=0, atol=IDENTITY)
+    assert_close(force, wanted, IDENTITY)
 
 
 def test_a_damper_along_a_line_where_the_points_meet():
@@ -157,7 +158,7 @@ def test_an_effect_of_ones_own():
     assert effect.markers == ENDS
     assert effect.label() == "Weight(arm, block)"
     system = rj.assemble(rj.Scene([BLOCK], [], [Weight(jnp.asarray(3.0), BLOCK.at(), BLOCK.at())]))
-    assert np.allclose(system.force(0.0, system.q0, system.v0), [0, -9, 0], rtol=0, atol=IDENTITY)
+    assert_close(system.force(0.0, system.q0, system.v0), [0, -9, 0], IDENTITY)
 
 
 def equations(effect) -> list[str]:

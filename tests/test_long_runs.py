@@ -37,7 +37,7 @@ def energy_error(motion) -> float:
 
 
 def test_drift_over_a_thousand_seconds(pendulum):
-    """H6. In steps of 0.01 s; unstabilised the bar stretches until everything is NaN."""
+    """In steps of 0.01 s; unstabilised the bar stretches until everything is NaN."""
     settings = {"solver": RK4(), "dt": 0.01, "max_steps": 200_000}
     ts = jnp.linspace(0.0, 1000.0, 1001)
     kept = rj.simulate(pendulum, ts, stabilization=rj.Projection(), **settings)
@@ -87,7 +87,7 @@ def test_a_parallel_four_bar():
 
 
 def test_stabilisation_that_sets_the_step(pendulum):
-    """H7. α = 1000, β = 2.5e5 costs 30 times the steps; the warning names the rates."""
+    """α = 1000, β = 2.5e5 costs 30 times the steps; the warning names the rates."""
     ts = jnp.linspace(0.0, 10.0, 11)
 
     def run(alpha, beta):
@@ -101,7 +101,7 @@ def test_stabilisation_that_sets_the_step(pendulum):
 
 
 def test_a_start_off_the_constraints_decays(pendulum):
-    """H8. C = C₀ (1 + αt/2) exp(−αt/2) for critical damping; and `consistent` mends the start."""
+    """C = C₀ (1 + αt/2) exp(−αt/2) for critical damping; and `consistent` mends the start."""
     alpha, off = 10.0, jnp.array([1.01, 0.0])
     motion = rj.simulate(
         pendulum,

@@ -348,9 +348,9 @@ def test_coordinates_say_what_they_are():
     """A beam's modes bend, those of a body of any shape are just modes."""
     inertia = rj.Inertia(1.0, 0.1)
     plate = rj.ModalBody("plate", inertia, [4.0], [[0.0, 0.0]], np.zeros((1, 3, 1)))
-    system = rj.assemble(rj.Scene([TWO, plate]))
-    assert system.labels == tuple(c.label for c in system.coordinates)
-    named = {c.label: c for c in system.coordinates}
+    structure = rj.assemble(rj.Scene([TWO, plate])).structure
+    assert structure.labels == tuple(c.label for c in structure.coordinates)
+    named = {c.label: c for c in structure.coordinates}
     assert named["two.q2"].description == "bending mode 2 of two"
     assert named["plate.q1"].description == "mode 1 of plate"
     units = [named[f"plate.{name}"].unit for name in ("x", "y", "phi", "q1")]

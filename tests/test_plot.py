@@ -20,6 +20,7 @@ import romjax as rj
 from romjax import plot
 from romjax.integrate.statistics import Statistics
 from romjax.integrate.trajectory import SolverParts
+from romjax.scene.coordinate import Coordinate
 
 COUNT = 21
 
@@ -40,7 +41,7 @@ def motion(scene: rj.Scene, amplitude: float = 0.1) -> rj.Trajectory:
         metric=jnp.diag(jnp.arange(1.0, n + 1)),
         stats=Statistics(COUNT, COUNT, 0),
         status=jnp.asarray(0),
-        labels=system.coordinate_labels(),
+        coordinates=system.structure.coordinates,
         solver_parts=SolverParts.of(diffrax.Tsit5()),
     )
 
@@ -102,7 +103,8 @@ def test_response_of_named_coordinates(truth):
 
 
 def test_response_of_a_custom_system_has_no_units(truth):
-    own = dataclasses.replace(truth, labels=tuple(f"q{i + 1}" for i in range(len(truth.labels))))
+    unnamed = tuple(Coordinate("", f"q{i + 1}") for i in range(len(truth.labels)))
+    own = dataclasses.replace(truth, coordinates=unnamed)
     assert panels(plot.response(own))[0].get_ylabel() == "q1"
 
 

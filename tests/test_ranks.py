@@ -37,7 +37,9 @@ def ranks(decompose, motion) -> list[int]:
 @pytest.mark.parametrize("rtol", CERTAIN)
 @pytest.mark.parametrize("decompose", [rj.pod, rj.sod])
 def test_no_rank_moves_with_the_sample_rate(runs, decompose, rtol):
-    """H13, for snapshots of each accuracy."""
+    """The chapter's rank depends on the sample rate; here none does, whatever the accuracy of the
+    snapshots.
+    """
     found = [ranks(decompose, runs[rtol].every(stride)) for stride in STRIDES]
     assert all(rank == found[0] for rank in found)
 
@@ -81,7 +83,7 @@ def test_the_naive_rank_is_decided_by_rounding():
 
 @pytest.mark.slow
 def test_single_precision_keeps_the_ranks(runs):
-    """H12: as in double precision down to its floor, 1e-6, at every sample rate."""
+    """As in double precision down to its floor, 1e-6, at every sample rate."""
     with jax.enable_x64(False):
         system = rj.assemble(rj.gallery.cart_pendulum())
         with pytest.warns(UserWarning, match="single precision"):

@@ -146,11 +146,6 @@ def test_a_model_that_cannot_start_is_no_model(falling, monkeypatch):
     assert len(accepted) == 6
 
 
-@pytest.mark.xfail(
-    strict=True,
-    raises=AssertionError,
-    reason="a trajectory holds the name of its solver, not the solver",
-)
 def test_variations_are_simulated_as_the_training_was(falling, monkeypatch):
     """By the same method, not by the default one."""
     system, training = falling

@@ -63,7 +63,7 @@ def test_orthonormal_and_optimal(shape, spectrum, method):
 @pytest.mark.parametrize("shape", SHAPES, ids=str)
 @pytest.mark.parametrize(("spectrum", "rank"), [("distinct", 2), ("repeated", 3), ("zero", 3)])
 def test_derivatives_of_subspaces(shape, spectrum, rank, method):
-    """H10, H11, against central differences: with repeated values among the kept and among the
+    """Against central differences: with repeated values among the kept and among the
     dropped ones, and with fewer columns than rows.
     """
     a, change = matrix(shape, SPECTRA[spectrum]), matrix(shape, [1] * 5, seed=1)
@@ -78,7 +78,7 @@ def test_derivatives_of_subspaces(shape, spectrum, rank, method):
 @pytest.mark.parametrize("kind", REPEATED)
 @pytest.mark.parametrize("gap", [0.0, 1e-12, 1e-6])
 def test_kept_values_that_repeat(kind, gap):
-    """H11. `jnp.linalg.svd` gives NaN, or a derivative that is wrong by 6 % in silence. Against the
+    """`jnp.linalg.svd` gives NaN, or a derivative that is wrong by 6 % in silence. Against the
     projector's derivative in closed form, which knows no kept gaps.
     """
     a = matrix((6, 6), [2 * (1 + gap), 2, 1, 0.8, 0.3, 0.1])
@@ -161,8 +161,8 @@ def test_a_close_pair_is_warned_of():
 
 @pytest.mark.parametrize("decompose", [rj.pod, rj.sod])
 def test_derivatives_of_bases(decompose):
-    """Through weights, metric and decomposition, to what a basis holds of a vector (H10: eight
-    coordinates, five snapshots).
+    """Through weights, metric and decomposition, to what a basis holds of a vector, with fewer
+    snapshots than coordinates (five, eight).
     """
     rng = np.random.default_rng(5)
     q, change = rng.normal(size=(5, 8)), rng.normal(size=(5, 8))

@@ -35,8 +35,8 @@ def assemble(scene: Scene) -> AssembledSystem:
 
     columns, n = columns_of(scene.bodies)
     bodies, order = [], list[str]()
-    for stacked, places in group(scene.bodies):
-        names = [scene.bodies[i].name for i in places]
+    for stacked, members in group(scene.bodies):
+        names = [scene.bodies[i].name for i in members]
         bodies.append(BodyGroup(stacked, Index.of([columns[name] for name in names])))
         order += names
 
@@ -56,8 +56,8 @@ def assemble(scene: Scene) -> AssembledSystem:
     system = AssembledSystem(
         bodies=tuple(bodies),
         joints=tuple(
-            JointGroup(stacked, markers, Index.of([range(*first_row[i : i + 2]) for i in places]))
-            for stacked, markers, places in joints
+            JointGroup(stacked, markers, Index.of([range(*first_row[i : i + 2]) for i in members]))
+            for stacked, markers, members in joints
         ),
         joint_markers=joint_markers,
         effects=tuple(EffectGroup(stacked, markers) for stacked, markers, _ in effects),

@@ -57,16 +57,16 @@ class AssembledSystem(AbstractSystem):
         size = self.pattern.coordinates.width
         blocks = [group.mass(q) for group in self.bodies]
         diagonal = all(block.ndim == 2 for block in blocks)
-        whole = []
+        padded = []
         for block in blocks:
             more = size - block.shape[1]
             if diagonal:
-                whole.append(jnp.pad(block, ((0, 0), (0, more)), constant_values=1))
+                padded.append(jnp.pad(block, ((0, 0), (0, more)), constant_values=1))
             else:
                 full = jax.vmap(jnp.diag)(block) if block.ndim == 2 else block
                 ones = np.diag(np.arange(size) >= block.shape[1]).astype(q.dtype)
-                whole.append(jnp.pad(full, ((0, 0), (0, more), (0, more))) + ones[None])
-        return jnp.concatenate(whole)
+                padded.append(jnp.pad(full, ((0, 0), (0, more), (0, more))) + ones[None])
+        return jnp.concatenate(padded)
 
     def mass(self, q: Float[Array, " n"]) -> Float[Array, "n n"]:
         """Mass matrix M, block-diagonal by body."""
@@ -75,8 +75,8 @@ class AssembledSystem(AbstractSystem):
     def force(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " n"]:
         own = [(group, group.force(self.fields, q, v)) for group in self.bodies]
         acting = [(group, force) for group, force in own if force is not None]
-        places = [group.coordinates.array for group, _ in acting]
-        total = spread([force for _, force in acting], places, (self.n,)) if acting else 0 * q
+        columns = [group.coordinates.array for group, _ in acting]
+        total = spread([force for _, force in acting], columns, (self.n,)) if acting else 0 * q
         if self.effect_markers is None:
             return total
         twists = None
@@ -85,8 +85,8 @@ class AssembledSystem(AbstractSystem):
             twists = Twist(rates.position, rates.angle)
         else:
             poses = self.effect_markers.poses(q)
-        found = [wrench for group in self.effects for wrench in group.wrenches(t, poses, twists)]
-        wrenches = jax.tree.map(lambda *x: jnp.concatenate(x), *found)
+        by_group = [wrench for group in self.effects for wrench in group.wrenches(t, poses, twists)]
+        wrenches = jax.tree.map(lambda *x: jnp.concatenate(x), *by_group)
         return total + self.effect_markers.pull_back(q, wrenches)
 
     def constraint(self, t: Time, q: Float[Array, " n"]) -> Float[Array, " m"]:
@@ -94,7 +94,7 @@ class AssembledSystem(AbstractSystem):
             return jnp.zeros(0, q.dtype)
         poses = self.joint_markers.poses(q)
         blocks = [group.residual(t, poses) for group in self.joints]
-        return spread(blocks, [group.places.array for group in self.joints], (self.m,))
+        return spread(blocks, [group.rows.array for group in self.joints], (self.m,))
 
     def jacobian_blocks(self, t: Time, q: Float[Array, " n"]) -> Float[Array, "sides height size"]:
         """The blocks of C_q: one for each joint and body, by the chain rule."""
@@ -104,9 +104,9 @@ class AssembledSystem(AbstractSystem):
             return jnp.zeros(shape, q.dtype)
         poses, motion = self.joint_markers.poses(q), self.joint_markers.jacobian(q)
         columns = self.joint_markers.coordinates()
-        blocks, places = [], []
+        blocks, indices = [], []
         for group in self.joints:
             blocks.append(group.jacobian(t, poses, motion))
-            rows = group.places.array
-            places.append(pattern.places(rows, np.stack(group.markers.take(columns))))
-        return spread(blocks, places, shape)
+            rows = group.rows.array
+            indices.append(pattern.flat_indices(rows, np.stack(group.markers.take(columns))))
+        return spread(blocks, indices, shape)

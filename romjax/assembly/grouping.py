@@ -17,7 +17,8 @@ T = TypeVar("T")
 def stack(elements: Sequence[T]) -> T:
     """One element whose leaves have a new first axis that runs over `elements`.
 
-    Known numbers are stacked by NumPy: a long chain then adds nothing to a traced program.
+    Numbers that are not traced are stacked by NumPy: a long chain then adds nothing to a traced
+    program.
     """
 
     def join(*leaves: Any) -> Array:
@@ -30,19 +31,19 @@ def stack(elements: Sequence[T]) -> T:
 
 
 def group(elements: Sequence[T]) -> list[tuple[T, list[int]]]:
-    """Stacks of the elements of equal structure, each with the places of its elements.
+    """Stacks of the elements of equal structure, each with the indices of its elements.
 
     Equal: the same classes, static fields and shapes. Names do not count.
     """
-    found: dict[Any, tuple[list[T], list[int]]] = {}
-    for place, element in enumerate(elements):
+    groups: dict[Any, tuple[list[T], list[int]]] = {}
+    for index, element in enumerate(elements):
         plain = anonymous(element)
         leaves, structure = jtu.tree_flatten(plain)
         key = (structure, tuple((jnp.shape(x), jnp.result_type(x)) for x in leaves))
-        members, places = found.setdefault(key, ([], []))
+        members, indices = groups.setdefault(key, ([], []))
         members.append(plain)
-        places.append(place)
-    return [(stack(members), places) for members, places in found.values()]
+        indices.append(index)
+    return [(stack(members), indices) for members, indices in groups.values()]
 
 
 def anonymous(element: T) -> T:

@@ -52,8 +52,8 @@ class BodyGroup(eqx.Module):
             return None
 
         def total(body: AbstractBody, q: Array, *v: Array) -> Array:
-            found = [term(body, q) for term in still] + [term(body, q, *v) for term in moving]
-            return functools.reduce(operator.add, found)
+            terms = [term(body, q) for term in still] + [term(body, q, *v) for term in moving]
+            return functools.reduce(operator.add, terms)
 
         rates = [self.coordinates.take(v)] if moving else []
         return jax.vmap(total)(self.bodies, self.coordinates.take(q), *rates)
@@ -64,7 +64,7 @@ class JointGroup(eqx.Module):
 
     joints: AbstractJoint  # stacked
     markers: MarkerBlocks
-    places: Index = eqx.field(static=True)  # of their rows among the constraints, (count, rows)
+    rows: Index = eqx.field(static=True)  # among the constraints, (count, rows)
 
     def residual(self, t: Time, poses: Pose) -> Float[Array, "count rows"]:
         residuals: Float[Array, "count rows"]
@@ -86,8 +86,8 @@ class JointGroup(eqx.Module):
         sides = jax.vmap(gradient)(self.joints, *self.markers.take(poses))
         return jnp.stack(
             [
-                side.position @ moved.position + side.angle[:, :, None] * moved.angle[:, None]
-                for side, moved in zip(sides, self.markers.take(motion), strict=True)
+                side.position @ pose.position + side.angle[:, :, None] * pose.angle[:, None]
+                for side, pose in zip(sides, self.markers.take(motion), strict=True)
             ]
         )
 

@@ -25,10 +25,10 @@ class PoseGradient(NamedTuple):
 class Markers(eqx.Module):
     """All markers of a family of elements; their poses are one Pose with a leading axis.
 
-    Bodies of all kinds share one formula, pose = frame ∘ (place + shapes · amplitudes), so the
+    Bodies of all kinds share one formula, pose = frame ∘ (point + shapes · amplitudes), so the
     program is the same for any number and mix of bodies. Bodies with fewer modes than the richest
-    one are padded with zero shapes; the ground is a frame that stays at zero. Where a body shortens
-    as it bends, the place moves by −½ amplitudes · foreshortening · amplitudes too.
+    one are padded with zero shapes; the ground is a frame that stays at zero. Where a body
+    foreshortens as it bends, the point moves by −½ amplitudes · foreshortening · amplitudes too.
     """
 
     points: Float[Array, "count 2"]  # in the body frame
@@ -53,8 +53,8 @@ class Markers(eqx.Module):
         arm, _ = self._local(extended)
         shapes = self.shapes
         if self.foreshortening is not None:
-            bent = extended[self.amplitudes.array]
-            slide = jnp.einsum("cikl,cl->cik", self.foreshortening, bent)
+            amplitudes = extended[self.amplitudes.array]
+            slide = jnp.einsum("cikl,cl->cik", self.foreshortening, amplitudes)
             shapes = shapes - jnp.pad(slide, ((0, 0), (0, 1), (0, 0)))
         count = len(self.angles)
         unit = jnp.broadcast_to(jnp.eye(2, dtype=q.dtype), (count, 2, 2))
@@ -67,7 +67,7 @@ class Markers(eqx.Module):
         return PoseGradient(jnp.concatenate(position, axis=2), jnp.concatenate(turning, axis=1))
 
     def coordinates(self) -> np.ndarray:
-        """Places in q of the columns of `jacobian`, (count, size); n where there is none."""
+        """Indices in q of the columns of `jacobian`, (count, size); n where there is none."""
         return np.concatenate([self.frames.array, self.amplitudes.array], axis=1).astype(int)
 
     def pull_back(self, q: Float[Array, " n"], wrenches: Wrench) -> Float[Array, " n"]:
@@ -83,13 +83,13 @@ class Markers(eqx.Module):
         if not self.amplitudes.width:
             return self.points, self.angles
         amplitudes = extended[self.amplitudes.array]
-        bent = jnp.einsum("cik,ck->ci", self.shapes, amplitudes)
-        points = self.points + bent[:, :2]
+        displacement = jnp.einsum("cik,ck->ci", self.shapes, amplitudes)
+        points = self.points + displacement[:, :2]
         if self.foreshortening is not None:
             points -= 0.5 * jnp.einsum(
                 "cikl,ck,cl->ci", self.foreshortening, amplitudes, amplitudes
             )
-        return points, self.angles + bent[:, 2]
+        return points, self.angles + displacement[:, 2]
 
 
 def _extend(q: Float[Array, " n"]) -> Float[Array, " extended"]:
@@ -113,8 +113,8 @@ class MarkerBlocks(eqx.Module):
 
     def take(self, stacked: T) -> tuple[T, ...]:
         """The rows of each side, from any pytree with a row for each marker."""
-        begins = [self.start + side * self.count for side in range(self.sides)]
-        return tuple(jax.tree.map(lambda x, b=b: x[b : b + self.count], stacked) for b in begins)
+        starts = [self.start + side * self.count for side in range(self.sides)]
+        return tuple(jax.tree.map(lambda x, b=b: x[b : b + self.count], stacked) for b in starts)
 
 
 def columns_of(bodies: Sequence[AbstractBody]) -> tuple[dict[str, tuple[int, ...]], int]:

@@ -61,8 +61,8 @@ def outlines(scene: Scene, t: Vector, q: Vector) -> list[MovingOutline]:
             f"coordinates; draw a motion of this scene, (times, {n})."
         )
     t = np.broadcast_to(np.asarray(t, q.dtype), len(q))
-    count, rest = len(q), -len(q) % FRAMES
-    q, t = np.pad(q, ((0, rest), (0, 0)), mode="edge"), np.pad(t, (0, rest), mode="edge")
+    count, padding = len(q), -len(q) % FRAMES
+    q, t = np.pad(q, ((0, padding), (0, 0)), mode="edge"), np.pad(t, (0, padding), mode="edge")
 
     lines = [np.asarray(body.outline()) for body in scene.bodies]
     names = [name for name, line in zip(bodies, lines, strict=True) for _ in line]
@@ -80,17 +80,18 @@ def outlines(scene: Scene, t: Vector, q: Vector) -> list[MovingOutline]:
         )
     ]
     signs: dict[int, list[MovingOutline]] = {}
-    for (_, _, members), found in zip(groups, drawn, strict=True):
+    for (_, _, members), shapes in zip(groups, drawn, strict=True):
         for row, member in enumerate(members):
             signs[member] = [
                 MovingOutline(parts[member].label(), o.points[:count, row], o.style, o.endless)
-                for o in found
+                for o in shapes
             ]
     shown += [outline for member in sorted(signs) for outline in signs[member]]
     return shown + _ground(parts, float(size), count)
 
 
-# A program that runs once or twice: compiling it with all of XLA's care takes three times as long.
+# This program runs once or twice, and compiling it with all optimisations of XLA takes three times
+# as long as without.
 _QUICKLY = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
 
 
@@ -117,7 +118,9 @@ def _evaluate(
     size = jnp.where((size > 0) & jnp.isfinite(size), size, SIGN)
 
     def frame(t: Array, poses: Pose) -> list[tuple[Outline, ...]]:
-        def outline(part: Any, number: Array, poses: tuple[Pose, ...]) -> tuple[Outline, ...]:
+        def outline(
+            part: Any, number: Array | np.ndarray, poses: tuple[Pose, ...]
+        ) -> tuple[Outline, ...]:
             del number  # there for parts without any number or marker, to be mapped over
             return tuple(part.outline(t, poses, size))
 
@@ -134,8 +137,8 @@ def _ground(
 ) -> list[MovingOutline]:
     """A hatched line at each marker on the ground of the parts that ask for it."""
     held = [m for part in parts if part.hatched for m in part.markers if m.body == GROUND]
-    places = {tuple(np.round(np.asarray(marker.point), 12)) for marker in held}
+    origins = {tuple(np.round(np.asarray(marker.point), 12)) for marker in held}
     return [
-        MovingOutline("ground", np.tile(place + size * HATCH, (count, 1, 1)), "ground", False)
-        for place in sorted(places)
+        MovingOutline("ground", np.tile(origin + size * HATCH, (count, 1, 1)), "ground", False)
+        for origin in sorted(origins)
     ]

@@ -116,7 +116,7 @@ def _metric(metric: Any, offset: Float[Array, " n"]) -> Float[Array, "n n"]:
     n = len(offset)
     if metric is None:
         return jnp.eye(n, dtype=offset.dtype)
-    metric = jnp.asarray(metric, offset.dtype)
-    if metric.shape != (n, n):
-        raise InputError(f"Basis: metric has shape {metric.shape}, but it must have ({n}, {n}).")
-    return metric
+    array = jnp.asarray(metric, offset.dtype)
+    if array.shape != (n, n):
+        raise InputError(f"Basis: metric has shape {array.shape}, but it must have ({n}, {n}).")
+    return array

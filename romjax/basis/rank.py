@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from ..errors import InputError, RankError
 
@@ -31,7 +31,7 @@ def choose_rank(
     name: str,
     values: Float[Array, " k"],
     rank: Rank | None,
-    tol: ArrayLike | None,
+    tol: Float[Array, ""] | float | None,
     rounding: float,
     noise: Float[Array, ""],
 ) -> Choice:

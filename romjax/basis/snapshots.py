@@ -15,15 +15,19 @@ from ..errors import InputError
 class Motion(Protocol):
     """What a basis is made from; a Trajectory is one.
 
-    A `noise()` is optional: the size of integration errors in the snapshots of positions and of
-    velocities, in the energy norm.
+    Two members are optional. `noise()`: the size of integration errors in the snapshots of
+    positions and of velocities, in the energy norm. `descriptions`: what the coordinates are called
+    in sentences, as many as there are `labels`.
     """
 
     t: Float[Array, " h"]
     q: Float[Array, "h n"]
     v: Float[Array, "h n"]
     metric: Float[Array, "n n"]
-    labels: tuple[str, ...]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What tables call the coordinates."""
 
 
 class Noise(NamedTuple):
@@ -39,7 +43,8 @@ class SnapshotSet(eqx.Module):
     - `t` (h,) [s]; `q`, `v` (h, n).
     - `weights` (h,): √w of the trapezoidal rule in time, motion by motion.
     - `metric` (n, n): mass matrix at the first start.
-    - `noise`: the size of integration errors; `labels`: names of the coordinates, () if unknown.
+    - `noise`: the size of integration errors.
+    - `labels`, `descriptions`: the coordinates as tables and as sentences name them, () if unknown.
     """
 
     t: Float[Array, " h"]
@@ -49,6 +54,7 @@ class SnapshotSet(eqx.Module):
     metric: Float[Array, "n n"]
     noise: Noise
     labels: tuple[str, ...] = eqx.field(static=True)
+    descriptions: tuple[str, ...] = eqx.field(static=True)
 
     @classmethod
     def of(cls, motions: "Motion | Sequence[Motion] | SnapshotSet") -> "SnapshotSet":
@@ -76,14 +82,15 @@ class SnapshotSet(eqx.Module):
             jnp.concatenate([time_weights(jnp.asarray(run.t, dtype)) for run in runs]),
             jnp.asarray(runs[0].metric, dtype),
             jax.tree.map(lambda *x: jnp.max(jnp.stack(x)), *noises),
-            runs[0].labels,
+            tuple(runs[0].labels),
+            tuple(getattr(runs[0], "descriptions", runs[0].labels)),
         )
 
     @classmethod
     def single(cls, q: Float[Array, " n"], metric: Float[Array, "n n"]) -> "SnapshotSet":
         """One snapshot at rest, of a mechanism of which nothing but its `metric` is given."""
         zero = jnp.zeros(1, q.dtype)
-        return cls(zero, q[None], 0 * q[None], zero, metric, Noise(zero[0], zero[0]), ())
+        return cls(zero, q[None], 0 * q[None], zero, metric, Noise(zero[0], zero[0]), (), ())
 
 
 class WeightedSnapshots(NamedTuple):
@@ -104,17 +111,26 @@ def weigh(snapshots: SnapshotSet, offset: Any) -> WeightedSnapshots:
     """The weighted snapshots about `offset` (n,), the first configuration if that is None."""
     q = snapshots.q
     weighted: WeightedSnapshots
-    weighted = _weigh(snapshots, q[0] if offset is None else jnp.asarray(offset, q.dtype))
+    offset = q[0] if offset is None else jnp.asarray(offset, q.dtype)
+    # Arrays alone, so that new names of coordinates do not compile it again.
+    arrays = q, snapshots.v, snapshots.weights, snapshots.metric
+    weighted = _weigh(*arrays, offset, snapshots.noise)
     return weighted
 
 
 @jax.jit
-def _weigh(snapshots: SnapshotSet, offset: Float[Array, " n"]) -> WeightedSnapshots:
-    root = jnp.linalg.cholesky(snapshots.metric).T
-    weights = snapshots.weights[None]
-    positions = root @ (snapshots.q - offset[None]).T * weights
-    velocities = root @ snapshots.v.T * weights
-    return WeightedSnapshots(positions, velocities, offset, root, snapshots.noise)
+def _weigh(
+    q: Float[Array, "h n"],
+    v: Float[Array, "h n"],
+    weights: Float[Array, " h"],
+    metric: Float[Array, "n n"],
+    offset: Float[Array, " n"],
+    noise: Noise,
+) -> WeightedSnapshots:
+    root = jnp.linalg.cholesky(metric).T
+    positions = root @ (q - offset[None]).T * weights[None]
+    velocities = root @ v.T * weights[None]
+    return WeightedSnapshots(positions, velocities, offset, root, noise)
 
 
 @jax.jit

@@ -108,7 +108,7 @@ class PodStream(eqx.Module):
             offset=self.offset,
             values=values,
             spectrum=values,
-            snapshots=SnapshotSet(t, q, v, weights, self.metric, noise, ()),
+            snapshots=SnapshotSet(t, q, v, weights, self.metric, noise, (), ()),
             projection_error=jnp.sqrt(missed / (jnp.sum(squares) + self.lost)),
             floor=chosen.floor,
             decomposition=POD(rank, tol, self.offset),

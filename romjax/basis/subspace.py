@@ -42,7 +42,9 @@ def leading(
 
 
 @leading.defjvp
-def _leading_jvp(rank: int, method: Method, primals, tangents):  # type: ignore[no-untyped-def]
+def _leading_jvp(
+    rank: int, method: Method, primals: tuple[Array], tangents: tuple[Array]
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     (matrix,), (change,) = primals, tangents
     u, values, vt = jnp.linalg.svd(matrix, full_matrices=False)
     kept, dropped = values[:rank], values[rank:]

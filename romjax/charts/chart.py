@@ -43,6 +43,7 @@ class Chart(eqx.Module):
         """Of quantities for each constraint, those of the constraints that do not repeat others."""
         return rows if len(self.rows) == len(rows) else rows[np.array(self.rows, int)]
 
+    @eqx.filter_jit
     def metric(self, system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Array, "d d"]:
         """The mass matrix of the independent coordinates: TᵀMT, T = Y − W (C_q W)⁻¹ C_q Y."""
         tangent = jnp.asarray(self.independent, q.dtype)
@@ -53,10 +54,12 @@ class Chart(eqx.Module):
             tangent -= dependent @ jnp.linalg.solve(rows @ dependent, rows @ tangent)
         return tangent.T @ state.apply_mass(tangent)
 
+    @eqx.filter_jit
     def dependent_inverses(
         self, system: AbstractSystem, t: Float[Array, " K"], q: Float[Array, "K n"]
     ) -> Float[Array, "K m m"]:
         """(∂C/∂d)⁻¹ = (C_q W)⁻¹ at several configurations."""
         dependent = jnp.asarray(self.dependent, q.dtype)
         rows = jax.vmap(lambda t, q: self.regular(jacobian(system, t, q)))(t, q)
-        return jnp.linalg.inv(rows @ dependent)
+        inverses: Array = jnp.linalg.inv(rows @ dependent)
+        return inverses

@@ -50,6 +50,6 @@ def find(name: str) -> Example:
     names = [example.name for example in EXAMPLES]
     if name in names:
         return EXAMPLES[names.index(name)]
-    near = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
-    hint = f"did you mean '{near[0]}'? " if near else ""
+    matches = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
+    hint = f"did you mean '{matches[0]}'? " if matches else ""
     raise SceneError(f"There is no scene '{name}'; {hint}The scenes are: {', '.join(names)}.")

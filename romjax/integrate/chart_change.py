@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 from ..arrays import Time
 from ..reduction.lift.atlas import AtlasLift
 from ..reduction.lift.base import Reduced
+from .post_step import Chart
 
 # A motion leaves its chart where the cosine between its directions and the chart's is less.
 _LEAVE = 0.5
@@ -29,15 +30,17 @@ class ChartChange(eqx.Module):
         """The chart of the coordinates in which the start is given."""
         return self.atlas.current.astype(system.q0.dtype)
 
-    def in_chart(self, system: Any, chart: Float[Array, ""]) -> Any:
+    def in_chart(self, system: Any, chart: Chart) -> Any:
         """The system in the coordinates of one chart."""
+        assert chart is not None
         number = jnp.round(jax.lax.stop_gradient(chart)).astype(int)
         return eqx.tree_at(lambda s: s.lift, system, self.atlas.lift(number))
 
     def after_step(
-        self, system: Any, chart: Float[Array, ""], t: Time, q: Reduced, v: Reduced
+        self, system: Any, chart: Chart, t: Time, q: Reduced, v: Reduced
     ) -> tuple[Float[Array, ""], Reduced, Reduced]:
         """The state in the chart that the simulation goes on in."""
+        assert chart is not None
         motion = system.lift.motion(system.full, t, q, v)
         # In a chart's own directions, tangents are unit vectors; elsewhere longer by 1/cosine.
         stretch = jnp.linalg.norm(self.atlas.root @ motion.tangent, axis=0)
@@ -45,4 +48,7 @@ class ChartChange(eqx.Module):
         number = self.atlas.number(motion.q)
         others = self.atlas.lift(number).restrict(system.full, motion.q, motion.v)
         new = (number.astype(chart.dtype), *others)
-        return jax.tree.map(lambda new, old: jnp.where(leave, new, old), new, (chart, q, v))
+        chosen: tuple[Float[Array, ""], Reduced, Reduced] = jax.tree.map(
+            lambda new, old: jnp.where(leave, new, old), new, (chart, q, v)
+        )
+        return chosen

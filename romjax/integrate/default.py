@@ -1,6 +1,7 @@
 """Choices that a simulation makes where the user makes none."""
 
 import warnings
+from typing import Any
 
 import diffrax
 import equinox as eqx
@@ -40,7 +41,7 @@ def default_solver(
     ts: Float[Array, " k"],
     dt: Float[Array, ""] | None,
     start: Frequencies,
-) -> diffrax.AbstractSolver:
+) -> diffrax.AbstractSolver[Any]:
     """Rodas5P for stiff systems, Dopri8 for others.
 
     Stiff: the fastest frequency is above what the outputs can show, half their rate (counted as a

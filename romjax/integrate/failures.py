@@ -24,7 +24,8 @@ def raise_failure(
         failed = trajectory.status != Status.SUCCESS
         words = "; or ".join(remedy for remedy in REMEDIES.values() if remedy)
         q = eqx.error_if(trajectory.q, failed, f"A simulation failed: {words}.")
-        return eqx.tree_at(lambda run: run.q, trajectory, q)
+        checked: Trajectory = eqx.tree_at(lambda run: run.q, trajectory, q)
+        return checked
     if status == Status.INCONSISTENT_START:
         raise ValueError(_describe_start(system, start))
     if status != Status.SUCCESS:

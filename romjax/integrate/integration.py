@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import diffrax
 import jax
 import jax.numpy as jnp
+import optimistix
 from jaxtyping import Array, Float
 
 from ..reduction.system import has_charts
@@ -15,7 +16,7 @@ from ..system.dynamics import constraint_state
 from .chart_change import ChartChange
 from .post_step import PostStep, PostStepSolver, ProjectState, motion_norm
 from .settings import Settings
-from .term import ChartedMotionTerm, MotionTerm, acceleration
+from .term import ChartedMotionTerm, ChartedState, MotionTerm, State, acceleration
 
 
 class States(NamedTuple):
@@ -60,13 +61,15 @@ def integrate(
     """
     if settings.projection is not None:
         q0, v0 = project_start(system, ts[0], q0, v0)
-    term: diffrax.AbstractTerm = MotionTerm(system, settings.baumgarte)
-    solver, state = settings.solver, (q0, v0)
+    motion = MotionTerm(system, settings.baumgarte)
+    term: diffrax.AbstractTerm[Any, Any] = motion
+    state: State | ChartedState = (q0, v0)
+    solver = settings.solver
     chart = None if post_step is None else post_step.start(system)
     if post_step is not None:
         solver = PostStepSolver(solver, post_step)
     if chart is not None:
-        term, state = ChartedMotionTerm(term, post_step), (q0, v0, jnp.asarray(chart, q0.dtype))
+        term, state = ChartedMotionTerm(motion, post_step), (q0, v0, jnp.asarray(chart, q0.dtype))
     controller, first = _step_size_control(ts, settings, chart is not None)
     solution = diffrax.diffeqsolve(
         term,
@@ -94,15 +97,15 @@ def integrate(
 
 def _step_size_control(
     ts: Float[Array, " k"], settings: Settings, charted: bool
-) -> tuple[diffrax.AbstractStepSizeController, Float[Array, ""]]:
+) -> tuple[diffrax.AbstractStepSizeController[Any, Any], Float[Array, ""]]:
     """How steps are chosen, and the first one."""
     rtol, atol, span = settings.rtol, settings.atol, ts[-1] - ts[0]
     if settings.dt is not None:
         return diffrax.ConstantStepSize(), settings.dt
     # Time hardly advances by less; a motion that turns NaN rejects steps until it gets there.
     least = 4 * jnp.finfo(ts.dtype).eps * jnp.maximum(jnp.abs(ts[0]), jnp.abs(ts[-1]))
-    norm = {"norm": motion_norm} if charted else {}
-    control = diffrax.PIDController(rtol=rtol, atol=atol, dtmin=least, force_dtmin=False, **norm)
+    norm = motion_norm if charted else optimistix.rms_norm
+    control = diffrax.PIDController(rtol=rtol, atol=atol, dtmin=least, force_dtmin=False, norm=norm)
     # A short first step instead of diffrax's estimate, which would trace the acceleration twice
     # more; the step size control needs three steps to grow it a thousandfold.
     return control, 1e-3 * rtol**0.2 * span
@@ -117,7 +120,7 @@ def evaluate(
 ) -> Outputs:
     """Physical coordinates, multipliers and constraints of all states."""
 
-    def at(t, q, v, chart):  # type: ignore[no-untyped-def]
+    def at(t: Array, q: Array, v: Array, chart: Array | None) -> Outputs:
         local = system
         if chart is not None:
             assert post_step is not None

@@ -3,7 +3,7 @@
 import diffrax
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from .. import precision
 from ..system.base import AbstractSystem
@@ -36,7 +36,7 @@ def judge_run(
     # why numbers are not finite; and only finite ones tell whether the constraints hold.
     # Time hardly advances by less than the least step: a motion that turns NaN rejects steps until
     # it gets there.
-    ladder = [
+    ladder: list[tuple[ArrayLike, Status]] = [
         (~_is_consistent(start, q0, v0), Status.INCONSISTENT_START),
         (result == diffrax.RESULTS.dt_min_reached, Status.NOT_FINITE),
         (result == diffrax.RESULTS.max_steps_reached, Status.MAX_STEPS),

@@ -51,21 +51,21 @@ class ProjectState(eqx.Module):
 
     sweeps: int = eqx.field(static=True)
 
-    def start(self, system: AbstractSystem) -> None:
+    def start(self, system: AbstractSystem) -> Chart:
         return None
 
-    def in_chart(self, system: AbstractSystem, chart: None) -> AbstractSystem:
+    def in_chart(self, system: AbstractSystem, chart: Chart) -> AbstractSystem:
         return system
 
     def after_step(
         self,
         system: AbstractSystem,
-        chart: None,
+        chart: Chart,
         t: Time,
         q: Float[Array, " n"],
         v: Float[Array, " n"],
-    ) -> tuple[None, Float[Array, " n"], Float[Array, " n"]]:
-        return None, *project(system, t, q, v, self.sweeps)
+    ) -> tuple[Chart, Float[Array, " n"], Float[Array, " n"]]:
+        return None, *project(system, jnp.asarray(t, q.dtype), q, v, self.sweeps)
 
 
 class PostStepInterpolation(diffrax.AbstractLocalInterpolation):
@@ -95,7 +95,7 @@ class _Interpolate:
 
 
 class PostStepSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrappedSolver[Any]):
-    """Any diffrax solver, each step followed by `post_step.after_step(system, chart, t, q, v)`.
+    """Any diffrax solver, each step followed by the `after_step` of a `PostStep`.
 
     The state is (q, v), of a `MotionTerm`, or (q, v, chart), of a `ChartedMotionTerm`. The wrapped
     solver sees (q, v) in the chart of the step, and so does its dense output.
@@ -104,7 +104,7 @@ class PostStepSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrappe
     the vector field, so the wrapped solver is told of a jump at every step.
     """
 
-    solver: diffrax.AbstractSolver  # type: ignore[misc]
+    solver: diffrax.AbstractSolver[Any]  # type: ignore[misc]
     post_step: PostStep
 
     @property
@@ -165,7 +165,8 @@ class PostStepSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrappe
 def motion_norm(y: PyTree) -> Array:
     """The root mean square of q and v, without the number of their chart, which is no error."""
     q, v, _ = y
-    return optimistix.rms_norm((q, v))
+    size: Array = optimistix.rms_norm((q, v))
+    return size
 
 
 def _split(terms: PyTree, y: PyTree) -> tuple[Any, AbstractSystem, PyTree, Chart]:

@@ -23,7 +23,7 @@ def reactions(rom: ReducedSystem, trajectory: Trajectory) -> Float[Array, "k m"]
     full = rom.full
     rigid = jnp.array(full.structure.rigid)
 
-    def forces(t, q, v):  # type: ignore[no-untyped-def]
+    def forces(t: Array, q: Array, v: Array) -> Array:
         own = rom.in_chart_of(q)
         z, w = own.restrict(q, v)
         a = own.state(t, z, w).physical_acceleration(own.acceleration(t, z, w)[0])

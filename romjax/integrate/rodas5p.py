@@ -46,15 +46,16 @@ class RodasInterpolation(diffrax.AbstractLocalInterpolation):
         span = self.t1 - self.t0
         theta = jnp.where(span == 0, 0.0, (t0 - self.t0) / jnp.where(span == 0, 1.0, span))
 
-        def leaf(y0, y1, k):  # type: ignore[no-untyped-def]
+        def leaf(y0: Array, y1: Array, k: Array) -> Array:
             x = theta.astype(y0.dtype)
             h1, h2, h3 = jnp.tensordot(jnp.asarray(DENSE, k.dtype), k, axes=1)
-            return (1 - x) * y0 + x * (y1 + (1 - x) * (h1 + x * (h2 + x * h3)))
+            y: Array = (1 - x) * y0 + x * (y1 + (1 - x) * (h1 + x * (h2 + x * h3)))
+            return y
 
         return jax.tree.map(leaf, self.y0, self.y1, self.k)
 
 
-class Rodas5P(diffrax.AbstractAdaptiveSolver):
+class Rodas5P(diffrax.AbstractAdaptiveSolver[None]):
     """Linearly implicit, order 5 with an embedded method of order 4, L-stable, eight stages.
 
     For stiff and for differential-algebraic systems of index one. A step costs one derivative of
@@ -105,7 +106,7 @@ def _step(
     h = jnp.asarray(jax.tree.leaves(control)[0], dtype)
     unit = jax.tree.map(jnp.ones_like, control)
 
-    def rate(t, y):  # type: ignore[no-untyped-def]
+    def rate(t: Any, y: Flat) -> Flat:
         # Of a sum of terms there is no vector field, but its product with the control.
         return ravel_pytree(terms.vf_prod(t, unravel(y), args, unit))[0]
 
@@ -113,7 +114,7 @@ def _step(
     first = point.solve(point.slope + SLOPES[0].astype(dtype) * point.drift)
     stages = jnp.zeros((8, start.size), dtype).at[0].set(first)
 
-    def stage(carry, row):  # type: ignore[no-untyped-def]
+    def stage(carry: Any, row: Any) -> Any:
         stages, _ = carry
         i, a, c, time, slope = row
         y = start + a @ stages

@@ -1,7 +1,7 @@
 """Simulation: the one way from a system to a trajectory."""
 
 import warnings
-from typing import Literal
+from typing import Any, Literal
 
 import diffrax
 import equinox as eqx
@@ -11,7 +11,7 @@ from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..arrays import Vector
 from ..checks import check_finite
-from ..system.base import AbstractSystem
+from ..system.base import AbstractSystem, Run
 from ..system.consistent import check_start_shapes
 from ..system.constraints import ConstraintState
 from ..system.stabilization import Baumgarte, Stabilization
@@ -32,7 +32,7 @@ def simulate(
     *,
     q0: Vector | None = None,
     v0: Vector | None = None,
-    solver: diffrax.AbstractSolver | None = None,
+    solver: diffrax.AbstractSolver[Any] | None = None,
     rtol: ArrayLike = 1e-6,
     atol: ArrayLike | None = None,
     dt: ArrayLike | None = None,
@@ -131,7 +131,7 @@ def _simulate(
         stats=_statistics(states, settings),
         status=judge_run(system, ts, states, outputs, settings),
         flags=_flags(system, ts, states, outputs),
-        labels=system.full.structure.labels,
+        coordinates=system.full.structure.coordinates,
         solver_parts=SolverParts.of(settings.solver),
     )
     return trajectory, jax.tree.map(lambda x: x[0], outputs.constraints)
@@ -146,7 +146,7 @@ def _statistics(states: States, settings: Settings) -> Statistics:
         rtol=settings.rtol if controlled else None,
         atol=settings.atol if controlled else None,
         fastest_frequency=None if frequencies is None else frequencies.fastest,
-        stabilization=settings.stabilization,  # type: ignore[arg-type]
+        stabilization=settings.baumgarte or settings.projection,
     )
 
 
@@ -156,4 +156,5 @@ def _flags(
     """What the system says against its own motion."""
     if system.validity is None:
         return jnp.zeros((), int)
-    return system.validity.flags(system, ts, states.q, states.v, outputs.q, outputs.violation)
+    run = Run(ts, states.q, states.v, outputs.q, outputs.violation)
+    return system.validity.flags(system, run)

@@ -29,7 +29,7 @@ def acceleration(
     return system.acceleration(t, q, v, stabilization)
 
 
-class MotionTerm(diffrax.AbstractTerm):
+class MotionTerm(diffrax.AbstractTerm[State, Any]):
     """(q, v)' = (v, a(t, q, v)) (chapter equation 39.4)."""
 
     system: AbstractSystem
@@ -45,7 +45,8 @@ class MotionTerm(diffrax.AbstractTerm):
         return t1 - t0
 
     def prod(self, vf: State, control: Any) -> State:
-        return jax.tree.map(lambda f: control * f, vf)
+        product: State = jax.tree.map(lambda f: control * f, vf)
+        return product
 
     def linearize(self, t: Any, y: State) -> Linearization:
         """The acceleration and its derivatives at one state."""
@@ -53,7 +54,7 @@ class MotionTerm(diffrax.AbstractTerm):
         return linearize(self.system, jnp.asarray(t, q.dtype), q, v, self.stabilization)
 
 
-class ChartedMotionTerm(diffrax.AbstractTerm):
+class ChartedMotionTerm(diffrax.AbstractTerm[ChartedState, Any]):
     """(q, v, chart)' = (v, a(t, q, v), 0): motion in one of several charts of a system.
 
     The number of the chart is part of the state, since it changes between steps, and constant
@@ -76,4 +77,5 @@ class ChartedMotionTerm(diffrax.AbstractTerm):
         return t1 - t0
 
     def prod(self, vf: ChartedState, control: Any) -> ChartedState:
-        return jax.tree.map(lambda f: control * f, vf)
+        product: ChartedState = jax.tree.map(lambda f: control * f, vf)
+        return product

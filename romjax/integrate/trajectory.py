@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..deprecated import renamed, warn_once
+from ..scene.coordinate import Coordinate
 from ..system.flags import WORDS, Flag
 from .statistics import Statistics
 from .status import REMEDIES, Status
@@ -27,13 +28,18 @@ class SolverParts(eqx.Module):
     structure: Any = eqx.field(static=True)
 
     @classmethod
-    def of(cls, solver: diffrax.AbstractSolver) -> "SolverParts":
+    def of(cls, solver: diffrax.AbstractSolver[Any]) -> "SolverParts":
         """From the solver itself."""
-        return cls(*eqx.partition(solver, lambda x: isinstance(x, jax.Array | np.ndarray)))
+        arrays, rest = eqx.partition(solver, lambda x: isinstance(x, jax.Array | np.ndarray))
+        # Most solvers have none, and an empty tree costs time in every call.
+        return cls(arrays if jax.tree.leaves(arrays) else None, rest)
 
-    def join(self) -> diffrax.AbstractSolver:
+    def join(self) -> diffrax.AbstractSolver[Any]:
         """The solver itself."""
-        return eqx.combine(self.arrays, self.structure)
+        solver: diffrax.AbstractSolver[Any] = self.structure
+        if self.arrays is not None:
+            solver = eqx.combine(self.arrays, self.structure)
+        return solver
 
 
 class Trajectory(eqx.Module):
@@ -46,11 +52,13 @@ class Trajectory(eqx.Module):
     - `stats`: numbers of steps (`num_steps`, `num_accepted_steps`, `num_rejected_steps`), the
       tolerances `rtol`, `atol` of the step size control, the `stabilization` used, and where the
       method or the stabilization was chosen by it, the `fastest_frequency` [rad/s] of the system.
-    - `status`: a number of `romjax.Status`; `success` says whether all went well, `summary()` says
-      it in words.
+    - `status`: a number of `romjax.Status`; `success` says whether all went well,
+      `Trajectory.summary` says it in words.
     - `flags`: a number of `romjax.Flag`, of a reduced model's run; `warnings()` says it in words.
-    - `labels`: names of the coordinates.
-    - `solver`: the method, an object; `solver_name`: what messages and tables call it.
+    - `coordinates`: what the columns of q are (`romjax.Coordinate`); `labels` and `descriptions`
+      name them, shortly and in words.
+    - `solver_parts`: the method as a pytree. `solver` is the object that it stands for, and
+      `solver_name` what messages and tables call it.
     """
 
     t: Float[Array, " k"]
@@ -61,12 +69,22 @@ class Trajectory(eqx.Module):
     metric: Float[Array, "n n"]
     stats: Statistics
     status: Int[Array, ""]
-    labels: tuple[str, ...] = eqx.field(static=True)
+    coordinates: tuple[Coordinate, ...] = eqx.field(static=True)
     solver_parts: SolverParts
     flags: Int[Array, ""] = eqx.field(default_factory=lambda: jnp.zeros((), int))
 
     @property
-    def solver(self) -> diffrax.AbstractSolver:
+    def labels(self) -> tuple[str, ...]:
+        """The coordinates as tables name them, such as "cart.x"."""
+        return tuple(coordinate.label for coordinate in self.coordinates)
+
+    @property
+    def descriptions(self) -> tuple[str, ...]:
+        """The coordinates in words, such as "bending mode 1 of beam"; else their labels."""
+        return tuple(coordinate.description or coordinate.label for coordinate in self.coordinates)
+
+    @property
+    def solver(self) -> diffrax.AbstractSolver[Any]:
         """The method, as it was given to `simulate` or chosen by it."""
         return self.solver_parts.join()
 

@@ -1,5 +1,7 @@
 """Batches of small dense matrices, as arithmetic that XLA fuses: no library call for each."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import jax.scipy.linalg as jsl
@@ -8,13 +10,13 @@ from jaxtyping import Array, Float
 
 # Up to here an elimination is written out; a call of LAPACK costs as much as a 6 × 6 inverse.
 _WRITTEN_OUT = 6
-# Up to here it is a loop, which XLA can compile with the loops around it; it cannot with LAPACK.
+# Up to here it is a loop, which XLA compiles together with the loops around it; LAPACK's it cannot.
 _LOOPED = 24
-# Up to here a sum of products is fused with what is around it; beyond, a product of its own is
-# faster, since XLA computes the factors again for each product: terms of each sum; and of a single
-# matrix, entries and products in all.
+# Up to here a sum of products is written so that XLA fuses it with what is around it. Beyond, a
+# library's product is faster, since a fused one computes its factors again for each entry. The
+# limits: terms of each sum; and for a single matrix, its entries, and the products in all.
 _FUSED, _ENTRIES, _PRODUCTS = 16, 100, 600
-# Of the iteration for an inverse.
+# Of Schulz's iteration, each of which squares the error.
 _MOST_ITERATIONS = 8
 
 
@@ -43,7 +45,7 @@ def invert(a: Float[Array, "*batch b b"]) -> Float[Array, "*batch b b"]:
         unit = jnp.broadcast_to(jnp.eye(size, dtype=a.dtype), a.shape)
         half = jsl.solve_triangular(factor, unit, lower=True)
         return jnp.swapaxes(half, -1, -2) @ half
-    if size == 2:  # most joints
+    if size == 2:  # most joints have two rows
         determinant = a[..., 0, 0] * a[..., 1, 1] - a[..., 0, 1] ** 2
         signs = np.array([[1, -1], [-1, 1]], a.dtype).reshape(*[1] * (a.ndim - 2), 2, 2)
         return a[..., ::-1, ::-1] * signs / determinant[..., None, None]
@@ -51,11 +53,11 @@ def invert(a: Float[Array, "*batch b b"]) -> Float[Array, "*batch b b"]:
 
     def eliminate(a: Array, unit: Array | np.ndarray) -> tuple[Array, None]:
         """Gauss–Jordan in place; without pivoting, as the matrices are positive definite."""
-        rest = 1 - unit
+        others = 1 - unit
         own = jnp.sum(a * unit[..., None], axis=-2)
-        row = (own * rest + unit) / jnp.sum(own * unit, axis=-1, keepdims=True)
-        column = unit - jnp.sum(a * unit[..., None, :], axis=-1) * rest
-        outer = rest[..., None] * rest[..., None, :]
+        row = (own * others + unit) / jnp.sum(own * unit, axis=-1, keepdims=True)
+        column = unit - jnp.sum(a * unit[..., None, :], axis=-1) * others
+        outer = others[..., None] * others[..., None, :]
         return a * outer + column[..., None] * row[..., None, :], None
 
     if size > _WRITTEN_OUT:
@@ -77,14 +79,29 @@ def improve_inverse(
     # The next iteration squares this to rounding.
     enough = jnp.finfo(matrix.dtype).eps ** 0.5
 
-    def unfinished(carry):  # type: ignore[no-untyped-def]
+    def unfinished(carry: Any) -> Array:
         _, error, count = carry
-        return (error > enough) & (count < _MOST_ITERATIONS)
+        more: Array = (error > enough) & (count < _MOST_ITERATIONS)
+        return more
 
-    def square(carry):  # type: ignore[no-untyped-def]
+    def square(carry: Any) -> Any:
         inverse, _, count = carry
         error = unit - multiply(matrix, inverse)
         return inverse + multiply(inverse, error), jnp.max(jnp.abs(error)), count + 1
 
     start = (inverse, jnp.full_like(inverse[0, 0], jnp.inf), 0)
-    return jax.lax.while_loop(unfinished, square, start)[0]
+    found: Array = jax.lax.while_loop(unfinished, square, start)[0]
+    return found
+
+
+def solve_by_inverse(
+    matrix: Float[Array, "m m"], inverse: Float[Array, "m m"], right: Float[Array, "m *k"]
+) -> Float[Array, "m *k"]:
+    """A⁻¹ b by a given inverse; the derivative is that of the solution of A x = b."""
+    solution: Float[Array, m * k] = jax.lax.custom_linear_solve(
+        lambda x: multiply(matrix, x),
+        right,
+        lambda _, right: multiply(inverse, right),
+        lambda _, right: multiply(inverse.T, right),
+    )
+    return solution

@@ -1,4 +1,4 @@
-"""Static tables of places in flat arrays, and gathers by them."""
+"""Static tables of indices into flat arrays, and gathers by them."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -10,9 +10,9 @@ from jaxtyping import Array, Float, Shaped
 
 @dataclasses.dataclass(frozen=True)
 class Index:
-    """A static table of places in a flat vector: one row per element.
+    """A static table of indices into a flat vector: one row per element.
 
-    Hashable, so that it can be part of a program's structure. Places that follow each other are
+    Hashable, so that it can be part of a program's structure. Consecutive indices are
     sliced, others gathered.
     """
 
@@ -28,16 +28,16 @@ class Index:
 
     @property
     def array(self) -> np.ndarray:
-        # Unsigned, so that JAX spares itself the arithmetic of negative places.
+        # Unsigned, so that JAX spares itself the arithmetic of negative indices.
         return np.array(self.rows, dtype=np.uint32).reshape(len(self.rows), self.width)
 
     def take(self, array: Shaped[Array, "n *k"]) -> Shaped[Array, "count size *k"]:
-        """The entries of `array` at these places; see `take`."""
+        """The entries of `array` at these indices; see `take`."""
         return take(array, self.array)
 
 
 def take(array: Shaped[Array, "n *k"], table: np.ndarray) -> Shaped[Array, "..."]:
-    """The entries along the first axis of `array` at a static table of places; n means a zero."""
+    """The entries along the first axis of `array` at a static table of indices; n means a zero."""
     flat, size = table.reshape(-1), array.shape[0]
     start = int(flat[0]) if flat.size else 0
     if start + flat.size <= size and np.array_equal(flat, np.arange(start, start + flat.size)):
@@ -50,17 +50,17 @@ def take(array: Shaped[Array, "n *k"], table: np.ndarray) -> Shaped[Array, "..."
 
 
 def spread(
-    blocks: list[Float[Array, "..."]], places: list[np.ndarray], shape: tuple[int, ...]
+    blocks: list[Float[Array, "..."]], indices: list[np.ndarray], shape: tuple[int, ...]
 ) -> Float[Array, "..."]:
-    """An array with the entries of `blocks` at flat `places` (−1: nowhere), zero elsewhere.
+    """An array with the entries of `blocks` at flat `indices` (−1: nowhere), zero elsewhere.
 
     A gather with a static index: XLA's CPU scatter runs entry by entry.
     """
     entries = jnp.concatenate([block.reshape(-1) for block in blocks])
-    place = np.concatenate([p.reshape(-1) for p in places]).astype(int)
-    if np.array_equal(place, np.arange(np.prod(shape))):
+    index = np.concatenate([table.reshape(-1) for table in indices]).astype(int)
+    if np.array_equal(index, np.arange(np.prod(shape))):
         return entries.reshape(shape)
     source = np.full(int(np.prod(shape)), entries.size, dtype=np.uint32)
-    source[place[place >= 0]] = np.flatnonzero(place >= 0)
+    source[index[index >= 0]] = np.flatnonzero(index >= 0)
     padded = jnp.concatenate([entries, np.zeros(1, entries.dtype)])
     return padded[source].reshape(shape)

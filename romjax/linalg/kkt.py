@@ -1,4 +1,4 @@
-"""The extended system of index one (chapter equation 39.2), solved without ever factoring it."""
+"""The KKT system of index one (chapter equation 39.2), solved by its Schur complement."""
 
 from collections.abc import Callable
 
@@ -13,22 +13,39 @@ from .dense import invert, multiply, multiply_transposed
 from .indexing import take
 from .pattern import Pattern
 
-# Two are the rule, a mass ratio of 1e8 takes a few; one that does not halve the rest is the last.
+# Two are the rule, a mass ratio of 1e8 takes a few. One that does not halve the residual is the
+# last: what it leaves cannot be reached, or is rounding.
 _SWEEPS = 20
-# The second removes what rounding leaves of the first.
+# The second removes from the null space what rounding leaves there after the first.
 _NULL_SWEEPS = 2
 
 Blocks = Float[Array, "_ _ _"]
-# Of the iteration: multipliers, accelerations, what is left, its size before, the count of sweeps.
+# Of the iteration: multipliers, accelerations, the residual, its size one sweep before, and the
+# count of sweeps.
 Carry = tuple[Blocks, Blocks, Blocks, Float[Array, " k"], Array | int]
 
 
 class KKT(eqx.Module):
     """[[M, Cᵀ], [C, 0]] for one configuration, prepared once and solved for many right-hand sides.
 
-    M is block-diagonal by body and C sparse by joint, and so is the Schur complement S = B M⁻¹ Bᵀ.
-    B = D C has unit rows in the metric of M⁻¹, so the condition of S knows neither units nor the
-    masses of single bodies.
+    Rows are scaled first: B = D C has rows of unit length in the metric of M⁻¹, and μ = D⁻¹ λ are
+    the multipliers that belong to it, since Cᵀ λ = Bᵀ μ. From M a + Bᵀ μ = f follows
+    a = M⁻¹ (f − Bᵀ μ), and with B a = D γ the accelerations are eliminated:
+
+        S μ = b,  S = B M⁻¹ Bᵀ,  b = B M⁻¹ f − D γ.
+
+    S has a unit diagonal, so its condition depends neither on units nor on the masses of single
+    bodies. It has a block for each joint and for each two joints on one body: M is block-diagonal
+    by body and C sparse by joint.
+
+    Redundant constraints make S singular. What is factored is S + ε I, and the proximal point
+    method, started from μ = 0, solves S μ = b with it (Carpentier, Budhiraja, Mansard 2021,
+    doi:10.15607/RSS.2021.XVII.017). A sweep minimises ½ μᵀ S μ − bᵀ μ + ½ ε |μ − μ_k|²:
+
+        μ_{k+1} = μ_k + (S + ε I)⁻¹ r_k,  r_k = b − S μ_k,  r_{k+1} = ε (S + ε I)⁻¹ r_k.
+
+    It multiplies the residual at an eigenvalue σ of S by ε/(σ + ε), so few sweeps are needed where
+    σ ≫ ε. The residual at σ = 0, of a γ that contradicts itself, stays.
 
     **Arguments:**
 
@@ -91,21 +108,21 @@ class KKT(eqx.Module):
         # One vector, not a pair: a pair of which only one half is differentiated has no transpose.
         def matvec(x: Array) -> Array:
             a, multipliers = layout.split(x[:size]), layout.split_rows(x[size:])
-            inertia = _apply(self.mass, a) + self._apply_jacobian_transpose(self.sides, multipliers)
-            bend = self._apply_jacobian(self.sides, a)
-            return jnp.concatenate([layout.join(inertia), layout.join_rows(bend)])
+            forces = _apply(self.mass, a) + self._apply_jacobian_transpose(self.sides, multipliers)
+            rows = self._apply_jacobian(self.sides, a)
+            return jnp.concatenate([layout.join(forces), layout.join_rows(rows)])
 
         def solve(_: Callable[[Array], Array], b: Array, project: bool = False) -> Array:
             return self._solve(layout.split(b[:size]), layout.split_rows(b[size:]), project)
 
-        found = jax.lax.custom_linear_solve(
+        solution = jax.lax.custom_linear_solve(
             matvec,
             jnp.concatenate([force, gamma]),
             solve,
             # What a derivative asks for need not fit redundant rows: its best approximation does.
             transpose_solve=lambda _, b: solve(_, b, project=True),
         )
-        return found[:size], found[size:]
+        return solution[:size], solution[size:]
 
     def solve_mass(self, force: Float[Array, "n k"]) -> Float[Array, "n k"]:
         """M⁻¹ force."""
@@ -117,32 +134,32 @@ class KKT(eqx.Module):
         )
         return self.pattern.join(free)
 
-    def _solve(self, force: Blocks, gamma: Blocks, project: bool) -> Float[Array, "whole k"]:
+    def _solve(self, force: Blocks, gamma: Blocks, project: bool) -> Float[Array, "n_plus_m k"]:
         factor = self.factor
         assert factor is not None
         free, gamma = _apply(self.inverse_mass, force), self.scale[:, :, None] * gamma
-        bend = self._apply_jacobian(self.scaled, free)
-        target = bend - gamma
+        rows = self._apply_jacobian(self.scaled, free)  # B M⁻¹ f
+        target = rows - gamma
         if project:
             target = self._without_null(target)
-        terms = _largest(bend) + _largest(gamma)
+        terms = _largest(rows) + _largest(gamma)
 
         def unfinished(carry: Carry) -> Array:
-            multipliers, _, rest, before, count = carry
+            multipliers, _, residual, before, count = carry
             # A residual is the difference of its terms: it cannot fall below their rounding.
-            rounding = 4 * jnp.finfo(rest.dtype).eps * (terms + _largest(multipliers))
-            left = _largest(rest)
-            enough = precision.of(rest.dtype).residual * _largest(target) + rounding
-            return jnp.any((left > enough) & (left < 0.5 * before)) & (count < _SWEEPS)
+            rounding = 4 * jnp.finfo(residual.dtype).eps * (terms + _largest(multipliers))
+            size = _largest(residual)
+            enough = precision.of(residual.dtype).residual * _largest(target) + rounding
+            return jnp.any((size > enough) & (size < 0.5 * before)) & (count < _SWEEPS)
 
         def sweep(carry: Carry) -> Carry:
-            multipliers, _, rest, _, count = carry
-            multipliers += factor.solve(rest)
-            push = _apply(
+            multipliers, _, residual, _, count = carry
+            multipliers += factor.solve(residual)
+            reaction = _apply(
                 self.inverse_mass, self._apply_jacobian_transpose(self.scaled, multipliers)
             )
-            again = target - self._apply_jacobian(self.scaled, push)
-            return multipliers, free - push, again, _largest(rest), count + 1
+            remaining = target - self._apply_jacobian(self.scaled, reaction)
+            return multipliers, free - reaction, remaining, _largest(residual), count + 1
 
         start: Carry = (jnp.zeros_like(target), free, target, jnp.full_like(terms, jnp.inf), 0)
         multipliers, a, *_ = jax.lax.while_loop(unfinished, sweep, start)
@@ -150,9 +167,13 @@ class KKT(eqx.Module):
         return jnp.concatenate([self.pattern.join(a), self.pattern.join_rows(multipliers)])
 
     def _without_null(self, x: Blocks) -> Blocks:
-        """The part of x in the range of S.
+        """The part of x in the range of S, which is orthogonal to the null space of S.
 
-        ε (S + ε I)⁻¹ keeps the rest of x, and ε/σ of its part at a singular value σ; twice, less.
+        ε (S + ε I)⁻¹ multiplies the part of x at an eigenvalue σ of S by ε/(σ + ε): the part in the
+        null space, σ = 0, stays as it is, and any other nearly vanishes. Applied twice, it leaves
+        the null part and (ε/σ)² of the others, and that is subtracted from x. Of multipliers the
+        difference is the shortest solution; of a right-hand side, its best approximation by one
+        that has a solution.
         """
         epsilon, factor = precision.of(x.dtype).proximal, self.factor
         assert factor is not None
@@ -161,8 +182,8 @@ class KKT(eqx.Module):
             return epsilon * factor.solve(x), None
 
         def sweep(x: Blocks, _: None) -> tuple[Blocks, None]:
-            rest, _ = jax.lax.scan(damp, x, None, length=2)
-            return x - rest, None
+            null, _ = jax.lax.scan(damp, x, None, length=2)
+            return x - null, None
 
         return jax.lax.scan(sweep, x, None, length=_NULL_SWEEPS)[0]
 

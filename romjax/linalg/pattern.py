@@ -1,4 +1,4 @@
-"""Which body each joint holds: the static pattern of M and C_q."""
+"""Which bodies each joint connects: the static pattern of M and C_q."""
 
 import dataclasses
 import functools
@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Array, Float
 
-from .block_cholesky import Edge
 from .dense import multiply
 from .indexing import Index, spread, take
+from .ordering import Edge
 
 
 class Pairs(NamedTuple):
@@ -27,8 +27,8 @@ class Pattern:
     """Bodies, nodes and sides.
 
     A node is a set of constraints between the same bodies; a side is what a node does to one
-    body: a block of C_q. All blocks have the same shape, padded with zeros; n and m stand for
-    places that do not exist.
+    body: a block of C_q. All blocks have the same shape, padded with zeros; the indices n
+    and m stand for the padding.
     """
 
     n: int
@@ -58,43 +58,44 @@ class Pattern:
         height = max((len(rows) for _, rows in joints), default=0)
         nodes: list[tuple[list[int], list[int]]] = []
         for held, rows in joints:
-            near = sorted(held)
-            for known, taken in nodes:
-                if known == near and len(taken) + len(rows) <= height:
-                    taken += rows
+            involved = sorted(held)
+            for connected, node_rows in nodes:
+                if connected == involved and len(node_rows) + len(rows) <= height:
+                    node_rows += rows
                     break
             else:
-                nodes.append((near, list(rows)))
+                nodes.append((involved, list(rows)))
         size = max(map(len, bodies))
         return cls(
             n,
             m,
-            Index.of([[*places, *[n] * (size - len(places))] for places in bodies]),
+            Index.of([[*columns, *[n] * (size - len(columns))] for columns in bodies]),
             Index.of([[*rows, *[m] * (height - len(rows))] for _, rows in nodes]),
-            Index.of([(j, body) for j, (near, _) in enumerate(nodes) for body in near]),
+            Index.of([(j, body) for j, (involved, _) in enumerate(nodes) for body in involved]),
         )
 
-    def places(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Flat places among the blocks of the sides; −1 where there is none.
+    def flat_indices(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Where entries of C_q stand among all entries of the blocks; −1 where there is none.
 
         For constraints `rows` (joints, height) and coordinates `columns` (2, joints, size) of the
         bodies on both sides, n where there is none.
         """
-        place_of_row = {int(row): at for at, row in np.ndenumerate(self.rows.array)}
+        position_of_row = {int(row): at for at, row in np.ndenumerate(self.rows.array)}
         body_of = {int(first): i for i, first in enumerate(self.coordinates.array[:, 0])}
         side_of = {tuple(map(int, ends)): k for k, ends in enumerate(self.sides.array)}
         height, size = self.rows.width, self.coordinates.width
-        found = np.full((*columns.shape[:2], rows.shape[1], columns.shape[2]), -1)
+        indices = np.full((*columns.shape[:2], rows.shape[1], columns.shape[2]), -1)
         for side, joint in np.ndindex(columns.shape[:2]):
             body = body_of.get(int(columns[side, joint, 0]))
             if body is None:  # the ground
                 continue
-            there = columns[side, joint] < self.n
+            exists = columns[side, joint] < self.n
             for r, row in enumerate(rows[joint]):
-                node, place = place_of_row[int(row)]
-                start = (side_of[node, body] * height + place) * size
-                found[side, joint, r] = np.where(there, start + np.arange(columns.shape[2]), -1)
-        return found
+                node, position = position_of_row[int(row)]
+                start = (side_of[node, body] * height + position) * size
+                entries = start + np.arange(columns.shape[2])
+                indices[side, joint, r] = np.where(exists, entries, -1)
+        return indices
 
     # Between flat vectors and blocks.
 
@@ -105,13 +106,13 @@ class Pattern:
         return self.rows.take(x)
 
     def join(self, x: Float[Array, "bodies size *k"]) -> Float[Array, "n *k"]:
-        return take(x.reshape(-1, *x.shape[2:]), self._places(self.coordinates, self.n))
+        return take(x.reshape(-1, *x.shape[2:]), self._unpadded(self.coordinates, self.n))
 
     def join_rows(self, x: Float[Array, "nodes height *k"]) -> Float[Array, "m *k"]:
-        return take(x.reshape(-1, *x.shape[2:]), self._places(self.rows, self.m))
+        return take(x.reshape(-1, *x.shape[2:]), self._unpadded(self.rows, self.m))
 
     @staticmethod
-    def _places(index: Index, size: int) -> np.ndarray:
+    def _unpadded(index: Index, size: int) -> np.ndarray:
         return np.argsort(index.array.reshape(-1), kind="stable")[:size].astype(np.uint32)
 
     # Products and dense forms of blocks.
@@ -158,9 +159,9 @@ class Pattern:
         """Nodes that share a body."""
         shared = {
             (int(self.nodes[k]), int(self.nodes[o]))
-            for near in self.sides_of_bodies
-            for k in near
-            for o in near
+            for sides in self.sides_of_bodies
+            for k in sides
+            for o in sides
             if max(k, o) < len(self.nodes) and self.nodes[k] < self.nodes[o]
         }
         return tuple(sorted(shared))
@@ -169,18 +170,18 @@ class Pattern:
     def pairs(self) -> Pairs:
         """The products of sides that the upper triangle of the Schur complement sums."""
         count = len(self.nodes)
-        found: dict[Edge, list[int]] = {}
+        products: dict[Edge, list[int]] = {}
         left, right = list[int](), list[int]()
-        for near in self.sides_of_bodies:
-            for k in near:
-                for o in near:
+        for sides in self.sides_of_bodies:
+            for k in sides:
+                for o in sides:
                     if max(k, o) < count and self.nodes[k] <= self.nodes[o]:
                         edge = (int(self.nodes[k]), int(self.nodes[o]))
-                        found.setdefault(edge, []).append(len(left))
+                        products.setdefault(edge, []).append(len(left))
                         left.append(k)
                         right.append(o)
-        own = [found.get((j, j), []) for j in range(len(self.rows.rows))]
-        between = [found[edge] for edge in self.edges]
+        own = [products.get((j, j), []) for j in range(len(self.rows.rows))]
+        between = [products[edge] for edge in self.edges]
         size = len(left)
         return Pairs(
             np.array(left, int), np.array(right, int), _table(own, size), _table(between, size)
@@ -190,7 +191,7 @@ class Pattern:
 def _table(entries: Sequence[Sequence[int] | np.ndarray], size: int | None = None) -> np.ndarray:
     """Lists of unequal length as one table, filled with one past the largest entry."""
     size = sum(map(len, entries)) if size is None else size
-    filled = np.full((len(entries), max(map(len, entries), default=0)), size, np.uint32)
-    for row, found in zip(filled, entries, strict=True):
-        row[: len(found)] = found
-    return filled
+    table = np.full((len(entries), max(map(len, entries), default=0)), size, np.uint32)
+    for row, listed in zip(table, entries, strict=True):
+        row[: len(listed)] = listed
+    return table

@@ -15,9 +15,10 @@ MOST = 8  # panels, unless the coordinates are named
 
 def check_motion(owner: str, motion: Trajectory) -> None:
     """Raise ValueError unless `motion` is a single motion, not a batch."""
-    if np.ndim(motion.q) != 2 or len(motion.labels) != np.shape(motion.q)[1]:
+    shape, count = np.shape(motion.q), len(motion.coordinates)
+    if len(shape) != 2 or shape[1] != count:
         raise ValueError(
-            f"{owner}: q has shape {np.shape(motion.q)} for {len(motion.labels)} labels, but it "
+            f"{owner}: q has shape {shape} for {count} labels, but it "
             "must be (times, coordinates); take one motion out of a batch, such as "
             "jax.tree.map(lambda x: x[0], trajectory)."
         )
@@ -51,7 +52,7 @@ def _times(motion: Trajectory) -> str:
 def choose(
     owner: str, truth: Trajectory, coordinates: Sequence[str] | None
 ) -> tuple[list[int], str]:
-    """The places in q to show, and a note if some that move are left out.
+    """The columns of q to show, and a note if some that move are left out.
 
     `coordinates` are labels; without them, those that move. Of many, the ones whose motion is
     largest in the metric, √M_ii max |q_i − q_i(0)|, since metres and radians do not compare.
@@ -78,19 +79,19 @@ def choose(
 def grid(count: int) -> tuple[Figure, list[Axes]]:
     """`count` panels over a shared time axis, in two columns if there are more than three.
 
-    Column after column. An odd number leaves the upper right place free, for the legend: there it
-    parts no panel from the time axis below.
+    Column after column. An odd number leaves the upper right cell free, for the legend: there it
+    separates no panel from the time axis below.
     """
     columns = 1 if count <= 3 else 2
     rows = -(-count // columns)
     figure = DisplayedFigure(figsize=(6.5 if columns == 1 else 9.0, 1.3 + 1.45 * rows))
     figure.set_layout_engine("constrained")
-    places = figure.add_gridspec(rows, columns)
+    cells = figure.add_gridspec(rows, columns)
     free = rows * columns - count
     panels: list[Axes] = []
     for cell in range(count):
         column, row = divmod(cell + (free if cell >= rows else 0), rows)
-        axes = figure.add_subplot(places[row, column], sharex=panels[0] if panels else None)
+        axes = figure.add_subplot(cells[row, column], sharex=panels[0] if panels else None)
         axes.grid(color="0.9")
         axes.margins(x=0.01)
         axes.tick_params(labelbottom=row == rows - 1)
@@ -98,7 +99,7 @@ def grid(count: int) -> tuple[Figure, list[Axes]]:
             axes.set_xlabel("time $t$ [s]")
         panels.append(axes)
     if free:
-        figure.add_subplot(places[0, 1]).set_axis_off()
+        figure.add_subplot(cells[0, 1]).set_axis_off()
     return figure, panels
 
 
@@ -107,10 +108,10 @@ def finish(figure: Figure, panels: list[Axes], title: str, note: str, key: str =
     figure.suptitle(f"{title}\n{note}" if note else title, fontsize=11)
     figure.align_ylabels(panels)
     handles, names = panels[0].get_legend_handles_labels()
-    look = {"fontsize": SMALL + 1, "title": key or None, "title_fontsize": SMALL + 1}
+    style = {"fontsize": SMALL + 1, "title": key or None, "title_fontsize": SMALL + 1}
     free = [axes for axes in figure.axes if axes not in panels]
     if free:
-        free[0].legend(handles, names, loc="center", **look)
+        free[0].legend(handles, names, loc="center", **style)
     else:
         columns = max(1, min(len(names), 100 // (8 + max(map(len, names)))))
-        figure.legend(handles, names, loc="outside lower center", ncols=columns, **look)
+        figure.legend(handles, names, loc="outside lower center", ncols=columns, **style)

@@ -65,18 +65,6 @@ def marks(index: int, models: int, points: int) -> dict[str, Any]:
     }
 
 
-def coordinate(label: str) -> Coordinate:
-    """What a label such as "cart.x" stands for, from its ending; unknown ones have no unit."""
-    owner, _, name = label.rpartition(".")
-    if owner and name in ("x", "y"):
-        return Coordinate(owner, name, "m", name)
-    if owner and name == "phi":
-        return Coordinate(owner, name, "rad", r"\varphi")
-    if owner and re.fullmatch(r"q\d+", name):
-        return Coordinate(owner, name, "kg^1/2 m", f"q_{{{name[1:]}}}")
-    return Coordinate("", label)
-
-
 def symbol(coordinate: Coordinate, separator: str = " ") -> str:
     """A coordinate as one prints it: `beam.q1` becomes 'beam q₁' in mathematical type.
 

@@ -39,7 +39,9 @@ class ReducedConstraints(NamedTuple):
 
     @property
     def side_by_side(self) -> Float[Array, "m rK"]:
-        return jnp.moveaxis(self.rows, 0, 1).reshape(self.rows.shape[1], -1) / len(self.rows) ** 0.5
+        rows = jnp.moveaxis(self.rows, 0, 1).reshape(self.rows.shape[1], -1)
+        root: float = len(self.rows) ** 0.5
+        return rows / root
 
     def combinations(self, count: int) -> Float[Array, "m count"]:
         """The principal ones: columns U, so that UᵀC are combinations of the constraints."""
@@ -58,7 +60,7 @@ def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstrai
     stride = -(-len(basis.snapshots.t) // _SNAPSHOTS)
     z, t = basis.coordinates[::stride], basis.snapshots.t[::stride]
 
-    def reduced(t, z):  # type: ignore[no-untyped-def]
+    def reduced(t: Array, z: Array) -> tuple[Array, Array]:
         q = basis.offset + basis.modes @ z
         state = system.state(t, q, jnp.zeros_like(q))
         rows = state.jacobian()
@@ -71,32 +73,32 @@ def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstrai
     velocities, root = snapshots.v[::stride], jnp.linalg.cholesky(snapshots.metric)
     speeds = velocities @ snapshots.metric @ basis.modes
     missed = jnp.linalg.norm((velocities - speeds @ basis.modes.T) @ root)
-    whole = jnp.linalg.norm(velocities @ root)
-    missed = missed / jnp.where(whole > 0, whole, 1)
+    size = jnp.linalg.norm(velocities @ root)
+    missed = missed / jnp.where(size > 0, size, 1)
     return ReducedConstraints(rows, jnp.mean(scales, axis=0), speeds, missed)
 
 
-def most_kept(found: ReducedConstraints) -> int:
-    """How many combinations the basis can move along, and does at any one place."""
-    shares = np.linalg.svd(np.asarray(found.side_by_side), compute_uv=False)
-    ranks = [np.linalg.matrix_rank(jacobian, tol=_ZERO) for jacobian in np.asarray(found.rows)]
+def most_kept(candidates: ReducedConstraints) -> int:
+    """How many combinations the basis can move along, and does at any one snapshot."""
+    shares = np.linalg.svd(np.asarray(candidates.side_by_side), compute_uv=False)
+    ranks = [np.linalg.matrix_rank(jacobian, tol=_ZERO) for jacobian in np.asarray(candidates.rows)]
     return min(int(np.sum(shares > THRESHOLD)), max(ranks, default=0))
 
 
-def locks(found: ReducedConstraints, count: int) -> bool:
+def locks(candidates: ReducedConstraints, count: int) -> bool:
     """Whether keeping `count` combinations would stop the snapshots' own motion.
 
-    A subspace misses some of the velocities anyway. Constraints that stop more than that have no
-    place in it: the motion satisfies them by the curvature that the subspace lacks.
+    A subspace misses some of the velocities anyway. Constraints that stop more than that do not
+    belong in it: the motion satisfies them by the curvature that the subspace lacks.
     """
-    speeds = np.asarray(found.speeds)
-    pairs = zip(_directions(found, count), speeds, strict=True)
+    speeds = np.asarray(candidates.speeds)
+    pairs = zip(_directions(candidates, count), speeds, strict=True)
     stopped = sum(float(np.sum((held @ speed) ** 2)) for (held, _), speed in pairs)
-    whole = float(np.linalg.norm(speeds))
-    return bool(stopped**0.5 > min(LOCKED * float(found.missed) + _SLOW, _STOPPED) * whole)
+    size = float(np.linalg.norm(speeds))
+    return bool(stopped**0.5 > min(LOCKED * float(candidates.missed) + _SLOW, _STOPPED) * size)
 
 
-def looseness(found: ReducedConstraints, count: int) -> tuple[float, int]:
+def looseness(candidates: ReducedConstraints, count: int) -> tuple[float, int]:
     """How far the motion that is left free violates the constraints, and the one it violates most.
 
     The largest singular value over the snapshots of the scaled Jacobian, on the null space of the
@@ -104,7 +106,8 @@ def looseness(found: ReducedConstraints, count: int) -> tuple[float, int]:
     lost their joints.
     """
     worst, row = 0.0, 0
-    for jacobian, (_, free) in zip(np.asarray(found.rows), _directions(found, count), strict=True):
+    pairs = zip(np.asarray(candidates.rows), _directions(candidates, count), strict=True)
+    for jacobian, (_, free) in pairs:
         violated = jacobian @ free.T
         size = float(np.linalg.norm(violated, 2)) if violated.size else 0.0
         if size > worst:
@@ -112,10 +115,12 @@ def looseness(found: ReducedConstraints, count: int) -> tuple[float, int]:
     return worst, row
 
 
-def _directions(found: ReducedConstraints, count: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _directions(
+    candidates: ReducedConstraints, count: int
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """At each snapshot, the directions that the kept combinations stop, and those left free."""
-    kept = np.asarray(found.combinations(count) / found.scale[:, None])
-    for jacobian in np.asarray(found.rows):
+    kept = np.asarray(candidates.combinations(count) / candidates.scale[:, None])
+    for jacobian in np.asarray(candidates.rows):
         _, values, right = np.linalg.svd(kept.T @ jacobian)
         rank = int(np.sum(values > _ZERO))
         yield right[:rank], right[rank:]

@@ -1,6 +1,5 @@
 """From a system and a basis to a reduced system."""
 
-import dataclasses
 from typing import Any, Literal, overload
 
 from .. import deprecated
@@ -46,24 +45,15 @@ def reduce(
     - `formulation`: `Galerkin()`, "galerkin": d'Alembert's principle in the subspace, with the
       constraints that it can violate. `Minimal()`, "minimal": in minimal coordinates, of which the
       modes of the basis span a subspace, with all constraints satisfied exactly. `Projected()`,
-      "projected": the chapter's equation 39.6 to the letter, unstable and no faster, for reference
-      only.
+      "projected": the chapter's equation 39.6 to the letter, unstable, for reference only.
 
-    Raises ReductionError if the basis does not fit the system, if the constraints that are kept
-    lock the mechanism or those that are not free its joints, or if the mechanism passes a singular
-    position (minimal).
+    Raises ReductionError if the basis does not fit the system, if it would lock the mechanism or
+    take it apart (galerkin), or if the mechanism passes a singular position (minimal).
     """
-    chosen = as_formulation(formulation)
-    for name, value in old.items():
-        kind = {"constraints": Galerkin, "chart": Minimal}.get(name)
-        if kind is None:
-            raise TypeError(f"reduce() got an unexpected keyword argument '{name}'")
-        deprecated.warn_once(f"reduce({name}=…)", f"{kind.__name__}({name}=…)")
-        chosen = kind(value) if isinstance(chosen, kind) else chosen
+    chosen: AbstractFormulation = deprecated.decided(as_formulation(formulation), old)
     if basis.modes.shape[0] != system.n:
         raise ReductionError(
             f"reduce: the basis has {basis.modes.shape[0]} coordinates and the system {system.n}; "
             "make the basis from a simulation of this system."
         )
-    # Words are static: with them, each basis would compile programs of its own.
-    return chosen.reduce(system, dataclasses.replace(basis, summary=""))
+    return chosen.reduce(system, basis)

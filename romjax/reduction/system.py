@@ -90,7 +90,8 @@ class ReducedSystem(AbstractSystem):
 
     def state(self, t: Time, q: Reduced, v: Reduced) -> "ReducedState":
         motion = self.lift.motion(self.full, t, q, v)
-        return ReducedState(motion, self.full.state(t, motion.q, motion.v), self.combinations)
+        inner = self.full.state(t, motion.q, motion.v)
+        return ReducedState(motion.q, motion.v, motion, inner, self.combinations)
 
     # Between physical and reduced coordinates.
 
@@ -100,10 +101,8 @@ class ReducedSystem(AbstractSystem):
         return motion.q, motion.v
 
     def restrict(self, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
-        """The reduced coordinates and velocities nearest to physical ones.
-
-        Of a model in several charts, those of the chart that suits its start; see `starting_at` for
-        another start.
+        """The reduced coordinates and velocities nearest to physical ones; in several charts, those
+        of the chart that suits its start (see `starting_at` for another start).
         """
         return self.lift.restrict(self.full, q, v)
 
@@ -121,10 +120,9 @@ class ReducedSystem(AbstractSystem):
 
         Raises ReductionError if these cannot be satisfied there.
         """
-        time = self.time if t is None else as_array(t)
         q, v = as_array(q), as_array(v)
         rom = self.in_chart_of(q)
-        return rom._starting_at(*rom.restrict(q, v), time)
+        return rom._starting_at(*rom.restrict(q, v), self.time if t is None else as_array(t))
 
     def with_full(self, full: AbstractSystem) -> "ReducedSystem":
         """The same reduction of a system with other numbers: on the same lift, with the same
@@ -177,17 +175,11 @@ def _largest_violation(rom: ReducedSystem) -> Float[Array, ""]:
 class ReducedState(AbstractState):
     """A reduced system at one state: the full system's state there, seen through the lift."""
 
+    q: Physical
+    v: Physical
     motion: Motion
     inner: AbstractState  # of the full system
     combinations: Float[Array, "M m"] | None
-
-    @property
-    def q(self) -> Float[Array, " n"]:  # type: ignore[override]
-        return self.motion.q
-
-    @property
-    def v(self) -> Float[Array, " n"]:  # type: ignore[override]
-        return self.motion.v
 
     @functools.cached_property
     def _pushed(self) -> Float[Array, "n columns"]:

@@ -1,14 +1,12 @@
 """What speaks against the result of a reduced model."""
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ..basis.basis import Basis
-from ..system.base import AbstractSystem, AbstractValidity
+from ..system.base import AbstractSystem, AbstractValidity, Run
 from ..system.flags import Flag
 
 # By how much of its width a motion may leave the training box on each side. Directions much
@@ -60,23 +58,15 @@ class TrainingBox(AbstractValidity):
         q = basis.offset[None] + z[::stride] @ modes.T
         return cls.of(z, _largest_violation(system, basis.snapshots.t[::stride], q))
 
-    def flags(
-        self,
-        system: AbstractSystem,
-        ts: Float[Array, " k"],
-        q: Float[Array, "k r"],
-        v: Float[Array, "k r"],
-        physical: Float[Array, "k n"],
-        violation: Float[Array, " k"],
-    ) -> Int[Array, ""]:
-        del system, ts, v
-        points = q if self.root is None else physical @ self.root.T
+    def flags(self, system: AbstractSystem, run: Run) -> Int[Array, ""]:
+        del system
+        points = run.q if self.root is None else run.physical @ self.root.T
         width = self.upper - self.lower
         allowed = _MARGIN * jnp.maximum(width, _NARROW * jnp.max(width))
         outside = jnp.maximum(self.lower[None] - points, points - self.upper[None])
-        raised: Any = jnp.any(outside > allowed[None]) * int(Flag.OUTSIDE_TRAINING)
         limit = jnp.maximum(_TIMES * self.violation, _ROUNDING)
-        return raised + jnp.any(violation > limit) * int(Flag.VIOLATION)
+        flags: Array = jnp.any(outside > allowed[None]) * int(Flag.OUTSIDE_TRAINING)
+        return flags + jnp.any(run.violation > limit) * int(Flag.VIOLATION)
 
 
 @eqx.filter_jit

@@ -56,7 +56,9 @@ def dashpot(
     cup = [(0, 0), (0, 1.2), (0.35, 1.2), (0.35, 1.6), (0.65, 1.6), (0.35, 1.6), (0.35, 0.8)]
     cup += [(0.65, 0.8)]
     rod = [(1, 0), (1, 1.2), (0.5, 1.2), (0.5, 1.5), (0.5, 0.9)]
-    cylinder, piston = (between(a, b, _path(*np.array(x).T, side)) for x in (cup, rod))
+    cylinder, piston = (
+        between(a, b, _path(x[:, 0], x[:, 1], side)) for x in (np.array(cup), np.array(rod))
+    )
     return cylinder, piston
 
 

@@ -41,10 +41,11 @@ def compare(truth: Trajectory, approx: Trajectory) -> Comparison:
             f"compare: the motions have shapes {truth.q.shape} and {approx.q.shape} (times, "
             "coordinates); simulate both at the same times."
         )
-    times = concrete(truth.t), concrete(approx.t)
-    if times[0] is not None and times[1] is not None and not np.allclose(*times, rtol=1e-6):
+    t, other = concrete(truth.t), concrete(approx.t)
+    if t is not None and other is not None and not np.allclose(t, other, rtol=1e-6):
         raise ValueError("compare: the motions have different times; simulate both at the same.")
-    return _compare(truth, approx)
+    comparison: Comparison = _compare(truth, approx)
+    return comparison
 
 
 @jax.jit

@@ -98,8 +98,11 @@ def fit(
     misfit = eqx.tree_at(lambda m: m.weight, misfit, misfit.weight / size)
     with tqdm(disable=not progress, desc="fit", unit="step") as bar:
 
+        def step() -> None:
+            bar.update()
+
         def show(**values: tuple[str, Array]) -> None:
-            jax.debug.callback(lambda: bar.update())
+            jax.debug.callback(step)
 
         common: Any = {"rtol": tol, "atol": tol, "verbose": show if progress else False}
         if optimizer is None:
@@ -138,7 +141,8 @@ def _inverse_square(slopes: np.ndarray) -> np.ndarray:
     seen = values > np.finfo(float).eps * max(slopes.shape) * values[0]
     half = (right[seen] / values[seen, None]).T / size[:, None]
     blind = np.any(np.abs(right[~seen]) > np.sqrt(np.finfo(float).eps), axis=0)
-    return half @ half.T + np.diag(np.where(blind, np.inf, 0.0))
+    inverse: np.ndarray = half @ half.T + np.diag(np.where(blind, np.inf, 0.0))
+    return inverse
 
 
 class _Bounds(eqx.Module):

@@ -71,7 +71,7 @@ def check_gradient(f: Callable[[Any], Any], x: Any, *, step: float = _STEP) -> G
     dynamic, static = eqx.partition(x, eqx.is_inexact_array_like)
     start, unravel = ravel_pytree(jax.tree.map(jnp.asarray, dynamic))
 
-    def value(flat):  # type: ignore[no-untyped-def]
+    def value(flat: jax.Array) -> Any:
         return f(eqx.combine(unravel(flat), static))
 
     shape = jax.eval_shape(value, start)
@@ -104,7 +104,7 @@ def _size(x: Any) -> Any:
     return jnp.where(jnp.abs(x) > _SMALL * typical, jnp.abs(x), typical)
 
 
-def _differences(value: Callable, start: Any, steps: Any) -> Any:
+def _differences(value: Callable[[Any], Any], start: Any, steps: Any) -> Any:
     evaluate = jax.jit(value)
     slopes = []
     for unit, step in zip(jnp.eye(len(start)), steps, strict=True):

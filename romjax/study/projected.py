@@ -15,7 +15,7 @@ from ..linalg.kkt import KKT
 from ..linalg.pattern import Pattern
 from ..reduction.formulation.base import AbstractFormulation, start
 from ..reduction.validity import TrainingBox
-from ..system.base import AbstractSystem, AbstractValidity
+from ..system.base import AbstractSystem, AbstractValidity, Run
 from ..system.flags import Flag
 from ..system.frequencies import frequencies
 from ..system.stabilization import Baumgarte
@@ -157,25 +157,16 @@ class EnergyBalance(AbstractValidity):
 
     box: TrainingBox
 
-    def flags(
-        self,
-        system: AbstractSystem,
-        ts: Float[Array, " k"],
-        q: Float[Array, "k r"],
-        v: Float[Array, "k r"],
-        physical: Float[Array, "k n"],
-        violation: Float[Array, " k"],
-    ) -> Int[Array, ""]:
-        def power(t, q, v):  # type: ignore[no-untyped-def]
+    def flags(self, system: AbstractSystem, run: Run) -> Int[Array, ""]:
+        def power(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
             state = system.state(t, q, v)
             full = system.full.state(t, state.q, state.v)
             unbalanced = full.residual(state.physical_acceleration(state.force()))
             return state.v @ unbalanced, 0.5 * state.v @ full.apply_mass(state.v)
 
-        lost, kinetic = jax.vmap(power)(ts, q, v)
+        lost, kinetic = jax.vmap(power)(run.t, run.q, run.v)
         # By the trapezoidal rule.
-        work = jnp.cumsum(jnp.diff(ts) * (lost[1:] + lost[:-1]) / 2)
+        work = jnp.cumsum(jnp.diff(run.t) * (lost[1:] + lost[:-1]) / 2)
         extent = jnp.max(kinetic) - jnp.min(kinetic)
         share = jnp.max(jnp.abs(work)) / jnp.where(extent > 0, extent, 1)
-        box = self.box.flags(system, ts, q, v, physical, violation)
-        return box + (share > _ENERGY) * int(Flag.ENERGY)
+        return self.box.flags(system, run) + (share > _ENERGY) * int(Flag.ENERGY)

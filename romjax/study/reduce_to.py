@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -105,7 +105,8 @@ def reduce_to(
         words += "" if remaining else ", which then joined the training"
     rom = accepted.candidate.rom
     rom = eqx.tree_at(lambda r: r.validity.error, rom, jnp.asarray(error))
-    return dataclasses.replace(rom, summary=rom.summary + words)
+    accurate: ReducedSystem = dataclasses.replace(rom, summary=rom.summary + words)
+    return accurate
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,7 +118,7 @@ class _Search:
     tol: float
     formulation: AbstractFormulation
 
-    def smallest(self, rank: int, bar: tqdm) -> _Accepted:
+    def smallest(self, rank: int, bar: tqdm) -> _Accepted:  # type: ignore[type-arg]  # generic in the stubs only
         """The model of the smallest rank from `rank` on that is good enough, and its estimate.
 
         Raises ReductionError if there is none.
@@ -159,6 +160,7 @@ class _Search:
         """The model of a rank, with its runs from the starts of all training runs."""
         basis = POD(rank)(self.truths)
         rom = reduce(self.systems[0], basis, self.formulation)
+        assert isinstance(rom, ReducedSystem)  # as all do that are not for reference only
         pairs = zip(self.systems, self.truths, strict=True)
         runs = [_run(rom, basis, system, truth, self.tol) for system, truth in pairs]
         return _Candidate(rom, basis, runs)
@@ -228,7 +230,7 @@ def _simulate_all(systems: list[AbstractSystem], training: Trajectory) -> list[T
         )
     stacked = jax.tree.map(lambda *x: jnp.stack(x), *(dynamic for dynamic, _ in arrays))
 
-    def one(dynamic):  # type: ignore[no-untyped-def]
+    def one(dynamic: Any) -> Trajectory:
         return simulate(
             eqx.combine(dynamic, arrays[0][1]),
             training.t,

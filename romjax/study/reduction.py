@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Iterator
+from typing import Literal
 
 import diffrax
 import jax.numpy as jnp
@@ -20,7 +21,7 @@ from ..reduction.formulation.galerkin import Galerkin
 from ..reduction.formulation.minimal import Minimal
 from ..reduction.reduce import reduce
 from ..system.base import AbstractSystem
-from ..system.stabilization import Stabilization
+from ..system.stabilization import Baumgarte, Stabilization
 from .compare import Comparison, compare
 from .projected import Projected
 from .timing import timed
@@ -134,7 +135,7 @@ class _Runner:
         self,
         name: str,
         system: AbstractSystem,
-        stabilization: Stabilization | str,
+        stabilization: Stabilization | Literal["default"],
         truth: Trajectory | None,
     ) -> Run:
         """Simulate and compare with the `truth`; without one, a run that fails raises."""
@@ -165,7 +166,8 @@ def _reduced_runs(
     """Each basis in each formulation; the reasons of refusals go into `refused`."""
     # One stabilisation for all: that of the full run.
     used = full.trajectory.stats.stabilization
-    for formulation in (Galerkin(), Minimal(), Projected(used)):
+    baumgarte = used if isinstance(used, Baumgarte) else None
+    for formulation in (Galerkin(), Minimal(), Projected(baumgarte)):
         for basis in bases.values():
             name = f"{basis.name} {formulation.name}"
             report(f"{name}, r = {basis.rank}")

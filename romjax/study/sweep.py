@@ -18,7 +18,8 @@ from jax.experimental import multihost_utils
 from jax.sharding import Mesh, PartitionSpec
 from tqdm import tqdm
 
-from ..integrate.trajectory import REMEDIES, Status, Trajectory
+from ..integrate.status import REMEDIES, Status
+from ..integrate.trajectory import Trajectory
 
 # Lanes of a chunk on one device. The arrays of some hundred small mechanisms still fit into a
 # core's cache; fewer leave it idle, more gain nothing.
@@ -40,7 +41,8 @@ class Sweep:
     @property
     def success(self) -> np.ndarray:
         """Which lanes went well, (lanes,)."""
-        return self.status == Status.SUCCESS
+        success: np.ndarray = self.status == Status.SUCCESS
+        return success
 
     def failures(self) -> dict[int, str]:
         """The lanes that failed, with the reason and the remedy."""
@@ -115,14 +117,14 @@ def sweep(
 
 
 @eqx.filter_jit
-def _run(function: Callable, devices: tuple[jax.Device, ...], chunk: Any) -> Any:
+def _run(function: Callable[[Any], Any], devices: tuple[jax.Device, ...], chunk: Any) -> Any:
     """A chunk of lanes, split over devices; a loop on one device ends without the others."""
     lanes = PartitionSpec("lanes")
 
-    def one(parameters):  # type: ignore[no-untyped-def]
+    def one(parameters: Any) -> tuple[Any, jax.Array]:
         values, status = _with_status(function(parameters))
 
-        def hide(x):  # type: ignore[no-untyped-def]
+        def hide(x: jax.Array) -> jax.Array:
             return jnp.where(status == Status.SUCCESS, x, jnp.nan) if _is_float(x) else x
 
         return jax.tree.map(hide, values), status

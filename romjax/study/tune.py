@@ -16,7 +16,7 @@ from tqdm import tqdm
 from ..arrays import Vector
 from ..integrate.adjoint import forward_mode
 from ..integrate.simulate import simulate
-from ..integrate.trajectory import Status
+from ..integrate.status import Status
 from ..system.base import AbstractSystem
 from ..system.dynamics import constraint_state
 from ..system.frequencies import frequencies
@@ -76,7 +76,7 @@ def tune_baumgarte(
     cost: float = 0.0,
     steps: int = 300,
     rate: float = 0.1,
-    solver: diffrax.AbstractSolver | None = None,
+    solver: diffrax.AbstractSolver[Any] | None = None,
     rtol: ArrayLike = 1e-6,
     dt: ArrayLike | None = None,
     progress: bool = False,
@@ -134,9 +134,9 @@ def tune_baumgarte(
     optimizer = optax.inject_hyperparams(optax.adam)(learning_rate=rate)
 
     @eqx.filter_jit
-    def advance(logs, state):  # type: ignore[no-untyped-def]
+    def advance(logs: Baumgarte, state: Any) -> Any:
         # Forwards: two parameters, or two for each constraint, and runs of many steps.
-        def both(logs):  # type: ignore[no-untyped-def]
+        def both(logs: Baumgarte) -> tuple[Array, tuple[Array, Array]]:
             loss, drift = measure(jax.tree.map(jnp.exp, logs))
             return loss, (loss, drift)
 

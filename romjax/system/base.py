@@ -1,7 +1,7 @@
 """The system: how a mechanism moves. Full, user-made and reduced ones are all of this kind."""
 
 import abc
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
 from jaxtyping import Array, Float, Int
@@ -14,23 +14,22 @@ from .state import AbstractState
 from .structure import Structure
 
 
+class Run(NamedTuple):
+    """A simulated motion in the coordinates of a system, and what it is physically."""
+
+    t: Float[Array, " k"]
+    q: Float[Array, "k n"]
+    v: Float[Array, "k n"]
+    physical: Float[Array, "k N"]  # coordinates
+    violation: Float[Array, " k"]  # largest |C|
+
+
 class AbstractValidity(eqx.Module):
     """What a system knows of where its results hold."""
 
     @abc.abstractmethod
-    def flags(
-        self,
-        system: "AbstractSystem",
-        ts: Float[Array, " k"],
-        q: Float[Array, "k n"],
-        v: Float[Array, "k n"],
-        physical: Float[Array, "k N"],
-        violation: Float[Array, " k"],
-    ) -> Int[Array, ""]:
-        """What speaks against a run of `system`, as the number of a `Flag`.
-
-        `physical`: the physical coordinates of the run; `violation`: its largest |C|.
-        """
+    def flags(self, system: "AbstractSystem", run: Run) -> Int[Array, ""]:
+        """What speaks against a run of `system`, as the number of a `Flag`."""
 
 
 class AbstractSystem(eqx.Module):
@@ -41,11 +40,25 @@ class AbstractSystem(eqx.Module):
     system.
     """
 
-    q0: eqx.AbstractVar[Float[Array, " n"]]
-    v0: eqx.AbstractVar[Float[Array, " n"]]
-    structure: eqx.AbstractVar[Structure]
-    full: eqx.AbstractVar["AbstractSystem"]  # in physical coordinates: itself, unless reduced
-    validity: eqx.AbstractVar[AbstractValidity | None]  # where results hold; None: everywhere
+    if TYPE_CHECKING:
+        # As fields of this class they would come before those of a kind of system to type
+        # checkers, and could not be properties of it.
+        @property
+        def q0(self) -> Float[Array, " n"]: ...
+        @property
+        def v0(self) -> Float[Array, " n"]: ...
+        @property
+        def structure(self) -> Structure: ...
+        @property
+        def full(self) -> "AbstractSystem": ...
+        @property
+        def validity(self) -> AbstractValidity | None: ...
+    else:
+        q0: eqx.AbstractVar[Float[Array, " n"]]
+        v0: eqx.AbstractVar[Float[Array, " n"]]
+        structure: eqx.AbstractVar[Structure]
+        full: eqx.AbstractVar["AbstractSystem"]  # in physical coordinates: itself, unless reduced
+        validity: eqx.AbstractVar[AbstractValidity | None]  # where results hold; None: everywhere
 
     def __hash__(self) -> int:
         # By identity, so that `jax.jit(system.force)` works; equinox would hash the arrays.

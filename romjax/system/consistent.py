@@ -1,5 +1,7 @@
 """A start that satisfies the constraints."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -70,8 +72,9 @@ def project(
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
     """The nearest state on C = 0 and Ċ = 0 in the mass metric: Gauss–Newton, then one solve."""
 
-    def sweep(q, _):  # type: ignore[no-untyped-def]
-        step, _ = system.state(t, q, v).kkt().solve(jnp.zeros_like(q), -system.constraint(t, q))
+    def sweep(q: Array, _: Any) -> tuple[Array, None]:
+        kkt = system.state(t, q, v).kkt()
+        step, _ = kkt.solve(jnp.zeros_like(q), -system.constraint(t, q))
         return q + step, None
 
     q, _ = jax.lax.scan(sweep, q, None, length=sweeps)

@@ -36,8 +36,9 @@ def differentiate(
     t = jnp.asarray(t, q.dtype)
     one = jnp.ones_like(t)
 
-    def rate(t, q, v):  # type: ignore[no-untyped-def]
-        return jax.jvp(constraint, (t, q), (one, v))
+    def rate(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        value, derivative = jax.jvp(constraint, (t, q), (one, v))
+        return value, derivative
 
     if a is None:
         outer = jax.jvp(lambda t, q: rate(t, q, v), (t, q), (one, v))

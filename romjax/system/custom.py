@@ -88,8 +88,8 @@ class CustomSystem(AbstractSystem):
         return jnp.zeros(0, q.dtype) if self.constraint_ is None else self.constraint_(t, q)
 
     def state(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> FullState:
-        def jacobian():  # type: ignore[no-untyped-def]
-            rows = jax.jacfwd(self.constraint, argnums=1)(jnp.asarray(t, q.dtype), q)
+        def jacobian() -> Array:
+            rows: Array = jax.jacfwd(self.constraint, argnums=1)(jnp.asarray(t, q.dtype), q)
             return rows[None][: min(self.m, 1)]
 
         return FullState(
@@ -105,4 +105,5 @@ class CustomSystem(AbstractSystem):
 def _length(constraint: Function, q: Float[Array, " n"]) -> int:
     found = jax.eval_shape(constraint, jnp.zeros((), q.dtype), q)
     check_shape("CustomSystem", "constraint(t, q)", found, (None,))
-    return found.shape[0]
+    length: int = found.shape[0]
+    return length

@@ -36,7 +36,7 @@ def kinetic_energy(
     return 0.5 * v @ apply_mass(system, q, v)
 
 
-def quadratic_velocity_force(mass: Callable) -> Callable:
+def quadratic_velocity_force(mass: Callable[..., Array]) -> Callable[..., Array]:
     """The quadratic velocity vector −Ṁ v + ½ ∂(vᵀ M v)/∂q of a mass matrix function, by autodiff.
 
     `mass(q)` gives M (n, n), or the diagonal (n,) of a diagonal one. Returns a function of (q, v).
@@ -44,13 +44,15 @@ def quadratic_velocity_force(mass: Callable) -> Callable:
     """
 
     def force(q: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " n"]:
-        def momentum(q):  # type: ignore[no-untyped-def]
+        def momentum(q: Float[Array, " n"]) -> Float[Array, " n"]:
             m = mass(q)
             return m * v if m.ndim == 1 else m @ v
 
+        rate: Array
         _, rate = jax.jvp(momentum, (q,), (v,))
         _, transpose = jax.vjp(momentum, q)
-        return 0.5 * transpose(v)[0] - rate
+        slope: Array = transpose(v)[0]
+        return 0.5 * slope - rate
 
     return force
 
@@ -90,7 +92,7 @@ def linearize(
     gamma = right_hand_side(system.constraint, system.m, t, q, v, stabilization)
     a, multipliers = kkt.solve(state.force(), gamma)
 
-    def residual(t, q, v):  # type: ignore[no-untyped-def]
+    def residual(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         unbalanced = system.state(t, q, v).residual(a)
         if system.m == 0:
             return unbalanced, jnp.zeros(0, q.dtype)
@@ -101,9 +103,10 @@ def linearize(
             curvature += stabilization.term(along.violation, along.rate)
         return unbalanced + reaction, curvature
 
-    def push(direction):  # type: ignore[no-untyped-def]
+    def push(direction: Array) -> tuple[Array, Array]:
         tangent = (direction[2 * n], direction[:n], direction[n : 2 * n])
-        return jax.jvp(residual, (t, q, v), tangent)[1]
+        change: tuple[Array, Array] = jax.jvp(residual, (t, q, v), tangent)[1]
+        return change
 
     by_state = jax.vmap(push, out_axes=1)(jnp.eye(2 * n + 1, dtype=q.dtype))
     slopes, _ = kkt.solve(-by_state[0], -by_state[1])

@@ -50,10 +50,10 @@ def _estimate(
     among = jnp.stack([jnp.array(system.structure.rigid), *[jnp.ones(system.n, bool)] * 2])
     state = system.state(t, q, v)
 
-    def sizes(x):  # type: ignore[no-untyped-def]
+    def sizes(x: Float[Array, "three n"]) -> Float[Array, " three"]:
         return jnp.sqrt(jnp.sum(x * state.apply_mass(x.T).T, axis=1))
 
-    def push(x, _):  # type: ignore[no-untyped-def]
+    def push(x: Array, _: None) -> tuple[Array, Array]:
         # The third row is the state itself, from which the quotients are taken.
         positions = jnp.concatenate([x[:2], jnp.zeros_like(x[:2])])
         rates = jnp.concatenate([jnp.zeros_like(x), x[2:]])

@@ -4,7 +4,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..scene.fields import number
+from ..arrays import Number, Vector
+from ..fields import Converted, number
 
 
 class Baumgarte(eqx.Module):
@@ -19,11 +20,11 @@ class Baumgarte(eqx.Module):
     - `alpha` [1/s], `beta` [1/s²]: one number, or one per constraint.
     """
 
-    alpha: Float[Array, "*m"] = number()
-    beta: Float[Array, "*m"] = number()
+    alpha: Converted[Float[Array, "*m"], Vector] = number()
+    beta: Converted[Float[Array, "*m"], Vector] = number()
 
     @classmethod
-    def critical(cls, omega: Float[Array, ""]) -> "Baumgarte":
+    def critical(cls, omega: Number) -> "Baumgarte":
         """Critical damping with the frequency `omega` [rad/s]: α = 2ω, β = ω²."""
         return cls(alpha=2 * jnp.asarray(omega), beta=jnp.asarray(omega) ** 2)
 

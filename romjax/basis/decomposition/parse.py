@@ -1,11 +1,13 @@
 """Names of decompositions, for those who write words instead of objects."""
 
+from collections.abc import Callable
+
 from ...errors import InputError
 from .base import AbstractDecomposition
 from .pod import POD
 from .sod import SOD
 
-_NAMED: dict[str, type[AbstractDecomposition]] = {"POD": POD, "SOD": SOD}
+_NAMED: dict[str, Callable[[], AbstractDecomposition]] = {"POD": POD, "SOD": SOD}
 
 
 def as_decomposition(decomposition: AbstractDecomposition | str) -> AbstractDecomposition:

@@ -7,12 +7,14 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ...arrays import Vector
 from ...errors import InputError
+from ...fields import Converted, number
 from ..basis import Basis
 from ..rank import FLOOR, Rank
 from ..snapshots import Motion, SnapshotSet, WeightedSnapshots
 from ..subspace import Method, leading, singular_values
-from .base import AbstractDecomposition, Directions, RankCriterion, optional_array
+from .base import AbstractDecomposition, Directions, RankCriterion
 
 # What the eigenvalue problem of the Gram matrix still sees: the values are roots.
 _GRAM_FLOOR = {jnp.dtype("float64"): 1e-7, jnp.dtype("float32"): 1e-3}
@@ -39,8 +41,8 @@ class POD(AbstractDecomposition):
     """
 
     rank: Rank | None = eqx.field(static=True, default=None)
-    tol: Float[Array, ""] | None = eqx.field(converter=optional_array, default=None)
-    offset: Float[Array, " n"] | None = eqx.field(converter=optional_array, default=None)
+    tol: Converted[Float[Array, ""] | None] = number(default=None)
+    offset: Converted[Float[Array, " n"] | None, Vector] = number(default=None)
     method: Method = eqx.field(static=True, default="svd")
 
     name: ClassVar[str] = "POD"

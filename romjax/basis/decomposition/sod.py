@@ -9,11 +9,13 @@ import jax.numpy as jnp
 import jax.scipy.linalg as jsl
 from jaxtyping import Array, Float
 
+from ...arrays import Vector
+from ...fields import Converted, number
 from ..basis import Basis
 from ..rank import FLOOR, Rank
 from ..snapshots import Motion, SnapshotSet, WeightedSnapshots
 from ..subspace import leading, singular_values
-from .base import AbstractDecomposition, Directions, RankCriterion, ValueLabel, optional_array
+from .base import AbstractDecomposition, Directions, RankCriterion, ValueLabel
 
 
 @final
@@ -31,8 +33,8 @@ class SOD(AbstractDecomposition):
     """
 
     rank: Rank | None = eqx.field(static=True, default=None)
-    tol: Float[Array, ""] | None = eqx.field(converter=optional_array, default=None)
-    offset: Float[Array, " n"] | None = eqx.field(converter=optional_array, default=None)
+    tol: Converted[Float[Array, ""] | None] = number(default=None)
+    offset: Converted[Float[Array, " n"] | None, Vector] = number(default=None)
 
     name: ClassVar[str] = "SOD"
     value_label: ClassVar[ValueLabel | None] = ValueLabel(

@@ -1,5 +1,7 @@
 """What accuracy costs in time."""
 
+from typing import TypedDict
+
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -27,7 +29,7 @@ def accuracy(result: Accuracy) -> DisplayedFigure:
     """
     figure = DisplayedFigure(figsize=(12, 8.5))
     figure.set_layout_engine("constrained")
-    top, below = np.ravel(figure.subfigures(2, 1, height_ratios=(1.25, 1)))
+    top, below = np.ravel(figure.subfigures(2, 1, squeeze=False, height_ratios=(1.25, 1)))
     conditions = [SINGLE_RUN, *(c for c in result.conditions if c != SINGLE_RUN)]
     widths = (1.5, *[1] * (len(conditions) - 1))
     panels = top.subplots(
@@ -54,7 +56,14 @@ def _kind(model: str) -> str:
     return model.partition(",")[0]
 
 
-def _look(result: Accuracy, model: str) -> dict[str, object]:
+class _Look(TypedDict):
+    color: str
+    marker: str
+    markersize: float
+    markerfacecolor: str
+
+
+def _look(result: Accuracy, model: str) -> _Look:
     """The colour of a kind of models, the marker of one of them; the full model is a black dot."""
     kinds = list(dict.fromkeys(map(_kind, result.models)))
     own = [name for name in result.models if _kind(name) == _kind(model)]
@@ -149,7 +158,7 @@ def _ranks(axes: Axes, result: Accuracy) -> None:
     if least:
         axes.legend(fontsize=SMALL)
     axes.set(xlabel="modes", ylabel="least error")
-    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.locator_params(axis="x", integer=True)
     axes.set_title("Rank", fontsize=11)
     axes.grid(color="0.9")
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from matplotlib.animation import PillowWriter
@@ -69,7 +70,8 @@ def animate(
     # A fixed height, since matplotlib would look for a free place above all ticks at each frame.
     title = axes.set_title("", y=1.01)
     digits = max(0, int(np.ceil(-np.log10(max(t[-1] - t[0], 1e-12) / count))))
-    writer = PillowWriter(fps=fps)
+    # It takes any number, but is declared to take whole ones.
+    writer = PillowWriter(fps=cast(int, fps))
     with writer.saving(figure, str(path), DPI):
         for frame, place in enumerate(chosen):
             for picture in pictures:
@@ -103,4 +105,5 @@ def _lay_out(
 
 def _nearest(t: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Places of the output times nearest to the wanted ones."""
-    return np.argmin(np.abs(t[None] - wanted[:, None]), axis=1)
+    places: np.ndarray = np.argmin(np.abs(t[None] - wanted[:, None]), axis=1)
+    return places

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from ...integrate.trajectory import Trajectory
 from ...study.compare import compare
 from ..panels import check_coordinates, check_times, choose, finish, grid
-from ..style import coordinate, line, marks, symbol
+from ..style import line, marks, symbol
 
 DECADES = 8  # shown below the largest error; a zero crossing reaches further and says nothing
 
@@ -37,24 +37,22 @@ def errors(
         check_coordinates("errors", truth, name, motion)
         check_times("errors", truth, name, motion)
     comparisons = {name: compare(truth, motion) for name, motion in approx.items()}
-    places, note = choose("errors", truth, coordinates)
-    figure, panels = grid(len(places))
-    for axes, place in zip(panels, places, strict=True):
+    columns, note = choose("errors", truth, coordinates)
+    figure, panels = grid(len(columns))
+    for axes, column in zip(panels, columns, strict=True):
         top, bottom = 0.0, np.inf
         for index, (name, comparison) in enumerate(comparisons.items(), start=1):
-            size = np.abs(np.asarray(comparison.history[:, place]))
+            size = np.abs(np.asarray(comparison.history[:, column]))
             shown = np.where(size > 0, size, np.nan)  # a logarithmic axis has no zero
             label = f"{name}: {float(comparison.error):.1e}"
-            look = line(index) | marks(index, len(comparisons) + 1, len(size))
-            axes.plot(np.asarray(truth.t), shown, label=label, **look)
+            style = line(index) | marks(index, len(comparisons) + 1, len(size))
+            axes.plot(np.asarray(truth.t), shown, label=label, **style)
             if np.isfinite(shown).any():
                 top, bottom = max(top, np.nanmax(shown)), min(bottom, np.nanmin(shown))
         axes.set_yscale("log")
         if bottom < top:
             axes.set_ylim(max(bottom, top * 10.0**-DECADES) / 2, top * 3)
-        axes.set_ylabel(
-            f"$|e|$ of\n{symbol(coordinate(truth.labels[place]))}", multialignment="center"
-        )
+        axes.set_ylabel(f"$|e|$ of\n{symbol(truth.coordinates[column])}", multialignment="center")
     finish(
         figure,
         panels,

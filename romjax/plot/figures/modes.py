@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 from ...assembly.outlines import outlines
 from ...basis.basis import Basis
@@ -113,7 +114,7 @@ def _table(axes: Axes, basis: Basis, coordinates: list[Coordinate]) -> None:
         cells,
         rowLabels=[symbol(coordinate) for coordinate in coordinates],
         colLabels=[f"mode {j + 1}" for j in range(vectors.shape[1])],
-        bbox=(0.14, 0.0, 0.86, 1.0),
+        bbox=Bbox.from_bounds(0.14, 0.0, 0.86, 1.0),
         cellLoc="center",
         edges="horizontal",
     )

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from ...integrate.trajectory import Trajectory
 from ..panels import check_coordinates, check_motion, choose, finish, grid
-from ..style import coordinate, line, marks, symbol, unit
+from ..style import line, marks, symbol, unit
 
 
 def response(
@@ -39,15 +39,15 @@ def response(
     check_motion("response: the truth", truth)
     for name, motion in zip(names[1:], approx, strict=True):
         check_coordinates("response", truth, name, motion)
-    places, note = choose("response", truth, coordinates)
-    figure, panels = grid(len(places))
-    for axes, place in zip(panels, places, strict=True):
+    columns, note = choose("response", truth, coordinates)
+    figure, panels = grid(len(columns))
+    for axes, column in zip(panels, columns, strict=True):
         for index, (name, motion) in enumerate(zip(names, motions, strict=True)):
-            look = line(index) | marks(index, len(motions), len(motion.t))
-            axes.plot(np.asarray(motion.t), np.asarray(motion.q[:, place]), label=name, **look)
-        shown = coordinate(truth.labels[place])
-        name = symbol(shown, separator="\n")
-        axes.set_ylabel(f"{name} {unit(shown)}".strip(), multialignment="center")
+            style = line(index) | marks(index, len(motions), len(motion.t))
+            axes.plot(np.asarray(motion.t), np.asarray(motion.q[:, column]), label=name, **style)
+        coordinate = truth.coordinates[column]
+        name = symbol(coordinate, separator="\n")
+        axes.set_ylabel(f"{name} {unit(coordinate)}".strip(), multialignment="center")
     finish(figure, panels, "Response", note)
     return figure
 

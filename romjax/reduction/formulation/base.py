@@ -4,6 +4,7 @@ import abc
 from typing import ClassVar
 
 import equinox as eqx
+from jaxtyping import Array, Float
 
 from ...basis.basis import Basis
 from ...system.base import AbstractSystem
@@ -27,7 +28,9 @@ class AbstractFormulation(eqx.Module):
         """
 
 
-def start(system: AbstractSystem, basis: Basis):  # type: ignore[no-untyped-def]
+def start(
+    system: AbstractSystem, basis: Basis
+) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, ""]]:
     """q, v (n,) and t of the start of a reduced model: that of the snapshots, or of the system
     where the modes are given.
     """

@@ -1,5 +1,6 @@
 """Galerkin's reduction: an affine subspace, with the constraints that it can violate."""
 
+import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
@@ -43,7 +44,9 @@ class Galerkin(AbstractFormulation):
         are not free its joints.
         """
         count, r = self.constraints, basis.rank
-        candidates = reduced_constraints(system, basis)
+        # Words and settings are static: with them, each basis would compile a program of its own.
+        bare = dataclasses.replace(basis, summary="", decomposition=None)
+        candidates = reduced_constraints(system, bare)
         kept = _count(system, candidates, r) if count is None else count
         if count and concrete(candidates.missed) is not None and locks(candidates, count):
             free = _count(system, candidates, r)

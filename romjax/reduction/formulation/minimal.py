@@ -2,7 +2,6 @@
 
 from typing import ClassVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -53,7 +52,7 @@ class Minimal(AbstractFormulation):
         if isinstance(chart, Atlas):
             return _in_atlas(system, basis, chart)
         snapshots = basis.snapshots
-        metric = _metric(chart, system, snapshots.t[0], snapshots.q[0])
+        metric = chart.metric(system, snapshots.t[0], snapshots.q[0])
         inner = span(jnp.asarray(chart.read, metric.dtype) @ basis.modes, metric)
         count = 1 if chart.affine else _GUESSES
         domain = np.linspace(0, len(snapshots.t) - 1, count).astype(int)
@@ -76,17 +75,17 @@ def _in_atlas(system: AbstractSystem, basis: Basis, atlas: Atlas) -> ReducedSyst
             f"rank={freedoms} or more, or formulation=romjax.Galerkin()."
         )
     unit = jnp.eye(freedoms, dtype=basis.modes.dtype)
-    lifts = [
-        _lift(system, basis, chart, unit, unit, domain)
-        for chart, domain in zip(atlas.charts, atlas.domains, strict=True)
-    ]
+    lifts = []
+    for chart, domain in zip(atlas.charts, atlas.domains, strict=True):
+        one = _lift(system, basis, chart, unit, unit, domain)
+        assert isinstance(one, ImplicitLift)  # a chart in closed form needs no others
+        lifts.append(one)
     snapshots = basis.snapshots
     root = jnp.linalg.cholesky(snapshots.metric).T
     lift = AtlasLift.of(lifts, snapshots.q, root, atlas)
     validity = TrainingBox.of(lift.seen, root=root)
     summary = f"{freedoms} minimal coordinates in {len(lifts)} charts, no constraints"
-    begin = (snapshots.q[0], snapshots.v[0], snapshots.t[0])
-    return ReducedSystem.of(system, lift, begin, None, validity, summary)
+    return ReducedSystem.of(system, lift, start(system, basis), None, validity, summary)
 
 
 def _choose(system: AbstractSystem, basis: Basis) -> Chart | Atlas:
@@ -115,18 +114,8 @@ def _lift(
     read_others = jnp.asarray(np.linalg.pinv(chart.dependent) @ others, dtype)
     t, moved = basis.snapshots.t[domain], basis.snapshots.q[domain] - basis.offset[None]
     guesses = moved @ read_others.T
-    inverses = _inverses(chart, system, t, basis.snapshots.q[domain])
+    inverses = chart.dependent_inverses(system, t, basis.snapshots.q[domain])
     if chart.affine:
         return ClosedFormLift(basis.offset, inner, dual, guesses[0], inverses[0], t[0], chart)
     modes = jnp.asarray(chart.independent, dtype) @ inner
     return ImplicitLift(basis.offset, modes, dual, moved @ dual.T, guesses, t, inverses, chart)
-
-
-@eqx.filter_jit
-def _metric(chart: Chart, system: AbstractSystem, t: Array, q: Array) -> Float[Array, "d d"]:
-    return chart.metric(system, t, q)
-
-
-@eqx.filter_jit
-def _inverses(chart: Chart, system: AbstractSystem, t: Array, q: Array) -> Float[Array, "K m m"]:
-    return chart.dependent_inverses(system, t, q)

@@ -1,6 +1,7 @@
 """Minimal coordinates in several charts, and the change from one to another."""
 
-import equinox as eqx
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
@@ -36,7 +37,8 @@ class AtlasLift(AbstractLift):
 
     def lift(self, number: Int[Array, ""]) -> ImplicitLift:
         """That of one chart."""
-        return jax.tree.map(lambda x: x[number], self.lifts)
+        lift: ImplicitLift = jax.tree.map(lambda x: x[number], self.lifts)
+        return lift
 
     def number(self, q: Physical) -> Int[Array, ""]:
         """The chart of the nearest snapshot."""
@@ -54,4 +56,4 @@ class AtlasLift(AbstractLift):
 
     def with_full(self, full: AbstractSystem) -> "AtlasLift":
         lifts = jax.vmap(lambda lift: lift.with_full(full))(self.lifts)
-        return eqx.tree_at(lambda atlas: atlas.lifts, self, lifts)
+        return dataclasses.replace(self, lifts=lifts)

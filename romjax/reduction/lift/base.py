@@ -63,8 +63,9 @@ def differentiate(
     t = jnp.asarray(t, z.dtype)
     one = jnp.ones_like(t)
 
-    def rate(t, z):  # type: ignore[no-untyped-def]
-        return jax.jvp(position, (t, z), (one, w))
+    def rate(t: Array, z: Array) -> tuple[Array, Array]:
+        q, v = jax.jvp(position, (t, z), (one, w))
+        return q, v
 
     (q, v), (_, bias) = jax.jvp(rate, (t, z), (one, w))
     if tangent is None:

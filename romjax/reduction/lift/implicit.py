@@ -1,6 +1,9 @@
 """Minimal coordinates from which Newton's method finds the others."""
 
-import equinox as eqx
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -8,7 +11,7 @@ from jaxtyping import Array, Float
 from ... import precision
 from ...arrays import Time
 from ...charts.chart import Chart
-from ...linalg.dense import improve_inverse, multiply
+from ...linalg.dense import improve_inverse, multiply, solve_by_inverse
 from ...system.base import AbstractSystem
 from ...system.constraints import differentiate
 from ...system.dynamics import jacobian
@@ -55,19 +58,13 @@ class ImplicitLift(AbstractLift):
         matrix = multiply(rows, dependent)
         inverse = improve_inverse(inverse, jax.lax.stop_gradient(matrix))
 
-        def solve(right):  # type: ignore[no-untyped-def]
-            return jax.lax.custom_linear_solve(
-                lambda x: multiply(matrix, x),
-                right,
-                lambda _, right: multiply(inverse, right),
-                lambda _, right: multiply(inverse.T, right),
-            )
-
-        follow = -multiply(dependent, solve(jnp.concatenate(right, axis=1)))
+        solved = solve_by_inverse(matrix, inverse, jnp.concatenate(right, axis=1))
+        follow = -multiply(dependent, solved)
         tangent = self.modes + follow[:, :-1]
         v = multiply(tangent, w) + follow[:, -1]
         curvature = chart.regular(differentiate(full.constraint, t, q, v).curvature)
-        return Motion(q, v, tangent, -multiply(dependent, solve(curvature)))
+        bias = -multiply(dependent, solve_by_inverse(matrix, inverse, curvature))
+        return Motion(q, v, tangent, bias)
 
     def restrict(self, full: AbstractSystem, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
         del full
@@ -77,7 +74,7 @@ class ImplicitLift(AbstractLift):
         dependent = jnp.asarray(self.chart.dependent, self.offset.dtype)
         q = self.offset[None] + self.snapshots @ self.modes.T + self.guesses @ dependent.T
         inverses = self.chart.dependent_inverses(full, self.times, q)
-        return eqx.tree_at(lambda lift: lift.inverses, self, inverses)
+        return dataclasses.replace(self, inverses=inverses)
 
     def _solve(
         self, full: AbstractSystem, t: Time, z: Reduced
@@ -88,22 +85,22 @@ class ImplicitLift(AbstractLift):
         dependent = jnp.asarray(chart.dependent, z.dtype)
         limits = precision.of(z.dtype)
 
-        def violation(d):  # type: ignore[no-untyped-def]
+        def violation(d: Array) -> Array:
             return chart.regular(full.constraint(t, origin + multiply(dependent, d)))
 
-        def newton(_, start):  # type: ignore[no-untyped-def]
+        def newton(_: Any, start: Array) -> tuple[Array, Array]:
             enough = limits.newton_converged * jnp.maximum(1, jnp.max(jnp.abs(origin)))
 
-            def unfinished(most):  # type: ignore[no-untyped-def]
+            def unfinished(most: int) -> Callable[[Any], Array]:
                 return lambda x: (jnp.max(jnp.abs(x[1])) > enough) & (x[-1] < most)
 
-            def renew(carry):  # type: ignore[no-untyped-def]
+            def renew(carry: Any) -> Any:
                 # A matrix costs as much as many steps.
                 d, step, inverse, count = carry
                 rows = chart.regular(jacobian(full, t, origin + multiply(dependent, d)))
                 inverse = improve_inverse(inverse, multiply(rows, dependent))
 
-                def chord(carry):  # type: ignore[no-untyped-def]
+                def chord(carry: Any) -> Any:
                     d, _, count = carry
                     step = multiply(inverse, violation(d))
                     return d - step, step, count + 1
@@ -117,8 +114,9 @@ class ImplicitLift(AbstractLift):
             converged = jnp.max(jnp.abs(step)) <= limits.newton_accepted
             return jnp.where(converged, d, jnp.nan), last
 
-        def tangent(linear, right):  # type: ignore[no-untyped-def]
-            return jnp.linalg.solve(jax.jacobian(linear)(right), right)
+        def tangent(linear: Any, right: Array) -> Array:
+            found: Array = jnp.linalg.solve(jax.jacobian(linear)(right), right)
+            return found
 
         nearest = jnp.argmin(jnp.sum((self.snapshots - z[None]) ** 2, axis=1))
         start, inverse = jax.lax.stop_gradient((self.guesses[nearest], self.inverses[nearest]))

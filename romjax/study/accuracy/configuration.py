@@ -34,7 +34,7 @@ class Configuration:
     """A model, a method and a condition; its runs by tolerance or, with `fixed`, by step."""
 
     model: Model
-    solver: diffrax.AbstractSolver
+    solver: diffrax.AbstractSolver[Any]
     condition: Condition
     fixed: bool
     run: Callable[[float], Trajectory]
@@ -47,7 +47,7 @@ class Configuration:
     def compiled(
         cls,
         model: Model,
-        solver: diffrax.AbstractSolver,
+        solver: diffrax.AbstractSolver[Any],
         ts: Any,
         condition: Condition = SINGLE_RUN,
         fixed: bool = False,
@@ -61,7 +61,7 @@ class Configuration:
             # Arguments, so that the compiler knows no more of their numbers than in other runs.
             numbers, structure = eqx.partition(system, eqx.is_array)
 
-            def one(numbers, setting):  # type: ignore[no-untyped-def]
+            def one(numbers: Any, setting: Any) -> Trajectory:
                 return simulate(
                     eqx.combine(numbers, structure),
                     times,
@@ -80,7 +80,9 @@ class Configuration:
         memory = sizes.temp_size_in_bytes + sizes.output_size_in_bytes if sizes else 0
 
         def run(setting: float) -> Trajectory:
-            return program(numbers, jnp.asarray(spread * spread.dtype.type(setting)))
+            settings = spread * spread.dtype.type(setting)
+            motion: Trajectory = program(numbers, jnp.asarray(settings))
+            return motion
 
         return cls(model, solver, condition, fixed, run, compile_time, memory)
 

@@ -7,6 +7,7 @@ from ...basis.basis import Basis
 from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.system import ReducedSystem
 from ...system.base import AbstractSystem
+from ..projected import ProjectedSystem
 from .row import FULL
 
 
@@ -14,7 +15,7 @@ from .row import FULL
 class Reduction:
     """A reduced system and what it was made of."""
 
-    rom: ReducedSystem
+    rom: ReducedSystem | ProjectedSystem
     basis: Basis
     formulation: AbstractFormulation
     offline: float  # [s] to simulate the training run, decompose it and reduce

@@ -13,6 +13,7 @@ from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.reduce import reduce
 from ...reduction.system import ReducedSystem
 from ...system.base import AbstractSystem
+from ..projected import ProjectedSystem
 from ..timing import timed
 from .model import Model, Reduction
 
@@ -44,9 +45,11 @@ def reduced_models(
             decomposition: AbstractDecomposition = decomposition,
             formulation: AbstractFormulation = formulation,
             rank: Rank = rank,
-        ) -> tuple[ReducedSystem, Basis]:
+        ) -> tuple[ReducedSystem | ProjectedSystem, Basis]:
             basis = decomposition.with_rank(rank)(training)
-            return reduce(system, basis, formulation), basis
+            rom = reduce(system, basis, formulation)
+            assert isinstance(rom, ReducedSystem | ProjectedSystem)
+            return rom, basis
 
         try:
             (rom, basis), duration = timed(make)

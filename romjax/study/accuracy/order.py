@@ -8,7 +8,7 @@ from typing import Any
 import diffrax
 import numpy as np
 
-from ...integrate.default import default_solver, frequencies
+from ...integrate.default import default_solver, start_frequencies
 from .configuration import Configuration
 from .model import Model
 from .row import with_front
@@ -16,22 +16,22 @@ from .search import rows_of
 
 
 def methods_for(
-    model: Model, methods: Sequence[diffrax.AbstractSolver], ts: Any
-) -> list[diffrax.AbstractSolver]:
+    model: Model, methods: Sequence[diffrax.AbstractSolver[Any]], ts: Any
+) -> list[diffrax.AbstractSolver[Any]]:
     """The methods, with that first which `simulate` would choose."""
     system = model.system
-    fastest = frequencies(system, ts, system.q0, system.v0)
+    fastest = start_frequencies(system, ts, system.q0, system.v0)
     chosen = type(default_solver(system, ts, None, fastest))
     return sorted(methods, key=lambda method: type(method) is not chosen)
 
 
 def queue(
     full: Model,
-    others: Sequence[diffrax.AbstractSolver],
+    others: Sequence[diffrax.AbstractSolver[Any]],
     models: Iterable[Model],
-    methods: Sequence[diffrax.AbstractSolver],
+    methods: Sequence[diffrax.AbstractSolver[Any]],
     ts: Any,
-) -> Iterator[tuple[Model, diffrax.AbstractSolver]]:
+) -> Iterator[tuple[Model, diffrax.AbstractSolver[Any]]]:
     """Each model by the method that `simulate` would choose, then by the others; the full model
     among the first, for all else is measured by it.
     """

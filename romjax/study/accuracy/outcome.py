@@ -1,6 +1,6 @@
 """What a run was like: its errors, its steps, or why it failed."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...integrate.rodas5p import Rodas5P
-from ...integrate.trajectory import Status, Trajectory
+from ...integrate.status import Status
+from ...integrate.trajectory import Trajectory
 from ..compare import compare
 
 
@@ -43,10 +44,11 @@ def _history(motion: Trajectory, reference: Trajectory) -> np.ndarray:
     first = np.reshape(motion.q, (-1, *reference.q.shape))[0]
     apart = np.linalg.norm((first - reference.q) @ root, axis=1)
     reach = np.linalg.norm((reference.q - reference.q[:1]) @ root, axis=1)
-    return apart / (np.max(reach) or 1.0)
+    history: np.ndarray = apart / (np.max(reach) or 1.0)
+    return history
 
 
-def work_of_a_step(solver: diffrax.AbstractSolver) -> tuple[int, int]:
+def work_of_a_step(solver: diffrax.AbstractSolver[Any]) -> tuple[int, int]:
     """Right-hand sides and factorisations of one step; zero where an iteration decides."""
     if isinstance(solver, Rodas5P):
         return 8, 1

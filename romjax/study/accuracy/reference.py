@@ -1,6 +1,7 @@
 """The motion that errors are measured against."""
 
 import dataclasses
+import functools
 from typing import NamedTuple
 
 import diffrax
@@ -41,18 +42,17 @@ def make_reference(full: Configuration, training: Trajectory, tightest: float) -
     words = f"at rtol={rtol:.0e}, checked by redundant ones with {full.method}"
     if not bool(second.success):
         words = f"at rtol={rtol:.0e}, unchecked, as {full.method} failed there ({second.summary()})"
-    settings = {"rtol": rtol, "adjoint": diffrax.ForwardMode(), "max_steps": 1_000_000}
+    run = functools.partial(simulate, rtol=rtol, adjoint=diffrax.ForwardMode(), max_steps=1_000_000)
     system = full.model.system
     try:
         complete = _all_minimal_coordinates(training, system)
-        first = simulate(complete, training.t, solver=diffrax.Dopri8(), **settings)
+        first = run(complete, training.t, solver=diffrax.Dopri8())
         words = f"minimal coordinates by Dopri8 {words}"
     except (ReductionError, SimulationError):
         # The same equations, so at least another method and another stabilisation.
         explicit = isinstance(full.solver, diffrax.Dopri8)
         solver = diffrax.Tsit5() if explicit else diffrax.Dopri8()
-        by_projection = {"solver": solver, "stabilization": Projection()}
-        first = simulate(system, training.t, **by_projection, **settings)
+        first = run(system, training.t, solver=solver, stabilization=Projection())
         words = f"redundant coordinates with projection by {type(solver).__name__} {words}"
     floor = float(compare(first, second).error) if bool(second.success) else np.nan
     return Reference(first, words, floor)

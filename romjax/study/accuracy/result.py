@@ -32,7 +32,7 @@ class Accuracy:
     times: np.ndarray
     histories: tuple[np.ndarray, ...]
     models: dict[str, Model]
-    solvers: dict[str, diffrax.AbstractSolver]
+    solvers: dict[str, diffrax.AbstractSolver[Any]]
     reference: str
     floor: float
     skipped: dict[str, str]

@@ -1,6 +1,7 @@
 """A study of accuracy from its training run to its result."""
 
 import itertools
+from typing import Any
 
 import diffrax
 import numpy as np
@@ -31,7 +32,7 @@ def run_study(
     times: Float[Array, " k"],
     settings: Settings,
     begin: float,
-    bar: tqdm,
+    bar: tqdm,  # type: ignore[type-arg]  # generic in the stubs only
 ) -> Accuracy:
     """Try what the `settings` ask for; `begin` [s]: since when the budget is spent.
 
@@ -79,7 +80,7 @@ def _train(full: Configuration, rtol: float) -> Trajectory:
 def _try_single_runs(
     search: Search,
     training: Trajectory,
-    others: list[diffrax.AbstractSolver],
+    others: list[diffrax.AbstractSolver[Any]],
     models: dict[str, Model],
 ) -> None:
     """All models by all methods, one run at a time in double precision; adds to `models`.

@@ -28,7 +28,7 @@ class Search:
     times: Any  # (k,) [s] of the outputs
     reference: Trajectory
     begin: float  # [s] when it was
-    bar: tqdm
+    bar: tqdm  # type: ignore[type-arg]  # generic in the stubs only
     configurations: list[Configuration] = dataclasses.field(default_factory=list)
     skipped: dict[str, str] = dataclasses.field(default_factory=dict)
 
@@ -40,7 +40,7 @@ class Search:
     def attempt(
         self,
         model: Model,
-        method: diffrax.AbstractSolver,
+        method: diffrax.AbstractSolver[Any],
         share: float,
         condition: Condition = SINGLE_RUN,
         fixed: bool = False,
@@ -87,7 +87,9 @@ def rows_of(configurations: Iterable[Configuration]) -> list[Row]:
     return [row for configuration in configurations for row in configuration.rows()]
 
 
-def _name(model: Model, method: diffrax.AbstractSolver, condition: Condition, fixed: bool) -> str:
+def _name(
+    model: Model, method: diffrax.AbstractSolver[Any], condition: Condition, fixed: bool
+) -> str:
     parts = [model.name, type(method).__name__]
     parts += ["fixed steps"] * fixed + ["f32"] * (condition.precision == "f32")
     parts += [f"{condition.lanes} lanes"] * (condition.lanes > 1)

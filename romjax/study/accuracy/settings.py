@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 from collections.abc import Sequence
+from typing import Any
 
 import diffrax
 
@@ -25,7 +26,7 @@ class Settings:
     formulations: Sequence[AbstractFormulation]
     decompositions: Sequence[AbstractDecomposition]
     ranks: Sequence[Rank] | None
-    solvers: Sequence[diffrax.AbstractSolver]
+    solvers: Sequence[diffrax.AbstractSolver[Any]]
     tolerances: Sequence[float]
     steps: Sequence[float]  # [s]
     conditions: Sequence[Condition]
@@ -38,7 +39,7 @@ class Settings:
         formulations: Sequence[AbstractFormulation | str],
         decompositions: Sequence[AbstractDecomposition | str],
         ranks: Sequence[Rank] | None,
-        solvers: Sequence[diffrax.AbstractSolver] | None,
+        solvers: Sequence[diffrax.AbstractSolver[Any]] | None,
         tolerances: Sequence[float],
         steps: Sequence[float],
         precisions: Sequence[str],

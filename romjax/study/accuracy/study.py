@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from typing import Any
 
 import diffrax
 import jax.numpy as jnp
@@ -27,7 +28,7 @@ def accuracy(
     formulations: Sequence[AbstractFormulation | str] = ("minimal", "galerkin"),
     bases: Sequence[AbstractDecomposition | str] = ("POD", "SOD"),
     ranks: Sequence[Rank] | None = None,
-    solvers: Sequence[diffrax.AbstractSolver] | None = None,
+    solvers: Sequence[diffrax.AbstractSolver[Any]] | None = None,
     tolerances: Sequence[float] = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8),
     steps: Sequence[float] = (),
     precisions: Sequence[str] = ("f64", "f32"),
