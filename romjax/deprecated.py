@@ -95,7 +95,7 @@ _OF_LIFTS = ("chart", "modes", "offset")
 
 
 def method_of_system(system: Any, name: str) -> Any:
-    """What `system.NAME` finds for an old name."""
+    """What an attribute of a system is by its old name."""
     if name in _METHODS:
         dynamics = importlib.import_module(".system.dynamics", "romjax")
         new = _METHODS[name]

@@ -250,8 +250,7 @@ def test_formulations_that_do_not_exist(cart_pendulum, models):
 def test_old_arguments_of_reduce_warn_once(cart_pendulum, models, formulation, old, value):
     basis, rom = models[formulation]
     deprecated.warn_once.cache_clear()
-    new = FORMULATIONS[formulation].__name__
-    with pytest.warns(DeprecationWarning, match=rf"reduce\({old}=…\) is called {new}\({old}=…\)"):
+    with pytest.warns(DeprecationWarning, match=rf"reduce\({old}=…\) is called .*\({old}=…\)"):
         found = rj.reduce(cart_pendulum, basis, formulation, **{old: value(rom)})
     assert (found.n, found.m, found.summary) == (rom.n, rom.m, rom.summary)
     with warnings.catch_warnings():
