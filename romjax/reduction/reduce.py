@@ -41,7 +41,7 @@ def reduce(
 
     **Arguments:**
 
-    - `system`: the full system; `basis`: from `pod`, `sod` or `Basis.from_modes`.
+    - `system`: the full one; `basis`: from `pod`, `sod` or `Basis.from_modes`; `old`: old names.
     - `formulation`: `Galerkin()`, "galerkin": d'Alembert's principle in the subspace, with the
       constraints that it can violate. `Minimal()`, "minimal": in minimal coordinates, of which the
       modes of the basis span a subspace, with all constraints satisfied exactly. `Projected()`,

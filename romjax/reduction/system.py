@@ -35,7 +35,7 @@ class ReducedSystem(AbstractSystem):
 
     - `full`: the system that was reduced. `lift`: L. `combinations` U (M, m): None keeps none.
     - `q0`, `v0` (r,): the start. `time` [s]: at which `mass` is, where constraints depend on time.
-    - `validity`: what it was made of. `summary`: what it is, in words.
+    - `validity`: what it was made of. `structure`, `summary`: what it is, by names and in words.
     """
 
     full: AbstractSystem
@@ -58,7 +58,7 @@ class ReducedSystem(AbstractSystem):
         validity: AbstractValidity | None = None,
         summary: str = "",
     ) -> "ReducedSystem":
-        """The system on a lift, from the start nearest to physical (q, v, t)."""
+        """From the `start` nearest to physical (q, v, t); the fields are as `ReducedSystem` has."""
         z, w = _restrict(lift, full, *start[:2])
         m = 0 if combinations is None else combinations.shape[1]
         structure = Structure(
