@@ -11,6 +11,7 @@ from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..arrays import Vector
 from ..checks import check_finite
+from ..errors import InputError
 from ..system.base import AbstractSystem, Run
 from ..system.consistent import check_start_shapes
 from ..system.constraints import ConstraintState
@@ -82,6 +83,12 @@ def simulate(
             "Simulating in single precision: expect errors from 1e-5. For double precision, call "
             'jax.config.update("jax_enable_x64", True) before making any array.',
             stacklevel=2,
+        )
+    if isinstance(adjoint, diffrax.BacksolveAdjoint):
+        raise InputError(
+            "simulate: adjoint=BacksolveAdjoint() integrates the motion backwards in time, where "
+            "dampers and the stabilisation of the constraints make it grow; use "
+            "diffrax.RecursiveCheckpointAdjoint() or diffrax.ForwardMode()."
         )
     rtol, times = jnp.asarray(rtol, q.dtype), times.astype(q.dtype)
     step = None if dt is None else jnp.asarray(dt, q.dtype)
