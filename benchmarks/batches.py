@@ -54,7 +54,7 @@ def system(force: Any) -> rj.system.base.AbstractSystem:
 
 def lane(model: Model) -> Callable[[Any, Any], rj.Trajectory]:
     """A function of the tolerance and the force [N]. Reduced models share a basis, from the run
-    with the largest force, and a structure.
+    with the largest force, and all that was decided.
     """
     kind, rank, method = model
     solver = getattr(rj, method, None) or getattr(diffrax, method)
@@ -62,12 +62,11 @@ def lane(model: Model) -> Callable[[Any, Any], rj.Trajectory]:
     if kind != "full":
         basis = rj.pod(rj.simulate(system(15.0), ts, rtol=1e-10, **PLAIN), rank=rank)
         rom = rj.reduce(system(10.0), basis, kind)
-        fixed = {"constraints": rom.m} if kind == "galerkin" else {"chart": rom.chart}
 
     def run(rtol: Any, force: Any) -> rj.Trajectory:
         mechanism = system(force)
         if kind != "full":
-            mechanism = rj.reduce(mechanism, basis, kind, **fixed)
+            mechanism = rom.with_full(mechanism)
         return rj.simulate(mechanism, ts, rtol=rtol, solver=solver(), **PLAIN)
 
     return run

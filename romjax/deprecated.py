@@ -90,10 +90,12 @@ _ATTRIBUTES = {
     "training": "validity",
     "reason": "summary",
 }
+# What was an attribute of reduced systems, and belongs to their lifts now.
+_OF_LIFTS = ("chart", "modes", "offset")
 
 
 def method_of_system(system: Any, name: str) -> Any:
-    """What `system.NAME` finds for an old name."""
+    """What an attribute of a system is by its old name."""
     if name in _METHODS:
         dynamics = importlib.import_module(".system.dynamics", "romjax")
         new = _METHODS[name]
@@ -103,13 +105,16 @@ def method_of_system(system: Any, name: str) -> Any:
     if hasattr(type(system), new) or new in getattr(system, "__dataclass_fields__", ()):
         warn_once(f"system.{name}", f"system.{new}")
         return getattr(system, new)
+    if name in _OF_LIFTS and hasattr(getattr(system, "lift", None), name):
+        warn_once(f"system.{name}", f"system.lift.{name}")
+        return getattr(system.lift, name)
     if name == "coordinate_labels":
         warn_once("system.coordinate_labels()", "system.structure.labels")
         return lambda: system.full.structure.labels
     raise AttributeError(f"'{type(system).__name__}' has no attribute '{name}'")
 
 
-def decided(formulation: Any, old: dict[str, Any]) -> Any:
+def decided(formulation: T, old: dict[str, Any]) -> T:
     """The formulation with what was a keyword argument of `reduce`: `constraints`, `chart`."""
     fields = getattr(formulation, "__dataclass_fields__", {})
     for name, value in old.items():
@@ -117,5 +122,5 @@ def decided(formulation: Any, old: dict[str, Any]) -> Any:
             raise TypeError(f"reduce() got an unexpected keyword argument '{name}'")
         warn_once(f"reduce({name}=…)", f"a formulation's argument, such as Galerkin({name}=…)")
         if name in fields:
-            formulation = dataclasses.replace(formulation, **{name: value})
+            formulation = dataclasses.replace(formulation, **{name: value})  # type: ignore[type-var]
     return formulation

@@ -231,6 +231,10 @@ STARTS = {
     "times in a matrix": ({"ts": [[0.0, 1.0]]}, r"ts has shape \(1, 2\).*one axis"),
     "NaN start": ({"q0": [NAN]}, "simulate: q0 is .*finite"),
     "infinite start": ({"v0": [float("inf")]}, "simulate: v0 is .*finite"),
+    "adjoint that runs backwards": (
+        {"adjoint": diffrax.BacksolveAdjoint()},
+        r"BacksolveAdjoint\(\) integrates .* backwards .*RecursiveCheckpointAdjoint",
+    ),
     "start of a wrong length": ({"q0": [0.0, 1.0]}, r"q0 has shape \(2,\).*\(1\)"),
 }
 

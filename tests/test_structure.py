@@ -110,14 +110,15 @@ def test_the_name_of_a_body_is_no_number_but_no_program_either():
 
 # The layout of the package.
 
-BASE = {"arrays", "checks", "errors", "precision", "compat", "deprecated"}
+BASE = {"arrays", "checks", "errors", "precision", "compat", "deprecated", "fields"}
 BELOW = {
     "linalg": set(),
     "scene": set(),
     "basis": set(),
     "system": {"linalg", "scene"},
     "assembly": {"linalg", "scene", "system"},
-    "reduction": {"linalg", "scene", "basis", "system"},
+    "charts": {"system"},
+    "reduction": {"linalg", "scene", "basis", "system", "charts"},
     "integrate": {"linalg", "scene", "basis", "system", "reduction"},
     "study": {"linalg", "scene", "basis", "system", "assembly", "reduction", "integrate"},
     "gallery": {"scene"},

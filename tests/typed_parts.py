@@ -79,12 +79,28 @@ effects = (
     rj.Contact(here, there, rj.Line(), 1e5, friction=rj.Friction(0.3, static=0.4, stribeck=0.1)),
     rj.Contact(here, there, rj.Polynomial([0.0, 1.0]), stiffness=1e5, dissipation=0.1),
 )
-rj.Baumgarte(alpha=10.0, beta=25.0)
+outline = rj.Outline(jnp.zeros((2, 2)), "link", endless=True)
 scene = rj.Scene(bodies=[cart, wheel, bar], joints=joints[:1], effects=effects[:3])
+
+# Stabilisations, decompositions and reduced systems.
+stabilizations = (
+    rj.Baumgarte(alpha=10.0, beta=25.0),
+    rj.Baumgarte([1.0, 2.0], np.ones(2)),
+    rj.Baumgarte.critical(5.0),
+)
+decompositions = (rj.POD(tol=1e-4), rj.POD(3, method="gram"), rj.SOD("drop", offset=[0.0, 1.0]))
+system = rj.assemble(rj.Scene(bodies=[cart, bar], joints=joints[:1]))
+basis = rj.Basis.from_modes(np.eye(system.n), system.q0, system.mass(system.q0))
+rom = rj.reduce(system, basis, rj.Galerkin())
+rj.reduce(system, basis).with_full(system)
+rj.reduce(system, basis, "minimal").restrict(system.q0, system.v0)
 
 # What a field holds is an array, whatever it was given as.
 assert_type(spring.stiffness, jax.Array)
 assert_type(spring.rest_length, jax.Array | None)
+assert_type(rom, rj.ReducedSystem)
+assert_type(stabilizations[0].alpha, jax.Array)
+assert_type(decompositions[0].tol, jax.Array | None)
 assert_type(cart.position, jax.Array)
 assert_type(inertia.shift, jax.Array | None)
 assert_type(scene.bodies, tuple[rj.AbstractBody, ...])

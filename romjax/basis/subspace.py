@@ -10,6 +10,8 @@ import jax.scipy.linalg as jsl
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from .. import compat
+
 Method = Literal["svd", "gram"]
 # The share of the last kept singular value that the first dropped one may reach before derivatives
 # of the subspace tell nothing: they grow with 1/(1 − share).
@@ -82,7 +84,7 @@ def span(vectors: Float[Array, "n r"], metric: Float[Array, "n n"]) -> Float[Arr
     root = jnp.linalg.cholesky(metric).T
     weighted = root @ vectors
     values, rank = singular_values(weighted), min(vectors.shape)
-    if not isinstance(values, jax.core.Tracer):
+    if not compat.is_traced(values):
         rank = int(np.sum(np.asarray(values) > DEPENDENT * float(values[0])))
     orthonormal, _ = leading(weighted, rank)
     # How the span's vectors are mixed is no matter of its derivative.

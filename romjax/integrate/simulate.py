@@ -11,6 +11,7 @@ from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..arrays import Vector
 from ..checks import check_finite
+from ..errors import InputError
 from ..system.base import AbstractSystem, Run
 from ..system.consistent import check_start_shapes
 from ..system.constraints import ConstraintState
@@ -83,6 +84,12 @@ def simulate(
             'jax.config.update("jax_enable_x64", True) before making any array.',
             stacklevel=2,
         )
+    if isinstance(adjoint, diffrax.BacksolveAdjoint):
+        raise InputError(
+            "simulate: adjoint=BacksolveAdjoint() integrates the motion backwards in time, where "
+            "dampers and the stabilisation of the constraints make it grow; use "
+            "diffrax.RecursiveCheckpointAdjoint() or diffrax.ForwardMode()."
+        )
     rtol, times = jnp.asarray(rtol, q.dtype), times.astype(q.dtype)
     step = None if dt is None else jnp.asarray(dt, q.dtype)
     frequencies = None
@@ -146,7 +153,7 @@ def _statistics(states: States, settings: Settings) -> Statistics:
         rtol=settings.rtol if controlled else None,
         atol=settings.atol if controlled else None,
         fastest_frequency=None if frequencies is None else frequencies.fastest,
-        stabilization=settings.stabilization,
+        stabilization=settings.baumgarte or settings.projection,
     )
 
 

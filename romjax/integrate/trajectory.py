@@ -55,8 +55,8 @@ class Trajectory(eqx.Module):
     - `status`: a number of `romjax.Status`; `success` says whether all went well,
       `Trajectory.summary` says it in words.
     - `flags`: a number of `romjax.Flag`, of a reduced model's run; `warnings()` says it in words.
-    - `coordinates`: what the columns of q are (`romjax.scene.coordinate.Coordinate`); `labels` and
-      `descriptions` name them, shortly and in words.
+    - `coordinates`: what the columns of q are (`romjax.Coordinate`); `labels` and `descriptions`
+      name them, shortly and in words.
     - `solver_parts`: the method as a pytree. `solver` is the object that it stands for, and
       `solver_name` what messages and tables call it.
     """

@@ -92,3 +92,16 @@ def improve_inverse(
     start = (inverse, jnp.full_like(inverse[0, 0], jnp.inf), 0)
     found: Array = jax.lax.while_loop(unfinished, square, start)[0]
     return found
+
+
+def solve_by_inverse(
+    matrix: Float[Array, "m m"], inverse: Float[Array, "m m"], right: Float[Array, "m *k"]
+) -> Float[Array, "m *k"]:
+    """A⁻¹ b by a given inverse; the derivative is that of the solution of A x = b."""
+    solution: Float[Array, m * k] = jax.lax.custom_linear_solve(
+        lambda x: multiply(matrix, x),
+        right,
+        lambda _, right: multiply(inverse, right),
+        lambda _, right: multiply(inverse.T, right),
+    )
+    return solution

@@ -41,18 +41,16 @@ def reduce(
 
     **Arguments:**
 
-    - `system`: the full system; `basis`: from `pod`, `sod` or `Basis.from_modes`.
+    - `system`: the full one; `basis`: from `pod`, `sod` or `Basis.from_modes`; `old`: old names.
     - `formulation`: `Galerkin()`, "galerkin": d'Alembert's principle in the subspace, with the
       constraints that it can violate. `Minimal()`, "minimal": in minimal coordinates, of which the
       modes of the basis span a subspace, with all constraints satisfied exactly. `Projected()`,
-      "projected": the chapter's equation 39.6 to the letter, unstable and no faster, for reference
-      only.
+      "projected": the chapter's equation 39.6 to the letter, unstable, for reference only.
 
-    Raises ReductionError if the basis does not fit the system, if the constraints that are kept
-    lock the mechanism or those that are not free its joints, or if the mechanism passes a singular
-    position (minimal).
+    Raises ReductionError if the basis does not fit the system, if it would lock the mechanism or
+    take it apart (galerkin), or if the mechanism passes a singular position (minimal).
     """
-    chosen = deprecated.decided(as_formulation(formulation), old)
+    chosen: AbstractFormulation = deprecated.decided(as_formulation(formulation), old)
     if basis.modes.shape[0] != system.n:
         raise ReductionError(
             f"reduce: the basis has {basis.modes.shape[0]} coordinates and the system {system.n}; "

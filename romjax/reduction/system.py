@@ -35,7 +35,7 @@ class ReducedSystem(AbstractSystem):
 
     - `full`: the system that was reduced. `lift`: L. `combinations` U (M, m): None keeps none.
     - `q0`, `v0` (r,): the start. `time` [s]: at which `mass` is, where constraints depend on time.
-    - `validity`: what it was made of. `summary`: what it is, in words.
+    - `validity`: what it was made of. `structure`, `summary`: what it is, by names and in words.
     """
 
     full: AbstractSystem
@@ -58,7 +58,7 @@ class ReducedSystem(AbstractSystem):
         validity: AbstractValidity | None = None,
         summary: str = "",
     ) -> "ReducedSystem":
-        """The system on a lift, from the start nearest to physical (q, v, t)."""
+        """From the `start` nearest to physical (q, v, t); the fields are as `ReducedSystem` has."""
         z, w = _restrict(lift, full, *start[:2])
         m = 0 if combinations is None else combinations.shape[1]
         structure = Structure(
@@ -101,10 +101,8 @@ class ReducedSystem(AbstractSystem):
         return motion.q, motion.v
 
     def restrict(self, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
-        """The reduced coordinates and velocities nearest to physical ones.
-
-        Of a model in several charts, those of the chart that suits its start; see `starting_at` for
-        another start.
+        """The reduced coordinates and velocities nearest to physical ones; in several charts, those
+        of the chart that suits its start (see `starting_at` for another start).
         """
         return self.lift.restrict(self.full, q, v)
 
@@ -122,10 +120,9 @@ class ReducedSystem(AbstractSystem):
 
         Raises ReductionError if these cannot be satisfied there.
         """
-        time = self.time if t is None else as_array(t)
         q, v = as_array(q), as_array(v)
         rom = self.in_chart_of(q)
-        return rom._starting_at(*rom.restrict(q, v), time)
+        return rom._starting_at(*rom.restrict(q, v), self.time if t is None else as_array(t))
 
     def with_full(self, full: AbstractSystem) -> "ReducedSystem":
         """The same reduction of a system with other numbers: on the same lift, with the same

@@ -64,10 +64,9 @@ class TrainingBox(AbstractValidity):
         width = self.upper - self.lower
         allowed = _MARGIN * jnp.maximum(width, _NARROW * jnp.max(width))
         outside = jnp.maximum(self.lower[None] - points, points - self.upper[None])
-        raised: Array = jnp.any(outside > allowed[None]) * int(Flag.OUTSIDE_TRAINING)
         limit = jnp.maximum(_TIMES * self.violation, _ROUNDING)
-        raised += jnp.any(run.violation > limit) * int(Flag.VIOLATION)
-        return raised
+        flags: Array = jnp.any(outside > allowed[None]) * int(Flag.OUTSIDE_TRAINING)
+        return flags + jnp.any(run.violation > limit) * int(Flag.VIOLATION)
 
 
 @eqx.filter_jit

@@ -17,7 +17,6 @@ from ..arrays import Vector
 from ..integrate.adjoint import forward_mode
 from ..integrate.simulate import simulate
 from ..integrate.status import Status
-from ..reduction.system import ReducedSystem
 from ..system.base import AbstractSystem
 from ..system.dynamics import constraint_state
 from ..system.frequencies import frequencies
@@ -122,7 +121,7 @@ def tune_baumgarte(
             throw=False,
         )
         q, v = run.q, run.v
-        if isinstance(system, ReducedSystem):
+        if system.full is not system:
             q, v = jax.vmap(system.restrict)(q, v)
         states = jax.vmap(lambda t, q, v: constraint_state(system, t, q, v))(ts, q, v)
         loss = _log_mean(states.violation) + _log_mean(states.rate)

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..arrays import Number, Vector
-from ..scene.fields import Converted, number
+from ..fields import Converted, number
 
 
 class Baumgarte(eqx.Module):

@@ -9,7 +9,6 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import as_array
 from ..basis import Basis
 from ..build import modes_of, projection_error
 from ..rank import Rank, choose_rank
@@ -91,8 +90,3 @@ class AbstractDecomposition(eqx.Module):
             decomposition=self,
             summary=chosen.reason,
         )
-
-
-def optional_array(value: Any) -> Array | None:
-    """An array of numbers, or None: a converter of fields."""
-    return None if value is None else as_array(value)

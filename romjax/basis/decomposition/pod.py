@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from ...arrays import Vector
 from ...errors import InputError
-from ...scene.fields import Converted, number
+from ...fields import Converted, number
 from ..basis import Basis
 from ..rank import FLOOR, Rank
 from ..snapshots import Motion, SnapshotSet, WeightedSnapshots

@@ -10,7 +10,7 @@ import jax.scipy.linalg as jsl
 from jaxtyping import Array, Float
 
 from ...arrays import Vector
-from ...scene.fields import Converted, number
+from ...fields import Converted, number
 from ..basis import Basis
 from ..rank import FLOOR, Rank
 from ..snapshots import Motion, SnapshotSet, WeightedSnapshots

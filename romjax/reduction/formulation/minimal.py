@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ... import compat
 from ...basis.basis import Basis
 from ...basis.subspace import span
 from ...charts.atlas import Atlas, choose_atlas
@@ -85,12 +86,11 @@ def _in_atlas(system: AbstractSystem, basis: Basis, atlas: Atlas) -> ReducedSyst
     lift = AtlasLift.of(lifts, snapshots.q, root, atlas)
     validity = TrainingBox.of(lift.seen, root=root)
     summary = f"{freedoms} minimal coordinates in {len(lifts)} charts, no constraints"
-    begin = (snapshots.q[0], snapshots.v[0], snapshots.t[0])
-    return ReducedSystem.of(system, lift, begin, None, validity, summary)
+    return ReducedSystem.of(system, lift, start(system, basis), None, validity, summary)
 
 
 def _choose(system: AbstractSystem, basis: Basis) -> Chart | Atlas:
-    if any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves((system, basis))):
+    if any(compat.is_traced(x) for x in jax.tree.leaves((system, basis))):
         raise ValueError(
             "reduce: under jit, grad or vmap say which coordinates are independent, such as "
             "romjax.Minimal(chart=rom.lift.chart) of a reduced model that was made outside."

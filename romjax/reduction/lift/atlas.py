@@ -1,6 +1,7 @@
 """Minimal coordinates in several charts, and the change from one to another."""
 
-import equinox as eqx
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
@@ -55,5 +56,4 @@ class AtlasLift(AbstractLift):
 
     def with_full(self, full: AbstractSystem) -> "AtlasLift":
         lifts = jax.vmap(lambda lift: lift.with_full(full))(self.lifts)
-        lift: AtlasLift = eqx.tree_at(lambda atlas: atlas.lifts, self, lifts)
-        return lift
+        return dataclasses.replace(self, lifts=lifts)

@@ -1,6 +1,7 @@
 """Minimal coordinates from which the others follow in closed form."""
 
-import equinox as eqx
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -43,8 +44,7 @@ class ClosedFormLift(AbstractLift):
 
     def with_full(self, full: AbstractSystem) -> "ClosedFormLift":
         inverses = self.chart.dependent_inverses(full, self.time[None], self.offset[None])
-        lift: ClosedFormLift = eqx.tree_at(lambda lift: lift.inverse, self, inverses[0])
-        return lift
+        return dataclasses.replace(self, inverse=inverses[0])
 
     def _violation(self, full: AbstractSystem, t: Time, z: Reduced) -> Float[Array, " m"]:
         """The constraints where d is that of the guess."""

@@ -1,9 +1,9 @@
 """Minimal coordinates from which Newton's method finds the others."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from ... import precision
 from ...arrays import Time
 from ...charts.chart import Chart
-from ...linalg.dense import improve_inverse, multiply
+from ...linalg.dense import improve_inverse, multiply, solve_by_inverse
 from ...system.base import AbstractSystem
 from ...system.constraints import differentiate
 from ...system.dynamics import jacobian
@@ -58,20 +58,13 @@ class ImplicitLift(AbstractLift):
         matrix = multiply(rows, dependent)
         inverse = improve_inverse(inverse, jax.lax.stop_gradient(matrix))
 
-        def solve(right: Array) -> Array:
-            found: Array = jax.lax.custom_linear_solve(
-                lambda x: multiply(matrix, x),
-                right,
-                lambda _, right: multiply(inverse, right),
-                lambda _, right: multiply(inverse.T, right),
-            )
-            return found
-
-        follow = -multiply(dependent, solve(jnp.concatenate(right, axis=1)))
+        solved = solve_by_inverse(matrix, inverse, jnp.concatenate(right, axis=1))
+        follow = -multiply(dependent, solved)
         tangent = self.modes + follow[:, :-1]
         v = multiply(tangent, w) + follow[:, -1]
         curvature = chart.regular(differentiate(full.constraint, t, q, v).curvature)
-        return Motion(q, v, tangent, -multiply(dependent, solve(curvature)))
+        bias = -multiply(dependent, solve_by_inverse(matrix, inverse, curvature))
+        return Motion(q, v, tangent, bias)
 
     def restrict(self, full: AbstractSystem, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
         del full
@@ -81,8 +74,7 @@ class ImplicitLift(AbstractLift):
         dependent = jnp.asarray(self.chart.dependent, self.offset.dtype)
         q = self.offset[None] + self.snapshots @ self.modes.T + self.guesses @ dependent.T
         inverses = self.chart.dependent_inverses(full, self.times, q)
-        lift: ImplicitLift = eqx.tree_at(lambda lift: lift.inverses, self, inverses)
-        return lift
+        return dataclasses.replace(self, inverses=inverses)
 
     def _solve(
         self, full: AbstractSystem, t: Time, z: Reduced

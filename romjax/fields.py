@@ -1,0 +1,55 @@
+"""Fields that hold arrays: numbers are arrays, so that a new number never recompiles.
+
+`Converted` and the field functions tell type checkers what a constructor takes and what its field
+holds. Neither follows from the converter of a field of equinox: mypy takes the type of the field
+for that of the argument, pyright that of the converter's argument, which is Any.
+"""
+
+from typing import TYPE_CHECKING, Any, Generic
+
+import equinox as eqx
+from jaxtyping import Array
+
+from .arrays import Number, as_array
+
+__all__ = ["Converted", "number", "parts"]
+
+if TYPE_CHECKING:
+    # Checkers know a field, and whether it has a default, by the function that declares it, here
+    # that of equinox by other names. They do not see its converter: the annotation decides.
+    from equinox import field as number
+    from equinox import field as parts
+    from typing_extensions import TypeVar
+
+    Held = TypeVar("Held")
+    Given = TypeVar("Given", default=Number)
+
+    class Converted(Generic[Held, Given]):
+        """Of a field that holds the first type and takes the second too, a number unless told.
+
+        To checkers it is a descriptor, whose `__set__` gives the type of the argument of a
+        constructor (https://typing.python.org/en/latest/spec/dataclasses.html).
+        """
+
+        def __get__(self, instance: object, owner: type) -> Held: ...
+        def __set__(self, instance: object, value: Held | Given) -> None: ...
+
+else:
+
+    class Converted:
+        """`Converted[held, given]` is `held`: the annotation that is checked at run time."""
+
+        def __class_getitem__(cls, types: Any) -> Any:
+            return types[0] if isinstance(types, tuple) else types
+
+    def number(**kwargs: Any) -> Any:
+        """A field holding a floating-point array (or None, where the element allows it)."""
+        return eqx.field(converter=_as_number, **kwargs)
+
+    def parts(**kwargs: Any) -> Any:
+        """A field holding a tuple of elements, of any sequence of them."""
+        return eqx.field(converter=tuple, **kwargs)
+
+
+def _as_number(value: Any) -> Array | None:
+    return None if value is None else as_array(value)

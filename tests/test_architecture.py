@@ -1,0 +1,204 @@
+"""What the parts may know of each other, and how long they may be: read from the code itself."""
+
+import ast
+import importlib
+import inspect
+import pkgutil
+import sys
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import pytest
+
+import romjax as rj
+from romjax.system.base import AbstractSystem
+
+PACKAGE = Path(rj.__file__).parent
+FILES = {path.relative_to(PACKAGE).as_posix(): path for path in sorted(PACKAGE.rglob("*.py"))}
+TREES = {name: ast.parse(path.read_text()) for name, path in FILES.items()}
+# Required: the largest sizes, in lines, and in members and calls.
+FILE, FUNCTION, REDUCTION = 300, 60, 1100
+MEMBERS, CALLS = 12, 20
+# Names of formulations and decompositions, which only the parser of names may compare with.
+NAMES = {"galerkin", "minimal", "projected", "POD", "SOD", "given"}
+PARSER = "reduction/formulation/parse.py"
+
+
+def within(*folders: str) -> dict[str, ast.Module]:
+    return {name: tree for name, tree in TREES.items() if name.split("/")[0] in folders}
+
+
+def classes(*folders: str) -> list[type]:
+    """All classes that the modules of some folders define."""
+    found = []
+    for folder in folders:
+        package = importlib.import_module(f"romjax.{folder}")
+        for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+            members = vars(importlib.import_module(module.name)).values()
+            found += [x for x in members if inspect.isclass(x) and x.__module__ == module.name]
+    return found
+
+
+def descendants(cls: type) -> list[type]:
+    """The subclasses of a class that the package defines, and theirs."""
+    direct = [sub for sub in cls.__subclasses__() if sub.__module__.startswith("romjax.")]
+    return direct + [sub for parent in direct for sub in descendants(parent)]
+
+
+# Nobody asks which kind of system, formulation or decomposition it holds.
+
+
+def asked_kinds(call: ast.Call) -> list[str]:
+    """The names of classes that an `isinstance` or `issubclass` asks for."""
+    if not (isinstance(call.func, ast.Name) and call.func.id in ("isinstance", "issubclass")):
+        return []
+    nodes = list(ast.walk(call.args[1]))
+    names = [node.id for node in nodes if isinstance(node, ast.Name)]
+    return names + [node.attr for node in nodes if isinstance(node, ast.Attribute)]
+
+
+def test_only_reduction_asks_which_kind_a_system_is():
+    asked = [
+        f"{name}:{call.lineno}: {ast.unparse(call)}"
+        for name, tree in TREES.items()
+        if not name.startswith("reduction/")
+        for call in ast.walk(tree)
+        if isinstance(call, ast.Call) and any(kind.endswith("System") for kind in asked_kinds(call))
+    ]
+    assert asked == []
+
+
+def compared(tree: ast.Module) -> list[ast.Compare | ast.pattern]:
+    """Comparisons with a name, by operators or by a pattern of `match`."""
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Compare | ast.pattern)]
+    return [
+        node
+        for node in nodes
+        if any(x.value in NAMES for x in ast.walk(node) if isinstance(x, ast.Constant))
+    ]
+
+
+def test_only_the_parser_of_names_compares_with_them():
+    found = [
+        f"{name}:{node.lineno}: {ast.unparse(node)}"
+        for name, tree in TREES.items()
+        if name != PARSER
+        for node in compared(tree)
+    ]
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        'kind == "galerkin"',
+        'if kind in ("POD", "SOD"): pass',
+        'match kind:\n    case "minimal": pass',
+    ],
+)
+def test_comparisons_are_recognised(line):
+    assert len(compared(ast.parse(line))) >= 1
+
+
+# Abstract or final.
+
+
+def test_a_system_is_little_to_know():
+    """Fields, properties and methods; of these, subclasses define those that are abstract."""
+    fields = {name for name in AbstractSystem.__annotations__ if not name.startswith("_")}
+    members = fields | {name for name in dir(AbstractSystem) if not name.startswith("_")}
+    assert len(members) <= MEMBERS, f"{len(members)} members: {sorted(members)}"
+    concrete = members - fields - AbstractSystem.__abstractmethods__
+    assert {"n", "m", "acceleration"} <= concrete
+    kinds = descendants(AbstractSystem)
+    assert len(kinds) >= 4
+    overridden = [(kind.__name__, name) for kind in kinds for name in concrete & set(vars(kind))]
+    assert overridden == []
+
+
+def test_classes_are_abstract_or_final():
+    """None derives from a class of the package that can be instantiated."""
+    wrong = [
+        f"{cls.__module__}.{cls.__name__} derives from {base.__name__}"
+        for cls in classes("system", "reduction", "integrate")
+        for base in cls.__mro__[1:]
+        if base.__module__.startswith("romjax.")
+        if not (base.__name__.startswith("Abstract") and inspect.isabstract(base))
+    ]
+    assert wrong == []
+
+
+# Sizes.
+
+
+def test_files_are_short():
+    lengths = {name: len(path.read_text().splitlines()) for name, path in FILES.items()}
+    assert {name: length for name, length in lengths.items() if length > FILE} == {}
+
+
+def test_reduction_is_short():
+    lengths = [len(FILES[name].read_text().splitlines()) for name in within("reduction")]
+    assert sum(lengths) <= REDUCTION, f"{sum(lengths)} lines"
+
+
+def code_lines(function: ast.FunctionDef) -> int:
+    """Lines of a function without its docstring, which may be as long as its arguments need."""
+    assert function.end_lineno is not None
+    first = function.body[0]
+    words = isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant)
+    docstring = first.end_lineno - first.lineno + 1 if words else 0
+    return function.end_lineno - function.lineno + 1 - docstring
+
+
+def test_functions_are_short():
+    long = {
+        f"{name}:{node.lineno}: {node.name}": code_lines(node)
+        for name, tree in within("reduction", "charts", "integrate", "system").items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef) and code_lines(node) > FUNCTION
+    }
+    assert long == {}
+
+
+# The walk of a basis to a reduced system.
+
+
+@pytest.fixture(scope="module")
+def swinging():
+    """Two hinged bars, and a basis of what they do."""
+    system = rj.assemble(rj.gallery.chain(2))
+    return system, rj.pod(rj.simulate(system, jnp.linspace(0.0, 0.2, 21)), rank=2)
+
+
+@pytest.mark.parametrize("formulation", ["galerkin", "minimal"])
+def test_the_walk_of_a_basis_is_short(swinging, formulation):
+    """Functions that a reader of `reduce` passes: those of basis/, charts/ and reduction/ that are
+    called between its first line and its return, each once, however often a loop calls it.
+
+    Left out is what JAX calls (functions under jit and vmap, while they are traced), what only
+    evaluates the system (its mass matrix, say), and comprehensions, which are no functions.
+    """
+    of_jax, passed = str(Path(jax.__file__).parent) + "/", []
+    folders = tuple(str(PACKAGE / folder) + "/" for folder in ("basis", "charts", "reduction"))
+
+    def note(frame, event, _):
+        code = frame.f_code
+        if event != "call" or not code.co_filename.startswith(folders) or code.co_name[0] == "<":
+            return
+        caller = frame.f_back
+        while caller is not None and caller.f_code is not here:
+            if caller.f_code.co_filename.startswith(of_jax):
+                return
+            caller = caller.f_back
+        passed.append(code.co_qualname)
+
+    here = sys._getframe().f_code
+    sys.setprofile(note)
+    try:
+        rj.reduce(*swinging, formulation)
+    finally:
+        sys.setprofile(None)
+    different = list(dict.fromkeys(passed))
+    assert different[:2] == ["reduce", "as_formulation"]
+    assert len(different) <= CALLS, f"{len(different)} functions: {', '.join(different)}"

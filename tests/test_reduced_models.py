@@ -1,0 +1,315 @@
+"""What every reduced model is: as many coordinates as modes, the same elsewhere, by any name."""
+
+import dataclasses
+import warnings
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import TIGHT
+from test_hard_cases import four_bar
+from tolerances import DIFFERENCED, IDENTITY, SOLVED
+
+import romjax as rj
+from romjax import deprecated
+from romjax.reduction.lift.atlas import AtlasLift
+from romjax.system import dynamics
+
+RANKS = {"galerkin": 5, "minimal": 3}
+FORMULATIONS = {"galerkin": rj.Galerkin, "minimal": rj.Minimal}
+# Of the cart-pendulum in half a second: what POD's modes err at most, and what random ones at least
+# (they err by 4 % and more).
+ERROR, WORSE = 1e-6, 1e-2
+# The same decisions made elsewhere, against those made again: share of the reduction's own error.
+AGAIN = 0.3
+# From a snapshot on: what the subspace misses of it and the reduction adds.
+STARTED = 1e-6
+
+
+def simulate(rom, ts, rtol=1e-8):
+    return rj.simulate(rom, ts, rtol=rtol, solver=diffrax.Tsit5(), throw=False)
+
+
+@pytest.fixture(scope="module")
+def motion(cart_pendulum):
+    return rj.simulate(cart_pendulum, jnp.linspace(0.0, 0.5, 101), rtol=TIGHT)
+
+
+@pytest.fixture(scope="module")
+def models(cart_pendulum, motion):
+    """A basis and a reduced model by the name of the formulation."""
+    bases = {name: rj.pod(motion, rank=rank) for name, rank in RANKS.items()}
+    return {
+        name: (basis, rj.reduce(cart_pendulum, basis, FORMULATIONS[name]()))
+        for name, basis in bases.items()
+    }
+
+
+@pytest.fixture(params=RANKS)
+def model(models, request):
+    return models[request.param]
+
+
+@pytest.fixture(scope="module")
+def turning():
+    """A four-bar that goes all the way round, and its one coordinate in several charts."""
+    system = rj.assemble(four_bar())
+    motion = rj.simulate(system, jnp.linspace(0.0, 2.0, 101), rtol=TIGHT)
+    rom = rj.reduce(system, rj.pod(motion), "minimal")
+    return motion, rom, rj.simulate(rom, motion.t, rtol=TIGHT)
+
+
+def largest(x) -> float:
+    return float(jnp.max(jnp.abs(x)))
+
+
+# The modes that are given decide.
+
+
+def projector(columns) -> np.ndarray:
+    q, _ = np.linalg.qr(np.asarray(columns))
+    return q @ q.T
+
+
+def random_modes(basis, seed=7) -> rj.Basis:
+    modes = np.random.default_rng(seed).normal(size=basis.modes.shape)
+    return eqx.tree_at(lambda basis: basis.modes, basis, jnp.asarray(modes))
+
+
+def test_minimal_coordinates_span_what_the_modes_span(cart_pendulum, models):
+    """Read in the independent coordinates, the tangent and the modes are one subspace."""
+    basis, _ = models["minimal"]
+    for given in (basis, random_modes(basis)):
+        rom = rj.reduce(cart_pendulum, given, "minimal")
+        read = rom.lift.chart.read
+        assert rom.n == np.linalg.matrix_rank(read @ given.modes) == 3
+        tangent = rom.state(0.0, rom.q0, rom.v0).motion.tangent
+        apart = largest(projector(read @ tangent) - projector(read @ given.modes))
+        assert apart <= IDENTITY * np.linalg.cond(read @ given.modes), f"subspaces part: {apart}"
+
+
+def test_random_modes_make_a_worse_model(cart_pendulum, models, motion):
+    """Modes decide the minimal model, not the snapshots that came with them."""
+    basis, rom = models["minimal"]
+    good = float(rj.compare(motion, simulate(rom, motion.t)).error)
+    other = rj.reduce(cart_pendulum, random_modes(basis), "minimal")
+    bad = float(rj.compare(motion, simulate(other, motion.t)).error)
+    assert good <= ERROR, f"POD: {good:.1e}"
+    assert bad >= WORSE, f"random: {bad:.1e}"
+
+
+# As many coordinates as modes.
+
+
+@pytest.mark.parametrize("formulation", ["galerkin", "minimal", "projected"])
+def test_a_model_has_as_many_coordinates_as_modes(cart_pendulum, motion, formulation):
+    rank = RANKS.get(formulation, 5)
+    rom = rj.reduce(cart_pendulum, rj.pod(motion, rank=rank), formulation)
+    assert rom.n == len(rom.q0) == len(rom.v0) == len(rom.structure.coordinates) == rank
+    assert rom.degrees_of_freedom == rank - rom.m
+
+
+def test_a_model_in_charts_has_as_many_coordinates_as_modes(turning):
+    """The number of the chart is none of them."""
+    motion, rom, run = turning
+    assert isinstance(rom.lift, AtlasLift)
+    assert (rom.n, rom.q0.shape, rom.m, rom.degrees_of_freedom) == (1, (1,), 0, 1)
+    charts = {int(rom.lift.number(q)) for q in run.q}
+    assert len(charts) >= 2, "the motion stays in one chart"
+    error = float(rj.compare(motion, run).error)
+    assert error <= 10 * SOLVED, f"{error:.1e}"
+
+
+def test_numbers_of_charts_do_not_change_the_steps(turning):
+    """Numbered the other way round, charts change by other amounts: in an error norm, these would
+    reject steps.
+    """
+    motion, rom, run = turning
+    lift = rom.lift
+    last = len(lift.lifts.offset) - 1
+    reversed_lift = dataclasses.replace(
+        lift,
+        lifts=jax.tree.map(lambda x: x[::-1], lift.lifts),
+        current=last - lift.current,
+        owners=last - lift.owners,
+    )
+    other = rj.simulate(dataclasses.replace(rom, lift=reversed_lift), motion.t, rtol=TIGHT)
+    assert last >= 1
+    assert int(other.stats.num_steps) == int(run.stats.num_steps)
+    assert largest(other.q - run.q) <= SOLVED, f"apart by {largest(other.q - run.q):.1e}"
+
+
+# The same reduction elsewhere.
+
+
+def varied(f1=16.5) -> rj.AbstractSystem:
+    return rj.assemble(rj.gallery.cart_pendulum(f1=f1, cart_mass=1.1))
+
+
+def test_the_same_reduction_of_another_system(model, motion):
+    """Against reducing that system with the same decisions, and against its full motion."""
+    basis, rom = model
+    decided = rj.Galerkin(rom.m) if rom.m else rj.Minimal(rom.lift.chart)
+    system = varied()
+    truth = rj.simulate(system, motion.t, rtol=TIGHT)
+    same = simulate(rom.with_full(system), motion.t)
+    again = simulate(rj.reduce(system, basis, decided), motion.t)
+    error = float(rj.compare(truth, same).error)
+    apart = float(rj.compare(again, same).error)
+    changed = float(rj.compare(motion, truth).error)
+    assert error <= ERROR, f"{error:.1e}"
+    assert apart <= AGAIN * error, f"apart by {apart:.1e}, error {error:.1e}"
+    assert changed >= 1e-2, f"the other system moves alike, to {changed:.1e}"
+
+
+def test_other_numbers_are_the_same_program(model):
+    """Structure and types stay, and under jit and vmap nothing is traced for another number."""
+    _, rom = model
+    other, traced = rom.with_full(varied()), []
+    assert jax.tree.structure(other) == jax.tree.structure(rom)
+    for one, two in zip(jax.tree.leaves(rom), jax.tree.leaves(other), strict=True):
+        assert jnp.shape(one) == jnp.shape(two)
+        assert jnp.result_type(one) == jnp.result_type(two)
+
+    def slowest(f1):
+        traced.append(f1)
+        local = rom.with_full(varied(f1))
+        return local.acceleration(0.0, local.q0 + 0.01, local.v0)[0]
+
+    single = jax.jit(slowest)
+    numbers = jnp.array([15.0, 16.0, 17.0])
+    rows = jnp.stack([single(f1) for f1 in numbers])
+    assert len(traced) == 1
+    batch = jax.jit(jax.vmap(slowest))
+    assert largest(batch(numbers) - rows) <= IDENTITY * largest(rows)
+    assert largest(batch(numbers + 1) - rows) > 0
+    assert len(traced) == 2
+
+
+@pytest.mark.slow
+def test_a_gradient_through_another_system(models):
+    """By the pendulum's first frequency."""
+    _, rom = models["minimal"]
+    ts = jnp.linspace(0.0, 0.1, 3)
+
+    def angle(f1):
+        return simulate(rom.with_full(varied(f1)), ts, TIGHT).q[-1, 5]
+
+    check = rj.check_gradient(angle, 16.0)
+    assert check.error <= DIFFERENCED, f"\n{check}"
+    assert abs(float(check.reverse)) >= 1e-6
+
+
+def test_a_system_of_another_size_is_refused(model):
+    with pytest.raises(rj.ReductionError, match=r"6 coordinates and 4 constraints cannot take"):
+        model[1].with_full(rj.assemble(rj.gallery.chain(2)))
+
+
+def test_another_start(model, motion):
+    _, rom = model
+    k = 40
+    later = rom.starting_at(motion.q[k], motion.v[k], motion.t[k])
+    run = simulate(later, motion.t[k:])
+    assert float(later.time) == motion.t[k]
+    error = largest(run.q - motion.q[k:])
+    assert error <= STARTED, f"{error:.1e} m or rad"
+
+
+def test_another_start_in_another_chart(turning):
+    motion, rom, _ = turning
+    k = next(k for k, q in enumerate(motion.q) if rom.lift.number(q) != rom.lift.current)
+    later = rom.starting_at(motion.q[k], motion.v[k], motion.t[k])
+    assert int(later.lift.current) == int(rom.lift.number(motion.q[k])) != int(rom.lift.current)
+    q, v = later.reconstruct(later.time, later.q0, later.v0)
+    # Projected, the full run's outputs move by what they violate.
+    assert largest(q - motion.q[k]) <= 10 * SOLVED, f"{largest(q - motion.q[k]):.1e}"
+    assert largest(v - motion.v[k]) <= 100 * SOLVED, f"{largest(v - motion.v[k]):.1e}"
+
+
+# Names of the release before.
+
+
+def test_formulations_that_do_not_exist(cart_pendulum, models):
+    words = r"formulation='galrkin'.*\"galerkin\".*\"minimal\".*\"projected\".*romjax\.Galerkin\(\)"
+    with pytest.raises(rj.ReductionError, match=words):
+        rj.reduce(cart_pendulum, models["galerkin"][0], "galrkin")
+    with pytest.raises(TypeError, match="unexpected keyword argument 'modes'"):
+        rj.reduce(cart_pendulum, models["galerkin"][0], modes=3)
+
+
+@pytest.mark.parametrize(
+    ("formulation", "old", "value"),
+    [
+        ("galerkin", "constraints", lambda rom: rom.m),
+        ("minimal", "chart", lambda rom: rom.lift.chart),
+    ],
+)
+def test_old_arguments_of_reduce_warn_once(cart_pendulum, models, formulation, old, value):
+    basis, rom = models[formulation]
+    deprecated.warn_once.cache_clear()
+    with pytest.warns(DeprecationWarning, match=rf"reduce\({old}=…\) is called .*\({old}=…\)"):
+        found = rj.reduce(cart_pendulum, basis, formulation, **{old: value(rom)})
+    assert (found.n, found.m, found.summary) == (rom.n, rom.m, rom.summary)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        rj.reduce(cart_pendulum, basis, formulation, **{old: value(rom)})
+
+
+def state(rom):
+    return 0.1, rom.q0 + 0.01, rom.v0 + 0.1
+
+
+OLD_NAMES = {
+    "physical": (lambda rom: rom.physical(*state(rom)), lambda rom: rom.reconstruct(*state(rom))),
+    "reduced": (
+        lambda rom: rom.reduced(rom.full.q0, rom.full.v0),
+        lambda rom: rom.restrict(rom.full.q0, rom.full.v0),
+    ),
+    "training": (lambda rom: rom.training, lambda rom: rom.validity),
+    "reason": (lambda rom: rom.reason, lambda rom: rom.summary),
+    "chart": (lambda rom: rom.chart.read, lambda rom: rom.lift.chart.read),
+    "coordinate_labels": (
+        lambda rom: rom.coordinate_labels(),
+        lambda rom: rom.full.structure.labels,
+    ),
+    "jacobian": (
+        lambda rom: rom.full.jacobian(0.0, rom.full.q0),
+        lambda rom: dynamics.jacobian(rom.full, 0.0, rom.full.q0),
+    ),
+    "momentum": (
+        lambda rom: rom.momentum(rom.q0, rom.v0 + 1),
+        lambda rom: dynamics.apply_mass(rom, rom.q0, rom.v0 + 1),
+    ),
+    "kinetic_energy": (
+        lambda rom: rom.kinetic_energy(rom.q0, rom.v0 + 1),
+        lambda rom: dynamics.kinetic_energy(rom, rom.q0, rom.v0 + 1),
+    ),
+    "constraint_state": (
+        lambda rom: rom.full.constraint_state(0.0, rom.full.q0, rom.full.v0),
+        lambda rom: dynamics.constraint_state(rom.full, 0.0, rom.full.q0, rom.full.v0),
+    ),
+    "linearize": (lambda rom: rom.linearize.func, lambda rom: dynamics.linearize),
+}
+
+
+@pytest.mark.parametrize("name", OLD_NAMES)
+def test_old_names_of_systems_warn_once(models, name):
+    _, rom = models["minimal"]
+    old, new = OLD_NAMES[name]
+    deprecated.warn_once.cache_clear()
+    with pytest.warns(DeprecationWarning, match=rf"system\.{name}.* is called .*system\."):
+        found = old(rom)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        old(rom)
+    for one, two in zip(jax.tree.leaves(found), jax.tree.leaves(new(rom)), strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def test_names_that_never_were(cart_pendulum):
+    for name in ("fizikal", "chart", "lift"):
+        with pytest.raises(AttributeError, match=f"has no attribute '{name}'"):
+            getattr(cart_pendulum, name)
