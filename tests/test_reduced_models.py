@@ -313,3 +313,16 @@ def test_names_that_never_were(cart_pendulum):
     for name in ("fizikal", "chart", "lift"):
         with pytest.raises(AttributeError, match=f"has no attribute '{name}'"):
             getattr(cart_pendulum, name)
+
+
+def test_a_system_without_constraints_is_reduced():
+    """Two masses on springs, in the one mode that the snapshots have."""
+    stiffness = jnp.array([[3.0, -1.0], [-1.0, 3.0]])
+    system = rj.CustomSystem(
+        lambda q: jnp.eye(2), lambda t, q, v: -stiffness @ q, q0=[1.0, 1.0], v0=[0.0, 0.0]
+    )
+    motion = rj.simulate(system, jnp.linspace(0.0, 1.0, 21), rtol=1e-10)
+    rom = rj.reduce(system, rj.pod(motion, rank=1, offset=jnp.zeros(2)))
+    assert (rom.n, rom.m) == (1, 0)
+    error = float(rj.compare(motion, rj.simulate(rom, motion.t, rtol=1e-10)).error)
+    assert error <= SOLVED, error

@@ -106,10 +106,10 @@ class Pattern:
         return self.rows.take(x)
 
     def join(self, x: Float[Array, "bodies size *k"]) -> Float[Array, "n *k"]:
-        return take(x.reshape(-1, *x.shape[2:]), self._unpadded(self.coordinates, self.n))
+        return take(_joined(x), self._unpadded(self.coordinates, self.n))
 
     def join_rows(self, x: Float[Array, "nodes height *k"]) -> Float[Array, "m *k"]:
-        return take(x.reshape(-1, *x.shape[2:]), self._unpadded(self.rows, self.m))
+        return take(_joined(x), self._unpadded(self.rows, self.m))
 
     @staticmethod
     def _unpadded(index: Index, size: int) -> np.ndarray:
@@ -195,3 +195,8 @@ def _table(entries: Sequence[Sequence[int] | np.ndarray], size: int | None = Non
     for row, listed in zip(table, entries, strict=True):
         row[: len(listed)] = listed
     return table
+
+
+def _joined(x: Float[Array, "count size *k"]) -> Float[Array, "entries *k"]:
+    """The first two axes as one; of a known length, as arrays without entries have any."""
+    return x.reshape(x.shape[0] * x.shape[1], *x.shape[2:])

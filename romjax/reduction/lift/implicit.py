@@ -122,5 +122,5 @@ class ImplicitLift(AbstractLift):
 
 
 def _solve_linear(linear: Callable[[Array], Array], right: Array) -> Array:
-    matrix: Array = jax.jacobian(linear)(right)
-    return jnp.linalg.solve(matrix, right)
+    solution: Array = jnp.linalg.solve(jax.jacobian(linear)(right), right)
+    return solution
