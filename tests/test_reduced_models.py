@@ -325,4 +325,4 @@ def test_a_system_without_constraints_is_reduced():
     rom = rj.reduce(system, rj.pod(motion, rank=1, offset=jnp.zeros(2)))
     assert (rom.n, rom.m) == (1, 0)
     error = float(rj.compare(motion, rj.simulate(rom, motion.t, rtol=1e-10)).error)
-    assert error <= SOLVED, error
+    assert error <= 10 * SOLVED, error

@@ -39,7 +39,8 @@ class ReducedConstraints(NamedTuple):
 
     @property
     def side_by_side(self) -> Float[Array, "m rK"]:
-        rows = jnp.moveaxis(self.rows, 0, 1).reshape(self.rows.shape[1], -1)
+        count, m, r = self.rows.shape
+        rows = jnp.moveaxis(self.rows, 0, 1).reshape(m, count * r)
         root: float = len(self.rows) ** 0.5
         return rows / root
 
