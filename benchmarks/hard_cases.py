@@ -70,7 +70,7 @@ def textbook(system, ts, solver, rtol=None, dt=None):  # type: ignore[no-untyped
         q, v = state
         rows = dynamics.jacobian(system, t, q)
         matrix = jnp.block([[system.mass(q), rows.T], [rows, zero]])
-        right = jnp.concatenate([system.force(t, q, v), system.gamma(t, q, v, keep)])
+        right = jnp.concatenate([system.force(t, q, v), dynamics.gamma(system, t, q, v, keep)])
         return v, jnp.linalg.solve(matrix, right)[:n]
 
     control = diffrax.ConstantStepSize() if dt else diffrax.PIDController(rtol=rtol, atol=rtol)

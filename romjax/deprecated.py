@@ -80,6 +80,7 @@ _METHODS = {
     "momentum": "apply_mass",
     "jacobian": "jacobian",
     "constraint_state": "constraint_state",
+    "gamma": "gamma",
     "linearize": "linearize",
     "kinetic_energy": "kinetic_energy",
 }

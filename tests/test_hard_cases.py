@@ -49,7 +49,7 @@ def solved_exactly(system, q, v) -> tuple[np.ndarray, np.ndarray]:
     n, m = system.n, system.m
     mass, rows = np.asarray(system.mass(q)), np.asarray(dynamics.jacobian(system, 0.0, q))
     matrix = np.block([[mass, rows.T], [rows, np.zeros((m, m))]])
-    right = np.concatenate([system.force(0.0, q, v), system.gamma(0.0, q, v)])
+    right = np.concatenate([system.force(0.0, q, v), dynamics.gamma(system, 0.0, q, v)])
     table = [[Fraction(float(x)) for x in (*row, b)] for row, b in zip(matrix, right, strict=True)]
     for i in range(n + m):
         pivot = max(range(i, n + m), key=lambda r, i=i: abs(table[r][i]))

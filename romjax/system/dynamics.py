@@ -73,6 +73,17 @@ def constraint_state(
     return differentiate(system.constraint, t, q, v, a)
 
 
+def gamma(
+    system: AbstractSystem,
+    t: Time,
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    stabilization: Baumgarte | None = None,
+) -> Float[Array, " m"]:
+    """The right-hand side γ of the constraints at the level of accelerations, C_q a = γ."""
+    return right_hand_side(system.constraint, system.m, t, q, v, stabilization)
+
+
 def linearize(
     system: AbstractSystem,
     t: Time,
@@ -89,8 +100,7 @@ def linearize(
     t = jnp.asarray(t, q.dtype)
     n, state = system.n, system.state(t, q, v)
     kkt = state.kkt()
-    gamma = right_hand_side(system.constraint, system.m, t, q, v, stabilization)
-    a, multipliers = kkt.solve(state.force(), gamma)
+    a, multipliers = kkt.solve(state.force(), gamma(system, t, q, v, stabilization))
 
     def residual(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         unbalanced = system.state(t, q, v).residual(a)
