@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import diffrax
 import equinox as eqx
@@ -159,8 +159,8 @@ class _Search:
     def candidate(self, rank: int) -> _Candidate:
         """The model of a rank, with its runs from the starts of all training runs."""
         basis = POD(rank)(self.truths)
-        rom = reduce(self.systems[0], basis, self.formulation)
-        assert isinstance(rom, ReducedSystem)  # as all do that are not for reference only
+        # As all formulations make that are not for reference only.
+        rom = cast(ReducedSystem, reduce(self.systems[0], basis, self.formulation))
         pairs = zip(self.systems, self.truths, strict=True)
         runs = [_run(rom, basis, system, truth, self.tol) for system, truth in pairs]
         return _Candidate(rom, basis, runs)

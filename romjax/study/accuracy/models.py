@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
+from typing import cast
 
 from ...basis.basis import Basis
 from ...basis.decomposition.base import AbstractDecomposition
@@ -48,8 +49,7 @@ def reduced_models(
         ) -> tuple[ReducedSystem | ProjectedSystem, Basis]:
             basis = decomposition.with_rank(rank)(training)
             rom = reduce(system, basis, formulation)
-            assert isinstance(rom, ReducedSystem | ProjectedSystem)
-            return rom, basis
+            return cast(ReducedSystem | ProjectedSystem, rom), basis
 
         try:
             (rom, basis), duration = timed(make)
