@@ -102,8 +102,7 @@ def looseness(candidates: ReducedConstraints, count: int) -> tuple[float, int]:
     """How far the motion that is left free violates the constraints, and the one it violates most.
 
     The largest singular value over the snapshots of the scaled Jacobian, on the null space of the
-    `count` combinations that are kept: zero for a mechanism that stays one, one for parts that have
-    lost their joints.
+    `count` combinations that are kept: zero where all joints hold, one for parts without joints.
     """
     worst, row = 0.0, 0
     pairs = zip(np.asarray(candidates.rows), _directions(candidates, count), strict=True)
@@ -119,8 +118,8 @@ def _directions(
     candidates: ReducedConstraints, count: int
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """At each snapshot, the directions that the kept combinations stop, and those left free."""
-    kept = np.asarray(candidates.combinations(count) / candidates.scale[:, None])
+    combinations = np.asarray(candidates.combinations(count) / candidates.scale[:, None])
     for jacobian in np.asarray(candidates.rows):
-        _, values, right = np.linalg.svd(kept.T @ jacobian)
+        _, values, right = np.linalg.svd(combinations.T @ jacobian)
         rank = int(np.sum(values > _ZERO))
         yield right[:rank], right[rank:]

@@ -67,8 +67,8 @@ class ReducedSystem(AbstractSystem):
             rigid=(True,) * z.size,
             flexible=True,
         )
-        kept = combinations if m else None
-        rom = cls(full, lift, kept, z, w, start[2], validity, structure, summary)
+        combinations = combinations if m else None
+        rom = cls(full, lift, combinations, z, w, start[2], validity, structure, summary)
         return rom._starting_at(z, w, start[2])
 
     @property

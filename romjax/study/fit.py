@@ -123,7 +123,7 @@ def fit(
         standard_errors=unravel(jnp.asarray(np.sqrt(np.diagonal(covariance)))),
         covariance=covariance,
         residual=float(np.sqrt(residuals @ residuals / max(1, np.sum(present)))),
-        steps=int(result.stats.num_steps),
+        steps=int(result.stats["num_steps"]),
         success=bool(result.result == optimistix.RESULTS.successful),
     )
 

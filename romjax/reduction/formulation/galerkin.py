@@ -55,16 +55,11 @@ class Galerkin(AbstractFormulation):
                 f"would stop the motion of the snapshots; keep fewer (constraints={free}), or take "
                 "more modes."
             )
-        modes, offset = basis.modes, basis.offset
-        dual = modes.T @ basis.snapshots.metric
-        return ReducedSystem.of(
-            system,
-            AffineLift(modes, offset),
-            start(system, basis),
-            candidates.combinations(kept),
-            TrainingBox.of_basis(system, basis, modes, dual),
-            f"{r} modes, {kept} of {system.m} constraints kept, {r - kept} degrees of freedom",
-        )
+        lift, dual = AffineLift(basis.modes, basis.offset), basis.modes.T @ basis.snapshots.metric
+        validity = TrainingBox.of_basis(system, basis, basis.modes, dual)
+        summary = f"{r} modes, {kept} of {system.m} constraints kept, {r - kept} degrees of freedom"
+        combinations = candidates.combinations(kept)
+        return ReducedSystem.of(system, lift, start(system, basis), combinations, validity, summary)
 
 
 def _count(system: AbstractSystem, candidates: ReducedConstraints, r: int) -> int:

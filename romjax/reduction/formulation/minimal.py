@@ -113,10 +113,13 @@ def _lift(
     dual = inner.T @ metric @ jnp.asarray(chart.read, dtype)
     others = np.eye(system.n) - chart.independent @ chart.read
     read_others = jnp.asarray(np.linalg.pinv(chart.dependent) @ others, dtype)
-    t, moved = basis.snapshots.t[domain], basis.snapshots.q[domain] - basis.offset[None]
-    guesses = moved @ read_others.T
-    inverses = chart.dependent_inverses(system, t, basis.snapshots.q[domain])
+    t, q = basis.snapshots.t[domain], basis.snapshots.q[domain]
+    displacements = q - basis.offset[None]
+    guesses = displacements @ read_others.T
+    inverses = chart.dependent_inverses(system, t, q)
     if chart.affine:
         return ClosedFormLift(basis.offset, inner, dual, guesses[0], inverses[0], t[0], chart)
     modes = jnp.asarray(chart.independent, dtype) @ inner
-    return ImplicitLift(basis.offset, modes, dual, moved @ dual.T, guesses, t, inverses, chart)
+    return ImplicitLift(
+        basis.offset, modes, dual, displacements @ dual.T, guesses, t, inverses, chart
+    )

@@ -114,12 +114,13 @@ class ImplicitLift(AbstractLift):
             converged = jnp.max(jnp.abs(step)) <= limits.newton_accepted
             return jnp.where(converged, d, jnp.nan), last
 
-        def tangent(linear: Any, right: Array) -> Array:
-            found: Array = jnp.linalg.solve(jax.jacobian(linear)(right), right)
-            return found
-
         nearest = jnp.argmin(jnp.sum((self.snapshots - z[None]) ** 2, axis=1))
         start, inverse = jax.lax.stop_gradient((self.guesses[nearest], self.inverses[nearest]))
         # Derivatives are those of the solution (implicit function theorem), not of the steps.
-        d, inverse = jax.lax.custom_root(violation, start, newton, tangent, has_aux=True)
+        d, inverse = jax.lax.custom_root(violation, start, newton, _solve_linear, has_aux=True)
         return origin + multiply(dependent, d), jax.lax.stop_gradient(inverse)
+
+
+def _solve_linear(linear: Callable[[Array], Array], right: Array) -> Array:
+    matrix: Array = jax.jacobian(linear)(right)
+    return jnp.linalg.solve(matrix, right)
