@@ -17,9 +17,8 @@ from romjax import plot
 from romjax.assembly.outlines import outlines
 from romjax.report import _write_csv
 
-# Required of two modes, of a mechanism with two degrees of freedom that swings by some degrees:
-# curvature is what a subspace misses and minimal coordinates do not.
-ERRORS = {"galerkin": 2e-2, "minimal": 10 * SOLVED}
+# Two degrees of freedom: a subspace takes two modes more for the curvature of the motion.
+RANKS = {"galerkin": 4, "minimal": 2}
 # Required of the belt in a run of the full system, whose stabilisation keeps constraints loosely.
 VIOLATED = 1e-6
 
@@ -56,12 +55,12 @@ def scene():
 @pytest.fixture(scope="module")
 def motion(scene):
     system = rj.assemble(scene)
-    return system, rj.simulate(system, jnp.linspace(0.0, 0.3, 41), rtol=TIGHT)
+    return system, rj.simulate(system, jnp.linspace(0.0, 0.8, 41), rtol=TIGHT)
 
 
 @pytest.fixture(scope="module")
 def basis(motion):
-    return VelocityPOD(2)(motion[1])
+    return VelocityPOD(4)(motion[1])
 
 
 def test_the_parts_act(scene, motion):
@@ -98,11 +97,11 @@ def test_the_run_is_saved(motion, tmp_path):
     assert (again.summary(), again.labels) == (run.summary(), run.labels)
 
 
-@pytest.mark.parametrize("formulation", ERRORS)
-def test_the_scene_is_reduced(motion, basis, formulation):
+@pytest.mark.parametrize("formulation", RANKS)
+def test_the_scene_is_reduced(motion, formulation):
     system, run = motion
-    rom = rj.reduce(system, basis, formulation)
-    assert rom.n == 2
+    rom = rj.reduce(system, VelocityPOD(RANKS[formulation])(run), formulation)
+    assert (rom.n, rom.degrees_of_freedom) == (RANKS[formulation], 2)
     approx = rj.simulate(rom, run.t, rtol=TIGHT)
     error = float(rj.compare(run, approx).error)
-    assert error <= ERRORS[formulation], f"{formulation}: {error:.1e}"
+    assert error <= 10 * SOLVED, f"{formulation}: {error:.1e}"
