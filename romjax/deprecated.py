@@ -115,13 +115,17 @@ def method_of_system(system: Any, name: str) -> Any:
     raise AttributeError(f"'{type(system).__name__}' has no attribute '{name}'")
 
 
+# What were keyword arguments of `reduce`, and the formulation that has them.
+_DECISIONS = {"constraints": "Galerkin", "chart": "Minimal"}
+
+
 def decided(formulation: T, old: dict[str, Any]) -> T:
     """The formulation with what was a keyword argument of `reduce`: `constraints`, `chart`."""
     fields = getattr(formulation, "__dataclass_fields__", {})
     for name, value in old.items():
-        if name not in ("constraints", "chart"):
+        if name not in _DECISIONS:
             raise TypeError(f"reduce() got an unexpected keyword argument '{name}'")
-        warn_once(f"reduce({name}=…)", f"a formulation's argument, such as Galerkin({name}=…)")
+        warn_once(f"reduce({name}=…)", f"{_DECISIONS[name]}({name}=…)")
         if name in fields:
             formulation = dataclasses.replace(formulation, **{name: value})  # type: ignore[type-var]
     return formulation

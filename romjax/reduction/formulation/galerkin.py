@@ -49,7 +49,7 @@ class Galerkin(AbstractFormulation):
         candidates = reduced_constraints(system, bare)
         kept = _count(system, candidates, r) if count is None else count
         if count and concrete(candidates.missed) is not None and locks(candidates, count):
-            free = _count(system, candidates, r)
+            free = next(fewer for fewer in range(count, -1, -1) if not locks(candidates, fewer))
             raise ReductionError(
                 f"reduce: the basis locks the mechanism. {count} constraints on its {r} modes "
                 f"would stop the motion of the snapshots; keep fewer (constraints={free}), or take "
