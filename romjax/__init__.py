@@ -27,6 +27,7 @@ from .integrate.trajectory import Trajectory as Trajectory
 from .reduction.formulation.base import AbstractFormulation as AbstractFormulation
 from .reduction.formulation.galerkin import Galerkin as Galerkin
 from .reduction.formulation.minimal import Minimal as Minimal
+from .reduction.lift.base import AbstractLift as AbstractLift
 from .reduction.reduce import reduce as reduce
 from .reduction.system import ReducedSystem as ReducedSystem
 from .scene.body import sections as sections
