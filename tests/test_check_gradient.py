@@ -102,6 +102,7 @@ def test_it_says_where_a_gradient_is_wrong():
     assert right.error <= DIFFERENCED
 
 
+@pytest.mark.slow
 def test_a_compiled_function_follows_the_mode():
     """Also one that was compiled before, in the other mode."""
 

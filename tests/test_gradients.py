@@ -53,6 +53,7 @@ def test_redundant_constraints():
     agree(jax.jit(point), *gradients)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", SOLVERS, ids=lambda solver: type(solver).__name__)
 def test_through_solvers_and_redundant_constraints(solver):
     """A run of the redundant four-bar in fixed steps, by reverse and forward adjoint."""

@@ -148,6 +148,7 @@ def test_the_acceleration_at_a_singular_position():
     assert np.max(np.abs(a - wanted)) <= LIMIT
 
 
+@pytest.mark.slow
 def test_passing_a_bifurcation():
     """H3b. In steps of 0.01 s the crank passes 90° and the slider reaches −2 m. Unprojected, the
     angle is wrong by 5e-3.

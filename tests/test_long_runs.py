@@ -179,6 +179,7 @@ def test_energy_of_many_parts():
     assert jnp.max(jnp.abs(across)) <= SOLVED
 
 
+@pytest.mark.slow
 def test_dissipation_never_gains():
     """Every kind of damping, one of them at a time large: from output to output energy falls."""
     block, bob, big, small = (

@@ -47,7 +47,16 @@ MECHANISMS = {
 }
 
 
-@pytest.fixture(scope="module", params=MECHANISMS)
+# The charts of one four-bar that goes round stand for those of the others.
+LONG = ("turning four-bar", "redundant four-bar")
+
+
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in MECHANISMS
+    ],
+)
 def mechanism(request):
     """A mechanism, its full run, and its model in as many minimal coordinates as it has."""
     scene, end = MECHANISMS[request.param]

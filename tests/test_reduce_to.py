@@ -140,7 +140,7 @@ def test_a_model_that_cannot_start_is_no_model(falling, monkeypatch):
         accepted.append(t)
         raise rj.ReductionError("The reduced model has no start there.")
 
-    monkeypatch.setattr("romjax.study.reduce_to.starting_at", refused)
+    monkeypatch.setattr(rj.ReducedSystem, "starting_at", refused)
     with pytest.raises(rj.ReductionError, match="no rank up to 6 reaches tol=0.01; The reduced"):
         rj.reduce_to(system, training, 1e-2)
     assert len(accepted) == 6

@@ -112,6 +112,7 @@ def test_a_model_has_as_many_coordinates_as_modes(cart_pendulum, motion, formula
     assert rom.degrees_of_freedom == rank - rom.m
 
 
+@pytest.mark.slow
 def test_a_model_in_charts_has_as_many_coordinates_as_modes(turning):
     """The number of the chart is none of them."""
     motion, rom, run = turning
@@ -123,6 +124,7 @@ def test_a_model_in_charts_has_as_many_coordinates_as_modes(turning):
     assert error <= 10 * SOLVED, f"{error:.1e}"
 
 
+@pytest.mark.slow
 def test_numbers_of_charts_do_not_change_the_steps(turning):
     """Numbered the other way round, charts change by other amounts: in an error norm, these would
     reject steps.
@@ -208,6 +210,7 @@ def test_a_system_of_another_size_is_refused(model):
         model[1].with_full(rj.assemble(rj.gallery.chain(2)))
 
 
+@pytest.mark.slow
 def test_another_start(model, motion):
     _, rom = model
     k = 40
@@ -218,6 +221,7 @@ def test_another_start(model, motion):
     assert error <= STARTED, f"{error:.1e} m or rad"
 
 
+@pytest.mark.slow
 def test_another_start_in_another_chart(turning):
     motion, rom, _ = turning
     k = next(k for k, q in enumerate(motion.q) if rom.lift.number(q) != rom.lift.current)

@@ -134,6 +134,7 @@ def test_five_modes(error):
     assert report.error <= ERROR_FIVE
 
 
+@pytest.mark.slow
 def test_the_chapters_formulation_is_worse(error):
     """Equation 39.6 to the letter projects the solution, not the equations: 2.6e-5 at five modes,
     against 4.3e-7 by d'Alembert's principle.

@@ -95,6 +95,7 @@ def test_kept_values_that_repeat(kind, gap):
     assert abs(found - wanted) <= REPEATED[kind]
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from([2, 7]),
     st.sampled_from([3, 9]),

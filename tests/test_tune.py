@@ -60,6 +60,7 @@ def test_mechanisms_drift_less_in_no_more_steps(scene, ts, solver):
     assert tuned.stats.num_steps <= STEPS * bare.stats.num_steps
 
 
+@pytest.mark.slow
 def test_one_pair_for_each_constraint_and_the_cost_of_speed(pendulum):
     """The same mechanism made of two equal constraints on two masses; a price on fast parameters
     slows them down.
