@@ -49,8 +49,9 @@ def test_the_error_asked_for_is_kept(truth, cart_pendulum, others, formulation, 
     assert f"for tol {tol:g}" in rom.summary
     for number, (system, run) in enumerate(others):
         approx = rj.simulate(rom.with_full(system), truth.t, **settings)
-        assert not approx.is_valid or rj.compare(run, approx).error <= HELD_OUT * tol
-        assert not approx.is_valid or number > 0
+        flagged = approx.flags != rj.Flag.NONE  # a run that failed is no flagged one
+        assert flagged or rj.compare(run, approx).error <= HELD_OUT * tol
+        assert flagged or number > 0
 
 
 @pytest.mark.slow
