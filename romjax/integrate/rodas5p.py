@@ -16,6 +16,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
 from ..compat import parts_of_term, unwrap_term
+from ..linalg.dense import invert_any, multiply
 from .rodas5p_tableau import DENSE, GAMMA, SLOPES, TIMES, A, C
 from .term import MotionTerm
 
@@ -117,8 +118,9 @@ def _step(
     def stage(carry: Any, row: Any) -> Any:
         stages, _ = carry
         i, a, c, time, slope = row
-        y = start + a @ stages
-        k = point.solve(rate(t0 + time * (t1 - t0), y) + c @ stages / h + slope * point.drift)
+        y = start + multiply(a, stages)
+        own = multiply(c, stages) / h + slope * point.drift
+        k = point.solve(rate(t0 + time * (t1 - t0), y) + own)
         return (stages.at[i].set(k), y), None
 
     # Scanned: the vector field is compiled once, not eight times.
@@ -162,8 +164,8 @@ def _linearize(
     t = jnp.asarray(t0, start.dtype)
     slope, drift = jax.jvp(lambda t: rate(t, start), (t,), (jnp.asarray(t1 - t0, t.dtype),))
     jacobian = jax.jacfwd(rate, argnums=1)(t, start)
-    inverse = jnp.linalg.inv(jnp.eye(start.size, dtype=start.dtype) / (h * GAMMA) - jacobian)
-    return _Linearized(slope, drift, lambda r: inverse @ r)
+    inverse = invert_any(jnp.eye(start.size, dtype=start.dtype) / (h * GAMMA) - jacobian)
+    return _Linearized(slope, drift, lambda r: multiply(inverse, r))
 
 
 def _linearize_motion(term: MotionTerm, t: Any, y: PyTree, h: Float[Array, ""]) -> _Linearized:
@@ -172,11 +174,11 @@ def _linearize_motion(term: MotionTerm, t: Any, y: PyTree, h: Float[Array, ""]) 
     a, by_q, by_v, by_t = term.linearize(t, y)
     # One inverse serves eight stages; at these sizes a product is far cheaper than two
     # triangular solves, and W is well scaled (its diagonal is 1/(hγ)).
-    inverse = jnp.linalg.inv(jnp.eye(n, dtype=v.dtype) / step - by_v - step * by_q)
+    inverse = invert_any(jnp.eye(n, dtype=v.dtype) / step - by_v - step * by_q)
 
     def solve(r: Flat) -> Flat:
         rq, rv = r[:n], r[n:]
-        kv = inverse @ (rv + step * (by_q @ rq))
+        kv = multiply(inverse, rv + step * multiply(by_q, rq))
         return jnp.concatenate([step * (rq + kv), kv])
 
     return _Linearized(

@@ -20,8 +20,18 @@ _FUSED, _ENTRIES, _PRODUCTS = 16, 100, 600
 _MOST_ITERATIONS = 8
 
 
-def multiply(a: Float[Array, "... p c"], b: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Products a b; b may be a vector (c,), else (..., c, q)."""
+def multiply(a: Float[Array, "..."], b: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Products a b, as `a @ b`; for small ones, whose code a library's product would only lengthen.
+
+    XLA writes each product of a few numbers out as a function of its own, which takes it longer to
+    compile than a sum, and longer to start than to run.
+
+    `a` (..., p, c) or (c,), `b` (..., c, q) or (c,).
+    """
+    if a.ndim == 1:
+        if b.ndim == 1 and a.size <= _FUSED:
+            return jnp.sum(a * b)
+        return a @ b if b.ndim == 1 else multiply(a[None], b)[..., 0, :]
     if b.ndim == 1:
         return multiply(a, b[:, None])[..., 0]
     large = a.ndim == 2 and (a.size > _ENTRIES or a.size * b.shape[-1] > _PRODUCTS)
@@ -65,6 +75,36 @@ def invert(a: Float[Array, "*batch b b"]) -> Float[Array, "*batch b b"]:
     for unit in units:
         a, _ = eliminate(a, unit)
     return a
+
+
+@jax.custom_jvp
+def invert_any(a: Float[Array, "n n"]) -> Float[Array, "n n"]:
+    """The inverse of a matrix that need not be symmetric: Gauss–Jordan with the largest pivot."""
+    size = len(a)
+    if size > _LOOPED:
+        inverse: Float[Array, "n n"] = jnp.linalg.inv(a)
+        return inverse
+    rows = np.arange(size)
+
+    def eliminate(i: Array, both: Array) -> Array:
+        column = both[:, i]
+        pivot = jnp.argmax(jnp.where(rows < i, -1.0, jnp.abs(column)))
+        own, other = both[pivot], both[i]
+        swapped = jnp.where((rows == pivot)[:, None], other[None], both)
+        row = own / own[i]
+        reduced = swapped - swapped[:, i][:, None] * row[None]
+        return jnp.where((rows == i)[:, None], row[None], reduced)
+
+    unit = jnp.eye(size, dtype=a.dtype)
+    both: Array = jax.lax.fori_loop(0, size, eliminate, jnp.concatenate([a, unit], axis=1))
+    return both[:, size:]
+
+
+@invert_any.defjvp
+def _change_of_inverse(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    """d(A⁻¹) = −A⁻¹ dA A⁻¹."""
+    inverse = invert_any(*primals)
+    return inverse, -multiply(multiply(inverse, tangents[0]), inverse)
 
 
 def improve_inverse(
