@@ -26,6 +26,31 @@ def as_array(value: Any) -> Array:
     return jnp.asarray(value, dtype=jnp.result_type(float))
 
 
+def as_number(value: ArrayLike, dtype: Any) -> Array | np.ndarray:
+    """A single number as an array; by NumPy where JAX does not trace, since JAX takes longer."""
+    if is_traced(value):
+        return jnp.asarray(value, dtype)
+    return np.asarray(value, dtype)
+
+
 def concrete(value: Any) -> np.ndarray | None:
     """The value as a NumPy array, or None while JAX traces (then it cannot be judged)."""
     return None if is_traced(value) else np.asarray(value)
+
+
+def concatenate(parts: Sequence[ArrayLike]) -> Array:
+    """The parts (also single numbers) one after the other; by NumPy where JAX does not trace, which
+    compiles nothing.
+    """
+    if any(is_traced(part) for part in parts):
+        return jnp.concatenate([jnp.atleast_1d(part) for part in parts])
+    return jnp.asarray(np.concatenate([np.atleast_1d(part) for part in parts]))
+
+
+def put(target: ArrayLike, index: Any, value: ArrayLike) -> Array | np.ndarray:
+    """`target` with `value` at an index; by NumPy where JAX does not trace."""
+    if is_traced(target) or is_traced(value):
+        return jnp.asarray(target).at[index].set(value)
+    changed = np.array(target)
+    changed[index] = value
+    return changed

@@ -2,10 +2,9 @@
 
 import itertools
 
-import jax.numpy as jnp
 import jax.tree_util as jtu
 
-from ..arrays import as_array
+from ..arrays import as_array, concatenate
 from ..errors import SceneError
 from ..linalg.indexing import Index
 from ..linalg.pattern import Pattern
@@ -63,8 +62,8 @@ def assemble(scene: Scene) -> AssembledSystem:
         effects=tuple(EffectGroup(stacked, markers) for stacked, markers, _ in effects),
         effect_markers=effect_markers,
         fields=tuple(e for e in scene.effects if isinstance(e, AbstractField)),
-        q0=jnp.concatenate([q for q, _ in starts]),
-        v0=jnp.concatenate([v for _, v in starts]),
+        q0=concatenate([q for q, _ in starts]),
+        v0=concatenate([v for _, v in starts]),
         structure=Structure(
             coordinates=tuple(c for body in scene.bodies for c in body.coordinates()),
             constraints=tuple(f"joint '{j.label()}'" for j in scene.joints for _ in range(j.rows)),

@@ -9,6 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..arrays import put
+from ..compat import is_traced
 from ..linalg.indexing import Index
 from ..scene.body.base import AbstractBody
 from ..scene.marker import GROUND, Marker, Pose, Wrench
@@ -164,16 +166,20 @@ def prepare_points(
     """
     moving = [i for i, name in enumerate(names) if name != GROUND and bodies[name].modes]
     most = max((bodies[names[i]].modes for i in moving), default=0)
-    shapes, foreshortening = jnp.zeros((len(names), 3, most), points.dtype), None
+    given: Any = points if is_traced(points) else np.asarray(points)
+    shapes: Any = np.zeros((len(names), 3, most), points.dtype)
+    foreshortening: Any = None
     for carriers, members in group([bodies[names[i]] for i in moving]):
         rows = np.array([moving[member] for member in members])
         own = carriers.modes
-        shapes = shapes.at[rows, :, :own].set(_shapes(carriers, points[rows]))
+        shapes = put(shapes, np.s_[rows, :, :own], _shapes(carriers, given[rows]))
         if carriers.foreshortens:
             if foreshortening is None:
-                foreshortening = jnp.zeros((len(names), 2, most, most), points.dtype)
-            second = _foreshortening(carriers, points[rows])
-            foreshortening = foreshortening.at[rows, :, :own, :own].set(second)
+                foreshortening = np.zeros((len(names), 2, most, most), points.dtype)
+            second = _foreshortening(carriers, given[rows])
+            foreshortening = put(foreshortening, np.s_[rows, :, :own, :own], second)
+    shapes = jnp.asarray(shapes)
+    foreshortening = None if foreshortening is None else jnp.asarray(foreshortening)
     owned = [columns.get(name, (n, n, n)) for name in names]
     frames = Index.of([c[:3] for c in owned])
     padded = Index.of([(*c[3:], *[n] * (most + 3 - len(c))) for c in owned])

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Number, Vector
+from ...arrays import Number, Vector, concatenate
 from ...deprecated import adopt, renamed
 from ...errors import SceneError
 from ..coordinate import Coordinate
@@ -162,6 +162,6 @@ def check_start(owner: str, body: Any) -> None:
 def flexible_start(body: Any) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
     """Initial coordinates and velocities of a body with modes: of its frame, then modal ones."""
     return (
-        jnp.concatenate([body.position, body.angle[None], body.amplitudes]),
-        jnp.concatenate([body.velocity, body.angular_velocity[None], body.rates]),
+        concatenate([body.position, body.angle, body.amplitudes]),
+        concatenate([body.velocity, body.angular_velocity, body.rates]),
     )

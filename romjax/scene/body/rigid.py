@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Vector
+from ...arrays import Vector, concatenate
 from ..fields import Converted, check_numbers, check_shape, number
 from .base import AbstractBody, check_name, check_start, rectangle
 
@@ -40,8 +40,8 @@ class RigidBody(AbstractBody):
 
     def start(self) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
         return (
-            jnp.append(self.position, self.angle),
-            jnp.append(self.velocity, self.angular_velocity),
+            concatenate([self.position, self.angle]),
+            concatenate([self.velocity, self.angular_velocity]),
         )
 
     def mass_matrix(self, q: Float[Array, "3"]) -> Float[Array, "3"]:
