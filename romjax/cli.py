@@ -15,7 +15,7 @@ import numpy as np
 from tabulate import tabulate
 from tqdm import tqdm
 
-from . import compat, page, plot, report
+from . import page, plot, report
 from .assembly.assemble import assemble
 from .errors import InputError, SceneError, SimulationError
 from .gallery.catalogue import EXAMPLES, Example, find
@@ -225,8 +225,6 @@ def _set_up_jax() -> None:
     """Double precision, quick compilation, and compiled programs kept between runs."""
     jax.config.update("jax_enable_x64", True)
     speed_up_xla()
-    # `simulate` makes the same checks as diffrax itself.
-    compat.switch_off_runtime_checks()
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     jax.config.update("jax_compilation_cache_dir", str(home / "romjax"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)

@@ -4,13 +4,48 @@ Every function has a test in tests/test_compat.py that fails when the interface 
 The upper bound of jax in pyproject.toml stands for the newest version these tests have passed with.
 """
 
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import diffrax
-import equinox._errors
 import jax
+import jax.numpy as jnp
+import numpy as np
 from diffrax._term import AdjointTerm, WrapTerm
-from jax._src import xla_bridge
+from jax._src import core, xla_bridge
+from jax._src.interpreters import partial_eval
+from jax.experimental.xla_metadata import set_xla_metadata
+
+# Options of a program. The newer way of compiling fusions takes twice as long, and a function that
+# holds its results cannot be compiled. Sums over small axes stay in the loops around them: a
+# library for large ones would take them out, one call for each.
+OPTIONS: dict[str, Any] = {
+    "xla_cpu_use_fusion_emitters": False,
+    "xla_cpu_experimental_ynn_fusion_type": "",
+}
+# For a program that runs once or twice: it compiles in a third of the time.
+QUICK: dict[str, Any] = {
+    "xla_backend_optimization_level": 0,
+    "xla_llvm_disable_expensive_passes": True,
+}
+
+# Primitives that XLA's CPU backend writes out itself, without calls of a library or of Python.
+_NAMES = (
+    "abs acos acosh add add_any and argmax argmin asin asinh atan atan2 atanh "
+    "bitcast_convert_type broadcast_in_dim cbrt ceil checkpoint clamp closed_call concatenate "
+    "cond convert_element_type copy cos cosh cummax cummin cumprod cumsum custom_jvp_call "
+    "custom_linear_solve custom_vjp_call div dot_general dynamic_slice dynamic_update_slice eq "
+    "erf erf_inv erfc exp exp2 expm1 floor gather ge gt integer_pow iota is_finite jit le log "
+    "log1p logistic lt max maybe_set min mul name ne neg nextafter nonbatchable "
+    "nondifferentiable nondifferentiable_backward not optimization_barrier or pad pjit "
+    "population_count pow reduce_and reduce_max reduce_min reduce_or reduce_prod reduce_sum rem "
+    "remat reshape rev round rsqrt scan scatter scatter-add select_if_vmap select_n shift_left "
+    "shift_right_arithmetic shift_right_logical sign sin sinh slice split sqrt square squeeze "
+    "stack stop_gradient sub tan tanh transpose unstack unvmap_all unvmap_any unvmap_max while "
+    "xor "
+)
+_WRITTEN_OUT = frozenset(_NAMES.split())
+
 
 # Versions of JAX whose compiler is known to know the flags below.
 _FIRST, _AFTER = (0, 9), (0, 11)
@@ -41,14 +76,114 @@ def compiler_is_set_up() -> bool:
     return xla_bridge.backends_are_initialized()
 
 
-def switch_off_runtime_checks() -> None:
-    """Leave equinox's run-time checks out of all programs, but for those traced before.
+def is_outermost() -> bool:
+    """Whether JAX traces nothing, so that a program that starts here is one of its own."""
+    return core.trace_state_clean()
 
-    They are host callbacks, and JAX keeps no program with a callback in its cache on disk. The
-    environment variable EQX_ON_ERROR=off says the same, but only before equinox is imported.
+
+def equations(jaxpr: Any) -> Iterator[Any]:
+    """All equations of a jaxpr, those inside of others too."""
+    for equation in jaxpr.eqns:
+        yield equation
+        for inner in core.jaxprs_in_params(equation.params):
+            yield from equations(inner)
+
+
+def is_written_out(equation: Any) -> bool:
+    """Whether XLA's CPU backend writes this equation out itself."""
+    return equation.primitive.name in _WRITTEN_OUT
+
+
+def product_terms(equation: Any) -> int:
+    """The number of multiplications in a matrix product; zero for everything else."""
+    if equation.primitive.name != "dot_general":
+        return 0
+    (contracted, _), _ = equation.params["dimension_numbers"]
+    left, out = equation.invars[0].aval.shape, equation.outvars[0].aval.shape
+    return int(np.prod(out)) * int(np.prod([left[axis] for axis in contracted]))
+
+
+def as_functions(closed: Any, fits: Callable[[Any], bool], few: int) -> Any:
+    """A closed jaxpr, in which all that `fits` is a function of its own to XLA's CPU backend.
+
+    All of it, else each loop or call in it, else what is inside of these; but for those of `few`
+    equations. Compiled with the older emitter of fusions only.
     """
-    # The module reads the name that it has imported, which counts as no export.
-    equinox._errors.EQX_ON_ERROR = "off"  # type: ignore[attr-defined]
+    jaxpr, _ = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(closed.out_avals), True)
+    closed = core.ClosedJaxpr(jaxpr, closed.consts)
+    if fits(jaxpr):
+        return _one_function(closed, range(len(jaxpr.outvars)))
+
+    def inside(x: Any) -> Any:
+        if isinstance(x, tuple):
+            return tuple(inside(each) for each in x)
+        return as_functions(x, fits, few) if isinstance(x, core.ClosedJaxpr) else x
+
+    asked = {x for e in jaxpr.eqns for x in e.invars if not isinstance(x, core.Literal)}
+    asked |= {x for x in jaxpr.outvars if not isinstance(x, core.Literal)}
+
+    def replaced(equation: Any) -> Any:
+        if sum(1 for x in core.jaxprs_in_params(equation.params) for _ in equations(x)) < few:
+            return equation
+        read = {x: None for x in equation.invars if not isinstance(x, core.Literal)}
+        alone = jaxpr.replace(
+            constvars=[],
+            invars=list(read),
+            outvars=equation.outvars,
+            eqns=[equation],
+            debug_info=jaxpr.debug_info.with_unknown_names(),
+        )
+        live = [i for i, x in enumerate(equation.outvars) if x in asked]
+        if live and fits(alone):
+            (call,) = _one_function(core.ClosedJaxpr(alone, ()), live).jaxpr.eqns
+            return call.replace(invars=list(read), outvars=equation.outvars)
+        if equation.primitive.name not in ("while", "scan", "cond", "jit", "pjit"):
+            return equation
+        params = {name: inside(value) for name, value in equation.params.items()}
+        return equation.replace(params=params)
+
+    split = jaxpr.replace(eqns=[replaced(equation) for equation in jaxpr.eqns])
+    return core.ClosedJaxpr(split, closed.consts)
+
+
+def _one_function(closed: Any, live: Sequence[int]) -> Any:
+    """A closed jaxpr of one call, that of the given one as a function of its own.
+
+    `live`: those of its results that somebody asks for; JAX leaves out the others.
+    """
+
+    def inside(*arrays: Any) -> list[Any]:
+        # The attribute is of the call alone, not of what is inside of it.
+        with set_xla_metadata(xla_cpu_small_call=None, inlineable=None):
+            results: list[Any] = core.eval_jaxpr(closed.jaxpr, closed.consts, *arrays)
+            i = min(live, key=lambda i: np.size(results[i]) or np.inf)
+            results[i] = _as_if_it_used(results[i], arrays)
+            return results
+
+    def call(*arrays: Any) -> list[Any]:
+        with set_xla_metadata(xla_cpu_small_call="true", inlineable="false"):
+            results: list[Any] = jax.jit(inside)(*arrays)
+            return results
+
+    return jax.make_jaxpr(call)(*closed.in_avals)
+
+
+def _as_if_it_used(result: Any, arrays: Sequence[Any]) -> Any:
+    """The result, by an expression of all arrays, of which the compiler cannot take any out.
+
+    XLA ends the process at a function that does not use one of its arguments.
+    """
+    first = [x.ravel()[0].astype(jnp.float32) for x in arrays if x.size]
+    # Weights, since the compiler knows that no truth value, as a number, is the one compared with.
+    total = sum(x * np.float32(0.7391 + 0.01 * i) for i, x in enumerate(first))
+    never = total == np.float32(1.2345678e-30)
+    return result ^ never if result.dtype == bool else result + never.astype(result.dtype)
+
+
+def evaluate(closed: Any, arrays: Sequence[Any]) -> list[Any]:
+    """The results of a closed jaxpr."""
+    results: list[Any] = core.eval_jaxpr(closed.jaxpr, closed.consts, *arrays)
+    return results
 
 
 def is_traced(value: Any) -> bool:

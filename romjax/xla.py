@@ -3,18 +3,28 @@
 import os
 import warnings
 
+import jax
+
 from . import compat
 
 
 def speed_up_xla() -> None:
-    """Make simulations of a few bodies on a CPU compile in 0.7 of the time and run in half of it.
+    """Make your own `jit`, `vmap` and `grad` of small simulations on a CPU twice as fast.
+
+    They then compile in 0.7 of the time too. A simulation outside of them needs no flags.
 
     Adds flags to the environment variable XLA_FLAGS, which XLA reads at JAX's first computation,
-    for the whole process; call it before. It does nothing for versions of JAX of which it is
-    not tested that they have the flags, and nothing on other devices.
+    for the whole process; call it before. Nothing changes on other devices.
 
-    Warns if JAX has computed something already, since the flags then have no effect.
+    Warns if JAX has computed something already, since the flags then have no effect, and where it
+    is not tested that this version of JAX knows them: XLA ends the process at one that it does not.
     """
+    if not compat.compiler_flags():
+        warnings.warn(
+            f"speed_up_xla: the flags of JAX {jax.__version__} are not known, so none is set.",
+            stacklevel=2,
+        )
+        return
     before = os.environ.get("XLA_FLAGS", "").split()
     missing = [flag for flag in compat.compiler_flags() if flag not in before]
     if missing and compat.compiler_is_set_up():

@@ -6,8 +6,9 @@ import jaxtyping
 import pytest
 
 import romjax as rj
+from romjax.integrate.derived import Derived
+from romjax.integrate.parts import Parts
 from romjax.integrate.statistics import Statistics
-from romjax.integrate.trajectory import SolverParts
 from romjax.scene.coordinate import Coordinate
 
 
@@ -311,13 +312,12 @@ def _motion(t):
         t=t,
         q=t[:, None],
         v=jnp.ones((k, 1)),
-        multipliers=jnp.zeros((k, 0)),
+        derived=Derived(multipliers=jnp.zeros((k, 0)), metric=jnp.eye(1)),
         violation=jnp.zeros(k),
-        metric=jnp.eye(1),
         stats=Statistics(1, 1, 0),
         status=jnp.asarray(0),
         coordinates=(Coordinate("", "q1"),),
-        solver_parts=SolverParts.of(diffrax.Tsit5()),
+        solver_parts=Parts.of(diffrax.Tsit5()),
     )
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import romjax.cli
 from romjax.cli import main
 
 WIDTH = 80  # columns of a terminal
@@ -19,7 +18,6 @@ WIDTH = 80  # columns of a terminal
 def own_cache(tmp_path, monkeypatch):
     """Keep the command line's settings out of the other tests."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(romjax.cli.compat, "switch_off_runtime_checks", lambda: None)
     before = jax.config.jax_compilation_cache_dir
     yield
     jax.config.update("jax_compilation_cache_dir", before)

@@ -42,22 +42,6 @@ def test_the_compiler_is_set_up_by_the_first_computation():
     assert run(words) == ["False", "True"]
 
 
-def test_runtime_checks_can_be_switched_off():
-    """A function with a check has a callback in its program, and none without checks."""
-    words = (
-        "import equinox as eqx, jax\n"
-        "from romjax.compat import switch_off_runtime_checks\n"
-        "def checked(x):\n"
-        "    return eqx.error_if(x, x < 0, 'negative')\n"
-        "def callbacks(x):\n"
-        "    return 'callback' in jax.jit(lambda x: checked(x)).lower(x).as_text()\n"
-        "print(callbacks(1.0))\n"
-        "switch_off_runtime_checks()\n"
-        "print(callbacks(1))  # of another type: the first one is in JAX's cache"
-    )
-    assert run(words) == ["True", "False"]
-
-
 def test_traced_numbers_are_told_from_others():
     seen = []
 
@@ -167,3 +151,49 @@ def test_statics_of_equinox_modules_are_compared_by_value():
     one, other = (eqx.partition(diffrax.Kvaerno5(), eqx.is_array)[1] for _ in range(2))
     assert one == other
     assert hash(one) == hash(other)
+
+
+def test_the_outermost_program():
+    inside = []
+
+    def look(x):
+        inside.append(compat.is_outermost())
+        return x
+
+    assert compat.is_outermost()
+    jax.jit(look)(1.0)
+    jax.vmap(look)(jnp.ones(2))
+    jax.grad(look)(1.0)
+    assert inside == [False, False, False]
+
+
+def nested(x):
+    y = jax.lax.while_loop(lambda y: y[0] < 3, lambda y: y + jnp.outer(y, y) @ y, x)
+    return jnp.linalg.cholesky(jnp.diag(y))
+
+
+def test_equations_of_programs():
+    """Those inside of others too, what they call, and the size of their products."""
+    equations = list(compat.equations(jax.make_jaxpr(nested)(jnp.ones(3)).jaxpr))
+    names = [equation.primitive.name for equation in equations]
+    assert {"while", "dot_general", "cholesky"} <= set(names)
+    calls = {e.primitive.name for e in equations if not compat.is_written_out(e)}
+    assert "cholesky" in calls
+    assert not calls & {"while", "dot_general", "add", "lt", "mul"}
+    assert max(map(compat.product_terms, equations)) == 9
+
+
+def test_functions_of_a_program_carry_the_attribute():
+    """It is one of the call alone, that of the loop; the compiler keeps that call."""
+    whole = jax.make_jaxpr(nested)(jnp.ones(3))
+
+    def fits(jaxpr):
+        return all(map(compat.is_written_out, compat.equations(jaxpr)))
+
+    closed = compat.as_functions(whole, fits, 2)
+    lowered = jax.jit(lambda x: compat.evaluate(closed, [x]), compiler_options=compat.OPTIONS)
+    lowered = lowered.lower(jnp.ones(3))
+    marked = [line for line in lowered.as_text().splitlines() if "xla_cpu_small_call" in line]
+    assert any("call @" in line for line in marked)
+    assert "xla_cpu_small_call" in lowered.compile().as_text()
+    assert jnp.allclose(lowered.compile()(jnp.ones(3))[0], nested(jnp.ones(3)))

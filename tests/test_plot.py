@@ -18,8 +18,9 @@ from tolerances import IDENTITY
 
 import romjax as rj
 from romjax import plot
+from romjax.integrate.derived import Derived
+from romjax.integrate.parts import Parts
 from romjax.integrate.statistics import Statistics
-from romjax.integrate.trajectory import SolverParts
 from romjax.scene.coordinate import Coordinate
 
 COUNT = 21
@@ -36,13 +37,14 @@ def motion(scene: rj.Scene, amplitude: float = 0.1) -> rj.Trajectory:
         t=jnp.asarray(t),
         q=jnp.asarray(np.asarray(system.q0) + size * np.sin(omega * t[:, None])),
         v=jnp.asarray(size * omega * np.cos(omega * t[:, None])),
-        multipliers=jnp.zeros((COUNT, system.m)),
+        derived=Derived(
+            multipliers=jnp.zeros((COUNT, system.m)), metric=jnp.diag(jnp.arange(1.0, n + 1))
+        ),
         violation=jnp.zeros(COUNT),
-        metric=jnp.diag(jnp.arange(1.0, n + 1)),
         stats=Statistics(COUNT, COUNT, 0),
         status=jnp.asarray(0),
         coordinates=system.structure.coordinates,
-        solver_parts=SolverParts.of(diffrax.Tsit5()),
+        solver_parts=Parts.of(diffrax.Tsit5()),
     )
 
 

@@ -10,8 +10,8 @@ import pytest
 
 import romjax as rj
 from romjax.deprecated import warn_once
+from romjax.integrate.parts import Parts
 from romjax.integrate.statistics import Statistics
-from romjax.integrate.trajectory import SolverParts
 
 TS = jnp.linspace(0.0, 0.2, 5)
 
@@ -79,7 +79,7 @@ SOLVERS = {
 @pytest.mark.parametrize("solver", SOLVERS.values(), ids=SOLVERS)
 def test_the_solver_is_kept(run, solver):
     """Through all transformations, and as one program for equal solvers."""
-    run = dataclasses.replace(run, solver_parts=SolverParts.of(solver))
+    run = dataclasses.replace(run, solver_parts=Parts.of(solver))
     traced = []
 
     @jax.jit
@@ -90,7 +90,7 @@ def test_the_solver_is_kept(run, solver):
     again = same(run)
     for other in (
         again,
-        same(dataclasses.replace(run, solver_parts=SolverParts.of(solver))),
+        same(dataclasses.replace(run, solver_parts=Parts.of(solver))),
         jax.tree.map(lambda x: x, run),
         run.every(2),
         dataclasses.replace(run, q=run.q + 1),

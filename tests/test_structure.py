@@ -110,7 +110,7 @@ def test_the_name_of_a_body_is_no_number_but_no_program_either():
 
 # The layout of the package.
 
-BASE = {"arrays", "checks", "errors", "precision", "compat", "deprecated", "fields"}
+BASE = {"arrays", "program", "checks", "errors", "precision", "compat", "deprecated", "fields"}
 BELOW = {
     "linalg": set(),
     "scene": set(),

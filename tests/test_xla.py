@@ -31,3 +31,9 @@ def test_too_late_is_said(monkeypatch, truth):
     with pytest.warns(UserWarning, match="call it right after importing romjax"):
         rj.speed_up_xla()
     assert os.environ["XLA_FLAGS"] == ""
+
+
+def test_an_unknown_version_is_said(monkeypatch):
+    monkeypatch.setattr(rj.xla.compat, "compiler_flags", lambda: ())
+    with pytest.warns(UserWarning, match="flags of JAX .* are not known"):
+        rj.speed_up_xla()

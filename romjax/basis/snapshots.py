@@ -23,7 +23,9 @@ class Motion(Protocol):
     t: Float[Array, " h"]
     q: Float[Array, "h n"]
     v: Float[Array, "h n"]
-    metric: Float[Array, "n n"]
+
+    @property
+    def metric(self) -> Float[Array, "n n"]: ...
 
     @property
     def labels(self) -> tuple[str, ...]:

@@ -4,13 +4,13 @@ import warnings
 from typing import Any
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import concrete
+from ..program import program_once
 from ..system.base import AbstractSystem
 from ..system.frequencies import Frequencies, frequencies
 from ..system.stabilization import Baumgarte
@@ -28,18 +28,21 @@ _FASTER, _COMPARABLE = 3.0, 0.25
 _STEPS = 100
 
 
-@eqx.filter_jit
+@program_once
 def start_frequencies(
-    system: AbstractSystem, ts: Float[Array, " k"], q: Float[Array, " n"], v: Float[Array, " n"]
+    system: AbstractSystem,
+    t: Float[Array | np.ndarray, ""],
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
 ) -> Frequencies:
     """Of a system at its start, compiled once for all methods; a setting, so not differentiated."""
-    return jax.lax.stop_gradient(frequencies(system, ts[0], q, v))
+    return jax.lax.stop_gradient(frequencies(system, t, q, v))
 
 
 def default_solver(
     system: AbstractSystem,
     ts: Float[Array, " k"],
-    dt: Float[Array, ""] | None,
+    dt: Float[Array | np.ndarray, ""] | None,
     start: Frequencies,
 ) -> diffrax.AbstractSolver[Any]:
     """Rodas5P for stiff systems, Dopri8 for others.
@@ -63,7 +66,7 @@ def default_solver(
 def default_stabilization(
     system: AbstractSystem,
     ts: Float[Array, " k"],
-    dt: Float[Array, ""] | None,
+    dt: Float[Array | np.ndarray, ""] | None,
     start: Frequencies,
 ) -> Baumgarte | None:
     """Critical damping at the fastest rigid frequency ω: α = 2ω, β = ω².
@@ -99,7 +102,7 @@ def warn_of_fast_stabilization(
     step = float(trajectory.t[-1] - trajectory.t[0]) / max(float(steps), 1.0)
     if steps < _STEPS or rate * step < _COMPARABLE:
         return
-    fastest = float(start_frequencies(system, trajectory.t, q0, v0).fastest)
+    fastest = float(start_frequencies(system, trajectory.t[0], q0, v0).fastest)
     if rate > _FASTER * fastest:
         warnings.warn(
             f"The stabilisation and not the mechanism sets the step: Baumgarte's terms decay at "

@@ -1,4 +1,4 @@
-"""The integration of the equations of motion, and what a user sees of its states."""
+"""The integration of the equations of motion."""
 
 from typing import Any, NamedTuple
 
@@ -6,38 +6,27 @@ import diffrax
 import jax
 import jax.numpy as jnp
 import optimistix
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ..reduction.system import has_charts
 from ..system.base import AbstractSystem
 from ..system.consistent import project, project_start
-from ..system.constraints import ConstraintState
-from ..system.dynamics import constraint_state
 from .chart_change import ChartChange
+from .march import March
+from .outputs import Output, output_at
 from .post_step import PostStep, PostStepSolver, ProjectState, motion_norm
 from .settings import Settings
-from .term import ChartedMotionTerm, ChartedState, MotionTerm, State, acceleration
+from .term import ChartedMotionTerm, ChartedState, MotionTerm, State
 
 
-class States(NamedTuple):
-    """Integrated states at the output times, in the coordinates of the system."""
+class Integrated(NamedTuple):
+    """What an integration gives, whether it gets to its end or not."""
 
-    q: Float[Array, "k n"]
-    v: Float[Array, "k n"]
-    chart: Float[Array, " k"] | None  # of a system with charts: the one that q and v belong to
+    outputs: Output
     start: tuple[Float[Array, " n"], Float[Array, " n"]]  # q and v, projected where all steps are
     result: diffrax.RESULTS
-    stats: dict[str, Any]
-
-
-class Outputs(NamedTuple):
-    """What follows from the states, at the output times."""
-
-    q: Float[Array, "k N"]  # physical
-    v: Float[Array, "k N"]
-    multipliers: Float[Array, "k m"]
-    violation: Float[Array, " k"]
-    constraints: ConstraintState
+    steps: Int[Array, ""]
+    accepted: Int[Array, ""]
 
 
 def post_step_of(system: AbstractSystem, settings: Settings) -> PostStep | None:
@@ -50,27 +39,37 @@ def post_step_of(system: AbstractSystem, settings: Settings) -> PostStep | None:
 def integrate(
     system: AbstractSystem,
     ts: Float[Array, " k"],
+    count: Int[Array, ""] | None,
     q0: Float[Array, " n"],
     v0: Float[Array, " n"],
-    post_step: PostStep | None,
     settings: Settings,
-) -> States:
+) -> Integrated:
     """Integrate the equations of motion from the first to the last of `ts`, all as it is set.
+
+    `count`: how many of `ts` are asked for, in a run that nobody differentiates. None: all, in a
+    run that can be differentiated.
 
     Never raises: how it went is in `result`.
     """
+    post_step = post_step_of(system, settings)
     if settings.projection is not None:
         q0, v0 = project_start(system, ts[0], q0, v0)
-    motion = MotionTerm(system, settings.baumgarte)
-    term: diffrax.AbstractTerm[Any, Any] = motion
-    state: State | ChartedState = (q0, v0)
-    solver = settings.solver
-    chart = None if post_step is None else post_step.start(system)
-    if post_step is not None:
-        solver = PostStepSolver(solver, post_step)
-    if chart is not None:
-        term, state = ChartedMotionTerm(motion, post_step), (q0, v0, jnp.asarray(chart, q0.dtype))
-    controller, first = _step_size_control(ts, settings, chart is not None)
+    term, solver, state = _problem(system, q0, v0, post_step, settings)
+    controller, first = _step_size_control(ts, settings, len(state) == 3)
+
+    def output(t: Array, y: Any) -> Output:
+        if settings.projection is not None:
+            # Between steps, dense output leaves the constraints by about 1e-6.
+            q, v = y
+            y = project(system, t, q, v, settings.projection.sweeps)
+        saved: Output = output_at(system, post_step, t, y)
+        return saved
+
+    if count is not None:
+        most = jnp.asarray(settings.max_steps)
+        march = March(term, solver, controller, ts, count, first, most, settings.meter, output)
+        run = march.run(state)
+        return Integrated(run.outputs, (q0, v0), run.result, run.steps, run.accepted)
     solution = diffrax.diffeqsolve(
         term,
         solver,
@@ -85,23 +84,36 @@ def integrate(
         progress_meter=settings.meter,
         throw=False,
     )
-    assert solution.ys is not None
-    q, v, *charts = solution.ys
-    if settings.projection is not None:
-        # Between steps, dense output leaves the constraints by about 1e-6.
-        sweeps = settings.projection.sweeps
-        q, v = jax.vmap(lambda t, q, v: project(system, t, q, v, sweeps))(ts, q, v)
-    number = charts[0] if charts else None
-    return States(q, v, number, (q0, v0), solution.result, solution.stats)
+    outputs, stats = jax.vmap(output)(ts, solution.ys), solution.stats
+    return Integrated(
+        outputs, (q0, v0), solution.result, stats["num_steps"], stats["num_accepted_steps"]
+    )
+
+
+def _problem(
+    system: AbstractSystem,
+    q0: Float[Array, " n"],
+    v0: Float[Array, " n"],
+    post_step: PostStep | None,
+    settings: Settings,
+) -> tuple[diffrax.AbstractTerm[Any, Any], diffrax.AbstractSolver[Any], State | ChartedState]:
+    """The differential equation, the method, and the state that it starts from."""
+    motion, solver = MotionTerm(system, settings.baumgarte), settings.solver
+    if post_step is None:
+        return motion, solver, (q0, v0)
+    solver, chart = PostStepSolver(solver, post_step), post_step.start(system)
+    if chart is None:
+        return motion, solver, (q0, v0)
+    return ChartedMotionTerm(motion, post_step), solver, (q0, v0, jnp.asarray(chart, q0.dtype))
 
 
 def _step_size_control(
     ts: Float[Array, " k"], settings: Settings, charted: bool
 ) -> tuple[diffrax.AbstractStepSizeController[Any, Any], Float[Array, ""]]:
     """How steps are chosen, and the first one."""
-    rtol, atol, span = settings.rtol, settings.atol, ts[-1] - ts[0]
+    rtol, atol, span = jnp.asarray(settings.rtol), jnp.asarray(settings.atol), ts[-1] - ts[0]
     if settings.dt is not None:
-        return diffrax.ConstantStepSize(), settings.dt
+        return diffrax.ConstantStepSize(), jnp.asarray(settings.dt)
     # Time hardly advances by less; a motion that turns NaN rejects steps until it gets there.
     least = 4 * jnp.finfo(ts.dtype).eps * jnp.maximum(jnp.abs(ts[0]), jnp.abs(ts[-1]))
     norm = motion_norm if charted else optimistix.rms_norm
@@ -109,26 +121,3 @@ def _step_size_control(
     # A short first step instead of diffrax's estimate, which would trace the acceleration twice
     # more; the step size control needs three steps to grow it a thousandfold.
     return control, 1e-3 * rtol**0.2 * span
-
-
-def evaluate(
-    system: AbstractSystem,
-    ts: Float[Array, " k"],
-    states: States,
-    post_step: PostStep | None,
-    settings: Settings,
-) -> Outputs:
-    """Physical coordinates, multipliers and constraints of all states."""
-
-    def at(t: Array, q: Array, v: Array, chart: Array | None) -> Outputs:
-        local = system
-        if chart is not None:
-            assert post_step is not None
-            local = post_step.in_chart(system, chart)
-        _, multipliers = acceleration(local, t, q, v, settings.baumgarte)
-        state = local.state(t, q, v)
-        violation = jnp.max(jnp.abs(local.full.constraint(t, state.q)), initial=0.0)
-        constraints = constraint_state(local, t, q, v)
-        return Outputs(state.q, state.v, multipliers, violation, constraints)
-
-    return jax.vmap(at)(ts, states.q, states.v, states.chart)

@@ -8,7 +8,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 from .. import precision
 from ..system.base import AbstractSystem
 from ..system.constraints import ConstraintState
-from .integration import Outputs, States
+from .integration import Integrated
 from .settings import Settings
 from .status import Status
 
@@ -21,16 +21,16 @@ _DRIFT = 10.0
 def judge_run(
     system: AbstractSystem,
     ts: Float[Array, " k"],
-    states: States,
-    outputs: Outputs,
+    run: Integrated,
+    start: ConstraintState,
     settings: Settings,
 ) -> Int[Array, ""]:
-    """The status of a run, from its integrated states and its outputs."""
-    result, (q0, v0) = states.result, states.start
+    """The status of a run, from its outputs and the constraints at its `start`."""
+    result, (q0, v0) = run.result, run.start
+    own = run.outputs.own or run.outputs
     # Drift can be finite in q and past all numbers in C.
-    numbers = (states.q, states.v, outputs.violation)
+    numbers = (own.q, own.v, run.outputs.violation)
     finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in numbers]))
-    start = jax.tree.map(lambda x: x[0], outputs.constraints)
     # The first that applies is the status: causes come before their consequences. Numbers that
     # cannot be trusted and a wrong start spoil all that follows; what the solver reports explains
     # why numbers are not finite; and only finite ones tell whether the constraints hold.
@@ -48,7 +48,7 @@ def judge_run(
         unresolved = ~_is_resolved(system, ts[0], q0, limits)
         ladder.insert(0, (unresolved, Status.PRECISION))
     if settings.holds_constraints:
-        violated = ~_constraints_hold(states.q, outputs.constraints.violation, settings)
+        violated = ~_constraints_hold(own.q, own.violation, settings)
         ladder.append((violated, Status.CONSTRAINTS_VIOLATED))
     conditions = [condition for condition, _ in ladder]
     codes = [jnp.asarray(int(status)) for _, status in ladder]
@@ -67,7 +67,7 @@ def _is_consistent(
 
 
 def _constraints_hold(
-    q: Float[Array, "k n"], violation: Float[Array, "k m"], settings: Settings
+    q: Float[Array, "k n"], violation: Float[Array, " k"], settings: Settings
 ) -> Bool[Array, ""]:
     """Whether projection or Baumgarte's term has done what it can do."""
     size = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=1))
@@ -76,7 +76,7 @@ def _constraints_hold(
         allowed = _APART * size[0] + _DRIFT * settings.rtol * size
     else:
         allowed = precision.of(q.dtype).start_tolerance * size
-    return jnp.all(jnp.max(jnp.abs(violation), axis=1, initial=0.0) <= allowed)
+    return jnp.all(violation <= allowed)
 
 
 def _is_resolved(

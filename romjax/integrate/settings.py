@@ -4,7 +4,7 @@ from typing import Any, Literal, NamedTuple
 
 import diffrax
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ..arrays import Vector, as_array, concrete
 from ..checks import check_finite, check_shape
@@ -22,17 +22,18 @@ class Settings(NamedTuple):
     - `rtol`, `atol`: tolerances of the step size control, or `dt` [s], a fixed step.
     - `stabilization`: "default" until `resolve` replaces it.
     - `frequencies`: of the system at its start, where a choice needs them.
+    - `adjoint`: None in a run that nobody differentiates; there, `max_steps` is an array.
     - `meter`: what shows the progress.
     """
 
     solver: diffrax.AbstractSolver[Any]
-    rtol: Float[Array, ""]
-    atol: Float[Array, ""]
-    dt: Float[Array, ""] | None
+    rtol: Float[Array | np.ndarray, ""]
+    atol: Float[Array | np.ndarray, ""]
+    dt: Float[Array | np.ndarray, ""] | None
     stabilization: Stabilization | Literal["default"]
     frequencies: Frequencies | None
-    adjoint: diffrax.AbstractAdjoint
-    max_steps: int
+    adjoint: diffrax.AbstractAdjoint | None
+    max_steps: int | Int[Array | np.ndarray, ""]
     meter: diffrax.AbstractProgressMeter[Any]
 
     def resolve(self, system: AbstractSystem, ts: Float[Array, " k"]) -> "Settings":

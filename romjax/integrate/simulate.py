@@ -1,30 +1,38 @@
 """Simulation: the one way from a system to a trajectory."""
 
 import warnings
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int
 
-from ..arrays import Vector
+from .. import compat
+from ..arrays import Vector, as_number
 from ..checks import check_finite
+from ..compat import is_traced
 from ..errors import InputError
+from ..program import program
 from ..system.base import AbstractSystem, Run
 from ..system.consistent import check_start_shapes
-from ..system.constraints import ConstraintState
+from ..system.constraints import ConstraintState, differentiate
 from ..system.stabilization import Baumgarte, Stabilization
+from ..system.structure import without_names
 from .adjoint import default_adjoint
 from .default import default_solver, start_frequencies, warn_of_fast_stabilization
+from .derived import Derived, OnDemand, metric_of, multipliers_at
 from .failures import raise_failure
-from .integration import Outputs, States, evaluate, integrate, post_step_of
+from .integration import integrate
 from .judge import judge_run
+from .outputs import Output, Own, capacity, cut, padded
+from .parts import Parts
 from .rodas5p import Rodas5P
 from .settings import Settings, check_times
 from .statistics import Statistics
-from .trajectory import SolverParts, Trajectory
+from .trajectory import Trajectory
 
 
 def simulate(
@@ -78,29 +86,19 @@ def simulate(
     q, v = check_start_shapes(system, q0, v0)
     check_finite("simulate", "q0", q)
     check_finite("simulate", "v0", v)
-    if q.dtype == jnp.float32:
-        warnings.warn(
-            "Simulating in single precision: expect errors from 1e-5. For double precision, call "
-            'jax.config.update("jax_enable_x64", True) before making any array.',
-            stacklevel=2,
-        )
-    if isinstance(adjoint, diffrax.BacksolveAdjoint):
-        raise InputError(
-            "simulate: adjoint=BacksolveAdjoint() integrates the motion backwards in time, where "
-            "dampers and the stabilisation of the constraints make it grow; use "
-            "diffrax.RecursiveCheckpointAdjoint() or diffrax.ForwardMode()."
-        )
-    rtol, times = jnp.asarray(rtol, q.dtype), times.astype(q.dtype)
-    step = None if dt is None else jnp.asarray(dt, q.dtype)
-    frequencies = None
+    times = times if times.dtype == q.dtype else times.astype(q.dtype)
+    _check_for_doubts(q, adjoint)
+    bare, frequencies = without_names(system), None
+    step = None if dt is None else as_number(dt, q.dtype)
     if solver is None or stabilization == "default":
-        frequencies = start_frequencies(system, times, q, v)
+        first = times[0] if is_traced(times) else as_number(np.asarray(times)[0], q.dtype)
+        frequencies = start_frequencies(bare, first, q, v)
         if solver is None:
             solver = default_solver(system, times, step, frequencies)
     settings = Settings(
         solver=solver,
-        rtol=rtol,
-        atol=rtol if atol is None else jnp.asarray(atol, q.dtype),
+        rtol=as_number(rtol, q.dtype),
+        atol=as_number(rtol if atol is None else atol, q.dtype),
         dt=step,
         stabilization=stabilization,
         frequencies=frequencies,
@@ -108,60 +106,162 @@ def simulate(
         max_steps=max_steps,
         meter=diffrax.TqdmProgressMeter() if progress else diffrax.NoProgressMeter(),
     )
-    trajectory, start = _simulate(system, times, q, v, settings)
+    run, derived = _run(bare, times, q, v, settings)
+    trajectory = _trajectory(system, times, run, derived, settings)
     chosen = isinstance(stabilization, Baumgarte)
     if chosen and not isinstance(solver, Rodas5P | diffrax.AbstractImplicitSolver):
-        warn_of_fast_stabilization(system, trajectory, q, v)
-    return raise_failure(system, trajectory, start) if throw else trajectory
+        warn_of_fast_stabilization(bare, trajectory, q, v)
+    return raise_failure(system, trajectory, run.start) if throw else trajectory
 
 
-@eqx.filter_jit
-def _simulate(
+def _check_for_doubts(q0: Float[Array, " n"], adjoint: diffrax.AbstractAdjoint | None) -> None:
+    """Warn of single precision; raise InputError for an adjoint that grows without bounds."""
+    if q0.dtype == jnp.float32:
+        warnings.warn(
+            "Simulating in single precision: expect errors from 1e-5. For double precision, call "
+            'jax.config.update("jax_enable_x64", True) before making any array.',
+            stacklevel=3,
+        )
+    if isinstance(adjoint, diffrax.BacksolveAdjoint):
+        raise InputError(
+            "simulate: adjoint=BacksolveAdjoint() integrates the motion backwards in time, where "
+            "dampers and the stabilisation of the constraints make it grow; use "
+            "diffrax.RecursiveCheckpointAdjoint() or diffrax.ForwardMode()."
+        )
+
+
+class _Result(NamedTuple):
+    """What a run gives but for names."""
+
+    outputs: Output
+    start: ConstraintState
+    status: Int[Array, ""]
+    flags: Int[Array, ""]
+    steps: Int[Array, ""]
+    accepted: Int[Array, ""]
+    rejected: Int[Array, ""]
+    stabilization: Stabilization
+
+
+def _run(
     system: AbstractSystem,
     ts: Float[Array, " k"],
     q0: Float[Array, " n"],
     v0: Float[Array, " n"],
     settings: Settings,
-) -> tuple[Trajectory, ConstraintState]:
-    """The trajectory, and the constraints at its start."""
-    settings = settings.resolve(system, ts)
-    post_step = post_step_of(system, settings)
-    states = integrate(system, ts, q0, v0, post_step, settings)
-    outputs = evaluate(system, ts, states, post_step, settings)
-    trajectory = Trajectory(
-        t=ts,
-        q=outputs.q,
-        v=outputs.v,
-        multipliers=outputs.multipliers,
-        violation=outputs.violation,
-        metric=system.full.mass(system.full.q0),
-        stats=_statistics(states, settings),
-        status=judge_run(system, ts, states, outputs, settings),
-        flags=_flags(system, ts, states, outputs),
-        coordinates=system.full.structure.coordinates,
-        solver_parts=SolverParts.of(settings.solver),
+) -> tuple[_Result, Derived | OnDemand]:
+    """The run, by a program of its own that others share, or as a part of the user's."""
+    if not compat.is_outermost() or isinstance(settings.solver, diffrax.AbstractImplicitSolver):
+        return _differentiable(system, ts, q0, v0, settings)
+    count = len(ts)
+    size = capacity(count, 2 * system.full.n, q0.dtype)
+    settings = settings._replace(max_steps=np.asarray(settings.max_steps), adjoint=None)
+    times = ts if size == count else padded(ts, size)
+    result: _Result = _plain(system, times, np.asarray(count), q0, v0, settings)
+    outputs = cut(result.outputs, count)
+    own = outputs.own or Own(outputs.q, outputs.v, None, outputs.violation)
+    demand = OnDemand(
+        Parts.of(system), ts, own.q, own.v, own.chart, _baumgarte(result.stabilization)
     )
-    return trajectory, jax.tree.map(lambda x: x[0], outputs.constraints)
+    return result._replace(outputs=outputs), demand
 
 
-def _statistics(states: States, settings: Settings) -> Statistics:
+@program
+def _plain(
+    system: AbstractSystem,
+    ts: Float[Array | np.ndarray, " size"],
+    count: Int[Array | np.ndarray, ""],
+    q0: Float[Array, " n"],
+    v0: Float[Array, " n"],
+    settings: Settings,
+) -> _Result:
+    return _integrated(system, jnp.asarray(ts), jnp.asarray(count), q0, v0, settings)
+
+
+@eqx.filter_jit
+def _differentiable(
+    system: AbstractSystem,
+    ts: Float[Array, " k"],
+    q0: Float[Array, " n"],
+    v0: Float[Array, " n"],
+    settings: Settings,
+) -> tuple[_Result, Derived]:
+    result = _integrated(system, ts, None, q0, v0, settings)
+    outputs, used = result.outputs, _baumgarte(result.stabilization)
+    own = outputs.own or Own(outputs.q, outputs.v, None, outputs.violation)
+    # XLA leaves out what nobody uses.
+    multipliers = jax.vmap(lambda t, q, v, chart: multipliers_at(system, t, q, v, chart, used))(
+        ts, own.q, own.v, own.chart
+    )
+    return result, Derived(multipliers, metric_of(system))
+
+
+def _integrated(
+    system: AbstractSystem,
+    ts: Float[Array, " k"],
+    count: Int[Array, ""] | None,
+    q0: Float[Array, " n"],
+    v0: Float[Array, " n"],
+    settings: Settings,
+) -> _Result:
+    settings = settings.resolve(system, ts)
+    run = integrate(system, ts, count, q0, v0, settings)
+    if count is not None:
+        # Rows that nobody asked for repeat the last one, which changes no judgement.
+        rows = jnp.minimum(jnp.arange(len(ts)), count - 1)
+        run = run._replace(outputs=jax.tree.map(lambda x: x[rows], run.outputs))
+    start = differentiate(system.constraint, ts[0], *run.start)
+    return _Result(
+        run.outputs,
+        start,
+        judge_run(system, ts, run, start, settings),
+        _flags(system, ts, run.outputs),
+        run.steps,
+        run.accepted,
+        run.steps - run.accepted,
+        settings.baumgarte or settings.projection,
+    )
+
+
+def _baumgarte(stabilization: Stabilization) -> Baumgarte | None:
+    return stabilization if isinstance(stabilization, Baumgarte) else None
+
+
+def _trajectory(
+    system: AbstractSystem,
+    ts: Float[Array, " k"],
+    run: _Result,
+    derived: Derived | OnDemand,
+    settings: Settings,
+) -> Trajectory:
     controlled, frequencies = settings.dt is None, settings.frequencies
-    return Statistics(
-        num_steps=states.stats["num_steps"],
-        num_accepted_steps=states.stats["num_accepted_steps"],
-        num_rejected_steps=states.stats["num_rejected_steps"],
+    statistics = Statistics(
+        num_steps=run.steps,
+        num_accepted_steps=run.accepted,
+        num_rejected_steps=run.rejected,
         rtol=settings.rtol if controlled else None,
         atol=settings.atol if controlled else None,
         fastest_frequency=None if frequencies is None else frequencies.fastest,
-        stabilization=settings.baumgarte or settings.projection,
+        stabilization=run.stabilization,
+    )
+    return Trajectory(
+        t=ts,
+        q=run.outputs.q,
+        v=run.outputs.v,
+        violation=run.outputs.violation,
+        derived=derived,
+        stats=statistics,
+        status=run.status,
+        flags=run.flags,
+        coordinates=system.full.structure.coordinates,
+        solver_parts=Parts.of(settings.solver),
     )
 
 
-def _flags(
-    system: AbstractSystem, ts: Float[Array, " k"], states: States, outputs: Outputs
-) -> Int[Array, ""]:
+def _flags(system: AbstractSystem, ts: Float[Array, " k"], outputs: Output) -> Int[Array, ""]:
     """What the system says against its own motion."""
     if system.validity is None:
         return jnp.zeros((), int)
-    run = Run(ts, states.q, states.v, outputs.q, outputs.violation)
+    own = outputs.own or outputs
+    run = Run(ts, own.q, own.v, outputs.q, outputs.violation)
     return system.validity.flags(system, run)

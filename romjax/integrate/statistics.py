@@ -3,13 +3,19 @@
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..deprecated import warn_once
 from ..system.stabilization import Baumgarte, Stabilization
 
 _COUNTS = ("num_steps", "num_accepted_steps", "num_rejected_steps")
+
+
+def _count(number: Any) -> Any:
+    return number if isinstance(number, jax.Array) else jnp.asarray(number)
 
 
 class Statistics(eqx.Module):
@@ -24,11 +30,11 @@ class Statistics(eqx.Module):
     The numbers of steps can also be read as items, `stats["num_steps"]`.
     """
 
-    num_steps: Int[Array, ""] = eqx.field(converter=jnp.asarray)
-    num_accepted_steps: Int[Array, ""] = eqx.field(converter=jnp.asarray)
-    num_rejected_steps: Int[Array, ""] = eqx.field(converter=jnp.asarray)
-    rtol: Float[Array, ""] | None = None
-    atol: Float[Array, ""] | None = None
+    num_steps: Int[Array, ""] = eqx.field(converter=_count)
+    num_accepted_steps: Int[Array, ""] = eqx.field(converter=_count)
+    num_rejected_steps: Int[Array, ""] = eqx.field(converter=_count)
+    rtol: Float[Array | np.ndarray, ""] | None = None
+    atol: Float[Array | np.ndarray, ""] | None = None
     fastest_frequency: Float[Array, ""] | None = None
     stabilization: Stabilization = None
 

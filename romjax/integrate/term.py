@@ -3,30 +3,16 @@
 from typing import Any
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..arrays import Time
 from ..system.base import AbstractSystem
-from ..system.dynamics import Linearization, linearize
+from ..system.dynamics import Linearization, acceleration, linearize
 from ..system.stabilization import Baumgarte
 
 State = tuple[Float[Array, " n"], Float[Array, " n"]]
 ChartedState = tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, ""]]
-
-
-@eqx.filter_jit
-def acceleration(
-    system: AbstractSystem,
-    t: Time,
-    q: Float[Array, " n"],
-    v: Float[Array, " n"],
-    stabilization: Baumgarte | None,
-) -> tuple[Float[Array, " n"], Float[Array, " m"]]:
-    """`system.acceleration`, jitted so that a program that asks for it often traces it once."""
-    return system.acceleration(t, q, v, stabilization)
 
 
 class MotionTerm(diffrax.AbstractTerm[State, Any]):

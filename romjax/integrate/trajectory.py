@@ -5,50 +5,25 @@ from typing import Any
 
 import diffrax
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..deprecated import renamed, warn_once
 from ..scene.coordinate import Coordinate
 from ..system.flags import WORDS, Flag
+from .derived import Derived, OnDemand
+from .parts import Parts
 from .statistics import Statistics
 from .status import REMEDIES, Status
-
-
-class SolverParts(eqx.Module):
-    """A solver as a pytree of arrays, so that runs pass through any transformation of JAX.
-
-    The numbers of a solver (tolerances of an iteration, say) may be traced; its functions are
-    leaves that `jax.jit` does not accept, and become static.
-    """
-
-    arrays: Any
-    structure: Any = eqx.field(static=True)
-
-    @classmethod
-    def of(cls, solver: diffrax.AbstractSolver[Any]) -> "SolverParts":
-        """From the solver itself."""
-        arrays, rest = eqx.partition(solver, lambda x: isinstance(x, jax.Array | np.ndarray))
-        # Most solvers have none, and an empty tree costs time in every call.
-        return cls(arrays if jax.tree.leaves(arrays) else None, rest)
-
-    def join(self) -> diffrax.AbstractSolver[Any]:
-        """The solver itself."""
-        solver: diffrax.AbstractSolver[Any] = self.structure
-        if self.arrays is not None:
-            solver = eqx.combine(self.arrays, self.structure)
-        return solver
 
 
 class Trajectory(eqx.Module):
     """A simulated motion at the output times, in physical coordinates.
 
     - `t` (k,) [s]; `q`, `v` (k, n): coordinates and velocities, lifted if the system was reduced.
-    - `multipliers` (k, m): Lagrange multipliers λ of M q̈ + C_qᵀ λ = Q.
     - `violation` (k,): largest |C| of the mechanism's own constraints.
-    - `metric` (n, n): mass matrix at the start, the metric of errors and bases.
+    - `multipliers` (k, m): Lagrange multipliers, and `metric` (n, n): mass matrix at the start;
+      evaluated when they are asked for, from what is `derived`.
     - `stats`: numbers of steps (`num_steps`, `num_accepted_steps`, `num_rejected_steps`), the
       tolerances `rtol`, `atol` of the step size control, the `stabilization` used, and where the
       method or the stabilization was chosen by it, the `fastest_frequency` [rad/s] of the system.
@@ -64,14 +39,23 @@ class Trajectory(eqx.Module):
     t: Float[Array, " k"]
     q: Float[Array, "k n"]
     v: Float[Array, "k n"]
-    multipliers: Float[Array, "k m"]
     violation: Float[Array, " k"]
-    metric: Float[Array, "n n"]
+    derived: Derived | OnDemand
     stats: Statistics
     status: Int[Array, ""]
     coordinates: tuple[Coordinate, ...] = eqx.field(static=True)
-    solver_parts: SolverParts
+    solver_parts: Parts
     flags: Int[Array, ""] = eqx.field(default_factory=lambda: jnp.zeros((), int))
+
+    @property
+    def multipliers(self) -> Float[Array, "k m"]:
+        """Lagrange multipliers λ of M q̈ + C_qᵀ λ = Q."""
+        return self.derived.multipliers
+
+    @property
+    def metric(self) -> Float[Array, "n n"]:
+        """Mass matrix at the start, the metric of errors and bases."""
+        return self.derived.metric
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -86,12 +70,13 @@ class Trajectory(eqx.Module):
     @property
     def solver(self) -> diffrax.AbstractSolver[Any]:
         """The method, as it was given to `simulate` or chosen by it."""
-        return self.solver_parts.join()
+        solver: diffrax.AbstractSolver[Any] = self.solver_parts.join()
+        return solver
 
     @property
     def solver_name(self) -> str:
         """The name of the method's class."""
-        return type(self.solver_parts.structure).__name__
+        return type(self.solver).__name__
 
     @property
     def success(self) -> Bool[Array, ""]:
@@ -119,8 +104,8 @@ class Trajectory(eqx.Module):
 
     def every(self, stride: int) -> "Trajectory":
         """The same motion at every `stride`-th output time."""
-        arrays = ("t", "q", "v", "multipliers", "violation")
-        return dataclasses.replace(self, **{name: getattr(self, name)[::stride] for name in arrays})
+        arrays = {name: getattr(self, name)[::stride] for name in ("t", "q", "v", "violation")}
+        return dataclasses.replace(self, **arrays, derived=self.derived.every(stride))
 
     def noise(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """What the tolerances allow as errors of positions and velocities, in the energy norm.

@@ -3,11 +3,13 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..arrays import Time
+from ..linalg.dense import multiply
 from .base import AbstractSystem
 from .constraints import ConstraintState, differentiate, right_hand_side
 from .stabilization import Baumgarte
@@ -22,6 +24,18 @@ class Linearization(NamedTuple):
     by_time: Float[Array, " n"]  # ∂a/∂t
 
 
+@eqx.filter_jit
+def acceleration(
+    system: AbstractSystem,
+    t: Time,
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    stabilization: Baumgarte | None,
+) -> tuple[Float[Array, " n"], Float[Array, " m"]]:
+    """`system.acceleration`, jitted so that all that ask for it share one trace."""
+    return system.acceleration(t, q, v, stabilization)
+
+
 def apply_mass(
     system: AbstractSystem, q: Float[Array, " n"], x: Float[Array, "n *k"]
 ) -> Float[Array, "n *k"]:
@@ -33,7 +47,7 @@ def kinetic_energy(
     system: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"]
 ) -> Float[Array, ""]:
     """T = ½ vᵀ M v [J]."""
-    return 0.5 * v @ apply_mass(system, q, v)
+    return 0.5 * multiply(v, apply_mass(system, q, v))
 
 
 def quadratic_velocity_force(mass: Callable[..., Array]) -> Callable[..., Array]:
@@ -46,7 +60,7 @@ def quadratic_velocity_force(mass: Callable[..., Array]) -> Callable[..., Array]
     def force(q: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " n"]:
         def momentum(q: Float[Array, " n"]) -> Float[Array, " n"]:
             m = mass(q)
-            return m * v if m.ndim == 1 else m @ v
+            return m * v if m.ndim == 1 else multiply(m, v)
 
         rate: Array
         _, rate = jax.jvp(momentum, (q,), (v,))
@@ -106,7 +120,7 @@ def linearize(
         unbalanced = system.state(t, q, v).residual(a)
         if system.m == 0:
             return unbalanced, jnp.zeros(0, q.dtype)
-        reaction = jax.grad(lambda q: multipliers @ system.constraint(t, q))(q)
+        reaction = jax.grad(lambda q: multiply(multipliers, system.constraint(t, q)))(q)
         along = constraint_state(system, t, q, v, a)
         curvature = along.curvature
         if stabilization is not None:
@@ -118,6 +132,7 @@ def linearize(
         change: tuple[Array, Array] = jax.jvp(residual, (t, q, v), tangent)[1]
         return change
 
-    by_state = jax.vmap(push, out_axes=1)(jnp.eye(2 * n + 1, dtype=q.dtype))
+    # Jitted to be a part that the compiler can take by itself.
+    by_state = jax.jit(jax.vmap(push, out_axes=1))(jnp.eye(2 * n + 1, dtype=q.dtype))
     slopes, _ = kkt.solve(-by_state[0], -by_state[1])
     return Linearization(a, slopes[:, :n], slopes[:, n : 2 * n], slopes[:, 2 * n])

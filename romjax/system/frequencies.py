@@ -9,6 +9,8 @@ from jaxtyping import Array, Float
 
 from ..arrays import Time
 from .base import AbstractSystem
+from .dynamics import acceleration
+from .stabilization import Baumgarte
 
 # Of the power iteration; the estimate settles a choice, not a result.
 _ITERATIONS = 12
@@ -48,7 +50,9 @@ def _estimate(
     # Difference quotients: the derivative would double the program for a rough number.
     step = jnp.sqrt(jnp.finfo(q.dtype).eps)
     among = jnp.stack([jnp.array(system.structure.rigid), *[jnp.ones(system.n, bool)] * 2])
-    state = system.state(t, q, v)
+    t, state = jnp.asarray(t, q.dtype), system.state(t, q, v)
+    # Zero stabilisation instead of none: the trace of the acceleration then serves the steps too.
+    unstabilized = Baumgarte(jnp.zeros((), q.dtype), jnp.zeros((), q.dtype)) if system.m else None
 
     def sizes(x: Float[Array, "three n"]) -> Float[Array, " three"]:
         return jnp.sqrt(jnp.sum(x * state.apply_mass(x.T).T, axis=1))
@@ -57,9 +61,9 @@ def _estimate(
         # The third row is the state itself, from which the quotients are taken.
         positions = jnp.concatenate([x[:2], jnp.zeros_like(x[:2])])
         rates = jnp.concatenate([jnp.zeros_like(x), x[2:]])
-        pushed = jax.vmap(lambda x, w: system.acceleration(t, q + step * x, v + step * w)[0])(
-            positions, rates
-        )
+        pushed = jax.vmap(
+            lambda x, w: acceleration(system, t, q + step * x, v + step * w, unstabilized)[0]
+        )(positions, rates)
         change = jnp.where(among, (pushed[np.array([0, 1, 3])] - pushed[2][None]) / step, 0)
         size = sizes(change)
         return change / jnp.where(size > 0, size, 1)[:, None], size

@@ -1,6 +1,11 @@
 """What is static about a system: names, and which coordinates are of what kind."""
 
 import dataclasses
+import functools
+import weakref
+from typing import Any
+
+import jax
 
 from ..scene.coordinate import Coordinate
 
@@ -29,3 +34,47 @@ class Structure:
         """Of `n` coordinates and `m` constraints of which nothing else is known."""
         coordinates = tuple(Coordinate("", f"q{i + 1}") for i in range(n))
         return cls(coordinates, tuple(f"constraint {i + 1}" for i in range(m)), (True,) * n, True)
+
+    @functools.cached_property
+    def nameless(self) -> "Structure":
+        """The same kinds of coordinates, without names."""
+        unnamed = Structure.unnamed(len(self.coordinates), len(self.constraints))
+        return dataclasses.replace(unnamed, rigid=self.rigid, flexible=self.flexible)
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @functools.cached_property
+    def _hash(self) -> int:
+        # Every call of a compiled program asks for it.
+        return hash((self.coordinates, self.constraints, self.rigid, self.flexible))
+
+
+# By identity: equality of systems compares all their arrays.
+_nameless: dict[int, tuple[weakref.ref[Any], Any]] = {}
+
+
+def without_names(system: Any) -> Any:
+    """A system without the names of its coordinates and constraints, of which no number depends, so
+    that systems that differ in names only share their compiled programs.
+    """
+    key = id(system)
+    reference, bare = _nameless.get(key, (None, None))
+    if reference is None or reference() is not system:
+        bare = _anonymous(system)
+        _nameless[key] = weakref.ref(system, lambda _: _nameless.pop(key, None)), bare
+    return bare
+
+
+def _anonymous(system: Any) -> Any:
+    children, tree = jax.tree.flatten(system, is_leaf=lambda x: x is not system)
+    copy = jax.tree.unflatten(tree, children)
+    for field in dataclasses.fields(system):
+        value = getattr(system, field.name)
+        if isinstance(value, Structure):
+            object.__setattr__(copy, field.name, value.nameless)
+        elif isinstance(value, str):  # a summary
+            object.__setattr__(copy, field.name, "")
+        elif hasattr(value, "structure"):  # the system that a reduced one is made from
+            object.__setattr__(copy, field.name, _anonymous(value))
+    return copy

@@ -1,0 +1,128 @@
+"""What follows from a run and its system: evaluated with the run, or when somebody asks for it."""
+
+import dataclasses
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..program import program, program_once
+from ..reduction.system import has_charts
+from ..system.base import AbstractSystem
+from ..system.dynamics import acceleration
+from ..system.stabilization import Baumgarte
+from .chart_change import ChartChange
+from .outputs import capacity, cut, padded
+from .parts import Parts
+
+
+class Derived(NamedTuple):
+    """Values that are there.
+
+    - `multipliers` (k, m), `metric` (n, n): as `Trajectory` has them.
+    """
+
+    multipliers: Float[Array, "k m"]
+    metric: Float[Array, "n n"]
+
+    def every(self, stride: int) -> "Derived":
+        """At every `stride`-th output time."""
+        return self._replace(multipliers=self.multipliers[::stride])
+
+
+class OnDemand(eqx.Module):
+    """Values that are evaluated when they are asked for: most runs are never asked.
+
+    Multipliers need the acceleration at each output time, which is a quarter of a simulation's
+    program and, in a long chain, half of its time.
+    """
+
+    parts: Parts  # of the system
+    t: Float[Array, " k"]
+    q: Float[Array, "k r"]
+    v: Float[Array, "k r"]
+    chart: Float[Array, " k"] | None
+    stabilization: Baumgarte | None
+
+    @property
+    def system(self) -> AbstractSystem:
+        """The system that moved, without names."""
+        system: AbstractSystem = self.parts.join()
+        return system
+
+    @property
+    def multipliers(self) -> Float[Array, "k m"]:
+        if self.t.ndim > 1:  # several runs, stacked
+            stacked: Float[Array, "runs k m"] = jax.vmap(lambda run: run.multipliers)(self)
+            return stacked
+        k, system = len(self.t), self.system
+        if system.m == 0:
+            return jnp.zeros((k, 0), self.q.dtype)
+        size = capacity(k, system.m, self.q.dtype)
+        states = (self.t, self.q, self.v, self.chart)
+        t, q, v, chart = jax.tree.map(lambda x: padded(x, size), states)
+        count = np.asarray(k)
+        multipliers = _multipliers(system, t, q, v, chart, self.stabilization, count)
+        rows: Float[Array, "k m"] = cut(multipliers, k)
+        return rows
+
+    @property
+    def metric(self) -> Float[Array, "n n"]:
+        if self.t.ndim > 1:
+            stacked: Float[Array, "runs n n"] = jax.vmap(lambda run: run.metric)(self)
+            return stacked
+        metric: Float[Array, "n n"] = _metric(self.system)
+        return metric
+
+    def every(self, stride: int) -> "OnDemand":
+        """At every `stride`-th output time."""
+        arrays = {name: getattr(self, name) for name in ("t", "q", "v", "chart")}
+        return dataclasses.replace(self, **jax.tree.map(lambda x: x[::stride], arrays))
+
+
+@program
+def _multipliers(
+    system: AbstractSystem,
+    t: Float[Array, " size"],
+    q: Float[Array, "size r"],
+    v: Float[Array, "size r"],
+    chart: Float[Array, " size"] | None,
+    stabilization: Baumgarte | None,
+    count: Int[Array | np.ndarray, ""],
+) -> Float[Array, "size m"]:
+    def put(i: Array, rows: Array) -> Array:
+        now = None if chart is None else chart[i]
+        return rows.at[i].set(multipliers_at(system, t[i], q[i], v[i], now, stabilization))
+
+    # A loop, not a batch, whose program is larger.
+    rows: Array = jax.lax.fori_loop(
+        0, jnp.asarray(count), put, jnp.zeros((len(t), system.m), q.dtype)
+    )
+    return rows
+
+
+def multipliers_at(
+    system: AbstractSystem,
+    t: Float[Array, ""],
+    q: Float[Array, " r"],
+    v: Float[Array, " r"],
+    chart: Float[Array, ""] | None,
+    stabilization: Baumgarte | None,
+) -> Float[Array, " m"]:
+    """The multipliers at one state."""
+    if has_charts(system):
+        system = ChartChange.of(system).in_chart(system, chart)
+    return acceleration(system, t, q, v, stabilization)[1]
+
+
+@program_once
+def _metric(system: AbstractSystem) -> Float[Array, "n n"]:
+    return metric_of(system)
+
+
+def metric_of(system: AbstractSystem) -> Float[Array, "n n"]:
+    """The physical mass matrix at the start of a system."""
+    return system.full.mass(system.full.q0)

@@ -1,0 +1,75 @@
+"""What is saved at the output times, and room for it."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..system.base import AbstractSystem
+from .post_step import PostStep
+
+# Fewer outputs than fill so many bytes share one program.
+_ROOM = 2**16
+
+
+class Own(NamedTuple):
+    """A state in the coordinates of a reduced system."""
+
+    q: Float[Array, "*k r"]
+    v: Float[Array, "*k r"]
+    chart: Float[Array, "*k"] | None  # of a system with charts: the one that q and v belong to
+    violation: Float[Array, "*k"]  # largest |C| of the reduced system's own constraints
+
+
+class Output(NamedTuple):
+    """One output, or all of them with a leading axis."""
+
+    q: Float[Array, "*k n"]  # physical
+    v: Float[Array, "*k n"]
+    violation: Float[Array, "*k"]  # largest |C| of the mechanism's own constraints
+    own: Own | None  # None where the physical coordinates are the system's
+
+
+@eqx.filter_jit
+def output_at(
+    system: AbstractSystem, post_step: PostStep | None, t: Float[Array, ""], y: Any
+) -> Output:
+    """What is saved of an integrated state; jitted so that it is traced once."""
+    q, v, *charts = y
+    chart = charts[0] if charts else None
+    local = system
+    if chart is not None:
+        assert post_step is not None
+        local = post_step.in_chart(system, chart)
+    if local.full is local:
+        return Output(q, v, _largest(local.constraint(t, q)), None)
+    state = local.state(t, q, v)
+    own = Own(q, v, chart, _largest(local.constraint(t, q)))
+    return Output(state.q, state.v, _largest(local.full.constraint(t, state.q)), own)
+
+
+def _largest(violation: Float[Array, " m"]) -> Float[Array, ""]:
+    return jnp.max(jnp.abs(violation), initial=0.0)
+
+
+def capacity(count: int, width: int, dtype: Any) -> int:
+    """Rows of `width` numbers to reserve for `count` outputs, so that few programs serve all."""
+    least = _ROOM // (max(width, 1) * jnp.dtype(dtype).itemsize)
+    return int(1 << (max(count, least, 2) - 1).bit_length())
+
+
+def padded(x: Any, size: int) -> np.ndarray:
+    """`x` with its last row repeated up to `size` rows."""
+    rows = np.asarray(x)
+    return np.concatenate([rows, np.broadcast_to(rows[-1:], (size - len(rows), *rows.shape[1:]))])
+
+
+def cut(outputs: Any, count: int) -> Any:
+    """The first `count` rows of all arrays, without a program for each number of rows."""
+    leaves, tree = jax.tree.flatten(outputs)
+    if leaves and len(leaves[0]) != count:
+        leaves = jax.device_put([np.asarray(x)[:count] for x in leaves])
+    return jax.tree.unflatten(tree, leaves)

@@ -1,0 +1,36 @@
+"""Objects in pytrees of arrays."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+
+class Parts(eqx.Module):
+    """An object as a pytree of arrays, so that what holds it passes through any transformation.
+
+    The numbers of a solver (tolerances of an iteration, say) or of a system may be traced; their
+    functions are leaves that `jax.jit` does not accept, and become static.
+    """
+
+    arrays: tuple[Any, ...]
+    static: tuple[Any, ...] = eqx.field(static=True)  # the other leaves; None for an array
+    tree: Any = eqx.field(static=True)
+
+    @classmethod
+    def of(cls, whole: Any) -> "Parts":
+        """From the object itself."""
+        leaves, tree = jax.tree.flatten(whole)
+        arrays = [isinstance(x, jax.Array | np.ndarray) for x in leaves]
+        return cls(
+            tuple(x for x, is_array in zip(leaves, arrays, strict=True) if is_array),
+            tuple(None if is_array else x for x, is_array in zip(leaves, arrays, strict=True)),
+            tree,
+        )
+
+    def join(self) -> Any:
+        """The object itself."""
+        arrays = iter(self.arrays)
+        leaves = [next(arrays) if x is None else x for x in self.static]
+        return jax.tree.unflatten(self.tree, leaves)

@@ -1,0 +1,155 @@
+"""Compiled programs: how everything that romjax runs by itself is compiled.
+
+Mechanisms are small: XLA's way of running a program on a CPU, a list of kernels that are started
+one by one, takes longer to start each kernel than to run it. Two settings, program by program,
+change that and nothing else in the process:
+
+- Options of the compiler: fusions are compiled by the older emitter, which takes half the time, and
+  sums over small axes stay in the loops around them.
+- A call that carries the attribute `xla_cpu_small_call` becomes one function instead of kernels. It
+  may contain no call of a library (LAPACK, a callback to Python) and no large product, which a
+  library computes faster; loops around such calls stay loops, and what is inside of them and
+  free of calls becomes a function.
+
+Both hold only for a program that nothing surrounds: within a transformation of JAX (`jit`, `vmap`,
+`grad`) of the user, the function is part of the user's program.
+"""
+
+import functools
+import warnings
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar, cast
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from . import compat
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+# Of a function, in equations: LLVM's passes need more than linear time for a long one, and a short
+# one saves nothing.
+_MOST, _FEWEST = 2000, 20
+# Products of more terms are computed faster by a library.
+_LARGEST_PRODUCT = 4096
+# Programs that are remembered, of one function.
+_PROGRAMS = 256
+
+
+class Program:
+    """A function of pytrees, compiled for each structure of its arguments.
+
+    Arrays are traced; everything else in the arguments is static, and must be hashable. Returns
+    pytrees of arrays only.
+    """
+
+    def __init__(self, function: Callable[..., Any], once: bool):
+        functools.update_wrapper(self, function)
+        self._function, self._once = function, once
+        self._inside = eqx.filter_jit(function)
+        self._compiled = functools.lru_cache(_PROGRAMS)(self._compile)
+
+    def __call__(self, *args: Any) -> Any:
+        if not compat.is_outermost():
+            return self._inside(*args)
+        leaves, tree = jax.tree.flatten(args)
+        arrays = [x for x in leaves if _is_array(x)]
+        static = tuple(_static(x) for x in leaves)
+        return self._compiled(tree, static)(*arrays)
+
+    def _compile(self, tree: Any, static: tuple[Any, ...]) -> Callable[..., Any]:
+        def flat(*arrays: Any) -> Any:
+            given = iter(arrays)
+            leaves = [next(given) if x is None else _restore(x) for x in static]
+            return self._function(*jax.tree.unflatten(tree, leaves))
+
+        options = _options()
+        if options is None:
+            return jax.jit(flat)
+        if self._once:
+            return jax.jit(flat, compiler_options=options | compat.QUICK)
+        return _Fallback(
+            jax.jit(lambda *arrays: _as_functions(flat, arrays), compiler_options=options),
+            jax.jit(flat, compiler_options=options),
+        )
+
+
+class _Fallback:
+    """A program, and a slower one that takes its place if the first cannot be compiled."""
+
+    def __init__(self, program: Callable[..., Any], other: Callable[..., Any]):
+        self.program, self.other = program, other
+
+    def __call__(self, *arrays: Any) -> Any:
+        try:
+            return self.program(*arrays)
+        except jax.errors.JaxRuntimeError:
+            if self.program is self.other:
+                raise
+            self.program = self.other
+            return self.program(*arrays)
+
+
+def program(function: F) -> F:
+    """`function` as a `Program`."""
+    return cast(F, Program(function, once=False))
+
+
+def program_once(function: F) -> F:
+    """`function` as a `Program` that runs once or twice: compiled without optimisation."""
+    return cast(F, Program(function, once=True))
+
+
+class _Empty(NamedTuple):
+    """An array without entries."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype
+
+
+def _static(x: Any) -> Any:
+    if isinstance(x, jax.Array | np.ndarray):
+        return None if x.size else _Empty(x.shape, x.dtype)
+    return x
+
+
+def _restore(x: Any) -> Any:
+    return np.zeros(x.shape, x.dtype) if isinstance(x, _Empty) else x
+
+
+def _is_array(x: Any) -> bool:
+    return isinstance(x, jax.Array | np.ndarray) and x.size > 0
+
+
+@functools.cache
+def _options() -> dict[str, Any] | None:
+    """The options of the compiler; None where there are none, on other devices than a CPU."""
+    if jax.default_backend() != "cpu":
+        return None
+    try:
+        jax.jit(lambda x: x, compiler_options=compat.OPTIONS)(np.zeros(1))
+    except jax.errors.JaxRuntimeError as error:
+        warnings.warn(
+            f"romjax does not know the compiler of JAX {jax.__version__} ({error}): simulations "
+            "will take longer to compile and to run.",
+            stacklevel=2,
+        )
+        return None
+    return compat.OPTIONS
+
+
+def _as_functions(flat: Callable[..., Any], arrays: Any) -> Any:
+    """The results of `flat`, all that can be as functions of the program."""
+    closed, shapes = jax.make_jaxpr(flat, return_shape=True)(*arrays)
+    closed = compat.as_functions(closed, _fits, _FEWEST)
+    return jax.tree.unflatten(jax.tree.structure(shapes), compat.evaluate(closed, arrays))
+
+
+def _fits(jaxpr: Any) -> bool:
+    """Whether this can be one function: no calls of a library, no large products."""
+    equations = list(compat.equations(jaxpr))
+    return len(equations) <= _MOST and all(
+        compat.is_written_out(equation) and compat.product_terms(equation) <= _LARGEST_PRODUCT
+        for equation in equations
+    )

@@ -1,0 +1,161 @@
+"""Compiled programs: one for all that differs in numbers only, with the results of JAX's own."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from comparison import assert_close
+from tolerances import IDENTITY, PUBLISHED
+
+import romjax as rj
+from romjax import compat
+from romjax.program import program
+
+X = jnp.asarray(np.random.default_rng(0).normal(size=7))
+
+
+def loop(x):
+    return jax.lax.while_loop(lambda c: c[0] < 9, lambda c: (c[0] + 1, jnp.sin(c[1]) + x), (0, x))
+
+
+def calls_a_library_between_loops(x):
+    def step(carry, _):
+        y = loop(carry)[1]
+        return jnp.linalg.inv(jnp.eye(len(y)) + 0.1 * y[:, None] * y[None]) @ y, y
+
+    return jax.lax.scan(step, x, None, length=4)
+
+
+def saves_rows(x):
+    def put(i, rows):
+        return rows.at[i].set(jnp.where(i % 2 == 0, x, jnp.flip(x)))
+
+    return jax.lax.fori_loop(0, 5, put, jnp.zeros((6, len(x))))
+
+
+def prints(x):
+    jax.debug.callback(lambda x: None, x)
+    return loop(x)[1]
+
+
+def large_product(x):
+    a = jnp.outer(jnp.ones(200), jnp.tile(x, 30)[:200])
+    return jax.lax.fori_loop(0, 3, lambda _, a: jnp.tanh(a @ a), a)
+
+
+FUNCTIONS = {
+    "loop": loop,
+    "library": calls_a_library_between_loops,
+    "rows": saves_rows,
+    "callback": prints,
+    "large product": large_product,
+    "branches": lambda x: jax.lax.cond(x[0] > 0, lambda x: loop(x)[1], jnp.cos, x),
+    "sorted": lambda x: jnp.sort(loop(x)[1]),
+    "constant": lambda x: (jnp.zeros(3), 1.0 + 0 * x),
+    "an argument that nobody uses": lambda x: jnp.concatenate([x, x[:2]])[:1] * 0 + 2.0,
+    "no entries": lambda x: (x[:0], loop(x)[0], jnp.zeros((0, 3))),
+    "truth": lambda x: (x > 0, ~(x > 0), jnp.any(x > 0)),
+    "single precision": lambda x: loop(x.astype(jnp.float32)),
+}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_results_are_those_of_jax(name):
+    wanted, given = jax.jit(FUNCTIONS[name])(X), program(FUNCTIONS[name])(X)
+    assert jax.tree.structure(wanted) == jax.tree.structure(given)
+    for a, b in zip(jax.tree.leaves(wanted), jax.tree.leaves(given), strict=True):
+        assert a.dtype == b.dtype
+        assert np.allclose(a, b, rtol=1e-6 if a.dtype == jnp.float32 else IDENTITY, atol=IDENTITY)
+
+
+def test_everything_but_arrays_is_static():
+    traces = []
+
+    @program
+    def scaled(numbers, names):
+        traces.append(names)
+        return numbers["x"] * len(names)
+
+    empty = jnp.zeros((0, 2))
+    for factor in (1.0, 2.0):
+        assert scaled({"x": factor * X, "empty": empty}, ("a", "b"))[0] == 2 * factor * X[0]
+    assert scaled({"x": X, "empty": empty}, ("a",))[0] == X[0]
+    assert traces == [("a", "b"), ("a",)]
+
+
+def test_inside_of_a_transformation_it_is_a_part_of_it():
+    doubled = program(lambda x: 2 * x)
+    assert_close(jax.grad(lambda x: jnp.sum(doubled(x) ** 2))(X), 8 * X, IDENTITY)
+    assert_close(jax.vmap(doubled)(X), 2 * X, IDENTITY)
+
+
+@pytest.mark.parametrize("scene", ["chain", "cart_pendulum"])
+def test_the_plain_loop_takes_the_steps_of_diffrax(scene):
+    """The run that nobody differentiates, and the same as a part of the user's program."""
+    system = rj.assemble(rj.gallery.chain(2) if scene == "chain" else rj.gallery.cart_pendulum())
+    ts = jnp.linspace(0.0, 0.3, 31)
+    one, other = rj.simulate(system, ts), jax.jit(lambda ts: rj.simulate(system, ts))(ts)
+    for count in ("num_steps", "num_accepted_steps", "num_rejected_steps"):
+        assert getattr(one.stats, count) == getattr(other.stats, count)
+    assert_close(one.q, other.q, 10 * IDENTITY)
+    assert_close(one.v, other.v, 1000 * IDENTITY)
+    assert_close(one.violation, other.violation, IDENTITY)
+    # Rounding of forces of some hundred newtons, with the stiffest mode.
+    assert_close(one.multipliers, other.multipliers, PUBLISHED)
+    assert_close(one.metric, other.metric, IDENTITY)
+    assert np.array_equal(one.every(3).multipliers, one.multipliers[::3])
+
+
+def compilations(action):
+    """How many programs of more than a moment XLA compiles in an action."""
+    count = []
+
+    def listen(event, seconds, **_):
+        if event.endswith("backend_compile_duration") and seconds > 0.1:
+            count.append(seconds)
+
+    jax.monitoring.register_event_duration_secs_listener(listen)
+    try:
+        action()
+    finally:
+        jax.monitoring.unregister_event_duration_listener(listen)
+    return len(count)
+
+
+def test_names_and_numbers_of_outputs_and_steps_are_in_no_program():
+    scene = rj.gallery.chain(2)
+    names = {body.name: f"other_{i}" for i, body in enumerate(scene.bodies)} | {"ground": "ground"}
+
+    def renamed(element):
+        if hasattr(element, "markers"):
+            changes = {"a": element.a, "b": element.b}
+            markers = {k: dataclasses.replace(m, body=names[m.body]) for k, m in changes.items()}
+            return dataclasses.replace(element, **markers)
+        return dataclasses.replace(element, name=names[element.name])
+
+    bodies, joints = ([renamed(x) for x in part] for part in (scene.bodies, scene.joints))
+    other = rj.Scene(bodies=bodies, joints=joints, effects=scene.effects)
+    system = rj.assemble(scene)
+
+    def run(system, count, **settings):
+        return rj.simulate(system, jnp.linspace(0.0, 0.2, count), **settings)
+
+    run(system, 11)
+    assert compilations(lambda: run(rj.assemble(other), 11)) == 0
+    assert compilations(lambda: [run(system, count) for count in (2, 7, 101, 301)]) == 0
+    assert compilations(lambda: run(system, 11, max_steps=5000)) == 0
+    assert run(rj.assemble(other), 11).labels != run(system, 11).labels
+
+
+def test_an_unknown_compiler_is_said(monkeypatch):
+    from romjax import program as module
+
+    module._options.cache_clear()
+    monkeypatch.setattr(compat, "OPTIONS", {"xla_cpu_no_such_option": True})
+    try:
+        with pytest.warns(UserWarning, match="does not know the compiler of JAX"):
+            assert program(lambda x: 3 * x)(X)[0] == 3 * X[0]
+    finally:
+        module._options.cache_clear()
