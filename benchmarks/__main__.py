@@ -29,6 +29,7 @@ import record
 HERE = Path(__file__).parent
 # In the order of the table; each a file beside this one.
 COMPARISONS = (
+    "first_call",
     "work_precision",
     "reduction",
     "batches",

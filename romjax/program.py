@@ -78,17 +78,25 @@ class Program:
 class _Fallback:
     """A program, and a slower one that takes its place if the first cannot be compiled."""
 
-    def __init__(self, program: Callable[..., Any], other: Callable[..., Any]):
+    def __init__(self, program: Any, other: Any):
         self.program, self.other = program, other
 
     def __call__(self, *arrays: Any) -> Any:
         try:
             return self.program(*arrays)
         except jax.errors.JaxRuntimeError:
-            if self.program is self.other:
+            # A program that runs may raise too: what checks in it find.
+            if self._compiles(arrays):
                 raise
-            self.program = self.other
-            return self.program(*arrays)
+        self.program = self.other
+        return self.program(*arrays)
+
+    def _compiles(self, arrays: Any) -> bool:
+        try:
+            self.program.lower(*arrays).compile()
+        except jax.errors.JaxRuntimeError:
+            return self.program is self.other
+        return True
 
 
 def program(function: F) -> F:

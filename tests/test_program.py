@@ -2,12 +2,13 @@
 
 import dataclasses
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
-from tolerances import IDENTITY, PUBLISHED
+from tolerances import DIFFERENCED, IDENTITY, PUBLISHED
 
 import romjax as rj
 from romjax import compat
@@ -149,6 +150,27 @@ def test_names_and_numbers_of_outputs_and_steps_are_in_no_program():
     assert run(rj.assemble(other), 11).labels != run(system, 11).labels
 
 
+def test_what_cannot_be_a_function_is_compiled_the_plain_way(monkeypatch):
+    """Here for want of the library that sorts; and a check that fails is no reason to try again."""
+    monkeypatch.setattr(compat, "is_written_out", lambda equation: True)
+    ordered = program(lambda x: jnp.sort(loop(x)[1]))
+    assert_close(ordered(X), np.sort(loop(X)[1]), IDENTITY)
+    assert_close(ordered(2 * X), np.sort(loop(2 * X)[1]), IDENTITY)
+    monkeypatch.undo()
+    runs = []
+
+    @program
+    def checked(x):
+        jax.debug.callback(lambda: runs.append(1))
+        return eqx.error_if(x, x < 0, "negative")
+
+    assert checked(jnp.ones(1)) == 1
+    with pytest.raises(jax.errors.JaxRuntimeError, match="negative"):
+        checked(-jnp.ones(1)).block_until_ready()
+    assert checked(jnp.ones(1)) == 1
+    assert len(runs) == 3
+
+
 def test_an_unknown_compiler_is_said(monkeypatch):
     from romjax import program as module
 
@@ -159,3 +181,20 @@ def test_an_unknown_compiler_is_said(monkeypatch):
             assert program(lambda x: 3 * x)(X)[0] == 3 * X[0]
     finally:
         module._options.cache_clear()
+
+
+def test_frequencies_are_those_of_the_start():
+    """They are remembered with a system: not those of another time, start or transformation."""
+    springs = rj.CustomSystem(
+        lambda q: jnp.eye(1), lambda t, q, v: -(1 + t) * (1 + q**2) * q, q0=[1.0], v0=[0.0]
+    )
+
+    def fastest(ts, **start):
+        return rj.simulate(springs, ts, **start).stats.fastest_frequency
+
+    early, late = jnp.array([0.0, 1.0]), jnp.array([8.0, 9.0])
+    for _ in range(2):
+        assert_close(fastest(early), 2.0, DIFFERENCED)
+        assert_close(fastest(late), 6.0, DIFFERENCED)
+        assert_close(fastest(early, q0=[0.0]), 1.0, DIFFERENCED)
+        assert_close(jax.jit(fastest)(early), 2.0, DIFFERENCED)

@@ -110,7 +110,17 @@ def test_the_name_of_a_body_is_no_number_but_no_program_either():
 
 # The layout of the package.
 
-BASE = {"arrays", "program", "checks", "errors", "precision", "compat", "deprecated", "fields"}
+BASE = {
+    "arrays",
+    "program",
+    "identity",
+    "checks",
+    "errors",
+    "precision",
+    "compat",
+    "deprecated",
+    "fields",
+}
 BELOW = {
     "linalg": set(),
     "scene": set(),

@@ -10,6 +10,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import concrete
+from ..compat import is_outermost
+from ..identity import Remembered
 from ..program import program_once
 from ..system.base import AbstractSystem
 from ..system.frequencies import Frequencies, frequencies
@@ -28,14 +30,35 @@ _FASTER, _COMPARABLE = 3.0, 0.25
 _STEPS = 100
 
 
-@program_once
+_known = Remembered()
+
+
 def start_frequencies(
     system: AbstractSystem,
     t: Float[Array | np.ndarray, ""],
     q: Float[Array, " n"],
     v: Float[Array, " n"],
 ) -> Frequencies:
-    """Of a system at its start, compiled once for all methods; a setting, so not differentiated."""
+    """Of a system at a start; those of its own start are remembered with it."""
+    # What is a part of the user's program is a tracer.
+    if not is_outermost() or q is not system.q0 or v is not system.v0:
+        return _frequencies(system, t, q, v)
+    now = np.asarray(t)
+    at, found = _known.get(system) or (None, None)
+    if found is None or at != now:
+        found = _frequencies(system, t, q, v)
+        _known.put(system, (now, found))
+    return found
+
+
+@program_once
+def _frequencies(
+    system: AbstractSystem,
+    t: Float[Array | np.ndarray, ""],
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+) -> Frequencies:
+    """Compiled once for all methods; a setting, so not differentiated."""
     return jax.lax.stop_gradient(frequencies(system, t, q, v))
 
 

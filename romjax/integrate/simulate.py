@@ -53,9 +53,9 @@ def simulate(
 ) -> Trajectory:
     """The motion of a system, full or reduced, at the times `ts`.
 
-    Compiled once for each structure: new numbers, tolerances and times of the same count
-    recompile nothing. Works under `jit`, `vmap`, `grad`, and `jacfwd` with
-    `adjoint=diffrax.ForwardMode()`.
+    Compiled once for each structure: other numbers, tolerances and names recompile nothing, nor do
+    other numbers of steps and of outputs, but for more of these than the next power of two. Works
+    under `jit`, `vmap`, `grad`, and `jacfwd` with `adjoint=diffrax.ForwardMode()`.
 
     **Arguments:**
 
@@ -72,8 +72,8 @@ def simulate(
     - `dt`: a fixed step [s] instead of step size control.
     - `stabilization`: `Baumgarte(alpha, beta)`, `Projection()` or None; unless given, critical
       damping at the mechanism's fastest rigid frequency.
-    - `adjoint`: how derivatives are taken; reverse mode with checkpoints unless given, or inside
-      `with romjax.forward_mode():`.
+    - `adjoint`: how derivatives are taken, where the run is part of a transformation; reverse mode
+      with checkpoints unless given, or inside `with romjax.forward_mode():`.
     - `max_steps`: most steps before giving up.
     - `progress`: show a progress bar.
     - `throw`: raise if the simulation fails; otherwise see `Trajectory.status`.

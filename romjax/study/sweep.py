@@ -10,7 +10,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -20,6 +19,7 @@ from tqdm import tqdm
 
 from ..integrate.status import REMEDIES, Status
 from ..integrate.trajectory import Trajectory
+from ..program import program
 
 # Lanes of a chunk on one device. The arrays of some hundred small mechanisms still fit into a
 # core's cache; fewer leave it idle, more gain nothing.
@@ -118,7 +118,7 @@ def sweep(
     return Sweep(values, status)
 
 
-@eqx.filter_jit
+@program
 def _run(function: Callable[[Any], Any], devices: tuple[jax.Device, ...], chunk: Any) -> Any:
     """A chunk of lanes, split over devices; a loop on one device ends without the others."""
     lanes = PartitionSpec("lanes")
@@ -131,6 +131,8 @@ def _run(function: Callable[[Any], Any], devices: tuple[jax.Device, ...], chunk:
 
         return jax.tree.map(hide, values), status
 
+    if len(devices) == 1:
+        return jax.vmap(one)(chunk)
     mesh = Mesh(np.array(devices), ("lanes",))
     return jax.shard_map(
         jax.vmap(one), mesh=mesh, in_specs=lanes, out_specs=lanes, check_vma=False

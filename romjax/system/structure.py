@@ -2,11 +2,11 @@
 
 import dataclasses
 import functools
-import weakref
 from typing import Any
 
 import jax
 
+from ..identity import Remembered
 from ..scene.coordinate import Coordinate
 
 
@@ -50,20 +50,14 @@ class Structure:
         return hash((self.coordinates, self.constraints, self.rigid, self.flexible))
 
 
-# By identity: equality of systems compares all their arrays.
-_nameless: dict[int, tuple[weakref.ref[Any], Any]] = {}
+_nameless = Remembered()
 
 
 def without_names(system: Any) -> Any:
     """A system without the names of its coordinates and constraints, of which no number depends, so
     that systems that differ in names only share their compiled programs.
     """
-    key = id(system)
-    reference, bare = _nameless.get(key, (None, None))
-    if reference is None or reference() is not system:
-        bare = _anonymous(system)
-        _nameless[key] = weakref.ref(system, lambda _: _nameless.pop(key, None)), bare
-    return bare
+    return _nameless.get(system) or _nameless.put(system, _anonymous(system))
 
 
 def _anonymous(system: Any) -> Any:
