@@ -6,6 +6,7 @@ file.
 import argparse
 import json
 import math
+import os
 import subprocess
 import sys
 import time
@@ -116,7 +117,9 @@ def clock(name: str) -> tuple[float, float]:
 def alone(name: str) -> tuple[float, float]:
     """The same of a fresh process."""
     command = [sys.executable, Path(__file__), "--clock", name]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    # Nothing set: neither flags nor a cache.
+    plain = {k: v for k, v in os.environ.items() if not k.startswith(("XLA_", "JAX_"))}
+    done = subprocess.run(command, env=plain, capture_output=True, text=True, check=True)
     first, second = json.loads(done.stdout.splitlines()[-1])
     return first, second
 
