@@ -54,8 +54,8 @@ class Program:
         if not compat.is_outermost():
             return self._inside(*args)
         leaves, tree = jax.tree.flatten(args)
-        arrays = [x for x in leaves if _is_array(x)]
         static = tuple(_static(x) for x in leaves)
+        arrays = (x for x, known in zip(leaves, static, strict=True) if known is None)
         return self._compiled(tree, static)(*arrays)
 
     def _compile(self, tree: Any, static: tuple[Any, ...]) -> Callable[..., Any]:
@@ -117,6 +117,7 @@ class _Empty(NamedTuple):
 
 
 def _static(x: Any) -> Any:
+    """What is known of a leaf before the program runs: None of an array with entries."""
     if isinstance(x, jax.Array | np.ndarray):
         return None if x.size else _Empty(x.shape, x.dtype)
     return x
@@ -124,10 +125,6 @@ def _static(x: Any) -> Any:
 
 def _restore(x: Any) -> Any:
     return np.zeros(x.shape, x.dtype) if isinstance(x, _Empty) else x
-
-
-def _is_array(x: Any) -> bool:
-    return isinstance(x, jax.Array | np.ndarray) and x.size > 0
 
 
 @functools.cache

@@ -1,6 +1,5 @@
 """The outlines of a scene as it moves, from the poses that the dynamics use."""
 
-import functools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -11,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import Vector, as_array
+from ..program import program_once
 from ..scene.drawing import GROUND as HATCH
 from ..scene.effect.base import AbstractEffect
 from ..scene.joint.base import AbstractJoint
@@ -71,7 +71,9 @@ def outlines(scene: Scene, t: Vector, q: Vector) -> list[MovingOutline]:
     parts: tuple[AbstractJoint | AbstractEffect, ...] = (*scene.joints, *scene.effects)
     groups, markers = arrange(parts, bodies, columns, n)
     elements = [(stacked, blocks) for stacked, blocks, _ in groups]
-    placed, drawn, size = jax.device_get(_evaluate(material, markers, elements, t, q))
+    placed, drawn, size = jax.device_get(
+        _evaluate(material, markers, elements, *map(jnp.asarray, (t, q)))
+    )
 
     shown = [
         MovingOutline(name, part[:count], "body", False)
@@ -90,12 +92,7 @@ def outlines(scene: Scene, t: Vector, q: Vector) -> list[MovingOutline]:
     return shown + _ground(parts, float(size), count)
 
 
-# This program runs once or twice, and compiling it with all optimisations of XLA takes three times
-# as long as without.
-_QUICKLY = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
-
-
-@functools.partial(jax.jit, compiler_options=_QUICKLY)
+@program_once
 def _evaluate(
     material: Markers,
     markers: Markers | None,

@@ -27,7 +27,7 @@ def judge_run(
 ) -> Int[Array, ""]:
     """The status of a run, from its outputs and the constraints at its `start`."""
     result, (q0, v0) = run.result, run.start
-    own = run.outputs.own or run.outputs
+    own = run.outputs.in_system()
     # Drift can be finite in q and past all numbers in C.
     numbers = (own.q, own.v, run.outputs.violation)
     finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in numbers]))

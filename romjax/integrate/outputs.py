@@ -32,6 +32,10 @@ class Output(NamedTuple):
     violation: Float[Array, "*k"]  # largest |C| of the mechanism's own constraints
     own: Own | None  # None where the physical coordinates are the system's
 
+    def in_system(self) -> Own:
+        """In the coordinates of the system."""
+        return self.own or Own(self.q, self.v, None, self.violation)
+
 
 @eqx.filter_jit
 def output_at(

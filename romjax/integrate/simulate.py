@@ -27,7 +27,7 @@ from .derived import Derived, OnDemand, metric_of, multipliers_at
 from .failures import raise_failure
 from .integration import integrate
 from .judge import judge_run
-from .outputs import Output, Own, capacity, cut, padded
+from .outputs import Output, capacity, cut, padded
 from .parts import Parts
 from .rodas5p import Rodas5P
 from .settings import Settings, check_times
@@ -159,23 +159,11 @@ def _run(
     times = ts if size == count else padded(ts, size)
     result: _Result = _plain(system, times, np.asarray(count), q0, v0, settings)
     outputs = cut(result.outputs, count)
-    own = outputs.own or Own(outputs.q, outputs.v, None, outputs.violation)
+    own = outputs.in_system()
     demand = OnDemand(
         Parts.of(system), ts, own.q, own.v, own.chart, _baumgarte(result.stabilization)
     )
     return result._replace(outputs=outputs), demand
-
-
-@program
-def _plain(
-    system: AbstractSystem,
-    ts: Float[Array | np.ndarray, " size"],
-    count: Int[Array | np.ndarray, ""],
-    q0: Float[Array, " n"],
-    v0: Float[Array, " n"],
-    settings: Settings,
-) -> _Result:
-    return _integrated(system, jnp.asarray(ts), jnp.asarray(count), q0, v0, settings)
 
 
 @eqx.filter_jit
@@ -188,7 +176,7 @@ def _differentiable(
 ) -> tuple[_Result, Derived]:
     result = _integrated(system, ts, None, q0, v0, settings)
     outputs, used = result.outputs, _baumgarte(result.stabilization)
-    own = outputs.own or Own(outputs.q, outputs.v, None, outputs.violation)
+    own = outputs.in_system()
     # XLA leaves out what nobody uses.
     multipliers = jax.vmap(lambda t, q, v, chart: multipliers_at(system, t, q, v, chart, used))(
         ts, own.q, own.v, own.chart
@@ -221,6 +209,10 @@ def _integrated(
         run.steps - run.accepted,
         settings.baumgarte or settings.projection,
     )
+
+
+# Arrays of NumPy will do for it too.
+_plain: Any = program(_integrated)
 
 
 def _baumgarte(stabilization: Stabilization) -> Baumgarte | None:
@@ -262,6 +254,6 @@ def _flags(system: AbstractSystem, ts: Float[Array, " k"], outputs: Output) -> I
     """What the system says against its own motion."""
     if system.validity is None:
         return jnp.zeros((), int)
-    own = outputs.own or outputs
+    own = outputs.in_system()
     run = Run(ts, own.q, own.v, outputs.q, outputs.violation)
     return system.validity.flags(system, run)
