@@ -23,13 +23,12 @@ from .scene.scene import Scene
 from .study.accuracy.study import accuracy
 from .study.reduction import reduction_study
 from .study.tune import tune_baumgarte
-from .xla import speed_up_xla
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     options = _parser().parse_args(arguments)
-    _set_up_jax()
+    jax.config.update("jax_enable_x64", True)
     try:
         status: int = options.verb(options)
         return status
@@ -219,12 +218,3 @@ def _writable(folder: Path) -> Path:
             f"Cannot write to the folder {folder}: {error.strerror}; choose another with --out."
         ) from error
     return folder
-
-
-def _set_up_jax() -> None:
-    """Double precision, quick compilation, and compiled programs kept between runs."""
-    jax.config.update("jax_enable_x64", True)
-    speed_up_xla()
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    jax.config.update("jax_compilation_cache_dir", str(home / "romjax"))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)

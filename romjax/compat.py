@@ -12,9 +12,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from diffrax._term import AdjointTerm, WrapTerm
-from jax._src import core, xla_bridge
+from jax._src import config, core, xla_bridge
 from jax._src.interpreters import partial_eval
+from jax.experimental import serialize_executable
 from jax.experimental.xla_metadata import set_xla_metadata
+from jaxlib.cpu import _lapack
 
 # Options of a program. The newer way of compiling fusions takes twice as long, and a function that
 # holds its results cannot be compiled. Sums over small axes stay in the loops around them: a
@@ -103,6 +105,16 @@ def product_terms(equation: Any) -> int:
     return int(np.prod(out)) * int(np.prod([left[axis] for axis in contracted]))
 
 
+def largest_copy(jaxpr: Any) -> int:
+    """The bytes of the largest argument that a loop changes, and therefore copies."""
+    given = set(jaxpr.invars)
+    loops = (e for e in jaxpr.eqns if e.primitive.name in ("while", "scan"))
+    changed = (x for loop in loops for x in loop.invars[-len(loop.outvars) :])
+    copied = (x for x in changed if not isinstance(x, core.Literal) and x in given)
+    arrays: list[Any] = [x.aval for x in copied]
+    return max((x.size * x.dtype.itemsize for x in arrays), default=0)
+
+
 def as_functions(closed: Any, fits: Callable[[Any], bool], few: int) -> Any:
     """A closed jaxpr, in which all that `fits` is a function of its own to XLA's CPU backend.
 
@@ -111,14 +123,22 @@ def as_functions(closed: Any, fits: Callable[[Any], bool], few: int) -> Any:
     """
     jaxpr, _ = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(closed.out_avals), True)
     closed = core.ClosedJaxpr(jaxpr, closed.consts)
-    if fits(jaxpr):
-        return _one_function(closed, range(len(jaxpr.outvars)))
+    results: list[Any] = jaxpr.outvars
+    live = [i for i, x in enumerate(results) if x.aval.size]
+    if live and fits(jaxpr):
+        return _one_function(closed, live)
 
     def inside(x: Any) -> Any:
         if isinstance(x, tuple):
             return tuple(inside(each) for each in x)
         return as_functions(x, fits, few) if isinstance(x, core.ClosedJaxpr) else x
 
+    # Arrays of one number, which nothing else holds: a loop may change them without a copy.
+    filled = {
+        e.outvars[0]: e
+        for e in jaxpr.eqns
+        if e.primitive.name == "broadcast_in_dim" and isinstance(e.invars[0], core.Literal)
+    }
     asked = {x for e in jaxpr.eqns for x in e.invars if not isinstance(x, core.Literal)}
     asked |= {x for x in jaxpr.outvars if not isinstance(x, core.Literal)}
 
@@ -126,14 +146,16 @@ def as_functions(closed: Any, fits: Callable[[Any], bool], few: int) -> Any:
         if sum(1 for x in core.jaxprs_in_params(equation.params) for _ in equations(x)) < few:
             return equation
         read = {x: None for x in equation.invars if not isinstance(x, core.Literal)}
+        fills = [filled[x] for x in read if x in filled]
+        read = {x: None for x in read if x not in filled}
         alone = jaxpr.replace(
             constvars=[],
             invars=list(read),
             outvars=equation.outvars,
-            eqns=[equation],
+            eqns=[*fills, equation],
             debug_info=jaxpr.debug_info.with_unknown_names(),
         )
-        live = [i for i, x in enumerate(equation.outvars) if x in asked]
+        live = [i for i, x in enumerate(equation.outvars) if x in asked and x.aval.size]
         if live and fits(alone):
             (call,) = _one_function(core.ClosedJaxpr(alone, ()), live).jaxpr.eqns
             return call.replace(invars=list(read), outvars=equation.outvars)
@@ -149,14 +171,14 @@ def as_functions(closed: Any, fits: Callable[[Any], bool], few: int) -> Any:
 def _one_function(closed: Any, live: Sequence[int]) -> Any:
     """A closed jaxpr of one call, that of the given one as a function of its own.
 
-    `live`: those of its results that somebody asks for; JAX leaves out the others.
+    `live`: those of its results, with entries, that are asked for; JAX leaves out the others.
     """
 
     def inside(*arrays: Any) -> list[Any]:
         # The attribute is of the call alone, not of what is inside of it.
         with set_xla_metadata(xla_cpu_small_call=None, inlineable=None):
             results: list[Any] = core.eval_jaxpr(closed.jaxpr, closed.consts, *arrays)
-            i = min(live, key=lambda i: np.size(results[i]) or np.inf)
+            i = min(live, key=lambda i: np.size(results[i]))
             results[i] = _as_if_it_used(results[i], arrays)
             return results
 
@@ -177,13 +199,40 @@ def _as_if_it_used(result: Any, arrays: Sequence[Any]) -> Any:
     # Weights, since the compiler knows that no truth value, as a number, is the one compared with.
     total = sum(x * np.float32(0.7391 + 0.01 * i) for i, x in enumerate(first))
     never = total == np.float32(1.2345678e-30)
-    return result ^ never if result.dtype == bool else result + never.astype(result.dtype)
+    # Of the first number alone: XLA would split a sum over all of a large array over threads.
+    start = (0,) * result.ndim
+    one = jax.lax.dynamic_slice(result, start, (1,) * result.ndim)
+    one = one ^ never if result.dtype == bool else one + never.astype(result.dtype)
+    return jax.lax.dynamic_update_slice(result, one, start)
 
 
 def evaluate(closed: Any, arrays: Sequence[Any]) -> list[Any]:
     """The results of a closed jaxpr."""
     results: list[Any] = core.eval_jaxpr(closed.jaxpr, closed.consts, *arrays)
     return results
+
+
+def trace_settings() -> tuple[Any, ...]:
+    """JAX's settings in this thread that programs depend on, outside of its transformations."""
+    return tuple(x for x in config.trace_context() if not isinstance(x, core.AxisEnv))
+
+
+def dump_executable(compiled: Any) -> tuple[Any, ...]:
+    """A compiled program of positional arrays, in what can be pickled."""
+    binary, _, tree = serialize_executable.serialize(compiled)
+    # A structure of results is an example of them, since it cannot be pickled itself.
+    return binary, len(compiled.in_avals[0]), jax.tree.unflatten(tree, range(tree.num_leaves))
+
+
+def load_executable(binary: bytes, count: int, example: Any) -> Any:
+    """A compiled program of `count` arrays, from what `dump_executable` returns."""
+    _lapack.initialize()  # as tracing a call of it would
+    return serialize_executable.deserialize_and_load(
+        binary,
+        jax.tree.structure(((0,) * count, {})),
+        jax.tree.structure(example),
+        execution_devices=jax.local_devices()[:1],
+    )
 
 
 def is_traced(value: Any) -> bool:

@@ -17,14 +17,14 @@ Both hold only for a program that nothing surrounds: within a transformation of 
 
 import functools
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeVar, cast
 
 import equinox as eqx
 import jax
 import numpy as np
 
-from . import compat
+from . import compat, program_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -33,6 +33,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 _MOST, _FEWEST = 2000, 20
 # Products of more terms are computed faster by a library.
 _LARGEST_PRODUCT = 4096
+# XLA splits the copy of a larger array, in bytes, over threads, which no function can do.
+_LARGEST_COPY = 2**19 - 1
 # Programs that are remembered, of one function.
 _PROGRAMS = 256
 
@@ -54,11 +56,14 @@ class Program:
         if not compat.is_outermost():
             return self._inside(*args)
         leaves, tree = jax.tree.flatten(args)
-        static = tuple(_static(x) for x in leaves)
-        arrays = (x for x, known in zip(leaves, static, strict=True) if known is None)
-        return self._compiled(tree, static)(*arrays)
+        static = tuple([_static(x) for x in leaves])
+        arrays = [x for x, known in zip(leaves, static, strict=True) if known is None]
+        forms = tuple([_form(x) for x in arrays])
+        return self._compiled(tree, static, forms, compat.trace_settings())(*arrays)
 
-    def _compile(self, tree: Any, static: tuple[Any, ...]) -> Callable[..., Any]:
+    def _compile(
+        self, tree: Any, static: tuple[Any, ...], forms: tuple[Any, ...], settings: Any
+    ) -> Any:
         def flat(*arrays: Any) -> Any:
             given = iter(arrays)
             leaves = [next(given) if x is None else _restore(x) for x in static]
@@ -67,36 +72,37 @@ class Program:
         options = _options()
         if options is None:
             return jax.jit(flat)
+        key = program_cache.key_of_call(self._function, tree, static, forms, settings)
+        stored = program_cache.load(key)
+        if stored is not None:
+            return stored
         if self._once:
-            return jax.jit(flat, compiler_options=options | compat.QUICK)
-        return _Fallback(
-            jax.jit(lambda *arrays: _as_functions(flat, arrays), compiler_options=options),
-            jax.jit(flat, compiler_options=options),
-        )
-
-
-class _Fallback:
-    """A program, and a slower one that takes its place if the first cannot be compiled."""
-
-    def __init__(self, program: Any, other: Any):
-        self.program, self.other = program, other
-
-    def __call__(self, *arrays: Any) -> Any:
+            return _compile(flat, forms, options | compat.QUICK, key)
         try:
-            return self.program(*arrays)
+            return _compile(functools.partial(_as_functions, flat), forms, options, key)
         except jax.errors.JaxRuntimeError:
-            # A program that runs may raise too: what checks in it find.
-            if self._compiles(arrays):
-                raise
-        self.program = self.other
-        return self.program(*arrays)
+            # Not all that consists of known primitives can be compiled as a function.
+            return _compile(flat, forms, options, key)
 
-    def _compiles(self, arrays: Any) -> bool:
-        try:
-            self.program.lower(*arrays).compile()
-        except jax.errors.JaxRuntimeError:
-            return self.program is self.other
-        return True
+
+def _compile(
+    function: Callable[..., Any], forms: Sequence[Any], options: dict[str, Any], key: str | None
+) -> Any:
+    """A function of arrays of these forms, compiled, or read from disk.
+
+    `key`: under which it was looked for before it was traced; None if it has no such key.
+    """
+    structs = [jax.ShapeDtypeStruct(shape, dtype, sharding=at) for shape, dtype, at in forms]
+    # With all its arguments, the text says which of them are used.
+    lowered = jax.jit(function, keep_unused=True, compiler_options=options).lower(*structs)
+    text = program_cache.key_of_text(lowered.as_text(), lowered.out_tree, options)
+    if text is None:
+        return lowered.compile()
+    compiled = program_cache.load(text) if key is None else None
+    if compiled is None:
+        compiled = lowered.compile()
+        program_cache.store(key or text, compiled)
+    return compiled
 
 
 def program(function: F) -> F:
@@ -123,6 +129,17 @@ def _static(x: Any) -> Any:
     return x
 
 
+def _form(x: Any) -> tuple[Any, ...]:
+    """What a program is compiled for, of an array: shape, type and, of several devices, which."""
+    elsewhere = _has_several_devices() and isinstance(x, jax.Array) and x.committed
+    return x.shape, x.dtype, x.sharding if elsewhere else None
+
+
+@functools.cache
+def _has_several_devices() -> bool:
+    return jax.local_device_count() > 1
+
+
 def _restore(x: Any) -> Any:
     return np.zeros(x.shape, x.dtype) if isinstance(x, _Empty) else x
 
@@ -144,7 +161,7 @@ def _options() -> dict[str, Any] | None:
     return compat.OPTIONS
 
 
-def _as_functions(flat: Callable[..., Any], arrays: Any) -> Any:
+def _as_functions(flat: Callable[..., Any], *arrays: Any) -> Any:
     """The results of `flat`, all that can be as functions of the program."""
     closed, shapes = jax.make_jaxpr(flat, return_shape=True)(*arrays)
     closed = compat.as_functions(closed, _fits, _FEWEST)
@@ -152,9 +169,13 @@ def _as_functions(flat: Callable[..., Any], arrays: Any) -> Any:
 
 
 def _fits(jaxpr: Any) -> bool:
-    """Whether this can be one function: no calls of a library, no large products."""
+    """Whether this can be one function: no calls of a library, no large products or copies."""
     equations = list(compat.equations(jaxpr))
-    return len(equations) <= _MOST and all(
-        compat.is_written_out(equation) and compat.product_terms(equation) <= _LARGEST_PRODUCT
-        for equation in equations
+    return (
+        len(equations) <= _MOST
+        and compat.largest_copy(jaxpr) <= _LARGEST_COPY
+        and all(
+            compat.is_written_out(equation) and compat.product_terms(equation) <= _LARGEST_PRODUCT
+            for equation in equations
+        )
     )

@@ -1,5 +1,8 @@
 """Settings of all tests, and the runs that several of them look at."""
 
+import os
+import tempfile
+
 import jax
 import jax.numpy as jnp
 import pytest
@@ -12,6 +15,14 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 
 # Step size control of the runs that others are measured against: a hundredth of SOLVED at a step.
 TIGHT = 1e-10
+
+
+def pytest_configure(config):
+    """Keep compiled programs for these tests alone, unless told where: all processes share them."""
+    if "ROMJAX_CACHE_DIR" not in os.environ:
+        folder = tempfile.TemporaryDirectory(prefix="romjax-programs-")
+        os.environ["ROMJAX_CACHE_DIR"] = folder.name
+        config.add_cleanup(folder.cleanup)
 
 
 @pytest.fixture(scope="session")

@@ -60,3 +60,19 @@ def uses_time(function, system) -> bool:
 def uses_velocities(scene) -> bool:
     system = rj.assemble(scene)
     return uses(system.force, system, 2)
+
+
+def compilations(action, least=0.1):
+    """How many programs XLA compiles in an action, that it takes more than `least` seconds for."""
+    count = []
+
+    def listen(event, seconds, **_):
+        if event.endswith("backend_compile_duration") and seconds > least:
+            count.append(seconds)
+
+    jax.monitoring.register_event_duration_secs_listener(listen)
+    try:
+        action()
+    finally:
+        jax.monitoring.unregister_event_duration_listener(listen)
+    return len(count)

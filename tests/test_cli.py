@@ -4,7 +4,6 @@ import csv
 import subprocess
 import sys
 
-import jax
 import numpy as np
 import pytest
 from PIL import Image
@@ -12,15 +11,6 @@ from PIL import Image
 from romjax.cli import main
 
 WIDTH = 80  # columns of a terminal
-
-
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path, monkeypatch):
-    """Keep the command line's settings out of the other tests."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    before = jax.config.jax_compilation_cache_dir
-    yield
-    jax.config.update("jax_compilation_cache_dir", before)
 
 
 def test_scenes_lists_every_example(capsys):

@@ -59,11 +59,9 @@ def run(command: str, folder: Path) -> str:
     (folder / "mine.py").write_text(MINE)
     program, *arguments = shlex.split(command)
     here = {"python": sys.executable, "romjax": Path(sysconfig.get_path("scripts")) / "romjax"}
-    cache = {"XDG_CACHE_HOME": str(folder / "cache")}
     done = subprocess.run(
         [here[program], *arguments],
         cwd=folder,
-        env=os.environ | cache,
         capture_output=True,
         text=True,
     )

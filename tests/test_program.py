@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
+from programs import compilations
 from tolerances import DIFFERENCED, IDENTITY, PUBLISHED
 
 import romjax as rj
@@ -107,22 +108,6 @@ def test_the_plain_loop_takes_the_steps_of_diffrax(scene):
     assert_close(one.multipliers, other.multipliers, PUBLISHED)
     assert_close(one.metric, other.metric, IDENTITY)
     assert np.array_equal(one.every(3).multipliers, one.multipliers[::3])
-
-
-def compilations(action):
-    """How many programs of more than a moment XLA compiles in an action."""
-    count = []
-
-    def listen(event, seconds, **_):
-        if event.endswith("backend_compile_duration") and seconds > 0.1:
-            count.append(seconds)
-
-    jax.monitoring.register_event_duration_secs_listener(listen)
-    try:
-        action()
-    finally:
-        jax.monitoring.unregister_event_duration_listener(listen)
-    return len(count)
 
 
 def test_names_and_numbers_of_outputs_and_steps_are_in_no_program():

@@ -1,12 +1,13 @@
 """From orthonormal vectors in weighted coordinates to modes, and what they miss."""
 
-import jax
 import jax.numpy as jnp
 import jax.scipy.linalg as jsl
 from jaxtyping import Array, Float
 
+from ..program import program
 
-@jax.jit
+
+@program
 def modes_of(root: Float[Array, "n n"], vectors: Float[Array, "n r"]) -> Float[Array, "n r"]:
     """Modes orthonormal in the metric rootᵀ root; the largest component of each is positive."""
     modes = jsl.solve_triangular(root, vectors)
@@ -14,7 +15,7 @@ def modes_of(root: Float[Array, "n n"], vectors: Float[Array, "n r"]) -> Float[A
     return modes * jnp.where(largest < 0, -1.0, 1.0).astype(modes.dtype)
 
 
-@jax.jit
+@program
 def projection_error(
     positions: Float[Array, "n h"], vectors: Float[Array, "n r"]
 ) -> Float[Array, ""]:

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..errors import InputError
+from ..program import program
 
 
 @runtime_checkable
@@ -120,7 +121,7 @@ def weigh(snapshots: SnapshotSet, offset: Any) -> WeightedSnapshots:
     return weighted
 
 
-@jax.jit
+@program
 def _weigh(
     q: Float[Array, "h n"],
     v: Float[Array, "h n"],
@@ -135,7 +136,7 @@ def _weigh(
     return WeightedSnapshots(positions, velocities, offset, root, noise)
 
 
-@jax.jit
+@program
 def time_weights(t: Float[Array, " h"]) -> Float[Array, " h"]:
     """√w of the trapezoidal rule."""
     step, none = jnp.diff(t), jnp.zeros(1, t.dtype)

@@ -2,7 +2,7 @@
 
 import functools
 import warnings
-from typing import Literal
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from .. import compat
+from ..program import program
 
 Method = Literal["svd", "gram"]
 # The share of the last kept singular value that the first dropped one may reach before derivatives
@@ -20,7 +21,6 @@ CLOSE = 0.9
 DEPENDENT = 1e-6
 
 
-@functools.partial(jax.custom_jvp, nondiff_argnums=(1, 2))
 def leading(
     matrix: Float[Array, "n h"], rank: int, method: Method = "svd"
 ) -> tuple[Float[Array, "n r"], Float[Array, " k"]]:
@@ -37,13 +37,26 @@ def leading(
     first dropped value are too close. Equal ones, between which no derivative exists, give the
     finite part.
     """
+    vectors: Float[Array, "n r"]
+    values: Float[Array, " k"]
+    vectors, values = _leading_by_program(matrix, rank, method)
+    return vectors, values
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(1, 2))
+def _leading(
+    matrix: Float[Array, "n h"], rank: int, method: Method
+) -> tuple[Float[Array, "n r"], Float[Array, " k"]]:
     if method == "gram":
         return _by_gram(matrix, rank)
     vectors, values, _ = jnp.linalg.svd(matrix, full_matrices=False)
     return vectors[:, :rank], values
 
 
-@leading.defjvp
+_leading_by_program: Any = program(_leading)
+
+
+@_leading.defjvp
 def _leading_jvp(
     rank: int, method: Method, primals: tuple[Array], tangents: tuple[Array]
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
@@ -68,6 +81,7 @@ def _leading_jvp(
     return (u[:, :rank], values), (tangent, jnp.diagonal(inside))
 
 
+@program
 def singular_values(matrix: Float[Array, "n h"], method: Method = "svd") -> Float[Array, " k"]:
     """All singular values, largest first, as numbers to decide by: they carry no derivative."""
     matrix = jax.lax.stop_gradient(matrix)
@@ -81,11 +95,22 @@ def span(vectors: Float[Array, "n r"], metric: Float[Array, "n n"]) -> Float[Arr
 
     Vectors that depend on others to `DEPENDENT` count once; while JAX traces, all count.
     """
-    root = jnp.linalg.cholesky(metric).T
-    weighted = root @ vectors
-    values, rank = singular_values(weighted), min(vectors.shape)
+    values, rank = _values_of_span(vectors, metric), min(vectors.shape)
     if not compat.is_traced(values):
         rank = int(np.sum(np.asarray(values) > DEPENDENT * float(values[0])))
+    basis: Float[Array, "n k"] = _span(vectors, metric, rank)
+    return basis
+
+
+@program
+def _values_of_span(vectors: Float[Array, "n r"], metric: Float[Array, "n n"]) -> Array:
+    return singular_values(jnp.linalg.cholesky(metric).T @ vectors)
+
+
+@program
+def _span(vectors: Float[Array, "n r"], metric: Float[Array, "n n"], rank: int) -> Array:
+    root = jnp.linalg.cholesky(metric).T
+    weighted = root @ vectors
     orthonormal, _ = leading(weighted, rank)
     # How the span's vectors are mixed is no matter of its derivative.
     turn, _ = jnp.linalg.qr(jax.lax.stop_gradient(orthonormal.T @ weighted)[:, :rank])

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import Time
+from ..program import program_once
 from ..system.base import AbstractSystem
 from ..system.dynamics import jacobian
 
@@ -43,23 +44,37 @@ class Chart(eqx.Module):
         """Of quantities for each constraint, those of the constraints that do not repeat others."""
         return rows if len(self.rows) == len(rows) else rows[np.array(self.rows, int)]
 
-    @eqx.filter_jit
     def metric(self, system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Array, "d d"]:
         """The mass matrix of the independent coordinates: TᵀMT, T = Y − W (C_q W)⁻¹ C_q Y."""
-        tangent = jnp.asarray(self.independent, q.dtype)
-        state = system.state(t, q, jnp.zeros_like(q))
-        if self.rows:
-            dependent = jnp.asarray(self.dependent, q.dtype)
-            rows = self.regular(state.jacobian())
-            tangent -= dependent @ jnp.linalg.solve(rows @ dependent, rows @ tangent)
-        return tangent.T @ state.apply_mass(tangent)
+        metric: Float[Array, "d d"] = _metric(self, system, t, q)
+        return metric
 
-    @eqx.filter_jit
     def dependent_inverses(
         self, system: AbstractSystem, t: Float[Array, " K"], q: Float[Array, "K n"]
     ) -> Float[Array, "K m m"]:
         """(∂C/∂d)⁻¹ = (C_q W)⁻¹ at several configurations."""
-        dependent = jnp.asarray(self.dependent, q.dtype)
-        rows = jax.vmap(lambda t, q: self.regular(jacobian(system, t, q)))(t, q)
-        inverses: Array = jnp.linalg.inv(rows @ dependent)
+        inverses: Float[Array, "K m m"] = _dependent_inverses(self, system, t, q)
         return inverses
+
+
+@program_once
+def _metric(
+    chart: Chart, system: AbstractSystem, t: Time, q: Float[Array, " n"]
+) -> Float[Array, "d d"]:
+    tangent = jnp.asarray(chart.independent, q.dtype)
+    state = system.state(t, q, jnp.zeros_like(q))
+    if chart.rows:
+        dependent = jnp.asarray(chart.dependent, q.dtype)
+        rows = chart.regular(state.jacobian())
+        tangent -= dependent @ jnp.linalg.solve(rows @ dependent, rows @ tangent)
+    return tangent.T @ state.apply_mass(tangent)
+
+
+@program_once
+def _dependent_inverses(
+    chart: Chart, system: AbstractSystem, t: Float[Array, " K"], q: Float[Array, "K n"]
+) -> Float[Array, "K m m"]:
+    dependent = jnp.asarray(chart.dependent, q.dtype)
+    rows = jax.vmap(lambda t, q: chart.regular(jacobian(system, t, q)))(t, q)
+    inverses: Array = jnp.linalg.inv(rows @ dependent)
+    return inverses

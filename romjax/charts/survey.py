@@ -2,12 +2,12 @@
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Float
 
+from ..program import program_once
 from ..system.base import AbstractSystem
 from ..system.dynamics import jacobian
 from .chart import Chart
@@ -37,8 +37,8 @@ def survey(
 ) -> Survey:
     """The constraints at `count` of the snapshots t, q, spread evenly."""
     numbers = np.linspace(0, len(t) - 1, min(count, len(t))).astype(int)
-    t, q = t[numbers], q[numbers]
-    root = np.linalg.cholesky(np.asarray(system.mass(q[0]))).T
+    t, q = np.asarray(t)[numbers], np.asarray(q)[numbers]
+    root = np.linalg.cholesky(np.asarray(_mass(system, q[0]))).T
     scaled = np.asarray(jacobians(system, t, q)) @ np.linalg.inv(root)
     # The snapshot farthest from a singular position tells which constraints repeat others.
     typical = scaled[np.argmax([np.linalg.svd(x, compute_uv=False)[-1] for x in scaled])]
@@ -51,7 +51,12 @@ def survey(
     return Survey(numbers, rows, scaled, null_spaces, root)
 
 
-@eqx.filter_jit
+@program_once
+def _mass(system: AbstractSystem, q: Float[Array, " n"]) -> Float[Array, "n n"]:
+    return system.mass(q)
+
+
+@program_once
 def jacobians(
     system: AbstractSystem, t: Float[Array, " K"], q: Float[Array, "K n"]
 ) -> Float[Array, "K m n"]:

@@ -95,7 +95,9 @@ def _multipliers(
 ) -> Float[Array, "size m"]:
     def put(i: Array, rows: Array) -> Array:
         now = None if chart is None else chart[i]
-        return rows.at[i].set(multipliers_at(system, t[i], q[i], v[i], now, stabilization))
+        row = multipliers_at(system, t[i], q[i], v[i], now, stabilization)
+        after: Array = jax.lax.dynamic_update_index_in_dim(rows, row, i, 0)
+        return after
 
     # A loop, not a batch, whose program is larger.
     rows: Array = jax.lax.fori_loop(

@@ -8,7 +8,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from ..arrays import as_number
 from ..deprecated import renamed, warn_once
+from ..program import program
 from ..scene.coordinate import Coordinate
 from ..system.flags import WORDS, Flag
 from .derived import Derived, OnDemand
@@ -118,16 +120,12 @@ class Trajectory(eqx.Module):
         if stats.rtol is None or stats.atol is None:
             zero = jnp.zeros((), self.q.dtype)
             return zero, zero
-        size = jnp.sqrt(jnp.mean(self.v**2, axis=0))
-        allowed = stats.atol + stats.rtol * size
-        # The control looks at the root mean square over all coordinates and velocities.
-        count = 2 * self.q.shape[1]
-        speed = jnp.sqrt(count * jnp.sum(jnp.diagonal(self.metric) * allowed**2))
-        speed *= jnp.sqrt(self.t[-1] - self.t[0])
-        turn = 2 * jnp.pi / (self.t[-1] - self.t[0])
-        frequency = 0.0 if stats.fastest_frequency is None else stats.fastest_frequency
-        fastest = jnp.maximum(frequency, turn)
-        return speed / fastest, speed
+        fastest: Any = stats.fastest_frequency
+        fastest = as_number(0.0, self.q.dtype) if fastest is None else fastest
+        noise: tuple[Array, Array] = _noise(
+            self.t, self.v, self.metric, stats.rtol, stats.atol, fastest
+        )
+        return noise
 
     # Names of the release before.
 
@@ -140,3 +138,19 @@ class Trajectory(eqx.Module):
         """The old name of the opposite of `is_valid`, but for runs that failed."""
         warn_once("Trajectory.flagged", "the opposite of Trajectory.is_valid")
         return self.flags != Flag.NONE
+
+
+@program
+def _noise(
+    t: Float[Array, " k"],
+    v: Float[Array, "k n"],
+    metric: Float[Array, "n n"],
+    rtol: Any,
+    atol: Any,
+    fastest: Any,
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    span, count = t[-1] - t[0], 2 * v.shape[1]
+    allowed = atol + rtol * jnp.sqrt(jnp.mean(v**2, axis=0))
+    # The control looks at the root mean square over all coordinates and velocities.
+    speed = jnp.sqrt(count * jnp.sum(jnp.diagonal(metric) * allowed**2) * span)
+    return speed / jnp.maximum(fastest, 2 * jnp.pi / span), speed

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +10,7 @@ from jaxtyping import Array, Float
 
 from ..basis.basis import Basis
 from ..basis.subspace import leading
+from ..program import program_once
 from ..system.base import AbstractSystem
 
 # A combination of constraints is kept if the basis can move along it by this share of what the
@@ -40,9 +40,7 @@ class ReducedConstraints(NamedTuple):
     @property
     def side_by_side(self) -> Float[Array, "m rK"]:
         count, m, r = self.rows.shape
-        rows = jnp.moveaxis(self.rows, 0, 1).reshape(m, count * r)
-        root: float = len(self.rows) ** 0.5
-        return rows / root
+        return jnp.moveaxis(self.rows, 0, 1).reshape(m, count * r) / jnp.sqrt(count)
 
     def combinations(self, count: int) -> Float[Array, "m count"]:
         """The principal ones: columns U, so that UᵀC are combinations of the constraints."""
@@ -50,7 +48,7 @@ class ReducedConstraints(NamedTuple):
         return self.scale[:, None] * vectors
 
 
-@eqx.filter_jit
+@program_once
 def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstraints:
     """What the basis can violate, at the snapshots.
 
@@ -70,9 +68,8 @@ def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstrai
         return scale[:, None] * rows @ basis.modes, scale
 
     rows, scales = jax.vmap(reduced)(t, z)
-    snapshots = basis.snapshots
-    velocities, root = snapshots.v[::stride], jnp.linalg.cholesky(snapshots.metric)
-    speeds = velocities @ snapshots.metric @ basis.modes
+    metric, velocities = basis.snapshots.metric, basis.snapshots.v[::stride]
+    root, speeds = jnp.linalg.cholesky(metric), velocities @ metric @ basis.modes
     missed = jnp.linalg.norm((velocities - speeds @ basis.modes.T) @ root)
     size = jnp.linalg.norm(velocities @ root)
     missed = missed / jnp.where(size > 0, size, 1)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,6 +14,7 @@ from ..errors import InputError, ReductionError
 from ..linalg.dense import multiply
 from ..linalg.kkt import KKT
 from ..linalg.pattern import Pattern
+from ..program import program_once
 from ..scene.coordinate import Coordinate
 from ..system.base import AbstractSystem, AbstractValidity
 from ..system.consistent import consistent
@@ -157,14 +159,12 @@ def has_charts(system: AbstractSystem) -> bool:
     return isinstance(system, ReducedSystem) and isinstance(system.lift, AtlasLift)
 
 
-@eqx.filter_jit
-def _restrict(
-    lift: AbstractLift, full: AbstractSystem, q: Physical, v: Physical
-) -> tuple[Reduced, Reduced]:
-    return lift.restrict(full, q, v)
+@program_once
+def _restrict(lift: AbstractLift, *state: Any) -> tuple[Reduced, Reduced]:
+    return lift.restrict(*state)
 
 
-@eqx.filter_jit
+@program_once
 def _largest_violation(rom: ReducedSystem) -> Float[Array, ""]:
     """Of the start, by the constraints or their rates."""
     state = differentiate(rom.constraint, rom.time, rom.q0, rom.v0)

@@ -1,11 +1,11 @@
 """What speaks against the result of a reduced model."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..basis.basis import Basis
+from ..program import program_once
 from ..system.base import AbstractSystem, AbstractValidity, Run
 from ..system.flags import Flag
 
@@ -37,12 +37,12 @@ class TrainingBox(AbstractValidity):
     def of(
         cls,
         points: Float[Array, "K r"],
-        violation: Float[Array, ""] | float = 0.0,
+        violation: ArrayLike = 0.0,
         root: Float[Array, "n n"] | None = None,
     ) -> "TrainingBox":
         """The box of points."""
-        violation = jnp.asarray(violation, points.dtype)
-        return cls(jnp.min(points, 0), jnp.max(points, 0), violation, jnp.full((), jnp.nan), root)
+        known, error = jnp.asarray(violation, points.dtype), jnp.full((), jnp.nan, points.dtype)
+        return cls(jnp.min(points, 0), jnp.max(points, 0), known, error, root)
 
     @classmethod
     def of_basis(
@@ -53,10 +53,9 @@ class TrainingBox(AbstractValidity):
         """
         if basis.decomposition is None:
             return None
-        z = (basis.snapshots.q - basis.offset[None]) @ dual.T
-        stride = -(-len(z) // _SNAPSHOTS)
-        q = basis.offset[None] + z[::stride] @ modes.T
-        return cls.of(z, _largest_violation(system, basis.snapshots.t[::stride], q))
+        t, q = basis.snapshots.t, basis.snapshots.q
+        box: TrainingBox = _in_subspace(system, t, q, basis.offset, modes, dual)
+        return box
 
     def flags(self, system: AbstractSystem, run: Run) -> Int[Array, ""]:
         del system
@@ -69,8 +68,12 @@ class TrainingBox(AbstractValidity):
         return flags + jnp.any(run.violation > limit) * int(Flag.VIOLATION)
 
 
-@eqx.filter_jit
-def _largest_violation(
-    system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"]
-) -> Float[Array, ""]:
-    return jnp.max(jnp.abs(jax.vmap(system.constraint)(t, q)), initial=0.0)
+@program_once
+def _in_subspace(
+    system: AbstractSystem, t: Array, q: Array, offset: Array, modes: Array, dual: Array
+) -> TrainingBox:
+    z = (q - offset[None]) @ dual.T
+    stride = -(-len(z) // _SNAPSHOTS)
+    q = offset[None] + z[::stride] @ modes.T
+    violation = jnp.abs(jax.vmap(system.constraint)(t[::stride], q))
+    return TrainingBox.of(z, jnp.max(violation, initial=0))

@@ -1,13 +1,13 @@
 """How far an approximate motion is from the true one."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..arrays import concrete
 from ..integrate.trajectory import Trajectory
+from ..program import program
 
 
 class Comparison(eqx.Module):
@@ -44,17 +44,23 @@ def compare(truth: Trajectory, approx: Trajectory) -> Comparison:
     t, other = concrete(truth.t), concrete(approx.t)
     if t is not None and other is not None and not np.allclose(t, other, rtol=1e-6):
         raise ValueError("compare: the motions have different times; simulate both at the same.")
-    comparison: Comparison = _compare(truth, approx)
+    steps = truth.stats.num_steps, approx.stats.num_steps
+    comparison: Comparison = _compare(truth.q, truth.metric, approx.q, approx.violation, steps)
     return comparison
 
 
-@jax.jit
-def _compare(truth: Trajectory, approx: Trajectory) -> Comparison:
-    difference = truth.q - approx.q
-    motion = truth.q - truth.q[:1]
-    root = jnp.linalg.cholesky(truth.metric)
+@program
+def _compare(
+    q: Float[Array, "k n"],
+    metric: Float[Array, "n n"],
+    approx: Float[Array, "k n"],
+    violation: Float[Array, " k"],
+    steps: tuple[Int[Array, ""], Int[Array, ""]],
+) -> Comparison:
+    difference, motion = q - approx, q - q[:1]
+    root = jnp.linalg.cholesky(metric)
     # What moves by less than this is at rest: rounding of a coordinate of order one is as large.
-    scale = jnp.maximum(1.0, jnp.max(jnp.abs(truth.q), axis=0))
+    scale = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=0))
     reach = jnp.max(jnp.abs(motion), axis=0)
     moving = reach > 100 * jnp.finfo(motion.dtype).eps * scale
     size = _norm(motion @ root)
@@ -64,8 +70,8 @@ def _compare(truth: Trajectory, approx: Trajectory) -> Comparison:
         history=history,
         per_coordinate=jnp.max(jnp.abs(history), axis=0),
         moving=moving,
-        drift=jnp.max(approx.violation),
-        steps=(truth.stats.num_steps, approx.stats.num_steps),
+        drift=jnp.max(violation),
+        steps=steps,
     )
 
 

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from ...arrays import Vector
 from ...fields import Converted, number
+from ...program import program
 from ..basis import Basis
 from ..rank import FLOOR, Rank
 from ..snapshots import Motion, SnapshotSet, WeightedSnapshots
@@ -69,7 +70,7 @@ def sod(
     return SOD(rank, tol, offset)(motion)
 
 
-@jax.jit
+@program
 def _smooth(
     snapshots: WeightedSnapshots, vectors: Float[Array, "n r"]
 ) -> tuple[Float[Array, "n r"], Float[Array, " r"]]:

@@ -1,0 +1,197 @@
+"""Compiled programs on disk: what is compiled once, by this process or another, and what is not."""
+
+import functools
+import os
+import subprocess
+import sys
+import textwrap
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from comparison import assert_close
+from tolerances import IDENTITY
+
+import romjax as rj
+from romjax import compat, program_cache
+from romjax.program import program
+
+X = jnp.asarray(np.random.default_rng(1).normal(size=5))
+SYSTEM = rj.assemble(rj.gallery.chain(2))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("ROMJAX_CACHE_DIR", str(tmp_path / "programs"))
+    return tmp_path / "programs"
+
+
+def in_a_process(code, **environment):
+    """The last line that another process prints."""
+    start = "import jax, numpy as np, romjax as rj\njax.config.update('jax_enable_x64', True)\n"
+    done = subprocess.run(
+        [sys.executable, "-c", start + textwrap.dedent(code)],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    return done.stdout.splitlines()[-1]
+
+
+RUN = """
+    compiled = []
+    jax.monitoring.register_event_duration_secs_listener(
+        lambda event, seconds, **_: compiled.append(seconds)
+        if event.endswith("backend_compile_duration") and seconds > 0.1 else None
+    )
+    system = rj.assemble(rj.gallery.cart_pendulum())
+    run = rj.simulate(system, np.linspace(0.0, 0.2, 11))
+    rom = rj.reduce(system, rj.pod(run, rank=3), "minimal")
+    multipliers = np.asarray(run.multipliers)
+    print(len(compiled), float(run.q[-1, 4]).hex(), float(multipliers[-1, 2]).hex(),
+          float(rom.q0[0]).hex())
+"""
+
+
+def test_another_process_compiles_nothing_and_gets_the_same_bits(folder):
+    """Whatever order Python's sets have."""
+    first = in_a_process(RUN, PYTHONHASHSEED="1").split()
+    other = in_a_process(RUN, PYTHONHASHSEED="2").split()
+    assert int(first[0]) > 1
+    assert int(other[0]) == 0
+    assert first[1:] == other[1:]
+
+
+def test_a_library_is_ready_in_a_process_that_traces_no_call_of_it(folder):
+    """A program that is read instead of traced."""
+    code = """
+        from romjax.basis.subspace import singular_values
+        print(round(float(singular_values(np.diag([3.0, 2.0]))[0]), 9))
+    """
+    assert in_a_process(code) == in_a_process(code) == "3.0"
+    assert len(list(folder.iterdir())) >= 1
+
+
+def test_functions_of_the_user_are_known_by_what_they_compute(folder):
+    def twice(x, factor):
+        return factor * jnp.sin(x)
+
+    def count():
+        return len(list(folder.iterdir())) if folder.is_dir() else 0
+
+    assert_close(program(twice)(X, 2.0), 2 * jnp.sin(X), IDENTITY)
+    assert count() == 1
+    # Another function of that name and place.
+    twice_again = program(functools.wraps(twice)(lambda x, factor: factor * jnp.cos(x)))
+    assert_close(twice_again(X, 2.0), 2 * jnp.cos(X), IDENTITY)
+    assert count() == 2
+    # The same one, as a new process has it.
+    assert_close(program(twice)(X, 2.0), 2 * jnp.sin(X), IDENTITY)
+    assert count() == 2
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (lambda x, y: 2 * x, lambda x, y: 2 * y),
+        (lambda x, y: {"a": x}, lambda x, y: {"b": x}),
+        (lambda x, y: x + np.arange(5.0), lambda x, y: x + np.arange(1.0, 6.0)),
+        (lambda x, y: x + 0 * y[0], lambda x, y: x),
+    ],
+    ids=["unused arguments", "results", "constants", "arguments"],
+)
+def test_similar_functions_are_not_taken_for_each_other(folder, one, other):
+    arguments = X, 3 * X
+    for function in (one, other, one):
+        wanted, given = jax.jit(function)(*arguments), program(function)(*arguments)
+        assert jax.tree.structure(wanted) == jax.tree.structure(given)
+        for a, b in zip(jax.tree.leaves(wanted), jax.tree.leaves(given), strict=True):
+            assert_close(b, a, IDENTITY)
+    assert len(list(folder.iterdir())) == 2
+
+
+class Part(eqx.Module):
+    """A part of the user's own."""
+
+    x: jax.Array
+
+
+def test_keys_tell_apart_what_programs_depend_on():
+    function = rj.integrate.simulate._integrated
+    leaves, tree = jax.tree.flatten(SYSTEM)
+    del leaves
+    key = program_cache.key_of_call
+    assert key(function, tree) == key(function, jax.tree.flatten(SYSTEM)[1]) is not None
+    other = jax.tree.flatten(rj.assemble(rj.gallery.chain(3)))[1]
+    names = [key(function, *rest) for rest in ((tree,), (other,), (tree, 1), (tree, 1.0))]
+    assert len(set(names)) == 4
+    # The user's own classes and functions, which may change under their names.
+    assert key(function, jax.tree.flatten(Part(X))[1]) is None
+    assert key(function, lambda x: x) is None
+    assert key(test_keys_tell_apart_what_programs_depend_on, tree) is None
+
+
+def test_what_calls_back_into_this_process_is_not_kept(folder):
+    seen = []
+
+    def told(x):
+        jax.debug.callback(lambda x: seen.append(float(x[0])), x)
+        return 2 * x
+
+    for _ in range(2):
+        program(told)(X).block_until_ready()
+    jax.effects_barrier()
+    assert seen == [float(X[0])] * 2
+    assert not folder.exists()
+
+
+def test_a_damaged_file_is_compiled_again(folder):
+    def tripled(x):
+        return 3 * x
+
+    program(tripled)(X)
+    (file,) = folder.iterdir()
+    for damaged in (b"", file.read_bytes()[:-7], b"nothing of that kind"):
+        file.write_bytes(damaged)
+        assert_close(program(tripled)(X), 3 * X, IDENTITY)
+        assert len(file.read_bytes()) > 100
+
+
+@pytest.mark.parametrize("name", ["", "file/programs"])
+def test_without_a_folder_nothing_is_kept(name, tmp_path, monkeypatch):
+    """None is asked for, or it cannot be made."""
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("ROMJAX_CACHE_DIR", str(tmp_path / name) if name else "")
+    assert_close(program(lambda x: 4 * x)(X), 4 * X, IDENTITY)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_the_oldest_programs_go_first(folder, monkeypatch):
+    def shifted(x, by):
+        return x + by
+
+    for by in (1, 2, 3):
+        program(shifted)(X, by)
+        for file in folder.iterdir():
+            os.utime(file, (file.stat().st_atime, file.stat().st_mtime - 10))
+    newest = max(folder.iterdir(), key=lambda file: file.stat().st_mtime)
+    size = newest.stat().st_size
+    monkeypatch.setattr(program_cache, "_LARGEST", 2.5 * size)
+    program(shifted)(X, 4)
+    left = list(folder.iterdir())
+    assert len(left) == 2
+    assert newest in left
+
+
+def test_executables_survive_on_disk():
+    """By what `compat` takes of JAX: results that are trees, and arguments that nobody uses."""
+    structs = [jax.ShapeDtypeStruct((5,), X.dtype)] * 2
+    compiled = jax.jit(lambda x, y: {"a": (x, None), "b": Part(2 * x)}).lower(*structs).compile()
+    again = compat.load_executable(*compat.dump_executable(compiled))
+    result = again(X, X)
+    assert result["a"][1] is None
+    assert_close(result["b"].x, 2 * X, IDENTITY)
