@@ -55,11 +55,19 @@ class Program:
     def __call__(self, *args: Any) -> Any:
         if not compat.is_outermost():
             return self._inside(*args)
+        compiled, arrays = self._of(args)
+        return compiled(*arrays)
+
+    def compiled(self, *args: Any) -> Any:
+        """What runs for these arguments, compiled: a function of their arrays in one list."""
+        return self._of(args)[0]
+
+    def _of(self, args: tuple[Any, ...]) -> tuple[Any, list[Any]]:
         leaves, tree = jax.tree.flatten(args)
         static = tuple([_static(x) for x in leaves])
         arrays = [x for x, known in zip(leaves, static, strict=True) if known is None]
         forms = tuple([_form(x) for x in arrays])
-        return self._compiled(tree, static, forms, compat.trace_settings())(*arrays)
+        return self._compiled(tree, static, forms, compat.trace_settings()), arrays
 
     def _compile(
         self, tree: Any, static: tuple[Any, ...], forms: tuple[Any, ...], settings: Any
@@ -71,7 +79,7 @@ class Program:
 
         options = _options()
         if options is None:
-            return jax.jit(flat)
+            return _lower(flat, forms, {}).compile()
         key = program_cache.key_of_call(self._function, tree, static, forms, settings)
         stored = program_cache.load(key)
         if stored is not None:
@@ -92,9 +100,7 @@ def _compile(
 
     `key`: under which it was looked for before it was traced; None if it has no such key.
     """
-    structs = [jax.ShapeDtypeStruct(shape, dtype, sharding=at) for shape, dtype, at in forms]
-    # With all its arguments, the text says which of them are used.
-    lowered = jax.jit(function, keep_unused=True, compiler_options=options).lower(*structs)
+    lowered = _lower(function, forms, options)
     text = program_cache.key_of_text(lowered.as_text(), lowered.out_tree, options)
     if text is None:
         return lowered.compile()
@@ -103,6 +109,12 @@ def _compile(
         compiled = lowered.compile()
         program_cache.store(key or text, compiled)
     return compiled
+
+
+def _lower(function: Callable[..., Any], forms: Sequence[Any], options: dict[str, Any]) -> Any:
+    structs = [jax.ShapeDtypeStruct(shape, dtype, sharding=at) for shape, dtype, at in forms]
+    # With all arguments, so that the text says which of them are used.
+    return jax.jit(function, keep_unused=True, compiler_options=options).lower(*structs)
 
 
 def program(function: F) -> F:

@@ -23,7 +23,9 @@ def test_each_condition_has_its_front():
 
 
 def test_break_even():
-    """T_offline / (T_full − T_reduced), of the full model's cheapest run at the same error."""
+    """(T_offline + T_compile) / (T_full − T_reduced), of the full model's cheapest run at the same
+    error.
+    """
 
     def full(least, error):
         return row(least, error, model="full", formulation="full")
@@ -31,9 +33,10 @@ def test_break_even():
     def runs(*rows):
         return Accuracy(rows, np.zeros(0), (), {}, {}, "", np.nan, {}).break_even(rows[-1])
 
-    reduced = row(2.0, 1e-4, formulation="minimal", offline=30.0)
+    reduced = row(2.0, 1e-4, formulation="minimal", offline=30.0, compile=6.0)
     every = full(1.0, 1e-3), full(5.0, 1e-4), full(9.0, 1e-6)
-    assert runs(*every, reduced) == 30.0 / (5.0 - 2.0)
+    assert runs(*every, reduced) == (30.0 + 6.0) / (5.0 - 2.0)
+    assert reduced.first == 30.0 + 6.0 + 2.0
     assert runs(full(2.0, 1e-6), reduced) == np.inf
     assert runs(full(5.0, 1e-3), reduced) is None
     assert runs(full(1.0, 1e-3)) is None

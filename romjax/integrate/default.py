@@ -1,5 +1,6 @@
 """Choices that a simulation makes where the user makes none."""
 
+import functools
 import warnings
 from typing import Any
 
@@ -83,7 +84,13 @@ def default_solver(
     else:
         interval = (times[-1] - times[0]) / max(len(times) - 1, _OUTPUTS)
         stiff = bool(fastest * interval > np.pi)
-    return Rodas5P() if stiff else diffrax.Dopri8()
+    return _solvers()[stiff]
+
+
+@functools.cache
+def _solvers() -> tuple[diffrax.AbstractSolver[Any], diffrax.AbstractSolver[Any]]:
+    """For systems that are not stiff, and for stiff ones."""
+    return diffrax.Dopri8(), Rodas5P()
 
 
 def default_stabilization(

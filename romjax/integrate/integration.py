@@ -46,8 +46,7 @@ def integrate(
 ) -> Integrated:
     """Integrate the equations of motion from the first to the last of `ts`, all as it is set.
 
-    `count`: how many of `ts` are asked for, in a run that nobody differentiates. None: all, in a
-    run that can be differentiated.
+    `count`: how many of `ts` are asked for; None for all.
 
     Never raises: how it went is in `result`.
     """
@@ -65,9 +64,11 @@ def integrate(
         saved: Output = output_at(system, post_step, t, y)
         return saved
 
-    if count is not None:
-        most = jnp.asarray(settings.max_steps)
-        march = March(term, solver, controller, ts, count, first, most, settings.meter, output)
+    if settings.adjoint is None:
+        most, asked = jnp.asarray(settings.max_steps), len(ts) if count is None else count
+        march = March(
+            term, solver, controller, ts, jnp.asarray(asked), first, most, settings.meter, output
+        )
         run = march.run(state)
         return Integrated(run.outputs, (q0, v0), run.result, run.steps, run.accepted)
     solution = diffrax.diffeqsolve(

@@ -7,6 +7,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from equinox.internal import unvmap_any
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 # Steps end at the end of the run if they come so near, in units in the last place: dense output of
@@ -38,6 +39,9 @@ class March(NamedTuple):
     second to trace and to compile, a fifth of the time to the first result of a small mechanism.
     Numbers of outputs and of steps are traced here, so that others need no other program. Rows of
     outputs that the run does not get to are infinite.
+
+    In a batch, lanes go on until the last one ends. One that has ended changes nothing any more:
+    JAX would choose between all rows of old and new outputs at each step instead.
     """
 
     term: diffrax.AbstractTerm[Any, Any]
@@ -58,7 +62,9 @@ class March(NamedTuple):
             stages, none = "lax", lambda x: x is None
             solver = eqx.tree_at(lambda s: s.scan_kind, self.solver, stages, is_leaf=none)
             march = self._replace(solver=solver)
-        end: Progress = jax.lax.while_loop(march.unfinished, march.step, march.start(y0))
+        end: Progress = jax.lax.while_loop(
+            lambda now: unvmap_any(march.unfinished(now)), march.step, march.start(y0)
+        )
         self.meter.close(end.meter_state)
         exhausted = (end.t < self.ts[-1]) & diffrax.is_successful(end.result)
         result = diffrax.RESULTS.where(exhausted, diffrax.RESULTS.max_steps_reached, end.result)
@@ -95,7 +101,7 @@ class March(NamedTuple):
 
     def step(self, now: Progress) -> Progress:
         """One step, kept or not, and the outputs on its way."""
-        t0, t1 = now.t, now.next_t
+        t0, t1, going = now.t, now.next_t, self.unfinished(now)
         order: Any = self.solver.error_order(self.term)
         y, error, dense, solver_state, solved = self.solver.step(
             self.term, t0, t1, now.y, None, now.solver_state, made_jump=False
@@ -105,24 +111,23 @@ class March(NamedTuple):
         keep, t, next_t, _, controller_state, controlled = self.controller.adapt_step_size(
             t0, t1, now.y, y, None, error, order, now.controller_state
         )
-        t = jnp.minimum(t, self.ts[-1])
-
-        def accept(new: PyTree, old: PyTree) -> PyTree:
-            return jax.tree.map(lambda a, b: jnp.where(keep, a, b), new, old)
-
+        keep = jnp.asarray(keep) & going
+        t = jnp.where(going, jnp.minimum(t, self.ts[-1]), t0)
+        next_t = self._until_end(t, jnp.asarray(next_t), keep)
         solved = diffrax.RESULTS.where(keep, solved, diffrax.RESULTS.successful)
+        result = diffrax.RESULTS.where(diffrax.is_successful(solved), controlled, solved)
         between = self.solver.interpolation_cls(t0=t0, t1=t1, **dense)
-        saved, outputs = self.save(now, jnp.asarray(keep), between)
+        saved, outputs = self.save(now, keep, between)
         fraction = (t - self.ts[0]) / (self.ts[-1] - self.ts[0])
         return Progress(
-            y=accept(y, now.y),
+            y=_chosen(keep, y, now.y),
             t=t,
-            next_t=self._until_end(t, jnp.asarray(next_t), jnp.asarray(keep)),
-            solver_state=accept(solver_state, now.solver_state),
-            controller_state=jax.tree.map(jnp.asarray, controller_state),
+            next_t=jnp.where(going, next_t, t1),
+            solver_state=_chosen(keep, solver_state, now.solver_state),
+            controller_state=_chosen(going, controller_state, now.controller_state),
             meter_state=self.meter.step(now.meter_state, fraction),
-            result=diffrax.RESULTS.where(diffrax.is_successful(solved), controlled, solved),
-            steps=now.steps + 1,
+            result=diffrax.RESULTS.where(going, result, now.result),
+            steps=now.steps + jnp.where(going, 1, 0),
             accepted=now.accepted + jnp.where(keep, 1, 0),
             saved=saved,
             outputs=outputs,
@@ -138,12 +143,20 @@ class March(NamedTuple):
             return keep & (saved < self.asked) & (self.ts[saved] <= now.next_t)
 
         def put(save: tuple[Array, PyTree]) -> tuple[Array, PyTree]:
-            saved, outputs = save
+            (saved, outputs), due = save, is_due(save)
             t = self.ts[saved]
-            row, update = self.output(t, between.evaluate(t)), jax.lax.dynamic_update_index_in_dim
-            return saved + 1, jax.tree.map(lambda x, r: update(x, r, saved, 0), outputs, row)
 
-        after: tuple[Array, PyTree] = jax.lax.while_loop(is_due, put, (now.saved, now.outputs))
+            def changed(rows: Array, row: Array) -> Array:
+                row = jnp.where(due, row, rows[saved])
+                after: Array = jax.lax.dynamic_update_index_in_dim(rows, row, saved, 0)
+                return after
+
+            row = self.output(t, between.evaluate(t))
+            return saved + jnp.where(due, 1, 0), jax.tree.map(changed, outputs, row)
+
+        after: tuple[Array, PyTree] = jax.lax.while_loop(
+            lambda save: unvmap_any(is_due(save)), put, (now.saved, now.outputs)
+        )
         return after
 
     def _until_end(self, t: Array, next_t: Array, keep: Array) -> Array:
@@ -151,3 +164,7 @@ class March(NamedTuple):
         t1 = self.ts[-1]
         end = t1 - _NEAR_END * jnp.finfo(t1.dtype).eps * jnp.abs(t1)
         return jnp.where(next_t > end, jnp.where(keep, t1, t + 0.5 * (t1 - t)), next_t)
+
+
+def _chosen(condition: Bool[Array, ""], new: PyTree, old: PyTree) -> PyTree:
+    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), new, old)

@@ -6,6 +6,11 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from ..compat import is_outermost
+from ..identity import Remembered
+
+_known = Remembered()
+
 
 class Parts(eqx.Module):
     """An object as a pytree of arrays, so that what holds it passes through any transformation.
@@ -20,7 +25,14 @@ class Parts(eqx.Module):
 
     @classmethod
     def of(cls, whole: Any) -> "Parts":
-        """From the object itself."""
+        """From the object itself; remembered with it, where JAX does not trace."""
+        if not is_outermost():
+            return cls._made_of(whole)
+        known: Parts = _known.get(whole) or _known.put(whole, cls._made_of(whole))
+        return known
+
+    @classmethod
+    def _made_of(cls, whole: Any) -> "Parts":
         leaves, tree = jax.tree.flatten(whole)
         arrays = [isinstance(x, jax.Array | np.ndarray) for x in leaves]
         return cls(

@@ -22,7 +22,7 @@ class Settings(NamedTuple):
     - `rtol`, `atol`: tolerances of the step size control, or `dt` [s], a fixed step.
     - `stabilization`: "default" until `resolve` replaces it.
     - `frequencies`: of the system at its start, where a choice needs them.
-    - `adjoint`: None in a run that nobody differentiates; there, `max_steps` is an array.
+    - `adjoint`: None in a run that nobody differentiates; there, `max_steps` may be an array.
     - `meter`: what shows the progress.
     """
 

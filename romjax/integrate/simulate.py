@@ -102,7 +102,7 @@ def simulate(
         dt=step,
         stabilization=stabilization,
         frequencies=frequencies,
-        adjoint=default_adjoint() if adjoint is None else adjoint,
+        adjoint=default_adjoint(solver) if adjoint is None else adjoint,
         max_steps=max_steps,
         meter=diffrax.TqdmProgressMeter() if progress else diffrax.NoProgressMeter(),
     )

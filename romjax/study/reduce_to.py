@@ -9,13 +9,17 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 from tqdm import tqdm
 
+from ..arrays import as_number
 from ..basis.basis import Basis
 from ..basis.decomposition.pod import POD
 from ..errors import InputError, RankError, ReductionError
+from ..integrate.adjoint import no_derivatives
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
+from ..program import program
 from ..reduction.formulation.base import AbstractFormulation
 from ..reduction.formulation.parse import as_formulation
 from ..reduction.reduce import reduce
@@ -228,21 +232,24 @@ def _simulate_all(systems: list[AbstractSystem], training: Trajectory) -> list[T
             "reduce_to: the variations differ in structure; give systems assembled from one scene "
             "with other numbers."
         )
-    stacked = jax.tree.map(lambda *x: jnp.stack(x), *(dynamic for dynamic, _ in arrays))
-
-    def one(dynamic: Any) -> Trajectory:
-        return simulate(
-            eqx.combine(dynamic, arrays[0][1]),
-            training.t,
-            rtol=1e-8 if training.stats.rtol is None else training.stats.rtol,
-            solver=training.solver,
-            adjoint=diffrax.ForwardMode(),
-            throw=False,
-        )
-
-    batch = eqx.filter_jit(eqx.filter_vmap(one))(stacked)
+    stacked = jax.tree.map(lambda *x: np.stack(x), *(dynamic for dynamic, _ in arrays))
+    rtol = as_number(1e-8 if training.stats.rtol is None else training.stats.rtol, training.q.dtype)
+    batch = _simulate_batch(stacked, arrays[0][1], training.t, rtol, training.solver)
     runs = [jax.tree.map(lambda x, i=i: x[i], batch) for i in range(len(systems))]
     for i, run in enumerate(runs):
         if not bool(run.success):
             raise InputError(f"reduce_to: variation {i} cannot be simulated: {run.summary()}.")
+    return runs
+
+
+@program
+def _simulate_batch(
+    stacked: Any, structure: Any, t: Float[Array, " k"], rtol: Any, solver: Any
+) -> Trajectory:
+    def one(dynamic: Any) -> Trajectory:
+        system = eqx.combine(dynamic, structure)
+        return simulate(system, t, rtol=rtol, solver=solver, throw=False)
+
+    with no_derivatives():
+        runs: Trajectory = jax.vmap(one)(stacked)
     return runs

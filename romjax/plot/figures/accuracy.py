@@ -199,17 +199,17 @@ def _many(axes: Axes, result: Accuracy) -> None:
         for other in (row, full) if full and full != row else (row,):
             axes.loglog(
                 runs,
-                other.offline + runs * other.least,
+                (0.0 if other.is_full else other.set_up) + runs * other.least,
                 linestyle=dashes,
                 color=_style(result, other.model)["color"],
                 label=f"{other.model}: {other.error:.0e}"
                 + f", after {crossing:,.0f} runs" * (pays and other is row),
             )
         if pays:
-            axes.plot(crossing, row.offline + crossing * row.least, "o", color="black", ms=5)
+            axes.plot(crossing, row.set_up + crossing * row.least, "o", color="black", ms=5)
     if axes.lines:
         axes.legend(fontsize=SMALL, loc="lower right")
         axes.set_ylim(axes.get_ylim()[0] / 100)  # room for it
-    axes.set(xlabel="runs", ylabel="time with the making of the model [s]")
+    axes.set(xlabel="runs", ylabel="time, the full model compiled [s]")
     axes.set_title("When reduction pays", fontsize=11)
     axes.grid(color="0.9")

@@ -10,9 +10,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
+from ...integrate.adjoint import no_derivatives
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
+from ...program import Program
+from ...system.base import AbstractSystem
+from ...system.structure import without_names
 from ..timing import timed
 from .model import Model
 from .outcome import Outcome, outcome_of, work_of_a_step
@@ -56,32 +61,21 @@ class Configuration:
         single, lanes = condition.precision == "f32", condition.lanes
         with jax.enable_x64(not single), warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Simulating in single precision")  # as asked for
-            inputs = (model.system, ts)
+            inputs = (without_names(model.system), ts)
             system, times = jax.tree.map(_single, inputs) if single else inputs
-            # Arguments, so that the compiler knows no more of their numbers than in other runs.
-            numbers, structure = eqx.partition(system, eqx.is_array)
-
-            def one(numbers: Any, setting: Any) -> Trajectory:
-                return simulate(
-                    eqx.combine(numbers, structure),
-                    times,
-                    solver=solver,
-                    adjoint=diffrax.ForwardMode(),  # no gradient is asked for
-                    max_steps=MOST_STEPS,
-                    throw=False,
-                    **{"dt" if fixed else "rtol": setting},
-                )
-
             spread = np.geomspace(1 / _SPREAD, _SPREAD, lanes) if lanes > 1 else np.ones(())
             spread = np.asarray(spread, times.dtype)
-            every = jax.vmap(one, (None, 0)) if lanes > 1 else one
-            program, compile_time = timed(lambda: jax.jit(every).lower(numbers, spread).compile())
-        sizes = program.memory_analysis()
+            compiled, compile_time = timed(
+                lambda: _program.compiled(system, times, solver, fixed, spread)
+            )
+        sizes = compiled.memory_analysis()
         memory = sizes.temp_size_in_bytes + sizes.output_size_in_bytes if sizes else 0
 
         def run(setting: float) -> Trajectory:
-            settings = spread * spread.dtype.type(setting)
-            motion: Trajectory = program(numbers, jnp.asarray(settings))
+            with jax.enable_x64(not single):
+                # An array, also of one number: what is none would be compiled in.
+                settings = np.asarray(spread * setting, spread.dtype)
+                motion: Trajectory = _program(system, times, solver, fixed, settings)
             return motion
 
         return cls(model, solver, condition, fixed, run, compile_time, memory)
@@ -141,3 +135,30 @@ class Configuration:
 def _single(x: Any) -> Any:
     """Of floating-point arrays, those in single precision."""
     return jnp.asarray(x, jnp.float32) if eqx.is_inexact_array_like(x) else x
+
+
+def _runs(
+    system: AbstractSystem,
+    times: Float[Array, " k"],
+    solver: diffrax.AbstractSolver[Any],
+    fixed: bool,
+    settings: Float[Array | np.ndarray, "*lanes"],
+) -> Trajectory:
+    """A run for each of the `settings`, which are steps, or tolerances."""
+
+    def one(setting: Any) -> Trajectory:
+        return simulate(
+            system,
+            times,
+            solver=solver,
+            max_steps=MOST_STEPS,
+            throw=False,
+            **{"dt" if fixed else "rtol": setting},
+        )
+
+    with no_derivatives():
+        runs: Trajectory = (jax.vmap(one) if jnp.ndim(settings) else one)(jnp.asarray(settings))
+    return runs
+
+
+_program = Program(_runs, once=False)

@@ -95,8 +95,9 @@ class Accuracy:
         return Recommendation(error, row, self.models[row.model], settings, words)
 
     def break_even(self, row: Row) -> float | None:
-        """After how many runs a reduced model has saved what it took to make: T_offline over
-        T_full − T_reduced, where the full model runs as cheaply as it can at the same error.
+        """After how many runs a reduced model has saved what it took to make and to compile: that
+        over T_full − T_reduced, where the full model runs as cheaply as it can at the same error.
+        The full model is compiled in any case, for the training run.
 
         None for the full model, and where that was not measured at this error; infinite where
         nothing is saved.
@@ -106,7 +107,7 @@ class Accuracy:
             return None
         if full.least <= row.least:
             return np.inf
-        return row.offline / (full.least - row.least)
+        return row.set_up / (full.least - row.least)
 
     def cheapest_full(self, row: Row) -> Row | None:
         """The full model's cheapest run at the error of `row`, under the same condition."""

@@ -33,8 +33,8 @@ class Row(NamedTuple):
     error: float  # as `Comparison.error`, of the worst lane; NaN where a run failed
     least: float  # [s] of the interleaved runs, or until it failed; of one lane of several
     median: float  # [s]
-    compile: float  # [s]
-    offline: float  # [s]
+    compile: float  # [s] or to read the program from disk
+    offline: float  # [s] to make the model, from the training run on
     steps: int
     evaluations: int  # of the right-hand side
     factorizations: int  # of the Jacobian
@@ -51,6 +51,16 @@ class Row(NamedTuple):
     def is_full(self) -> bool:
         """Whether it is of the full model."""
         return self.model == FULL
+
+    @property
+    def set_up(self) -> float:
+        """Until the first run starts [s]: to make the model, and to compile it."""
+        return self.offline + self.compile
+
+    @property
+    def first(self) -> float:
+        """Until the first answer is there [s]."""
+        return self.set_up + self.lanes * self.least
 
     @property
     def settings(self) -> dict[str, float]:
