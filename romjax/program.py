@@ -18,7 +18,7 @@ Both hold only for a program that nothing surrounds: within a transformation of 
 import functools
 import warnings
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, Literal, NamedTuple, TypeVar, cast
 
 import equinox as eqx
 import jax
@@ -27,10 +27,12 @@ import numpy as np
 from . import compat, program_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
+# How often a program runs.
+Runs = Literal["one", "some", "many"]
 
-# Of a function, in equations: LLVM's passes need more than linear time for a long one, and a short
-# one saves nothing.
-_MOST, _FEWEST = 2000, 20
+# Of a function, in equations: LLVM's passes need more than linear time for a long one, which only
+# many runs are worth, and a short one saves nothing.
+_MOST, _MOST_OFTEN, _FEWEST = 2000, 20_000, 20
 # Products of more terms are computed faster by a library.
 _LARGEST_PRODUCT = 4096
 # XLA splits the copy of a larger array, in bytes, over threads, which no function can do.
@@ -42,13 +44,15 @@ _PROGRAMS = 256
 class Program:
     """A function of pytrees, compiled for each structure of its arguments.
 
+    `runs`: how many times it runs, which decides how much time its compilation is worth.
+
     Arrays are traced; everything else in the arguments is static, and must be hashable. Returns
     pytrees of arrays only.
     """
 
-    def __init__(self, function: Callable[..., Any], once: bool):
+    def __init__(self, function: Callable[..., Any], runs: Runs = "some"):
         functools.update_wrapper(self, function)
-        self._function, self._once = function, once
+        self._function, self._runs = function, runs
         self._inside = eqx.filter_jit(function)
         self._compiled = functools.lru_cache(_PROGRAMS)(self._compile)
 
@@ -84,10 +88,11 @@ class Program:
         stored = program_cache.load(key)
         if stored is not None:
             return stored
-        if self._once:
+        if self._runs == "one":
             return _compile(flat, forms, options | compat.QUICK, key)
         try:
-            return _compile(functools.partial(_as_functions, flat), forms, options, key)
+            most = _MOST if self._runs == "some" else _MOST_OFTEN
+            return _compile(functools.partial(_as_functions, flat, most), forms, options, key)
         except jax.errors.JaxRuntimeError:
             # Not all that consists of known primitives can be compiled as a function.
             return _compile(flat, forms, options, key)
@@ -119,12 +124,17 @@ def _lower(function: Callable[..., Any], forms: Sequence[Any], options: dict[str
 
 def program(function: F) -> F:
     """`function` as a `Program`."""
-    return cast(F, Program(function, once=False))
+    return cast(F, Program(function))
 
 
 def program_once(function: F) -> F:
     """`function` as a `Program` that runs once or twice: compiled without optimisation."""
-    return cast(F, Program(function, once=True))
+    return cast(F, Program(function, "one"))
+
+
+def program_often(function: F) -> F:
+    """`function` as a `Program` that runs hundreds of times: compiled longer, to run faster."""
+    return cast(F, Program(function, "many"))
 
 
 class _Empty(NamedTuple):
@@ -173,18 +183,18 @@ def _options() -> dict[str, Any] | None:
     return compat.OPTIONS
 
 
-def _as_functions(flat: Callable[..., Any], *arrays: Any) -> Any:
+def _as_functions(flat: Callable[..., Any], most: int, *arrays: Any) -> Any:
     """The results of `flat`, all that can be as functions of the program."""
     closed, shapes = jax.make_jaxpr(flat, return_shape=True)(*arrays)
-    closed = compat.as_functions(closed, _fits, _FEWEST)
+    closed = compat.as_functions(closed, functools.partial(_fits, most), _FEWEST)
     return jax.tree.unflatten(jax.tree.structure(shapes), compat.evaluate(closed, arrays))
 
 
-def _fits(jaxpr: Any) -> bool:
+def _fits(most: int, jaxpr: Any) -> bool:
     """Whether this can be one function: no calls of a library, no large products or copies."""
     equations = list(compat.equations(jaxpr))
     return (
-        len(equations) <= _MOST
+        len(equations) <= most
         and compat.largest_copy(jaxpr) <= _LARGEST_COPY
         and all(
             compat.is_written_out(equation) and compat.product_terms(equation) <= _LARGEST_PRODUCT

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from typing import Any
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,6 +16,7 @@ from ..arrays import Vector
 from ..integrate.adjoint import forward_mode
 from ..integrate.simulate import simulate
 from ..integrate.status import Status
+from ..program import program, program_often
 from ..system.base import AbstractSystem
 from ..system.dynamics import constraint_state
 from ..system.frequencies import frequencies
@@ -62,7 +62,7 @@ class Tuning:
             low, high = np.log10(path.min()) - decades, np.log10(path.max()) + decades
             sides.append(np.logspace(low, high, count))
         with forward_mode():
-            row = jax.jit(jax.vmap(lambda a, b: self.loss_of(Baumgarte(a, b)), (0, None)))
+            row: Any = program(jax.vmap(lambda a, b: self.loss_of(Baumgarte(a, b)), (0, None)))
             losses = [row(jnp.asarray(sides[0]), b) for b in jnp.asarray(sides[1])]
         grid = np.stack([np.asarray(x) for x in losses])
         return sides[0], sides[1], np.where(np.isfinite(grid), grid, np.nan)
@@ -133,7 +133,7 @@ def tune_baumgarte(
 
     optimizer = optax.inject_hyperparams(optax.adam)(learning_rate=rate)
 
-    @eqx.filter_jit
+    @program_often
     def advance(logs: Baumgarte, state: Any) -> Any:
         # Forwards: two parameters, or two for each constraint, and runs of many steps.
         def both(logs: Baumgarte) -> tuple[Array, tuple[Array, Array]]:

@@ -161,4 +161,4 @@ def _runs(
     return runs
 
 
-_program = Program(_runs, once=False)
+_program = Program(_runs)
