@@ -158,7 +158,7 @@ def as_functions(closed: Any, fits: Callable[[Any], bool], few: int) -> Any:
         live = [i for i, x in enumerate(equation.outvars) if x in asked and x.aval.size]
         if live and fits(alone):
             (call,) = _one_function(core.ClosedJaxpr(alone, ()), live).jaxpr.eqns
-            return call.replace(invars=list(read), outvars=equation.outvars)
+            return call.replace(invars=[x for x in read if x.aval.size], outvars=equation.outvars)
         if equation.primitive.name not in ("while", "scan", "cond", "jit", "pjit"):
             return equation
         params = {name: inside(value) for name, value in equation.params.items()}
@@ -174,20 +174,25 @@ def _one_function(closed: Any, live: Sequence[int]) -> Any:
     `live`: those of its results, with entries, that are asked for; JAX leaves out the others.
     """
 
-    def inside(*arrays: Any) -> list[Any]:
-        # The attribute is of the call alone, not of what is inside of it.
-        with set_xla_metadata(xla_cpu_small_call=None, inlineable=None):
+    def inside(*given: Any) -> list[Any]:
+        left, avals = iter(given), closed.in_avals
+        arrays = [next(left) if x.size else jnp.zeros(x.shape, x.dtype) for x in avals]
+        # The attribute is of the call alone: calls inside would inherit it without another value.
+        with set_xla_metadata(xla_cpu_small_call="false", inlineable="true"):
             results: list[Any] = core.eval_jaxpr(closed.jaxpr, closed.consts, *arrays)
             i = min(live, key=lambda i: np.size(results[i]))
             results[i] = _as_if_it_used(results[i], arrays)
             return results
 
-    def call(*arrays: Any) -> list[Any]:
+    @jax.jit
+    def call(*given: Any) -> list[Any]:
+        # What is constant would be put into the function, which then does not use the argument.
+        given = jax.lax.optimization_barrier(given)
         with set_xla_metadata(xla_cpu_small_call="true", inlineable="false"):
-            results: list[Any] = jax.jit(inside)(*arrays)
+            results: list[Any] = jax.jit(inside)(*given)
             return results
 
-    return jax.make_jaxpr(call)(*closed.in_avals)
+    return jax.make_jaxpr(lambda *arrays: call(*(x for x in arrays if x.size)))(*closed.in_avals)
 
 
 def _as_if_it_used(result: Any, arrays: Sequence[Any]) -> Any:
