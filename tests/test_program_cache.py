@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import textwrap
+from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -74,6 +75,21 @@ def test_a_library_is_ready_in_a_process_that_traces_no_call_of_it(folder):
     """
     assert in_a_process(code) == in_a_process(code) == "3.0"
     assert len(list(folder.iterdir())) >= 1
+
+
+def test_constants_are_no_arguments_of_functions():
+    """Without flags of XLA, which would end the process at a function that is given some."""
+    code = f"""
+        import sys
+        sys.path.insert(0, {str(Path(__file__).parent)!r})
+        rj.speed_up_xla = lambda: None
+        from test_hard_cases import four_bar
+        system = rj.assemble(four_bar())
+        run = rj.simulate(system, np.linspace(0.0, 2.0, 101), rtol=1e-10)
+        rom = rj.reduce(system, rj.pod(run), "minimal")
+        print(bool(rj.simulate(rom, run.t, rtol=1e-10).success))
+    """
+    assert in_a_process(code, XLA_FLAGS="") == "True"
 
 
 def test_functions_of_the_user_are_known_by_what_they_compute(folder):
