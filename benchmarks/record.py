@@ -149,7 +149,8 @@ def fallen(found: Sequence[Verdict], failures: Mapping[str, str]) -> str:
 
 
 def begin() -> None:
-    """Double precision on a CPU, with XLA set up for small arrays."""
+    """Double precision on a CPU, with XLA set up for small arrays; nothing is read from disk."""
+    os.environ["ROMJAX_CACHE_DIR"] = ""
     import jax
 
     import romjax as rj
