@@ -69,7 +69,7 @@ class Program:
     def _of(self, args: tuple[Any, ...]) -> tuple[Any, list[Any]]:
         leaves, tree = jax.tree.flatten(args)
         static = tuple([_static(x) for x in leaves])
-        arrays = [x for x, known in zip(leaves, static, strict=True) if known is None]
+        arrays = [x for x, value in zip(leaves, static, strict=True) if value is None]
         forms = tuple([_form(x) for x in arrays])
         return self._compiled(tree, static, forms, compat.trace_settings()), arrays
 
@@ -89,16 +89,17 @@ class Program:
         if stored is not None:
             return stored
         if self._runs == "one":
-            return _compile(flat, forms, options | compat.QUICK, key)
+            return _read_or_compile(flat, forms, options | compat.QUICK, key)
         try:
             most = _MOST if self._runs == "some" else _MOST_OFTEN
-            return _compile(functools.partial(_as_functions, flat, most), forms, options, key)
+            functions = functools.partial(_as_functions, flat, most)
+            return _read_or_compile(functions, forms, options, key)
         except jax.errors.JaxRuntimeError:
             # Not all that consists of known primitives can be compiled as a function.
-            return _compile(flat, forms, options, key)
+            return _read_or_compile(flat, forms, options, key)
 
 
-def _compile(
+def _read_or_compile(
     function: Callable[..., Any], forms: Sequence[Any], options: dict[str, Any], key: str | None
 ) -> Any:
     """A function of arrays of these forms, compiled, or read from disk.

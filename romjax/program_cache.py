@@ -24,9 +24,9 @@ from platformdirs import user_cache_path
 
 from . import compat
 
-# What these packages define is known by their versions.
+# What these packages define changes with their versions only.
 _PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "lineax", "optimistix", "jaxtyping", "numpy")
-_KNOWN = frozenset({"romjax", *_PACKAGES}) | sys.stdlib_module_names
+_VERSIONED = frozenset({"romjax", *_PACKAGES}) | sys.stdlib_module_names
 # All programs together, in bytes: some hundred structures.
 _LARGEST = 2**30
 
@@ -121,22 +121,21 @@ def _machine() -> bytes:
     for file in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(file.read_bytes())
     versions = [f"{name} {version(name)}" for name in _PACKAGES]
-    flags = [os.environ.get(name, "") for name in ("XLA_FLAGS", "LIBTPU_INIT_ARGS")]
-    device = jax.local_devices()[0]
-    for part in (platform.python_version(), *versions, *flags, device.id, *_processor()):
+    flags, device = os.environ.get("XLA_FLAGS", ""), jax.local_devices()[0]
+    for part in (platform.python_version(), *versions, flags, device.id, *_processor()):
         digest.update(repr(part).encode())
     return digest.digest()
 
 
 def _processor() -> list[str]:
     """The processor, with its instruction sets where the system lists them."""
-    known = [platform.machine(), platform.processor(), platform.system()]
+    general = [platform.machine(), platform.processor(), platform.system()]
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
-        return known
+        return general
     names = ("model name", "flags", "CPU part", "Features")
-    return known + sorted({line for line in lines if line.startswith(names)})
+    return general + sorted({line for line in lines if line.startswith(names)})
 
 
 class _Describer(pickle.Pickler):
@@ -155,7 +154,7 @@ class _Describer(pickle.Pickler):
             return tuple, ((obj.node_data(), tuple(obj.children())),)
         named = isinstance(obj, type | types.FunctionType | types.BuiltinFunctionType)
         module = (obj if named else type(obj)).__module__ or ""
-        if module.partition(".")[0] not in _KNOWN:
+        if module.partition(".")[0] not in _VERSIONED:
             raise pickle.PicklingError(f"{obj!r} is of {module}")
         if dataclasses.is_dataclass(obj) and not named:
             # The fields only: what properties remember comes and goes.

@@ -197,3 +197,35 @@ def test_functions_of_a_program_carry_the_attribute():
     assert any("call @" in line for line in marked)
     assert "xla_cpu_small_call" in lowered.compile().as_text()
     assert jnp.allclose(lowered.compile()(jnp.ones(3))[0], nested(jnp.ones(3)))
+
+
+class Part(eqx.Module):
+    x: jax.Array
+
+
+def test_executables_survive_on_disk():
+    """Results that are trees, and arguments that nobody uses."""
+    structs = [jax.ShapeDtypeStruct((5,), float)] * 2
+    compiled = jax.jit(lambda x, y: {"a": (x, None), "b": Part(2 * x)}).lower(*structs).compile()
+    again = compat.load_executable(*compat.dump_executable(compiled))
+    result = again(jnp.arange(5.0), jnp.ones(5))
+    assert result["a"][1] is None
+    assert result["b"].x.tolist() == [0, 2, 4, 6, 8]
+
+
+def test_settings_that_change_what_is_traced():
+    before = compat.trace_settings()
+    assert compat.trace_settings() == before
+    with jax.default_matmul_precision("highest"):
+        assert compat.trace_settings() != before
+    with jax.numpy_dtype_promotion("strict"):
+        assert compat.trace_settings() != before
+
+
+def test_copies_are_of_arguments_that_loops_change():
+    def filled(x, y):
+        return jax.lax.fori_loop(0, 3, lambda i, z: z.at[i].set(y[i]), x)
+
+    x, y = jnp.zeros(100), jnp.ones(50)
+    assert compat.largest_copy(jax.make_jaxpr(filled)(x, y).jaxpr) == x.nbytes
+    assert compat.largest_copy(jax.make_jaxpr(lambda x, y: x[:50] + y)(x, y).jaxpr) == 0

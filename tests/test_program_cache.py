@@ -16,7 +16,7 @@ from comparison import assert_close
 from tolerances import IDENTITY
 
 import romjax as rj
-from romjax import compat, program_cache
+from romjax import program_cache
 from romjax.program import program
 
 X = jnp.asarray(np.random.default_rng(1).normal(size=5))
@@ -201,13 +201,3 @@ def test_the_oldest_programs_go_first(folder, monkeypatch):
     left = list(folder.iterdir())
     assert len(left) == 2
     assert newest in left
-
-
-def test_executables_survive_on_disk():
-    """By what `compat` takes of JAX: results that are trees, and arguments that nobody uses."""
-    structs = [jax.ShapeDtypeStruct((5,), X.dtype)] * 2
-    compiled = jax.jit(lambda x, y: {"a": (x, None), "b": Part(2 * x)}).lower(*structs).compile()
-    again = compat.load_executable(*compat.dump_executable(compiled))
-    result = again(X, X)
-    assert result["a"][1] is None
-    assert_close(result["b"].x, 2 * X, IDENTITY)

@@ -2,7 +2,7 @@
 
 import functools
 import warnings
-from typing import Any, Literal
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
@@ -37,10 +37,7 @@ def leading(
     first dropped value are too close. Equal ones, between which no derivative exists, give the
     finite part.
     """
-    vectors: Float[Array, "n r"]
-    values: Float[Array, " k"]
-    vectors, values = _leading_by_program(matrix, rank, method)
-    return vectors, values
+    return _program_of_leading(matrix, rank, method)
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1, 2))
@@ -53,7 +50,7 @@ def _leading(
     return vectors[:, :rank], values
 
 
-_leading_by_program: Any = program(_leading)
+_program_of_leading = program(_leading)
 
 
 @_leading.defjvp
@@ -98,8 +95,7 @@ def span(vectors: Float[Array, "n r"], metric: Float[Array, "n n"]) -> Float[Arr
     values, rank = _values_of_span(vectors, metric), min(vectors.shape)
     if not compat.is_traced(values):
         rank = int(np.sum(np.asarray(values) > DEPENDENT * float(values[0])))
-    basis: Float[Array, "n k"] = _span(vectors, metric, rank)
-    return basis
+    return _span(vectors, metric, rank)
 
 
 @program

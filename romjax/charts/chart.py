@@ -46,15 +46,13 @@ class Chart(eqx.Module):
 
     def metric(self, system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Array, "d d"]:
         """The mass matrix of the independent coordinates: TᵀMT, T = Y − W (C_q W)⁻¹ C_q Y."""
-        metric: Float[Array, "d d"] = _metric(self, system, t, q)
-        return metric
+        return _metric(self, system, t, q)
 
     def dependent_inverses(
         self, system: AbstractSystem, t: Float[Array, " K"], q: Float[Array, "K n"]
     ) -> Float[Array, "K m m"]:
         """(∂C/∂d)⁻¹ = (C_q W)⁻¹ at several configurations."""
-        inverses: Float[Array, "K m m"] = _dependent_inverses(self, system, t, q)
-        return inverses
+        return _dependent_inverses(self, system, t, q)
 
 
 @program_once

@@ -9,7 +9,7 @@ import numpy as np
 from ..compat import is_outermost
 from ..identity import Remembered
 
-_known = Remembered()
+_parts = Remembered()
 
 
 class Parts(eqx.Module):
@@ -28,8 +28,8 @@ class Parts(eqx.Module):
         """From the object itself; remembered with it, where JAX does not trace."""
         if not is_outermost():
             return cls._made_of(whole)
-        known: Parts = _known.get(whole) or _known.put(whole, cls._made_of(whole))
-        return known
+        parts: Parts = _parts.get(whole) or _parts.put(whole, cls._made_of(whole))
+        return parts
 
     @classmethod
     def _made_of(cls, whole: Any) -> "Parts":

@@ -122,10 +122,7 @@ class Trajectory(eqx.Module):
             return zero, zero
         fastest: Any = stats.fastest_frequency
         fastest = as_number(0.0, self.q.dtype) if fastest is None else fastest
-        noise: tuple[Array, Array] = _noise(
-            self.t, self.v, self.metric, stats.rtol, stats.atol, fastest
-        )
-        return noise
+        return _noise(self.t, self.v, self.metric, stats.rtol, stats.atol, fastest)
 
     # Names of the release before.
 

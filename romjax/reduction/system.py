@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -160,8 +159,10 @@ def has_charts(system: AbstractSystem) -> bool:
 
 
 @program_once
-def _restrict(lift: AbstractLift, *state: Any) -> tuple[Reduced, Reduced]:
-    return lift.restrict(*state)
+def _restrict(
+    lift: AbstractLift, full: AbstractSystem, q: Physical, v: Physical
+) -> tuple[Reduced, Reduced]:
+    return lift.restrict(full, q, v)
 
 
 @program_once

@@ -41,8 +41,8 @@ class TrainingBox(AbstractValidity):
         root: Float[Array, "n n"] | None = None,
     ) -> "TrainingBox":
         """The box of points."""
-        known, error = jnp.asarray(violation, points.dtype), jnp.full((), jnp.nan, points.dtype)
-        return cls(jnp.min(points, 0), jnp.max(points, 0), known, error, root)
+        most, error = jnp.asarray(violation, points.dtype), jnp.full((), jnp.nan, points.dtype)
+        return cls(jnp.min(points, 0), jnp.max(points, 0), most, error, root)
 
     @classmethod
     def of_basis(
@@ -54,8 +54,7 @@ class TrainingBox(AbstractValidity):
         if basis.decomposition is None:
             return None
         t, q = basis.snapshots.t, basis.snapshots.q
-        box: TrainingBox = _in_subspace(system, t, q, basis.offset, modes, dual)
-        return box
+        return _in_subspace(system, t, q, basis.offset, modes, dual)
 
     def flags(self, system: AbstractSystem, run: Run) -> Int[Array, ""]:
         del system

@@ -45,8 +45,7 @@ def compare(truth: Trajectory, approx: Trajectory) -> Comparison:
     if t is not None and other is not None and not np.allclose(t, other, rtol=1e-6):
         raise ValueError("compare: the motions have different times; simulate both at the same.")
     steps = truth.stats.num_steps, approx.stats.num_steps
-    comparison: Comparison = _compare(truth.q, truth.metric, approx.q, approx.violation, steps)
-    return comparison
+    return _compare(truth.q, truth.metric, approx.q, approx.violation, steps)
 
 
 @program

@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple, cast
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -208,7 +207,6 @@ def _run(
         rom.with_full(system).starting_at(truth.q[0], truth.v[0], truth.t[0]),
         truth.t,
         rtol=max(_SHARPER * tol, 1e-10),
-        adjoint=diffrax.ForwardMode(),
         throw=False,
     )
 

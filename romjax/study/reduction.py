@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Callable, Iterator
 from typing import Literal
 
-import diffrax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -146,7 +145,6 @@ class _Runner:
                 self.ts,
                 rtol=self.rtol,
                 stabilization=stabilization,
-                adjoint=diffrax.ForwardMode(),  # no gradient is asked for: traces faster
                 throw=truth is None,
             )
 

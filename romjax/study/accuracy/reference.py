@@ -42,7 +42,7 @@ def make_reference(full: Configuration, training: Trajectory, tightest: float) -
     words = f"at rtol={rtol:.0e}, checked by redundant ones with {full.method}"
     if not bool(second.success):
         words = f"at rtol={rtol:.0e}, unchecked, as {full.method} failed there ({second.summary()})"
-    run = functools.partial(simulate, rtol=rtol, adjoint=diffrax.ForwardMode(), max_steps=1_000_000)
+    run = functools.partial(simulate, rtol=rtol, max_steps=1_000_000)
     system = full.model.system
     try:
         complete = _all_minimal_coordinates(training, system)
