@@ -9,7 +9,6 @@ import pytest
 
 import romjax as rj
 
-rj.speed_up_xla()
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 

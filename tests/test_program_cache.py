@@ -78,11 +78,10 @@ def test_a_library_is_ready_in_a_process_that_traces_no_call_of_it(folder):
 
 
 def test_constants_are_no_arguments_of_functions():
-    """Without flags of XLA, which would end the process at a function that is given some."""
+    """XLA would end the process at a function that is given some."""
     code = f"""
         import sys
         sys.path.insert(0, {str(Path(__file__).parent)!r})
-        rj.speed_up_xla = lambda: None
         from test_hard_cases import four_bar
         system = rj.assemble(four_bar())
         run = rj.simulate(system, np.linspace(0.0, 2.0, 101), rtol=1e-10)
