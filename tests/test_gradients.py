@@ -3,16 +3,19 @@
 import diffrax
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix
 import pytest
+from comparison import assert_close
 from mechanisms import linkage
-from tolerances import DIFFERENCED
+from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
 
 STEP = 1e-4  # of central differences
 PLACE = jnp.array([1.3, 9.0])  # mass of the coupler [kg], gravity [m/s²]
 POINTS = {"A": (0, 0), "b": (0.3, 0.9), "c": (1.8, 1.3), "D": (2.0, 0)}
+DOPRI = diffrax.Dopri8()
 FIXED = {"dt": 0.02, "throw": False}
 NEWTON = optimistix.Chord(rtol=1e-10, atol=1e-10, norm=optimistix.max_norm)
 SOLVERS = [
@@ -72,3 +75,47 @@ def test_through_solvers_and_redundant_constraints(solver):
     reverse = jax.jit(jax.grad(last))(PLACE)
     forward = jax.jit(jax.jacfwd(lambda p: last(p, diffrax.ForwardMode())))(PLACE)
     agree(jax.jit(last), reverse, forward)
+
+
+def oscillation(stiffness, start, end, adjoint=None, solver=DOPRI):
+    """A number that depends on all outputs of x'' = −k x, y'' = x + sin t."""
+    system = rj.CustomSystem(
+        lambda q: jnp.eye(2),
+        lambda t, q, v: jnp.stack([-stiffness * q[0], q[0] + jnp.sin(t)]),
+        q0=[1.0, 0.0],
+        v0=[0.0, 0.0],
+    )
+    ts = jnp.stack([start, (start + end) / 2, end])
+    settings = {"solver": solver, "rtol": 1e-9, "max_steps": 2000, "throw": False}
+    run = rj.simulate(system, ts, adjoint=adjoint, **settings)
+    return jnp.sum(run.q * jnp.cos(jnp.arange(6.0).reshape(3, 2))) + run.v[-1, 0]
+
+
+def test_more_steps_than_checkpoints_and_lanes_of_different_lengths():
+    """256 checkpoints, and lanes of 6, 318 and 1139 steps; also by the times of a load that needs
+    them. Against the checkpoints of diffrax, for which the first step follows the times.
+    """
+    stiffness, ends = jnp.array([1.0, 400.0, 2500.0]), jnp.array([0.3, 7.0, 10.0])
+
+    def slopes(adjoint):
+        by = jax.grad(lambda *x: oscillation(*x, adjoint), argnums=(0, 1, 2))
+        return jax.jit(jax.vmap(by, in_axes=(0, None, 0)))(stiffness, 0.1, ends)
+
+    own, other = slopes(None), slopes(diffrax.RecursiveCheckpointAdjoint())
+    assert_close(own[0], other[0], IDENTITY)
+    assert_close(own[1:], other[1:], DIFFERENCED, scale=np.maximum(1, np.abs(other[1:])))
+
+
+def test_lanes_that_fail_spoil_no_others():
+    """The second lane needs more steps than it may take."""
+    by = jax.vmap(jax.grad(lambda k: oscillation(k, 0.0, 10.0)))
+    alone = jax.jit(by)(jnp.array([1.0]))
+    assert_close(jax.jit(by)(jnp.array([1.0, 1e5]))[:1], alone, SOLVED)
+
+
+def test_second_derivatives():
+    """Forwards over backwards, against differences of the first derivative."""
+    slope = jax.jit(jax.grad(lambda k: oscillation(k, 0.0, 1.0, solver=rj.Rodas5P())))
+    curvature = jax.jit(jax.jacfwd(slope))(4.0)
+    wanted = (slope(4.0 + STEP) - slope(4.0 - STEP)) / (2 * STEP)
+    assert abs(curvature - wanted) <= DIFFERENCED

@@ -9,26 +9,16 @@ import diffrax
 from ..compat import trace_context
 
 _forwards = trace_context(False)
-_not_at_all = trace_context(False)
 
 
 def default_adjoint(solver: diffrax.AbstractSolver[Any]) -> diffrax.AbstractAdjoint | None:
-    """Forward mode inside of `forward_mode()`, reverse mode with checkpoints elsewhere; None inside
-    of `no_derivatives()`, but for solvers with a root finder, whose loops need an adjoint.
+    """Forward mode inside of `forward_mode()`, elsewhere reverse mode: romjax's own (None), but for
+    solvers with a root finder, whose loops need an adjoint of diffrax.
     """
-    if _not_at_all.value:
-        implicit = isinstance(solver, diffrax.AbstractImplicitSolver)
-        return diffrax.ForwardMode() if implicit else None
-    return diffrax.ForwardMode() if _forwards.value else diffrax.RecursiveCheckpointAdjoint()
-
-
-@contextlib.contextmanager
-def no_derivatives() -> Iterator[None]:
-    """Inside, simulations that are part of a program are those that stand alone: nobody may
-    differentiate them.
-    """
-    with _not_at_all(True):
-        yield
+    if _forwards.value:
+        return diffrax.ForwardMode()
+    implicit = isinstance(solver, diffrax.AbstractImplicitSolver)
+    return diffrax.RecursiveCheckpointAdjoint() if implicit else None
 
 
 @contextlib.contextmanager

@@ -1,5 +1,6 @@
 """The integration of the equations of motion."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import diffrax
@@ -15,7 +16,9 @@ from .chart_change import ChartChange
 from .march import March
 from .outputs import Output, output_at
 from .post_step import PostStep, PostStepSolver, ProjectState, motion_norm
+from .reverse import Ended, differentiable_run, ended
 from .settings import Settings
+from .steps import Steps
 from .term import ChartedMotionTerm, ChartedState, MotionTerm, State
 
 
@@ -53,8 +56,8 @@ def integrate(
     post_step = post_step_of(system, settings)
     if settings.projection is not None:
         q0, v0 = project_start(system, ts[0], q0, v0)
-    term, solver, state = _problem(system, q0, v0, post_step, settings)
-    controller, first = _step_size_control(ts, settings, len(state) == 3)
+    term, solver, y0 = _problem(system, q0, v0, post_step, settings)
+    controller, first = _step_size_control(ts, settings, len(y0) == 3)
 
     def output(t: Array, y: Any) -> Output:
         if settings.projection is not None:
@@ -65,11 +68,9 @@ def integrate(
         return saved
 
     if settings.adjoint is None:
-        most, asked = jnp.asarray(settings.max_steps), len(ts) if count is None else count
-        march = March(
-            term, solver, controller, ts, jnp.asarray(asked), first, most, settings.meter, output
-        )
-        run = march.run(state)
+        most, asked = settings.max_steps, jnp.asarray(len(ts) if count is None else count)
+        steps = Steps(term, solver, controller, ts[0], ts[-1], first, jnp.asarray(most))
+        run = _march(steps, output, ts, asked, y0, settings)
         return Integrated(run.outputs, (q0, v0), run.result, run.steps, run.accepted)
     solution = diffrax.diffeqsolve(
         term,
@@ -77,7 +78,7 @@ def integrate(
         t0=ts[0],
         t1=ts[-1],
         dt0=first,
-        y0=state,
+        y0=y0,
         saveat=diffrax.SaveAt(ts=ts),
         stepsize_controller=controller,
         adjoint=settings.adjoint,
@@ -89,6 +90,24 @@ def integrate(
     return Integrated(
         outputs, (q0, v0), solution.result, stats["num_steps"], stats["num_accepted_steps"]
     )
+
+
+def _march(
+    steps: Steps,
+    output: Callable[[Array, Any], Output],
+    ts: Float[Array, " size"],
+    asked: Int[Array, ""],
+    y0: Any,
+    settings: Settings,
+) -> Ended:
+    """By romjax's own loop, which can be differentiated if its most steps are known."""
+    most = settings.max_steps
+    if not isinstance(most, int):
+        steps = steps.without_transpose()
+    march, start = March(steps, steps.trial, output, ts, asked, settings.meter), steps.start(y0)
+    if isinstance(most, int):
+        return differentiable_run(march, start, most)
+    return ended(march.run(start))
 
 
 def _problem(

@@ -22,7 +22,8 @@ class Settings(NamedTuple):
     - `rtol`, `atol`: tolerances of the step size control, or `dt` [s], a fixed step.
     - `stabilization`: "default" until `resolve` replaces it.
     - `frequencies`: of the system at its start, where a choice needs them.
-    - `adjoint`: None in a run that nobody differentiates; there, `max_steps` may be an array.
+    - `adjoint`: diffrax's way to differentiate; None for romjax's own. `max_steps` may be an array
+      where nobody differentiates.
     - `meter`: what shows the progress.
     """
 

@@ -15,7 +15,6 @@ from ..arrays import as_number
 from ..basis.basis import Basis
 from ..basis.decomposition.pod import POD
 from ..errors import InputError, RankError, ReductionError
-from ..integrate.adjoint import no_derivatives
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..program import program
@@ -248,6 +247,5 @@ def _simulate_batch(
         system = eqx.combine(dynamic, structure)
         return simulate(system, t, rtol=rtol, solver=solver, throw=False)
 
-    with no_derivatives():
-        runs: Trajectory = jax.vmap(one)(stacked)
+    runs: Trajectory = jax.vmap(one)(stacked)
     return runs

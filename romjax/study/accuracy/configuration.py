@@ -12,7 +12,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...integrate.adjoint import no_derivatives
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
 from ...program import Program
@@ -156,8 +155,7 @@ def _runs(
             **{"dt" if fixed else "rtol": setting},
         )
 
-    with no_derivatives():
-        runs: Trajectory = (jax.vmap(one) if jnp.ndim(settings) else one)(jnp.asarray(settings))
+    runs: Trajectory = (jax.vmap(one) if jnp.ndim(settings) else one)(jnp.asarray(settings))
     return runs
 
 
