@@ -126,6 +126,7 @@ def _run(options: argparse.Namespace) -> int:
             sod_rank=_given(options.sod_rank, example.sod_rank),
             rtol=options.rtol,
             report=advance,
+            report_run=lambda run: bar.write(report.line(run), file=sys.stderr),
         )
         advance("figures and files")
         files = report.write(study, scene, folder, animation=not options.no_animation)

@@ -92,6 +92,7 @@ def reduction_study(
     rtol: float = 1e-8,
     repeats: int = 2,
     report: Callable[[str], None] = lambda stage: None,
+    report_run: Callable[[Run], None] = lambda run: None,
 ) -> ReductionStudy:
     """Simulate, reduce by POD and SOD, each in all formulations, and compare.
 
@@ -102,7 +103,8 @@ def reduction_study(
     - `pod_rank`, `sod_rank`: numbers of modes; the drop point unless given.
     - `rtol`: of all runs; a basis cannot be better than its snapshots.
     - `repeats`: how many times each run is timed.
-    - `report`: called with a few words before each stage.
+    - `report`: called with a few words before each stage; `report_run`: with each model's run,
+      as soon as it is there.
 
     Raises InputError for an end or a rate that make no time grid, SimulationError if the full run
     fails. A reduced model that is refused or fails is reported, not raised.
@@ -113,11 +115,15 @@ def reduction_study(
     report("full model")
     runner = _Runner(ts, rtol, repeats)
     full = runner.run("full", system, "default", None)
+    report_run(full)
     fine = full.trajectory
     coarse = fine.every(REFINEMENT)
     bases = {made.name: made(coarse) for made in (POD(pod_rank), SOD(sod_rank))}
     refused: dict[str, str] = {}
-    runs = [full, *_reduced_runs(full, bases, runner, refused, report)]
+    runs = [full]
+    for run in _reduced_runs(full, bases, runner, refused, report):
+        report_run(run)
+        runs.append(run)
     ranks = [Ranks.of(rate, coarse), Ranks.of(REFINEMENT * rate, fine)]
     return ReductionStudy(runs, bases, ranks, refused)
 

@@ -1,13 +1,14 @@
 """Moving pictures."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import cast
 
 import numpy as np
-from matplotlib.animation import PillowWriter
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
 
 from ...assembly.outlines import outlines
 from ...integrate.trajectory import Trajectory
@@ -70,15 +71,36 @@ def animate(
     # A fixed height, since matplotlib would search free space above all ticks at each frame.
     title = axes.set_title("", y=1.01)
     digits = max(0, int(np.ceil(-np.log10(max(t[-1] - t[0], 1e-12) / count))))
-    # It takes any number, but is declared to take integers.
-    writer = PillowWriter(fps=cast(int, fps))
-    with writer.saving(figure, str(path), DPI):
-        for frame, index in enumerate(chosen):
-            for picture in pictures:
-                picture.show(frame)
-            title.set_text(f"t = {t[index]:.{digits}f} s")
-            writer.grab_frame()
+    artists = [title, *(line for picture in pictures for line in picture.lines.values())]
+    background = _Background(figure, artists)
+    frames = []
+    for frame, index in enumerate(chosen):
+        for picture in pictures:
+            picture.show(frame)
+        title.set_text(f"t = {t[index]:.{digits}f} s")
+        frames.append(background.with_artists())
+    first_frame, *others = frames
+    first_frame.save(path, save_all=True, append_images=others, duration=round(1000 / fps), loop=0)
     return Path(path)
+
+
+class _Background:
+    """What stays the same in all frames of a figure, drawn once: it takes most of the time."""
+
+    def __init__(self, figure: Figure, artists: Sequence[Artist]):
+        self.figure, self.artists = figure, artists
+        self.canvas = FigureCanvasAgg(figure)
+        for artist in artists:
+            artist.set_animated(True)
+        self.canvas.draw()
+        self.drawn = self.canvas.copy_from_bbox(figure.bbox)
+
+    def with_artists(self) -> Image.Image:
+        """The frame with the artists as they are now."""
+        self.canvas.restore_region(self.drawn)
+        for artist in self.artists:
+            self.figure.draw_artist(artist)
+        return Image.fromarray(np.asarray(self.canvas.buffer_rgba())).convert("RGB")
 
 
 def _lay_out(
