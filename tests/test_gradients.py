@@ -92,7 +92,7 @@ def oscillation(stiffness, start, end, adjoint=None, solver=DOPRI):
 
 
 def test_more_steps_than_checkpoints_and_lanes_of_different_lengths():
-    """256 checkpoints, and lanes of 6, 318 and 1139 steps; also by the times of a load that needs
+    """512 checkpoints, and lanes of 6, 318 and 1139 steps; also by the times of a load that needs
     them. Against the checkpoints of diffrax, for which the first step follows the times.
     """
     stiffness, ends = jnp.array([1.0, 400.0, 2500.0]), jnp.array([0.3, 7.0, 10.0])

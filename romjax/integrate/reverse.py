@@ -26,8 +26,8 @@ from .checkpoints import Checkpoints
 from .march import March, Saved
 from .steps import Progress, Trial, chosen
 
-# Checkpoints by the root of the most steps: more memory, and fewer states computed anew.
-_CHECKPOINTS = 4.0
+# At least: shorter runs, which most are, compute no state anew.
+_CHECKPOINTS = 512
 
 
 class Ended(NamedTuple):
@@ -67,8 +67,8 @@ class Transposed(NamedTuple):
 
 def differentiable_run(march: March, start: Progress, most: int) -> Ended:
     """`march.run` of at most `most` steps, differentiable in reverse mode."""
-    slots = 1 << math.ceil(math.log2(max(_CHECKPOINTS * math.sqrt(most), 2)))
-    longest = 1 << max(math.ceil(math.log2(most / slots)), 0)
+    slots = _power_of_two(max(min(_CHECKPOINTS, most), math.sqrt(most)))
+    longest = _power_of_two(most / slots)
     # As functions with what they close over in reach, which may be the numbers of the user.
     trial = eqx.filter_closure_convert(
         march.trial, start.y, start.solver_state, start.t, start.next_t
@@ -81,6 +81,10 @@ def differentiable_run(march: March, start: Progress, most: int) -> Ended:
     choice = eqx.combine(jax.lax.stop_gradient(arrays), others)
     run: Ended = _run(by, choice, slots, longest)
     return run
+
+
+def _power_of_two(least: int | float) -> int:
+    return 1 << max(math.ceil(math.log2(least)), 0)
 
 
 def _without(whole: Any, *names: str) -> Any:
