@@ -114,6 +114,7 @@ def rates(settings: list[tuple[int, int]]) -> list[list[Any]]:
 
 def of(what: str) -> Any:
     """One table, in a process of its own."""
+    rj.speed_up_xla()
     jax.config.update("jax_enable_x64", True)
     device = jax.devices()[0]
     if what == "device":
