@@ -66,7 +66,7 @@ class Transposed(NamedTuple):
 
 
 def differentiable_run(march: March, start: Progress, most: int) -> Ended:
-    """`march.run` of at most `most` steps, differentiable in reverse mode."""
+    """`March.run` of at most `most` steps, differentiable in reverse mode."""
     slots = _power_of_two(max(min(_CHECKPOINTS, most), math.sqrt(most)))
     longest = _power_of_two(most / slots)
     # As functions with what they close over in reach, which may be the numbers of the user.
