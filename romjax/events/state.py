@@ -1,0 +1,69 @@
+"""What is known of events between the steps of a run and at their ends."""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+
+class Watching(NamedTuple):
+    """What is known of the events between two steps.
+
+    - `side` (events,): 1 above the level, −1 below it, 0 not told apart from it: at rest there.
+    - `floor` (events,): how far from its level a quantity is told apart from it. `least` (events,):
+      the least rate of a gap that is told apart from zero. `last` (events,): when each happened.
+    - `planned`: where the step would have ended that an event has cut.
+    - `jumped`: whether the step before has ended at an event. `stopped`: whether the run ends
+      there. `lasting`: whether a contact lasts. `number`: of events so far.
+    """
+
+    side: Float[Array, " events"]
+    floor: Float[Array, " events"]
+    least: Float[Array, " events"]
+    last: Float[Array, " events"]
+    planned: Float[Array, ""]
+    jumped: Bool[Array, ""]
+    stopped: Bool[Array, ""]
+    lasting: Bool[Array, ""]
+    number: Int[Array, ""]
+
+
+class Arrival(NamedTuple):
+    """The end of a step, at an event if `hits` has one.
+
+    - `t`, `before`, `after`: time and state there, before and after what happens there.
+    - `impulse` (events,) [N s]; `work` of it [J]. `rates` (events,): of the gaps, after it.
+    - `closed` (events,): which gaps have been closed in the impact, hit or not. `closing`: whether
+      some still close after it.
+    - `end`, `values`, `wait` (events,): where the step itself ended, the quantities there, and how
+      long they would take to their levels.
+    """
+
+    t: Float[Array, ""]
+    before: Any
+    after: Any
+    hits: Bool[Array, " events"]
+    impulse: Float[Array, " events"]
+    work: Float[Array, ""]
+    rates: Float[Array, " events"]
+    closed: Bool[Array, " events"]
+    closing: Bool[Array, ""]
+    end: Float[Array, ""]
+    values: Float[Array, " events"]
+    wait: Float[Array, " events"]
+
+    @property
+    def happens(self) -> Bool[Array, ""]:
+        """Whether there is an event."""
+        return jnp.any(self.hits)
+
+
+class Cut(NamedTuple):
+    """Where a step must end `at`, if it `is_due`: at the first event within it.
+
+    - `lasting`: whether it cannot end so, since a contact lasts.
+    """
+
+    is_due: Bool[Array, ""]
+    at: Float[Array, ""]
+    lasting: Bool[Array, ""]

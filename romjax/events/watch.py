@@ -1,0 +1,272 @@
+"""Where events lie in the steps of a run, and what happens there."""
+
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ..system.base import AbstractSystem
+from ..system.dynamics import acceleration
+from ..system.stabilization import Baumgarte
+from .base import AbstractEvent
+from .impact import collide
+from .record import Events, Record
+from .search import first_crossing
+from .state import Arrival, Cut, Watching
+
+# A step that ends so near to an event, in lengths of the step and of rtol, is carried to it by a
+# Taylor series, whose derivative is wrong by as much; and no nearer than this.
+_REACH, _NEAREST = 0.1, 1e-9
+# Nearer to its end than this share of a step, Newton's method knows better than dense output.
+_NEWTON = 0.05
+# A quantity is on neither side of its level within so many tolerances of the state.
+_FLOOR = 10.0
+# Impacts of one gap that follow one another so soon, in shares of the run, do so without end.
+_AT_ONCE = 1e-9
+# Shortest step to an event, and values that are rounding, in units in the last place.
+_SHORTEST, _ROUNDING = 16, 100
+
+
+class Watch(eqx.Module):
+    """The events of a run, and how its steps end at them.
+
+    A step that contains an event is repeated so that it ends there: dense output tells where, then
+    Newton's method with the state at the end, until what is left is within reach of a Taylor
+    series. The state at an event so has the accuracy of the method, and the derivatives of that
+    series, t* = t − g/ġ, are those of the time of the event.
+    """
+
+    system: AbstractSystem
+    post_step: Any
+    stabilization: Baumgarte | None
+    events: tuple[AbstractEvent, ...]
+    rtol: Float[Array, ""]
+    atol: Float[Array, ""]
+    end: Float[Array, ""]  # of the run
+    span: Float[Array, ""]  # from its start
+    most: int = eqx.field(static=True)
+
+    def start(self, t: Float[Array, ""], y: Any) -> Watching:
+        """Before the first step."""
+        system, (q, v, *_) = self._local(y), y
+        values, transpose = jax.vjp(lambda t, q, v: self._values(system, t, q, v), t, q, v)
+        by_t, by_q, by_v = jax.vmap(transpose)(jnp.eye(len(values), dtype=q.dtype))
+        rates = by_t + by_q @ v + by_v @ acceleration(system, t, q, v, self.stabilization)[0]
+        tolerance, speed = (_FLOOR * (self.atol + self.rtol * jnp.abs(x)) for x in (q, v))
+        floor = jnp.abs(by_q) @ tolerance + jnp.abs(by_v) @ speed
+        least = jnp.abs(by_q) @ speed
+        # At its level, a quantity is on the side to which it moves.
+        leaves = jnp.where(jnp.abs(rates) > least, jnp.sign(rates), 0.0)
+        side = jnp.where(jnp.abs(values) > floor, jnp.sign(values), leaves)
+        no = jnp.zeros((), bool)
+        side = jnp.where(self._resets & (side < 0), 0.0, side)
+        never = jnp.full_like(t, -jnp.inf)
+        last = jnp.full_like(side, -jnp.inf)
+        return Watching(side, floor, least, last, never, no, no, no, jnp.zeros((), int))
+
+    def arrive(
+        self, watching: Watching, t0: Float[Array, ""], t1: Float[Array, ""], y: Any
+    ) -> Arrival:
+        """The end of a step from t0 to t1 in the state `y`, carried to the events in reach."""
+        system, (q, v, *chart) = self._local(y), y
+        values, rates, a = self._flow_and_acceleration(system, t1, q, v)
+        moves, reach = rates != 0, self._reach(t0, t1)
+        wait = jnp.where(moves, -values / jnp.where(moves, rates, 1), jnp.inf)
+        is_near = jnp.abs(values) <= reach * jnp.abs(rates) + self._noise(watching)
+        in_reach = is_near & (t1 + wait <= self.end)
+        hits = self._passes(watching.side, rates) & in_reach
+        # Where values are rounding, so is the time to their level.
+        wait = jnp.where(is_near & (jnp.abs(wait) > reach), 0.0, wait)
+        first = jnp.min(jnp.where(hits, wait, jnp.inf))
+        # What comes later by less than its own error comes at the same time.
+        hits = hits & (wait <= first + 1e-3 * reach)
+        shift = jnp.where(jnp.any(hits), first, 0.0)
+        t, q, v = t1 + shift, q + shift * v + 0.5 * shift**2 * a, v + shift * a
+        closed = self._resets & (hits | (values + shift * rates <= watching.floor))
+        return self._collided(
+            watching,
+            system,
+            Arrival(
+                t=t,
+                before=(q, v, *chart),
+                after=(q, v, *chart),
+                hits=hits,
+                impulse=jnp.zeros_like(values),
+                work=jnp.zeros_like(t),
+                rates=rates,
+                closed=closed,
+                closing=jnp.zeros((), bool),
+                end=t1,
+                values=values,
+                wait=wait,
+            ),
+        )
+
+    def cut(
+        self,
+        watching: Watching,
+        t0: Float[Array, ""],
+        between: diffrax.AbstractLocalInterpolation,
+        arrival: Arrival,
+    ) -> Cut:
+        """The first event within a step, but for those at which it ends."""
+        t1, span, reach = arrival.end, arrival.end - t0, self._reach(t0, arrival.end)
+
+        def at(share: Array) -> Array:
+            t = t0 + share * span
+            y = between.evaluate(t)
+            return self._values(self._local(y), t, *y[:2])
+
+        crossings = first_crossing(
+            at, watching.side, arrival.values, self._noise(watching), self._falling, self._rising
+        )
+        time, crosses = t0 + crossings.share * span, crossings.sign != 0
+        backwards = jnp.min(jnp.where(crosses & (arrival.wait < 0), arrival.wait, jnp.inf))
+        is_near = crossings.is_last & (jnp.abs(backwards) <= _NEWTON * span)
+        # Each cut is shorter, so that a step is not cut for ever.
+        time = jnp.minimum(jnp.where(is_near, t1 + backwards, time), t1 - reach)
+        is_due = crossings.exists & ~(arrival.happens & (time >= t1 - 2 * reach))
+        shortest = _SHORTEST * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(t0), jnp.abs(t1))
+        follows = is_due & (time - t0 <= shortest)
+        is_due &= ~follows
+        # Gaps that have been closed are pushed through, close again at once, or still.
+        opened = jnp.any(arrival.hits & self._resets) & arrival.closed
+        through = (watching.side == 0) & (arrival.values < -watching.floor) & ~opened
+        again = arrival.hits & (arrival.t - watching.last <= _AT_ONCE * self.span)
+        lasting = self._resets & (through | again | (follows & crosses))
+        lasting = jnp.any(lasting) | arrival.closing
+        return Cut(is_due, time, lasting & ~is_due)
+
+    def follow(
+        self, watching: Watching, keep: Bool[Array, ""], cut: Cut, end: Array, arrival: Arrival
+    ) -> Watching:
+        """After a step that was to `end` at a time, and was kept or cut."""
+        values, hits = arrival.values, arrival.hits
+        is_apart = jnp.abs(values) > watching.floor
+        side = jnp.where(is_apart, jnp.sign(values), watching.side)
+        side = jnp.where(hits, -watching.side, side)
+        # Gaps that were closed open again, or rest.
+        collide = jnp.any(hits & self._resets)
+        opens = jnp.where(arrival.rates > watching.least, 1.0, 0.0)
+        side = jnp.where(collide & arrival.closed, opens, side)
+        happens = keep & arrival.happens
+        later = jnp.maximum(watching.planned, end)
+        planned = jnp.where(keep, -jnp.inf, watching.planned)
+        return Watching(
+            side=jnp.where(keep, side, watching.side),
+            floor=watching.floor,
+            least=watching.least,
+            last=jnp.where(keep & hits, arrival.t, watching.last),
+            planned=jnp.where(cut.is_due, later, planned),
+            jumped=jnp.where(keep, happens, watching.jumped),
+            stopped=watching.stopped | (keep & jnp.any(hits & self._stops)),
+            lasting=watching.lasting | cut.lasting,
+            number=watching.number + jnp.where(happens, 1, 0),
+        )
+
+    def describe(self, record: Record, watching: Watching) -> Events:
+        """What happened, in physical coordinates."""
+
+        def at(t: Array, before: Any, after: Any) -> tuple[Array, Array, Array]:
+            system, (q, v, *_) = self._local(before), before
+            state = system.state(t, q, v)
+            return state.q, state.v, system.state(t, q, after[1]).v
+
+        q, v_before, v_after = jax.vmap(at)(record.time, record.before, record.after)
+        used = jnp.arange(len(record.time)) < record.number
+        return Events(
+            count=record.number,
+            time=jnp.where(used, record.time, jnp.inf),
+            happened=record.hits,
+            impulse=record.impulse,
+            q=q,
+            v_before=v_before,
+            v_after=v_after,
+            lasting=watching.lasting,
+        )
+
+    def is_stopped(self, watching: Watching) -> Bool[Array, ""]:
+        """Whether an event ends the run: a `Stop`, or one that cannot be followed."""
+        return watching.stopped | watching.lasting | (watching.number > self.most)
+
+    @property
+    def _falling(self) -> Bool[Array, " events"]:
+        return jnp.array([event.direction != "rising" for event in self.events])
+
+    @property
+    def _rising(self) -> Bool[Array, " events"]:
+        return jnp.array([event.direction != "falling" for event in self.events])
+
+    @property
+    def _resets(self) -> Bool[Array, " events"]:
+        return jnp.array([event.resets for event in self.events])
+
+    @property
+    def _stops(self) -> Bool[Array, " events"]:
+        return jnp.array([event.stops for event in self.events])
+
+    def _reach(self, t0: Array, t1: Array) -> Array:
+        return jnp.maximum(_REACH * self.rtol, _NEAREST) * (t1 - t0)
+
+    def _noise(self, watching: Watching) -> Float[Array, " events"]:
+        """What of the values is rounding."""
+        unit = jnp.finfo(watching.floor.dtype).eps / jnp.maximum(self.rtol, self.atol)
+        return _ROUNDING / _FLOOR * unit * watching.floor
+
+    def _passes(self, side: Array, rates: Array) -> Bool[Array, " events"]:
+        """Which quantities move through their levels, in the direction that is asked for."""
+        falls = (side > 0) & (rates < 0) & self._falling
+        rises = (side < 0) & (rates > 0) & self._rising
+        return falls | rises
+
+    def _local(self, y: Any) -> AbstractSystem:
+        """The system in the chart of a state."""
+        system: AbstractSystem = self.system
+        if len(y) == 3:
+            system = self.post_step.in_chart(system, y[2])
+        return system
+
+    def _values(self, system: AbstractSystem, t: Array, q: Array, v: Array) -> Array:
+        return jnp.stack([event.value(system, t, q, v) for event in self.events])
+
+    def _flow_and_acceleration(
+        self, system: AbstractSystem, t: Array, q: Array, v: Array
+    ) -> tuple[Array, Array, Array]:
+        """The quantities, their rates along the motion, and the acceleration."""
+        t = jnp.asarray(t, q.dtype)
+        a = acceleration(system, t, q, v, self.stabilization)[0]
+        values, rates = jax.jvp(
+            lambda t, q, v: self._values(system, t, q, v), (t, q, v), (jnp.ones_like(t), v, a)
+        )
+        return values, rates, a
+
+    def _collided(self, watching: Watching, system: AbstractSystem, arrival: Arrival) -> Arrival:
+        """With the impacts among the events."""
+        rows = [i for i, event in enumerate(self.events) if event.resets]
+        if not rows:
+            return arrival
+        index = jnp.array(rows)
+        impacts = [self.events[i] for i in rows]
+        (q, v, *chart), t = arrival.before, arrival.t
+
+        def gaps(t: Array, q: Array) -> Array:
+            return jnp.stack([event.value(system, t, q, jnp.zeros_like(q)) for event in impacts])
+
+        def collided() -> Arrival:
+            restitution = jnp.stack([event.restitution for event in impacts])  # type: ignore
+            collision = collide(
+                system, t, q, v, gaps, restitution, arrival.closed[index], watching.least[index]
+            )
+            return arrival._replace(
+                after=(q, collision.v, *chart),
+                impulse=arrival.impulse.at[index].set(collision.impulses),
+                work=collision.work,
+                rates=arrival.rates.at[index].set(collision.rates),
+                closing=collision.closing,
+            )
+
+        after: Arrival = jax.lax.cond(jnp.any(arrival.hits[index]), collided, lambda: arrival)
+        return after
