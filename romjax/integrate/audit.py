@@ -1,0 +1,172 @@
+"""The audit of a run: the balance of its energy, and whether it stayed on its branch."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from .. import compat
+from ..system.base import AbstractSystem
+from ..system.dynamics import acceleration, constraint_state
+from ..system.stabilization import Baumgarte
+from ..system.state import AbstractState, Power
+from .branching import Branching
+from .energy_balance import EnergyBalance, Momentary
+from .post_step import Chart, PostStep
+from .steps import Progress, Trial
+
+# Nodes of Gauss' quadrature in each step: exact for what changes like a polynomial of degree 7.
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
+
+
+class Findings(NamedTuple):
+    """What an audit has found up to a time."""
+
+    balance: EnergyBalance
+    branching: Branching | None  # None where constraints cannot lose rank, or are projected
+
+    @property
+    def flags(self) -> Int[Array, ""]:
+        """What speaks against the run, as the number of a `Flag`."""
+        return self.balance.flags + (0 if self.branching is None else self.branching.flags)
+
+
+class Audit(NamedTuple):
+    """How a run is audited, by functions of what steps start from, end in and contain."""
+
+    start: Callable[[Progress], Findings]
+    follow: Callable[..., Findings]  # (before, after, tried, findings)
+
+
+class Auditor(eqx.Module):
+    """The audit of a run of a system.
+
+    E = T + V changes by the work of the forces that have no potential energy, and of joints that
+    move with time. Energies are taken between the steps, the work from the motion within each.
+    The stabilisation of the constraints is no part of the mechanism: its work is an error.
+    """
+
+    system: AbstractSystem
+    post_step: PostStep | None
+    stabilization: Baumgarte | None
+    rtol: Float[Array, ""] | None  # None in fixed steps
+    atol: Float[Array, ""]
+
+    def functions(self) -> Audit:
+        return Audit(self.start, self.follow)
+
+    def start(self, start: Progress) -> Findings:
+        """Before the first step."""
+        zero = jnp.zeros_like(start.t)
+        balance = EnergyBalance(self._energies(start.t, start.y).energy, *[zero] * 10)
+        branching = None
+        if self.watches_branches:
+            branching = Branching.start(start.t, self._at(start.t, start.y)[1].kkt())
+        return Findings(balance, branching)
+
+    @property
+    def watches_branches(self) -> bool:
+        """Whether constraints may lose rank, and violations push the motion off its branch: those
+        that Baumgarte's terms act against.
+        """
+        return self.system.structure.loops and self.stabilization is not None
+
+    def follow(
+        self,
+        before: Progress,
+        after: Progress,
+        tried: Trial,
+        findings: Findings,
+    ) -> Findings:
+        """With a step, if it was accepted."""
+        keep = after.accepted > before.accepted
+        branching = findings.branching
+        if branching is not None:
+            system, state = self._at(after.t, after.y)
+            q = after.y[0]
+            branching = branching.follow(after.t, state.kkt(), system.constraint(after.t, q), q)
+        now, work = self._energies(after.t, after.y), self._work(before.t, after.t, tried.between)
+        if tried.arrival is not None:
+            # Of impacts at the end of the step.
+            work = work._replace(supply=work.supply + tried.arrival.work)
+        new = Findings(findings.balance.follow(after.t, now, work), branching)
+        chosen: Findings = jax.tree.map(lambda a, b: jnp.where(keep, a, b), new, findings)
+        return chosen
+
+    def _at(self, t: Array, y: Any) -> tuple[AbstractSystem, AbstractState]:
+        q, v, *charts = y
+        system = self.system
+        if charts:
+            assert self.post_step is not None
+            chart: Chart = charts[0]
+            system = self.post_step.in_chart(system, chart)
+        return system, system.state(t, q, v)
+
+    def _energies(self, t: Array, y: Any) -> Momentary:
+        """The energies between two steps.
+
+        The step size control holds the root mean square of the errors of all 2n numbers of the
+        state, each divided by its tolerance, below one. By Cauchy and Schwarz that of the energy is
+        then below the square root of 2n times the sum of the squares of its derivatives times the
+        tolerances.
+        """
+        q, v, *_ = y
+        energy, zero = self._at(t, y)[1].energy(), jnp.zeros_like(t)
+        squared = jnp.sum(v**2)
+        least = energy.kinetic * len(q) * self.atol**2 / jnp.where(squared > 0, squared, 1)
+        if self.rtol is None:
+            return Momentary(energy.total, energy.kinetic, least, zero, zero)
+        by_q = energy.slope * (self.atol + self.rtol * jnp.abs(q))
+        by_v = energy.momentum * (self.atol + self.rtol * jnp.abs(v))
+        tolerated = jnp.sqrt(2 * len(q) * jnp.sum(by_q**2 + by_v**2))
+        return Momentary(energy.total, energy.kinetic, least, tolerated, jnp.asarray(self.rtol))
+
+    def _work(self, t0: Array, t1: Array, between: diffrax.AbstractLocalInterpolation) -> Power:
+        """Of all forces without potential energy in a step [J]."""
+
+        def node(x: Array) -> Power:
+            t = t0 + x * (t1 - t0)
+            y = between.evaluate(t)
+            system, state = self._at(t, y)
+            power = state.power() or nothing
+            if not moves:
+                return power
+            return power._replace(supply=power.supply + self._drive(system, state, t, y))
+
+        zero = jnp.zeros_like(t0)
+        nothing = Power(zero, zero)
+        q = self.system.full.q0
+        moves = self.system.full.m > 0 and compat.depends_on_first(
+            self.system.full.constraint, jnp.zeros((), q.dtype), q
+        )
+        if not moves and self._at(t0, between.evaluate(t0))[1].power() is None:
+            return nothing
+
+        def add(work: Power, at: tuple[Array, Array]) -> tuple[Power, None]:
+            place, weight = at
+            return jax.tree.map(lambda x, y: x + weight * y, work, node(place)), None
+
+        places = jnp.asarray((1 + _NODES) / 2, t0.dtype)
+        weights = jnp.asarray(_WEIGHTS / 2, t0.dtype) * (t1 - t0)
+        # A loop, not a batch, which takes twice as long for so few.
+        total: Power = jax.lax.scan(add, nothing, (places, weights))[0]
+        return total
+
+    def _drive(self, system: AbstractSystem, state: AbstractState, t: Array, y: Any) -> Array:
+        """The power of joints that move with time.
+
+        The constraint forces are M q̈ − Q, and their power vᵀ(M q̈ − Q) contains that of joints
+        which drift, −λᵀĊ, which no joint has that holds.
+        """
+        q, v, *_ = y
+        a, multipliers = acceleration(system, t, q, v, self.stabilization)
+        full = system.full.state(t, state.q, state.v)
+        power: Array = state.v @ full.residual(state.physical_acceleration(a))
+        if system.m:
+            power += multipliers @ constraint_state(system, t, q, v).rate
+        return power

@@ -1,0 +1,77 @@
+"""Whether a motion stays on its branch where constraints lose rank."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from .. import precision
+from ..linalg.kkt import KKT
+from ..system.flags import Flag
+
+# Branches are told apart while |C| is below this share of σ². Of 500 runs through change points,
+# those that left their branch had 0.2 and more, and right ones few above 0.1.
+_AMBIGUOUS = 0.05
+# Pivots of constraints that repeat others, in units of the proximal term.
+_REPEATED = 1e3
+
+
+class Branching(NamedTuple):
+    """How well a motion told its own branch from another one, where it was worst.
+
+    Where constraints become dependent, σ → 0 for the smallest singular value of the scaled C_q, two
+    branches of the motion cross. In the normal form of the crossing the dependent combination is
+    κ x y, with x along the motion and y across: σ = κ x, and a violation C is the distance
+    y = C / σ from the motion. The state is on either branch alike where y is as large as x, which
+    is where C reaches σ² / κ. Violations are relative to the size of the mechanism here, so that κ
+    is about one.
+
+    - `ambiguity`: largest |C| / σ². `time` [s]: where.
+    - `repeated`: how many constraints repeat others in all positions.
+    """
+
+    ambiguity: Float[Array, ""]
+    time: Float[Array, ""]
+    repeated: Int[Array, ""]
+
+    @classmethod
+    def start(cls, t: Float[Array, ""], kkt: KKT) -> "Branching":
+        """At the time `t` [s] at which a run starts, from its `kkt` system there."""
+        return cls(jnp.zeros_like(t), t, jnp.sum(_are_tiny(kkt.pivots())[0]))
+
+    def follow(
+        self,
+        t: Float[Array, ""],
+        kkt: KKT,
+        violation: Float[Array, " m"],
+        q: Float[Array, " n"],
+    ) -> "Branching":
+        """With the state at the end of a step."""
+        pivots = kkt.pivots()
+        # A start at a singular position has more than there are elsewhere.
+        tiny, limit = _are_tiny(pivots)
+        count = jnp.sum(tiny)
+        repeated = jnp.minimum(self.repeated, count)
+        least = jnp.min(jnp.where(tiny, jnp.inf, pivots))
+        squared = jnp.where(count > repeated, limit, least)
+        size = jnp.maximum(1.0, jnp.max(jnp.abs(q)))
+        ambiguity = jnp.max(jnp.abs(violation)) / (size * squared)
+        worse = ambiguity > self.ambiguity
+        return Branching(
+            jnp.where(worse, ambiguity, self.ambiguity), jnp.where(worse, t, self.time), repeated
+        )
+
+    @property
+    def flags(self) -> Int[Array, ""]:
+        """What it says against the run, as the number of a `Flag`."""
+        return (self.ambiguity > _AMBIGUOUS) * int(Flag.BRANCH)
+
+    def describe(self) -> str:
+        """The passage in words."""
+        return f"at t = {float(self.time):.4g} s"
+
+
+def _are_tiny(pivots: Float[Array, " rows"]) -> tuple[Bool[Array, " rows"], float]:
+    """Which pivots are those of constraints that depend on others, and the limit."""
+    limit = _REPEATED * precision.of(pivots.dtype).proximal
+    return pivots < limit, limit

@@ -1,0 +1,146 @@
+"""Dense output: a run between its outputs."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from ..arrays import Vector, as_array, concrete
+from ..checks import check_finite, check_shape
+from ..errors import InputError
+from ..program import program
+from ..reduction.system import has_charts
+from ..system.base import AbstractSystem
+from ..system.consistent import project
+from ..system.stabilization import Baumgarte, Projection, Stabilization
+from .chart_change import ChartChange
+from .derived import OnDemand
+from .outputs import Output, capacity, cut, output_at, padded
+from .parts import Parts
+from .post_step import PostStep, ProjectState
+
+
+def post_step_of(system: AbstractSystem, projection: Projection | None) -> PostStep | None:
+    """What changes the state after each step; None if nothing does."""
+    if projection is not None:
+        return ProjectState(projection.sweeps)
+    return ChartChange.of(system) if has_charts(system) else None
+
+
+def output_of(
+    system: AbstractSystem, projection: Projection | None
+) -> Callable[[Float[Array, ""], Any], Output]:
+    """What is saved of the state that a system has at a time, as a function of both."""
+    post_step = post_step_of(system, projection)
+
+    def output(t: Array, y: Any) -> Output:
+        if projection is not None:
+            # Between steps, dense output leaves the constraints by about 1e-6.
+            q, v = y
+            y = project(system, t, q, v, projection.sweeps)
+        saved: Output = output_at(system, post_step, t, y)
+        return saved
+
+    return output
+
+
+class Pieces(NamedTuple):
+    """The motion within each accepted step, with room for some.
+
+    - `number`: of steps. `ends` (rows,): when they end; infinite in unused rows.
+    - `between`: what interpolates within each, leading axis rows.
+    """
+
+    number: Int[Array, ""]
+    ends: Float[Array, " rows"]
+    between: diffrax.AbstractLocalInterpolation
+
+    @classmethod
+    def empty(cls, rows: int, between: Any, t0: Float[Array, ""]) -> "Pieces":
+        """Before the first step, for interpolations of the shapes of `between`."""
+        empty = jax.tree.map(lambda x: jnp.zeros((rows, *x.shape), x.dtype), between)
+        return cls(jnp.zeros((), int), jnp.full(rows, jnp.inf, t0.dtype), empty)
+
+    def put(
+        self,
+        keep: Bool[Array, ""],
+        end: Float[Array, ""],
+        between: diffrax.AbstractLocalInterpolation,
+    ) -> "Pieces":
+        """With a step, if it was accepted."""
+
+        def put(rows: Array, row: Array) -> Array:
+            at = jnp.minimum(self.number, len(rows) - 1)
+            return rows.at[at].set(jnp.where(keep, row, rows[at]))
+
+        ends, pieces = jax.tree.map(put, (self.ends, self.between), (end, between))
+        return Pieces(self.number + jnp.where(keep, 1, 0), ends, pieces)
+
+
+class DenseOutput(eqx.Module):
+    """A run between its outputs, by the interpolation of its method.
+
+    - `parts`: of the system. `stabilization`: that was used. `start`: when the run starts [s].
+    """
+
+    parts: Parts
+    stabilization: Stabilization
+    start: Float[Array, ""]
+    pieces: Pieces
+
+    def at(self, times: Vector) -> tuple[Float[Array, " k"], Output, OnDemand]:
+        """The `times` as an array, the outputs there, and what follows from them.
+
+        Raises InputError for times before the start or after the end of the run.
+        """
+        ts = as_array(times)
+        check_shape("Trajectory.at", "times", ts, (None,))
+        check_finite("Trajectory.at", "times", ts)
+        if self.start.ndim:
+            raise InputError(
+                "Trajectory.at: this is a batch of runs; map over it, as in "
+                "jax.vmap(lambda run: run.at(times))(runs)."
+            )
+        end = self.pieces.ends[self.pieces.number - 1]
+        outside = (ts < self.start) | (ts > end)
+        known = concrete(outside)
+        if known is None:
+            ts = eqx.error_if(ts, outside, "Trajectory.at: a time lies outside of the run.")
+        elif np.any(known):
+            raise InputError(
+                f"Trajectory.at: times[{int(np.argmax(known))}] = "
+                f"{float(ts[int(np.argmax(known))]):g} s lies outside of the run, from "
+                f"{float(self.start):g} to {float(end):g} s."
+            )
+        system, count = self.parts.join(), len(ts)
+        projection = self.stabilization if isinstance(self.stabilization, Projection) else None
+        size = capacity(count, 2 * system.full.n, ts.dtype)
+        rows = ts if size == count or known is None else padded(ts, size)
+        outputs = cut(_evaluated(system, projection, self.pieces, rows), count)
+        own = outputs.in_system()
+        used = self.stabilization if isinstance(self.stabilization, Baumgarte) else None
+        return ts, outputs, OnDemand(self.parts, ts, own.q, own.v, own.chart, used)
+
+
+@program
+def _evaluated(
+    system: AbstractSystem,
+    projection: Projection | None,
+    pieces: Pieces,
+    ts: Float[Array | np.ndarray, " k"],
+) -> Output:
+    output = output_of(system, projection)
+
+    def at(t: Array) -> Output:
+        # At the end of a step, its own state: that before an impact.
+        i = jnp.searchsorted(pieces.ends, t)
+        piece = jax.tree.map(lambda x: x[i], pieces.between)
+        return output(t, piece.evaluate(t))
+
+    outputs: Output = jax.lax.map(at, jnp.asarray(ts))
+    return outputs

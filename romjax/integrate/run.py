@@ -1,0 +1,197 @@
+"""The run of a simulation: one compiled program, and the trajectory that its numbers are."""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from .. import compat
+from ..events.record import Events
+from ..program import program
+from ..system.base import AbstractSystem, Run
+from ..system.constraints import ConstraintState, differentiate
+from ..system.stabilization import Baumgarte, Stabilization
+from .audit import Findings
+from .dense import DenseOutput, Pieces
+from .derived import Derived, OnDemand, metric_of, multipliers_at
+from .integration import integrate
+from .judge import judge_run
+from .outputs import Output, capacity, cut, padded
+from .parts import Parts
+from .settings import Settings
+from .statistics import Statistics
+from .trajectory import Trajectory
+
+
+def run(
+    system: AbstractSystem,
+    bare: AbstractSystem,
+    ts: Float[Array, " k"],
+    q0: Float[Array, " n"],
+    v0: Float[Array, " n"],
+    settings: Settings,
+) -> tuple[Trajectory, ConstraintState]:
+    """The trajectory of a system that is `bare` of names, and the constraints at its start."""
+    result, derived = _run(bare, ts, q0, v0, settings)
+    trajectory = _trajectory(system, result, derived, settings)
+    if result.pieces is not None:
+        start = jnp.asarray(ts[0])
+        dense = DenseOutput(Parts.of(bare), result.stabilization, start, result.pieces)
+        trajectory = dataclasses.replace(trajectory, dense=dense)
+    return trajectory, result.start
+
+
+class _Result(NamedTuple):
+    """What a run gives but for names."""
+
+    ts: Float[Array, " k"]
+    outputs: Output
+    start: ConstraintState
+    status: Int[Array, ""]
+    flags: Int[Array, ""]
+    steps: Int[Array, ""]
+    accepted: Int[Array, ""]
+    rejected: Int[Array, ""]
+    stabilization: Stabilization
+    findings: Findings | None
+    imbalance: Float[Array, " k"] | None
+    events: Events | None
+    pieces: Pieces | None
+
+
+def _run(
+    system: AbstractSystem,
+    ts: Float[Array, " k"],
+    q0: Float[Array, " n"],
+    v0: Float[Array, " n"],
+    settings: Settings,
+) -> tuple[_Result, Derived | OnDemand]:
+    """The run, by a program of its own that others share, or as a part of the user's."""
+    if not compat.is_outermost():
+        return _differentiable(system, ts, q0, v0, settings)
+    settings = settings._replace(max_steps=np.asarray(settings.max_steps), adjoint=None)
+    if isinstance(settings.solver, diffrax.AbstractImplicitSolver):
+        # Its root finder contains functions, which are no part of a stored program.
+        return _differentiable(system, ts, q0, v0, settings)
+    count = len(ts)
+    size = capacity(count, 2 * system.full.n, q0.dtype)
+    times = ts if size == count else padded(ts, size)
+    result: _Result = _plain(system, times, np.asarray(count), q0, v0, settings)
+    # After a stop only, times are others than those that were asked for.
+    stopped = None if result.events is None else result.ts
+    outputs, imbalance, stopped = cut((result.outputs, result.imbalance, stopped), count)
+    ts = ts if stopped is None else stopped
+    own = outputs.in_system()
+    demand = OnDemand(
+        Parts.of(system), ts, own.q, own.v, own.chart, _baumgarte(result.stabilization)
+    )
+    return result._replace(ts=ts, outputs=outputs, imbalance=imbalance), demand
+
+
+@eqx.filter_jit
+def _differentiable(
+    system: AbstractSystem,
+    ts: Float[Array, " k"],
+    q0: Float[Array, " n"],
+    v0: Float[Array, " n"],
+    settings: Settings,
+) -> tuple[_Result, Derived]:
+    result = _integrated(system, ts, None, q0, v0, settings)
+    outputs, used = result.outputs, _baumgarte(result.stabilization)
+    own = outputs.in_system()
+    # XLA leaves out what nobody uses.
+    multipliers = jax.vmap(lambda t, q, v, chart: multipliers_at(system, t, q, v, chart, used))(
+        result.ts, own.q, own.v, own.chart
+    )
+    return result, Derived(multipliers, metric_of(system))
+
+
+def _integrated(
+    system: AbstractSystem,
+    ts: Float[Array, " k"],
+    count: Int[Array, ""] | None,
+    q0: Float[Array, " n"],
+    v0: Float[Array, " n"],
+    settings: Settings,
+) -> _Result:
+    settings = settings.resolve(system, ts)
+    run = integrate(system, ts, count, q0, v0, settings)
+    if count is not None:
+        # Rows that nobody asked for repeat the last one, which changes no judgement.
+        rows = jnp.minimum(jnp.arange(len(ts)), count - 1)
+        held = (run.ts, run.outputs, run.imbalance)
+        ts, outputs, imbalance = jax.tree.map(lambda x: x[rows], held)
+        run = run._replace(ts=ts, outputs=outputs, imbalance=imbalance)
+    start = differentiate(system.constraint, ts[0], *run.start)
+    return _Result(
+        ts=run.ts,
+        outputs=run.outputs,
+        start=start,
+        status=judge_run(system, ts, run, start, settings),
+        flags=_flags(system, run.ts, run.outputs)
+        | (0 if run.findings is None else run.findings.flags),
+        steps=run.steps,
+        accepted=run.accepted,
+        rejected=run.steps - run.accepted,
+        stabilization=settings.baumgarte or settings.projection,
+        findings=jax.lax.stop_gradient(run.findings),
+        imbalance=jax.lax.stop_gradient(run.imbalance),
+        events=run.events,
+        pieces=run.pieces,
+    )
+
+
+# Arrays of NumPy will do for it too.
+_plain: Any = program(_integrated)
+
+
+def _baumgarte(stabilization: Stabilization) -> Baumgarte | None:
+    return stabilization if isinstance(stabilization, Baumgarte) else None
+
+
+def _trajectory(
+    system: AbstractSystem,
+    run: _Result,
+    derived: Derived | OnDemand,
+    settings: Settings,
+) -> Trajectory:
+    controlled, frequencies = settings.dt is None, settings.frequencies
+    statistics = Statistics(
+        num_steps=run.steps,
+        num_accepted_steps=run.accepted,
+        num_rejected_steps=run.rejected,
+        rtol=settings.rtol if controlled else None,
+        atol=settings.atol if controlled else None,
+        fastest_frequency=None if frequencies is None else frequencies.fastest,
+        stabilization=run.stabilization,
+    )
+    return Trajectory(
+        t=run.ts,
+        q=run.outputs.q,
+        v=run.outputs.v,
+        violation=run.outputs.violation,
+        derived=derived,
+        stats=statistics,
+        status=run.status,
+        flags=run.flags,
+        balance=None if run.findings is None else run.findings.balance,
+        branching=None if run.findings is None else run.findings.branching,
+        imbalance=run.imbalance,
+        events=run.events,
+        coordinates=system.full.structure.coordinates,
+        solver_parts=Parts.of(settings.solver),
+    )
+
+
+def _flags(system: AbstractSystem, ts: Float[Array, " k"], outputs: Output) -> Int[Array, ""]:
+    """What the system says against its own motion."""
+    if system.validity is None:
+        return jnp.zeros((), int)
+    own = outputs.in_system()
+    run = Run(ts, own.q, own.v, outputs.q, outputs.violation)
+    return system.validity.flags(system, run)
