@@ -1,0 +1,47 @@
+"""Wrenches of all joints and of all effects of a system, stacked as their markers are."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..arrays import Time
+from ..scene.marker import Twist, Wrench
+from .groups import EffectGroup, JointGroup
+from .kinematics import Markers
+
+
+def effect_wrenches(
+    groups: tuple[EffectGroup, ...],
+    markers: Markers,
+    t: Time,
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+) -> Wrench:
+    """What the effects do to their markers, by the inertial axes, one row per marker."""
+    twists = None
+    if any(group.effects.needs_twists for group in groups):
+        poses, rates = jax.jvp(markers.poses, (q,), (v,))
+        twists = Twist(rates.position, rates.angle)
+    else:
+        poses = markers.poses(q)
+    return _stacked([wrench for group in groups for wrench in group.wrenches(t, poses, twists)])
+
+
+def joint_wrenches(
+    groups: tuple[JointGroup, ...],
+    markers: Markers,
+    t: Time,
+    q: Float[Array, " n"],
+    multipliers: Float[Array, " m"],
+) -> Wrench:
+    """What the joints do to their markers, by the inertial axes, one row per marker.
+
+    With the multipliers λ of M q̈ + C_qᵀ λ = Q.
+    """
+    poses = markers.poses(q)
+    return _stacked([side for group in groups for side in group.wrenches(t, poses, multipliers)])
+
+
+def _stacked(wrenches: list[Wrench]) -> Wrench:
+    joined: Wrench = jax.tree.map(lambda *x: jnp.concatenate(x), *wrenches)
+    return joined

@@ -1,0 +1,122 @@
+"""Quantities: numbers that follow from the state of a mechanism, as functions of it.
+
+A quantity is called with (system, t, q, v), where q and v are coordinates of that system, full or
+reduced, and returns one number; it is smooth wherever the mechanism is, so that its zero can be an
+event.
+"""
+
+import abc
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..arrays import Time
+from ..assembly.locate import locate
+from ..checks import unknown_name
+from ..errors import InputError
+from ..scene.marker import Marker, Pose
+from ..system.base import AbstractSystem
+from .kinematics import length, relative
+
+__all__ = ["AbstractQuantity", "Coordinate", "Gap", "Rate", "Travel", "Turn"]
+
+
+class AbstractQuantity(eqx.Module):
+    """One number of the state of a mechanism; subclass it with `value`."""
+
+    def __call__(
+        self, system: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
+    ) -> Float[Array, ""]:
+        """At the state `q`, `v` of a full or reduced `system` at the time `t` [s]."""
+        state = system.state(t, q, v)
+        return self.value(system.full, t, state.q, state.v)
+
+    @abc.abstractmethod
+    def value(
+        self, full: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
+    ) -> Float[Array, ""]:
+        """At the physical state (`t`, `q`, `v`) of a full system."""
+
+
+class Coordinate(AbstractQuantity):
+    """A physical coordinate by its `label`, such as "cart.x"; with a prime, "cart.x'", its rate."""
+
+    label: str = eqx.field(static=True)
+
+    def value(
+        self, full: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
+    ) -> Float[Array, ""]:
+        name, values = self.label.removesuffix("'"), v if self.label.endswith("'") else q
+        if name not in full.structure.labels:
+            raise unknown_name("quantity", "coordinate", self.label, full.structure.labels)
+        return values[full.structure.labels.index(name)]
+
+
+class AbstractMarkerQuantity(AbstractQuantity):
+    """A function of the pose of the marker `a` in the frame of the marker `b`."""
+
+    a: eqx.AbstractVar[Marker]
+    b: eqx.AbstractVar[Marker]
+
+    def value(
+        self, full: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
+    ) -> Float[Array, ""]:
+        located = locate(f"quantity {type(self).__name__}", full, [self.a, self.b])
+        return self.of_pose(relative(located.markers, located.own(q)))
+
+    @abc.abstractmethod
+    def of_pose(self, pose: Pose) -> Float[Array, ""]:
+        """From the `pose` of a in the frame of b."""
+
+
+class Gap(AbstractMarkerQuantity):
+    """The distance of the markers `a` and `b`, less `clearance` [m]."""
+
+    a: Marker
+    b: Marker
+    clearance: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.0)
+
+    def of_pose(self, pose: Pose) -> Float[Array, ""]:
+        return length(pose.position) - self.clearance
+
+
+class Travel(AbstractMarkerQuantity):
+    """How far the marker `a` is along the x axis of the marker `b` [m]."""
+
+    a: Marker
+    b: Marker
+
+    def of_pose(self, pose: Pose) -> Float[Array, ""]:
+        return pose.position[0]
+
+
+class Turn(AbstractMarkerQuantity):
+    """The angle of the marker `a` against the marker `b` [rad], full turns counted."""
+
+    a: Marker
+    b: Marker
+
+    def of_pose(self, pose: Pose) -> Float[Array, ""]:
+        return pose.angle
+
+
+class Rate(AbstractQuantity):
+    """The rate of the quantity `of`, per second."""
+
+    of: AbstractQuantity
+
+    def __check_init__(self) -> None:
+        if isinstance(self.of, Rate) or getattr(self.of, "label", "").endswith("'"):
+            raise InputError(
+                f"Rate: {self.of!r} is a rate itself, and accelerations are no part of a state."
+            )
+
+    def value(
+        self, full: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
+    ) -> Float[Array, ""]:
+        t = jnp.asarray(t, q.dtype)
+        rate: Array
+        _, rate = jax.jvp(lambda t, q: self.of.value(full, t, q, v), (t, q), (jnp.ones_like(t), v))
+        return rate

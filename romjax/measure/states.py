@@ -1,0 +1,101 @@
+"""What is evaluated at each output of a run: accelerations, and any other function."""
+
+from collections.abc import Callable
+from typing import Any, cast
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from .. import compat
+from ..assembly.locate import assembled
+from ..errors import InputError
+from ..integrate.outputs import capacity, cut, padded
+from ..integrate.reactions import balancing_multipliers, lifted_acceleration
+from ..integrate.trajectory import Trajectory
+from ..program import program
+from ..system.base import AbstractSystem
+from ..system.dynamics import acceleration
+from ..system.reduced import AbstractReducedSystem
+
+
+def along(at: Callable[..., Any], fixed: Any, *states: Float[Array, "k ..."]) -> Any:
+    """`at(fixed, *state)` at each row of the `states`, stacked.
+
+    `at` is a function of a module, `fixed` a pytree. By a program of its own, which is the same for
+    any number of rows, or as a part of the user's where JAX traces.
+    """
+    if not compat.is_outermost():
+        return jax.lax.map(lambda state: at(fixed, *state), states)
+    count, dtype = len(states[0]), states[0].dtype
+    size = capacity(count, sum(int(np.prod(x.shape[1:])) for x in states), dtype)
+    rows = tuple(padded(x, size) for x in states)
+    return cut(_looped(at, fixed, rows, np.asarray(count)), count)
+
+
+@program
+def _looped(
+    at: Callable[..., Any], fixed: Any, states: Any, count: Int[Array | np.ndarray, ""]
+) -> Any:
+    """The first `count` rows of `along`, and zeros."""
+
+    def row(i: Any) -> Any:
+        return at(fixed, *(jnp.asarray(x)[i] for x in states))
+
+    def put(i: Array, rows: Any) -> Any:
+        return jax.tree.map(
+            lambda x, new: jax.lax.dynamic_update_index_in_dim(x, new, i, 0), rows, row(i)
+        )
+
+    size = len(states[0])
+    empty = jax.tree.map(lambda x: jnp.zeros((size, *x.shape), x.dtype), jax.eval_shape(row, 0))
+    return jax.lax.fori_loop(0, jnp.asarray(count), put, empty)
+
+
+def check_run(owner: str, system: AbstractSystem, run: Trajectory) -> None:
+    """Raise InputError, beginning with `owner`, unless `run` is one of a mechanism of bodies, and
+    of this `system`.
+    """
+    full = assembled(owner, system)
+    if system.full is not system and not hasattr(system, "in_chart_of"):
+        raise InputError(
+            f"{owner}: a {type(system).__name__} follows no equations of motion of the mechanism; "
+            "reduce by rj.Galerkin() or rj.Minimal(), or give the full system."
+        )
+    if run.labels != full.structure.labels:
+        raise InputError(
+            f"{owner}: the run has the coordinates {', '.join(run.labels)}, but the system "
+            f"{', '.join(full.structure.labels)}; give the system that was simulated."
+        )
+    if run.t.ndim != 1:
+        raise InputError(
+            f"{owner}: the run is a batch of shape {run.t.shape[:-1]}; map over it, as in "
+            f"jax.vmap(lambda run: rj.{owner}(system, run, ...))(runs)."
+        )
+
+
+def accelerations(system: AbstractSystem, run: Trajectory) -> Float[Array, "k n"]:
+    """Accelerations of the physical coordinates along a `run` of a full or reduced `system`, by its
+    equations of motion without stabilisation.
+    """
+    rows: Float[Array, "k n"] = along(_acceleration, system, run.t, run.q, run.v)
+    return rows
+
+
+def solved(
+    system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"], v: Float[Array, " n"]
+) -> tuple[Float[Array, " n"], Float[Array, " m"]]:
+    """Acceleration and multipliers of the mechanism at a physical state of a full or reduced
+    `system`, without stabilisation.
+    """
+    if system.full is system:
+        return acceleration(system, t, q, v, None)
+    rom = cast(AbstractReducedSystem, system)
+    a = lifted_acceleration(rom, t, q, v)
+    return a, balancing_multipliers(rom, t, q, v, a)
+
+
+def _acceleration(system: Any, t: Array, q: Array, v: Array) -> Array:
+    # XLA leaves out what belongs to the multipliers of reduced systems.
+    return solved(system, t, q, v)[0]
