@@ -1,0 +1,149 @@
+"""Linear models of a mechanism, for control."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Complex, Float
+
+from ..arrays import Vector, as_array
+from ..assembly.locate import locate
+from ..checks import check_shape
+from ..measure.quantity import AbstractQuantity, Coordinate
+from ..program import program_once
+from ..scene.effect.base import AbstractMarkerEffect
+from ..scene.marker import Twist
+from ..system.base import AbstractSystem
+from .tangent import independent_constraints, tangent_of
+
+# What acts: an effect of unit strength, or generalized forces of physical coordinates.
+Input = AbstractMarkerEffect | Callable[..., Array]
+# What is measured: a label of a coordinate, a quantity, or a function of (t, q, v).
+Output = str | AbstractQuantity | Callable[..., Array]
+
+
+class LinearModel(eqx.Module):
+    """ẋ = A x + B u, y = C x + D u: deviations from a state, in minimal coordinates.
+
+    - `A` (s, s), `B` (s, inputs), `C` (outputs, s), `D` (outputs, inputs).
+    - `states`, `inputs`, `outputs`: their names. States are coordinates ζ of the tangent space and
+      their rates; `shapes` (n, s/2): what each ζ is in the system's coordinates.
+    """
+
+    A: Float[Array, "s s"]
+    B: Float[Array, "s inputs"]
+    C: Float[Array, "outputs s"]
+    D: Float[Array, "outputs inputs"]
+    shapes: Float[Array, "n d"]
+    states: tuple[str, ...] = eqx.field(static=True)
+    inputs: tuple[str, ...] = eqx.field(static=True)
+    outputs: tuple[str, ...] = eqx.field(static=True)
+
+    def frequency_response(self, omega: Vector) -> Complex[Array, "k outputs inputs"]:
+        """C (iω − A)⁻¹ B + D at the angular frequencies `omega` (k,) [rad/s]."""
+        unit = jnp.eye(len(self.A))
+
+        def at(omega: Array) -> Array:
+            states: Array = jnp.linalg.solve(1j * omega * unit - self.A, self.B + 0j)
+            return self.C @ states + self.D
+
+        response: Complex[Array, "k outputs inputs"] = jax.vmap(at)(as_array(omega))
+        return response
+
+
+def linearize(
+    system: AbstractSystem,
+    inputs: Mapping[str, Input],
+    outputs: Mapping[str, Output] | Sequence[str],
+    *,
+    at: Vector | None = None,
+    v: Vector | None = None,
+    t: ArrayLike = 0.0,
+) -> LinearModel:
+    """The linear model of a mechanism about a state, on the tangent space of its constraints.
+
+    **Arguments:**
+
+    - `system`: full, reduced or a `CustomSystem`.
+    - `inputs`: by name, effects as they act with unit strength, such as
+      `{"push": rj.Force(cart.at(), (1, 0), rj.Constant(1.0))}`, or functions (t, q, v) of physical
+      coordinates that return generalized forces (n,).
+    - `outputs`: labels of physical coordinates, "cart.x", and of their rates, "cart.x'"; or by
+      name, such labels, quantities of `romjax.quantity`, or functions (t, q, v) of physical
+      coordinates that return a number.
+    - `at`, `v` (n,): the state, that of the system at rest at its start unless given, such as
+      `equilibrium(system)`. `t`: time [s].
+
+    Differentiable and batchable. Raises InputError for a wrong shape or an unknown name.
+    """
+    q = system.q0 if at is None else as_array(at)
+    velocity = jnp.zeros_like(q) if v is None else as_array(v)
+    check_shape("linearize", "at", q, (system.n,))
+    check_shape("linearize", "v", velocity, (system.n,))
+    time = jnp.asarray(t, q.dtype)
+    named = outputs if isinstance(outputs, Mapping) else {label: label for label in outputs}
+    independent = independent_constraints("linearize", system, time, q)
+    a, b, c, d, shapes = _matrices(
+        system, time, q, velocity, independent, tuple(inputs.values()), tuple(named.values())
+    )
+    names = [f"z{i + 1}" for i in range(shapes.shape[1])]
+    states = (*names, *(f"{name}'" for name in names))
+    return LinearModel(a, b, c, d, shapes, states, tuple(inputs), tuple(named))
+
+
+@program_once
+def _matrices(
+    system: AbstractSystem,
+    t: Float[Array, ""],
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    independent: int,
+    inputs: tuple[Input, ...],
+    outputs: tuple[Output, ...],
+) -> tuple[Array, Array, Array, Array, Array]:
+    """A, B, C, D, and the basis of the tangent space."""
+    tangent = tangent_of(system, t, q, v, independent)
+    basis, d = tangent.basis, tangent.basis.shape[1]
+
+    def measured(q: Array, v: Array) -> Array:
+        state = system.state(t, q, v)
+        values = [_value(system.full, what, t, state.q, state.v) for what in outputs]
+        return jnp.stack(values) if values else jnp.zeros(0, q.dtype)
+
+    by_q, by_v = jax.jacfwd(measured, argnums=(0, 1))(q, v)
+    c = jnp.concatenate([by_q @ basis + by_v @ tangent.correction, by_v @ basis], axis=1)
+
+    state = system.state(t, q, v)
+    onto = jax.jacfwd(lambda q: system.state(t, q, v).q)(q)
+    forces = [_force(system, what, t, state.q, state.v) for what in inputs]
+    physical = jnp.stack(forces, axis=1) if forces else jnp.zeros((len(onto), 0), q.dtype)
+    pushed = state.kkt().solve(onto.T @ physical, jnp.zeros((system.m, len(forces)), q.dtype))[0]
+    b = jnp.concatenate([jnp.zeros((d, len(forces)), q.dtype), tangent.dual @ pushed])
+    return tangent.matrix, b, c, jnp.zeros((len(outputs), len(forces)), q.dtype), basis
+
+
+def _value(full: AbstractSystem, what: Output, t: Array, q: Array, v: Array) -> Array:
+    if isinstance(what, str):
+        what = Coordinate(what)
+    if isinstance(what, AbstractQuantity):
+        return what.value(full, t, q, v)
+    return jnp.asarray(what(t, q, v))
+
+
+def _force(system: AbstractSystem, what: Input, t: Array, q: Array, v: Array) -> Array:
+    """The generalized force of an input on the physical coordinates."""
+    if not isinstance(what, AbstractMarkerEffect):
+        given = jnp.asarray(what(t, q, v))
+        check_shape("linearize", "a force of inputs", given, q.shape)
+        return given
+    located: Any = locate(f"linearize: input {what.label()}", system, what.markers)
+    poses, rates = jax.jvp(located.poses, (q,), (v,))
+    count = len(what.markers)
+    each = [jax.tree.map(lambda x, i=i: x[i], poses) for i in range(count)]
+    twists = [Twist(rates.position[i], rates.angle[i]) for i in range(count)]
+    wrenches = what.wrenches(t, tuple(each), tuple(twists) if what.needs_twists else ())
+    stacked = jax.tree.map(lambda *x: jnp.stack(x), *wrenches)
+    force: Array = located.pull_back(q, stacked)
+    return force

@@ -1,0 +1,171 @@
+"""Natural frequencies, damping ratios and modes of a mechanism."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float
+
+from ..arrays import Vector, as_array
+from ..checks import check_shape
+from ..errors import InputError
+from ..program import program_once
+from ..system.base import AbstractSystem
+from .tangent import independent_constraints, tangent_of
+
+# What eigenvalues are rounded by, relative to the largest one: those that are zero twice, of free
+# motions, are the roots of rounding errors.
+_ROUNDED = 1e-7
+
+
+class Modes(NamedTuple):
+    """The modes of a mechanism with d degrees of freedom.
+
+    - `frequencies` (d,): |s| of each pair of eigenvalues s [rad/s], ascending: of an undamped mode
+      its natural frequency; √|s₁ s₂| of two real ones.
+    - `damping` (d,): ratios, −Re s / |s|; above one for two real eigenvalues.
+    - `values` (2d,): all eigenvalues [1/s], in ascending size.
+    - `shapes` (n, d): displacement of the system's coordinates in each mode, complex, of unit
+      length in the mass metric.
+    - `is_stable`: whether no motion grows exponentially.
+    """
+
+    frequencies: Float[Array, " d"]
+    damping: Float[Array, " d"]
+    values: Complex[Array, " two_d"]
+    shapes: Complex[Array, "n d"]
+    is_stable: Bool[Array, ""]
+
+
+def modes(
+    system: AbstractSystem,
+    at: Vector | None = None,
+    *,
+    v: Vector | None = None,
+    t: ArrayLike = 0.0,
+    turning: ArrayLike = 0.0,
+) -> Modes:
+    """The modes of small motions of a mechanism on the tangent space of its constraints.
+
+    Differentiable in both modes with respect to all numbers of the system where eigenvalues do not
+    repeat, and batchable; by first-order perturbation, ds = (lᵀ dA r) / (lᵀ r).
+
+    **Arguments:**
+
+    - `system`: full, reduced or a `CustomSystem`.
+    - `at` (n,): where, an equilibrium such as `equilibrium(system)`; the start unless given.
+    - `v` (n,): its velocity; at rest unless given. `t`: time [s].
+    - `turning`: angular velocity Ω [rad/s] at which the whole mechanism turns about the origin,
+      steadily, as seen from a frame that turns with it; instead of `v`. Modes are those in that
+      frame: with gyroscopic forces and centrifugal stiffening.
+
+    Raises InputError for a wrong shape, or for `turning` of a system without bodies.
+    """
+    q = system.q0 if at is None else as_array(at)
+    check_shape("modes", "at", q, (system.n,))
+    generator = None
+    if not (isinstance(turning, int | float) and turning == 0.0):
+        generator = jnp.asarray(turning, q.dtype) * _turn("modes", system)
+        if v is not None:
+            raise InputError("modes: v and turning are given; turning implies the velocity.")
+        v = generator @ q + jnp.asarray(turning, q.dtype) * _angles(system)
+    velocity = jnp.zeros_like(q) if v is None else as_array(v)
+    check_shape("modes", "v", velocity, (system.n,))
+    time = jnp.asarray(t, q.dtype)
+    independent = independent_constraints("modes", system, time, q)
+    found: Modes = _modes(system, time, q, velocity, independent, generator)
+    return found
+
+
+@program_once
+def _modes(
+    system: AbstractSystem,
+    t: Float[Array, ""],
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    independent: int,
+    turning: Float[Array, "n n"] | None,
+) -> Modes:
+    tangent = tangent_of(system, t, q, v, independent, turning)
+    values, right = eigenvalues(tangent.matrix)
+    frequencies, damping, chosen = _pairs(values)
+    d = tangent.basis.shape[1]
+    shapes = tangent.basis.astype(right.dtype) @ right[:d, chosen]
+    sizes = jnp.sqrt(jnp.sum(jnp.abs(right[:d, chosen]) ** 2, axis=0))
+    shapes = shapes / jnp.where(sizes > 0, sizes, 1)[None]
+    growth = jnp.max(values.real, initial=-jnp.inf)
+    is_stable = growth <= _ROUNDED * jnp.max(jnp.abs(values), initial=1.0)
+    return Modes(frequencies, damping, values, shapes, is_stable)
+
+
+def eigenvalues(
+    matrix: Float[Array, "two_d two_d"],
+) -> tuple[Complex[Array, " two_d"], Complex[Array, "two_d two_d"]]:
+    """The eigenvalues s of A, by size, and the eigenvectors, which are constants.
+
+    Positions are scaled by the frequencies of the undamped system before: A is then nearly skew, so
+    that small eigenvalues keep their digits beside large ones.
+    """
+    constant, d = jax.lax.stop_gradient(matrix), len(matrix) // 2
+    stiffness = -constant[d:, :d]
+    squares, directions = jnp.linalg.eigh(0.5 * (stiffness + stiffness.T))
+    largest = jnp.max(jnp.abs(squares), initial=0.0)
+    floor = jnp.where(largest > 0, 1e-12 * largest, 1.0)
+    scale = jnp.sqrt(jnp.maximum(jnp.abs(squares), floor))
+    forth = jax.scipy.linalg.block_diag(scale[:, None] * directions.T, directions.T)
+    back = jax.scipy.linalg.block_diag(directions / scale[None], directions)
+    values, right = jnp.linalg.eig(forth @ constant @ back)
+    left = jnp.linalg.pinv(right)
+    order = jnp.lexsort((-values.imag, jnp.round(jnp.abs(values), 12)))
+    values, right, left = values[order], right[:, order], left[order]
+    products = jnp.sum(left * right.T, axis=1)
+    right, left = back.astype(right.dtype) @ right, left @ forth.astype(right.dtype)
+    # Of eigenvalues that repeat without a vector each, no derivative exists.
+    defined = jnp.abs(products) > 0.5
+    change = jnp.einsum("ij,jk,ki->i", left, (matrix - constant).astype(right.dtype), right)
+    values = values + jnp.where(defined, change / jnp.where(defined, products, 1), 0)
+    return values, right
+
+
+def _pairs(
+    values: Complex[Array, " two_d"],
+) -> tuple[Float[Array, " d"], Float[Array, " d"], Array]:
+    """Frequencies and damping ratios of pairs, and the number of the first of each pair.
+
+    Complex eigenvalues are pairs with their conjugates, real ones in the order of their size.
+    """
+    count = len(values)
+    rounded = _ROUNDED * jnp.max(jnp.abs(values), initial=0.0)
+    real = jnp.abs(values.imag) <= rounded
+    odd = jnp.cumsum(real) % 2 == 1
+    first = jnp.where(real, odd, values.imag > 0)
+    (chosen,) = jnp.nonzero(first, size=count // 2, fill_value=count - 1)
+    numbers = jnp.arange(count)
+    later = jnp.where(real[None] & (numbers[None] > numbers[:, None]), numbers[None], count - 1)
+    partner = jnp.min(later, axis=1)
+    one = values[chosen]
+    other = jnp.where(real[chosen], values[partner[chosen]], jnp.conj(one))
+    product = jnp.abs(one * other)
+    frequency = jnp.where(product > 0, jnp.sqrt(jnp.where(product > 0, product, 1)), 0)
+    ratio = -0.5 * (one + other).real / jnp.where(frequency > 0, frequency, 1)
+    return frequency, ratio, chosen
+
+
+def _turn(owner: str, system: AbstractSystem) -> Float[Array, "n n"]:
+    """∂/∂φ of a turn of the whole about the origin, but for the angles, which grow alike."""
+    labels = [(c.owner, c.name) for c in system.structure.coordinates]
+    rows = jnp.zeros((system.n, system.n))
+    bodies = [owner for owner, name in labels if name == "phi"]
+    if not bodies:
+        raise InputError(
+            f"{owner}: turning needs a system of bodies, but the coordinates are "
+            f"{', '.join(system.structure.labels[:4])}; give v instead."
+        )
+    for body in bodies:
+        x, y = labels.index((body, "x")), labels.index((body, "y"))
+        rows = rows.at[x, y].set(-1.0).at[y, x].set(1.0)
+    return rows
+
+
+def _angles(system: AbstractSystem) -> Float[Array, " n"]:
+    return jnp.array([float(c.name == "phi") for c in system.structure.coordinates])

@@ -1,0 +1,142 @@
+"""Small motions of a constrained mechanism about a state, in coordinates of its tangent space."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from ..arrays import Time, concrete
+from ..errors import InputError
+from ..linalg.dense import multiply
+from ..program import program_once
+from ..system.base import AbstractSystem
+from ..system.constraints import differentiate
+from ..system.dynamics import linearize as derivatives_of_acceleration
+
+# Singular values of C_q, with rows of unit length in the metric of M⁻¹, below this are zero.
+_ZERO = 1e-8
+
+
+class Tangent(NamedTuple):
+    """The linear equations ẋ = A x of small motions, x = (ζ, η), about a state.
+
+    The states near (q, v) that satisfy the constraints are δq = N ζ, δv = N η + P ζ: the columns of
+    N (n, d) span the null space of C_q, and P = −C_q⁺ ∂(C_q v + C_t)/∂q N keeps Ċ = 0, with the
+    pseudoinverse in the metric of M. Along solutions of the equations of motion they stay there, so
+    with a(t, q, v), the acceleration of the constrained mechanism,
+
+        ζ̇ = η,  η̇ = G⁻¹ Nᵀ M ((∂a/∂q N + ∂a/∂v P) ζ + ∂a/∂v N η),  G = Nᵀ M N.
+
+    At an equilibrium P = 0, and −G⁻¹ Nᵀ M ∂a/∂q N is the stiffness of the mechanism with that of
+    its joint forces. No eigenvalue of A belongs to the constraints.
+
+    In a frame that turns with the angular velocity Ω about the origin, as a steadily turning
+    mechanism is seen to rest, rates lose J δq and J δv, with J = Ω (∂/∂φ of a turn).
+    """
+
+    matrix: Float[Array, "two_d two_d"]
+    basis: Float[Array, "n d"]  # N
+    correction: Float[Array, "n d"]  # P
+    dual: Float[Array, "d n"]  # G⁻¹ Nᵀ M
+
+
+def independent_constraints(
+    owner: str, system: AbstractSystem, t: ArrayLike, q: Float[Array, " n"]
+) -> int:
+    """How many constraints do not repeat others.
+
+    While JAX traces, it is unknown and all count. Raises InputError, beginning with `owner`, if
+    these are as many as there are coordinates.
+    """
+    if system.m == 0:
+        return 0
+    values = concrete(_singular_values(system, jnp.asarray(t, q.dtype), q))
+    if values is not None:
+        return int(np.sum(values > _ZERO))
+    if system.m >= system.n:
+        raise InputError(
+            f"{owner}: {system.m} constraints on {system.n} coordinates; while JAX traces, it is "
+            "unknown how many of them repeat others. Take these out, or call it without a "
+            "transformation."
+        )
+    return system.m
+
+
+@program_once
+def _singular_values(
+    system: AbstractSystem, t: Float[Array | np.ndarray, ""], q: Float[Array, " n"]
+) -> Float[Array, " least"]:
+    return jnp.linalg.svd(_scaled_rows(system, jnp.asarray(t), q)[0], compute_uv=False)
+
+
+def tangent_of(
+    system: AbstractSystem,
+    t: Time,
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    independent: int,
+    turning: Float[Array, "n n"] | None = None,
+) -> Tangent:
+    """The small motions of a `system` with so many `independent` constraints about (t, q, v).
+
+    `turning`: the J of a turning frame.
+    """
+    t = jnp.asarray(t, q.dtype)
+    state = system.state(t, q, v)
+    start = _null_space(system, t, q, independent)
+    kkt = state.kkt()
+    # The projection of a fixed basis onto the null space depends smoothly on all numbers, where
+    # the vectors of a singular value decomposition do not.
+    zero = jnp.zeros((system.m, start.shape[1]), q.dtype)
+    basis = kkt.solve(state.apply_mass(start), zero)[0]
+
+    def rate(q: Array) -> Array:
+        return differentiate(system.constraint, t, q, v).rate
+
+    change = jax.vmap(lambda x: jax.jvp(rate, (q,), (x,))[1], 1, 1)(basis)
+    correction = kkt.solve(jnp.zeros_like(basis), -change)[0]
+    weighted = state.apply_mass(basis).T
+    dual = jnp.linalg.solve(multiply(weighted, basis), weighted)
+    slopes = derivatives_of_acceleration(system, t, q, v)
+    by_position = multiply(slopes.by_position, basis) + multiply(slopes.by_velocity, correction)
+    by_velocity = multiply(slopes.by_velocity, basis)
+    d = basis.shape[1]
+    drift = jnp.zeros((d, d), q.dtype)
+    if turning is not None:
+        drift = -multiply(dual, multiply(turning, basis))
+        by_position -= multiply(turning, correction)
+        by_velocity -= multiply(turning, basis)
+    rows = (
+        [drift, jnp.eye(d, dtype=q.dtype)],
+        [
+            multiply(dual, by_position),
+            multiply(dual, by_velocity),
+        ],
+    )
+    return Tangent(jnp.block([list(row) for row in rows]), basis, correction, dual)
+
+
+def _null_space(
+    system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"], independent: int
+) -> Float[Array, "n d"]:
+    """A basis of the null space of C_q, orthonormal in the metric of M; a constant."""
+    rows, half = jax.lax.stop_gradient(_scaled_rows(system, t, q))
+    _, _, right = jnp.linalg.svd(rows, full_matrices=True)
+    free = right[independent:].T
+    basis: Float[Array, "n d"] = jax.scipy.linalg.solve_triangular(half, free, lower=True, trans=1)
+    return basis
+
+
+def _scaled_rows(
+    system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]
+) -> tuple[Float[Array, "m n"], Float[Array, "n n"]]:
+    """C_q L⁻ᵀ with rows of unit length, and L of M = L Lᵀ; a row of zeros without constraints."""
+    half = jnp.linalg.cholesky(system.mass(q))
+    if system.m == 0:
+        return jnp.zeros((1, system.n), q.dtype), half
+    rows = system.state(t, q, jnp.zeros_like(q)).jacobian()
+    free = jax.scipy.linalg.solve_triangular(half, rows.T, lower=True).T
+    lengths = jnp.sqrt(jnp.sum(free**2, axis=1, keepdims=True))
+    return free / jnp.where(lengths > 0, lengths, 1), half
