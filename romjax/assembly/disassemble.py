@@ -1,0 +1,76 @@
+"""From a system back to its scene."""
+
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+import jax.tree_util as jtu
+
+from ..arrays import as_array
+from ..scene.marker import GROUND, Marker
+from ..scene.scene import Scene
+from .assembled import AssembledSystem
+from .grouping import member, with_name
+from .groups import EffectGroup, JointGroup
+from .kinematics import Markers
+
+
+def disassemble(system: AssembledSystem) -> Scene:
+    """The bodies, joints and effects of a system, with the numbers that it holds.
+
+    `assemble` makes the same system of them, but for a start (`q0`, `v0`) that was set since.
+    """
+    labels = [coordinate.owner for coordinate in system.structure.coordinates]
+    bodies, owners = {}, [GROUND] * (system.n + 1)
+    for group in system.bodies:
+        for row, columns in enumerate(group.coordinates.rows):
+            # Inside compiled programs nothing has a name.
+            name = labels[columns[0]] or f"body {columns[0]}"
+            bodies[columns[0]] = with_name(member(group.bodies, row), name)
+            owners[columns[0]] = name
+
+    # Joints and effects are named in the order of their groups.
+    joints, effects = {}, list[Any](system.fields)
+    names = itertools.chain(system.structure.joints, itertools.repeat(""))
+    for joined in system.joints:
+        mark = _marking(joined, system.joint_markers, owners)
+        for row, rows in enumerate(joined.rows.rows):
+            joints[rows[0]] = _named(mark(member(joined.joints, row), row), next(names))
+    names = itertools.chain(system.structure.effects, itertools.repeat(""))
+    for acting in system.effects:
+        mark = _marking(acting, system.effect_markers, owners)
+        for row in range(acting.markers.count):
+            effects.append(_named(mark(member(acting.effects, row), row), next(names)))
+    scene = Scene(_in_order(bodies), _in_order(joints), effects)
+    arrays: Scene = jtu.tree_map(as_array, scene)
+    return arrays
+
+
+def _in_order(parts: dict[int, Any]) -> list[Any]:
+    return [parts[key] for key in sorted(parts)]
+
+
+def _marking(
+    group: JointGroup | EffectGroup, markers: Markers | None, owners: list[str]
+) -> Callable[[Any, int], Any]:
+    """What puts the markers of an element of a group on their bodies."""
+    assert markers is not None
+    blocks, known = group.markers, markers
+
+    def mark(element: Any, row: int) -> Any:
+        numbers = iter(range(blocks.start + row, len(known.angles), blocks.count))
+
+        def put(leaf: Any) -> Any:
+            if not isinstance(leaf, Marker):
+                return leaf
+            number = next(numbers)
+            owner = owners[known.frames.rows[number][0]]
+            return Marker(owner, known.points[number], known.angles[number])
+
+        return jtu.tree_map(put, element, is_leaf=lambda x: isinstance(x, Marker))
+
+    return mark
+
+
+def _named(element: Any, name: str) -> Any:
+    return with_name(element, name) if hasattr(element, "name") else element

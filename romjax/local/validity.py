@@ -1,0 +1,40 @@
+"""What speaks against a run of a system with local bases."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from ..system.base import AbstractSystem, AbstractValidity, Run
+from ..system.flags import Flag
+from .bases import BodyBases
+
+# Elasticity is linear: of deflections some times as large, the modes miss the same share.
+_TIMES = 3.0
+
+
+class LargestDeflections(AbstractValidity):
+    """How far the bodies bent in the training: frames may go anywhere.
+
+    - `largest` (r,): for each amplitude, the largest deflection of its body, |z| in the modal mass;
+      infinite for the coordinates of frames.
+    - `error`: estimated error of a run, relative in the energy norm; NaN if nobody estimated it.
+    """
+
+    largest: Float[Array, " r"]
+    error: Float[Array, ""]
+
+    @classmethod
+    def of(cls, bases: BodyBases, q: Float[Array, "K n"]) -> "LargestDeflections":
+        """Of snapshots."""
+        z = jax.vmap(bases.project)(q)
+        largest = jnp.full(z.shape[1], jnp.inf, z.dtype)
+        for index in bases.narrow:
+            own = index.array[:, 3:]
+            size = jnp.max(jnp.linalg.norm(z[:, own], axis=2), axis=0)
+            largest = largest.at[own].set(size[:, None])
+        return cls(largest, jnp.full((), jnp.nan, z.dtype))
+
+    def flags(self, system: AbstractSystem, run: Run) -> Int[Array, ""]:
+        del system
+        outside: Array = jnp.any(jnp.abs(run.q) > _TIMES * self.largest[None])
+        return outside * int(Flag.OUTSIDE_TRAINING)

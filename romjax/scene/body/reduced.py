@@ -1,0 +1,107 @@
+"""A flexible body with fewer modes: those in the span of some combinations of its own."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...checks import check_shape
+from ...errors import SceneError
+from ..marker import Marker
+from .base import AbstractBody, nameless
+from .inertia import Inertia
+
+__all__ = ["ReducedBody"]
+
+
+class ReducedBody(AbstractBody):
+    """A body whose amplitudes are q_f = Φ z. Its frame, its points and its markers stay.
+
+    The inertia invariants of a Beam or a ModalBody are polynomials in q_f, so those of z are made
+    once and exactly, and a step costs what a body with k modes costs.
+
+    **Arguments:**
+
+    - `body`: the flexible body.
+    - `basis` Φ (modes of the body, k): orthonormal in its modal mass, ΦᵀM_ffΦ = I. No columns make
+      it rigid.
+
+    Raises SceneError for a basis of another number of rows.
+    """
+
+    name: str = eqx.field(static=True)
+    body: AbstractBody
+    basis: Float[Array, "modes k"]
+    inertia: Inertia | None
+    modes: int = eqx.field(static=True)
+
+    def __init__(self, body: AbstractBody, basis: Float[Array, "modes k"]):
+        check_shape(f"body '{body.name}'", "basis", basis, (body.modes, None), SceneError)
+        own = body.invariants()
+        self.name, self.body, self.basis = body.name, nameless(body), basis
+        self.inertia = None if own is None else own.in_span(basis)
+        self.modes = basis.shape[1]
+
+    @property
+    def constant_mass(self) -> bool:
+        return self.modes == 0 and self.inertia is not None and self.inertia.diagonal
+
+    @property
+    def damped(self) -> bool:
+        return self.body.damped and self.modes > 0
+
+    @property
+    def foreshortens(self) -> bool:
+        return self.body.foreshortens and self.modes > 0
+
+    def expand(self, q: Float[Array, " size"]) -> Float[Array, " full"]:
+        """The coordinates of the body, or velocities, for its own here."""
+        return jnp.concatenate([q[:3], self.basis @ q[3:]])
+
+    def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
+        q, v = self.body.start()
+        mass = self.body.mass_matrix(q)
+        modal = jnp.diag(mass[3:]) if mass.ndim == 1 else mass[3:, 3:]
+        read = self.basis.T @ modal
+        return (
+            jnp.concatenate([q[:3], read @ q[3:]]),
+            jnp.concatenate([v[:3], read @ v[3:]]),
+        )
+
+    def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
+        if self.inertia is not None:
+            return self.inertia.matrix(q)
+        full = self.body.mass_matrix(self.expand(q))
+        full = jnp.diag(full) if full.ndim == 1 else full
+        coupling = full[:3, 3:] @ self.basis
+        modal = self.basis.T @ full[3:, 3:] @ self.basis
+        return jnp.block([[full[:3, :3], coupling], [coupling.T, modal]])
+
+    def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
+        return self.body.elastic_energy(self.expand(q))
+
+    def invariants(self) -> Inertia | None:
+        return self.inertia
+
+    def damping_force(self, v: Float[Array, " size"]) -> Float[Array, " size"]:
+        full = self.body.damping_force(self.expand(v))
+        return jnp.concatenate([full[:3], full[3:] @ self.basis])
+
+    def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "2"]:
+        if self.inertia is not None:
+            return self.inertia.first_moment_at(q)
+        return self.body.first_moment(self.expand(q))
+
+    def mode_shapes(self, point: Float[Array, "2"]) -> Float[Array, "3 k"]:
+        return self.body.mode_shapes(point) @ self.basis
+
+    def foreshortening(self, point: Float[Array, "2"]) -> Float[Array, "2 k k"]:
+        return self.basis.T @ self.body.foreshortening(point) @ self.basis
+
+    def outline(self) -> Float[Array, "points 2"]:
+        return self.body.outline()
+
+    def check_marker(self, owner: str, marker: Marker) -> None:
+        self.body.check_marker(owner, marker)
+
+    def check(self) -> None:
+        """Nothing: it is made of a body and a basis that were checked."""

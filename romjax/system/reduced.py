@@ -1,0 +1,103 @@
+"""What a reduced system is: one that stands for another with more coordinates."""
+
+import abc
+from typing import TYPE_CHECKING
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .. import precision
+from ..arrays import Time, Vector, concrete
+from ..errors import InputError, ReductionError
+from ..program import program_once
+from .base import AbstractSystem
+from .consistent import consistent
+from .constraints import differentiate
+
+# Shapes of signatures: coordinates of the full system, and of the reduced one.
+Physical = Float[Array, " n"]
+Reduced = Float[Array, " r"]
+
+
+class AbstractReducedSystem(AbstractSystem):
+    """A system in few coordinates; `full` is the one that was reduced.
+
+    - `time` [s]: of the start, and where `mass` is, if constraints depend on time.
+    - `summary`: what it was made of, in words.
+    """
+
+    if TYPE_CHECKING:
+        # As in AbstractSystem: fields of this class would come before those of the kinds.
+        @property
+        def time(self) -> Float[Array, ""]: ...
+        @property
+        def summary(self) -> str: ...
+    else:
+        time: eqx.AbstractVar[Float[Array, ""]]
+        summary: eqx.AbstractVar[str]
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Coordinates that the constraints leave free, r − m."""
+        return self.n - self.m
+
+    @abc.abstractmethod
+    def reconstruct(self, t: Time, q: Reduced, v: Reduced) -> tuple[Physical, Physical]:
+        """The physical coordinates and velocities that a reduced state stands for."""
+
+    @abc.abstractmethod
+    def restrict(self, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
+        """The reduced coordinates and velocities nearest to physical ones, in the start's chart."""
+
+    @abc.abstractmethod
+    def in_chart_of(self, q: Physical) -> "AbstractReducedSystem":
+        """The system in the coordinates that suit a configuration: itself, unless it has charts."""
+
+    @abc.abstractmethod
+    def starting_at(self, q: Vector, v: Vector, t: Vector | None = None) -> "AbstractReducedSystem":
+        """The system with the start nearest to physical q, v (n,) at t [s], on its constraints.
+
+        Raises ReductionError if these cannot be satisfied there.
+        """
+
+    @abc.abstractmethod
+    def with_full(self, full: AbstractSystem) -> "AbstractReducedSystem":
+        """The same reduction of a system with other numbers, from the same reduced start, put on
+        its constraints. Works under `jit`, `grad` and `vmap`.
+
+        Raises ReductionError if the coordinates differ.
+        """
+
+
+def check_alike(full: AbstractSystem, other: AbstractSystem) -> None:
+    """Raise ReductionError unless another system can take the place of the `full` one."""
+    if other.n != full.n or other.m != full.m:
+        raise ReductionError(
+            f"with_full: a system of {other.n} coordinates and {other.m} constraints cannot take "
+            f"the place of one of {full.n} and {full.m}; reduce it by itself."
+        )
+
+
+def start_of(
+    system: AbstractSystem, z: Reduced, w: Reduced, t: Float[Array, ""]
+) -> tuple[Reduced, Reduced]:
+    """The reduced start z, w at t, on the constraints; raises ReductionError if it cannot be."""
+    if system.m == 0:
+        return z, w
+    violation = concrete(_largest_violation(system, t, z, w))
+    if violation is not None and violation <= precision.of(z.dtype).projected:
+        return z, w
+    try:
+        return consistent(system, z, w, t)
+    except InputError as error:
+        raise ReductionError(f"The reduced model has no start there. {error}") from error
+
+
+@program_once
+def _largest_violation(
+    system: AbstractSystem, t: Float[Array, ""], z: Reduced, w: Reduced
+) -> Float[Array, ""]:
+    """By the constraints or their rates."""
+    state = differentiate(system.constraint, t, z, w)
+    return jnp.max(jnp.abs(jnp.stack([state.violation, state.rate])))
