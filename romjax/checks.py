@@ -1,5 +1,7 @@
 """Checks of what users pass; each raises an error that names the owner, the field and the value."""
 
+import difflib
+from collections.abc import Iterable
 from typing import Any
 
 import jax.numpy as jnp
@@ -7,6 +9,9 @@ import numpy as np
 
 from .arrays import concrete
 from .errors import InputError
+
+# Names in a message.
+_LISTED = 20
 
 
 def check_shape(
@@ -55,3 +60,13 @@ def check_not_negative(
     number = concrete(value)
     if number is not None and not np.all(number >= 0):
         raise error(f"{owner}: {field} is {number}, but it must not be negative.")
+
+
+def unknown_name(owner: str, what: str, name: Any, known: Iterable[str]) -> InputError:
+    """The error about a `what` that does not exist under a name, with those that do."""
+    names = list(known)
+    close = difflib.get_close_matches(str(name), names, n=3, cutoff=0.5)
+    hint = f"Did you mean {' or '.join(repr(match) for match in close)}? " if close else ""
+    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    listed = ", ".join(names[:_LISTED]) + more if names else "none at all"
+    return InputError(f"{owner}: there is no {what} {name!r}. {hint}There are: {listed}.")

@@ -240,6 +240,15 @@ def load_executable(binary: bytes, count: int, example: Any) -> Any:
     )
 
 
+def depends_on_first(function: Callable[..., Any], *args: Any) -> bool:
+    """Whether the first argument of a function is used in it."""
+    # A function of its own: JAX would compare the arrays of a bound method.
+    jaxpr = jax.make_jaxpr(lambda *args: function(*args))(*args).jaxpr
+    first = jaxpr.invars[0]
+    used = [atom for equation in jaxpr.eqns for atom in equation.invars] + jaxpr.outvars
+    return any(atom is first for atom in used)
+
+
 def is_traced(value: Any) -> bool:
     """Whether JAX traces this value, so that its number is not available."""
     return isinstance(value, jax.core.Tracer)

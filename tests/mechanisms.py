@@ -78,3 +78,27 @@ def linkage(points, bars, turning, gravity=False, masses=None, extra=()) -> rj.S
         anchor = rj.ground.at(points[name]) if name.isupper() else held.pop(0)
         joints += [rj.Revolute(marker, anchor) for marker in held]
     return rj.Scene(bodies, (*joints, *extra), [rj.Gravity()] if gravity else [])
+
+
+def falling_beams(count, mass=1.0) -> rj.Scene:
+    """Beams of 1 m with three modes, hinged end to end from the origin, level and at rest."""
+    beams = [
+        rj.Beam(f"beam{i}", mass, 1.0, frequencies=[30.0, 80.0, 150.0], position=(i + 0.5, 0.0))
+        for i in range(count)
+    ]
+    hinges = [rj.ground.at(), *(beam.at((0.5, 0.0)) for beam in beams)]
+    joints = [
+        rj.Revolute(beam.at((-0.5, 0.0)), hinge) for beam, hinge in zip(beams, hinges, strict=False)
+    ]
+    return rj.Scene(beams, joints, [rj.Gravity()])
+
+
+def turned_about_the_origin(system, spin, tilt):
+    """The start of beams that lie along x, turned by `tilt` [rad], turning with `spin` [rad/s]."""
+    q = np.asarray(system.q0).reshape(-1, 6).copy()
+    c, s = np.cos(tilt), np.sin(tilt)
+    q[:, :2] = q[:, :2] @ np.array([[c, s], [-s, c]])
+    q[:, 2] += tilt
+    v = np.zeros_like(q)
+    v[:, :3] = spin * np.stack([-q[:, 1], q[:, 0], np.ones(len(q))], axis=1)
+    return jnp.asarray(q.ravel()), jnp.asarray(v.ravel())

@@ -15,6 +15,7 @@ import romjax as rj
 from romjax import page
 from romjax.basis.decomposition.base import Directions, RankCriterion
 from romjax.study.accuracy.configuration import Configuration
+from romjax.study.accuracy.models import default_caps
 from romjax.study.accuracy.result import Accuracy
 from romjax.study.accuracy.row import SINGLE_RUN, Condition, Row, with_front
 
@@ -302,6 +303,30 @@ def test_programming_errors_surface(scene):
     """They were listed as models that are refused."""
     with pytest.raises(ValueError, match="^a bug$"):
         rj.accuracy(scene, TS, bases=[Wrong()], tolerances=[1e-3], lanes=[1], repeats=1)
+
+
+def test_capped_modes_are_tried():
+    """Unless others are asked for, above the lowest mode of a body and below the highest."""
+    beam = rj.Beam("beam", 1.0, 1.0, frequencies=[8.0, 300.0], position=(0.5, 0.0))
+    hinge = rj.Revolute(beam.at((-0.5, 0.0)), rj.ground.at())
+    scene = rj.Scene([beam], [hinge], [rj.Gravity()])
+    settings = {"tolerances": [1e-8], "precisions": ["f64"], "lanes": [1], "repeats": 1}
+    found = rj.accuracy(scene, TS[:31], formulations=[], solvers=[DOPRI8], **settings)
+    assert list(found.models) == ["full", "capped, 20 Hz", "capped, 40 Hz"]
+    full, *slower = found.rows
+    assert [row.formulation for row in slower] == ["capped"] * 2
+    assert all(row.steps < full.steps / 3 for row in slower)
+    assert all(full.error < row.error < 1e-4 for row in slower)
+    best = found.recommend(1e-4)
+    assert best.row.formulation == "capped"
+    heavier = dataclasses.replace(beam, mass=jnp.asarray(2.0))
+    other = rj.assemble(dataclasses.replace(scene, bodies=(heavier,)))
+    run = best.simulate(other, TS[:31])
+    truth = rj.simulate(other, TS[:31], rtol=1e-9)
+    assert rj.compare(truth, run).error <= HELD_OUT * best.error
+    assert default_caps(rj.assemble(rj.cap(scene, 20.0))) == []
+    with pytest.raises(rj.InputError, match=r"caps=\(-1\.0,\); give them in hertz"):
+        rj.accuracy(scene, TS, caps=[-1.0])
 
 
 def test_objects_are_as_good_as_names(scene):

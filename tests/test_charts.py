@@ -61,7 +61,15 @@ class Pendulum(rj.AbstractSystem):
 
     def state(self, t, q, v):
         blocks = (lambda: jnp.eye(1)[None], lambda: jnp.zeros((0, 0, 1)))
-        return FullState(q, v, Pattern.dense(1, 0), *blocks, lambda: self.force(t, q, v))
+        return FullState(
+            q,
+            v,
+            Pattern.dense(1, 0),
+            *blocks,
+            lambda: self.force(t, q, v),
+            lambda q: (jnp.zeros(()), -GRAVITY * jnp.cos(self.angle(q[0]))),
+            lambda: None,
+        )
 
 
 class Nothing(eqx.Module):

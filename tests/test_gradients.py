@@ -91,6 +91,7 @@ def oscillation(stiffness, start, end, adjoint=None, solver=DOPRI):
     return jnp.sum(run.q * jnp.cos(jnp.arange(6.0).reshape(3, 2))) + run.v[-1, 0]
 
 
+@pytest.mark.slow
 def test_more_steps_than_checkpoints_and_lanes_of_different_lengths():
     """512 checkpoints, and lanes of 6, 318 and 1139 steps; also by the times of a load that needs
     them. Against the checkpoints of diffrax, for which the first step follows the times.
@@ -106,6 +107,7 @@ def test_more_steps_than_checkpoints_and_lanes_of_different_lengths():
     assert_close(own[1:], other[1:], DIFFERENCED, scale=np.maximum(1, np.abs(other[1:])))
 
 
+@pytest.mark.slow
 def test_lanes_that_fail_spoil_no_others():
     """The second lane needs more steps than it may take."""
     by = jax.vmap(jax.grad(lambda k: oscillation(k, 0.0, 10.0)))
@@ -113,6 +115,7 @@ def test_lanes_that_fail_spoil_no_others():
     assert_close(jax.jit(by)(jnp.array([1.0, 1e5]))[:1], alone, SOLVED)
 
 
+@pytest.mark.slow
 def test_second_derivatives():
     """Forwards over backwards, against differences of the first derivative."""
     slope = jax.jit(jax.grad(lambda k: oscillation(k, 0.0, 1.0, solver=rj.Rodas5P())))

@@ -63,6 +63,7 @@ def solved_exactly(system, q, v) -> tuple[np.ndarray, np.ndarray]:
     return solution[:n], solution[n:]
 
 
+@pytest.mark.slow
 def test_a_pin_made_twice():
     """LU and Cholesky of the extended matrix give NaN. Here the acceleration is right to 1e-12
     and both pins carry one half: the shortest multipliers.

@@ -133,6 +133,7 @@ def test_a_link_and_a_round_track_make_a_pendulum(pendulum, kind):
     assert_close(run.q[:, :2], wanted, SOLVED)
 
 
+@pytest.mark.slow
 def test_prescribed_motion():
     """A wheel whose angle is given takes the torque J φ̈, and a cart the force m ẍ."""
     wheel, cart = body("wheel"), body("cart", position=(0.0, 1.0))

@@ -48,7 +48,7 @@ MECHANISMS = {
 
 
 # The charts of one four-bar that goes round stand for those of the others.
-LONG = ("turning four-bar", "redundant four-bar")
+LONG = ("turning four-bar", "redundant four-bar", "slider crank")
 
 
 @pytest.fixture(
@@ -151,6 +151,7 @@ def test_a_subspace_does_not_change_charts():
     assert rj.compare(motion, approx).error <= 10 * SOLVED
 
 
+@pytest.mark.slow
 def test_a_moving_support():
     """A pendulum on a support that oscillates: constraints that depend on time."""
 

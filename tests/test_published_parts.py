@@ -139,6 +139,7 @@ def test_four_bar_of_mass_points():
     assert np.allclose(motion.q[-1, jnp.array([0, 1, 3, 4])], wanted, rtol=0, atol=SOLVED)
 
 
+@pytest.mark.slow
 def test_simeon_slider_crank():
     """A flexible rod by its inertia invariants, hinged to a driven crank and a slider.
 

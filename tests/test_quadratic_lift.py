@@ -112,6 +112,7 @@ def test_energy_is_conserved(motion, rom):
     assert drift <= SOLVED, f"drift {drift:.1e} of the kinetic range"
 
 
+@pytest.mark.slow
 def test_gradient_of_the_same_reduction_elsewhere(motion, rom):
     """By the mass of the coupler; the lift is that of 1 kg."""
     _, truth = motion

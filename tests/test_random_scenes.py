@@ -20,7 +20,7 @@ import romjax as rj
 from romjax.system import dynamics
 
 STRUCTURES, SETS = 25, 8
-QUICK = 3  # structures that are looked at in every run of the tests
+QUICK = 1  # structures that are looked at in every run of the tests
 KEPT = 10  # structures whose programs fit well into the memory maps of a process
 
 # Required: relative to the size of the terms.

@@ -94,7 +94,8 @@ def test_a_run_beyond_the_training_is_doubted(truth):
 def test_energy_from_nowhere_is_doubted(truth, cart_pendulum):
     """The chapter's projection of the solution, with weak stabilisation."""
     rom = rj.reduce(cart_pendulum, rj.pod(truth, rank=3), rj.Projected(rj.Baumgarte(5.0, 10.0)))
-    motion = rj.simulate(rom, truth.t, rtol=1e-8)
+    with pytest.warns(UserWarning, match="its energy changes by more than the work of the forces"):
+        motion = rj.simulate(rom, truth.t, rtol=1e-8)
     assert rj.Flag.ENERGY in rj.Flag(int(motion.flags))
 
 
@@ -144,9 +145,11 @@ def test_a_model_that_cannot_start_is_no_model(falling, monkeypatch):
     monkeypatch.setattr(rj.ReducedSystem, "starting_at", refused)
     with pytest.raises(rj.ReductionError, match="no rank up to 6 reaches tol=0.01; The reduced"):
         rj.reduce_to(system, training, 1e-2)
-    assert len(accepted) == 6
+    # One mode misses so much of the snapshots that it is not tried.
+    assert len(accepted) == 5
 
 
+@pytest.mark.slow
 def test_variations_are_simulated_as_the_training_was(falling, monkeypatch):
     """By the same method, not by the default one."""
     system, training = falling

@@ -86,6 +86,7 @@ def test_one_pair_for_each_constraint_and_the_cost_of_speed(pendulum):
     assert priced.best.beta < free.best.beta
 
 
+@pytest.mark.slow
 def test_the_figure_shows_landscape_and_path(pendulum):
     ts = jnp.linspace(0.0, 1.0, 51)
     found = rj.tune_baumgarte(pendulum, ts, solver=RK4(), dt=0.02, steps=5)

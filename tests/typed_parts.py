@@ -34,6 +34,8 @@ bar = rj.Beam("bar", 1.0, 2.0, frequencies=[16.0, 44.0], damping=0.01, position=
 flat = rj.Beam.of_section("flat", 1.0, rj.sections.Rectangle(0.01, 0.02), modes=2, **BAR)
 inertia = rj.Inertia(2.0, 1.0, first_moment=(0.0, 0.0), shift=[[0.0], [0.1]])
 plate = rj.ModalBody("plate", inertia, [4.0], [(0.0, 0.0)], np.zeros((1, 3, 1)), ports=["rim"])
+slow = rj.CappedBody(bar, 40)
+stiff = rj.ReducedBody(bar, jnp.eye(2)[:, :1])
 profiles = (
     rj.sections.Rod(0.1),
     rj.sections.Tube(0.1, wall=0.01),

@@ -17,6 +17,7 @@ from .assembled import AssembledSystem
 from .grouping import group
 from .groups import BodyGroup, EffectGroup, JointGroup
 from .kinematics import arrange, columns_of
+from .names import unique
 
 
 def assemble(scene: Scene) -> AssembledSystem:
@@ -52,6 +53,7 @@ def assemble(scene: Scene) -> AssembledSystem:
     acting = [e for e in scene.effects if isinstance(e, AbstractMarkerEffect)]
     effects, effect_markers = arrange(acting, named, columns, n)
     starts = [body.start() for body in scene.bodies]
+    keys = [unique([part.label() for part in parts]) for parts in (scene.joints, acting)]
     system = AssembledSystem(
         bodies=tuple(bodies),
         joints=tuple(
@@ -69,9 +71,29 @@ def assemble(scene: Scene) -> AssembledSystem:
             constraints=tuple(f"joint '{j.label()}'" for j in scene.joints for _ in range(j.rows)),
             rigid=tuple(i < 3 for body in scene.bodies for i in range(body.size)),
             flexible=any(body.modes for body in scene.bodies),
+            loops=_close_loops(scene),
+            joints=tuple(keys[0][i] for _, _, members in joints for i in members),
+            effects=tuple(keys[1][i] for _, _, members in effects for i in members),
         ),
         pattern=Pattern.of([columns[name] for name in order], joined),
     )
     remedy = "Take out the joints that lock the mechanism."
     check_mobility("assemble", system, remedy, SceneError)
     return system
+
+
+def _close_loops(scene: Scene) -> bool:
+    """Whether the joints are more than a tree of bodies on the ground."""
+    trees = {name: name for name in (GROUND, *(body.name for body in scene.bodies))}
+
+    def root(name: str) -> str:
+        while trees[name] != name:
+            name = trees[name]
+        return name
+
+    for joint in scene.joints:
+        a, b = (root(marker.body) for marker in joint.markers)
+        if a == b:
+            return True
+        trees[a] = b
+    return False

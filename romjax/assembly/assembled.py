@@ -1,5 +1,9 @@
 """The system of a scene: groups of equal elements, each mapped over once."""
 
+import functools
+import operator
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -12,10 +16,11 @@ from ..linalg.pattern import Pattern
 from ..scene.effect.base import AbstractField
 from ..scene.marker import Twist
 from ..system.base import AbstractSystem
-from ..system.state import FullState
+from ..system.state import FullState, Power
 from ..system.structure import Structure
 from .groups import BodyGroup, EffectGroup, JointGroup
 from .kinematics import Markers
+from .wrenches import effect_wrenches
 
 
 class AssembledSystem(AbstractSystem):
@@ -48,7 +53,36 @@ class AssembledSystem(AbstractSystem):
             lambda: self.mass_blocks(q),
             lambda: self.jacobian_blocks(t, q),
             lambda: self.force(t, q, v),
+            lambda q: self.stored(t, q),
+            lambda: self.power(t, q, v),
         )
+
+    def stored(self, t: Time, q: Float[Array, " n"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """The elastic energy of the bodies, and that of fields and effects [J]."""
+        elastic = [group.elastic_energy(q) for group in self.bodies]
+        other = [group.field_energy(self.fields, q) for group in self.bodies]
+        storing = [group for group in self.effects if group.effects.stores]
+        if storing and self.effect_markers is not None:
+            poses = self.effect_markers.poses(q)
+            other += [group.energy(t, poses) for group in storing]
+        zero = jnp.zeros((), q.dtype)
+        return _total(elastic, zero), _total(other, zero)
+
+    def power(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> Power | None:
+        """The power of the forces that have no potential energy; None where all have one."""
+        taken = [group.damping_power(v) for group in self.bodies]
+        given = list[Array | None]()
+        if self.effect_markers is not None:
+            poses, rates = jax.jvp(self.effect_markers.poses, (q,), (v,))
+            twists = Twist(rates.position, rates.angle)
+            for group in self.effects:
+                if group.works(poses):
+                    only_taken = group.effects.dissipates and not group.effects.supplies
+                    (taken if only_taken else given).append(group.power(t, poses, twists))
+        if all(term is None for term in taken + given):
+            return None
+        zero = jnp.zeros((), q.dtype)
+        return Power(_total(taken, zero), _total(given, zero))
 
     def mass_blocks(self, q: Float[Array, " n"]) -> Float[Array, "bodies size *size"]:
         """Mass matrices of the bodies, padded to one size by ones on the diagonal; the diagonals
@@ -79,14 +113,7 @@ class AssembledSystem(AbstractSystem):
         total = spread([force for _, force in acting], columns, (self.n,)) if acting else 0 * q
         if self.effect_markers is None:
             return total
-        twists = None
-        if any(group.effects.needs_twists for group in self.effects):
-            poses, rates = jax.jvp(self.effect_markers.poses, (q,), (v,))
-            twists = Twist(rates.position, rates.angle)
-        else:
-            poses = self.effect_markers.poses(q)
-        by_group = [wrench for group in self.effects for wrench in group.wrenches(t, poses, twists)]
-        wrenches = jax.tree.map(lambda *x: jnp.concatenate(x), *by_group)
+        wrenches = effect_wrenches(self.effects, self.effect_markers, t, q, v)
         return total + self.effect_markers.pull_back(q, wrenches)
 
     def constraint(self, t: Time, q: Float[Array, " n"]) -> Float[Array, " m"]:
@@ -110,3 +137,8 @@ class AssembledSystem(AbstractSystem):
             rows = group.rows.array
             indices.append(pattern.flat_indices(rows, np.stack(group.markers.take(columns))))
         return spread(blocks, indices, shape)
+
+
+def _total(parts: Sequence[Array | None], zero: Array) -> Float[Array, ""]:
+    """The sum over all parts of all groups, a vector for each group."""
+    return functools.reduce(operator.add, [jnp.sum(x) for x in parts if x is not None], zero)

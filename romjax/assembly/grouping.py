@@ -30,6 +30,17 @@ def stack(elements: Sequence[T]) -> T:
     return stacked
 
 
+def member(stacked: T, row: int) -> T:
+    """One of the elements that are stacked."""
+
+    def pick(leaf: Any) -> Any:
+        # By NumPy where JAX does not trace: a program for each slice would take longer.
+        return leaf[row] if is_traced(leaf) else np.asarray(leaf)[row]
+
+    one: T = jtu.tree_map(pick, stacked)
+    return one
+
+
 def group(elements: Sequence[T]) -> list[tuple[T, list[int]]]:
     """Stacks of the elements of equal structure, each with the indices of its elements.
 
@@ -54,12 +65,12 @@ def anonymous(element: T) -> T:
         is_leaf=lambda x: isinstance(x, Marker),
     )
     if hasattr(blank, "name"):
-        blank = _rename(blank, "")
+        blank = with_name(blank, "")
     return blank
 
 
-def _rename(element: T, name: str) -> T:
-    # A copy with another static name, without passing through the checks of its constructor.
+def with_name(element: T, name: str) -> T:
+    """A copy with another static name, without passing through the checks of its constructor."""
     children, structure = jtu.tree_flatten(element, is_leaf=lambda x: x is not element)
     copy: T = jtu.tree_unflatten(structure, children)
     object.__setattr__(copy, "name", name)

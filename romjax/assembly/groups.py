@@ -9,7 +9,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .. import compat
 from ..arrays import Time
+from ..linalg.dense import multiply
 from ..linalg.indexing import Index
 from ..scene.body.base import AbstractBody
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect
@@ -58,6 +60,40 @@ class BodyGroup(eqx.Module):
         rates = [self.coordinates.take(v)] if moving else []
         return jax.vmap(total)(self.bodies, self.coordinates.take(q), *rates)
 
+    def kinetic_energy(
+        self, q: Float[Array, " n"], v: Float[Array, " n"]
+    ) -> Float[Array, " count"]:
+        """The kinetic energy of each."""
+        mass, own = self.mass(q), self.coordinates.take(v)
+        momentum = mass * own if mass.ndim == 2 else jax.vmap(multiply)(mass, own)
+        return 0.5 * jnp.sum(own * momentum, axis=1)
+
+    def elastic_energy(self, q: Float[Array, " n"]) -> Float[Array, " count"] | None:
+        """The strain energy of each; None of bodies that do not deform."""
+        if not self.bodies.modes:
+            return None
+        own = self.coordinates.take(q)
+        each: Array = jax.vmap(lambda body, q: body.elastic_energy(q))(self.bodies, own)
+        return each
+
+    def field_energy(
+        self, fields: tuple[AbstractField, ...], q: Float[Array, " n"]
+    ) -> Float[Array, " count"] | None:
+        """The energy of each in all fields; None without fields."""
+        if not fields:
+            return None
+        own = self.coordinates.take(q)
+        each = [jax.vmap(field.energy)(self.bodies, own) for field in fields]
+        return functools.reduce(operator.add, each)
+
+    def damping_power(self, v: Float[Array, " n"]) -> Float[Array, " count"] | None:
+        """The power of the own damping of each; None where there is none."""
+        if not self.bodies.damped:
+            return None
+        own = self.coordinates.take(v)
+        damping = jax.vmap(lambda body, v: body.damping_force(v))(self.bodies, own)
+        return jnp.sum(own * damping, axis=1)
+
 
 class JointGroup(eqx.Module):
     """Joints of equal structure."""
@@ -91,6 +127,22 @@ class JointGroup(eqx.Module):
             ]
         )
 
+    def wrenches(
+        self, t: Time, poses: Pose, multipliers: Float[Array, " m"]
+    ) -> tuple[Wrench, Wrench]:
+        """What the joints do to both of their markers, one row per joint.
+
+        The constraint forces −C_qᵀ λ, as wrenches at the poses that the residual is a function of.
+        """
+
+        def react(joint: AbstractJoint, own: Array, a: Pose, b: Pose) -> tuple[Pose, Pose]:
+            _, transpose = jax.vjp(lambda a, b: joint.residual(t, a, b), a, b)
+            sides: tuple[Pose, Pose] = transpose(-own)
+            return sides
+
+        a, b = jax.vmap(react)(self.joints, self.rows.take(multipliers), *self.markers.take(poses))
+        return Wrench(*a), Wrench(*b)
+
 
 class EffectGroup(eqx.Module):
     """Effects of equal structure."""
@@ -105,4 +157,26 @@ class EffectGroup(eqx.Module):
             jax.vmap(lambda effect, poses, twists: effect.wrenches(t, poses, twists))(
                 self.effects, self.markers.take(poses), rates
             )
+        )
+
+    def energy(self, t: Time, poses: Pose) -> Float[Array, " count"]:
+        """The potential energy of each."""
+        each: Array = jax.vmap(lambda effect, poses: effect.energy(t, *poses))(
+            self.effects, self.markers.take(poses)
+        )
+        return each
+
+    def power(self, t: Time, poses: Pose, twists: Twist) -> Float[Array, " count"]:
+        """The power of the forces of each that have no potential energy."""
+        each: Array = jax.vmap(lambda effect, poses, twists: effect.power(t, poses, twists))(
+            self.effects, self.markers.take(poses), self.markers.take(twists)
+        )
+        return each
+
+    def works(self, poses: Pose) -> bool:
+        """Whether that is more than zero by definition."""
+        if self.effects.supplies or self.effects.dissipates:
+            return True
+        return self.effects.stores and compat.depends_on_first(
+            self.energy, jnp.zeros((), poses.angle.dtype), poses
         )

@@ -1,21 +1,27 @@
 """The integration of the equations of motion."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import diffrax
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix
 from jaxtyping import Array, Float, Int
 
-from ..reduction.system import has_charts
+from ..errors import InputError
+from ..events.check import check_quantities
+from ..events.record import Events
+from ..events.watch import Watch
 from ..system.base import AbstractSystem
-from ..system.consistent import project, project_start
-from .chart_change import ChartChange
+from ..system.consistent import project_start
+from .audit import Audit, Auditor, Findings
+from .dense import Pieces, output_of, post_step_of
 from .march import March
-from .outputs import Output, output_at
-from .post_step import PostStep, PostStepSolver, ProjectState, motion_norm
+from .outputs import Output
+from .post_step import PostStep, PostStepSolver, motion_norm
 from .reverse import Ended, differentiable_run, ended
 from .settings import Settings
 from .steps import Steps
@@ -30,13 +36,11 @@ class Integrated(NamedTuple):
     result: diffrax.RESULTS
     steps: Int[Array, ""]
     accepted: Int[Array, ""]
-
-
-def post_step_of(system: AbstractSystem, settings: Settings) -> PostStep | None:
-    """What changes the state after each step; None if nothing does."""
-    if settings.projection is not None:
-        return ProjectState(settings.projection.sweeps)
-    return ChartChange.of(system) if has_charts(system) else None
+    findings: Findings | None
+    imbalance: Float[Array, " k"] | None
+    ts: Float[Array, " k"]  # of the outputs: after a stop, its own
+    events: Events | None
+    pieces: Pieces | None  # of dense output
 
 
 def integrate(
@@ -53,25 +57,66 @@ def integrate(
 
     Never raises: how it went is in `result`.
     """
-    post_step = post_step_of(system, settings)
+    post_step = post_step_of(system, settings.projection)
     if settings.projection is not None:
         q0, v0 = project_start(system, ts[0], q0, v0)
     term, solver, y0 = _problem(system, q0, v0, post_step, settings)
     controller, first = _step_size_control(ts, settings, len(y0) == 3)
 
-    def output(t: Array, y: Any) -> Output:
-        if settings.projection is not None:
-            # Between steps, dense output leaves the constraints by about 1e-6.
-            q, v = y
-            y = project(system, t, q, v, settings.projection.sweeps)
-        saved: Output = output_at(system, post_step, t, y)
-        return saved
+    output = output_of(system, settings.projection)
+    parts = term, solver, controller, first
+    if settings.adjoint is not None and not settings.is_forward:
+        return _by_diffrax(parts, output, ts, (q0, v0), y0, settings)
+    most, asked = settings.max_steps, jnp.asarray(len(ts) if count is None else count)
+    watch = _watch(system, post_step, ts, settings)
+    # Dense output has room for so many steps.
+    room = jnp.minimum(jnp.asarray(most), settings.dense) if settings.dense else jnp.asarray(most)
+    steps = Steps(term, solver, controller, ts[0], ts[-1], first, room, watch)
+    audit = None
+    if settings.audit:
+        rtol = None if settings.dt is not None else jnp.asarray(settings.rtol)
+        atol = jnp.asarray(settings.atol)
+        audit = Auditor(system, post_step, settings.baumgarte, rtol, atol).functions()
+    run = _march(steps, output, ts, asked, y0, audit, settings)
+    outputs, imbalance, times, events = run.outputs, run.imbalance, ts, None
+    if watch is not None and run.record is not None and run.watching is not None:
+        outputs, imbalance, times = _held(run, ts, output)
+        events = watch.describe(run.record, run.watching)
+    return Integrated(
+        outputs=outputs,
+        start=(q0, v0),
+        result=run.result,
+        steps=run.steps,
+        accepted=run.accepted,
+        findings=run.findings,
+        imbalance=imbalance,
+        ts=times,
+        events=events,
+        pieces=run.pieces,
+    )
 
-    if settings.adjoint is None:
-        most, asked = settings.max_steps, jnp.asarray(len(ts) if count is None else count)
-        steps = Steps(term, solver, controller, ts[0], ts[-1], first, jnp.asarray(most))
-        run = _march(steps, output, ts, asked, y0, settings)
-        return Integrated(run.outputs, (q0, v0), run.result, run.steps, run.accepted)
+
+def _by_diffrax(
+    parts: tuple[Any, Any, Any, Float[Array, ""]],
+    output: Callable[[Array, Any], Output],
+    ts: Float[Array, " k"],
+    start: tuple[Float[Array, " n"], Float[Array, " n"]],
+    y0: Any,
+    settings: Settings,
+) -> Integrated:
+    """By the loop of diffrax, whose adjoint takes the derivatives.
+
+    `parts`: the differential equation, the method, the step size control and the first step.
+    """
+    if settings.events or settings.dense:
+        raise InputError(
+            "simulate: events and dense=True need romjax's own integration, but the adjoint is "
+            f"diffrax's "
+            f"{type(settings.adjoint).__name__}; leave it out, use `with romjax.forward_mode():`, "
+            "and within transformations an explicit solver or romjax.Rodas5P()."
+        )
+    assert settings.adjoint is not None
+    term, solver, controller, first = parts
     solution = diffrax.diffeqsolve(
         term,
         solver,
@@ -88,8 +133,58 @@ def integrate(
     )
     outputs, stats = jax.vmap(output)(ts, solution.ys), solution.stats
     return Integrated(
-        outputs, (q0, v0), solution.result, stats["num_steps"], stats["num_accepted_steps"]
+        outputs=outputs,
+        start=start,
+        result=solution.result,
+        steps=stats["num_steps"],
+        accepted=stats["num_accepted_steps"],
+        findings=None,
+        imbalance=None,
+        ts=ts,
+        events=None,
+        pieces=None,
     )
+
+
+def _watch(
+    system: AbstractSystem, post_step: PostStep | None, ts: Float[Array, " k"], settings: Settings
+) -> Watch | None:
+    """What watches the events of a run; None where there are none."""
+    if not settings.events:
+        return None
+    check_quantities(system, settings.events)
+    return Watch(
+        system=system,
+        post_step=post_step,
+        stabilization=settings.baumgarte,
+        events=settings.events,
+        rtol=jnp.asarray(settings.rtol),
+        atol=jnp.asarray(settings.atol),
+        end=ts[-1],
+        span=ts[-1] - ts[0],
+        most=settings.max_events,
+    )
+
+
+def _held(
+    run: Ended, ts: Float[Array, " size"], output: Callable[[Array, Any], Output]
+) -> tuple[Output, Float[Array, " size"] | None, Float[Array, " size"]]:
+    """Outputs, imbalances and times, those after a stop as they are at the stop."""
+    assert run.record is not None
+    assert run.watching is not None
+    last = jnp.maximum(run.record.number - 1, 0)
+    t, y = jax.tree.map(lambda x: x[last], (run.record.time, run.record.after))
+    held = run.watching.stopped & (jnp.arange(len(ts)) >= run.number)
+
+    def hold(rows: Array, row: Array) -> Array:
+        chosen: Array = jnp.where(held.reshape(-1, *[1] * row.ndim), row, rows)
+        return chosen
+
+    outputs: Output = jax.tree.map(hold, run.outputs, output(t, y))
+    imbalance = run.imbalance
+    if imbalance is not None and run.findings is not None:
+        imbalance = hold(imbalance, run.findings.balance.imbalance)
+    return outputs, imbalance, hold(ts, t)
 
 
 def _march(
@@ -98,16 +193,28 @@ def _march(
     ts: Float[Array, " size"],
     asked: Int[Array, ""],
     y0: Any,
+    audit: Audit | None,
     settings: Settings,
 ) -> Ended:
     """By romjax's own loop, which can be differentiated if its most steps are known."""
     most = settings.max_steps
-    if not isinstance(most, int):
+    # A number that is known limits how many states a derivative may have to remember.
+    known = most if isinstance(most, int) and not settings.is_forward else None
+    if known is None:
         steps = steps.without_transpose()
-    march, start = March(steps, steps.trial, output, ts, asked, settings.meter), steps.start(y0)
-    if isinstance(most, int):
-        return differentiable_run(march, start, most)
-    return ended(march.run(start))
+    march = March(
+        steps=steps,
+        trial=steps.trial,
+        output=output,
+        ts=ts,
+        asked=asked,
+        meter=settings.meter,
+        audit=audit,
+        events=settings.max_events,
+        dense=settings.dense,
+    )
+    start = steps.start(y0)
+    return ended(march.run(start)) if known is None else differentiable_run(march, start, known)
 
 
 def _problem(
@@ -118,13 +225,25 @@ def _problem(
     settings: Settings,
 ) -> tuple[diffrax.AbstractTerm[Any, Any], diffrax.AbstractSolver[Any], State | ChartedState]:
     """The differential equation, the method, and the state that it starts from."""
-    motion, solver = MotionTerm(system, settings.baumgarte), settings.solver
+    motion, solver = MotionTerm(system, settings.baumgarte), _with_tolerances(settings)
     if post_step is None:
         return motion, solver, (q0, v0)
     solver, chart = PostStepSolver(solver, post_step), post_step.start(system)
     if chart is None:
         return motion, solver, (q0, v0)
     return ChartedMotionTerm(motion, post_step), solver, (q0, v0, jnp.asarray(chart, q0.dtype))
+
+
+def _with_tolerances(settings: Settings) -> diffrax.AbstractSolver[Any]:
+    """The method; a root finder without tolerances of its own takes those of the run."""
+    solver: diffrax.AbstractSolver[Any] = settings.solver
+    if isinstance(solver, diffrax.AbstractImplicitSolver):
+        finder: Any = solver.root_finder
+        if not isinstance(finder.rtol, float | jax.Array | np.ndarray):
+            rtol, atol = jnp.asarray(settings.rtol), jnp.asarray(settings.atol)
+            finder = dataclasses.replace(finder, rtol=rtol, atol=atol, norm=optimistix.rms_norm)
+            solver = dataclasses.replace(solver, root_finder=finder)  # type: ignore[call-arg]
+    return solver
 
 
 def _step_size_control(

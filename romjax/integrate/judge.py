@@ -43,6 +43,9 @@ def judge_run(
         (result != diffrax.RESULTS.successful, Status.SOLVER_FAILED),
         (~finite, Status.NOT_FINITE),
     ]
+    if run.events is not None:
+        ladder.insert(1, (run.events.lasting, Status.CONTACT_LASTS))
+        ladder.insert(1, (run.events.count > len(run.events.time), Status.MAX_EVENTS))
     limits = precision.of(q0.dtype).dependent_rows
     if limits is not None:
         unresolved = ~_is_resolved(system, ts[0], q0, limits)

@@ -1,16 +1,30 @@
-"""Joint forces of a mechanism from the motion of its reduced model."""
+"""Accelerations and joint forces of a mechanism from the motion of its reduced model."""
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..reduction.system import ReducedSystem
+from ..system.reduced import AbstractReducedSystem
 from .trajectory import Trajectory
 
 
+def lifted_acceleration(
+    rom: AbstractReducedSystem,
+    t: Float[Array, ""],
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+) -> Float[Array, " n"]:
+    """The acceleration of the physical coordinates at a physical state (`t`, `q`, `v`) of the
+    reduced system `rom`, without stabilisation.
+    """
+    own = rom.in_chart_of(q)
+    z, w = own.restrict(q, v)
+    return own.state(t, z, w).physical_acceleration(own.acceleration(t, z, w)[0])
+
+
 @eqx.filter_jit
-def reactions(rom: ReducedSystem, trajectory: Trajectory) -> Float[Array, "k m"]:
+def reactions(rom: AbstractReducedSystem, trajectory: Trajectory) -> Float[Array, "k m"]:
     """Lagrange multipliers of all constraints of the full system, (k, m), along a reduced run.
 
     A reduced model has few multipliers or none. Those of the mechanism follow from the balance
@@ -20,16 +34,26 @@ def reactions(rom: ReducedSystem, trajectory: Trajectory) -> Float[Array, "k m"]
 
     **Arguments:** the reduced system `rom`; a `trajectory` that was simulated with it.
     """
-    full = rom.full
-    rigid = jnp.array(full.structure.rigid)
 
     def forces(t: Array, q: Array, v: Array) -> Array:
-        own = rom.in_chart_of(q)
-        z, w = own.restrict(q, v)
-        a = own.state(t, z, w).physical_acceleration(own.acceleration(t, z, w)[0])
-        state = full.state(t, q, v)
-        weight = jnp.where(rigid, 1 / jnp.sqrt(jnp.diagonal(full.mass(q))), 0)
-        rows = state.jacobian().T * weight[:, None]
-        return jnp.linalg.lstsq(rows, -weight * state.residual(a))[0]
+        return balancing_multipliers(rom, t, q, v, lifted_acceleration(rom, t, q, v))
 
     return jax.vmap(forces)(trajectory.t, trajectory.q, trajectory.v)
+
+
+def balancing_multipliers(
+    rom: AbstractReducedSystem,
+    t: Float[Array, ""],
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    a: Float[Array, " n"],
+) -> Float[Array, " m"]:
+    """The multipliers with which the rigid-body coordinates of the full system are in balance at
+    the physical state (`t`, `q`, `v`) of `rom` and the acceleration `a`.
+    """
+    full = rom.full
+    rigid = jnp.array(full.structure.rigid)
+    state = full.state(t, q, v)
+    weight = jnp.where(rigid, 1 / jnp.sqrt(jnp.diagonal(full.mass(q))), 0)
+    rows = state.jacobian().T * weight[:, None]
+    return jnp.linalg.lstsq(rows, -weight * state.residual(a))[0]

@@ -22,9 +22,14 @@ import jax.numpy as jnp
 from equinox.internal import unvmap_any
 from jaxtyping import Array, Float, Int, PyTree
 
+from ..events.record import Record
+from ..events.state import Watching
+from .audit import Audit, Findings
 from .checkpoints import Checkpoints
+from .dense import Pieces
 from .march import March, Saved
 from .steps import Progress, Trial, chosen
+from .transpose import StepStart, Transposed, TransposedSteps
 
 # At least: shorter runs, which most are, compute no state anew.
 _CHECKPOINTS = 512
@@ -37,32 +42,39 @@ class Ended(NamedTuple):
     result: diffrax.RESULTS
     steps: Int[Array, ""]
     accepted: Int[Array, ""]
+    findings: Findings | None
+    imbalance: Float[Array, " size"] | None
+    number: Int[Array, ""]  # of outputs that the run got to
+    watching: Watching | None
+    record: Record | None
+    pieces: Pieces | None
 
 
-def ended(run: tuple[Progress, Saved, Any]) -> Ended:
+def ended(run: tuple[Progress, Saved, Findings | None, Any]) -> Ended:
     """Of what a march returns."""
-    end, saved, _ = run
-    return Ended(saved.outputs, end.result, end.steps, end.accepted)
+    end, saved, findings, _ = run
+    return Ended(
+        outputs=saved.outputs,
+        result=end.result,
+        steps=end.steps,
+        accepted=end.accepted,
+        findings=findings,
+        imbalance=saved.imbalance,
+        number=saved.number,
+        watching=end.watching,
+        record=saved.record,
+        pieces=saved.pieces,
+    )
 
 
 class Differentiated(NamedTuple):
     """What the derivative of a march is taken by: all numbers of its steps, and where it starts."""
 
-    trial: Callable[[PyTree, PyTree, Array, Array], Trial]
+    trial: Callable[[PyTree, PyTree, Any, Array, Array], Trial]
     output: Callable[[Float[Array, ""], PyTree], PyTree]
     ts: Float[Array, " size"]
     y: PyTree
     solver_state: PyTree
-
-
-class Transposed(NamedTuple):
-    """What the transposes of all later steps leave for the earlier ones."""
-
-    numbers: Any  # derivatives by trial, output and ts
-    y: PyTree  # by the state where the next step starts
-    solver_state: PyTree
-    t: Float[Array, ""]  # when it starts
-    saved: Int[Array, ""]  # outputs before
 
 
 def differentiable_run(march: March, start: Progress, most: int) -> Ended:
@@ -70,10 +82,19 @@ def differentiable_run(march: March, start: Progress, most: int) -> Ended:
     slots = _power_of_two(max(min(_CHECKPOINTS, most), math.sqrt(most)))
     longest = _power_of_two(most / slots)
     # As functions with what they close over in reach, which may be the numbers of the user.
-    trial = eqx.filter_closure_convert(
-        march.trial, start.y, start.solver_state, start.t, start.next_t
-    )
+    step = start.y, start.solver_state, start.watching, start.t, start.next_t
+    trial = eqx.filter_closure_convert(march.trial, *step)
     output = eqx.filter_closure_convert(march.output, start.t, start.y)
+    audit = march.audit
+    if audit is not None:
+        tried = eqx.filter_eval_shape(march.trial, *step)
+        findings = eqx.filter_eval_shape(audit.start, start)
+        march = march._replace(
+            audit=Audit(
+                eqx.filter_closure_convert(audit.start, start),
+                eqx.filter_closure_convert(audit.follow, start, start, tried, findings),
+            )
+        )
     by = Differentiated(trial, output, march.ts, start.y, start.solver_state)
     # All else chooses the steps.
     choice = _without(march, "trial", "output", "ts"), _without(start, "y", "solver_state")
@@ -112,8 +133,9 @@ def _run_with_checkpoints(
     run = march.run(
         start, lambda before, after, seen: seen.put(before, after), Checkpoints.none(start, slots)
     )
-    end, saved, checkpoints = run
-    return ended(run), (checkpoints, end.accepted, end.t, saved.number)
+    end, saved, _, checkpoints = run
+    happened = jnp.zeros((), int) if saved.record is None else saved.record.number
+    return ended(run), (checkpoints, end.accepted, end.t, saved.number, happened)
 
 
 def _transpose(
@@ -126,9 +148,13 @@ def _transpose(
     longest: int,
 ) -> Any:
     del slots
-    checkpoints, accepted, t, saved = residuals
-    (march, start), stride = _joined(by, choice), checkpoints.stride
-    steps = _Steps(*eqx.partition(by[:3], perturbed[:3]), _dense(cotangents.outputs, march, start))
+    checkpoints, accepted, t, saved, happened = residuals
+    march, stride = _joined(by, choice)[0], checkpoints.stride
+    # A checkpoint has all of a start; `by` lacks what is not differentiated.
+    start = checkpoints.get(jnp.zeros((), int))
+    by_saved = (cotangents.outputs, cotangents.record, cotangents.pieces)
+    by_saved = _filled(by_saved, march, start)
+    steps = TransposedSteps(*eqx.partition(by[:3], perturbed[:3]), *by_saved)
 
     def segment(carry: tuple[Array, Transposed]) -> tuple[Array, Transposed]:
         index, later = carry
@@ -137,8 +163,8 @@ def _transpose(
 
         def step(carry: tuple[Array, Transposed]) -> tuple[Array, Transposed]:
             i, later = carry
-            y, state, t = jax.tree.map(lambda x: x[jnp.maximum(i, 0)], starts)
-            return i - 1, steps.transpose(y, state, t, index * stride + i == 0, later, i >= 0)
+            at = jax.tree.map(lambda x: x[jnp.maximum(i, 0)], starts)
+            return i - 1, steps.transpose(at, index * stride + i, later, i >= 0)
 
         _, later = jax.lax.while_loop(
             lambda carry: unvmap_any(carry[0] >= 0), step, (size - 1, later)
@@ -147,7 +173,7 @@ def _transpose(
 
     state = eqx.filter((by.y, by.solver_state), eqx.is_inexact_array)
     numbers, y, solver_state = jax.tree.map(jnp.zeros_like, (steps.numbers, *state))
-    end = Transposed(numbers, y, solver_state, t, saved)
+    end = Transposed(numbers, y, solver_state, t, jnp.zeros_like(t), saved, happened)
     _, first = jax.lax.while_loop(
         lambda carry: unvmap_any(carry[0] >= 0), segment, ((accepted - 1) // stride, end)
     )
@@ -159,18 +185,22 @@ _run.def_fwd(_run_with_checkpoints)  # type: ignore[no-untyped-call]
 _run.def_bwd(_transpose)  # type: ignore[no-untyped-call]
 
 
-def _dense(cotangents: PyTree, march: March, start: Progress) -> PyTree:
-    """With zeros where nothing depends on an output."""
-    outputs = jax.eval_shape(lambda: march.nothing_saved(start.y).outputs)
+def _filled(cotangents: PyTree, march: March, start: Progress) -> PyTree:
+    """With zeros where nothing depends on what was saved."""
+
+    def saved() -> tuple[PyTree, PyTree, PyTree]:
+        saved = march.nothing_saved(start)
+        return saved.outputs, saved.record, saved.pieces
+
     return jax.tree.map(
-        lambda x, bar: jnp.zeros(x.shape, x.dtype) if bar is None else bar, outputs, cotangents
+        lambda x, bar: jnp.zeros(x.shape, x.dtype) if bar is None else bar,
+        jax.eval_shape(saved),
+        cotangents,
     )
 
 
-def _starts(
-    march: March, first: Progress, size: Int[Array, ""], longest: int
-) -> tuple[PyTree, PyTree, Float[Array, " longest"]]:
-    """Where `size` accepted steps start: states and times, the `first` of them given."""
+def _starts(march: March, first: Progress, size: Int[Array, ""], longest: int) -> StepStart:
+    """Where `size` accepted steps start, the `first` of them given."""
 
     def unfinished(now: Progress) -> Array:
         return (now.accepted - first.accepted < size - 1) & march.steps.unfinished(now)
@@ -179,76 +209,16 @@ def _starts(
         now, rows = carry
         after = chosen(unfinished(now), march.steps.attempt(now, march.trial)[0], now)
         number = after.accepted - first.accepted
-        rows = jax.tree.map(lambda all_, x: all_.at[number].set(x), rows, after[:3])
+        rows = jax.tree.map(lambda all_, x: all_.at[number].set(x), rows, StepStart(*after[:4]))
         return after, rows
 
     def row(x: Array) -> Array:
         return jnp.zeros((longest, *x.shape), x.dtype).at[0].set(x)
 
     _, rows = jax.lax.while_loop(
-        lambda carry: unvmap_any(unfinished(carry[0])), again, (first, jax.tree.map(row, first[:3]))
+        lambda carry: unvmap_any(unfinished(carry[0])),
+        again,
+        (first, jax.tree.map(row, StepStart(*first[:4]))),
     )
-    starts: tuple[PyTree, PyTree, Float[Array, " longest"]] = rows
+    starts: StepStart = rows
     return starts
-
-
-class _Steps(NamedTuple):
-    """The steps of a march, as functions that are transposed one by one."""
-
-    numbers: Any  # of trial, output and ts: those by which it is differentiated, else None
-    constants: Any  # the others
-    cotangents: PyTree  # of all outputs
-
-    def transpose(
-        self,
-        y: PyTree,
-        solver_state: PyTree,
-        t0: Array,
-        is_first: Array,
-        later: Transposed,
-        active: Array,
-    ) -> Transposed:
-        """Before the step that starts at t0 from y, where it is `active`."""
-        t1, ts = later.t, eqx.combine(self.numbers, self.constants)[2]
-
-        def advance(numbers: Any, y: PyTree, solver_state: PyTree, t0: Array) -> Any:
-            trial, _, _ = eqx.combine(numbers, self.constants)
-            return trial(y, solver_state, t0, t1)[:3]
-
-        (_, _, between), pull = eqx.filter_vjp(advance, self.numbers, y, solver_state, t0)
-
-        def is_due(carry: Any) -> Array:
-            number, _ = carry
-            due: Array = active & (number > 0) & (is_first | (ts[number - 1] > t0))
-            return due
-
-        def output(carry: Any) -> Any:
-            (number, total), due = carry, is_due(carry)
-
-            def row(numbers: Any, between: Any) -> Any:
-                _, output, ts = eqx.combine(numbers, self.constants)
-                return output(ts[number - 1], between.evaluate(ts[number - 1]))
-
-            _, pull = eqx.filter_vjp(row, self.numbers, between)
-            change = pull(jax.tree.map(lambda x: x[number - 1], self.cotangents))
-            return jnp.where(due, number - 1, number), chosen(due, _sum(total, change), total)
-
-        moving = eqx.filter(between, eqx.is_inexact_array)
-        zero = jax.tree.map(jnp.zeros_like, (self.numbers, moving))
-        saved, (by_outputs, by_between) = jax.lax.while_loop(
-            lambda carry: unvmap_any(is_due(carry)), output, (later.saved, zero)
-        )
-        by_trial, by_y, by_state, by_t = pull((later.y, later.solver_state, by_between))
-        numbers = _sum(_sum(later.numbers, by_outputs), by_trial)
-        if numbers[2] is not None:
-            # The first step starts at the first time; when others do is a constant.
-            by_start = numbers[2].at[0].add(jnp.where(is_first, by_t, 0.0))
-            numbers = (*numbers[:2], by_start)
-        earlier = Transposed(numbers, by_y, by_state, t0, saved)
-        result: Transposed = chosen(active, earlier, later)
-        return result
-
-
-def _sum(a: PyTree, b: PyTree) -> PyTree:
-    """Of two pytrees, the second of which may lack parts that are zero."""
-    return jax.tree.map(lambda x, y: x if y is None else x + y, a, b)

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float, Int
 
 from ..arrays import Vector, as_array, concrete
 from ..checks import check_finite, check_shape
+from ..events.base import AbstractEvent
 from ..system.base import AbstractSystem
 from ..system.frequencies import Frequencies
 from ..system.stabilization import Baumgarte, Projection, Stabilization
@@ -22,9 +23,12 @@ class Settings(NamedTuple):
     - `rtol`, `atol`: tolerances of the step size control, or `dt` [s], a fixed step.
     - `stabilization`: "default" until `resolve` replaces it.
     - `frequencies`: of the system at its start, where a choice needs them.
-    - `adjoint`: diffrax's way to differentiate; None for romjax's own. `max_steps` may be an array
+    - `adjoint`: diffrax's way to differentiate; None for romjax's own in reverse mode, whose steps
+      forward mode takes too. `max_steps` may be an array
       where nobody differentiates.
-    - `meter`: what shows the progress.
+    - `meter`: what shows the progress. `audit`: whether the balance of energy is drawn up.
+    - `events`: that are watched; `max_events`: how many of them there is room for.
+    - `dense`: for how many steps dense output has room; 0 without it.
     """
 
     solver: diffrax.AbstractSolver[Any]
@@ -36,6 +40,10 @@ class Settings(NamedTuple):
     adjoint: diffrax.AbstractAdjoint | None
     max_steps: int | Int[Array | np.ndarray, ""]
     meter: diffrax.AbstractProgressMeter[Any]
+    audit: bool
+    events: tuple[AbstractEvent, ...]
+    max_events: int
+    dense: int
 
     def resolve(self, system: AbstractSystem, ts: Float[Array, " k"]) -> "Settings":
         """The same with the stabilization of this system; no projection of no constraints."""
@@ -56,6 +64,11 @@ class Settings(NamedTuple):
     def projection(self) -> Projection | None:
         """The projection that follows each step."""
         return self.stabilization if isinstance(self.stabilization, Projection) else None
+
+    @property
+    def is_forward(self) -> bool:
+        """Whether derivatives are taken in forward mode."""
+        return isinstance(self.adjoint, diffrax.ForwardMode)
 
     @property
     def holds_constraints(self) -> bool:

@@ -1,38 +1,35 @@
 """Simulation: the one way from a system to a trajectory."""
 
 import warnings
-from typing import Any, Literal, NamedTuple
+from collections.abc import Sequence
+from typing import Any, Literal
 
 import diffrax
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Int
+from jaxtyping import Array, ArrayLike, Float
 
-from .. import compat
 from ..arrays import Vector, as_number
 from ..checks import check_finite
 from ..compat import is_traced
 from ..errors import InputError
-from ..program import program
-from ..system.base import AbstractSystem, Run
+from ..events.base import AbstractEvent
+from ..events.check import check_events
+from ..system.base import AbstractSystem
 from ..system.consistent import check_start_shapes
-from ..system.constraints import ConstraintState, differentiate
-from ..system.stabilization import Baumgarte, Stabilization
+from ..system.stabilization import Baumgarte, Projection, Stabilization
 from ..system.structure import without_names
 from .adjoint import default_adjoint
 from .default import default_solver, start_frequencies, warn_of_fast_stabilization
-from .derived import Derived, OnDemand, metric_of, multipliers_at
+from .doubt import is_doubtful, warn_of_doubt
 from .failures import raise_failure
-from .integration import integrate
-from .judge import judge_run
-from .outputs import Output, capacity, cut, padded
-from .parts import Parts
 from .rodas5p import Rodas5P
+from .run import run
 from .settings import Settings, check_times
-from .statistics import Statistics
 from .trajectory import Trajectory
+
+# Steps whose motion there is room for, unless told.
+_DENSE_STEPS = 1024
 
 
 def simulate(
@@ -48,8 +45,12 @@ def simulate(
     stabilization: Stabilization | Literal["default"] = "default",
     adjoint: diffrax.AbstractAdjoint | None = None,
     max_steps: int = 100_000,
+    events: Sequence[AbstractEvent] = (),
+    max_events: int = 256,
+    dense: bool | int = False,
     progress: bool = False,
     throw: bool = True,
+    audit: bool = True,
 ) -> Trajectory:
     """The motion of a system, full or reduced, at the times `ts`.
 
@@ -71,30 +72,39 @@ def simulate(
     - `rtol`, `atol`: tolerances of the step size control; `atol` equals `rtol` unless given.
     - `dt`: a fixed step [s] instead of step size control.
     - `stabilization`: `Baumgarte(alpha, beta)`, `Projection()` or None; unless given, critical
-      damping at the mechanism's fastest rigid frequency.
+      damping at the mechanism's fastest rigid frequency, and where energy does not balance with
+      it, as it may at singular positions, the run is repeated with projection (not while JAX
+      traces).
     - `adjoint`: how derivatives are taken, where the run is part of a transformation; reverse mode
       with checkpoints unless given, or inside `with romjax.forward_mode():`.
     - `max_steps`: most steps before giving up.
+    - `events`: moments to look for (`Crossing`, `Stop`, `Impact`): `Trajectory.events` says when
+      they happened. Steps end at them, so that times and states there have the accuracy of the
+      run, and derivatives. `max_events`: how many there is room for.
+    - `dense`: keep the motion within each step, so that `Trajectory.at` gives it at any time; with
+      room for 1024 steps, or for the number that is given.
     - `progress`: show a progress bar.
     - `throw`: raise if the simulation fails; otherwise see `Trajectory.status`.
+    - `audit`: draw up the balance of energy, `Trajectory.balance`. A run that gains or loses more
+      than its tolerances explain is flagged (`Trajectory.is_valid`, `warnings()`), with a Python
+      warning where JAX does not trace. Not where an `adjoint` of diffrax for reverse mode is
+      given, and not of implicit methods in reverse mode.
 
     Raises ValueError for a wrong argument or a start that violates the constraints (naming the
     joint and the amount); SimulationError if the integration does not reach its end, or not all
     joints hold on the way.
     """
     times = check_times(ts)
-    q, v = check_start_shapes(system, q0, v0)
-    check_finite("simulate", "q0", q)
-    check_finite("simulate", "v0", v)
+    q, v = _check_start(system, q0, v0)
     times = times if times.dtype == q.dtype else times.astype(q.dtype)
     _check_for_doubts(q, adjoint)
-    bare, frequencies = without_names(system), None
-    step = None if dt is None else as_number(dt, q.dtype)
+    # Events ask for bodies and coordinates by their names.
+    bare = system if (watched := check_events(events, max_events)) else without_names(system)
+    step, frequencies = None if dt is None else as_number(dt, q.dtype), None
     if solver is None or stabilization == "default":
         first = times[0] if is_traced(times) else as_number(np.asarray(times)[0], q.dtype)
         frequencies = start_frequencies(bare, first, q, v)
-        if solver is None:
-            solver = default_solver(system, times, step, frequencies)
+        solver = solver or default_solver(system, times, step, frequencies)
     settings = Settings(
         solver=solver,
         rtol=as_number(rtol, q.dtype),
@@ -105,13 +115,35 @@ def simulate(
         adjoint=default_adjoint(solver) if adjoint is None else adjoint,
         max_steps=max_steps,
         meter=diffrax.TqdmProgressMeter() if progress else diffrax.NoProgressMeter(),
+        audit=audit,
+        events=watched,
+        max_events=max_events,
+        dense=_DENSE_STEPS if dense is True else int(dense),
     )
-    run, derived = _run(bare, times, q, v, settings)
-    trajectory = _trajectory(system, times, run, derived, settings)
-    chosen = isinstance(stabilization, Baumgarte)
-    if chosen and not isinstance(solver, Rodas5P | diffrax.AbstractImplicitSolver):
+    trajectory, start = run(system, bare, times, q, v, settings)
+    if stabilization == "default" and system.m and is_doubtful(trajectory):
+        # Baumgarte's terms may fail where the constraints lose rank; projection passes.
+        projected = settings._replace(stabilization=Projection())
+        other, other_start = run(system, bare, times, q, v, projected)
+        if not is_doubtful(other):
+            trajectory, start = other, other_start
+    is_stiff = isinstance(solver, Rodas5P | diffrax.AbstractImplicitSolver)
+    if isinstance(stabilization, Baumgarte) and not is_stiff:
         warn_of_fast_stabilization(bare, trajectory, q, v)
-    return raise_failure(system, trajectory, run.start) if throw else trajectory
+    if throw:
+        trajectory = raise_failure(system, trajectory, start)
+    warn_of_doubt(system, trajectory)
+    return trajectory
+
+
+def _check_start(
+    system: AbstractSystem, q0: Vector | None, v0: Vector | None
+) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """The start; raise InputError for wrong shapes and numbers."""
+    q, v = check_start_shapes(system, q0, v0)
+    check_finite("simulate", "q0", q)
+    check_finite("simulate", "v0", v)
+    return q, v
 
 
 def _check_for_doubts(q0: Float[Array, " n"], adjoint: diffrax.AbstractAdjoint | None) -> None:
@@ -128,132 +160,3 @@ def _check_for_doubts(q0: Float[Array, " n"], adjoint: diffrax.AbstractAdjoint |
             "dampers and the stabilisation of the constraints make it grow; use "
             "diffrax.RecursiveCheckpointAdjoint() or diffrax.ForwardMode()."
         )
-
-
-class _Result(NamedTuple):
-    """What a run gives but for names."""
-
-    outputs: Output
-    start: ConstraintState
-    status: Int[Array, ""]
-    flags: Int[Array, ""]
-    steps: Int[Array, ""]
-    accepted: Int[Array, ""]
-    rejected: Int[Array, ""]
-    stabilization: Stabilization
-
-
-def _run(
-    system: AbstractSystem,
-    ts: Float[Array, " k"],
-    q0: Float[Array, " n"],
-    v0: Float[Array, " n"],
-    settings: Settings,
-) -> tuple[_Result, Derived | OnDemand]:
-    """The run, by a program of its own that others share, or as a part of the user's."""
-    if not compat.is_outermost() or isinstance(settings.solver, diffrax.AbstractImplicitSolver):
-        return _differentiable(system, ts, q0, v0, settings)
-    count = len(ts)
-    size = capacity(count, 2 * system.full.n, q0.dtype)
-    settings = settings._replace(max_steps=np.asarray(settings.max_steps), adjoint=None)
-    times = ts if size == count else padded(ts, size)
-    result: _Result = _plain(system, times, np.asarray(count), q0, v0, settings)
-    outputs = cut(result.outputs, count)
-    own = outputs.in_system()
-    demand = OnDemand(
-        Parts.of(system), ts, own.q, own.v, own.chart, _baumgarte(result.stabilization)
-    )
-    return result._replace(outputs=outputs), demand
-
-
-@eqx.filter_jit
-def _differentiable(
-    system: AbstractSystem,
-    ts: Float[Array, " k"],
-    q0: Float[Array, " n"],
-    v0: Float[Array, " n"],
-    settings: Settings,
-) -> tuple[_Result, Derived]:
-    result = _integrated(system, ts, None, q0, v0, settings)
-    outputs, used = result.outputs, _baumgarte(result.stabilization)
-    own = outputs.in_system()
-    # XLA leaves out what nobody uses.
-    multipliers = jax.vmap(lambda t, q, v, chart: multipliers_at(system, t, q, v, chart, used))(
-        ts, own.q, own.v, own.chart
-    )
-    return result, Derived(multipliers, metric_of(system))
-
-
-def _integrated(
-    system: AbstractSystem,
-    ts: Float[Array, " k"],
-    count: Int[Array, ""] | None,
-    q0: Float[Array, " n"],
-    v0: Float[Array, " n"],
-    settings: Settings,
-) -> _Result:
-    settings = settings.resolve(system, ts)
-    run = integrate(system, ts, count, q0, v0, settings)
-    if count is not None:
-        # Rows that nobody asked for repeat the last one, which changes no judgement.
-        rows = jnp.minimum(jnp.arange(len(ts)), count - 1)
-        run = run._replace(outputs=jax.tree.map(lambda x: x[rows], run.outputs))
-    start = differentiate(system.constraint, ts[0], *run.start)
-    return _Result(
-        run.outputs,
-        start,
-        judge_run(system, ts, run, start, settings),
-        _flags(system, ts, run.outputs),
-        run.steps,
-        run.accepted,
-        run.steps - run.accepted,
-        settings.baumgarte or settings.projection,
-    )
-
-
-# Arrays of NumPy will do for it too.
-_plain: Any = program(_integrated)
-
-
-def _baumgarte(stabilization: Stabilization) -> Baumgarte | None:
-    return stabilization if isinstance(stabilization, Baumgarte) else None
-
-
-def _trajectory(
-    system: AbstractSystem,
-    ts: Float[Array, " k"],
-    run: _Result,
-    derived: Derived | OnDemand,
-    settings: Settings,
-) -> Trajectory:
-    controlled, frequencies = settings.dt is None, settings.frequencies
-    statistics = Statistics(
-        num_steps=run.steps,
-        num_accepted_steps=run.accepted,
-        num_rejected_steps=run.rejected,
-        rtol=settings.rtol if controlled else None,
-        atol=settings.atol if controlled else None,
-        fastest_frequency=None if frequencies is None else frequencies.fastest,
-        stabilization=run.stabilization,
-    )
-    return Trajectory(
-        t=ts,
-        q=run.outputs.q,
-        v=run.outputs.v,
-        violation=run.outputs.violation,
-        derived=derived,
-        stats=statistics,
-        status=run.status,
-        flags=run.flags,
-        coordinates=system.full.structure.coordinates,
-        solver_parts=Parts.of(settings.solver),
-    )
-
-
-def _flags(system: AbstractSystem, ts: Float[Array, " k"], outputs: Output) -> Int[Array, ""]:
-    """What the system says against its own motion."""
-    if system.validity is None:
-        return jnp.zeros((), int)
-    own = outputs.in_system()
-    run = Run(ts, own.q, own.v, outputs.q, outputs.violation)
-    return system.validity.flags(system, run)

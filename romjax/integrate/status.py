@@ -13,12 +13,15 @@ class Status(enum.IntEnum):
     SOLVER_FAILED = 4
     PRECISION = 5
     CONSTRAINTS_VIOLATED = 6
+    MAX_EVENTS = 7
+    CONTACT_LASTS = 8
     JOINTS_PART = 6  # the name of the release before
 
 
 REMEDIES = {
     Status.SUCCESS: "",
-    Status.MAX_STEPS: "the solver used up max_steps; loosen rtol and atol, raise max_steps, "
+    Status.MAX_STEPS: "the solver used up max_steps, or the steps that dense output has room for; "
+    "loosen rtol and atol, raise max_steps or dense, "
     "or use a solver for stiff systems such as romjax.Rodas5P()",
     Status.NOT_FINITE: "the motion became infinite or NaN; the system is unstable, the mechanism "
     "passes a singular position, a beam with stiffening bends as far as it is long, or the step is "
@@ -30,5 +33,9 @@ REMEDIES = {
     'call jax.config.update("jax_enable_x64", True) before making any array',
     Status.CONSTRAINTS_VIOLATED: "not all joints hold on the way; look at the trajectory's "
     "violation, take out joints that contradict each other, or tighten rtol",
+    Status.MAX_EVENTS: "more happened than there is room for; raise max_events, or watch for less",
+    Status.CONTACT_LASTS: "bodies overlap at the start or stay in contact after an impact, or "
+    "impacts follow one another without end; end the run there by a romjax.Stop, or use a "
+    "romjax.Contact instead",
     Status.SOLVER_FAILED: "the solver failed inside a step; try another solver",
 }

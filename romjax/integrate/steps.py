@@ -9,6 +9,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from ..events.state import Arrival, Cut, Watching
+from ..events.watch import Watch
+
 # Steps end at the end of the run if they come so near, in units in the last place: dense output of
 # a shorter step would be rounding only.
 _NEAR_END = 100
@@ -19,6 +22,7 @@ class Progress(NamedTuple):
 
     y: PyTree
     solver_state: PyTree
+    watching: Watching | None  # of events, if there are any
     t: Float[Array, ""]
     next_t: Float[Array, ""]
     controller_state: PyTree
@@ -28,11 +32,12 @@ class Progress(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """What a method computes in a step."""
+    """What a method computes in a step, and what happens at its end, where events are watched."""
 
     y: PyTree
     solver_state: PyTree
     between: diffrax.AbstractLocalInterpolation
+    arrival: Arrival | None
     error: PyTree
     result: diffrax.RESULTS
 
@@ -41,7 +46,7 @@ class Steps(NamedTuple):
     """How steps are taken.
 
     `attempt` computes a step by the function `trial`, which is that of the method unless another
-    one takes its part.
+    one takes its part. `watch`: the events at which steps end; None for none.
     """
 
     term: diffrax.AbstractTerm[Any, Any]
@@ -51,6 +56,7 @@ class Steps(NamedTuple):
     t1: Float[Array, ""]
     dt0: Float[Array, ""]
     max_steps: Int[Array, ""]
+    watch: Watch | None
 
     def start(self, y0: PyTree) -> Progress:
         """Before the first step."""
@@ -63,6 +69,7 @@ class Steps(NamedTuple):
         return Progress(
             y=y0,
             solver_state=self.solver.init(self.term, t0, next_t, y0, None),
+            watching=None if self.watch is None else self.watch.start(t0, y0),
             t=t0,
             next_t=next_t,
             controller_state=jax.tree.map(jnp.asarray, controller_state),
@@ -73,45 +80,84 @@ class Steps(NamedTuple):
 
     def unfinished(self, now: Progress) -> Bool[Array, ""]:
         """Whether another step follows."""
-        going = diffrax.is_successful(now.result)
+        going = diffrax.is_successful(now.result) & ~self.is_stopped(now)
         return (now.t < self.t1) & going & (now.steps < self.max_steps)
 
-    def trial(self, y: PyTree, solver_state: PyTree, t0: Array, t1: Array) -> Trial:
+    def is_stopped(self, now: Progress) -> Bool[Array, ""]:
+        """Whether an event has ended the run."""
+        if self.watch is None or now.watching is None:
+            return jnp.zeros((), bool)
+        return self.watch.is_stopped(now.watching)
+
+    def trial(
+        self, y: PyTree, solver_state: PyTree, watching: Watching | None, t0: Array, t1: Array
+    ) -> Trial:
         """A step of the method from t0 to t1."""
+        jumped = False if watching is None else watching.jumped
         y1, error, dense, solver_state, result = self.solver.step(
-            self.term, t0, t1, y, None, solver_state, made_jump=False
+            self.term, t0, t1, y, None, solver_state, made_jump=jumped
         )
         between = self.solver.interpolation_cls(t0=t0, t1=t1, **dense)
-        return Trial(y1, solver_state, between, error, result)
+        arrival = None
+        if self.watch is not None and watching is not None:
+            arrival = self.watch.arrive(watching, t0, t1, y1)
+            y1 = arrival.after
+        return Trial(y1, solver_state, between, arrival, error, result)
 
     def attempt(
-        self, now: Progress, trial: Callable[[PyTree, PyTree, Array, Array], Trial]
-    ) -> tuple[Progress, diffrax.AbstractLocalInterpolation]:
-        """One step, kept or not, and the motion in it."""
+        self, now: Progress, trial: Callable[[PyTree, PyTree, Any, Array, Array], Trial]
+    ) -> tuple[Progress, Trial]:
+        """One step, kept or not, and what was computed for it."""
         t0, t1, going = now.t, now.next_t, self.unfinished(now)
         order: Any = self.solver.error_order(self.term)
-        y, solver_state, between, error, solved = trial(now.y, now.solver_state, t0, t1)
+        tried = trial(now.y, now.solver_state, now.watching, t0, t1)
         # An infinite error rejects the step, which NaN would not.
-        error = jax.tree.map(lambda x: jnp.where(jnp.isnan(x), jnp.inf, x), error)
+        error = jax.tree.map(lambda x: jnp.where(jnp.isnan(x), jnp.inf, x), tried.error)
         keep, t, next_t, _, controller_state, controlled = self.controller.adapt_step_size(
-            t0, t1, now.y, y, None, error, order, now.controller_state
+            t0, t1, now.y, tried.y, None, error, order, now.controller_state
         )
-        keep = jnp.asarray(keep) & going
-        t = jnp.where(going, jnp.minimum(t, self.t1), t0)
-        next_t = self._until_end(t, jnp.asarray(next_t), keep)
-        solved = diffrax.RESULTS.where(keep, solved, diffrax.RESULTS.successful)
+        after = now._replace(
+            t=jnp.minimum(t, self.t1), next_t=jnp.asarray(next_t), controller_state=controller_state
+        )
+        keep, after = self._at_events(now, tried, jnp.asarray(keep) & going, after)
+        solved = diffrax.RESULTS.where(keep, tried.result, diffrax.RESULTS.successful)
         result = diffrax.RESULTS.where(diffrax.is_successful(solved), controlled, solved)
-        after = Progress(
-            y=chosen(keep, y, now.y),
-            solver_state=chosen(keep, solver_state, now.solver_state),
-            t=t,
-            next_t=jnp.where(going, next_t, t1),
-            controller_state=chosen(going, controller_state, now.controller_state),
+        return Progress(
+            y=chosen(keep, tried.y, now.y),
+            solver_state=chosen(keep, tried.solver_state, now.solver_state),
+            watching=after.watching,
+            t=jnp.where(going, after.t, t0),
+            next_t=jnp.where(going, self._until_end(after.t, after.next_t, keep), t1),
+            controller_state=chosen(going, after.controller_state, now.controller_state),
             result=diffrax.RESULTS.where(going, result, now.result),
             steps=now.steps + jnp.where(going, 1, 0),
             accepted=now.accepted + jnp.where(keep, 1, 0),
+        ), tried
+
+    def _at_events(
+        self, now: Progress, tried: Trial, keep: Bool[Array, ""], after: Progress
+    ) -> tuple[Bool[Array, ""], Progress]:
+        """Whether a step is kept, and what follows, where events may cut it."""
+        if self.watch is None or now.watching is None or tried.arrival is None:
+            return keep, after
+        arrival, planned = tried.arrival, now.watching.planned
+        cut = self.watch.cut(now.watching, now.t, tried.between, arrival)
+        is_cut, kept = keep & cut.is_due, keep & ~cut.is_due & ~cut.lasting
+        t = jnp.where(kept & arrival.happens, arrival.t, after.t)
+        # Beyond the event, the run goes on as if the step had not been cut.
+        resumes = kept & (planned > t)
+        return kept, after._replace(
+            t=jnp.where(kept | ~keep, t, now.t),
+            next_t=jnp.where(is_cut, cut.at, jnp.where(resumes, planned, after.next_t)),
+            controller_state=chosen(is_cut | resumes, now.controller_state, after.controller_state),
+            watching=self.watch.follow(
+                now.watching,
+                kept,
+                Cut(is_cut, cut.at, keep & cut.lasting),
+                now.next_t,
+                arrival,
+            ),
         )
-        return after, between
 
     def without_transpose(self) -> "Steps":
         """The same for runs that nobody differentiates: stages in a loop without checkpoints."""

@@ -5,15 +5,22 @@ from typing import Any
 
 import diffrax
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from ..arrays import as_number
+from ..arrays import Vector, as_number
+from ..checks import unknown_name
 from ..deprecated import renamed, warn_once
+from ..errors import InputError
+from ..events.record import Events
 from ..program import program
 from ..scene.coordinate import Coordinate
 from ..system.flags import WORDS, Flag
+from .branching import Branching
+from .dense import DenseOutput
 from .derived import Derived, OnDemand
+from .energy_balance import EnergyBalance
 from .parts import Parts
 from .statistics import Statistics
 from .status import REMEDIES, Status
@@ -31,9 +38,17 @@ class Trajectory(eqx.Module):
       method or the stabilization was chosen by it, the `fastest_frequency` [rad/s] of the system.
     - `status`: a number of `romjax.Status`; `success` says whether all went well,
       `Trajectory.summary` says it in words.
-    - `flags`: a number of `romjax.Flag`, of a reduced model's run; `warnings()` says it in words.
+    - `flags`: a number of `romjax.Flag`, what speaks against it; `warnings()` says it in words.
+    - `balance`: that of its energy, a `romjax.EnergyBalance`; None where nobody drew it up.
+    - `imbalance` (k,): what of its energy was gained up to the step before each output, and not by
+      work [J]; None where nobody drew up the balance.
+    - `branching`: how well the motion stayed on its branch, a `romjax.Branching`; None where
+      constraints cannot lose rank.
+    - `events`: what happened, a `romjax.Events`; None where no events were watched.
+    - `dense`: the motion between the outputs, by which `at` goes; None without `dense=True`.
     - `coordinates`: what the columns of q are (`romjax.Coordinate`); `labels` and `descriptions`
-      name them, shortly and in words.
+      name them, shortly and in words. `run["cart.x"]` is one by its label, `run["cart.x'"]` its
+      rate.
     - `solver_parts`: the method as a pytree. `solver` is the object that it stands for, and
       `solver_name` what messages and tables call it.
     """
@@ -48,6 +63,24 @@ class Trajectory(eqx.Module):
     coordinates: tuple[Coordinate, ...] = eqx.field(static=True)
     solver_parts: Parts
     flags: Int[Array, ""] = eqx.field(default_factory=lambda: jnp.zeros((), int))
+    balance: EnergyBalance | None = None
+    branching: Branching | None = None
+    imbalance: Float[Array, " k"] | None = None
+    events: Events | None = None
+    dense: DenseOutput | None = None
+
+    def __getitem__(self, label: str) -> Float[Array, " k"]:
+        """One coordinate by its `label`, such as "cart.x", or its rate by "cart.x'"; (k,), in the
+        unit of the coordinate, per second for a rate.
+
+        Raises InputError, with the closest labels, if no coordinate has that one.
+        """
+        name, values = label, self.q
+        if isinstance(label, str) and label.endswith("'"):
+            name, values = label[:-1], self.v
+        if name not in self.labels:
+            raise unknown_name("Trajectory", "coordinate", label, self.labels)
+        return values[..., self.labels.index(name)]
 
     @property
     def multipliers(self) -> Float[Array, "k m"]:
@@ -81,23 +114,33 @@ class Trajectory(eqx.Module):
         return type(self.solver).__name__
 
     @property
-    def success(self) -> Bool[Array, ""]:
+    def success(self) -> Bool[Array, "*runs"]:
         """Whether the simulation reached its end with finite numbers."""
         return self.status == Status.SUCCESS
 
     @property
-    def is_valid(self) -> Bool[Array, ""]:
+    def is_valid(self) -> Bool[Array, "*runs"]:
         """Whether nothing speaks against this run, so that `warnings()` is empty."""
         return self.success & (self.flags == Flag.NONE)
 
     def warnings(self) -> str:
         """What speaks against this run, in words; empty if nothing does.
 
-        That it failed, or what is wrong with a reduced model's motion.
+        That it failed, that its energy does not balance, or what is wrong with a reduced model's
+        motion. Of several runs, those of each lane that has any.
         """
+        if self.status.ndim:
+            lanes = [jax.tree.map(lambda x, i=i: x[i], self) for i in range(len(self.status))]
+            said = [(i, lane.warnings()) for i, lane in enumerate(lanes)]
+            return "; ".join(f"lane {i}: {words}" for i, words in said if words)
         flags = Flag(int(self.flags))
-        words = [] if self.success else [self.summary()]
-        return "; ".join(words + [WORDS[flag] for flag in WORDS if flag in flags])
+        words = {flag: WORDS[flag] for flag in WORDS if flag in flags}
+        if Flag.ENERGY in flags and self.balance is not None:
+            words[Flag.ENERGY] += f" ({self.balance.describe()})"
+        if Flag.BRANCH in flags and self.branching is not None:
+            words[Flag.BRANCH] += f" ({self.branching.describe()})"
+        failure = [] if self.success else [self.summary()]
+        return "; ".join([*failure, *words.values()])
 
     def summary(self) -> str:
         """The status in words, with the remedy."""
@@ -107,7 +150,33 @@ class Trajectory(eqx.Module):
     def every(self, stride: int) -> "Trajectory":
         """The same motion at every `stride`-th output time."""
         arrays = {name: getattr(self, name)[::stride] for name in ("t", "q", "v", "violation")}
+        if self.imbalance is not None:
+            arrays["imbalance"] = self.imbalance[::stride]
         return dataclasses.replace(self, **arrays, derived=self.derived.every(stride))
+
+    def at(self, times: Vector) -> "Trajectory":
+        """The same motion at other `times` (k,) [s], by the dense output of a run that was
+        simulated with `dense=True`; an imbalance is that at the output before.
+
+        Raises InputError for a run without dense output, or times outside of the run.
+        """
+        if self.dense is None:
+            raise InputError(
+                "Trajectory.at: the run has no dense output; simulate it with dense=True."
+            )
+        ts, outputs, derived = self.dense.at(times)
+        imbalance = self.imbalance
+        if imbalance is not None:
+            imbalance = imbalance[jnp.searchsorted(self.t, ts, side="right") - 1]
+        return dataclasses.replace(
+            self,
+            t=ts,
+            q=outputs.q,
+            v=outputs.v,
+            violation=outputs.violation,
+            derived=derived,
+            imbalance=imbalance,
+        )
 
     def noise(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """What the tolerances allow as errors of positions and velocities, in the energy norm.

@@ -66,6 +66,13 @@ class Factor(eqx.Module):
         start = (diagonal, jnp.concatenate([couplings, fill]))
         _, (self.inverses, self.rows) = _each(level, start, schedule)
 
+    def pivots(self) -> Float[Array, " rows"]:
+        """What elimination leaves of each diagonal element, given all others of its block."""
+        diagonal: Float[Array, " rows"] = (
+            1 / jnp.diagonal(self.inverses, axis1=-2, axis2=-1).ravel()
+        )
+        return diagonal
+
     def solve(self, right: Float[Array, "nodes b k"]) -> Float[Array, "nodes b k"]:
         """The solution x of A x = `right`: L y = right from the first level to the last, then
         Lᵀ x = Δ⁻¹ y from the last to the first.

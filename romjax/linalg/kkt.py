@@ -124,6 +124,14 @@ class KKT(eqx.Module):
         )
         return solution[:size], solution[size:]
 
+    def pivots(self) -> Float[Array, " rows"]:
+        """Of the scaled Schur complement, one for each row and padded row: with a row that nearly
+        depends on the others, about the square of the smallest singular value of the scaled C_q;
+        with one that repeats others, the proximal term.
+        """
+        assert self.factor is not None
+        return self.factor.pivots()
+
     def solve_mass(self, force: Float[Array, "n k"]) -> Float[Array, "n k"]:
         """M⁻¹ force."""
         free = jax.lax.custom_linear_solve(

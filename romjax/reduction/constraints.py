@@ -102,14 +102,11 @@ def looseness(candidates: ReducedConstraints, count: int) -> tuple[float, int]:
     The largest singular value over the snapshots of the scaled Jacobian, on the null space of the
     `count` combinations that are kept: zero where all joints hold, one for parts without joints.
     """
-    worst, row = 0.0, 0
     pairs = zip(np.asarray(candidates.rows), _directions(candidates, count), strict=True)
-    for jacobian, (_, free) in pairs:
-        violated = jacobian @ free.T
-        size = float(np.linalg.norm(violated, 2)) if violated.size else 0.0
-        if size > worst:
-            worst, row = size, int(np.argmax(np.linalg.norm(violated, axis=1)))
-    return worst, row
+    violated = [jacobian @ free.T for jacobian, (_, free) in pairs]
+    sizes = [float(np.linalg.norm(x, 2)) if x.size else 0.0 for x in violated]
+    worst = int(np.argmax(sizes))
+    return sizes[worst], int(np.argmax(np.linalg.norm(violated[worst], axis=1)))
 
 
 def _directions(

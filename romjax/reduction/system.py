@@ -7,32 +7,26 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .. import precision
-from ..arrays import Time, Vector, as_array, concrete
-from ..errors import InputError, ReductionError
+from ..arrays import Time, Vector, as_array
 from ..linalg.dense import multiply
 from ..linalg.kkt import KKT
 from ..linalg.pattern import Pattern
 from ..program import program_once
 from ..scene.coordinate import Coordinate
 from ..system.base import AbstractSystem, AbstractValidity
-from ..system.consistent import consistent
-from ..system.constraints import differentiate
-from ..system.state import AbstractState
+from ..system.reduced import AbstractReducedSystem, check_alike, start_of
+from ..system.state import AbstractState, Energy, Power
 from ..system.structure import Structure
 from .lift.atlas import AtlasLift
 from .lift.base import AbstractLift, Motion, Physical, Reduced
 
 
-class ReducedSystem(AbstractSystem):
+class ReducedSystem(AbstractReducedSystem):
     """GᵀMG z̈ + (UᵀC_q G)ᵀ λ = Gᵀ(Q − M β), UᵀC(t, L(t, z)) = 0, on q = L(t, z), q̈ = G z̈ + β.
 
     d'Alembert's principle: virtual displacements are δq = G δz, so the virtual work of the full
     equations vanishes on the lift, and the energy balance survives. Of the constraints, the
-    combinations U are kept that the lift can violate.
-
-    A reduced system is a system: it simulates, compares and differentiates like any other. Made by
-    `reduce`.
+    combinations U are kept that the lift can violate. Made by `reduce`.
 
     - `full`: the system that was reduced. `lift`: L. `combinations` U (M, m): None keeps none.
     - `q0`, `v0` (r,): the start. `time` [s]: at which `mass` is, where constraints depend on time.
@@ -67,15 +61,11 @@ class ReducedSystem(AbstractSystem):
             tuple(f"kept combination {i + 1} of the constraints" for i in range(m)),
             rigid=(True,) * z.size,
             flexible=True,
+            loops=m > 0 and full.structure.loops,
         )
         combinations = combinations if m else None
         rom = cls(full, lift, combinations, z, w, start[2], validity, structure, summary)
         return rom._starting_at(z, w, start[2])
-
-    @property
-    def degrees_of_freedom(self) -> int:
-        """Coordinates that the constraints leave free, r − m."""
-        return self.n - self.m
 
     def mass(self, q: Reduced) -> Float[Array, "r r"]:
         return self.state(self.time, q, jnp.zeros_like(q)).mass()
@@ -94,62 +84,32 @@ class ReducedSystem(AbstractSystem):
         inner = self.full.state(t, motion.q, motion.v)
         return ReducedState(motion.q, motion.v, motion, inner, self.combinations)
 
-    # Between physical and reduced coordinates.
-
     def reconstruct(self, t: Time, q: Reduced, v: Reduced) -> tuple[Physical, Physical]:
-        """The physical coordinates and velocities that a reduced state stands for."""
         motion = self.lift.motion(self.full, t, q, v)
         return motion.q, motion.v
 
     def restrict(self, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
-        """The reduced coordinates and velocities nearest to physical ones; in several charts, those
-        of the chart that suits its start (see `starting_at` for another start).
-        """
         return self.lift.restrict(self.full, q, v)
 
     def in_chart_of(self, q: Physical) -> "ReducedSystem":
-        """The system in the coordinates that suit a configuration: itself, unless it has charts."""
         if not isinstance(self.lift, AtlasLift):
             return self
         lift = eqx.tree_at(lambda atlas: atlas.current, self.lift, self.lift.number(q))
         return dataclasses.replace(self, lift=lift)
 
-    # The same reduction elsewhere.
-
     def starting_at(self, q: Vector, v: Vector, t: Vector | None = None) -> "ReducedSystem":
-        """The system with the start nearest to physical q, v (n,) at t [s], on its constraints.
-
-        Raises ReductionError if these cannot be satisfied there.
-        """
         q, v = as_array(q), as_array(v)
         rom = self.in_chart_of(q)
         return rom._starting_at(*rom.restrict(q, v), self.time if t is None else as_array(t))
 
     def with_full(self, full: AbstractSystem) -> "ReducedSystem":
-        """The same reduction of a system with other numbers: on the same lift, with the same
-        combinations of constraints, from the same reduced start, put on these constraints.
-
-        Works under `jit`, `grad` and `vmap`. Raises ReductionError if the coordinates differ.
-        """
-        if full.n != self.full.n or full.m != self.full.m:
-            raise ReductionError(
-                f"with_full: a system of {full.n} coordinates and {full.m} constraints cannot take "
-                f"the place of one of {self.full.n} and {self.full.m}; reduce it by itself."
-            )
+        check_alike(self.full, full)
         rom = dataclasses.replace(self, full=full, lift=self.lift.with_full(full))
         return rom._starting_at(self.q0, self.v0, self.time)
 
     def _starting_at(self, z: Reduced, w: Reduced, time: Float[Array, ""]) -> "ReducedSystem":
         rom = dataclasses.replace(self, q0=z, v0=w, time=jnp.asarray(time, z.dtype))
-        if rom.m == 0:
-            return rom
-        violation = concrete(_largest_violation(rom))
-        if violation is not None and violation <= precision.of(z.dtype).projected:
-            return rom
-        try:
-            q0, v0 = consistent(rom, t=rom.time)
-        except InputError as error:
-            raise ReductionError(f"The reduced model has no start there. {error}") from error
+        q0, v0 = start_of(rom, z, w, rom.time)
         return dataclasses.replace(rom, q0=q0, v0=v0)
 
 
@@ -163,13 +123,6 @@ def _restrict(
     lift: AbstractLift, full: AbstractSystem, q: Physical, v: Physical
 ) -> tuple[Reduced, Reduced]:
     return lift.restrict(full, q, v)
-
-
-@program_once
-def _largest_violation(rom: ReducedSystem) -> Float[Array, ""]:
-    """Of the start, by the constraints or their rates."""
-    state = differentiate(rom.constraint, rom.time, rom.q0, rom.v0)
-    return jnp.max(jnp.abs(jnp.stack([state.violation, state.rate])))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -209,6 +162,12 @@ class ReducedState(AbstractState):
         if self.motion.bias is not None:
             force -= self._pushed[:, -1]
         return multiply(self.motion.tangent.T, force)
+
+    def energy(self) -> Energy:
+        return self.inner.energy().by_coordinates(self.motion.tangent)
+
+    def power(self) -> Power | None:
+        return self.inner.power()
 
     def residual(self, a: Reduced) -> Reduced:
         pushed = self.inner.apply_mass(self.physical_acceleration(a))

@@ -31,8 +31,12 @@ class Comparison(eqx.Module):
     steps: tuple[Int[Array, ""], Int[Array, ""]]
 
 
-def compare(truth: Trajectory, approx: Trajectory) -> Comparison:
+def compare(
+    truth: Trajectory, approx: Trajectory, metric: Float[Array, "n n"] | None = None
+) -> Comparison:
     """The errors of `approx` against `truth`, at the same times and in the same coordinates.
+
+    `metric` (n, n): M₀; that of `truth` unless given.
 
     Raises ValueError if times or coordinates do not fit.
     """
@@ -45,7 +49,8 @@ def compare(truth: Trajectory, approx: Trajectory) -> Comparison:
     if t is not None and other is not None and not np.allclose(t, other, rtol=1e-6):
         raise ValueError("compare: the motions have different times; simulate both at the same.")
     steps = truth.stats.num_steps, approx.stats.num_steps
-    return _compare(truth.q, truth.metric, approx.q, approx.violation, steps)
+    metric = truth.metric if metric is None else metric
+    return _compare(truth.q, metric, approx.q, approx.violation, steps)
 
 
 @program

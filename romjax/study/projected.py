@@ -4,9 +4,8 @@ import dataclasses
 from typing import Any, ClassVar
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from ..arrays import Time
 from ..basis.basis import Basis
@@ -15,15 +14,11 @@ from ..linalg.kkt import KKT
 from ..linalg.pattern import Pattern
 from ..reduction.formulation.base import AbstractFormulation, start
 from ..reduction.validity import TrainingBox
-from ..system.base import AbstractSystem, AbstractValidity, Run
-from ..system.flags import Flag
+from ..system.base import AbstractSystem, AbstractValidity
 from ..system.frequencies import frequencies
 from ..system.stabilization import Baumgarte
-from ..system.state import AbstractState
+from ..system.state import AbstractState, Energy, Power
 from ..system.structure import Structure
-
-# The share of the range of kinetic energy that may come from nowhere.
-_ENERGY = 0.01
 
 
 class Projected(AbstractFormulation):
@@ -62,7 +57,7 @@ class Projected(AbstractFormulation):
             stabilization=stabilization,
             q0=modes.T @ (q - basis.offset),
             v0=modes.T @ v,
-            validity=None if box is None else EnergyBalance(box),
+            validity=box,
             structure=Structure.unnamed(basis.rank, 0),
             summary=f"{basis.rank} modes, all {system.m} constraints inside; for reference only",
         )
@@ -148,25 +143,15 @@ class ProjectedState(AbstractState):
     def solve(self, gamma: Float[Array, " 0"]) -> tuple[Float[Array, " r"], Float[Array, " 0"]]:
         return self.force(), gamma
 
+    def energy(self) -> Energy:
+        return self._full.energy().by_coordinates(self.system.modes)
+
+    def power(self) -> Power | None:
+        return self._full.power()
+
+    @property
+    def _full(self) -> AbstractState:
+        return self.system.full.state(self.t, self.q, self.v)
+
     def physical_acceleration(self, a: Float[Array, " r"]) -> Float[Array, " n"]:
         return multiply(self.system.modes, a)
-
-
-class EnergyBalance(AbstractValidity):
-    """The box of the snapshots, and the work of the constraint forces that are projected away."""
-
-    box: TrainingBox
-
-    def flags(self, system: AbstractSystem, run: Run) -> Int[Array, ""]:
-        def power(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
-            state = system.state(t, q, v)
-            full = system.full.state(t, state.q, state.v)
-            unbalanced = full.residual(state.physical_acceleration(state.force()))
-            return state.v @ unbalanced, 0.5 * state.v @ full.apply_mass(state.v)
-
-        lost, kinetic = jax.vmap(power)(run.t, run.q, run.v)
-        # By the trapezoidal rule.
-        work = jnp.cumsum(jnp.diff(run.t) * (lost[1:] + lost[:-1]) / 2)
-        extent = jnp.max(kinetic) - jnp.min(kinetic)
-        share = jnp.max(jnp.abs(work)) / jnp.where(extent > 0, extent, 1)
-        return self.box.flags(system, run) + (share > _ENERGY) * int(Flag.ENERGY)

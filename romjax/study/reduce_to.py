@@ -21,8 +21,8 @@ from ..program import program
 from ..reduction.formulation.base import AbstractFormulation
 from ..reduction.formulation.parse import as_formulation
 from ..reduction.reduce import reduce
-from ..reduction.system import ReducedSystem
 from ..system.base import AbstractSystem
+from ..system.reduced import AbstractReducedSystem
 from .compare import compare
 
 # The next rank shows the error of this one up to a factor of two.
@@ -35,7 +35,7 @@ _SHARPER = 1e-3
 
 @dataclasses.dataclass(frozen=True)
 class _Candidate:
-    rom: ReducedSystem
+    rom: AbstractReducedSystem
     basis: Basis
     runs: list[Trajectory]  # one for each training run
 
@@ -53,27 +53,26 @@ def reduce_to(
     variations: Sequence[AbstractSystem] = (),
     formulation: AbstractFormulation | str = "galerkin",
     progress: bool = False,
-) -> ReducedSystem:
+) -> AbstractReducedSystem:
     """A reduced system whose runs err by at most `tol`, of the smallest rank that does.
 
     The rank goes up until the change from one rank to the next, a good estimate of the error, and
     the error on the training are half of `tol`, and the singular values that are left out hold a
-    fifth of it. Then the model is tried on a variation it has not seen; if it fails, that run joins
-    the training, and so on.
+    fifth of it. Then the model is tried on all variations it has not seen; if it fails, the one
+    with the largest error joins the training, and so on.
 
     **Arguments:**
 
     - `system`: the full system; `training`: a run of it, at a tolerance well below `tol`.
     - `tol`: relative error in the energy norm, as `Comparison.error`.
     - `variations`: systems of the same structure with other numbers: amplitudes, frequencies,
-      starts. They are simulated in one batch, by the method of the training and at its times; the
-      last is tried first, and each as often as needed.
-    - `formulation`: "galerkin" or "minimal", by name or as an object.
+      starts. They are simulated in one batch, by the method of the training and at its times.
+    - `formulation`: "galerkin", "minimal" or "local", by name or as an object.
     - `progress`: show a progress bar.
 
-    Returns the reduced system. Its `validity` holds the estimated `error` and the box of the
-    snapshots; `Trajectory.warnings` tells of a later run outside of it. Its `summary` says in words
-    what was done.
+    Returns the reduced system. Its `validity` holds the `error`, estimated on the training and
+    measured on all variations, and how far the snapshots reach; `Trajectory.warnings` tells of a
+    later run beyond. Its `summary` says in words what was done.
 
     Raises ReductionError if no rank is good enough, naming the best one; InputError for variations
     that differ in structure or cannot be simulated.
@@ -88,26 +87,28 @@ def reduce_to(
     remaining = list(variations)
     unseen = _simulate_all(remaining, training) if remaining else []
     search = _Search([system], [training], tol, chosen)
-    held_out = None
+    held_out = 0.0
     with tqdm(disable=not progress, unit=" models", desc="reduce_to") as bar:
         accepted = search.smallest(1, bar)
         while remaining:
-            held_out = _held_out(accepted.candidate, remaining[-1], unseen[-1], tol)
+            pairs = zip(remaining, unseen, strict=True)
+            errors = [_held_out(accepted.candidate, *pair, tol) for pair in pairs]
+            held_out = max(errors)
             if held_out <= tol:
                 break
-            search.systems.append(remaining.pop())
-            search.truths.append(unseen.pop())
+            worst = errors.index(held_out)
+            search.systems.append(remaining.pop(worst))
+            search.truths.append(unseen.pop(worst))
             accepted = search.smallest(accepted.candidate.basis.rank, bar)
-    error = max(accepted.estimate, held_out or 0.0)
-    count = len(search.truths)
-    words = f"; estimated error {accepted.estimate:.1e} for tol {tol:g}, {count} training run"
+    error, count = accepted.estimate, len(search.truths)
+    words = f"; estimated error {error:.1e} for tol {tol:g}, {count} training run"
     words += "s" * (count > 1)
-    if held_out is not None:
-        words += f", {held_out:.1e} on the last variation tried"
-        words += "" if remaining else ", which then joined the training"
+    if remaining:
+        error = max(error, held_out)
+        words += f", at most {held_out:.1e} on {len(remaining)} variations that are not among them"
     rom = accepted.candidate.rom
     rom = eqx.tree_at(lambda r: r.validity.error, rom, jnp.asarray(error))
-    accurate: ReducedSystem = dataclasses.replace(rom, summary=rom.summary + words)
+    accurate: AbstractReducedSystem = dataclasses.replace(rom, summary=rom.summary + words)
     return accurate
 
 
@@ -132,14 +133,17 @@ class _Search:
             bar.set_postfix_str(f"rank {r}")
             bar.update()
             try:
-                candidate = self.candidate(r)
+                basis = POD(r)(truths)
+                if self.tail(basis) > _TAIL * tol:
+                    continue
+                candidate = self.candidate(basis)
             except (RankError, ReductionError) as error:  # no more directions, or it would lock
                 refusal = str(error)
                 continue
             if previous is not None:
                 estimate = max(_change(truths, previous, candidate), _error(truths, previous))
                 best = min(best, estimate)
-                if estimate <= tol / _SAFETY and self.tail(previous) <= _TAIL * tol:
+                if estimate <= tol / _SAFETY:
                     return _Accepted(previous, estimate)
                 if candidate.rom.n == previous.rom.n:
                     break  # all minimal coordinates are there
@@ -158,19 +162,17 @@ class _Search:
             + (', or use formulation="minimal".' if self.formulation.in_subspace else ".")
         )
 
-    def candidate(self, rank: int) -> _Candidate:
-        """The model of a rank, with its runs from the starts of all training runs."""
-        basis = POD(rank)(self.truths)
+    def candidate(self, basis: Basis) -> _Candidate:
+        """The model of a basis, with its runs from the starts of all training runs."""
         # All formulations but those for reference make such systems.
-        rom = cast(ReducedSystem, reduce(self.systems[0], basis, self.formulation))
+        rom = cast(AbstractReducedSystem, reduce(self.systems[0], basis, self.formulation))
         pairs = zip(self.systems, self.truths, strict=True)
-        runs = [_run(rom, basis, system, truth, self.tol) for system, truth in pairs]
+        runs = [_run(rom, system, truth, self.tol) for system, truth in pairs]
         return _Candidate(rom, basis, runs)
 
-    def tail(self, candidate: _Candidate) -> float:
-        """What the basis misses of the snapshots; in minimal coordinates, that says nothing."""
-        error = candidate.basis.projection_error
-        return float(error) if self.formulation.in_subspace else 0.0
+    def tail(self, basis: Basis) -> float:
+        """What the basis misses of the snapshots; it says nothing where q is not in its span."""
+        return float(basis.projection_error) if self.formulation.in_subspace else 0.0
 
 
 def _change(truths: list[Trajectory], coarse: _Candidate, fine: _Candidate) -> float:
@@ -195,8 +197,7 @@ def _finite(errors: list[float]) -> float:
 
 
 def _run(
-    rom: ReducedSystem,
-    basis: Basis,
+    rom: AbstractReducedSystem,
     system: AbstractSystem,
     truth: Trajectory,
     tol: float,
@@ -215,7 +216,7 @@ def _held_out(
 ) -> float:
     """The error on a run that the model has not seen; infinite where it cannot even start."""
     try:
-        run = _run(candidate.rom, candidate.basis, system, truth, tol)
+        run = _run(candidate.rom, system, truth, tol)
     except ReductionError:
         return np.inf
     return _finite([float(compare(truth, run).error)])

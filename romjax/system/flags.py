@@ -10,10 +10,14 @@ class Flag(enum.IntFlag):
     OUTSIDE_TRAINING = 1
     VIOLATION = 2
     ENERGY = 4
+    DISSIPATION = 8
+    BRANCH = 16
 
 
 WORDS = {
     Flag.OUTSIDE_TRAINING: "it leaves the box of the snapshots that the reduced model was made of",
     Flag.VIOLATION: "it violates the constraints by more than the snapshots in the basis do",
     Flag.ENERGY: "its energy changes by more than the work of the forces",
+    Flag.DISSIPATION: "its dampers give energy instead of taking it",
+    Flag.BRANCH: "it passes a singular position so closely that it may have changed its branch",
 }

@@ -4,11 +4,54 @@ import abc
 import dataclasses
 import functools
 from collections.abc import Callable
+from typing import NamedTuple
 
+import jax
 from jaxtyping import Array, Float
 
+from ..linalg.dense import multiply
 from ..linalg.kkt import KKT
 from ..linalg.pattern import Pattern
+
+
+class Energy(NamedTuple):
+    """The energy of a motion [J], and its derivatives by the state.
+
+    - `kinetic`: T = ½ vᵀ M v. V of all forces that have one: `elastic`, of bodies that deform, and
+      `potential`, of gravity, springs and the like.
+    - `momentum` (n,): ∂T/∂v. `slope` (n,): ∂V/∂q.
+    """
+
+    kinetic: Float[Array, ""]
+    elastic: Float[Array, ""]
+    potential: Float[Array, ""]
+    momentum: Float[Array, " n"]
+    slope: Float[Array, " n"]
+
+    @property
+    def total(self) -> Float[Array, ""]:
+        """E = T + V."""
+        return self.kinetic + self.elastic + self.potential
+
+    def by_coordinates(self, tangent: Float[Array, "n r"]) -> "Energy":
+        """With the derivatives by coordinates z on which q depends, `tangent` = ∂q/∂z."""
+        momentum, slope = multiply(tangent.T, self.momentum), multiply(tangent.T, self.slope)
+        return self._replace(momentum=momentum, slope=slope)
+
+
+class Power(NamedTuple):
+    """The power [W] of the forces that have no potential energy.
+
+    - `dissipation`: of dampers, which take energy: not positive.
+    - `supply`: of loads, motors and all others.
+    """
+
+    dissipation: Float[Array, ""]
+    supply: Float[Array, ""]
+
+    @property
+    def total(self) -> Float[Array, ""]:
+        return self.dissipation + self.supply
 
 
 class AbstractState(abc.ABC):
@@ -34,6 +77,16 @@ class AbstractState(abc.ABC):
         """Generalized force Q."""
 
     @abc.abstractmethod
+    def energy(self) -> Energy:
+        """The energy of the physical motion, with its derivatives in the system's coordinates."""
+
+    @abc.abstractmethod
+    def power(self) -> Power | None:
+        """The power of all forces that have no potential energy, but for those of the constraints;
+        None where there are none.
+        """
+
+    @abc.abstractmethod
     def residual(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
         """M a − Q."""
 
@@ -56,6 +109,8 @@ class FullState(AbstractState):
 
     - `pattern`: where the blocks sit; `mass_blocks`, `jacobian_blocks`: those of M and of C_q, as
       `KKT` takes them; `force_vector`: Q. Functions, so that only what is asked for is traced.
+    - `stored`: the elastic and the potential energy as a function of q; `work_rate`: the power of
+      the other forces.
     """
 
     q: Float[Array, " n"]
@@ -64,6 +119,8 @@ class FullState(AbstractState):
     mass_blocks: Callable[[], Float[Array, "bodies size *size"]]
     jacobian_blocks: Callable[[], Float[Array, "sides height size"]]
     force_vector: Callable[[], Float[Array, " n"]]
+    stored: Callable[[Float[Array, " n"]], tuple[Float[Array, ""], Float[Array, ""]]]
+    work_rate: Callable[[], Power | None]
 
     @functools.cached_property
     def _mass(self) -> Float[Array, "bodies size *size"]:
@@ -77,6 +134,19 @@ class FullState(AbstractState):
 
     def force(self) -> Float[Array, " n"]:
         return self.force_vector()
+
+    def energy(self) -> Energy:
+        momentum = self.apply_mass(self.v)
+
+        def both(q: Array) -> tuple[Array, tuple[Array, Array]]:
+            stored = self.stored(q)
+            return stored[0] + stored[1], stored
+
+        (_, (elastic, potential)), slope = jax.value_and_grad(both, has_aux=True)(self.q)
+        return Energy(0.5 * multiply(self.v, momentum), elastic, potential, momentum, slope)
+
+    def power(self) -> Power | None:
+        return self.work_rate()
 
     def residual(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
         return self.apply_mass(a) - self.force()

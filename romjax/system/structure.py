@@ -17,12 +17,19 @@ class Structure:
     - `coordinates`: what they are; `constraints`: what messages call them.
     - `rigid`: which coordinates are those of rigid-body motion; all, where it is unknown.
     - `flexible`: whether parts may be much faster than the motion; true, where it is unknown.
+    - `loops`: whether joints close loops, so that constraints may lose rank on the way; in a tree
+      of joints none depends on the others. True, where it is unknown.
+    - `joints`, `effects`: by which keys results name them, each key once, in the order in which the
+      system holds them; none, where there are no such parts.
     """
 
     coordinates: tuple[Coordinate, ...]
     constraints: tuple[str, ...]
     rigid: tuple[bool, ...]
     flexible: bool
+    loops: bool
+    joints: tuple[str, ...] = ()
+    effects: tuple[str, ...] = ()
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -33,13 +40,16 @@ class Structure:
     def unnamed(cls, n: int, m: int) -> "Structure":
         """Of `n` coordinates and `m` constraints of which nothing else is known."""
         coordinates = tuple(Coordinate("", f"q{i + 1}") for i in range(n))
-        return cls(coordinates, tuple(f"constraint {i + 1}" for i in range(m)), (True,) * n, True)
+        constraints = tuple(f"constraint {i + 1}" for i in range(m))
+        return cls(coordinates, constraints, (True,) * n, flexible=True, loops=m > 0)
 
     @functools.cached_property
     def nameless(self) -> "Structure":
         """The same kinds of coordinates, without names."""
         unnamed = Structure.unnamed(len(self.coordinates), len(self.constraints))
-        return dataclasses.replace(unnamed, rigid=self.rigid, flexible=self.flexible)
+        return dataclasses.replace(
+            unnamed, rigid=self.rigid, flexible=self.flexible, loops=self.loops
+        )
 
     def __hash__(self) -> int:
         return self._hash
@@ -47,7 +57,8 @@ class Structure:
     @functools.cached_property
     def _hash(self) -> int:
         # Every call of a compiled program asks for it.
-        return hash((self.coordinates, self.constraints, self.rigid, self.flexible))
+        kinds = self.rigid, self.flexible, self.loops
+        return hash((self.coordinates, self.constraints, kinds))
 
 
 _nameless = Remembered()

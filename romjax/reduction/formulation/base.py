@@ -14,8 +14,8 @@ class AbstractFormulation(eqx.Module):
     """How a system is reduced. One of one's own is a subclass with a `name` and `reduce`."""
 
     name: ClassVar[str]
-    # Whether q stays in the affine subspace of the basis; else it depends on minimal coordinates,
-    # of which there are no more than degrees of freedom.
+    # Whether q stays in the affine subspace of the basis; else what the basis misses of the
+    # snapshots says nothing of the model.
     in_subspace: ClassVar[bool] = True
     # Whether it is there to be compared with, not to be used.
     for_reference: ClassVar[bool] = False

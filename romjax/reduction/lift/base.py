@@ -11,10 +11,8 @@ from jaxtyping import Array, Float
 
 from ...arrays import Time
 from ...system.base import AbstractSystem
-
-# Shapes of signatures: coordinates of the full system, and of the reduced one.
-Physical = Float[Array, " n"]
-Reduced = Float[Array, " r"]
+from ...system.reduced import Physical as Physical
+from ...system.reduced import Reduced as Reduced
 
 
 class Motion(NamedTuple):

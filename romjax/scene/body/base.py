@@ -1,9 +1,10 @@
 """The interface that every kind of body has."""
 
 import abc
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -13,6 +14,9 @@ from ...errors import SceneError
 from ..coordinate import Coordinate
 from ..fields import check_finite, check_shape
 from ..marker import GROUND, Marker
+from .inertia import Inertia
+
+T = TypeVar("T", bound="AbstractBody")
 
 
 class AbstractBody(eqx.Module):
@@ -74,6 +78,19 @@ class AbstractBody(eqx.Module):
     def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
         """Strain energy [J]; asked only of bodies with modes."""
 
+    def natural_frequencies(self) -> Float[Array, " modes"]:
+        """Angular frequencies ω [rad/s] of the modes in the frame that is held, where they are
+        orthonormal in mass and stiffness; else raises SceneError.
+        """
+        raise SceneError(
+            f"body '{self.name}': the frequencies of its modes are not known; use a Beam, or "
+            "ModalBody.of_mesh, whose modes are orthonormal."
+        )
+
+    def invariants(self) -> Inertia | None:
+        """What the mass matrix is made of; None where it is made of something else."""
+        return None
+
     def damping_force(self, v: Float[Array, " size"]) -> Float[Array, " size"]:
         """Generalized force of the body's own damping; asked only of bodies that are `damped`."""
         return jnp.zeros_like(v)
@@ -132,6 +149,14 @@ class AbstractBody(eqx.Module):
     def at(self, point: Vector = (0.0, 0.0), angle: Number = 0.0) -> Marker:
         """A marker at the material `point` X [m] of the body frame, turned by `angle` [rad]."""
         return Marker(self.name, point, angle)
+
+
+def nameless(body: T) -> T:
+    """The body without its name: bodies that differ in their names only are mapped over at once."""
+    leaves, structure = jax.tree.flatten(body)
+    copy: T = jax.tree.unflatten(structure, leaves)
+    object.__setattr__(copy, "name", "")
+    return copy
 
 
 def check_name(name: str) -> None:

@@ -174,9 +174,12 @@ class Beam(AbstractBody):
     def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
         return flexible_start(self)
 
-    def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
+    def invariants(self) -> Inertia:
         moment = self.mass * self.length**2 / 12 if self.inertia is None else self.inertia
-        return self._inertia(moment).matrix(q)
+        return self._inertia(moment)
+
+    def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
+        return self.invariants().matrix(q)
 
     def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
         return 0.5 * jnp.sum((self.natural_frequencies() * q[3:]) ** 2)

@@ -87,6 +87,31 @@ class Inertia(eqx.Module):
         c, s = jnp.cos(q[2]), jnp.sin(q[2])
         return self.mass * q[:2] + jnp.array([[c, -s], [s, c]]) @ self._arm(q[3:])
 
+    def in_span(self, basis: Float[Array, "modes k"]) -> "Inertia":
+        """The inertia of the motions q_f = Φ z, exactly: all terms are polynomials in q_f.
+
+        `basis` Φ (modes, k): orthonormal where `modal` is the identity.
+        """
+
+        def both(matrix: Array | None) -> Array | None:
+            return None if matrix is None else basis.T @ matrix @ basis
+
+        def one(vector: Array | None) -> Array | None:
+            return None if vector is None else vector @ basis
+
+        return Inertia(
+            self.mass,
+            self.moment,
+            both(self.modal),
+            self.first_moment,
+            one(self.shift),
+            one(self.swing),
+            one(self.stretch),
+            both(self.gyration),
+            both(self.foreshortening),
+            both(self.spin),
+        )
+
     def check(self, owner: str, modes: int) -> None:
         """Raise a SceneError that names owner, field, value and remedy."""
         shapes: dict[str, tuple[int, ...]] = {

@@ -152,8 +152,12 @@ class ModalBody(AbstractBody):
         return self.damping is not None and self.modes > 0
 
     def natural_frequencies(self) -> Float[Array, " modes"]:
-        """Angular frequencies ω [rad/s] where modes are orthonormal, as `of_mesh` makes them."""
+        if self.stiffness.ndim == 2 or self.inertia.modal is not None:
+            return super().natural_frequencies()
         return jnp.sqrt(self.stiffness)
+
+    def invariants(self) -> Inertia:
+        return self.inertia
 
     def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
         return flexible_start(self)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
@@ -59,6 +60,11 @@ class AbstractMarkerEffect(AbstractEffect):
 
     # Whether the wrenches depend on velocities; where none do, no velocity is traced.
     needs_twists: AbstractClassVar[bool]
+    # What the wrenches consist of, for the balance of energy: those of `energy`, and others, which
+    # may give energy (`supplies`) or only take it (`dissipates`).
+    stores: ClassVar[bool] = False
+    dissipates: ClassVar[bool] = False
+    supplies: ClassVar[bool] = True
 
     @property
     def markers(self) -> tuple[Marker, ...]:
@@ -81,11 +87,35 @@ class AbstractMarkerEffect(AbstractEffect):
     ) -> tuple[Wrench, ...]:
         """Force [N] and torque [N m] on each marker, in their order."""
 
+    def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
+        """Potential energy [J]; asked only of effects that store some."""
+        del t
+        return jnp.zeros_like(poses[0].angle)
+
+    def power(
+        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    ) -> Float[Array, ""]:
+        """Power [W] of the wrenches that have no potential energy, and of the change of `energy`
+        with time alone.
+        """
+        wrenches = self.wrenches(t, poses, twists if self.needs_twists else ())
+        total = sum(
+            wrench.force @ twist.velocity + wrench.torque * twist.angular_velocity
+            for wrench, twist in zip(wrenches, twists, strict=True)
+        )
+        if self.stores:
+            t = jnp.asarray(t, poses[0].angle.dtype)
+            rates = tuple(Pose(*twist) for twist in twists)
+            total += jax.jvp(self.energy, (t, *poses), (jnp.ones_like(t), *rates))[1]
+        return jnp.asarray(total)
+
 
 class AbstractPotential(AbstractMarkerEffect):
     """A conservative effect, given by its energy; force = −∂energy/∂pose."""
 
     needs_twists: ClassVar[bool] = False
+    stores: ClassVar[bool] = True
+    supplies: ClassVar[bool] = False
 
     @abc.abstractmethod
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
@@ -98,6 +128,17 @@ class AbstractPotential(AbstractMarkerEffect):
         slopes = jax.grad(lambda poses: self.energy(t, *poses))(poses)
         return tuple(Wrench(-slope.position, -slope.angle) for slope in slopes)
 
+    def power(
+        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    ) -> Float[Array, ""]:
+        """Power [W] of what changes the energy with time, at rest."""
+        del twists
+        t = jnp.asarray(t, poses[0].angle.dtype)
+        rate: Float[Array, ""] = jax.jvp(
+            lambda t: self.energy(t, *poses), (t,), (jnp.ones_like(t),)
+        )[1]
+        return rate
+
 
 class AbstractDissipation(AbstractMarkerEffect):
     """A dissipative effect, given by Rayleigh's function R; force = −∂R/∂twist.
@@ -106,6 +147,8 @@ class AbstractDissipation(AbstractMarkerEffect):
     """
 
     needs_twists: ClassVar[bool] = True
+    dissipates: ClassVar[bool] = True
+    supplies: ClassVar[bool] = False
 
     @abc.abstractmethod
     def rayleigh(

@@ -32,10 +32,20 @@ class Bushing(AbstractMarkerEffect):
     stiffness: Converted[Float[Array, "3"], Vector] = number()
     damping: Converted[Float[Array, "3"] | None, Vector] = number(default=None)
     hatched: ClassVar[bool] = True
+    stores: ClassVar[bool] = True
+    supplies: ClassVar[bool] = False
 
     @property
     def needs_twists(self) -> bool:  # type: ignore[override]
         return self.damping is not None
+
+    @property
+    def dissipates(self) -> bool:  # type: ignore[override]
+        return self.damping is not None
+
+    def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
+        del t
+        return 0.5 * jnp.sum(self.stiffness * _delta(*poses) ** 2)
 
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]

@@ -1,9 +1,11 @@
 """Contact of a point with a curve, with friction if asked for."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ...arrays import Time
 from ...errors import SceneError
@@ -72,25 +74,26 @@ class Contact(AbstractMarkerEffect):
     stiffness: Converted[Float[Array, ""]] = number()
     dissipation: Converted[Float[Array, ""] | None] = number(default=None)
     friction: Friction | None = None
+    stores: ClassVar[bool] = True
 
     @property
     def needs_twists(self) -> bool:  # type: ignore[override]
         return self.dissipation is not None or self.friction is not None
+
+    def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
+        """⅖ k δ^(5/2) of the depth: that of the normal force where the curve is a line. On curved
+        ones δ is no distance, and what remains counts as power.
+        """
+        del t
+        depth, inside, _ = self._depth(_local_point(*poses))
+        return jnp.where(inside, 0.4 * self.stiffness * depth**2.5, 0.0)
 
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> tuple[Wrench, ...]:
         del t
         point, rate, wrenches = displacement(_local_point, poses, twists)
-        gap, slope = jax.value_and_grad(self.curve)(point)
-        squared = slope @ slope
-        # The centre of a circle has no direction out of it, and no force.
-        steepness = jnp.sqrt(jnp.where(squared > 0, squared, 1.0))
-        normal = slope / steepness
-        # Outside, a depth of one stands in: the power of a negative depth is NaN, which derivatives
-        # pass through `where`.
-        inside = gap < 0
-        depth = jnp.where(inside, -gap / steepness, 1.0)
+        depth, inside, normal = self._depth(point)
         push = self.stiffness * depth**1.5
         if self.dissipation is not None:
             push *= jnp.maximum(1 - self.dissipation * (normal @ rate()), 0)
@@ -99,6 +102,19 @@ class Contact(AbstractMarkerEffect):
             tangent = jnp.stack([normal[1], -normal[0]])
             force -= push * self.friction(tangent @ rate()) * tangent
         return wrenches(jnp.where(inside, force, 0))
+
+    def _depth(
+        self, point: Float[Array, "2"]
+    ) -> tuple[Float[Array, ""], Bool[Array, ""], Float[Array, "2"]]:
+        """How deep a point in the frame of `b` is inside, whether it is, and the way out."""
+        gap, slope = jax.value_and_grad(self.curve)(point)
+        squared = slope @ slope
+        # The centre of a circle has no direction out of it, and no force.
+        steepness = jnp.sqrt(jnp.where(squared > 0, squared, 1.0))
+        # Outside, a depth of one stands in: the power of a negative depth is NaN, which derivatives
+        # pass through `where`.
+        inside = gap < 0
+        return jnp.where(inside, -gap / steepness, 1.0), inside, slope / steepness
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

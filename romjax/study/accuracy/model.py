@@ -1,21 +1,28 @@
-"""A model that is simulated in a study: the full system, or a reduced one."""
+"""A model that is simulated in a study: the full system, or a capped or a reduced one."""
 
 import dataclasses
+import functools
 from typing import Any
 
+from ...assembly.assemble import assemble
+from ...assembly.disassemble import disassemble
+from ...assembly.locate import assembled
 from ...basis.basis import Basis
 from ...reduction.formulation.base import AbstractFormulation
-from ...reduction.system import ReducedSystem
+from ...scene.body.capped import cap
 from ...system.base import AbstractSystem
+from ...system.reduced import AbstractReducedSystem
 from ..projected import ProjectedSystem
 from .row import FULL
+
+CAPPED = "capped"
 
 
 @dataclasses.dataclass(frozen=True)
 class Reduction:
     """A reduced system and what it was made of."""
 
-    rom: ReducedSystem | ProjectedSystem
+    rom: AbstractReducedSystem | ProjectedSystem
     basis: Basis
     formulation: AbstractFormulation
     offline: float  # [s] to simulate the training run, decompose it and reduce
@@ -28,24 +35,31 @@ class Reduction:
 
 @dataclasses.dataclass(frozen=True)
 class Model:
-    """The full system, or with a `reduction` the reduced one."""
+    """The full system, with a `reduction` the reduced, and with a `cap` [Hz] the capped one."""
 
     full: AbstractSystem
     reduction: Reduction | None = None
+    cap: float | None = None
 
     @property
     def name(self) -> str:
-        """What it is called in tables: "full", or the name of the reduction."""
+        """What it is called in tables: "full", "capped, 40 Hz", or the name of the reduction."""
+        if self.cap is not None:
+            return f"{CAPPED}, {self.cap:.3g} Hz"
         return FULL if self.reduction is None else self.reduction.name
 
-    @property
+    @functools.cached_property
     def system(self) -> AbstractSystem:
         """What is simulated."""
+        if self.cap is not None:
+            return capped(self.full, self.cap)
         return self.full if self.reduction is None else self.reduction.rom
 
     @property
     def formulation(self) -> str:
-        """The name of its formulation, for tables; "full" where nothing is reduced."""
+        """The name of its formulation, for tables; "full" or "capped" where nothing is reduced."""
+        if self.cap is not None:
+            return CAPPED
         return FULL if self.reduction is None else self.reduction.formulation.name
 
     @property
@@ -63,7 +77,18 @@ class Model:
 
         Raises ReductionError where the reduced one cannot start there.
         """
+        if self.cap is not None:
+            return capped(system, self.cap)
         if self.reduction is None:
             return system
         rom = self.reduction.rom.with_full(system)
         return rom.starting_at(system.q0, system.v0, t)
+
+
+def capped(system: AbstractSystem, hertz: float) -> AbstractSystem:
+    """The system, from the same start, with no mode of a body above `hertz`; see `romjax.cap`.
+
+    Raises InputError for a system without bodies, or without modes.
+    """
+    slow = assemble(cap(disassemble(assembled("cap", system)), hertz))
+    return dataclasses.replace(slow, q0=system.q0, v0=system.v0)

@@ -4,21 +4,29 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from typing import cast
 
+import numpy as np
+
+from ...assembly.disassemble import disassemble
+from ...assembly.locate import assembled
 from ...basis.basis import Basis
 from ...basis.decomposition.base import AbstractDecomposition
 from ...basis.decomposition.pod import POD
 from ...basis.rank import Rank
-from ...errors import RankError, ReductionError
+from ...errors import InputError, RankError, ReductionError
 from ...integrate.trajectory import Trajectory
 from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.reduce import reduce
-from ...reduction.system import ReducedSystem
+from ...scene.body.capped import cap
 from ...system.base import AbstractSystem
+from ...system.reduced import AbstractReducedSystem
 from ..projected import ProjectedSystem
 from ..timing import timed
 from .model import Model, Reduction
 
 NO_TIME = "no time left in the budget"
+# Caps that are tried unless others are asked for, in units of the lowest frequency of a body: the
+# deflection of slower modes follows the motion well.
+_CAPS = (2.5, 5.0)
 
 
 def reduced_models(
@@ -46,10 +54,10 @@ def reduced_models(
             decomposition: AbstractDecomposition = decomposition,
             formulation: AbstractFormulation = formulation,
             rank: Rank = rank,
-        ) -> tuple[ReducedSystem | ProjectedSystem, Basis]:
+        ) -> tuple[AbstractReducedSystem | ProjectedSystem, Basis]:
             basis = decomposition.with_rank(rank)(training)
             rom = reduce(system, basis, formulation)
-            return cast(ReducedSystem | ProjectedSystem, rom), basis
+            return cast(AbstractReducedSystem | ProjectedSystem, rom), basis
 
         try:
             (rom, basis), duration = timed(make)
@@ -77,3 +85,18 @@ def default_choices(
         for formulation in formulations
     ]
     return [(formulation, rank) for formulation, rank in ranks if rank > 0]
+
+
+def default_caps(system: AbstractSystem) -> list[float]:
+    """Caps [Hz] above the lowest mode of a body and below the highest; none where the frequencies
+    of the bodies are not known.
+    """
+    try:
+        scene = disassemble(assembled("accuracy", system))
+        cap(scene, 1.0)
+    except InputError:  # no bodies, no modes, modes that are not orthonormal or capped already
+        return []
+    modes = [body.natural_frequencies() for body in scene.bodies if body.modes]
+    frequencies = np.concatenate(modes) / (2 * np.pi)
+    caps = [float(factor * np.min(frequencies)) for factor in _CAPS]
+    return [hertz for hertz in caps if hertz < np.max(frequencies)]

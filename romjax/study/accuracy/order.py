@@ -11,7 +11,7 @@ import numpy as np
 from ...integrate.default import default_solver, start_frequencies
 from .configuration import Configuration
 from .model import Model
-from .row import with_front
+from .row import FULL, with_front
 from .search import rows_of
 
 
@@ -50,7 +50,7 @@ def promising(configurations: list[Configuration]) -> list[Configuration]:
     first.
     """
     fronts = []
-    full = [one for one in configurations if one.model.reduction is None]
+    full = [one for one in configurations if one.model.name == FULL]
     for group in (configurations, full):
         owners = [one for one in group for _ in one.outcomes]
         digits = collections.Counter[Configuration]()

@@ -13,7 +13,7 @@ from ...integrate.trajectory import Trajectory
 from ...system.base import AbstractSystem
 from .configuration import Configuration
 from .model import Model
-from .models import default_choices, reduced_models
+from .models import default_caps, default_choices, reduced_models
 from .order import methods_for, promising, queue
 from .reference import make_reference
 from .result import Accuracy
@@ -93,6 +93,8 @@ def _try_single_runs(
     choices = default_choices(full.system, training, settings.formulations)
     if settings.ranks is not None:
         choices = list(itertools.product(settings.formulations, settings.ranks))
+    caps = default_caps(full.system) if settings.caps is None else settings.caps
+    slower = [Model(full.system, cap=hertz) for hertz in caps]
     candidates = reduced_models(
         full.system,
         training,
@@ -102,7 +104,8 @@ def _try_single_runs(
         search.skipped,
         lambda: search.spent(share),
     )
-    for model, method in queue(full, others, candidates, settings.solvers, times):
+    every = itertools.chain(slower, candidates)
+    for model, method in queue(full, others, every, settings.solvers, times):
         models[model.name] = model
         search.attempt(model, method, share)
     if len(settings.steps):

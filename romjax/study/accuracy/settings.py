@@ -26,6 +26,7 @@ class Settings:
     formulations: Sequence[AbstractFormulation]
     decompositions: Sequence[AbstractDecomposition]
     ranks: Sequence[Rank] | None
+    caps: Sequence[float] | None  # [Hz]
     solvers: Sequence[diffrax.AbstractSolver[Any]]
     tolerances: Sequence[float]
     steps: Sequence[float]  # [s]
@@ -39,6 +40,7 @@ class Settings:
         formulations: Sequence[AbstractFormulation | str],
         decompositions: Sequence[AbstractDecomposition | str],
         ranks: Sequence[Rank] | None,
+        caps: Sequence[float] | None,
         solvers: Sequence[diffrax.AbstractSolver[Any]] | None,
         tolerances: Sequence[float],
         steps: Sequence[float],
@@ -61,10 +63,13 @@ class Settings:
                 f"accuracy: steps={tuple(steps)}, lanes={tuple(lanes)}; give steps longer than "
                 "0 s, and one lane or more."
             )
+        if not all(hertz > 0 for hertz in caps or ()):
+            raise InputError(f"accuracy: caps={tuple(caps or ())}; give them in hertz, above 0.")
         return cls(
             [as_formulation(one) for one in formulations],
             [as_decomposition(one) for one in decompositions],
             ranks,
+            caps,
             [Rodas5P(), diffrax.Dopri8()] if solvers is None else list(solvers),
             tolerances,
             steps,

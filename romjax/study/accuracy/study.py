@@ -28,6 +28,7 @@ def accuracy(
     formulations: Sequence[AbstractFormulation | str] = ("minimal", "galerkin"),
     bases: Sequence[AbstractDecomposition | str] = ("POD", "SOD"),
     ranks: Sequence[Rank] | None = None,
+    caps: Sequence[float] | None = None,
     solvers: Sequence[diffrax.AbstractSolver[Any]] | None = None,
     tolerances: Sequence[float] = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8),
     steps: Sequence[float] = (),
@@ -37,7 +38,7 @@ def accuracy(
     budget: int | float | None = None,
     progress: bool = False,
 ) -> Accuracy:
-    """Error against time of full and reduced models, by method and tolerance.
+    """Error against time of full, capped and reduced models, by method and tolerance.
 
     Errors are those of `Comparison.error` at the output times, against a reference of other
     equations (all minimal coordinates, not redundant ones with constraints) that is ten thousand
@@ -49,6 +50,8 @@ def accuracy(
     - `what`: a scene or a system, in double precision. `ts` (k,): output times [s].
     - `formulations`: of the reduced models. `bases`: decompositions. `ranks`: numbers of modes, or
       "drop"; all minimal coordinates or the drop point of the training run, and some less.
+    - `caps`: of the modes of the full model [Hz], see `romjax.cap`; 2.5 and 5 times the lowest
+      frequency of a body unless given, where there are modes above.
     - `solvers`: diffrax solvers; Rodas5P and Dopri8 unless given.
     - `tolerances`: of the step size control. `steps`: fixed steps [s] to try beside it.
     - `precisions`: "f64", and "f32" for single precision. `lanes`: how many runs at once, with
@@ -61,7 +64,7 @@ def accuracy(
     if the training run fails: the full model at the tightest tolerance.
     """
     runs = (tolerances, steps, precisions, lanes, repeats, budget)
-    settings = Settings.of(formulations, bases, ranks, solvers, *runs)
+    settings = Settings.of(formulations, bases, ranks, caps, solvers, *runs)
     begin = time.perf_counter()
     system = _in_double_precision(assemble(what) if isinstance(what, Scene) else what)
     layout = "{desc:48} {n_fmt} runs, {elapsed}"

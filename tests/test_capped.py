@@ -1,0 +1,146 @@
+"""Capped modes: statics exact, errors of second order in the cap, energy kept."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from comparison import assert_close
+from conftest import TIGHT
+from tolerances import IDENTITY, SOLVED
+
+import romjax as rj
+
+TS = jnp.linspace(0.0, 1.0, 101)
+# Required: of the error of the coarser run that the difference of two caps is.
+EFFECTIVITY = (0.6, 0.9)
+# How much more accurate than the finer run the extrapolated one is, 2.6 to 9 times here: what is
+# left are vibrations of the capped mode, excited at the start, which fall with the cap only.
+GAIN = 2.5
+# Required of a gradient, against that of the full model.
+GRADIENT = 1e-5
+
+
+def cantilever(**settings):
+    """A clamped beam under its weight, and a load at its end."""
+    beam = rj.Beam("beam", 0.5, 1.2, EI=3.0, modes=4, shapes="clamped-free", **settings)
+    joint = rj.Weld(beam.at((-0.6, 0.0)), rj.ground.at((-0.6, 0.0)))
+    load = rj.Force(beam.at((0.6, 0.0)), (0.0, 1.0), rj.Constant(-0.7))
+    return rj.Scene([beam], [joint], [rj.Gravity(), load])
+
+
+def test_statics_are_exact():
+    """Of all modes, capped or not."""
+    full, capped = (rj.assemble(scene) for scene in (cantilever(), rj.cap(cantilever(), 3.0)))
+    assert_close(rj.equilibrium(capped), rj.equilibrium(full), SOLVED)
+
+
+def test_no_mode_is_above_the_cap():
+    scene = cantilever()
+    own = scene.bodies[0].natural_frequencies() / (2 * jnp.pi)
+    cap = 0.5 * float(own[1] + own[2])
+    capped = rj.cap(scene, cap)
+    system = rj.assemble(capped)
+    wanted = jnp.minimum(own, cap)
+    assert_close(capped.bodies[0].natural_frequencies() / (2 * jnp.pi), wanted, IDENTITY, wanted)
+    stiffness = jax.hessian(lambda q: system.state(0.0, q, q).energy().elastic)(system.q0)[3:, 3:]
+    squared = jnp.diag(stiffness) / jnp.diag(system.mass(system.q0))[3:]
+    assert_close(jnp.sqrt(squared) / (2 * jnp.pi), wanted, IDENTITY, wanted)
+    assert system.structure.labels == rj.assemble(scene).structure.labels
+
+
+def test_energy_is_kept():
+    """With a stiffened, damped and turning beam, whose mass matrix is not constant."""
+    beam = rj.Beam(
+        "beam",
+        0.5,
+        1.2,
+        EI=3.0,
+        modes=3,
+        shapes="clamped-free",
+        damping=0.02,
+        stiffening=True,
+        angular_velocity=4.0,
+        velocity=(0.0, 4.0 * 0.6),
+    )
+    hinge = rj.Revolute(beam.at((-0.6, 0.0)), rj.ground.at((-0.6, 0.0)))
+    system = rj.assemble(rj.cap(rj.Scene([beam], [hinge], [rj.Gravity()]), 10.0))
+    run = rj.simulate(system, TS, rtol=TIGHT)
+    assert run.is_valid
+    assert_close(rj.energy(system, run).balance, 0.0, SOLVED, scale=float(run.balance.extent))
+
+
+def test_bodies_of_one_kind_are_one_group():
+    beams = [
+        rj.Beam(f"beam {i}", 0.5, 1.0, EI=3.0 + i, modes=2, position=(float(i), 0.0))
+        for i in range(2)
+    ]
+    joint = rj.Revolute(beams[0].at((0.5, 0.0)), beams[1].at((-0.5, 0.0)))
+    scene = rj.cap(rj.Scene(beams, [joint], [rj.Gravity()]), 20.0)
+    assert len(rj.assemble(scene).bodies) == 1
+
+
+def errors(**numbers):
+    """Of caps of 40 and 80 Hz, of their extrapolation, and what their difference says."""
+    scene = rj.gallery.cart_pendulum(**numbers)
+    full = rj.assemble(scene)
+    truth = rj.simulate(full, TS, rtol=TIGHT)
+    runs = [rj.simulate(rj.assemble(rj.cap(scene, cap)), TS, rtol=TIGHT) for cap in (40.0, 80.0)]
+    better, difference = rj.extrapolate(full, *runs)
+    coarse, fine, extrapolated = (rj.compare(truth, run).error for run in (*runs, better))
+    return coarse, fine, extrapolated, difference.error, better
+
+
+def test_two_caps():
+    """Errors fall with the square of the cap; their difference is three quarters of the larger."""
+    coarse, fine, extrapolated, difference, better = errors()
+    assert 3.5 <= coarse / fine <= 4.5
+    assert EFFECTIVITY[0] <= difference / coarse <= EFFECTIVITY[1]
+    assert GAIN * extrapolated <= fine
+    # Of the joints, what the extrapolation leaves is of second order in the difference.
+    assert float(jnp.max(better.violation)) < float(difference)
+
+
+@pytest.mark.slow
+def test_two_caps_at_other_parameters():
+    rng = np.random.default_rng(2)
+    for _ in range(10):
+        numbers = {
+            "force": float(rng.uniform(5.0, 15.0)),
+            "frequency": float(rng.uniform(8.0, 12.0)),
+            "f1": float(rng.uniform(14.0, 18.0)),
+        }
+        coarse, fine, extrapolated, difference, _ = errors(**numbers)
+        assert EFFECTIVITY[0] <= difference / coarse <= EFFECTIVITY[1], numbers
+        assert GAIN * extrapolated <= fine, numbers
+
+
+@pytest.mark.slow
+def test_the_time_of_a_run_does_not_depend_on_stiff_modes():
+    """And the gradient by the slow one is that of the full model."""
+
+    def run(f1, f2, cap=None, rtol=1e-7, solver=None):
+        scene = rj.gallery.cart_pendulum(f1=f1, f2=f2)
+        system = rj.assemble(scene if cap is None else rj.cap(scene, cap))
+        return rj.simulate(system, TS, rtol=rtol, solver=solver)
+
+    steps = [int(run(16.0, f2, 40.0).stats.num_steps) for f2 in (1e4, 1e5)]
+    assert abs(steps[1] - steps[0]) <= 0.05 * steps[0]
+    with rj.forward_mode():
+        full, capped = (
+            jax.jacfwd(lambda f1, cap=cap: run(f1, 1e4, cap, TIGHT, rj.Rodas5P()).q[-1])(16.0)
+            for cap in (None, 40.0)
+        )
+    assert_close(capped, full, GRADIENT, scale=float(jnp.max(jnp.abs(full))))
+
+
+def test_what_is_refused():
+    scene = cantilever()
+    with pytest.raises(rj.InputError, match="no body of the scene deforms"):
+        rj.cap(rj.gallery.chain(2), 40.0)
+    with pytest.raises(rj.SceneError, match="body 'beam': cap is 0.0, but it must be positive"):
+        rj.cap(scene, 0.0)
+    with pytest.raises(rj.InputError, match="body 'beam' is capped already"):
+        rj.cap(rj.cap(scene, 40.0), 20.0)
+    run = rj.simulate(rj.assemble(scene), TS[:3])
+    with pytest.raises(rj.InputError, match="ratio = 1 must be above 1"):
+        rj.extrapolate(rj.assemble(scene), run, run, ratio=1.0)

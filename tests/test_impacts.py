@@ -1,0 +1,171 @@
+"""Impacts: momentum and energy are balanced, and joints hold."""
+
+import itertools
+
+import diffrax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from comparison import assert_close
+from conftest import TIGHT
+from tolerances import IDENTITY, SOLVED
+
+import romjax as rj
+
+G = 9.81
+BALLS, RADIUS, LENGTH, MASS, ANGLE = 10, 0.05, 0.5, 0.3, 0.6
+
+
+def cradle():
+    """Newton's cradle, its first ball pulled aside, and the impacts of each with the next."""
+    balls, hinges = [], []
+    for i in range(BALLS):
+        angle = -ANGLE if i == 0 else 0.0
+        hinge = np.array([2 * RADIUS * i, 0.0])
+        position = hinge + LENGTH * np.array([np.sin(angle), -np.cos(angle)])
+        inertia = 0.4 * MASS * RADIUS**2
+        ball = rj.RigidBody(f"ball {i}", MASS, inertia, position=position, angle=angle)
+        balls.append(ball)
+        hinges.append(rj.Revolute(ball.at((0.0, LENGTH)), rj.ground.at(hinge)))
+    gaps = [rj.quantity.Gap(a.at(), b.at()) for a, b in itertools.pairwise(balls)]
+    impacts = [rj.Impact(gap, level=2 * RADIUS) for gap in gaps]
+    return rj.assemble(rj.Scene(balls, hinges, [rj.Gravity()])), impacts
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "stabilization", ["default", rj.Projection()], ids=["default", "projected"]
+)
+def test_newtons_cradle(stabilization):
+    """The momentum of the first ball passes to the last, through eight that stay at rest, and back,
+    with all energy.
+    """
+    system, impacts = cradle()
+    run = rj.simulate(
+        system,
+        jnp.linspace(0.0, 4.0, 101),
+        events=impacts,
+        rtol=1e-12,
+        solver=diffrax.Dopri8(),
+        stabilization=stabilization,
+    )
+    events, count = run.events, int(run.events.count)
+    assert count == 6
+    assert run.is_valid
+    # From the first to the last and back, one end of the row after the other.
+    assert np.argmax(events.happened[:count], axis=1).tolist() == [0, BALLS - 2] * 3
+    inertia = MASS * LENGTH**2 + 0.4 * MASS * RADIUS**2
+    energy = MASS * G * LENGTH * (1 - np.cos(ANGLE))
+    rates = events.v_after[:count, 2::3]
+    assert_close(jnp.max(jnp.abs(rates), axis=1), np.sqrt(2 * energy / inertia), SOLVED)
+    for v in (events.v_before, events.v_after):
+        kinetic = 0.5 * inertia * jnp.sum(v[:count, 2::3] ** 2, axis=1)
+        assert_close(kinetic, energy, SOLVED, scale=energy)
+    before, after = (jnp.sum(v[:count, 2::3], axis=1) for v in (events.v_before, events.v_after))
+    assert_close(after, before, SOLVED)
+    # All impulses are equal: those of one ball's momentum.
+    assert_close(events.impulse[:count], events.impulse[0, 0], SOLVED)
+    assert_close(run.balance.largest, 0.0, SOLVED, scale=energy)
+
+
+def test_a_rod_falls_on_its_end():
+    """By linear and angular momentum: p = (1 + e) u m / (1 + m l²/4I) at the end that hits."""
+    mass, inertia, length, height, restitution = 0.8, 0.03, 0.6, 0.5, 0.7
+    rod = rj.RigidBody("rod", mass, inertia, position=(0.0, height))
+    system = rj.assemble(rj.Scene([rod], effects=[rj.Gravity()]))
+    end = rod.at((length / 2, 0.0))
+    gap = rj.quantity.Travel(end, rj.ground.at(angle=np.pi / 2))
+    impact = rj.Impact(gap, restitution=restitution)
+    run = rj.simulate(system, jnp.linspace(0.0, 0.33, 5), events=[impact], rtol=TIGHT)
+    speed = np.sqrt(2 * G * height)
+    impulse = (1 + restitution) * speed * mass / (1 + mass * length**2 / (4 * inertia))
+    assert int(run.events.count) == 1
+    assert_close(run.events.times(), speed / G, SOLVED)
+    assert_close(run.events.impulse[0, 0], impulse, SOLVED)
+    wanted = [0.0, -speed + impulse / mass, impulse * length / 2 / inertia]
+    assert_close(run.events.v_after[0], wanted, SOLVED)
+    assert run.is_valid
+
+
+@pytest.fixture(scope="module")
+def double_pendulum():
+    """A double pendulum, its lower end above the ground, let fall; and how it moves."""
+    upper = rj.RigidBody("upper", 1.2, 0.02, position=(0.25, 0.0))
+    lower = rj.RigidBody("lower", 0.7, 0.01, position=(0.7, 0.0))
+    joints = [
+        rj.Revolute(upper.at((-0.25, 0.0)), rj.ground.at()),
+        rj.Revolute(lower.at((-0.2, 0.0)), upper.at((0.25, 0.0))),
+    ]
+    system = rj.assemble(rj.Scene([upper, lower], joints, [rj.Gravity()]))
+    tip = rj.quantity.Travel(lower.at((0.2, 0.0)), rj.ground.at((0.0, -0.6), angle=np.pi / 2))
+    return system, rj.Impact(tip, restitution=0.6)
+
+
+def test_joints_hold_during_impacts(double_pendulum):
+    """And take part: by the mass matrix of the two angles, in which no joint is left."""
+    system, impact = double_pendulum
+    run = rj.simulate(system, jnp.linspace(0.0, 1.0, 21), events=[impact], rtol=TIGHT)
+    assert int(run.events.count) >= 2
+    assert run.is_valid
+    for i in range(2):
+        q, before, after = (x[i] for x in (run.events.q, run.events.v_before, run.events.v_after))
+        a, b = q[2], q[5]
+
+        def tangent(*lengths, a=a, b=b):
+            """Of a point that is so far along both bars, by the two angles."""
+            columns = [
+                length * jnp.array([-jnp.sin(angle), jnp.cos(angle)])
+                for length, angle in zip(lengths, (a, b), strict=True)
+            ]
+            return jnp.stack(columns, axis=1)
+
+        centres = tangent(0.25, 0.0), tangent(0.5, 0.2)
+        mass = 1.2 * centres[0].T @ centres[0] + 0.7 * centres[1].T @ centres[1]
+        mass += jnp.diag(jnp.array([0.02, 0.01]))
+        row = tangent(0.5, 0.4)[1]
+        response = jnp.linalg.solve(mass, row)
+        rates = before[jnp.array([2, 5])]
+        impulse = -1.6 * (row @ rates) / (row @ response)
+        assert_close(run.events.impulse[i, 0], impulse, SOLVED, scale=impulse)
+        assert_close(after[jnp.array([2, 5])], rates + impulse * response, SOLVED)
+        held = rj.system.dynamics.constraint_state(system, 0.0, q, after).rate
+        assert_close(held, 0.0, SOLVED)
+        energy = rj.system.dynamics.kinetic_energy(system, q, after)
+        lost = 0.5 * (1 - 0.6**2) * (row @ rates) ** 2 / (row @ response)
+        assert_close(energy, 0.5 * rates @ mass @ rates - lost, SOLVED)
+
+
+def test_impacts_of_a_reduced_model(double_pendulum):
+    """In minimal coordinates, without joints: the same times and velocities."""
+    system, impact = double_pendulum
+    ts = jnp.linspace(0.0, 1.0, 21)
+    run = rj.simulate(system, ts, events=[impact], rtol=TIGHT)
+    for formulation in (rj.Minimal(), rj.Galerkin()):
+        rom = rj.reduce(system, rj.pod(run, rank=6), formulation)
+        reduced = rj.simulate(rom, ts, events=[impact], rtol=TIGHT)
+        count = int(run.events.count)
+        assert int(reduced.events.count) == count
+        assert_close(reduced.events.times(), run.events.times(), 10 * SOLVED)
+        assert_close(reduced.events.v_after[:1], run.events.v_after[:1], 10 * SOLVED)
+
+
+def test_a_racket_gives_energy():
+    """A ball meets a body that moves by a prescribed motion, which its work keeps going."""
+    racket = rj.RigidBody("racket", 1.0, 1.0)
+    ball = rj.RigidBody("ball", 0.2, 1e-4, position=(1.0, 0.0))
+    speed = 1.5
+    joints = [
+        rj.FixedAngle(racket.at(), rj.ground.at()),
+        rj.PointOnLine(racket.at(), rj.ground.at()),
+        rj.PrescribedTravel(racket.at(), rj.ground.at(), rj.Ramp(speed)),
+    ]
+    scene = rj.Scene([racket, ball], joints)
+    system = rj.assemble(scene)
+    q0, v0 = rj.consistent(system)
+    impact = rj.Impact(rj.quantity.Travel(ball.at(), racket.at()), restitution=0.5)
+    run = rj.simulate(system, jnp.linspace(0.0, 1.0, 5), q0=q0, v0=v0, events=[impact], rtol=TIGHT)
+    assert_close(run.events.times(), 1.0 / speed, SOLVED)
+    assert_close(run["ball.x'"][-1], speed + 0.5 * speed, SOLVED)
+    assert_close(run["racket.x'"][-1], speed, SOLVED)
+    assert run.is_valid
+    assert_close(run.balance.largest, 0.0, IDENTITY)

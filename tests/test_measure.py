@@ -1,0 +1,376 @@
+"""Motion of markers along runs: against closed forms, differences in time, and other models."""
+
+import math
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import mechanics
+import numpy as np
+import pytest
+from comparison import assert_close
+from mechanics import marker_place
+from programs import primitives
+from tolerances import DIFFERENCED, IDENTITY
+
+import romjax as rj
+from romjax.measure.states import accelerations
+
+# Required: a reduced model's quantities differ from the full ones by no more than its coordinates
+# let them, to first order, times this for the rest; which is at most this share of them.
+AMPLIFIED, NOTICED = 1.2, 0.05
+# The share of the second bending mode, which reduced models drop, in accelerations and forces.
+DROPPED = 2e-3
+SMOOTH = {"dt": 1e-3, "solver": diffrax.Dopri8()}  # fixed steps: errors without jumps
+KINEMATIC = (
+    "position",
+    "velocity",
+    "acceleration",
+    "angle",
+    "angular_velocity",
+    "angular_acceleration",
+)
+# Central differences of order six, on seven points.
+FIRST = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60
+SECOND = np.array([2, -27, 270, -490, 270, -27, 2]) / 180
+
+
+def arm(stiffening: bool = False) -> rj.Scene:
+    """A soft beam on a motor, and a bar on a spring beside it."""
+    beam = rj.Beam(
+        "beam",
+        mass=1.5,
+        length=1.2,
+        EI=3.0,
+        modes=2,
+        shapes="clamped-free",
+        position=(0.6, 0.0),
+        amplitudes=(0.02, -0.003),
+        angular_velocity=0.5,
+        velocity=(0.0, 0.3),
+        damping=0.02,
+        stiffening=stiffening,
+    )
+    bar = rj.RigidBody("bar", 2.0, 0.3, position=(0.2, 0.9), velocity=(0.1, -0.2))
+    return rj.Scene(
+        [beam, bar],
+        [rj.Revolute(beam.at((-0.6, 0.0)), rj.ground.at(), name="pin")],
+        [rj.Gravity((0.3, -2.0)), rj.Spring(beam.at((0.6, 0.0)), bar.at((0.1, 0.0)), 3.0)],
+    )
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["linear", "stiffened"])
+def swinging(request):
+    """The arm in motion, finely sampled."""
+    scene = arm(request.param)
+    system = rj.assemble(scene)
+    return scene, system, rj.simulate(system, jnp.arange(0.0, 0.04, 1e-3), **SMOOTH)
+
+
+def differenced(values, weights, step):
+    """A derivative in time at the inner outputs, from seven around each."""
+    windows = np.lib.stride_tricks.sliding_window_view(np.asarray(values), 7, axis=0)
+    return np.einsum("k...i,i->k...", windows, weights) / step
+
+
+@pytest.mark.parametrize("relative", [False, True], ids=["inertial", "relative"])
+def test_rates_are_differences_of_positions(swinging, relative):
+    """Of a point and a direction of a flexible beam, and as seen from a body that moves."""
+    scene, system, run = swinging
+    beam, bar = scene.bodies
+    against = bar.at((0.1, 0.2), 0.4) if relative else None
+    found = rj.measure(system, run, beam.at((0.45, 0.0), 0.2), against)
+    h = float(run.t[1] - run.t[0])
+    assert np.max(np.abs(found.velocity)) > 0.1
+    for value, first, second in (
+        (found.position, found.velocity, found.acceleration),
+        (found.angle, found.angular_velocity, found.angular_acceleration),
+        (found.distance, found.distance_rate, None),
+    ):
+        assert_close(first[3:-3], differenced(value, FIRST, h), DIFFERENCED)
+        if second is not None:
+            scale = np.max(np.abs(second))
+            assert_close(second[3:-3], differenced(value, SECOND, h**2), DIFFERENCED, scale)
+
+
+def test_a_point_by_hand(swinging):
+    """Position and velocity from the shapes of the beam, by functions of the tests."""
+    scene, system, run = swinging
+    if scene.bodies[0].stiffening:
+        pytest.skip("the functions of the tests know no foreshortening")
+    marker = scene.bodies[0].at((0.31, 0.0))
+    found = rj.measure(system, run, marker)
+    for i in (0, 17, -1):
+        place, rate = jax.jvp(lambda q: marker_place(scene, marker, q), (run.q[i],), (run.v[i],))
+        assert_close(found.position[i], place, IDENTITY)
+        assert_close(found.velocity[i], rate, IDENTITY)
+
+
+def test_relative_motion_by_hand(swinging):
+    scene, system, run = swinging
+    a, b = scene.bodies[0].at((0.6, 0.0)), scene.bodies[1].at((0.1, 0.0), 0.3)
+    both, one, other = (rj.measure(system, run, *m) for m in ((a, b), (a,), (b,)))
+    apart = one.position - other.position
+    c, s = np.cos(other.angle), np.sin(other.angle)
+    wanted = np.stack([c * apart[:, 0] + s * apart[:, 1], c * apart[:, 1] - s * apart[:, 0]], 1)
+    assert_close(both.position, wanted, IDENTITY)
+    assert_close(both.angle, one.angle - other.angle, IDENTITY)
+    assert_close(both.distance, np.hypot(*np.asarray(apart).T), IDENTITY)
+    # Seen from b, which turns with ω: ṙ' = A_bᵀ (Δv − ω × Δr).
+    turned = other.angular_velocity[:, None] * np.stack([-apart[:, 1], apart[:, 0]], 1)
+    seen = one.velocity - other.velocity - turned
+    wanted = np.stack([c * seen[:, 0] + s * seen[:, 1], c * seen[:, 1] - s * seen[:, 0]], 1)
+    assert_close(both.velocity, wanted, IDENTITY)
+
+
+def test_points_in_one_place():
+    """Their distance has no direction: its rate is zero, not NaN, and so is a derivative."""
+    scene = rj.gallery.chain(2)
+    system = rj.assemble(scene)
+    run = rj.simulate(system, jnp.linspace(0.0, 0.1, 3))
+    marker = scene.bodies[0].at((0.5, 0.0))
+    found = rj.measure(system, run, marker, marker)
+    assert_close(found.distance, 0, IDENTITY)
+    assert_close(found.distance_rate, 0, IDENTITY)
+
+
+# Coordinates by label.
+
+
+def test_coordinates_by_label(cart_pendulum, truth):
+    for i, label in enumerate(cart_pendulum.structure.labels):
+        assert_close(truth[label], truth.q[:, i], 0)
+        assert_close(truth[label + "'"], truth.v[:, i], 0)
+    with pytest.raises(rj.InputError, match=r"no coordinate 'cart\.z'.*mean 'cart\.[xy]'"):
+        truth["cart.z"]
+    with pytest.raises(rj.InputError, match="no coordinate"):
+        truth["z'"]
+
+
+# Reduced models.
+
+
+@pytest.fixture(scope="module", params=["galerkin", "minimal"])
+def reduced(request, cart_pendulum, truth):
+    rank = 6 if request.param == "galerkin" else 3
+    rom = rj.reduce(cart_pendulum, rj.pod(truth, rank=rank), request.param)
+    return rom, rj.simulate(rom, truth.t, rtol=1e-9)
+
+
+def relative_difference(found, wanted):
+    return np.max(np.abs(found - wanted), axis=0) / np.max(np.abs(wanted), axis=0)
+
+
+def errors(system, truth, rom, run):
+    """Of the reduced model's own coordinates, velocities and accelerations, (3, n)."""
+    a, wanted = accelerations(rom, run), accelerations(system, truth)
+    pairs = (run.q, truth.q), (run.v, truth.v), (a, wanted)
+    return np.array([np.max(np.abs(x - exact), axis=0) for x, exact in pairs])
+
+
+def pose(marker, q):
+    """Position and angle of a marker on the pendulum, by functions of the tests."""
+    scene = rj.gallery.cart_pendulum()
+    turn = q[5] + scene.bodies[1].mode_shapes(marker.point)[2] @ q[6:]
+    return jnp.concatenate([marker_place(scene, marker, q), turn[None]])
+
+
+@pytest.mark.parametrize("place", [(0.0, -0.4), (0.0, 0.1)])
+def test_reduced_models_agree(cart_pendulum, truth, reduced, place):
+    """In every measured quantity, by no more than the errors of the model's own coordinates, their
+    rates and second rates, as far as the marker moves with them.
+    """
+    rom, run = reduced
+    marker = rj.gallery.cart_pendulum().bodies[1].at(place)
+    full, approx = rj.measure(cart_pendulum, truth, marker), rj.measure(rom, run, marker)
+    slopes = jax.vmap(jax.jacfwd(lambda q: pose(marker, q)))(truth.q)
+    slopes = np.max(np.abs(slopes), axis=0)
+    limits = AMPLIFIED * errors(cart_pendulum, truth, rom, run) @ slopes.T
+    for names, at in ((KINEMATIC[:3], np.s_[:2]), (KINEMATIC[3:], np.s_[2:])):
+        for name, limit in zip(names, limits, strict=True):
+            found, wanted = getattr(approx, name), getattr(full, name)
+            shape = (len(found), -1)
+            assert_close(found.reshape(shape), wanted.reshape(shape), 1, limit[at])
+            assert np.max(limit[at]) < NOTICED * np.max(np.abs(wanted)), name
+
+
+def test_forces_of_reduced_models_agree(cart_pendulum, truth, reduced):
+    rom, run = reduced
+    limit = DROPPED
+    for forces in (rj.joint_forces, rj.effect_forces):
+        full, approx = forces(cart_pendulum, truth), forces(rom, run)
+        for key in set(full) - {"cart angle"}:  # which carries nothing
+            assert np.max(relative_difference(approx[key].force, full[key].force)) < limit, key
+    cuts = [-0.2, 0.0, 0.3]
+    full = rj.resultants(cart_pendulum, truth, "pendulum", cuts)
+    for x, wanted in zip(rj.resultants(rom, run, "pendulum", cuts), full, strict=True):
+        assert np.max(relative_difference(x, wanted)) < limit
+
+
+@pytest.mark.slow
+def test_forces_of_reduced_models_differentiate(reduced):
+    """By the mass of the cart, at given states."""
+    rom, run = reduced
+
+    def force(mass):
+        full = eqx.tree_at(lambda s: s.bodies[0].bodies.mass, rom.full, mass[None])
+        return rj.joint_forces(rom.with_full(full), run.every(100))["hinge"].force[-1, 0]
+
+    mass, h = jnp.asarray(1.0), 1e-4
+    wanted = (force(mass + h) - force(mass - h)) / (2 * h)
+    assert_close(jax.grad(force)(mass), wanted, DIFFERENCED, abs(wanted))
+
+
+# Transformations.
+
+
+def shaken(mass):
+    """What is measured at the end of a short run of a beam with a mass, in one number."""
+    scene = eqx.tree_at(lambda s: s.bodies[0].mass, arm(), mass)
+    system = rj.assemble(scene)
+    run = rj.simulate(system, jnp.linspace(0.0, 0.02, 3), dt=2e-3, solver=diffrax.Tsit5())
+    beam, bar = scene.bodies
+    found = rj.measure(system, run, beam.at((0.6, 0.0)), bar.at((0.1, 0.0)))
+    return jnp.sum(found.acceleration[-1]) + found.distance_rate[-1]
+
+
+@pytest.mark.slow
+def test_transformations():
+    """The same number alone, under jit, in a batch; and its derivative."""
+    alone = shaken(1.5)
+    batch = jax.jit(jax.vmap(shaken))(jnp.array([1.5, 1.7]))
+    assert_close(batch[0], alone, IDENTITY, 10)
+    assert abs(batch[1] - alone) > DIFFERENCED
+    slope, h = jax.grad(shaken)(1.5), 1e-4
+    wanted = (shaken(1.5 + h) - shaken(1.5 - h)) / (2 * h)
+    assert_close(slope, wanted, DIFFERENCED, abs(wanted))
+
+
+def test_measurements_pass_through_transformations():
+    """A batch of runs with different starts, measured outside of the simulation."""
+    scene = rj.gallery.chain(2)
+    system, ts = rj.assemble(scene), jnp.linspace(0.0, 0.1, 4)
+    v0 = jnp.stack([system.v0, jnp.array([0.0, 0.5, 1.0, 0.0, 1.0, 0.0])])
+    runs = jax.vmap(lambda v: rj.simulate(system, ts, v0=v, **SMOOTH))(v0)
+    tip = scene.bodies[1].at((0.5, 0.0))
+    found = jax.vmap(lambda run: rj.measure(system, run, tip))(runs)
+    one = rj.measure(system, rj.simulate(system, ts, v0=v0[1], **SMOOTH), tip)
+    position = jax.vmap(lambda run: rj.measure(system, run, tip).acceleration)(runs)
+    assert_close(position[1], one.acceleration, IDENTITY, 100)
+    assert_close(jax.vmap(lambda m: m.position)(found)[1], one.position, IDENTITY)
+    with pytest.raises(rj.InputError, match=r"batch of shape \(2,\).*jax\.vmap"):
+        rj.measure(system, runs, tip)
+
+
+# The cost of a question.
+
+
+def test_a_position_costs_nothing_but_itself():
+    """The program of a position is the same for any number of bodies, and solves nothing."""
+
+    def names(links, quantity):
+        scene = rj.gallery.chain(links)
+        system = rj.assemble(scene)
+        run = rj.simulate(system, jnp.linspace(0.0, 0.01, 3))
+        tip = scene.bodies[-1].at((0.5, 0.0))
+
+        def of(q, v):
+            moved = eqx.tree_at(lambda run: (run.q, run.v), run, (q, v))
+            return getattr(rj.measure(system, moved, tip), quantity)
+
+        return primitives(of, run.q, run.v)
+
+    assert len(names(3, "position")) == len(names(12, "position"))
+    assert len(names(3, "position")) < len(names(3, "velocity"))
+    assert 10 * len(names(3, "velocity")) < len(names(3, "acceleration"))
+
+
+# Quantities of a state.
+
+
+def test_quantities(swinging):
+    """The same numbers as those measured along the run."""
+    scene, system, run = swinging
+    a, b = scene.bodies[0].at((0.6, 0.0)), scene.bodies[1].at((0.1, 0.0), 0.3)
+    found, q = rj.measure(system, run, a, b), rj.quantity
+    state = system, run.t[7], run.q[7], run.v[7]
+    for quantity, wanted in (
+        (q.Coordinate("bar.phi"), run["bar.phi"]),
+        (q.Coordinate("beam.q2'"), run["beam.q2'"]),
+        (q.Rate(q.Coordinate("bar.x")), run["bar.x'"]),
+        (q.Gap(a, b), found.distance),
+        (q.Gap(a, b, clearance=0.25), found.distance - 0.25),
+        (q.Travel(a, b), found.position[:, 0]),
+        (q.Turn(a, b), found.angle),
+        (q.Rate(q.Gap(a, b)), found.distance_rate),
+        (q.Rate(q.Travel(a, b)), found.velocity[:, 0]),
+        (q.Rate(q.Turn(a, b)), found.angular_velocity),
+    ):
+        assert_close(quantity(*state), wanted[7], IDENTITY)
+        compiled = jax.jit(lambda *state, f=quantity: f(system, *state))
+        assert_close(compiled(*state[1:]), wanted[7], IDENTITY)
+
+
+def test_quantities_of_reduced_models(cart_pendulum, truth, reduced):
+    """By coordinates of the reduced model, the number of the physical state they stand for."""
+    rom, _ = reduced
+    pendulum = rj.gallery.cart_pendulum().bodies[1]
+    quantity = rj.quantity.Rate(rj.quantity.Gap(pendulum.at((0.0, -0.4)), rj.ground.at((0.3, 0.1))))
+    state = rom.reconstruct(0.0, rom.q0, rom.v0 + 0.1)
+    wanted = quantity(cart_pendulum, 0.0, *state)
+    assert_close(quantity(rom, 0.0, rom.q0, rom.v0 + 0.1), wanted, IDENTITY)
+    slope = jax.grad(lambda z: quantity(rom, 0.0, z, rom.v0 + 0.1))(rom.q0)
+    assert math.isfinite(float(jnp.sum(slope)))
+
+
+# Wrong input.
+
+
+def free() -> rj.CustomSystem:
+    zero = jnp.zeros(2)
+    return rj.CustomSystem(lambda q: jnp.eye(2), lambda t, q, v: -q, q0=zero, v0=zero)
+
+
+def test_wrong_input(cart_pendulum, truth):
+    cart = rj.gallery.cart_pendulum().bodies[0]
+    own, chain = free(), rj.assemble(rj.gallery.chain(2))
+    run = rj.simulate(own, jnp.linspace(0.0, 0.1, 3))
+    with pytest.raises(rj.InputError, match="CustomSystem has coordinates, but no bodies"):
+        rj.measure(own, run, cart.at())
+    with pytest.raises(rj.InputError, match="run has the coordinates cart.x.*system bar1.x"):
+        rj.measure(chain, truth, cart.at())
+    with pytest.raises(rj.InputError, match="no body 'cat'. Did you mean 'cart'"):
+        rj.measure(cart_pendulum, truth, rj.RigidBody("cat", 1.0, 1.0).at())
+    with pytest.raises(rj.InputError, match="every number must be finite"):
+        rj.measure(cart_pendulum, truth, cart.at((jnp.nan, 0.0)))
+    projected = rj.reduce(cart_pendulum, rj.pod(truth, rank=6), rj.Projected())
+    with pytest.raises(rj.InputError, match="ProjectedSystem follows no equations"):
+        rj.joint_forces(projected, truth)
+    with pytest.raises(rj.InputError, match="is a rate itself"):
+        rj.quantity.Rate(rj.quantity.Coordinate("cart.x'"))
+    with pytest.raises(rj.InputError, match="no coordinate 'cart.u'"):
+        rj.quantity.Coordinate("cart.u")(cart_pendulum, 0.0, truth.q[0], truth.v[0])
+
+
+def test_energies_by_part():
+    """The parts add up to the whole, in energy and in power; of one body they are its own."""
+    scene = mechanics.mixed_scene()
+    system = rj.assemble(scene)
+    q0, v0 = rj.consistent(system)
+    run = rj.simulate(system, jnp.linspace(0.0, 0.2, 5), q0=q0, v0=v0)
+    parts, whole = rj.part_energies(system, run), rj.energy(system, run)
+    for named, total in (
+        (parts.kinetic, whole.kinetic),
+        (parts.elastic, whole.elastic),
+        (parts.potential, whole.potential),
+    ):
+        assert_close(sum(named.values()), total, IDENTITY, scale=1 + jnp.abs(total))
+    power = jax.vmap(lambda *state: system.state(*state).power().total)(run.t, run.q, run.v)
+    assert_close(sum(parts.power.values()), power, IDENTITY, scale=1 + jnp.abs(power))
+    assert set(parts.kinetic) == {"slider", "arm", "tip"}
+    assert set(parts.elastic) == {"arm", "tip"}
+    slider = scene.bodies[0]
+    v = run.v[:, :3]
+    wanted = 0.5 * (slider.mass * (v[:, 0] ** 2 + v[:, 1] ** 2) + slider.inertia * v[:, 2] ** 2)
+    assert_close(parts.kinetic["slider"], wanted, IDENTITY, scale=1 + wanted)

@@ -1,0 +1,122 @@
+"""Random runs through change points: right, refused or doubted, and never silently wrong."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from parallelogram import parallelogram
+
+import romjax as rj
+
+LANES = 28
+TS = jnp.linspace(0.0, 3.0, 61)
+GRAVITY = 9.81
+# Required: errors of energy and angle in tolerances, and the distance to the parallel branch [m].
+ENERGY, BRANCH = 100.0, 1e-2
+# Required: the least share of right runs with projection.
+PROJECTED = 0.9
+SOLVERS = [diffrax.Dopri8(), diffrax.Tsit5(), rj.Rodas5P()]
+STABILIZATIONS = {"default": "default", "terms": (10.0, 100.0), "projected": rj.Projection()}
+
+
+def lot(seed: int) -> dict[str, np.ndarray]:
+    """Numbers of parallelograms: half of them with equal masses, a fifth at a change point."""
+    chance = np.random.default_rng(seed)
+    masses = chance.uniform(0.3, 2.0, (LANES, 2))
+    masses[::2, 1] = masses[::2, 0]
+    angle = chance.uniform(0.2, np.pi - 0.2, LANES)
+    angle[::5] = 0.0
+    return {
+        "masses": masses,
+        "angle": angle,
+        "speed": chance.uniform(0.5, 8.0, LANES) * chance.choice([-1, 1], LANES),
+        "crank": chance.uniform(0.8, 1.5, LANES),
+        "coupler": chance.uniform(1.6, 2.4, LANES),
+        "rtol": 10.0 ** chance.choice([-6, -9], LANES),
+    }
+
+
+def angles(numbers) -> jax.Array:
+    """The angle of the bars over time, in minimal coordinates: both masses move on equal circles,
+    like one pendulum.
+    """
+
+    def motion(angle, speed, crank):
+        swing = rj.CustomSystem(
+            lambda q: jnp.ones((1, 1)),
+            lambda t, q, v: -GRAVITY / crank * jnp.cos(q),
+            q0=angle[None],
+            v0=(speed / crank)[None],
+        )
+        return rj.simulate(swing, TS, solver=diffrax.Dopri8(), rtol=1e-12, audit=False).q[:, 0]
+
+    return jax.vmap(motion)(*(jnp.asarray(numbers[x]) for x in ("angle", "speed", "crank")))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("twice", [False, True], ids=["once", "twice"])
+@pytest.mark.parametrize("name", STABILIZATIONS)
+@pytest.mark.parametrize("solver", SOLVERS, ids=lambda x: type(x).__name__)
+def test_no_run_is_silently_wrong(solver, name, twice):
+    """With `twice`, the middle bar is made twice: constraints that repeat each other everywhere."""
+    numbers = lot(len(name) + 10 * twice)
+
+    def motion(masses, angle, speed, crank, coupler, rtol):
+        keep = STABILIZATIONS[name]
+        keep = rj.Baumgarte(*keep) if isinstance(keep, tuple) else keep
+        scene = parallelogram(masses, speed, angle, crank, coupler, twice)
+        settings = {"solver": solver, "stabilization": keep, "max_steps": 5000, "throw": False}
+        return rj.simulate(rj.assemble(scene), TS, rtol=rtol, **settings)
+
+    runs = jax.jit(jax.vmap(motion))(*map(jnp.asarray, numbers.values()))
+    truth, q, v = np.asarray(angles(numbers)), np.asarray(runs.q), np.asarray(runs.v)
+    first, second = numbers["masses"].T[:, :, None]
+    energy = GRAVITY * (first * q[:, :, 1] + second * q[:, :, 4])
+    energy += 0.5 * (first * np.sum(v[:, :, :2] ** 2, 2) + second * np.sum(v[:, :, 3:5] ** 2, 2))
+    lost = np.max(np.abs(energy - energy[:, :1]), axis=1) / np.asarray(runs.balance.extent)
+    along = numbers["crank"][:, None, None] * np.stack([np.cos(truth), np.sin(truth)], axis=2)
+    coupled = along + np.stack([numbers["coupler"], np.zeros(LANES)], axis=1)[:, None]
+    off = np.max(np.abs(np.concatenate([q[:, :, :2] - along, q[:, :, 3:5] - coupled], 2)), (1, 2))
+    wrong = ~(lost <= ENERGY * numbers["rtol"]) | ~(off <= BRANCH)
+    silent = wrong & np.asarray(runs.is_valid)
+    assert not np.any(silent), [
+        (i, f"{lost[i]:.1e}", f"{off[i]:.1e}", f"{numbers['rtol'][i]:.0e}")
+        for i in np.flatnonzero(silent)
+    ]
+    if name == "projected":
+        assert np.mean(~wrong) >= PROJECTED
+
+
+@pytest.mark.slow
+def test_the_default_passes_a_change_point():
+    """By projection, where the terms of the default lose energy."""
+    for solver in SOLVERS[1:]:
+        run = rj.simulate(rj.assemble(parallelogram()), TS, solver=solver, rtol=1e-9)
+        assert run.is_valid
+        assert float(run.balance.largest) <= 1e-7 * float(run.balance.extent)
+
+
+@pytest.mark.slow
+def test_where_constraints_lose_rank():
+    scene = parallelogram(twice=True)
+    system = rj.assemble(scene)
+    run = rj.simulate(system, TS, solver=diffrax.Tsit5(), stabilization=rj.Projection())
+    singular = rj.singular_position(system, run)
+    q = np.asarray(run.q)
+    level = np.abs(q[:, 1])
+    assert singular.is_passed
+    assert level[np.argmin(np.abs(np.asarray(run.t) - singular.time))] == np.min(level)
+    assert {"joint 'middle'", "joint 'again'"} & set(singular.joints)
+    assert "singular position" in singular.describe()
+
+
+def test_repeated_joints_are_no_singular_position():
+    bar = rj.RigidBody("bar", 1.0, 0.1, position=(0.5, 0.0))
+    hinge = rj.Revolute(bar.at((-0.5, 0.0)), rj.ground.at())
+    system = rj.assemble(rj.Scene([bar], [hinge, hinge], [rj.Gravity()]))
+    singular = rj.singular_position(system, rj.simulate(system, TS))
+    assert not singular.is_passed
+    assert singular.condition < 10
+    free = rj.assemble(rj.Scene([bar]))
+    assert rj.singular_position(free, rj.simulate(free, TS)) is None
