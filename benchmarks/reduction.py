@@ -1,127 +1,144 @@
-"""What reduction saves and costs: errors and times of reduced models against the full model's best
-method, at the same tolerance. Writes `reduction.txt` beside this file; for many at once, see
-`batches.py`.
+"""What reduction costs and gains: reduced models against the full one, each at its best method.
+
+Errors are on the run that the model was trained with, and the largest one of ten that no snapshot
+is from. Of each model the method is the fastest one that succeeds.
 """
 
+import os
 import textwrap
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 import diffrax
-import equinox as eqx
-import jax
 import jax.numpy as jnp
-import numpy as np
 import record
-from linkages import four_bar, slider_crank
-from timing import least
+from reduced_scenes import CASES, Case
+from timing import Timed, least
 
 import romjax as rj
 
 REPEATS = 6
-RTOL = 1e-8
+RTOL, TRUTH = 1e-8, 1e-10
 EXPLICIT = (diffrax.Tsit5(), diffrax.Dopri8())
-# Of reduced models, which keep no stiff part, Rodas5P never was the fastest.
-SOLVERS = {"full": (rj.Rodas5P(), *EXPLICIT)}
-PLAIN = {"adjoint": diffrax.ForwardMode(), "throw": False, "max_steps": 10_000}
+MAX_STEPS = 100_000
 SLOW = 2.0  # [s] what takes longer is measured once
-USEFUL = 1e-3  # largest error of a model whose ratio is worth following
+USEFUL = 1e-3  # largest error, held out too, of a model whose ratio is worth following
 
 
-def beams(count: int) -> rj.Scene:
-    """Beams of 1 m and 1 kg with three modes, hinged end to end, falling from the level."""
-    bodies = [
-        rj.Beam(f"beam{i}", mass=1.0, length=1.0, frequencies=[30.0, 80.0, 150.0], position=(i, 0))
-        for i in np.arange(count) + 0.5
-    ]
-    ends = [(body.at((-0.5, 0.0)), body.at((0.5, 0.0))) for body in bodies]
-    hinges = [rj.ground.at(), *(end for _, end in ends)]
-    joints = [rj.Revolute(start, hinge) for (start, _), hinge in zip(ends, hinges, strict=False)]
-    return rj.Scene(bodies, joints, [rj.Gravity()])
+class Model(NamedTuple):
+    """A model of the training, `of` other systems of the case, and how long it took to make [s]."""
+
+    name: str
+    rank: str
+    system: Any
+    of: Callable[[dict[str, float], rj.AbstractSystem], Any]
+    made: float
 
 
-# Scene, end of the simulated time [s], ranks by formulation.
-CASES = {
-    "cart-pendulum": (
-        rj.gallery.cart_pendulum,
-        1.0,
-        {"galerkin": (4, 5), "minimal": (3,), "projected": (5,)},
-    ),
-    "four-bar": (
-        four_bar,
-        2.0,
-        {"galerkin": (5, 7), "minimal": (1,), "projected": (5,)},
-    ),
-    "slider crank": (
-        lambda: slider_crank((0.3, 0.9), (1.5, 0.0), inertia=0.1),
-        0.5,
-        {"galerkin": (3,), "minimal": (1,), "projected": (3,)},
-    ),
-    "8 beams": (
-        lambda: beams(8),
-        1.0,
-        {"galerkin": (40,), "minimal": (8, 16), "projected": (36,)},
-    ),
-}
+def runs(ts: Any, solver: Any, rtol: float = RTOL) -> Callable[[Any], rj.Trajectory]:
+    """A run of any model, as a user writes it."""
+    return lambda model: rj.simulate(
+        model, ts, rtol=rtol, solver=solver, throw=False, max_steps=MAX_STEPS
+    )
 
 
-def simulation(model, ts, solver):  # type: ignore[no-untyped-def]
-    """A run under `jax.jit`, with the numbers of the model as arguments."""
-    dynamic, static = eqx.partition(model, eqx.is_array)
-
-    @jax.jit
-    def run(dynamic):  # type: ignore[no-untyped-def]
-        return rj.simulate(eqx.combine(dynamic, static), ts, rtol=RTOL, solver=solver, **PLAIN)
-
-    return lambda: run(dynamic)
-
-
-def compared(name: str) -> record.Section:
-    """The models of one scene, each by its fastest method."""
-    make, end, ranks = CASES[name]
-    system, ts = rj.assemble(make()), jnp.linspace(0.0, end, 101)
-    truth = rj.simulate(system, ts, rtol=1e-10, **PLAIN)
-    models, refused = {("full", ""): system}, []
-    for formulation, numbers in ranks.items():
-        for rank in numbers:
-            try:
-                rom = rj.reduce(system, rj.pod(truth, rank=rank), formulation)
-            except rj.ReductionError as refusal:
-                refused.append(f"{formulation} r = {rank} is refused: {refusal}".rstrip("."))
-                continue
-            models[formulation, str(rank)] = rom
-    labels = [(key, solver) for key in models for solver in SOLVERS.get(key[0], EXPLICIT)]
-    calls = [simulation(models[key], ts, solver) for key, solver in labels]
-    timed, ratios = least(calls, REPEATS, SLOW, name), {}
-    rows = [["model", "r", "method", "steps", "ms", "error", "speed-up"]]
-    for kind, rank in models:
-        own = [one for (key, _), one in zip(labels, timed, strict=True) if key == (kind, rank)]
-        good = [one for one in own if bool(one.result.success)]
-        if not good:
-            rows.append([kind, rank, "none", "", "", "failed"])
+def models(case: Case, training: rj.Trajectory) -> Iterator[Model | str]:
+    """The models of a case, and why others are refused."""
+    system = case.system()
+    yield Model("full", "", system, lambda _, full: full, 0.0)
+    for name, number in case.models:
+        begin = time.perf_counter()
+        if name == "cap":
+            capped = case.system(number)
+            taken = time.perf_counter() - begin
+            of = lambda numbers, _, cap=number: case.system(cap, **numbers)  # noqa: E731
+            yield Model("capped", f"{number} Hz", capped, of, taken)
             continue
-        best = min(good, key=lambda one: one.least)
-        run, error = best.result, float(rj.compare(truth, best.result).error)
-        steps = int(run.stats.num_steps)
-        row = [kind, rank, run.solver_name, f"{steps}", f"{1e3 * best.least:.2f}", f"{error:.1e}"]
-        if kind == "full":
+        try:
+            rom: Any = rj.reduce(system, rj.pod(training, rank=number), name)
+        except rj.ReductionError as refusal:
+            yield f"{name} r = {number} is refused: {refusal}".rstrip(".")
+            continue
+        taken = time.perf_counter() - begin
+        of = lambda _, full, rom=rom: rom.with_full(full).starting_at(full.q0, full.v0)  # noqa: E731
+        yield Model(name, str(number), rom, of, taken)
+
+
+def compared(name: str) -> Iterator[record.Section]:
+    """The models of one case: what they gain, then what they cost."""
+    case = CASES[name]
+    ts = jnp.linspace(0.0, case.end, 101)
+    system = case.system()
+    exact = runs(ts, diffrax.Dopri8(), TRUTH)
+    truth = exact(system)
+    others = [(numbers, case.system(**numbers)) for numbers in case.others]
+    truths = [exact(full) for _, full in others]
+    tried = list(models(case, truth))
+    made = [one for one in tried if isinstance(one, Model)]
+    configurations = [
+        (model, runs(ts, solver))
+        for model in made
+        for solver in ((rj.Rodas5P(), *EXPLICIT) if model.name == "full" else EXPLICIT)
+    ]
+    calls = [lambda m=model, run=run: run(m.system) for model, run in configurations]
+    timed = list(zip(configurations, least(calls, REPEATS, SLOW, name), strict=True))
+    gains = [["model", "r", "method", "steps", "ms", "trained", "held out", "speed-up"]]
+    costs = [["model", "r", "µs/step", "made s", "compiled s", "pays after runs"]]
+    ratios, full = {}, float("nan")
+    for model in made:
+        good = [
+            (one, run)
+            for ((other, run), one) in timed
+            if other is model and bool(one.result.success)
+        ]
+        if not good:
+            gains.append([model.name, model.rank, "none", "", "", "failed"])
+            continue
+        best, run = min(good, key=lambda pair: pair[0].least)
+        steps = int(best.result.stats.num_steps)
+        error = float(rj.compare(truth, best.result).error)
+        held = [
+            float(rj.compare(right, run(model.of(numbers, other))).error)
+            for (numbers, other), right in zip(others, truths, strict=True)
+        ]
+        row = [model.name, model.rank, best.result.solver_name, f"{steps}"]
+        row += [f"{1e3 * best.least:.2f}", f"{error:.1e}", f"{max(held):.1e}"]
+        if model.name == "full":
             full = best.least
         else:
             row.append(f"{full / best.least:.1f}")
-            if error < USEFUL:
-                ratios[f"{name}: full / {kind} r = {rank}"] = full / best.least
-        rows.append(row)
-    text = textwrap.fill("; ".join([f"{name}, {end:g} s", *refused]) + ":", 88)
-    return record.Section(text, rows, ratios)
+            if max(error, *held) < USEFUL:
+                words = f"r = {model.rank}" if model.rank.isdigit() else model.rank
+                ratios[f"{name}: full / {model.name} {words}"] = full / best.least
+        gains.append(row)
+        costs.append([model.name, model.rank, *cost(model, best, steps, full)])
+    refused = [one for one in tried if isinstance(one, str)]
+    text = textwrap.fill("; ".join([f"{name}, {case.end:g} s", *refused]) + ":", 88)
+    yield record.Section(text, gains, ratios)
+    yield record.Section(f"{name}, what the models cost:", costs)
+
+
+def cost(model: Model, best: Timed, steps: int, full: float) -> list[str]:
+    """Time of a step, to reduce and to compile, and the runs after which both are paid for."""
+    compiled = max(0.0, best.first - best.least)
+    words = [f"{1e6 * best.least / steps:.1f}", f"{model.made:.1f}", f"{compiled:.1f}"]
+    if best.least >= full:
+        return [*words, "" if model.name == "full" else "never"]
+    return [*words, f"{(model.made + compiled) / (full - best.least):.0f}"]
 
 
 def measure() -> Iterator[record.Section]:
-    """A section for each scene."""
+    """Sections for each case."""
     yield record.Section(
-        f"Relative tolerance {RTOL:g}; each model by its fastest method under jax.jit, least of\n"
-        f"{REPEATS} interleaved runs; speed-up against the full model."
+        f"Relative tolerance {RTOL:g}; each model by its fastest method, least of {REPEATS}\n"
+        "interleaved runs; speed-up against the full model. Held out: the largest error of ten\n"
+        "starts or sets of numbers that no snapshot is from. Nothing was compiled before."
     )
-    yield from map(compared, CASES)
+    for name in CASES:
+        yield from compared(name)
 
 
 if __name__ == "__main__":
+    os.environ["ROMJAX_CACHE_DIR"] = ""  # so that compile times are those of a new structure
     record.main(measure)
