@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from .. import precision
 from ..linalg.kkt import KKT
@@ -37,7 +37,7 @@ class Branching(NamedTuple):
     @classmethod
     def start(cls, t: Float[Array, ""], kkt: KKT) -> "Branching":
         """At the time `t` [s] at which a run starts, from its `kkt` system there."""
-        return cls(jnp.zeros_like(t), t, jnp.sum(_are_tiny(kkt.pivots())[0]))
+        return cls(jnp.zeros_like(t), t, _count_tiny(kkt.pivots()))
 
     def follow(
         self,
@@ -47,13 +47,10 @@ class Branching(NamedTuple):
         q: Float[Array, " n"],
     ) -> "Branching":
         """With the state at the end of a step."""
-        pivots = kkt.pivots()
+        pivots = jnp.sort(kkt.pivots())
         # A start at a singular position has more than there are elsewhere.
-        tiny, limit = _are_tiny(pivots)
-        count = jnp.sum(tiny)
-        repeated = jnp.minimum(self.repeated, count)
-        least = jnp.min(jnp.where(tiny, jnp.inf, pivots))
-        squared = jnp.where(count > repeated, limit, least)
+        repeated = jnp.minimum(self.repeated, _count_tiny(pivots))
+        squared = pivots[repeated]
         size = jnp.maximum(1.0, jnp.max(jnp.abs(q)))
         ambiguity = jnp.max(jnp.abs(violation)) / (size * squared)
         worse = ambiguity > self.ambiguity
@@ -71,7 +68,6 @@ class Branching(NamedTuple):
         return f"at t = {float(self.time):.4g} s"
 
 
-def _are_tiny(pivots: Float[Array, " rows"]) -> tuple[Bool[Array, " rows"], float]:
-    """Which pivots are those of constraints that depend on others, and the limit."""
-    limit = _REPEATED * precision.of(pivots.dtype).proximal
-    return pivots < limit, limit
+def _count_tiny(pivots: Float[Array, " rows"]) -> Int[Array, ""]:
+    """How many pivots are those of constraints that depend on others."""
+    return jnp.sum(pivots < _REPEATED * precision.of(pivots.dtype).proximal)
