@@ -1,7 +1,8 @@
 """Whether a motion stays on its branch where constraints lose rank."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
@@ -47,10 +48,10 @@ class Branching(NamedTuple):
         q: Float[Array, " n"],
     ) -> "Branching":
         """With the state at the end of a step."""
-        pivots = jnp.sort(kkt.pivots())
+        pivots = kkt.pivots()
         # A start at a singular position has more than there are elsewhere.
         repeated = jnp.minimum(self.repeated, _count_tiny(pivots))
-        squared = pivots[repeated]
+        squared = _least_but(pivots, repeated)
         size = jnp.maximum(1.0, jnp.max(jnp.abs(q)))
         ambiguity = jnp.max(jnp.abs(violation)) / (size * squared)
         worse = ambiguity > self.ambiguity
@@ -71,3 +72,13 @@ class Branching(NamedTuple):
 def _count_tiny(pivots: Float[Array, " rows"]) -> Int[Array, ""]:
     """How many pivots are those of constraints that depend on others."""
     return jnp.sum(pivots < _REPEATED * precision.of(pivots.dtype).proximal)
+
+
+def _least_but(pivots: Float[Array, " rows"], count: Int[Array, ""]) -> Float[Array, ""]:
+    """The least pivot but for `count` of them; without sorting, which is a call of a library."""
+
+    def without_least(index: Any, pivots: Array) -> Array:
+        del index
+        return pivots.at[jnp.argmin(pivots)].set(jnp.inf)
+
+    return jnp.min(jax.lax.fori_loop(0, count, without_least, pivots))
