@@ -113,6 +113,8 @@ from .scene.signal import Step as Step
 from .scene.signal import Sum as Sum
 from .scene.signal import Table as Table
 from .study.accuracy.study import accuracy as accuracy
+from .study.box import Box as Box
+from .study.box import Range as Range
 from .study.compare import Comparison as Comparison
 from .study.compare import compare as compare
 from .study.extrapolate import extrapolate as extrapolate
@@ -120,7 +122,9 @@ from .study.fit import fit as fit
 from .study.gradient import check_gradient as check_gradient
 from .study.likelihood import log_likelihood as log_likelihood
 from .study.projected import Projected as Projected
+from .study.reduce_over import reduce_over as reduce_over
 from .study.reduce_to import reduce_to as reduce_to
+from .study.reduced_box import ReducedBox as ReducedBox
 from .study.sweep import sweep as sweep
 from .study.tune import tune_baumgarte as tune_baumgarte
 from .system.base import AbstractSystem as AbstractSystem

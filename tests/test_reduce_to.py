@@ -128,7 +128,7 @@ def test_programming_errors_surface(falling, monkeypatch):
     def wrong(*arguments, **settings):
         raise ValueError("a bug")
 
-    monkeypatch.setattr("romjax.study.reduce_to.simulate", wrong)
+    monkeypatch.setattr("romjax.study.rank_search.simulate", wrong)
     with pytest.raises(ValueError, match="^a bug$"):
         rj.reduce_to(*falling, 1e-2)
 
@@ -159,7 +159,7 @@ def test_variations_are_simulated_as_the_training_was(falling, monkeypatch):
         solvers.append(solver)
         return rj.simulate(system, ts, solver=solver, **settings)
 
-    monkeypatch.setattr("romjax.study.reduce_to.simulate", watched)
+    monkeypatch.setattr("romjax.study.batch.simulate", watched)
     rj.reduce_to(system, training, 1e-2, variations=[system], formulation="minimal")
     assert type(solvers[0]) is rj.Rodas5P
 

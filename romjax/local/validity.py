@@ -35,6 +35,10 @@ class LargestDeflections(AbstractValidity):
             largest = largest.at[own].set(size[:, None])
         return cls(largest, jnp.full((), jnp.nan, z.dtype))
 
+    def including(self, run: Run) -> "LargestDeflections":
+        largest = jnp.maximum(self.largest, jnp.max(jnp.abs(run.q), axis=0))
+        return LargestDeflections(largest, self.error)
+
     def flags(self, system: AbstractSystem, run: Run) -> Int[Array, ""]:
         del system
         outside: Array = jnp.any(jnp.abs(run.q) > _TIMES * self.largest[None])

@@ -1,5 +1,7 @@
 """What speaks against the result of a reduced model."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, Int
@@ -56,9 +58,21 @@ class TrainingBox(AbstractValidity):
         t, q = basis.snapshots.t, basis.snapshots.q
         return _in_subspace(system, t, q, basis.offset, modes, dual)
 
+    def including(self, run: Run) -> "TrainingBox":
+        points = self._points(run)
+        return dataclasses.replace(
+            self,
+            lower=jnp.minimum(self.lower, jnp.min(points, 0)),
+            upper=jnp.maximum(self.upper, jnp.max(points, 0)),
+            violation=jnp.maximum(self.violation, jnp.max(run.violation)),
+        )
+
+    def _points(self, run: Run) -> Float[Array, "k r"]:
+        return run.q if self.root is None else run.physical @ self.root.T
+
     def flags(self, system: AbstractSystem, run: Run) -> Int[Array, ""]:
         del system
-        points = run.q if self.root is None else run.physical @ self.root.T
+        points = self._points(run)
         width = self.upper - self.lower
         allowed = _MARGIN * jnp.maximum(width, _NARROW * jnp.max(width))
         outside = jnp.maximum(self.lower[None] - points, points - self.upper[None])

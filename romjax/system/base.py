@@ -31,6 +31,10 @@ class AbstractValidity(eqx.Module):
     def flags(self, system: "AbstractSystem", run: Run) -> Int[Array, ""]:
         """What speaks against a run of `system`, as the number of a `Flag`."""
 
+    @abc.abstractmethod
+    def including(self, run: Run) -> "AbstractValidity":
+        """The same where nothing that is in `run` speaks against another one."""
+
 
 class AbstractSystem(eqx.Module):
     """M(q) q̈ + C_qᵀ λ = Q(t, q, q̇), C(t, q) = 0 (chapter equation 39.1, with the sign of 39.2).

@@ -1,0 +1,161 @@
+"""The smallest rank that is good enough, and the runs that say so."""
+
+import dataclasses
+from typing import NamedTuple, cast
+
+import jax.numpy as jnp
+import numpy as np
+from tqdm import tqdm
+
+from ..basis.basis import Basis
+from ..basis.decomposition.pod import POD
+from ..errors import RankError, ReductionError
+from ..integrate.simulate import simulate
+from ..integrate.trajectory import Trajectory
+from ..reduction.formulation.base import AbstractFormulation
+from ..reduction.reduce import reduce
+from ..system.base import AbstractSystem
+from ..system.reduced import AbstractReducedSystem
+from .compare import compare
+
+# The next rank shows the error of this one up to a factor of two.
+SAFETY = 2.0
+# The singular values that are left out may hold this share of the tolerance.
+_TAIL = 0.2
+# Runs are more accurate than what is asked of models by this factor.
+_SHARPER = 1e-4
+
+
+@dataclasses.dataclass(frozen=True)
+class Candidate:
+    """A reduced model with its runs, one for each training run."""
+
+    rom: AbstractReducedSystem
+    basis: Basis
+    runs: list[Trajectory]
+
+
+class Accepted(NamedTuple):
+    """The smallest model that is good enough, and the next larger one if there is one."""
+
+    candidate: Candidate
+    estimate: float  # of its error
+    finer: Candidate | None
+
+
+@dataclasses.dataclass(frozen=True)
+class RankSearch:
+    """Training runs, each with its system, and what a model of them should do; for the function
+    `name`.
+    """
+
+    name: str
+    systems: list[AbstractSystem]
+    truths: list[Trajectory]
+    tol: float
+    formulation: AbstractFormulation
+
+    def smallest(self, rank: int, bar: tqdm) -> Accepted:  # type: ignore[type-arg]  # generic in the stubs only
+        """The model of the smallest rank from `rank` on that is good enough, and its estimate.
+
+        Raises ReductionError if there is none.
+        """
+        tol, truths = self.tol, self.truths
+        most = min(truths[0].q.shape[1], sum(len(run.t) for run in truths))
+        previous, best, refusal = None, np.inf, ""
+        for r in range(rank, most + 1):
+            bar.set_postfix_str(f"rank {r}")
+            bar.update()
+            try:
+                basis = POD(r)(truths)
+                if self.tail(basis) > _TAIL * tol:
+                    continue
+                candidate = self.candidate(basis)
+            except (RankError, ReductionError) as error:  # no more directions, or it would lock
+                refusal = str(error)
+                continue
+            if previous is not None:
+                estimate = max(_change(truths, previous, candidate), _error(truths, previous))
+                best = min(best, estimate)
+                if estimate <= tol / SAFETY:
+                    return Accepted(previous, estimate, candidate)
+                if candidate.rom.n == previous.rom.n:
+                    break  # all minimal coordinates are there
+            previous = candidate
+        if previous is not None:
+            # The largest model has no next one; the full one takes its place.
+            estimate = _error(truths, previous)
+            best = min(best, estimate)
+            if estimate <= tol:
+                return Accepted(previous, estimate, None)
+        raise ReductionError(
+            f"{self.name}: no rank up to {most} reaches tol={tol:g}; "
+            + (f"the best error is {best:.1e}. " if np.isfinite(best) else "")
+            + (f"{refusal} " if refusal else "")
+            + "Simulate the training run more accurately, ask for less"
+            + (', or use formulation="minimal".' if self.formulation.in_subspace else ".")
+        )
+
+    def candidate(self, basis: Basis) -> Candidate:
+        """The model of a basis, with its runs from the starts of all training runs."""
+        # All formulations but those for reference make such systems.
+        rom = cast(AbstractReducedSystem, reduce(self.systems[0], basis, self.formulation))
+        pairs = zip(self.systems, self.truths, strict=True)
+        runs = [run_as(rom, system, truth, self.tol) for system, truth in pairs]
+        return Candidate(rom, basis, runs)
+
+    def tail(self, basis: Basis) -> float:
+        """What the basis misses of the snapshots; it says nothing where q is not in its span."""
+        return float(basis.projection_error) if self.formulation.in_subspace else 0.0
+
+
+def _change(truths: list[Trajectory], coarse: Candidate, fine: Candidate) -> float:
+    """‖q̃_{r+1} − q̃_r‖ relative to the motion, the largest of all training runs."""
+    sizes = []
+    for truth, one, other in zip(truths, coarse.runs, fine.runs, strict=True):
+        root = jnp.linalg.cholesky(truth.metric)
+        size = jnp.linalg.norm((truth.q - truth.q[:1]) @ root)
+        sizes.append(float(jnp.linalg.norm((one.q - other.q) @ root) / size))
+    return _finite(sizes)
+
+
+def _error(truths: list[Trajectory], candidate: Candidate) -> float:
+    """The largest error of all training runs."""
+    pairs = zip(truths, candidate.runs, strict=True)
+    return _finite([float(compare(truth, run).error) for truth, run in pairs])
+
+
+def _finite(errors: list[float]) -> float:
+    """The largest; infinite where a run has failed."""
+    return max(error if np.isfinite(error) else np.inf for error in errors)
+
+
+def run_as(
+    rom: AbstractReducedSystem,
+    system: AbstractSystem,
+    truth: Trajectory,
+    tol: float,
+) -> Trajectory:
+    """The reduced model of a system with other numbers, from the start of a run of it."""
+    return simulate(
+        rom.with_full(system).starting_at(truth.q[0], truth.v[0], truth.t[0]),
+        truth.t,
+        rtol=sharper(tol),
+        throw=False,
+    )
+
+
+def held_out_error(
+    candidate: Candidate, system: AbstractSystem, truth: Trajectory, tol: float
+) -> float:
+    """The error on a run that the model has not seen; infinite where it cannot even start."""
+    try:
+        run = run_as(candidate.rom, system, truth, tol)
+    except ReductionError:
+        return np.inf
+    return _finite([float(compare(truth, run).error)])
+
+
+def sharper(tol: float) -> float:
+    """The relative tolerance of runs that judge models by `tol`."""
+    return max(_SHARPER * tol, 1e-10)

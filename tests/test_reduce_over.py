@@ -1,0 +1,110 @@
+"""One reduced model for a box of parameters."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tolerances import SOLVED
+
+import romjax as rj
+
+TS = jnp.linspace(0.0, 0.3, 31)
+TOL = 1e-3
+# Required on held-out points: estimates between half and twice the error.
+EFFECTIVITY = 2.0
+# The chapter's example over the amplitude and frequency of its force, and its first mode.
+CHAPTER = {"force": (5.0, 15.0), "frequency": (8.0, 12.0), "f1": (14.0, 18.0)}
+
+
+def beams(mass: float = 1.0, f1: float = 20.0) -> rj.Scene:
+    """Two hinged beams that fall from the level, of which the second one varies."""
+    bodies = [
+        rj.Beam("a", 1.0, 1.0, frequencies=[20.0, 60.0], position=(0.5, 0.0)),
+        rj.Beam("b", mass, 1.0, frequencies=[f1, 60.0], position=(1.5, 0.0)),
+    ]
+    first = rj.Revolute(bodies[0].at((-0.5, 0.0)), rj.ground.at())
+    second = rj.Revolute(bodies[1].at((-0.5, 0.0)), bodies[0].at((0.5, 0.0)))
+    return rj.Scene(bodies, [first, second], [rj.Gravity()])
+
+
+@pytest.fixture(scope="module")
+def box():
+    return rj.Box(beams, mass=(0.5, 2.0), f1=rj.Range(15.0, 30.0, log=True))
+
+
+@pytest.fixture(scope="module")
+def reduced(box):
+    return rj.reduce_over(box, TS, TOL, candidates=8, held_out=4)
+
+
+def test_points_fill_the_box(box):
+    points = box.sample(64)
+    assert repr(box) == "Box(mass: 0.5 to 2, f1: 15 to 30)"
+    assert np.min(points["mass"]) >= 0.5
+    assert np.max(points["mass"]) <= 2.0
+    assert abs(np.mean(points["mass"]) - 1.25) < 0.05
+    assert sorted(zip(*box.corners().values(), strict=True))[1:3] == [(0.5, 30.0), (2.0, 15.0)]
+    # Evenly in the logarithm.
+    assert abs(np.mean(np.log(points["f1"])) - np.log(box.center["f1"])) < 0.05
+    assert abs(box.center["f1"] - np.sqrt(15.0 * 30.0)) < SOLVED
+
+
+@pytest.mark.slow
+def test_the_error_is_kept_in_the_box(box, reduced):
+    """At a point that was neither trained nor held out."""
+    point = {"mass": 1.9, "f1": 16.0}
+    truth = rj.simulate(box.system(**point), TS, rtol=1e-8)
+    run = rj.simulate(reduced.at(**point), TS, rtol=1e-7)
+    assert rj.compare(truth, run).error <= TOL
+    assert run.is_valid
+    assert reduced.rom.n < 6
+    assert reduced.error <= TOL
+    assert reduced.rom.validity.error == reduced.error
+
+
+@pytest.mark.slow
+def test_what_the_model_says_of_itself(reduced):
+    assert len(reduced.errors) >= 3
+    assert abs(reduced.share ** len(reduced.errors) - 0.05) < SOLVED
+    assert "training run" in reduced.summary()
+    assert "of the box with a confidence of 95%" in reduced.summary()
+    assert set(reduced.training) == {"mass", "f1"}
+
+
+@pytest.mark.slow
+def test_runs_that_do_not_suffice_are_refused(box):
+    with pytest.raises(rj.ReductionError, match=r"1 training runs reach an error of .*, not tol"):
+        rj.reduce_over(box, TS, TOL, runs=1, candidates=8, held_out=0)
+
+
+def test_bad_boxes():
+    with pytest.raises(rj.InputError, match="no parameter has a range"):
+        rj.Box(beams)
+    with pytest.raises(rj.InputError, match=r"mass=\(1.0,\); give it as \(low, high\)"):
+        rj.Box(beams, mass=(1.0,))
+    with pytest.raises(rj.InputError, match="give two numbers that ascend"):
+        rj.Box(beams, mass=(2.0, 1.0))
+    with pytest.raises(rj.InputError, match="low=-1.0 has no logarithm"):
+        rj.Range(-1.0, 1.0, log=True)
+    box = rj.Box(beams, mass=(0.5, 2.0))
+    with pytest.raises(rj.InputError, match="no parameter 'weight'; those are mass"):
+        box.system(weight=1.0)
+    with pytest.raises(rj.InputError, match="mass=3.0 lies outside of 0.5 to 2; make a larger box"):
+        box.system(mass=3.0)
+    with pytest.raises(rj.InputError, match="tol=2.0, but it must lie between 0 and 1"):
+        rj.reduce_over(box, TS, 2.0)
+    with pytest.raises(rj.InputError, match="runs=0, candidates=64, held_out=16; take at least"):
+        rj.reduce_over(box, TS, 1e-2, runs=0)
+
+
+@pytest.mark.slow
+def test_the_chapters_example_over_a_box():
+    """Three tolerances with at most four training runs, on 64 held-out points each."""
+    ts = jnp.linspace(0.0, 1.0, 101)
+    box = rj.Box(rj.gallery.cart_pendulum, **CHAPTER)
+    for tol in (1e-3, 1e-4, 1e-5):
+        reduced = rj.reduce_over(box, ts, tol, runs=4, held_out=64)
+        assert len(reduced.errors) >= 61
+        assert np.max(reduced.errors) <= tol
+        # Of the largest ones, at different points.
+        effectivity = np.max(reduced.estimates) / np.max(reduced.errors)
+        assert 1 / EFFECTIVITY <= effectivity <= EFFECTIVITY
