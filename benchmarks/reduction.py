@@ -133,7 +133,8 @@ def measure() -> Iterator[record.Section]:
     yield record.Section(
         f"Relative tolerance {RTOL:g}; each model by its fastest method, least of {REPEATS}\n"
         "interleaved runs; speed-up against the full model. Held out: the largest error of ten\n"
-        "starts or sets of numbers that no snapshot is from. Nothing was compiled before."
+        "starts or sets of numbers that no snapshot is from. Compiled: of the first call, without\n"
+        "a cache; 0 where the run that errors are measured by is by the same program."
     )
     for name in CASES:
         yield from compared(name)
