@@ -186,6 +186,7 @@ def test_runs_that_fail_are_marked():
         stiff,
         TS,
         formulations=[],
+        caps=[],
         tolerances=[1e-5],
         solvers=[rj.Rodas5P(), DOPRI8],
         precisions=["f64"],
