@@ -24,7 +24,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from . import compat, program_cache
+from . import compat, jaxprs, program_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 # How often a program runs.
@@ -32,7 +32,7 @@ Runs = Literal["one", "some", "many"]
 
 # Of a function, in equations: LLVM's passes need more than linear time for a long one, which only
 # many runs are worth, and a short one saves nothing.
-_MOST, _MOST_OFTEN, _FEWEST = 2000, 20_000, 20
+_MOST, _MOST_OFTEN, _FEWEST = 3500, 20_000, 20
 # Products of more terms are computed faster by a library.
 _LARGEST_PRODUCT = 4096
 # XLA splits the copy of a larger array, in bytes, over threads, which no function can do.
@@ -187,18 +187,19 @@ def _options() -> dict[str, Any] | None:
 def _as_functions(flat: Callable[..., Any], most: int, *arrays: Any) -> Any:
     """The results of `flat`, all that can be as functions of the program."""
     closed, shapes = jax.make_jaxpr(flat, return_shape=True)(*arrays)
-    closed = compat.as_functions(closed, functools.partial(_fits, most), _FEWEST)
-    return jax.tree.unflatten(jax.tree.structure(shapes), compat.evaluate(closed, arrays))
+    fits = functools.partial(_fits, most)
+    closed = jaxprs.as_functions(jaxprs.merged(closed), fits, _FEWEST)
+    return jax.tree.unflatten(jax.tree.structure(shapes), jaxprs.evaluate(closed, arrays))
 
 
 def _fits(most: int, jaxpr: Any) -> bool:
     """Whether this can be one function: no calls of a library, no large products or copies."""
-    equations = list(compat.equations(jaxpr))
+    equations = list(jaxprs.equations(jaxpr))
     return (
         len(equations) <= most
-        and compat.largest_copy(jaxpr) <= _LARGEST_COPY
+        and jaxprs.largest_copy(jaxpr) <= _LARGEST_COPY
         and all(
-            compat.is_written_out(equation) and compat.product_terms(equation) <= _LARGEST_PRODUCT
+            jaxprs.is_written_out(equation) and jaxprs.product_terms(equation) <= _LARGEST_PRODUCT
             for equation in equations
         )
     )

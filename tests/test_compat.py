@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from romjax import compat
+from romjax import compat, jaxprs
 
 
 def test_the_newest_version_tested():
@@ -174,13 +174,34 @@ def nested(x):
 
 def test_equations_of_programs():
     """Those inside of others too, what they call, and the size of their products."""
-    equations = list(compat.equations(jax.make_jaxpr(nested)(jnp.ones(3)).jaxpr))
+    equations = list(jaxprs.equations(jax.make_jaxpr(nested)(jnp.ones(3)).jaxpr))
     names = [equation.primitive.name for equation in equations]
     assert {"while", "dot_general", "cholesky"} <= set(names)
-    calls = {e.primitive.name for e in equations if not compat.is_written_out(e)}
+    calls = {e.primitive.name for e in equations if not jaxprs.is_written_out(e)}
     assert "cholesky" in calls
     assert not calls & {"while", "dot_general", "add", "lt", "mul"}
-    assert max(map(compat.product_terms, equations)) == 9
+    assert max(map(jaxprs.product_terms, equations)) == 9
+
+
+def test_equal_quantities_are_computed_once():
+    """In loops too; what is called twice stays one jaxpr, and what differs stays apart."""
+    call = jax.jit(lambda x: jnp.cos(x) * jnp.cos(x))
+
+    def function(x):
+        def step(y):
+            return y + jnp.sin(x) * jnp.sin(x) + jnp.tan(x) - jnp.arctan(x)
+
+        return jax.lax.while_loop(lambda y: y < 9, step, x) + call(x) * call(x + 0.0)
+
+    closed = jax.make_jaxpr(function)(1.5)
+    merged = jaxprs.merged(closed)
+    names = [e.primitive.name for e in jaxprs.equations(merged.jaxpr)]
+    assert names.count("sin") == 1
+    assert names.count("tan") == 1
+    assert names.count("cos") == 2  # one in each call
+    calls = [e for e in merged.jaxpr.eqns if "cos" in str(e)]
+    assert len({id(e.params["jaxpr"]) for e in calls}) == 1
+    assert jaxprs.evaluate(merged, [1.5]) == jaxprs.evaluate(closed, [1.5])
 
 
 def test_functions_of_a_program_carry_the_attribute():
@@ -188,10 +209,10 @@ def test_functions_of_a_program_carry_the_attribute():
     whole = jax.make_jaxpr(nested)(jnp.ones(3))
 
     def fits(jaxpr):
-        return all(map(compat.is_written_out, compat.equations(jaxpr)))
+        return all(map(jaxprs.is_written_out, jaxprs.equations(jaxpr)))
 
-    closed = compat.as_functions(whole, fits, 2)
-    lowered = jax.jit(lambda x: compat.evaluate(closed, [x]), compiler_options=compat.OPTIONS)
+    closed = jaxprs.as_functions(whole, fits, 2)
+    lowered = jax.jit(lambda x: jaxprs.evaluate(closed, [x]), compiler_options=compat.OPTIONS)
     lowered = lowered.lower(jnp.ones(3))
     marked = [line for line in lowered.as_text().splitlines() if "xla_cpu_small_call" in line]
     assert any("call @" in line for line in marked)
@@ -227,5 +248,5 @@ def test_copies_are_of_arguments_that_loops_change():
         return jax.lax.fori_loop(0, 3, lambda i, z: z.at[i].set(y[i]), x)
 
     x, y = jnp.zeros(100), jnp.ones(50)
-    assert compat.largest_copy(jax.make_jaxpr(filled)(x, y).jaxpr) == x.nbytes
-    assert compat.largest_copy(jax.make_jaxpr(lambda x, y: x[:50] + y)(x, y).jaxpr) == 0
+    assert jaxprs.largest_copy(jax.make_jaxpr(filled)(x, y).jaxpr) == x.nbytes
+    assert jaxprs.largest_copy(jax.make_jaxpr(lambda x, y: x[:50] + y)(x, y).jaxpr) == 0

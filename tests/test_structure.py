@@ -118,6 +118,7 @@ BASE = {
     "errors",
     "precision",
     "compat",
+    "jaxprs",
     "deprecated",
     "fields",
 }

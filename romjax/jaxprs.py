@@ -1,0 +1,215 @@
+"""Jaxprs, JAX's traced functions: what they compute, and which parts are one function to XLA.
+
+Of JAX's interface this uses what is not public; tests/test_compat.py fails when it changes.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax._src import core
+from jax._src.interpreters import partial_eval
+from jax.experimental.xla_metadata import set_xla_metadata
+
+# Primitives that XLA's CPU backend writes out itself, without calls of a library or of Python.
+_NAMES = (
+    "abs acos acosh add add_any and argmax argmin asin asinh atan atan2 atanh "
+    "bitcast_convert_type broadcast_in_dim cbrt ceil checkpoint clamp closed_call concatenate "
+    "cond convert_element_type copy cos cosh cummax cummin cumprod cumsum custom_jvp_call "
+    "custom_linear_solve custom_vjp_call div dot_general dynamic_slice dynamic_update_slice eq "
+    "erf erf_inv erfc exp exp2 expm1 floor gather ge gt integer_pow iota is_finite jit le log "
+    "log1p logistic lt max maybe_set min mul name ne neg nextafter nonbatchable "
+    "nondifferentiable nondifferentiable_backward not optimization_barrier or pad pjit "
+    "population_count pow reduce_and reduce_max reduce_min reduce_or reduce_prod reduce_sum rem "
+    "remat reshape rev round rsqrt scan scatter scatter-add select_if_vmap select_n shift_left "
+    "shift_right_arithmetic shift_right_logical sign sin sinh slice split sqrt square squeeze "
+    "stack stop_gradient sub tan tanh transpose unstack unvmap_all unvmap_any unvmap_max while "
+    "xor "
+)
+_WRITTEN_OUT = frozenset(_NAMES.split())
+
+
+def equations(jaxpr: Any) -> Iterator[Any]:
+    """All equations of a jaxpr, those inside of others too."""
+    for equation in jaxpr.eqns:
+        yield equation
+        for inner in core.jaxprs_in_params(equation.params):
+            yield from equations(inner)
+
+
+def is_written_out(equation: Any) -> bool:
+    """Whether XLA's CPU backend writes this equation out itself."""
+    return equation.primitive.name in _WRITTEN_OUT
+
+
+def product_terms(equation: Any) -> int:
+    """The number of multiplications in a matrix product; zero for everything else."""
+    if equation.primitive.name != "dot_general":
+        return 0
+    (contracted, _), _ = equation.params["dimension_numbers"]
+    left, out = equation.invars[0].aval.shape, equation.outvars[0].aval.shape
+    return int(np.prod(out)) * int(np.prod([left[axis] for axis in contracted]))
+
+
+def largest_copy(jaxpr: Any) -> int:
+    """The bytes of the largest argument that a loop changes, and therefore copies."""
+    given = set(jaxpr.invars)
+    loops = (e for e in jaxpr.eqns if e.primitive.name in ("while", "scan"))
+    changed = (x for loop in loops for x in loop.invars[-len(loop.outvars) :])
+    copied = (x for x in changed if not isinstance(x, core.Literal) and x in given)
+    arrays: list[Any] = [x.aval for x in copied]
+    return max((x.size * x.dtype.itemsize for x in arrays), default=0)
+
+
+def merged(closed: Any) -> Any:
+    """A closed jaxpr in which each quantity is computed once, and none that nobody asks for.
+
+    XLA merges equal operations too, but late: until then it takes time for each of them.
+    """
+    return _merged(closed, {})
+
+
+def _merged(closed: Any, done: dict[int, tuple[Any, Any]]) -> Any:
+    """`done`: jaxprs before and after, by identity, so that what is called twice stays one."""
+    if id(closed) in done:
+        return done[id(closed)][1]
+    jaxpr, _ = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(closed.out_avals), True)
+    equal, first, equations = dict[Any, Any](), dict[Any, Any](), []
+
+    def original(x: Any) -> Any:
+        return x if isinstance(x, core.Literal) else equal.get(x, x)
+
+    for equation in jaxpr.eqns:
+        equation = equation.replace(invars=[original(x) for x in equation.invars])
+        equation = _with_inner(equation, lambda inner: _merged(inner, done))
+        operands = (_literal(x) if isinstance(x, core.Literal) else x for x in equation.invars)
+        key = (equation.primitive, *operands, *sorted(equation.params.items(), key=_name))
+        try:
+            same = equation if equation.effects else first.setdefault(key, equation)
+        except TypeError:  # of parameters that cannot be compared
+            same = equation
+        if same is equation:
+            equations.append(equation)
+        else:
+            equal.update(zip(equation.outvars, same.outvars, strict=True))
+    jaxpr = jaxpr.replace(eqns=equations, outvars=[original(x) for x in jaxpr.outvars])
+    new = core.ClosedJaxpr(jaxpr, closed.consts)
+    done[id(closed)] = closed, new
+    return new
+
+
+def _literal(x: Any) -> tuple[Any, ...]:
+    return x.aval, np.asarray(x.val).tobytes()
+
+
+def _name(parameter: tuple[str, Any]) -> str:
+    return parameter[0]
+
+
+def _with_inner(equation: Any, change: Callable[[Any], Any]) -> Any:
+    """A loop, branch or call with its jaxprs changed; any other equation as it is."""
+    if equation.primitive.name not in ("while", "scan", "cond", "jit", "pjit"):
+        return equation
+
+    def inside(x: Any) -> Any:
+        if isinstance(x, tuple):
+            return tuple(inside(each) for each in x)
+        return change(x) if isinstance(x, core.ClosedJaxpr) else x
+
+    params = {name: inside(value) for name, value in equation.params.items()}
+    return equation.replace(params=params)
+
+
+def as_functions(closed: Any, fits: Callable[[Any], bool], few: int) -> Any:
+    """A closed jaxpr, in which all that `fits` is a function of its own to XLA's CPU backend.
+
+    All of it, else each loop or call in it, else what is inside of these; but for those of `few`
+    equations. Compiled with the older emitter of fusions only.
+    """
+    jaxpr = closed.jaxpr
+    results: list[Any] = jaxpr.outvars
+    live = [i for i, x in enumerate(results) if x.aval.size]
+    if live and fits(jaxpr):
+        return _one_function(closed, live)
+
+    # Arrays of one number, which nothing else holds: a loop may change them without a copy.
+    filled = {
+        e.outvars[0]: e
+        for e in jaxpr.eqns
+        if e.primitive.name == "broadcast_in_dim" and isinstance(e.invars[0], core.Literal)
+    }
+    asked = {x for e in jaxpr.eqns for x in e.invars if not isinstance(x, core.Literal)}
+    asked |= {x for x in jaxpr.outvars if not isinstance(x, core.Literal)}
+
+    def replaced(equation: Any) -> Any:
+        if sum(1 for x in core.jaxprs_in_params(equation.params) for _ in equations(x)) < few:
+            return equation
+        read = {x: None for x in equation.invars if not isinstance(x, core.Literal)}
+        fills = [filled[x] for x in read if x in filled]
+        read = {x: None for x in read if x not in filled}
+        alone = jaxpr.replace(
+            constvars=[],
+            invars=list(read),
+            outvars=equation.outvars,
+            eqns=[*fills, equation],
+            debug_info=jaxpr.debug_info.with_unknown_names(),
+        )
+        live = [i for i, x in enumerate(equation.outvars) if x in asked and x.aval.size]
+        if live and fits(alone):
+            (call,) = _one_function(core.ClosedJaxpr(alone, ()), live).jaxpr.eqns
+            return call.replace(invars=[x for x in read if x.aval.size], outvars=equation.outvars)
+        return _with_inner(equation, lambda inner: as_functions(inner, fits, few))
+
+    split = jaxpr.replace(eqns=[replaced(equation) for equation in jaxpr.eqns])
+    return core.ClosedJaxpr(split, closed.consts)
+
+
+def _one_function(closed: Any, live: Sequence[int]) -> Any:
+    """A closed jaxpr of one call, that of the given one as a function of its own.
+
+    `live`: those of its results, with entries, that are asked for; JAX leaves out the others.
+    """
+
+    def inside(*given: Any) -> list[Any]:
+        left, avals = iter(given), closed.in_avals
+        arrays = [next(left) if x.size else jnp.zeros(x.shape, x.dtype) for x in avals]
+        # The attribute is of the call alone: calls inside would inherit it without another value.
+        with set_xla_metadata(xla_cpu_small_call="false", inlineable="true"):
+            results: list[Any] = core.eval_jaxpr(closed.jaxpr, closed.consts, *arrays)
+            i = min(live, key=lambda i: np.size(results[i]))
+            results[i] = _as_if_it_used(results[i], arrays)
+            return results
+
+    @jax.jit
+    def call(*given: Any) -> list[Any]:
+        # What is constant would be put into the function, which then does not use the argument.
+        given = jax.lax.optimization_barrier(given)
+        with set_xla_metadata(xla_cpu_small_call="true", inlineable="false"):
+            results: list[Any] = jax.jit(inside)(*given)
+            return results
+
+    return jax.make_jaxpr(lambda *arrays: call(*(x for x in arrays if x.size)))(*closed.in_avals)
+
+
+def _as_if_it_used(result: Any, arrays: Sequence[Any]) -> Any:
+    """The result, by an expression of all arrays, of which the compiler cannot take any out.
+
+    XLA ends the process at a function that does not use one of its arguments.
+    """
+    first = [x.ravel()[0].astype(jnp.float32) for x in arrays if x.size]
+    # Weights, since the compiler knows that no truth value, as a number, is the one compared with.
+    total = sum(x * np.float32(0.7391 + 0.01 * i) for i, x in enumerate(first))
+    never = total == np.float32(1.2345678e-30)
+    # Of the first number alone: XLA would split a sum over all of a large array over threads.
+    start = (0,) * result.ndim
+    one = jax.lax.dynamic_slice(result, start, (1,) * result.ndim)
+    one = one ^ never if result.dtype == bool else one + never.astype(result.dtype)
+    return jax.lax.dynamic_update_slice(result, one, start)
+
+
+def evaluate(closed: Any, arrays: Sequence[Any]) -> list[Any]:
+    """The results of a closed jaxpr."""
+    results: list[Any] = core.eval_jaxpr(closed.jaxpr, closed.consts, *arrays)
+    return results
