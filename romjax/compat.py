@@ -16,8 +16,11 @@ from jaxlib.cpu import _lapack
 
 # Options of a program. The newer way of compiling fusions takes twice as long, and a function that
 # holds its results cannot be compiled. Sums over small axes stay in the loops around them: a
-# library for large ones would take them out, one call for each.
+# library for large ones would take them out, one call for each. Products stay on their thread:
+# handing one of a few thousand terms to another takes longer than computing it, and waits where
+# other programs run.
 OPTIONS: dict[str, Any] = {
+    "xla_cpu_multi_thread_eigen": False,
     "xla_cpu_use_fusion_emitters": False,
     "xla_cpu_experimental_ynn_fusion_type": "",
 }

@@ -4,12 +4,11 @@ Mechanisms are small: XLA's way of running a program on a CPU, a list of kernels
 one by one, takes longer to start each kernel than to run it. Two settings, program by program,
 change that and nothing else in the process:
 
-- Options of the compiler: fusions are compiled by the older emitter, which takes half the time, and
-  sums over small axes stay in the loops around them.
+- Options of the compiler: fusions are compiled by the older emitter, which takes half the time,
+  sums over small axes stay in the loops around them, and products on their thread.
 - A call that carries the attribute `xla_cpu_small_call` becomes one function instead of kernels. It
-  may contain no call of a library (LAPACK, a callback to Python) and no large product, which a
-  library computes faster; loops around such calls stay loops, and what is inside of them and
-  free of calls becomes a function.
+  may contain no call of a library (LAPACK, a callback to Python) and no large product; loops
+  around such calls stay loops, and what is inside of them and free of calls becomes a function.
 
 Both hold only for a program that nothing surrounds: within a transformation of JAX (`jit`, `vmap`,
 `grad`) of the user, the function is part of the user's program.
@@ -33,8 +32,8 @@ Runs = Literal["one", "some", "many"]
 # Of a function, in equations: LLVM's passes need more than linear time for a long one, which only
 # many runs are worth, and a short one saves nothing.
 _MOST, _MOST_OFTEN, _FEWEST = 3500, 20_000, 20
-# Products of more terms are computed faster by a library.
-_LARGEST_PRODUCT = 4096
+# Products of more terms take so long that what is around them does not matter.
+_LARGEST_PRODUCT = 2**16
 # XLA splits the copy of a larger array, in bytes, over threads, which no function can do.
 _LARGEST_COPY = 2**19 - 1
 # Programs that are remembered, of one function.
