@@ -31,7 +31,7 @@ Runs = Literal["one", "some", "many"]
 
 # Of a function, in equations: LLVM's passes need more than linear time for a long one, which only
 # many runs are worth, and a short one saves nothing.
-_MOST, _MOST_OFTEN, _FEWEST = 3500, 20_000, 20
+_MOST, _MOST_OFTEN, _FEWEST = 2500, 20_000, 20
 # Products of more terms take so long that what is around them does not matter.
 _LARGEST_PRODUCT = 2**16
 # XLA splits the copy of a larger array, in bytes, over threads, which no function can do.
