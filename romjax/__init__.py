@@ -126,6 +126,8 @@ from .study.reduce_over import reduce_over as reduce_over
 from .study.reduce_to import reduce_to as reduce_to
 from .study.reduced_box import ReducedBox as ReducedBox
 from .study.sweep import sweep as sweep
+from .study.sweep_over import BoxSweep as BoxSweep
+from .study.sweep_over import sweep_over as sweep_over
 from .study.tune import tune_baumgarte as tune_baumgarte
 from .system.base import AbstractSystem as AbstractSystem
 from .system.consistent import consistent as consistent

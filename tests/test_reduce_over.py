@@ -1,5 +1,7 @@
 """One reduced model for a box of parameters."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -68,6 +70,30 @@ def test_what_the_model_says_of_itself(reduced):
     assert "training run" in reduced.summary()
     assert "of the box with a confidence of 95%" in reduced.summary()
     assert set(reduced.training) == {"mass", "f1"}
+
+
+@pytest.mark.slow
+def test_a_sweep_falls_back_on_the_full_model(box, reduced):
+    """Outside of the box, and where the estimate is too large for what is asked."""
+    best, worst = (int(pick(reduced.estimates)) for pick in (np.argmin, np.argmax))
+    points = {name: x[[best, worst, worst]] for name, x in reduced.candidates.items()}
+    points["mass"][2] = 2 * box.ranges["mass"].high
+    between = np.sqrt(reduced.estimates[best] * reduced.estimates[worst])
+    strict = dataclasses.replace(reduced, tol=float(2 * between))
+    swept = rj.sweep_over(strict, points, TS, lambda run: run.q[-1])
+    assert swept.by_full.tolist() == [False, True, True]
+    assert 0 < swept.estimates[0] < between
+    assert not np.any(swept.estimates[1:])
+    assert np.all(swept.success)
+    for number, mass in enumerate(points["mass"]):
+        system = rj.assemble(beams(mass, points["f1"][number]))
+        truth = rj.simulate(system, TS, rtol=1e-9)
+        error = np.linalg.norm(swept.values[number] - truth.q[-1])
+        assert error <= strict.tol * np.linalg.norm(truth.q[-1] - truth.q[0])
+    with pytest.raises(rj.InputError, match="parameters weight; give some of mass, f1"):
+        rj.sweep_over(reduced, {"weight": np.ones(1)}, TS, len)
+    with pytest.raises(rj.InputError, match=r"shapes \(\); give each as an array"):
+        rj.sweep_over(reduced, {"mass": 1.0}, TS, len)
 
 
 @pytest.mark.slow

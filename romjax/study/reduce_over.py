@@ -19,8 +19,9 @@ from ..system.base import AbstractSystem, Run
 from ..system.reduced import AbstractReducedSystem
 from .batch import simulate_all, stacked
 from .box import Box
+from .estimate import run_and_change
 from .rank_search import SAFETY, Accepted, RankSearch, held_out_error, sharper
-from .reduced_box import ReducedBox, reduced_as
+from .reduced_box import ReducedBox
 
 
 def reduce_over(
@@ -161,6 +162,8 @@ class _Greedy:
         return ReducedBox(
             box=self.box,
             rom=rom,
+            finer=None if accepted.finer is None else accepted.finer.rom,
+            tol=self.tol,
             training={name: np.array([x[name] for x in self.trained]) for name in self.points},
             candidates={name: x[: self.candidates] for name, x in self.points.items()},
             estimates=self.estimates,
@@ -203,14 +206,9 @@ def _changes(
 
     def one(numbers: Any) -> tuple[Array, Run]:
         system = eqx.combine(numbers, structure)
-        rom, finer = reduced_as(coarse, system), reduced_as(fine, system)
-        run, other = (simulate(x, times, rtol=rtol, throw=False) for x in (rom, finer))
-        root = jnp.linalg.cholesky(system.mass(system.q0))
-        change = jnp.linalg.norm((run.q - other.q) @ root)
-        change /= jnp.linalg.norm((other.q - other.q[:1]) @ root)
+        rom, run, change = run_and_change(coarse, fine, system, times, rtol)
         own = jax.vmap(rom.restrict)(run.q, run.v)
-        good = run.success & other.success
-        return jnp.where(good, change, jnp.inf), Run(times, *own, run.q, run.violation)
+        return change, Run(times, *own, run.q, run.violation)
 
     changes, runs = jax.vmap(one)(numbers)
     return changes, jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), runs)

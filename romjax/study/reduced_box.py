@@ -16,8 +16,9 @@ _CONFIDENCE = 0.95
 class ReducedBox:
     """A reduced model of all mechanisms of a `box`.
 
-    - `rom`: the model, of the mechanism in the middle. `training`: the parameters of its training
-      runs, each array (runs,).
+    - `rom`: the model, of the mechanism in the middle; `finer`: that of the next rank, whose
+      difference estimates the error, or None if there is none. `tol`: the error asked for.
+    - `training`: the parameters of its training runs, each array (runs,).
     - `candidates`: the parameters at which its error was estimated, and `estimates` (candidates,).
     - `held_out`: those at which it was measured, by full runs that it was not made of, and
       `errors` (held out,).
@@ -25,6 +26,8 @@ class ReducedBox:
 
     box: Box
     rom: AbstractReducedSystem
+    finer: AbstractReducedSystem | None
+    tol: float
     training: dict[str, np.ndarray]
     candidates: dict[str, np.ndarray]
     estimates: np.ndarray
