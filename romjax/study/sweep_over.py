@@ -45,7 +45,7 @@ def sweep_over(
     """What is seen of the runs of many mechanisms, none of which errs by more than asked for.
 
     The reduced model simulates all points within its box, and the model of the next rank estimates
-    the errors. Where the estimate is above half of `reduced.tol`, where something speaks against
+    the errors. Where the estimate is above half of `ReducedBox.tol`, where something speaks against
     the run, and outside of the box, the full model takes over.
 
     **Arguments:**
