@@ -76,7 +76,7 @@ def _merged(closed: Any, done: dict[int, tuple[Any, Any]]) -> Any:
     if id(closed) in done:
         return done[id(closed)][1]
     jaxpr, _ = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(closed.out_avals), True)
-    equal, first, equations = dict[Any, Any](), dict[Any, Any](), []
+    equal, first, different = dict[Any, Any](), dict[Any, Any](), []
 
     def original(x: Any) -> Any:
         return x if isinstance(x, core.Literal) else equal.get(x, x)
@@ -85,16 +85,16 @@ def _merged(closed: Any, done: dict[int, tuple[Any, Any]]) -> Any:
         equation = equation.replace(invars=[original(x) for x in equation.invars])
         equation = _with_inner(equation, lambda inner: _merged(inner, done))
         operands = (_literal(x) if isinstance(x, core.Literal) else x for x in equation.invars)
-        key = (equation.primitive, *operands, *sorted(equation.params.items(), key=_name))
         try:
+            key = (equation.primitive, *operands, frozenset(equation.params.items()))
             same = equation if equation.effects else first.setdefault(key, equation)
         except TypeError:  # of parameters that cannot be compared
             same = equation
         if same is equation:
-            equations.append(equation)
+            different.append(equation)
         else:
             equal.update(zip(equation.outvars, same.outvars, strict=True))
-    jaxpr = jaxpr.replace(eqns=equations, outvars=[original(x) for x in jaxpr.outvars])
+    jaxpr = jaxpr.replace(eqns=different, outvars=[original(x) for x in jaxpr.outvars])
     new = core.ClosedJaxpr(jaxpr, closed.consts)
     done[id(closed)] = closed, new
     return new
@@ -102,10 +102,6 @@ def _merged(closed: Any, done: dict[int, tuple[Any, Any]]) -> Any:
 
 def _literal(x: Any) -> tuple[Any, ...]:
     return x.aval, np.asarray(x.val).tobytes()
-
-
-def _name(parameter: tuple[str, Any]) -> str:
-    return parameter[0]
 
 
 def _with_inner(equation: Any, change: Callable[[Any], Any]) -> Any:

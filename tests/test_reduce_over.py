@@ -90,7 +90,7 @@ def test_a_sweep_falls_back_on_the_full_model(box, reduced):
         truth = rj.simulate(system, TS, rtol=1e-9)
         error = np.linalg.norm(swept.values[number] - truth.q[-1])
         assert error <= strict.tol * np.linalg.norm(truth.q[-1] - truth.q[0])
-    with pytest.raises(rj.InputError, match="parameters weight; give some of mass, f1"):
+    with pytest.raises(rj.InputError, match="no parameter 'weight'; those are mass, f1"):
         rj.sweep_over(reduced, {"weight": np.ones(1)}, TS, len)
     with pytest.raises(rj.InputError, match=r"shapes \(\); give each as an array"):
         rj.sweep_over(reduced, {"mass": 1.0}, TS, len)

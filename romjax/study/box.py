@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -34,6 +35,10 @@ class Range:
         if self.log:
             return np.asarray(low * (high / low) ** np.asarray(share))
         return np.asarray(low + (high - low) * np.asarray(share))
+
+    def holds(self, values: np.ndarray | float) -> np.ndarray:
+        """Which values lie within, both ends included."""
+        return np.asarray((self.low <= np.asarray(values)) & (np.asarray(values) <= self.high))
 
 
 class Box:
@@ -97,14 +102,23 @@ class Box:
 
         Raises InputError for one that the box does not have, or outside of its range.
         """
+        self.check_names(parameters)
         for name, value in parameters.items():
-            if name not in self.ranges:
-                known = ", ".join(self.ranges)
-                raise InputError(f"Box: there is no parameter {name!r}; those are {known}.")
             one = self.ranges[name]
-            if not one.low <= value <= one.high:
+            if not one.holds(value):
                 raise InputError(
                     f"Box: {name}={value} lies outside of {one.low:g} to {one.high:g}; make a "
                     "larger box."
                 )
-        return assemble(self.make(**(self.center | parameters)))
+        return self.system_anywhere(parameters)
+
+    def system_anywhere(self, parameters: Mapping[str, Any]) -> AbstractSystem:
+        """The mechanism of some parameters, which may be traced or outside of their ranges."""
+        return assemble(self.make(**(self.center | dict(parameters))))
+
+    def check_names(self, parameters: Mapping[str, Any]) -> None:
+        """Raise InputError for a parameter that the box does not have."""
+        for name in parameters:
+            if name not in self.ranges:
+                known = ", ".join(self.ranges)
+                raise InputError(f"Box: there is no parameter {name!r}; those are {known}.")

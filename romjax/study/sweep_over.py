@@ -10,11 +10,9 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from ..arrays import as_array
-from ..assembly.assemble import assemble
 from ..errors import InputError
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
-from ..system.base import AbstractSystem
 from .estimate import run_and_change
 from .rank_search import SAFETY, sharper
 from .reduced_box import ReducedBox, reduced_as
@@ -60,25 +58,22 @@ def sweep_over(
     box, times, rtol = reduced.box, as_array(ts), sharper(reduced.tol)
     points = _points(reduced, parameters)
 
-    def system(point: dict[str, Any]) -> AbstractSystem:
-        return assemble(box.make(**(box.center | point)))
-
     def cheap(point: dict[str, Any]) -> dict[str, Any]:
         if reduced.finer is None:
             # All minimal coordinates are there: what remains are the flags.
-            rom = reduced_as(reduced.rom, system(point))
+            rom = reduced_as(reduced.rom, box.system_anywhere(point))
             run, change = simulate(rom, times, rtol=rtol, throw=False), jnp.zeros_like(times[0])
         else:
-            _, run, change = run_and_change(reduced.rom, reduced.finer, system(point), times, rtol)
+            _, run, change = run_and_change(
+                reduced.rom, reduced.finer, box.system_anywhere(point), times, rtol
+            )
         return {"seen": see(run), "change": change, "flags": run.flags, "status": run.status}
 
     def accurate(point: dict[str, Any]) -> dict[str, Any]:
-        run = simulate(system(point), times, rtol=rtol, throw=False)
+        run = simulate(box.system_anywhere(point), times, rtol=rtol, throw=False)
         return {"seen": see(run), "status": run.status}
 
-    inside = [
-        (box.ranges[name].low <= x) & (x <= box.ranges[name].high) for name, x in points.items()
-    ]
+    inside = [box.ranges[name].holds(x) for name, x in points.items()]
     within = np.flatnonzero(np.all(inside, axis=0))
     by_full, estimates = np.ones_like(inside[0]), np.zeros(inside[0].shape)
     parts = []
@@ -109,19 +104,14 @@ def _together(lanes: int, parts: list[tuple[np.ndarray, Sweep]]) -> tuple[Any, n
 
 def _points(reduced: ReducedBox, parameters: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
     """The parameters as arrays of one length; raises InputError if they are not."""
-    ranges = reduced.box.ranges
-    unknown = [name for name in parameters if name not in ranges]
-    if unknown or not parameters:
-        raise InputError(
-            f"sweep_over: parameters {', '.join(unknown) or 'none'}; give some of "
-            f"{', '.join(ranges)}."
-        )
+    reduced.box.check_names(parameters)
     points = {name: np.asarray(x, float) for name, x in parameters.items()}
     shapes = {x.shape for x in points.values()}
-    if len(shapes) > 1 or any(len(shape) != 1 or shape == (0,) for shape in shapes):
+    if len(shapes) != 1 or any(len(shape) != 1 or shape == (0,) for shape in shapes):
+        given = ", ".join(map(str, shapes)) or "none"
         raise InputError(
-            f"sweep_over: parameters of the shapes {', '.join(map(str, shapes))}; give each as an "
-            "array with one value for each lane."
+            f"sweep_over: parameters of the shapes {given}; give each as an array with one value "
+            "for each lane."
         )
     return points
 
