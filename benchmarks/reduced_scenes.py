@@ -151,7 +151,9 @@ CASES = {
         tuple(driven()),
         (("galerkin", 4), ("galerkin", 5), ("minimal", 3), ("local", 1), ("cap", 40)),
     ),
-    "four-bar": Case(four_bar, 2.0, tuple(heavier()), (("galerkin", 7), ("minimal", 1))),
+    "four-bar": Case(
+        four_bar, 5.0, tuple(heavier()), (("galerkin", 7), ("minimal", 1), ("table", 1))
+    ),
     "8 beams": Case(
         lambda: beams(8),
         1.0,

@@ -136,6 +136,7 @@ from .system.dynamics import quadratic_velocity_force as quadratic_velocity_forc
 from .system.flags import Flag as Flag
 from .system.stabilization import Baumgarte as Baumgarte
 from .system.stabilization import Projection as Projection
+from .tables.formulation import Tabulated as Tabulated
 from .xla import speed_up_xla as speed_up_xla
 
 if not TYPE_CHECKING:

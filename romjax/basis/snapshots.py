@@ -1,11 +1,13 @@
 """Snapshots of motions, weighted so that their singular values mean energy and time."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..errors import InputError
@@ -94,6 +96,17 @@ class SnapshotSet(eqx.Module):
         """One snapshot at rest, of a mechanism of which nothing but its `metric` is given."""
         zero = jnp.zeros(1, q.dtype)
         return cls(zero, q[None], 0 * q[None], zero, metric, Noise(zero[0], zero[0]), (), ())
+
+    def of_coordinates(self, numbers: np.ndarray) -> "SnapshotSet":
+        """Those of some coordinates only, by their numbers, without names."""
+        return dataclasses.replace(
+            self,
+            q=self.q[:, numbers],
+            v=self.v[:, numbers],
+            metric=self.metric[np.ix_(numbers, numbers)],
+            labels=(),
+            descriptions=(),
+        )
 
 
 class WeightedSnapshots(NamedTuple):

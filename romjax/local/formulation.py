@@ -1,6 +1,5 @@
 """Local bases: few modes for each flexible body, from its own amplitudes."""
 
-import dataclasses
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -74,7 +73,7 @@ class Local(AbstractFormulation):
             raise ReductionError(f"reduce: Local is for flexible bodies, but the system {why}.")
         columns = sorted(row for group in full.bodies for row in group.coordinates.rows)
         amplitudes = [np.array(own[3:], int) for own in columns]
-        bodies = [_snapshots_of(basis.snapshots, own) for own in amplitudes]
+        bodies = [basis.snapshots.of_coordinates(own) for own in amplitudes]
         if basis.decomposition is None:
             modes = [
                 span(basis.modes[own], body.metric) if own.size else body.metric
@@ -138,15 +137,3 @@ class Local(AbstractFormulation):
             level = float(self.tol) * float(basis.spectrum[0])
         level = max(level, rounding * every[0])
         return [int(np.sum(own > level)) for own in values]
-
-
-def _snapshots_of(snapshots: SnapshotSet, own: np.ndarray) -> SnapshotSet:
-    """Those of the amplitudes of one body, which are its `own` coordinates."""
-    return dataclasses.replace(
-        snapshots,
-        q=snapshots.q[:, own],
-        v=snapshots.v[:, own],
-        metric=snapshots.metric[np.ix_(own, own)],
-        labels=(),
-        descriptions=(),
-    )

@@ -45,8 +45,9 @@ def reduce(
     - `formulation`: `Galerkin()`, "galerkin": d'Alembert's principle in the subspace, with the
       constraints that it can violate. `Minimal()`, "minimal": in minimal coordinates, of which the
       modes of the basis span a subspace, with all constraints satisfied exactly. `Local()`,
-      "local": few modes for each flexible body, with all joints. `Projected()`, "projected": the
-      chapter's equation 39.6 to the letter, unstable, for reference only.
+      "local": few modes for each flexible body, with all joints. `Tabulated()`, "table": one
+      coordinate along all configurations of a mechanism with one freedom. `Projected()`,
+      "projected": the chapter's equation 39.6 to the letter, unstable, for reference only.
 
     Raises ReductionError if the basis does not fit the system, if it would lock the mechanism or
     take it apart (galerkin), or if the mechanism passes a singular position (minimal).

@@ -1,0 +1,102 @@
+"""Tables: mechanisms with one freedom whose configurations are looked up."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..basis.basis import Basis
+from ..basis.build import modes_of
+from ..basis.snapshots import weigh
+from ..basis.subspace import span
+from ..errors import InputError
+from ..program import program_once
+from ..reduction.formulation.base import AbstractFormulation, start
+from ..reduction.system import ReducedSystem
+from ..reduction.validity import TrainingBox
+from ..system.base import AbstractSystem
+from .curve import trace
+from .frames import Frames
+from .lift import TableLift
+
+
+class Tabulated(AbstractFormulation):
+    """One coordinate along all configurations of a mechanism with one freedom, from a table.
+
+    The joints leave the frames of the bodies one curve, which is traced once; a step then solves no
+    constraints. Its coordinate singles out no body, so that cranks go round and dead points are
+    passed. Masses, stiffnesses and effects need no new table. Where bodies deform, a basis of rank
+    r gives r − 1 modes of their amplitudes, decomposed as the basis was; small amplitudes are added
+    to second order. Constraints that do not hold to that order are flagged.
+
+    Global modal parametrization: Brüls, Duysinx, Golinval, "The global modal parameterization for
+    non-linear model-order reduction in flexible multibody dynamics", IJNME 69, 948 (2007),
+    doi:10.1002/nme.1795.
+
+    **Arguments:**
+
+    - `tol`: how well the table holds the constraints between its nodes: largest |C̈| [m/s², rad/s²]
+      of the undeformed bodies at a speed of 1 √kg m/s in the mass metric.
+
+    Raises InputError for a `tol` that is not positive.
+    """
+
+    name: ClassVar[str] = "table"
+    in_subspace: ClassVar[bool] = False
+
+    tol: float = eqx.field(static=True, default=1e-8)
+
+    def __check_init__(self) -> None:
+        if not self.tol > 0:
+            raise InputError(f"Tabulated: tol={self.tol}, but it must be positive.")
+
+    def reduce(self, system: AbstractSystem, basis: Basis) -> ReducedSystem:
+        """Raises ReductionError for another number of freedoms, for constraints that change with
+        time, and at singular positions.
+        """
+        q, v, t = start(system, basis)
+        frames = Frames.of(system, t, q)
+        amplitudes = np.setdiff1d(np.arange(system.n), frames.numbers)
+        undeformed, trained = q.at[amplitudes].set(0.0), basis.decomposition is not None
+        snapshots = basis.snapshots.q.at[:, amplitudes].set(0.0) if trained else None
+        curve = trace(system, frames, undeformed, snapshots, self.tol)
+        own = _modes(basis, amplitudes)
+        modes = jnp.zeros((system.n, own.shape[1]), q.dtype).at[amplitudes].set(own)
+        lift = TableLift.of(system, frames, curve, modes)
+        kind = "an open" if curve.turn is None else "a closed"
+        summary = f"one freedom along {kind} curve of {len(lift.coefficients)} nodes"
+        if amplitudes.size:
+            summary += f", {own.shape[1]} of {amplitudes.size} modes of flexible bodies"
+        # Undeformed bodies leave the constraints nowhere.
+        violation = _violation(system, lift, basis.snapshots.q) if trained else 0.0
+        everywhere = jnp.full((2, 1 + own.shape[1]), jnp.inf).at[0].multiply(-1)
+        validity = TrainingBox.of(everywhere, violation)
+        return ReducedSystem.of(
+            system, lift, (q, v, t), None, validity, f"{summary}, no constraints"
+        )
+
+
+def _modes(basis: Basis, amplitudes: np.ndarray) -> Float[Array, "a k"]:
+    """Modes of the amplitudes of all bodies, orthonormal in their metric."""
+    own = basis.snapshots.of_coordinates(amplitudes)
+    count = min(basis.rank - 1, amplitudes.size)
+    if not count:
+        return jnp.zeros((amplitudes.size, 0), own.q.dtype)
+    if basis.decomposition is None:
+        return span(basis.modes[amplitudes], own.metric)
+    weighted = weigh(own, jnp.zeros(amplitudes.size, own.q.dtype))
+    return modes_of(weighted.root, basis.decomposition.directions(weighted, count).vectors)
+
+
+@program_once
+def _violation(system: AbstractSystem, lift: TableLift, q: Float[Array, "K n"]) -> Float[Array, ""]:
+    """Largest |C| where the lift comes nearest to snapshots."""
+
+    def one(q: Array) -> Array:
+        z, _ = lift.restrict(system, q, jnp.zeros_like(q))
+        return jnp.abs(system.constraint(lift.frames.time, lift.position(system, 0.0, z)))
+
+    return jnp.max(jax.vmap(one)(q), initial=0.0)

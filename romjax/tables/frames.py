@@ -1,0 +1,154 @@
+"""The curve on which the frames of a mechanism with one freedom move, its bodies undeformed."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..arrays import concrete
+from ..charts.survey import survey
+from ..errors import ReductionError
+from ..linalg.dense import multiply
+from ..program import program_once
+from ..system.base import AbstractSystem
+from ..system.constraints import differentiate
+from ..system.dynamics import jacobian
+
+# Steps of Newton's method, each of which doubles the number of correct digits.
+_NEWTON = 4
+# Steps of a block, which is one call.
+BLOCK = 64
+
+
+class Frames(eqx.Module):
+    """The coordinates that the constraints determine up to one freedom.
+
+    - `numbers`: of these coordinates in q; `rows`: of the constraints that do not repeat others.
+    - `metric` (n, n): the mass matrix M₀ at the start.
+    - `time` [s]: at which constraints are evaluated.
+    """
+
+    numbers: tuple[int, ...] = eqx.field(static=True)
+    rows: tuple[int, ...] = eqx.field(static=True)
+    metric: Float[Array, "n n"]
+    time: Float[Array, ""]
+
+    @classmethod
+    def of(cls, system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]) -> "Frames":
+        """Of a system near q (n,); raises ReductionError unless these have one freedom."""
+        if concrete(q) is None:
+            raise ValueError(
+                "reduce: a table is made outside of jit, grad and vmap; inside, take the same one "
+                "of another system by rom.with_full(system)."
+            )
+        numbers = np.flatnonzero(system.structure.rigid)
+        seen = survey(system, t[None], q[None], 1)
+        full = seen.jacobians[0] @ seen.root
+        rank = np.linalg.matrix_rank(full[:, numbers]) if system.m else 0
+        freedoms = len(numbers) - rank
+        if rank < len(seen.rows) or freedoms != 1:
+            why = f"the frames of its undeformed bodies have {freedoms} freedoms"
+            if rank < len(seen.rows):
+                why = f"{len(seen.rows) - rank} of its constraints hold by deformation alone"
+            raise ReductionError(
+                f"reduce: a table is for mechanisms of one freedom, but {why}; take "
+                "formulation=romjax.Minimal()."
+            )
+        metric = np.asarray(seen.root.T @ seen.root)
+        names = tuple(int(i) for i in numbers)
+        return cls(names, seen.rows, jnp.asarray(metric), t)
+
+    def violation(self, system: AbstractSystem, q: Float[Array, " n"]) -> Float[Array, " m"]:
+        """C of the constraints that do not repeat others."""
+        return system.constraint(self.time, q)[np.array(self.rows)]
+
+    def slice(
+        self, system: AbstractSystem, q: Float[Array, " n"], along: Float[Array, " n"]
+    ) -> tuple[Float[Array, "n m"], Float[Array, " n"]]:
+        """X such that Δq = X c has C_q Δq = c and no part `along` a direction, in the mass metric;
+        and the unit vector that the constraints allow next to that direction.
+        """
+        own = np.array(self.numbers)
+        rows = jacobian(system, self.time, q)[np.array(self.rows)][:, own]
+        normal = multiply(self.metric, along)[own]
+        inverse = jnp.linalg.inv(jnp.concatenate([rows, normal[None]]))
+        columns = jnp.zeros((q.size, own.size), q.dtype).at[own].set(inverse)
+        tangent = columns[:, -1]
+        size = jnp.sqrt(multiply(tangent, multiply(self.metric, tangent)))
+        return columns[:, :-1], tangent / size
+
+    def project(
+        self, system: AbstractSystem, q: Float[Array, " n"], along: Float[Array, " n"]
+    ) -> Float[Array, " n"]:
+        """The configuration on the constraints by Newton's method from q, across a direction."""
+
+        def newton(q: Array, _: None) -> tuple[Array, None]:
+            correction, _tangent = self.slice(system, q, along)
+            return q - multiply(correction, self.violation(system, q)), None
+
+        return jax.lax.scan(newton, q, None, length=_NEWTON)[0]
+
+
+class Point(NamedTuple):
+    """Points of a curve: configurations and unit tangents."""
+
+    q: Float[Array, "*k n"]
+    tangent: Float[Array, "*k n"]
+
+
+@program_once
+def start(system: AbstractSystem, frames: Frames, q: Array, before: Array) -> Point:
+    """The point of the curve next to q whose tangent is next to `before`."""
+    q = frames.project(system, q, before)
+    return Point(q, frames.slice(system, q, before)[1])
+
+
+@program_once
+def advance(system: AbstractSystem, frames: Frames, point: Point, step: Array) -> Point:
+    """The next points of the curve (BLOCK,), by Runge and Kutta's method and Newton's.
+
+    Equal steps of a one-step method are points of one smooth motion along the curve, whose speed
+    differs from one by O(h⁴): as good a coordinate as the arc length, which need not be known.
+    """
+
+    def slope(q: Array, before: Array) -> Array:
+        return frames.slice(system, q, before)[1]
+
+    def one(point: Point, _: None) -> tuple[Point, Point]:
+        q, first = point
+        second = slope(q + step / 2 * first, first)
+        third = slope(q + step / 2 * second, first)
+        fourth = slope(q + step * third, first)
+        mean = (first + 2 * second + 2 * third + fourth) / 6
+        q = frames.project(system, q + step * mean, mean)
+        new = Point(q, slope(q, first))
+        return new, new
+
+    return jax.lax.scan(one, point, None, length=BLOCK)[1]
+
+
+@program_once
+def curvature_errors(
+    system: AbstractSystem,
+    t: Float[Array, ""],
+    q: Float[Array, "K n"],
+    slope: Float[Array, "K n"],
+    bend: Float[Array, "K n"],
+) -> Float[Array, "K M"]:
+    """C̈ where a motion at unit speed has the velocities `slope` and the accelerations `bend`."""
+
+    def one(q: Array, v: Array, a: Array) -> Array:
+        return differentiate(system.constraint, t, q, v, a).curvature
+
+    return jax.vmap(one)(q, slope, bend)
+
+
+@program_once
+def violations(
+    system: AbstractSystem, t: Float[Array, ""], q: Float[Array, "K n"]
+) -> Float[Array, "K M"]:
+    """C at several configurations."""
+    return jax.vmap(system.constraint, (None, 0))(t, q)
