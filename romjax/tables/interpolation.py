@@ -5,7 +5,6 @@ import functools
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.interpolate import BarycentricInterpolator, BPoly, PPoly
 
 # A node's derivatives are those of the polynomial through so many nodes on each side of it.
 _SIDE = 5
@@ -22,6 +21,9 @@ def _stencil() -> np.ndarray:
 
     Hermite's polynomial of degree seven: it has the values and three derivatives of both ends.
     """
+    # Here, since scipy.interpolate takes long to load and few ask for tables.
+    from scipy.interpolate import BarycentricInterpolator, BPoly, PPoly
+
     around = np.arange(-_SIDE, _SIDE + 1)
     by_values = BarycentricInterpolator(around, np.eye(len(around)))
     weights = by_values.derivatives(0.0, _SMOOTH + 1)
