@@ -17,6 +17,7 @@ from reduced_scenes import CASES, Case
 from timing import Timed, least
 
 import romjax as rj
+from romjax.reduction.formulation.parse import as_formulation
 
 REPEATS = 6
 RTOL, TRUTH = 1e-8, 1e-10
@@ -56,7 +57,8 @@ def models(case: Case, training: rj.Trajectory) -> Iterator[Model | str]:
             yield Model("capped", f"{number} Hz", capped, of, taken)
             continue
         try:
-            rom: Any = rj.reduce(system, rj.pod(training, rank=number), name)
+            basis = as_formulation(name).basis(system, training, rj.POD(number))
+            rom: Any = rj.reduce(system, basis, name)
         except rj.ReductionError as refusal:
             yield f"{name} r = {number} is refused: {refusal}".rstrip(".")
             continue

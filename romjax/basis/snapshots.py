@@ -62,7 +62,7 @@ class SnapshotSet(eqx.Module):
     descriptions: tuple[str, ...] = eqx.field(static=True)
 
     @classmethod
-    def of(cls, motions: "Motion | Sequence[Motion] | SnapshotSet") -> "SnapshotSet":
+    def of(cls, motions: "Motions") -> "SnapshotSet":
         """The snapshots of a motion, or of a list of them.
 
         Raises InputError for an empty list, and for motions of different numbers of coordinates.
@@ -107,6 +107,15 @@ class SnapshotSet(eqx.Module):
             labels=(),
             descriptions=(),
         )
+
+    def mapped(self, matrix: Float[Array, "n n"]) -> "SnapshotSet":
+        """Displacements from the first snapshot, and velocities, times a matrix."""
+        first = self.q[:1]
+        return dataclasses.replace(self, q=first + (self.q - first) @ matrix.T, v=self.v @ matrix.T)
+
+
+# One motion of a mechanism or several, or the snapshots of them.
+Motions = Motion | Sequence[Motion] | SnapshotSet
 
 
 class WeightedSnapshots(NamedTuple):

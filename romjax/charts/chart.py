@@ -44,8 +44,14 @@ class Chart(eqx.Module):
         """Of quantities for each constraint, those of the constraints that do not repeat others."""
         return rows if len(self.rows) == len(rows) else rows[np.array(self.rows, int)]
 
+    def tangent(
+        self, system: AbstractSystem, t: Time, q: Float[Array, " n"]
+    ) -> Float[Array, "n d"]:
+        """How q changes with the independent coordinates: T = Y − W (C_q W)⁻¹ C_q Y."""
+        return _tangent(self, system, t, q)
+
     def metric(self, system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Array, "d d"]:
-        """The mass matrix of the independent coordinates: TᵀMT, T = Y − W (C_q W)⁻¹ C_q Y."""
+        """The mass matrix of the independent coordinates, TᵀMT with the tangent T."""
         return _metric(self, system, t, q)
 
     def dependent_inverses(
@@ -56,16 +62,23 @@ class Chart(eqx.Module):
 
 
 @program_once
+def _tangent(
+    chart: Chart, system: AbstractSystem, t: Time, q: Float[Array, " n"]
+) -> Float[Array, "n d"]:
+    tangent = jnp.asarray(chart.independent, q.dtype)
+    if chart.rows:
+        dependent = jnp.asarray(chart.dependent, q.dtype)
+        rows = chart.regular(jacobian(system, t, q))
+        tangent -= dependent @ jnp.linalg.solve(rows @ dependent, rows @ tangent)
+    return tangent
+
+
+@program_once
 def _metric(
     chart: Chart, system: AbstractSystem, t: Time, q: Float[Array, " n"]
 ) -> Float[Array, "d d"]:
-    tangent = jnp.asarray(chart.independent, q.dtype)
-    state = system.state(t, q, jnp.zeros_like(q))
-    if chart.rows:
-        dependent = jnp.asarray(chart.dependent, q.dtype)
-        rows = chart.regular(state.jacobian())
-        tangent -= dependent @ jnp.linalg.solve(rows @ dependent, rows @ tangent)
-    return tangent.T @ state.apply_mass(tangent)
+    tangent = chart.tangent(system, t, q)
+    return tangent.T @ system.state(t, q, jnp.zeros_like(q)).apply_mass(tangent)
 
 
 @program_once

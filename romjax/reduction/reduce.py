@@ -44,10 +44,11 @@ def reduce(
     - `system`: the full one; `basis`: from `pod`, `sod` or `Basis.from_modes`; `old`: old names.
     - `formulation`: `Galerkin()`, "galerkin": d'Alembert's principle in the subspace, with the
       constraints that it can violate. `Minimal()`, "minimal": in minimal coordinates, of which the
-      modes of the basis span a subspace, with all constraints satisfied exactly. `Local()`,
-      "local": few modes for each flexible body, with all joints. `Tabulated()`, "table": one
-      coordinate along all configurations of a mechanism with one freedom. `Projected()`,
-      "projected": the chapter's equation 39.6 to the letter, unstable, for reference only.
+      modes of the basis span a subspace, with all constraints satisfied exactly, best of a basis
+      by `Minimal.basis`. `Local()`, "local": few modes for each flexible body, with all joints.
+      `Tabulated()`, "table": one coordinate along all configurations of a mechanism with one
+      freedom. `Projected()`, "projected": the chapter's equation 39.6 to the letter, unstable, for
+      reference only.
 
     Raises ReductionError if the basis does not fit the system, if it would lock the mechanism or
     take it apart (galerkin), or if the mechanism passes a singular position (minimal).

@@ -67,7 +67,7 @@ class RankSearch:
             bar.set_postfix_str(f"rank {r}")
             bar.update()
             try:
-                basis = POD(r)(truths)
+                basis = self.formulation.basis(self.systems[0], truths, POD(r))
                 if self.tail(basis) > _TAIL * tol:
                     continue
                 candidate = self.candidate(basis)

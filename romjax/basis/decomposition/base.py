@@ -2,7 +2,6 @@
 
 import abc
 import dataclasses
-from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -12,7 +11,7 @@ from jaxtyping import Array, Float
 from ..basis import Basis
 from ..build import modes_of, projection_error
 from ..rank import Rank, choose_rank
-from ..snapshots import Motion, SnapshotSet, WeightedSnapshots, weigh
+from ..snapshots import Motions, SnapshotSet, WeightedSnapshots, weigh
 
 
 class RankCriterion(NamedTuple):
@@ -68,7 +67,7 @@ class AbstractDecomposition(eqx.Module):
         about = self.offset if offset is None else jnp.asarray(offset)
         return dataclasses.replace(self, rank=rank, tol=None, offset=about)
 
-    def __call__(self, motion: Motion | Sequence[Motion] | SnapshotSet) -> Basis:
+    def __call__(self, motion: Motions) -> Basis:
         """The Basis of a motion, or of several of one mechanism.
 
         Raises RankError for a rank that the snapshots do not allow, InputError if they do not move

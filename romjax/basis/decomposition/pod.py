@@ -1,6 +1,5 @@
 """Proper orthogonal decomposition."""
 
-from collections.abc import Sequence
 from typing import Any, ClassVar, final
 
 import equinox as eqx
@@ -12,7 +11,7 @@ from ...errors import InputError
 from ...fields import Converted, number
 from ..basis import Basis
 from ..rank import FLOOR, Rank
-from ..snapshots import Motion, SnapshotSet, WeightedSnapshots
+from ..snapshots import Motions, WeightedSnapshots
 from ..subspace import Method, leading, singular_values
 from .base import AbstractDecomposition, Directions, RankCriterion
 
@@ -62,7 +61,7 @@ class POD(AbstractDecomposition):
 
 
 def pod(
-    motion: Motion | Sequence[Motion] | SnapshotSet,
+    motion: Motions,
     rank: Rank | None = None,
     *,
     tol: float | None = None,

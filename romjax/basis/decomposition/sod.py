@@ -1,6 +1,5 @@
 """Smooth orthogonal decomposition, with a rank that does not flip."""
 
-from collections.abc import Sequence
 from typing import Any, ClassVar, final
 
 import equinox as eqx
@@ -14,7 +13,7 @@ from ...fields import Converted, number
 from ...program import program
 from ..basis import Basis
 from ..rank import FLOOR, Rank
-from ..snapshots import Motion, SnapshotSet, WeightedSnapshots
+from ..snapshots import Motions, WeightedSnapshots
 from ..subspace import leading, singular_values
 from .base import AbstractDecomposition, Directions, RankCriterion, ValueLabel
 
@@ -53,7 +52,7 @@ class SOD(AbstractDecomposition):
 
 
 def sod(
-    motion: Motion | Sequence[Motion] | SnapshotSet,
+    motion: Motions,
     rank: Rank | None = None,
     *,
     tol: float | None = None,

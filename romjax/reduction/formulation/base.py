@@ -7,6 +7,8 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ...basis.basis import Basis
+from ...basis.decomposition.base import AbstractDecomposition
+from ...basis.snapshots import Motions
 from ...system.base import AbstractSystem
 
 
@@ -19,6 +21,15 @@ class AbstractFormulation(eqx.Module):
     in_subspace: ClassVar[bool] = True
     # Whether it is there to be compared with, not to be used.
     for_reference: ClassVar[bool] = False
+
+    def basis(
+        self, system: AbstractSystem, motion: Motions, decomposition: AbstractDecomposition
+    ) -> Basis:
+        """The basis for this formulation from motions of `system`, by a decomposition such as
+        `POD(rank=5)`: that of the snapshots as they are, unless the formulation maps them first.
+        """
+        del system
+        return decomposition(motion)
 
     @abc.abstractmethod
     def reduce(self, system: AbstractSystem, basis: Basis) -> AbstractSystem:

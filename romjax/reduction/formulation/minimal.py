@@ -1,5 +1,6 @@
 """Minimal coordinates: a subspace of those that the constraints leave independent."""
 
+import dataclasses
 from typing import ClassVar
 
 import jax
@@ -9,6 +10,8 @@ from jaxtyping import Array, Float
 
 from ... import compat
 from ...basis.basis import Basis
+from ...basis.decomposition.base import AbstractDecomposition
+from ...basis.snapshots import Motions, SnapshotSet
 from ...basis.subspace import span
 from ...charts.atlas import Atlas, choose_atlas
 from ...charts.chart import Chart
@@ -45,11 +48,25 @@ class Minimal(AbstractFormulation):
 
     chart: Chart | Atlas | None = None
 
+    def basis(
+        self, system: AbstractSystem, motion: Motions, decomposition: AbstractDecomposition
+    ) -> Basis:
+        """The decomposition of the independent coordinates s alone, since the others follow: of
+        q₀ + T s with the tangent T at the first snapshot, without the curvature of the mechanism.
+        """
+        snapshots = SnapshotSet.of(motion)
+        chart = _choose(system, snapshots) if self.chart is None else self.chart
+        if isinstance(chart, Atlas):
+            return decomposition(snapshots)
+        tangent = chart.tangent(system, snapshots.t[0], snapshots.q[0])
+        basis = decomposition(snapshots.mapped(tangent @ jnp.asarray(chart.read, tangent.dtype)))
+        return dataclasses.replace(basis, snapshots=snapshots)
+
     def reduce(self, system: AbstractSystem, basis: Basis) -> ReducedSystem:
         """Raises ReductionError if the mechanism passes a singular position, or if a subspace would
         have to change charts.
         """
-        chart = _choose(system, basis) if self.chart is None else self.chart
+        chart = _choose(system, basis.snapshots) if self.chart is None else self.chart
         if isinstance(chart, Atlas):
             return _in_atlas(system, basis, chart)
         snapshots = basis.snapshots
@@ -89,13 +106,13 @@ def _in_atlas(system: AbstractSystem, basis: Basis, atlas: Atlas) -> ReducedSyst
     return ReducedSystem.of(system, lift, start(system, basis), None, validity, summary)
 
 
-def _choose(system: AbstractSystem, basis: Basis) -> Chart | Atlas:
-    if any(compat.is_traced(x) for x in jax.tree.leaves((system, basis))):
+def _choose(system: AbstractSystem, snapshots: SnapshotSet) -> Chart | Atlas:
+    t, q = snapshots.t, snapshots.q
+    if any(compat.is_traced(x) for x in jax.tree.leaves((system, t, q))):
         raise ValueError(
             "reduce: under jit, grad or vmap say which coordinates are independent, such as "
             "romjax.Minimal(chart=rom.lift.chart) of a reduced model that was made outside."
         )
-    t, q = basis.snapshots.t, basis.snapshots.q
     best = choose_chart(system, t, q)
     return best.chart if best.condition <= WORST_CONDITION else choose_atlas(system, t, q)
 

@@ -55,7 +55,7 @@ def reduced_models(
             formulation: AbstractFormulation = formulation,
             rank: Rank = rank,
         ) -> tuple[AbstractReducedSystem | ProjectedSystem, Basis]:
-            basis = decomposition.with_rank(rank)(training)
+            basis = formulation.basis(system, training, decomposition.with_rank(rank))
             rom = reduce(system, basis, formulation)
             return cast(AbstractReducedSystem | ProjectedSystem, rom), basis
 
