@@ -4,11 +4,13 @@ import difflib
 from collections.abc import Iterable
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from .arrays import concrete
 from .errors import InputError
+from .identity import Remembered
 
 # Names in a message.
 _LISTED = 20
@@ -37,11 +39,18 @@ def _describe(shape: tuple[int | None, ...]) -> str:
     return f"have shape ({', '.join(lengths)})"
 
 
+_finite = Remembered()  # of arrays of JAX, which never change
+
+
 def check_finite(owner: str, field: str, value: Any, error: type[InputError] = InputError) -> None:
     """Raise where a number is infinite or NaN."""
+    if _finite.get(value):
+        return
     number = concrete(value)
     if number is not None and not np.all(np.isfinite(number)):
         raise error(f"{owner}: {field} is {number}; every number must be finite.")
+    if number is not None and isinstance(value, jax.Array):
+        _finite.put(value, True)
 
 
 def check_positive(

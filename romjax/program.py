@@ -14,9 +14,10 @@ Both hold only for a program that nothing surrounds: within a transformation of 
 `grad`) of the user, the function is part of the user's program.
 """
 
+import dataclasses
 import functools
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, NamedTuple, TypeVar, cast
 
 import equinox as eqx
@@ -24,6 +25,7 @@ import jax
 import numpy as np
 
 from . import compat, jaxprs, program_cache
+from .identity import Remembered
 
 F = TypeVar("F", bound=Callable[..., Any])
 # How often a program runs.
@@ -66,24 +68,21 @@ class Program:
         return self._of(args)[0]
 
     def _of(self, args: tuple[Any, ...]) -> tuple[Any, list[Any]]:
-        leaves, tree = jax.tree.flatten(args)
-        static = tuple([_static(x) for x in leaves])
-        arrays = [x for x, value in zip(leaves, static, strict=True) if value is None]
-        forms = tuple([_form(x) for x in arrays])
-        return self._compiled(tree, static, forms, compat.trace_settings()), arrays
+        parts = [_taken_apart(arg) for arg in args]
+        kinds = tuple([kind for kind, _ in parts])
+        arrays = [x for _, own in parts for x in own]
+        return self._compiled(kinds, compat.trace_settings()), arrays
 
-    def _compile(
-        self, tree: Any, static: tuple[Any, ...], forms: tuple[Any, ...], settings: Any
-    ) -> Any:
+    def _compile(self, kinds: tuple["_Kind", ...], settings: Any) -> Any:
         def flat(*arrays: Any) -> Any:
             given = iter(arrays)
-            leaves = [next(given) if x is None else _restore(x) for x in static]
-            return self._function(*jax.tree.unflatten(tree, leaves))
+            return self._function(*[kind.joined(given) for kind in kinds])
 
+        forms = [form for kind in kinds for form in kind.forms]
         options = _options()
         if options is None:
             return _lower(flat, forms, {}).compile()
-        key = program_cache.key_of_call(self._function, tree, static, forms, settings)
+        key = program_cache.key_of_call(self._function, kinds, settings)
         stored = program_cache.load(key)
         if stored is not None:
             return stored
@@ -135,6 +134,53 @@ def program_once(function: F) -> F:
 def program_often(function: F) -> F:
     """`function` as a `Program` that runs hundreds of times: compiled longer, to run faster."""
     return cast(F, Program(function, "many"))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Kind:
+    """What a program is compiled for, of one argument.
+
+    - `tree`: its structure; `static`: its leaves, None for an array with entries; `forms`: of
+      these arrays.
+    """
+
+    tree: Any
+    static: tuple[Any, ...]
+    forms: tuple[Any, ...]
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (isinstance(other, _Kind) and self._key == other._key)
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        return self.tree, self.static, self.forms
+
+    @functools.cached_property
+    def _hash(self) -> int:
+        return hash(self._key)
+
+    def joined(self, arrays: Iterator[Any]) -> Any:
+        """An argument of this kind, of the next arrays."""
+        leaves = [next(arrays) if x is None else _restore(x) for x in self.static]
+        return jax.tree.unflatten(self.tree, leaves)
+
+
+_parts = Remembered()
+
+
+def _taken_apart(arg: Any) -> tuple[_Kind, list[Any]]:
+    """The kind of an argument and its arrays, which are remembered with a module."""
+    known: tuple[_Kind, list[Any]] | None = _parts.get(arg)
+    if known is not None:
+        return known
+    leaves, tree = jax.tree.flatten(arg)
+    static = tuple([_static(x) for x in leaves])
+    arrays = [x for x, value in zip(leaves, static, strict=True) if value is None]
+    kind = _Kind(tree, static, tuple([_form(x) for x in arrays]))
+    return _parts.put(arg, (kind, arrays)) if isinstance(arg, eqx.Module) else (kind, arrays)
 
 
 class _Empty(NamedTuple):

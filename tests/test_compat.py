@@ -250,3 +250,16 @@ def test_copies_are_of_arguments_that_loops_change():
     x, y = jnp.zeros(100), jnp.ones(50)
     assert jaxprs.largest_copy(jax.make_jaxpr(filled)(x, y).jaxpr) == x.nbytes
     assert jaxprs.largest_copy(jax.make_jaxpr(lambda x, y: x[:50] + y)(x, y).jaxpr) == 0
+
+
+class Pair(eqx.Module):
+    one: jax.Array
+    two: str = eqx.field(static=True, default="two")
+
+
+def test_a_module_is_made_of_its_fields():
+    made = compat.make_module(Pair, one=jnp.ones(2), two="two")
+    called = Pair(jnp.ones(2))
+    assert jax.tree.structure(made) == jax.tree.structure(called)
+    assert eqx.tree_equal(made, called)
+    assert eqx.tree_equal(jax.tree.map(lambda x: x, made), called)

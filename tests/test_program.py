@@ -13,6 +13,7 @@ from tolerances import DIFFERENCED, IDENTITY, PUBLISHED
 
 import romjax as rj
 from romjax import compat, jaxprs
+from romjax.integrate.outputs import cut
 from romjax.program import program
 
 X = jnp.asarray(np.random.default_rng(0).normal(size=7))
@@ -133,6 +134,15 @@ def test_names_and_numbers_of_outputs_and_steps_are_in_no_program():
     assert compilations(lambda: [run(system, count) for count in (2, 7, 101, 301)]) == 0
     assert compilations(lambda: run(system, 11, max_steps=5000)) == 0
     assert run(rj.assemble(other), 11).labels != run(system, 11).labels
+
+
+def test_rows_that_are_asked_for_often_are_taken_by_a_program():
+    rows = {"q": jnp.arange(30.0).reshape(10, 3), "t": jnp.arange(10.0)}
+    for _ in range(30):
+        first = cut(rows, 4)
+        assert jax.tree.all(jax.tree.map(lambda x, y: bool(jnp.all(x == y[:4])), first, rows))
+        assert [x.shape for x in jax.tree.leaves(first)] == [(4, 3), (4,)]
+    assert compilations(lambda: cut(rows, 4)) == 0
 
 
 def test_what_cannot_be_a_function_is_compiled_the_plain_way(monkeypatch):

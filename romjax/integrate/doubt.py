@@ -2,8 +2,6 @@
 
 import warnings
 
-import numpy as np
-
 from ..arrays import concrete
 from ..system.base import AbstractSystem
 from ..system.flags import Flag
@@ -11,26 +9,31 @@ from .singular import singular_position
 from .status import Status
 from .trajectory import Trajectory
 
-# What a run is warned of, and what projection may mend.
-_DOUBTS = Flag.ENERGY | Flag.DISSIPATION | Flag.BRANCH
-_MENDED = Flag.ENERGY | Flag.BRANCH
+# What a run is warned of, and what projection may mend. Integers: members of an enumeration take
+# ten times as long, and every run is asked.
+_DOUBTS = int(Flag.ENERGY | Flag.DISSIPATION | Flag.BRANCH)
+_MENDED = int(Flag.ENERGY | Flag.BRANCH)
+_SUCCESS, _VIOLATED = int(Status.SUCCESS), int(Status.CONSTRAINTS_VIOLATED)
 
 
 def is_doubtful(run: Trajectory) -> bool:
     """Whether one run, not of those that JAX traces, may have lost joints, energy or branch."""
+    status, flags = _outcome(run)
+    return bool(status == _SUCCESS and flags & _MENDED) or status == _VIOLATED
+
+
+def _outcome(run: Trajectory) -> tuple[int, int]:
+    """Status and flags of one run; −1 and 0 for those that JAX traces, and for several."""
     status, flags = concrete(run.status), concrete(run.flags)
-    if status is None or flags is None or np.ndim(status):
-        return False
-    lost = status == Status.SUCCESS and Flag(int(flags)) & _MENDED
-    return bool(lost or status == Status.CONSTRAINTS_VIOLATED)
+    if status is None or flags is None or status.ndim:
+        return -1, 0
+    return int(status), int(flags)
 
 
 def warn_of_doubt(system: AbstractSystem, run: Trajectory) -> None:
     """Warn of one run, not of those that JAX traces, that ended, of what speaks against it."""
-    status, flags = concrete(run.status), concrete(run.flags)
-    if status is None or flags is None or np.ndim(status) or status != Status.SUCCESS:
-        return
-    if not Flag(int(flags)) & _DOUBTS:
+    status, flags = _outcome(run)
+    if status != _SUCCESS or not flags & _DOUBTS:
         return
     words = [f"simulate: the motion is doubtful: {run.warnings()}"]
     singular = singular_position(system, run)

@@ -1,5 +1,8 @@
 """What is saved at the output times, and room for it."""
 
+import functools
+import itertools
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -13,6 +16,8 @@ from .post_step import PostStep
 
 # Fewer outputs than fill so many bytes share one program.
 _ROOM = 2**16
+# Calls after which a program that takes rows, compiled in 20 ms, is worth its time.
+_OFTEN = 20
 
 
 class Own(NamedTuple):
@@ -72,8 +77,25 @@ def padded(x: Any, size: int) -> np.ndarray:
 
 
 def cut(outputs: Any, count: int) -> Any:
-    """The first `count` rows of all arrays, without a program for each number of rows."""
+    """The first `count` rows of all arrays, without a program for each number of rows but for those
+    that are asked for often.
+    """
     leaves, tree = jax.tree.flatten(outputs)
     if leaves and len(leaves[0]) != count:
-        leaves = jax.device_put([np.asarray(x)[:count] for x in leaves])
+        if next(_calls(count, tuple([x.shape for x in leaves]))) > _OFTEN:
+            leaves = _first_rows(leaves, count)
+        else:
+            leaves = jax.device_put([np.asarray(x)[:count] for x in leaves])
     return jax.tree.unflatten(tree, leaves)
+
+
+@functools.lru_cache
+def _calls(count: int, shapes: tuple[tuple[int, ...], ...]) -> Iterator[int]:
+    """How often so many rows of arrays of these shapes were asked for."""
+    del count, shapes
+    return itertools.count(1)
+
+
+@functools.partial(jax.jit, static_argnums=1)
+def _first_rows(leaves: list[Array], count: int) -> list[Array]:
+    return [x[:count] for x in leaves]

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from .. import compat
 from ..events.record import Events
+from ..identity import Remembered
 from ..program import program
 from ..system.base import AbstractSystem, Run
 from ..system.constraints import ConstraintState, differentiate
@@ -80,17 +81,34 @@ def _run(
         return _differentiable(system, ts, q0, v0, settings)
     count = len(ts)
     size = capacity(count, 2 * system.full.n, q0.dtype)
-    times = ts if size == count else padded(ts, size)
+    times = ts if size == count else _with_room(ts, size)
     result: _Result = _plain(system, times, np.asarray(count), q0, v0, settings)
     # After a stop only, times are others than those that were asked for.
     stopped = None if result.events is None else result.ts
     outputs, imbalance, stopped = cut((result.outputs, result.imbalance, stopped), count)
     ts = ts if stopped is None else stopped
     own = outputs.in_system()
-    demand = OnDemand(
-        Parts.of(system), ts, own.q, own.v, own.chart, _baumgarte(result.stabilization)
+    demand = compat.make_module(
+        OnDemand,
+        parts=Parts.of(system),
+        t=ts,
+        q=own.q,
+        v=own.v,
+        chart=own.chart,
+        stabilization=_baumgarte(result.stabilization),
     )
     return result._replace(ts=ts, outputs=outputs, imbalance=imbalance), demand
+
+
+_padded = Remembered()
+
+
+def _with_room(ts: Float[Array, " k"], size: int) -> Float[Array, " size"]:
+    """The output times, the last one repeated; remembered with them."""
+    times: Array | None = _padded.get(ts)
+    if times is None or len(times) != size:
+        times = _padded.put(ts, jax.device_put(padded(ts, size)))
+    return times
 
 
 @eqx.filter_jit
@@ -161,7 +179,8 @@ def _trajectory(
     settings: Settings,
 ) -> Trajectory:
     controlled, frequencies = settings.dt is None, settings.frequencies
-    statistics = Statistics(
+    statistics = compat.make_module(
+        Statistics,
         num_steps=run.steps,
         num_accepted_steps=run.accepted,
         num_rejected_steps=run.rejected,
@@ -170,7 +189,8 @@ def _trajectory(
         fastest_frequency=None if frequencies is None else frequencies.fastest,
         stabilization=run.stabilization,
     )
-    return Trajectory(
+    return compat.make_module(
+        Trajectory,
         t=run.ts,
         q=run.outputs.q,
         v=run.outputs.v,
@@ -183,6 +203,7 @@ def _trajectory(
         branching=None if run.findings is None else run.findings.branching,
         imbalance=run.imbalance,
         events=run.events,
+        dense=None,
         coordinates=system.full.structure.coordinates,
         solver_parts=Parts.of(settings.solver),
     )
