@@ -122,6 +122,8 @@ from .study.fit import fit as fit
 from .study.gradient import check_gradient as check_gradient
 from .study.likelihood import log_likelihood as log_likelihood
 from .study.projected import Projected as Projected
+from .study.rank_study import RankStudy as RankStudy
+from .study.rank_study import rank_study as rank_study
 from .study.reduce_over import reduce_over as reduce_over
 from .study.reduce_to import reduce_to as reduce_to
 from .study.reduced_box import ReducedBox as ReducedBox

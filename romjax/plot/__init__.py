@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from .figures.animation import animate as animate
     from .figures.errors import errors as errors
     from .figures.modes import modes as modes
+    from .figures.reduction import reduction as reduction
     from .figures.response import response as response
     from .figures.tuning import tuning as tuning
     from .figures.values import values as values
@@ -21,6 +22,7 @@ _FIGURES = {
     "animate": "animation",
     "errors": "errors",
     "modes": "modes",
+    "reduction": "reduction",
     "response": "response",
     "tuning": "tuning",
     "values": "values",

@@ -101,7 +101,7 @@ class RankSearch:
         # All formulations but those for reference make such systems.
         rom = cast(AbstractReducedSystem, reduce(self.systems[0], basis, self.formulation))
         pairs = zip(self.systems, self.truths, strict=True)
-        runs = [run_as(rom, system, truth, self.tol) for system, truth in pairs]
+        runs = [run_as(rom, system, truth, sharper(self.tol)) for system, truth in pairs]
         return Candidate(rom, basis, runs)
 
     def tail(self, basis: Basis) -> float:
@@ -131,26 +131,23 @@ def _finite(errors: list[float]) -> float:
 
 
 def run_as(
-    rom: AbstractReducedSystem,
-    system: AbstractSystem,
-    truth: Trajectory,
-    tol: float,
+    rom: AbstractReducedSystem, system: AbstractSystem, truth: Trajectory, rtol: float
 ) -> Trajectory:
     """The reduced model of a system with other numbers, from the start of a run of it."""
     return simulate(
         rom.with_full(system).starting_at(truth.q[0], truth.v[0], truth.t[0]),
         truth.t,
-        rtol=sharper(tol),
+        rtol=rtol,
         throw=False,
     )
 
 
 def held_out_error(
-    candidate: Candidate, system: AbstractSystem, truth: Trajectory, tol: float
+    rom: AbstractReducedSystem, system: AbstractSystem, truth: Trajectory, rtol: float
 ) -> float:
     """The error on a run that the model has not seen; infinite where it cannot even start."""
     try:
-        run = run_as(candidate.rom, system, truth, tol)
+        run = run_as(rom, system, truth, rtol)
     except ReductionError:
         return np.inf
     return _finite([float(compare(truth, run).error)])

@@ -132,8 +132,8 @@ class _Greedy:
         worst = int(np.argmax(self.estimates))
         if self.estimates[worst] > self.tol / SAFETY:
             return worst
-        model, truths = accepted.candidate, self.truths.items()
-        errors = [held_out_error(model, self.systems[i], run, self.tol) for i, run in truths]
+        model, rtol, truths = accepted.candidate.rom, sharper(self.tol), self.truths.items()
+        errors = [held_out_error(model, self.systems[i], run, rtol) for i, run in truths]
         self.errors = np.array(errors)
         if len(errors) and max(errors) > self.tol:
             return list(self.truths)[int(np.argmax(errors))]

@@ -14,7 +14,7 @@ from ..reduction.formulation.parse import as_formulation
 from ..system.base import AbstractSystem
 from ..system.reduced import AbstractReducedSystem
 from .batch import simulate_all
-from .rank_search import RankSearch, held_out_error
+from .rank_search import RankSearch, held_out_error, sharper
 
 
 def reduce_to(
@@ -64,7 +64,8 @@ def reduce_to(
         accepted = search.smallest(1, bar)
         while remaining:
             pairs = zip(remaining, unseen, strict=True)
-            errors = [held_out_error(accepted.candidate, *pair, tol) for pair in pairs]
+            model = accepted.candidate.rom
+            errors = [held_out_error(model, *pair, sharper(tol)) for pair in pairs]
             held_out = max(errors)
             if held_out <= tol:
                 break
