@@ -23,9 +23,11 @@ def pytest_configure(config):
         folder = tempfile.TemporaryDirectory(prefix="romjax-programs-")
         os.environ["ROMJAX_CACHE_DIR"] = folder.name
         config.add_cleanup(folder.cleanup)
-    # What the tests compile by JAX alone, with the options of romjax's own programs: it takes a
-    # seventh of the time less. XLA reads them when it computes for the first time.
+    # What the tests compile by JAX alone, with the options of romjax's own programs, and everything
+    # without the passes that make a program fast: most programs of tests run once, and compile in
+    # half the time. XLA reads the flags when it computes for the first time.
     flags = [flag for flag in compat.compiler_flags() if not flag.startswith("--xla_backend")]
+    flags.append("--xla_backend_optimization_level=0")
     os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *flags]).strip()
 
 
