@@ -12,6 +12,7 @@ from test_hard_cases import four_bar
 from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
+from romjax.charts.atlas import choose_atlas
 from romjax.integrate.post_step import PostStepSolver, motion_norm
 from romjax.integrate.term import ChartedMotionTerm, MotionTerm
 from romjax.linalg.pattern import Pattern
@@ -167,6 +168,22 @@ def test_the_same_steps_as_in_one_chart(solver):
 def test_the_norm_leaves_out_the_chart():
     y = (jnp.array([3.0]), jnp.array([4.0]))
     assert abs(motion_norm((*y, jnp.asarray(1e9))) - np.sqrt(12.5)) <= IDENTITY
+
+
+@pytest.mark.slow
+def test_sparse_snapshots_of_one_chart_are_on_one_branch():
+    """Between two snapshots a direction can turn over, which only a denser motion shows."""
+    system = rj.assemble(four_bar())
+    motion = rj.simulate(system, jnp.linspace(0.0, 5.0, 1001), solver=diffrax.Dopri8())
+    rows = jax.vmap(lambda q: system.state(0.0, q, 0 * q).jacobian())(motion.q)
+    directions = np.linalg.svd(np.asarray(rows))[2][:, -1]
+    flips = np.sign(np.sum(directions[1:] * directions[:-1], axis=1))
+    directions *= np.cumprod(np.append(1.0, flips))[:, None]  # continuous in time
+    sparse = motion.every(10)
+    atlas = choose_atlas(system, sparse.t, sparse.q)
+    for chart, domain in zip(atlas.charts, atlas.domains, strict=True):
+        signs = np.sign(directions[::10][domain] @ chart.read.T)
+        assert np.all(signs == signs[0]), f"snapshots {domain}"
 
 
 @pytest.mark.slow

@@ -53,6 +53,10 @@ def choose_atlas(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, 
     # cosine[i, j]: how much of a motion at j the directions at i see.
     products = np.einsum("anf,bng->abfg", null_spaces, null_spaces)
     cosine = np.linalg.svd(products, compute_uv=False)[..., -1]
+    # Negative where the directions have turned over since: then they were lost on the way.
+    turned = np.where(np.linalg.det(products) < 0, -1.0, 1.0)
+    orientation = np.cumprod(np.append(1.0, np.diagonal(turned, 1)))
+    cosine *= turned * orientation * orientation[:, None]
     centres, covered = list[int](), 0
     while covered < count:
         # The last one that still covers the first that no other does.
