@@ -9,7 +9,7 @@ from tolerances import IDENTITY
 from romjax.linalg.dense import invert, invert_any
 
 # Of each way the least and the largest.
-SIZES = (1, 2, 3, 6, 7, 24, 25, 40)
+SIZES = (1, 2, 3, 6, 7, 24, 128, 130)
 # [1] of the matrices; an inverse is as accurate as rounding times this.
 CONDITION = 1e4
 
