@@ -67,8 +67,9 @@ def simulate(
 
     - `q0`, `v0`: start in the system's coordinates; those of the system unless given.
     - `solver`: any diffrax solver; unless given, `Rodas5P()` where the fastest frequency of the
-      system at its start is above what the outputs can show, `diffrax.Dopri8()` elsewhere (while
-      JAX traces: Rodas5P for flexible systems). `Trajectory.solver` is the one that was used.
+      system at its start is above what the outputs can show, and so far above that the steps
+      that it saves pay for theirs; `diffrax.Dopri8()` elsewhere (while JAX traces: Rodas5P for
+      flexible systems). `Trajectory.solver` is the one that was used.
     - `rtol`, `atol`: tolerances of the step size control; `atol` equals `rtol` unless given.
     - `dt`: a fixed step [s] instead of step size control.
     - `stabilization`: `Baumgarte(alpha, beta)`, `Projection()` or None; unless given, critical
