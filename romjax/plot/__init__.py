@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .figures.accuracy import accuracy as accuracy
-    from .figures.animation import animate as animate
     from .figures.errors import errors as errors
     from .figures.modes import modes as modes
     from .figures.reduction import reduction as reduction
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
 # Functions, and the modules of `figures` that define them.
 _FIGURES = {
     "accuracy": "accuracy",
-    "animate": "animation",
     "errors": "errors",
     "modes": "modes",
     "reduction": "reduction",

@@ -6,6 +6,7 @@ from typing import Any
 import equinox as eqx
 
 from ..errors import SceneError
+from ..pictures import still
 from .body.base import AbstractBody
 from .effect.base import AbstractEffect
 from .fields import Converted, parts
@@ -54,6 +55,11 @@ class Scene(eqx.Module):
             body.check()
         for part in connected:
             part.check()
+
+    def _repr_html_(self) -> str:
+        """Its picture at the start, which notebooks show."""
+        picture: str = still(self)._repr_html_()
+        return picture
 
 
 def _check_kinds(field: str, parts: Sequence[Any], kind: type) -> None:

@@ -1,0 +1,18 @@
+"""Pictures of what knows no drawing: what draws is loaded when somebody looks, from above."""
+
+import importlib
+from typing import Any
+
+
+def animated(run: Any, *others: Any, **options: Any) -> Any:
+    """The moving picture of a run, and of `others` over it."""
+    return _drawing().animate_run(run, *others, **options)
+
+
+def still(scene: Any) -> Any:
+    """The picture of a scene at its start."""
+    return _drawing().animate(scene)
+
+
+def _drawing() -> Any:
+    return importlib.import_module(".plot.motion.animate", __package__)
