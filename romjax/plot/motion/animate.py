@@ -18,7 +18,7 @@ from ...scene.scene import Scene
 from ...system.base import AbstractSystem
 from ..shapes import amplitudes
 from .animation import Animation
-from .frames import Clock, models, playing_rate
+from .frames import Clock, Model, models, playing_rate
 
 FRAMES = 600
 # Of one period of a mode, with the first one repeated at the end; and how fast it passes [°/s].
@@ -197,6 +197,11 @@ def _swinging(
         f"mode {k + 1}: {hertz[k]:.4g} Hz": reference + motion[:, :, k] for k in range(len(hertz))
     }
     degrees = np.rad2deg(phase)
-    drawn = models(scene, np.zeros(PERIOD), named, traced)
+    drawn = [
+        Model(
+            name, *([o for o in side if o.style != "load"] for side in sides)
+        )  # they know no time
+        for name, *sides in models(scene, np.zeros(PERIOD), named, traced)
+    ]
     clock = Clock("phase", "°", TURNING)
     return Animation(degrees, drawn, clock, deformation, alternatives=True, title=title)

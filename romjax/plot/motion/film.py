@@ -1,6 +1,8 @@
 """Moving pictures as files of frames: GIF and MP4, drawn by matplotlib."""
 
 import importlib
+import itertools
+import subprocess
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -80,7 +82,7 @@ def _write_mp4(
     frames: Iterator[UInt8[np.ndarray, "height width 3"]], path: Path, fps: float
 ) -> None:
     try:
-        writer = importlib.import_module("imageio_ffmpeg")
+        encoder = importlib.import_module("imageio_ffmpeg").get_ffmpeg_exe()
     except ImportError as error:
         raise InputError(
             "Animation.save: a film needs imageio-ffmpeg: pip install 'romjax[video]'; or save a "
@@ -89,15 +91,16 @@ def _write_mp4(
     first = next(frames)
     # The format wants even numbers of rows and columns.
     rows, columns = (2 * (length // 2) for length in first.shape[:2])
-    film = writer.write_frames(
-        str(path), (columns, rows), fps=fps, quality=8, macro_block_size=2, pix_fmt_in="rgb24"
-    )
-    film.send(None)
-    try:
-        for frame in (first, *frames):
-            film.send(np.ascontiguousarray(frame[:rows, :columns]))
-    finally:
-        film.close()
+    given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{columns}x{rows}", "-r", f"{fps:g}"]
+    made = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18"]
+    command = [encoder, "-y", "-loglevel", "error", *given, "-i", "-", *made, str(path)]
+    # Not by the writer of imageio-ffmpeg, whose fork is unsafe beside JAX.
+    with subprocess.Popen(command, stdin=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        for frame in itertools.chain([first], frames):
+            process.stdin.write(np.ascontiguousarray(frame[:rows, :columns]).tobytes())
+    if process.returncode:
+        raise OSError(f"Animation.save: ffmpeg failed to write {path}; see its message above.")
 
 
 def _frames(

@@ -155,7 +155,7 @@ const make = (name, attributes, parent, text) => {
 const clip = make("rect", {}, make("clipPath", {id: "inside"}, picture));
 const grid = make("g", {class: "grid"}, picture);
 const scenery = make("g", {"clip-path": "url(#inside)"}, picture);
-const paths = new Map(STYLES.flatMap(style => [...models].reverse().map(model => {
+const paths = new Map(STYLES.flatMap(style => models.map(model => {
   const path = make("path", {class: style, style: `--model: ${model.colour}`}, scenery);
   if (["body", "trace"].includes(style) && model.dash.length) path.setAttribute("stroke-dasharray", model.dash.join(" "));
   if (style === "body") path.setAttribute("stroke-width", model.width);
@@ -311,6 +311,7 @@ const buttons = models.filter(model => model.name).map(model => {
   legend.append(button);
   return [button, model];
 });
+legend.classList.toggle("alternatives", data.alternatives);
 const press = () => buttons.forEach(([button, model]) => button.setAttribute("aria-pressed", model.shown));
 press();
 
