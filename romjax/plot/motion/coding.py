@@ -20,8 +20,8 @@ def encode(values: Float[np.ndarray, "frames columns"], quantum: float) -> dict[
     decoder is in player.js.
     """
     scaled = np.asarray(values, float) / quantum
-    base = np.rint(np.mean(scaled, axis=0)).astype(np.int64)
-    left = scaled - base[None]
+    mean = np.mean(scaled, axis=0)
+    left = scaled - mean[None]
     rows, weights, reaches = [], [], []
     for shape in _shapes(left):
         if np.max(np.abs(left), initial=0.0) <= LEFT_OUT:
@@ -34,7 +34,7 @@ def encode(values: Float[np.ndarray, "frames columns"], quantum: float) -> dict[
         weights.append(np.rint(course / largest * reaches[-1]).astype(np.int64))
     return {
         "quantum": quantum,
-        "base": text(base),
+        "base": text(np.rint(mean).astype(np.int64)),
         "reach": reaches,
         "shapes": text(np.array(rows, np.int64)),
         "weights": "" if not weights else text(differences(np.array(weights))),

@@ -30,8 +30,8 @@ COLOURS = 64  # of a GIF
 def save(
     animation: "Animation",
     path: Path,
-    fps: float,
-    seconds: float | None,
+    fps: int | float,
+    seconds: int | float | None,
     progress: bool | None,
 ) -> None:
     """Write the film; the arguments are those of `Animation.save`."""
@@ -50,7 +50,7 @@ def save(
 
 
 def _chosen(
-    animation: "Animation", fps: float, seconds: float | None
+    animation: "Animation", fps: int | float, seconds: int | float | None
 ) -> Int[np.ndarray, " chosen"]:
     """The numbers of the frames nearest to evenly spaced times."""
     t, span = animation.t, float(np.ptp(animation.t))
@@ -63,7 +63,7 @@ def _chosen(
 
 
 def _write_gif(
-    frames: Iterator[UInt8[np.ndarray, "height width 3"]], path: Path, fps: float
+    frames: Iterator[UInt8[np.ndarray, "height width 3"]], path: Path, fps: int | float
 ) -> None:
     pictures = [
         Image.fromarray(frame).quantize(COLOURS, dither=Image.Dither.NONE) for frame in frames
@@ -79,7 +79,7 @@ def _write_gif(
 
 
 def _write_mp4(
-    frames: Iterator[UInt8[np.ndarray, "height width 3"]], path: Path, fps: float
+    frames: Iterator[UInt8[np.ndarray, "height width 3"]], path: Path, fps: int | float
 ) -> None:
     try:
         encoder = importlib.import_module("imageio_ffmpeg").get_ffmpeg_exe()

@@ -51,7 +51,7 @@ def models(
     for name, q in motions.items():
         held, end = _held(name, q)
         shown.append(held)
-        names.append(name if end == count else f"{name} (until {t[end - 1]:.4g} s)")
+        names.append(name if end == count else f"{name} (until {t[end - 1]:.4g} s)".strip())
     actual = np.concatenate(shown)
     kinds = [actual]
     if modal and np.any(actual[:, modal]):
