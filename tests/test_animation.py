@@ -2,6 +2,7 @@
 
 import base64
 import dataclasses
+import gc
 import html
 import json
 import re
@@ -221,6 +222,18 @@ def test_notebooks_show_it_in_a_frame(moving, scene, falling):
     assert html.unescape(inside) == moving.html()
     assert '"frames":1,' in html.unescape(scene._repr_html_())
     assert '"frames":31,' in html.unescape(falling._repr_html_())
+
+
+def test_a_comparison_shows_both_motions(falling):
+    """As long as both are there, and know their mechanism."""
+    approx = falling.every(1)
+    report = rj.compare(falling, approx)
+    assert html.unescape(report._repr_html_()).count('"name":"truth"') == 1
+    del approx
+    gc.collect()
+    assert report._repr_html_() is None
+    made_up = motion(rj.gallery.chain(2))
+    assert rj.compare(made_up, made_up)._repr_html_() is None
 
 
 def test_the_path_of_a_marker(scene, run, tip, moving):
