@@ -65,14 +65,16 @@ def _chosen(
 def _write_gif(
     frames: Iterator[UInt8[np.ndarray, "height width 3"]], path: Path, fps: int | float
 ) -> None:
-    pictures = [
-        Image.fromarray(frame).quantize(COLOURS, dither=Image.Dither.NONE) for frame in frames
+    first = Image.fromarray(next(frames)).quantize(COLOURS)
+    # All frames have the colours of the first: to choose some for each takes most of the time.
+    others = [
+        Image.fromarray(frame).quantize(palette=first, dither=Image.Dither.NONE) for frame in frames
     ]
     # In hundredths of a second, the only times that the format knows.
-    pictures[0].save(
+    first.save(
         path,
         save_all=True,
-        append_images=pictures[1:],
+        append_images=others,
         duration=10 * max(2, round(100 / fps)),
         loop=0,
     )
