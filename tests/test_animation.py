@@ -221,6 +221,7 @@ def test_notebooks_show_it_in_a_frame(moving, scene, falling):
     (inside,) = re.findall(r'^<iframe srcdoc="([^"]*)"', shown)
     assert html.unescape(inside) == moving.html()
     assert '"frames":1,' in html.unescape(scene._repr_html_())
+    assert rj.Scene([])._repr_html_() is None
     assert '"frames":31,' in html.unescape(falling._repr_html_())
 
 
@@ -284,16 +285,12 @@ def test_each_mode_swings(hanging):
     assert swinging.models[0].name == f"mode 1: {hertz:.4g} Hz"
     points = swinging.models[0].actual[1].points
     np.testing.assert_allclose(points[0], points[-1], atol=IDENTITY)
-    (bar,) = (o for o in outlines(hanging_scene(), 0.0, at[None]) if o.part == "bar2")
+    (bar,) = (o for o in outlines(rj.gallery.chain(2), 0.0, at[None]) if o.part == "bar2")
     np.testing.assert_allclose(
         np.mean(points[[0, 30]], axis=(0, 1)), np.mean(bar.points[0], axis=0), atol=1e-2
     )
     assert np.ptp(points[:, :, 0]) > 0.3
     assert data(swinging.html())["alternatives"]
-
-
-def hanging_scene() -> rj.Scene:
-    return rj.gallery.chain(2)
 
 
 def test_a_run_that_breaks_off_is_drawn_to_its_end(scene, run):

@@ -14,7 +14,7 @@ from ..checks import unknown_name
 from ..deprecated import renamed, warn_once
 from ..errors import InputError
 from ..events.record import Events
-from ..pictures import animated
+from ..pictures import animated, inline
 from ..program import program
 from ..scene.coordinate import Coordinate
 from ..system.flags import WORDS, Flag
@@ -205,11 +205,7 @@ class Trajectory(eqx.Module):
 
     def _repr_html_(self) -> str | None:
         """Its moving picture; None where that needs more than the run."""
-        try:
-            picture: str = self.animate()._repr_html_()
-        except InputError:
-            return None
-        return picture
+        return inline(self.animate)
 
     # Names of the release before.
 

@@ -6,7 +6,7 @@ from typing import Any
 import equinox as eqx
 
 from ..errors import SceneError
-from ..pictures import still
+from ..pictures import inline, still
 from .body.base import AbstractBody
 from .effect.base import AbstractEffect
 from .fields import Converted, parts
@@ -56,10 +56,9 @@ class Scene(eqx.Module):
         for part in connected:
             part.check()
 
-    def _repr_html_(self) -> str:
+    def _repr_html_(self) -> str | None:
         """Its picture at the start, which notebooks show."""
-        picture: str = still(self)._repr_html_()
-        return picture
+        return inline(lambda: still(self))
 
 
 def _check_kinds(field: str, parts: Sequence[Any], kind: type) -> None:

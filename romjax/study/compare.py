@@ -8,10 +8,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..arrays import concrete
-from ..errors import InputError
 from ..identity import Remembered
 from ..integrate.trajectory import Trajectory
-from ..pictures import animated
+from ..pictures import animated, inline
 from ..program import program
 
 
@@ -40,13 +39,8 @@ class Comparison(eqx.Module):
         motions = [reference() for reference in _motions.get(self) or ()]
         if not motions or any(motion is None for motion in motions):
             return None
-        truth, approx = motions
-        try:
-            moving = animated(truth, approx, labels=["truth", f"error {float(self.error):.1e}"])
-        except InputError:
-            return None
-        picture: str = moving._repr_html_()
-        return picture
+        labels = ["truth", f"error {float(self.error):.1e}"]
+        return inline(lambda: animated(*motions, labels=labels))
 
 
 # Not to hold motions that nobody else needs any more.

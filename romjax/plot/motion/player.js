@@ -270,7 +270,7 @@ const go = t => { play(false); state.t = Math.min(end, Math.max(start, t)); draw
 const step = by => go(times[Math.min(data.frames - 1, Math.max(0, Math.round(frameAt(state.t)) + by))]);
 
 const speed = element("speed");
-const rates = [-3, -2, -1, 0, 1, 2, 3].flatMap(power => [1, 2, 5].map(x => x * 10 ** power));
+const rates = Array.from({length: 17}, (_, k) => k - 9).flatMap(power => [1, 2, 5].map(x => x * 10 ** power));
 for (const factor of data.clock.unit === "s" ? rates.map(x => x / data.clock.rate) : [0.1, 0.2, 0.5, 1, 2, 5]) {
   if (factor < 0.0099 || factor > 101) continue;
   const rate = Number((factor * data.clock.rate).toPrecision(6));
