@@ -323,7 +323,7 @@ const keys = {
   "+": () => zoom(1.25), "-": () => zoom(0.8), "0": reset,
 };
 document.addEventListener("keydown", event => {
-  const own = event.target.matches("select, #scale") && event.key !== " ";
+  const own = event.target.matches?.("select, #scale") && event.key !== " ";
   if (!keys[event.key] || own || event.ctrlKey || event.metaKey || event.altKey) return;
   event.preventDefault();
   keys[event.key]();
