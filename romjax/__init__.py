@@ -49,6 +49,8 @@ from .measure.forces import effect_forces as effect_forces
 from .measure.forces import joint_forces as joint_forces
 from .measure.kinematics import measure as measure
 from .measure.resultants import resultants as resultants
+from .plot.motion.animate import animate as animate
+from .plot.motion.animation import Animation as Animation
 from .reduction.formulation.base import AbstractFormulation as AbstractFormulation
 from .reduction.formulation.galerkin import Galerkin as Galerkin
 from .reduction.formulation.minimal import Minimal as Minimal

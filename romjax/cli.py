@@ -52,7 +52,8 @@ def _parser() -> argparse.ArgumentParser:
         "run",
         help="simulate a scene, reduce it by POD and SOD, compare",
         description="Simulate a scene, reduce it by POD and SOD in all formulations, compare, "
-        "print the table and write figures, an animation and the trajectories.",
+        "print the table and write a page, report.html, with the moving mechanism and all figures; "
+        "beside it figures (PNG), an animation (GIF) and the trajectories (CSV).",
     )
     _add_scene(run)
     run.add_argument("--rate", type=float, metavar="HZ", help="sample rate (that of the scene)")
@@ -129,11 +130,14 @@ def _run(options: argparse.Namespace) -> int:
             report_run=lambda run: bar.write(report.line(run), file=sys.stderr),
         )
         advance("figures and files")
-        files = report.write(study, scene, folder, animation=not options.no_animation)
+        files = report.write(study, scene, example, folder, not options.no_animation)
         bar.set_description_str("done")
         bar.update(stages - bar.n)
     print(report.summary(study, example))
-    print(f"\nWrote {len(files)} files to {folder}{os.sep}: {', '.join(f.name for f in files)}")
+    print(
+        f"\nWrote {files[0]}, a page with all of it, and {len(files) - 1} files beside it: ", end=""
+    )
+    print(", ".join(file.name for file in files[1:]))
     return 0
 
 

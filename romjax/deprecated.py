@@ -75,6 +75,14 @@ def __getattr__(name: str) -> Any:
     return getattr(importlib.import_module(module, "romjax"), new)
 
 
+def write_gif(scene: Any, trajectories: Any, path: Any, fps: Any = 25, seconds: Any = None) -> Any:
+    """What `romjax.plot.animate` did with trajectories by name."""
+    warn_once("romjax.plot.animate", "romjax.animate(scene, …).save(path)")
+    animate = importlib.import_module(".plot.motion.animate", "romjax").animate
+    moving = animate(scene, *trajectories.values(), labels=list(trajectories))
+    return moving.save(path, fps=fps, seconds=seconds)
+
+
 # What were methods of a system, and the functions in `system.dynamics` that took their place.
 _METHODS = {
     "momentum": "apply_mass",

@@ -1,10 +1,7 @@
 """A study of accuracy in words and in files: a table, a figure and a page that holds both."""
 
-import base64
 import csv
 import datetime
-import html
-import io
 import math
 import os
 import platform
@@ -14,7 +11,7 @@ from pathlib import Path
 import jax
 from tabulate import tabulate
 
-from . import plot
+from . import document, plot
 from .study.accuracy.recommendation import Recommendation
 from .study.accuracy.result import Accuracy
 from .study.accuracy.row import SINGLE_RUN, Condition, Row
@@ -22,36 +19,13 @@ from .study.accuracy.row import SINGLE_RUN, Condition, Row
 # Errors that the page and the command line recommend something for.
 ERRORS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 
-_PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
-body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem;
-  color: #222; }}
-img {{ max-width: 100%; }}
-table {{ border-collapse: collapse; font-size: 0.85rem; font-variant-numeric: tabular-nums; }}
-th, td {{ padding: 0.2rem 0.7rem; border-bottom: 1px solid #ddd; text-align: right; }}
-td {{ white-space: nowrap; }}
-.wide {{ overflow-x: auto; }}
-th:nth-child(-n+2), td:nth-child(-n+2) {{ text-align: left; }}
-tr.front td {{ font-weight: 600; }}
-</style></head><body>
-<h1>{title}</h1>
-<p>{reference}</p>
-<h2>What to use</h2>
-<ul>
-{recommendations}
-</ul>
-<img alt="Time against error of all models and methods, error against rank and over time, and when
-  reduction pays"
-  src="data:image/png;base64,{figure}">
-<h2>All that was measured</h2>
-<p>Bold: nothing else under the same condition is as accurate in less time. Times are the least of
-interleaved runs, of one run where many go at once. The first answer takes the time to make a
-reduced model and to compile it, or to read it from disk, besides; so does when it pays.</p>
-{table}
-{skipped}
-<p>{machine}</p>
-</body></html>
-"""
+_PICTURE = (
+    "Time against error of all models and methods, error against rank and over time, and when "
+    "reduction pays"
+)
+_ALL = """Bold: nothing else under the same condition is as accurate in less time. Times are the
+least of interleaved runs, of one run where many go at once. The first answer takes the time to make
+a reduced model and to compile it, or to read it from disk, besides; so does when it pays."""
 
 
 def summary(result: Accuracy) -> str:
@@ -96,10 +70,9 @@ def write(result: Accuracy, title: str, folder: Path) -> list[Path]:
         writer = csv.writer(file)
         writer.writerow(Row._fields)
         writer.writerows(result.rows)
-    picture = io.BytesIO()
-    plot.accuracy(result).savefig(picture, format="png", dpi=130)
-    figure.write_bytes(picture.getvalue())
-    page.write_text(_page(result, title, picture.getvalue()), encoding="utf-8")
+    picture = document.png(plot.accuracy(result), dpi=130)
+    figure.write_bytes(picture)
+    page.write_text(_page(result, title, picture), encoding="utf-8")
     return [table, figure, page]
 
 
@@ -118,14 +91,6 @@ def _page(result: Accuracy, title: str, picture: bytes) -> str:
     ]
     header += ["evaluations", "factorisations", "kB", "to make s"]
     rows = sorted(result.rows, key=lambda row: (row.error != row.error, row.error))
-    lines = ["<tr>" + "".join(f"<th>{name}</th>" for name in header) + "</tr>"]
-    for row in rows:
-        cells = "".join(f"<td>{html.escape(cell)}</td>" for cell in _row(row))
-        lines.append(f"<tr{' class=front' if row.pareto else ''}>{cells}</tr>")
-    items = [
-        f"<li>{html.escape(name)}: {html.escape(why)}</li>" for name, why in result.skipped.items()
-    ]
-    skipped = "<h2>Not measured</h2><ul>" + "\n".join(items) + "</ul>" if items else ""
     # One line for each row, with the least of the errors that it is for.
     advised = {advice.row: advice for n in result.lanes for advice in recommendations(result, n)}
     device = jax.devices()[0]
@@ -133,14 +98,19 @@ def _page(result: Accuracy, title: str, picture: bytes) -> str:
         f"{datetime.date.today()}, {os.cpu_count()} cores, {platform.machine()}, "
         f"{device.device_kind}; Python {platform.python_version()}, jax {jax.__version__}"
     )
-    return _PAGE.format(
-        title=html.escape(title),
-        reference=html.escape(_reference(result)),
-        recommendations="\n".join(f"<li>{html.escape(x.words)}</li>" for x in advised.values()),
-        figure=base64.b64encode(picture).decode(),
-        table='<div class="wide"><table>\n' + "\n".join(lines) + "\n</table></div>",
-        skipped=skipped,
-        machine=html.escape(machine),
+    skipped = [f"{name}: {why}" for name, why in result.skipped.items()]
+    return document.document(
+        title,
+        document.paragraph(_reference(result)),
+        document.heading("What to use"),
+        document.bullets([advice.words for advice in advised.values()]),
+        document.picture(picture, _PICTURE),
+        document.heading("All that was measured"),
+        document.paragraph(_ALL),
+        document.table(header, [_row(row) for row in rows], [bool(row.pareto) for row in rows]),
+        *([document.heading("Not measured"), document.bullets(skipped)] if skipped else []),
+        document.paragraph(machine),
+        left=2,
     )
 
 

@@ -1,4 +1,4 @@
-"""The reduction study in words and in files."""
+"""The reduction study in words and in files: one page, and what it is made of."""
 
 import textwrap
 from pathlib import Path
@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 from tabulate import tabulate
 
-from . import plot
+from . import document, plot
 from .basis.describe import describe
 from .gallery.catalogue import Example
 from .integrate.trajectory import Trajectory
+from .plot.motion.animate import animate
+from .plot.motion.animation import Animation
 from .scene.scene import Scene
 from .study.reduction import ReductionStudy, Run
 
@@ -27,26 +29,43 @@ def summary(study: ReductionStudy, example: Example) -> str:
     """The table of the models, at most 80 columns wide, and the ranks at both sample rates; beside
     them what is published of the `example`.
     """
+    header, rows = _models(study, example)
+    text = [_table(header, rows), *_notes(study, example)]
+    for basis in study.bases.values():
+        text += ["", textwrap.fill(describe(basis), 80)]
+    text += ["", tabulate([_RANKS, *_ranks(study)], tablefmt="plain"), _naive(example)]
+    return "\n".join(text)
+
+
+_RANKS = ["rank at", "naive SOD", "POD", "SOD"]
+
+
+def _models(study: ReductionStudy, example: Example) -> tuple[list[str], list[list[str]]]:
+    """The header and the rows of the table of models."""
     header = ["model", "r", "kept", "dof", "steps", "comp. s", "run ms", "error", "speed-up"]
     rows = [_row(run, study.full) for run in study.runs]
-    text = []
     if example.published_savings:
         header.append("chapter")
         for row, run in zip(rows, study.runs, strict=True):
             row.append(_published(run, example))
-        text.append("chapter: time that its models save; they are the projected ones.")
-    text.insert(0, "r modes, kept constraints, degrees of freedom; compile time apart.")
-    text.insert(0, _table(header, rows))
-    text += [f"{name}: refused. {reason}" for name, reason in study.refused.items()]
-    for basis in study.bases.values():
-        text += ["", textwrap.fill(describe(basis), 80)]
-    ranks = [[f"{r.rate:g} Hz", str(r.naive), str(r.pod), str(r.sod)] for r in study.ranks]
-    text += ["", tabulate([["rank at", "naive SOD", "POD", "SOD"], *ranks], tablefmt="plain")]
+    return header, rows
+
+
+def _notes(study: ReductionStudy, example: Example) -> list[str]:
+    """What the table means, and which models were refused."""
+    notes = ["r modes, kept constraints, degrees of freedom; compile time apart."]
+    if example.published_savings:
+        notes.append("chapter: time that its models save; they are the projected ones.")
+    return notes + [f"{name}: refused. {reason}" for name, reason in study.refused.items()]
+
+
+def _ranks(study: ReductionStudy) -> list[list[str]]:
+    return [[f"{r.rate:g} Hz", str(r.naive), str(r.pod), str(r.sod)] for r in study.ranks]
+
+
+def _naive(example: Example) -> str:
     published = ", then ".join(str(rank) for rank in example.published_ranks)
-    text.append(
-        "naive: generalised SVD of raw snapshots" + f" (chapter: {published})" * bool(published)
-    )
-    return "\n".join(text)
+    return "naive: generalised SVD of raw snapshots" + f" (chapter: {published})" * bool(published)
 
 
 def _table(header: list[str], rows: list[list[str]]) -> str:
@@ -79,30 +98,68 @@ def _row(run: Run, full: Run) -> list[str]:
     ]
 
 
-def write(study: ReductionStudy, scene: Scene, folder: Path, animation: bool) -> list[Path]:
-    """Write figures, the animation and the trajectories into `folder`; returns the files."""
+def write(
+    study: ReductionStudy, scene: Scene, example: Example, folder: Path, animation: bool
+) -> list[Path]:
+    """Write the page, figures, the animation and the trajectories into `folder`; returns the files,
+    the page first.
+
+    The page holds all that can be looked at. The figures and the GIF are for papers and slides.
+    """
     truth = study.full.trajectory
     approx = {run.name: run.trajectory for run in study.runs[1:] if bool(run.trajectory.success)}
-    figures = {
-        "singular_values.png": plot.values(*study.bases.values()),
-        "responses.png": plot.response(truth, *approx.values(), labels=["full", *approx]),
-        "errors.png": plot.errors(truth, approx),
+    drawn = {
+        "responses": plot.response(truth, *approx.values(), labels=["full", *approx]),
+        "errors": plot.errors(truth, approx),
+        "singular_values": plot.values(*study.bases.values()),
     }
     for name, basis in study.bases.items():
-        figures[f"modes_{name.lower()}.png"] = plot.modes(scene, basis)
-    written = []
-    for name, figure in figures.items():
-        figure.savefig(folder / name, dpi=100)
-        written.append(folder / name)
+        drawn[f"modes_{name.lower()}"] = plot.modes(scene, basis)
+    pictures = {name: document.png(figure, dpi=100) for name, figure in drawn.items()}
+    moving = None
     if animation:
         shown = {"full": truth} | dict(list(approx.items())[:1])
-        plot.animate(scene, shown, folder / "animation.gif", fps=20, seconds=2.0)
-        written.append(folder / "animation.gif")
+        moving = animate(scene, *shown.values(), labels=list(shown), title=example.name)
+    page = folder / "report.html"
+    page.write_text(_page(study, example, pictures, moving), encoding="utf-8")
+    written = [page]
+    for name, content in pictures.items():
+        written.append(folder / f"{name}.png")
+        written[-1].write_bytes(content)
+    if moving is not None:
+        written.append(moving.save(folder / "animation.gif", fps=20, progress=False))
     for name, trajectory in {"full": truth, **approx}.items():
         written.append(
             _write_csv(folder / f"trajectory_{name.lower().replace(' ', '_')}.csv", trajectory)
         )
     return written
+
+
+def _page(
+    study: ReductionStudy,
+    example: Example,
+    pictures: dict[str, bytes],
+    moving: Animation | None,
+) -> str:
+    """Table, moving mechanism and figures in one."""
+    full = study.full
+    parts = [
+        document.paragraph(
+            f"{example.title}: {full.system.n} coordinates, {full.system.m} constraints, "
+            f"{float(full.trajectory.t[-1]):g} s."
+        ),
+        "" if moving is None else moving.embedded(),
+        document.heading("Models"),
+        document.table(*_models(study, example)),
+        document.bullets(_notes(study, example)),
+        document.heading("Bases"),
+        *(document.paragraph(describe(basis)) for basis in study.bases.values()),
+        document.table(_RANKS, _ranks(study)),
+        document.paragraph(_naive(example)),
+        document.heading("Figures"),
+        *(document.picture(content, name) for name, content in pictures.items()),
+    ]
+    return document.document(example.name, *parts)
 
 
 def _write_csv(path: Path, trajectory: Trajectory) -> Path:

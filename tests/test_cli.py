@@ -56,7 +56,7 @@ def test_no_sample(tmp_path, capsys, option):
 
 @pytest.mark.slow
 def test_run_cart_pendulum(tmp_path):
-    """The main job: table, figures, animation and trajectories."""
+    """The main job: a page with all of it, figures, animation and trajectories."""
     result = subprocess.run(
         [sys.executable, "-m", "romjax", "run", "cart-pendulum", "--out", str(tmp_path)],
         capture_output=True,
@@ -75,6 +75,11 @@ def test_run_cart_pendulum(tmp_path):
             assert min(picture.size) > 300
     with Image.open(tmp_path / "animation.gif") as picture:
         assert picture.n_frames > 10
+    assert lines[-1].startswith(f"Wrote {tmp_path / 'report.html'}, ")
+    page = (tmp_path / "report.html").read_text("utf-8")
+    assert page.count("<img") == 5
+    assert page.count("<iframe") == 1
+    assert page.count("<tr") == 1 + 7 + 1 + 2
     with open(tmp_path / "trajectory_full.csv", newline="") as file:
         rows = list(csv.reader(file))
     assert rows[0][:2] == ["t", "cart.x"]

@@ -5,7 +5,6 @@ import io
 import subprocess
 import sys
 
-import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,51 +12,18 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from motions import cart_and_beam, motion
 from PIL import Image
 from tolerances import IDENTITY
 
 import romjax as rj
 from romjax import plot
-from romjax.integrate.derived import Derived
-from romjax.integrate.parts import Parts
-from romjax.integrate.statistics import Statistics
 from romjax.scene.coordinate import Coordinate
-
-COUNT = 21
-
-
-def motion(scene: rj.Scene, amplitude: float = 0.1) -> rj.Trajectory:
-    """A made-up motion: coordinate i swings with i + 1 rad/s, the third one rests."""
-    system = rj.assemble(scene)
-    n = system.n
-    t = np.linspace(0.0, 1.0, COUNT)
-    omega = np.arange(1, n + 1)
-    size = amplitude * np.where(np.arange(n) == 2, 0.0, 1.0 / np.arange(1, n + 1))
-    return rj.Trajectory(
-        t=jnp.asarray(t),
-        q=jnp.asarray(np.asarray(system.q0) + size * np.sin(omega * t[:, None])),
-        v=jnp.asarray(size * omega * np.cos(omega * t[:, None])),
-        derived=Derived(
-            multipliers=jnp.zeros((COUNT, system.m)), metric=jnp.diag(jnp.arange(1.0, n + 1))
-        ),
-        violation=jnp.zeros(COUNT),
-        stats=Statistics(COUNT, COUNT, 0),
-        status=jnp.asarray(0),
-        coordinates=system.structure.coordinates,
-        solver_parts=Parts.of(diffrax.Tsit5()),
-    )
 
 
 @pytest.fixture(scope="module")
 def scene() -> rj.Scene:
-    """A cart on a rail with a bending beam hinged to it."""
-    cart = rj.RigidBody("cart", mass=1.0, inertia=0.1)
-    beam = rj.Beam("beam", mass=0.5, length=2.0, frequencies=[5.0, 20.0], position=(1.0, 0.0))
-    rail = rj.ground.at((0.0, 1.0), angle=0.5)
-    return rj.Scene(
-        bodies=[cart, beam],
-        joints=[rj.PointOnLine(cart.at(), rail), rj.Revolute(cart.at(), beam.at((-1.0, 0.0)))],
-    )
+    return cart_and_beam()
 
 
 @pytest.fixture(scope="module")
@@ -204,21 +170,11 @@ def test_modes_of_a_large_scene_have_no_table():
     assert "first 8 of 27" in figure.get_suptitle()
 
 
-def test_animation_has_a_frame_for_each_time(scene, truth, approx, tmp_path):
-    path = plot.animate(scene, {"full": truth, "POD": approx}, tmp_path / "all.gif", fps=10)
-    with Image.open(path) as image:
-        assert (image.n_frames, image.info["duration"]) == (COUNT, 100)
-    path = plot.animate(scene, {"full": truth}, str(tmp_path / "some.gif"), fps=10, seconds=0.5)
-    with Image.open(path) as image:
-        assert image.n_frames == 5
-
-
-def test_figures_refuse_what_does_not_fit(scene, truth, approx, tmp_path):
+def test_figures_refuse_what_does_not_fit(scene, truth, approx):
     other = motion(rj.gallery.chain(2))
     late = dataclasses.replace(approx, t=approx.t + 1)
     batch = jax.tree.map(lambda x: jnp.stack([x, x]), truth)
     basis = rj.Basis.from_modes(jnp.eye(3), jnp.zeros(3))
-    path = tmp_path / "never.gif"
     with pytest.raises(ValueError, match=r"'approximation' has 6 coordinates, but the truth has 8"):
         plot.response(truth, other)
     with pytest.raises(ValueError, match="1 labels for 2 motions"):
@@ -237,15 +193,6 @@ def test_figures_refuse_what_does_not_fit(scene, truth, approx, tmp_path):
         plot.modes(scene, basis)
     with pytest.raises(ValueError, match="give the full system"):
         plot.modes(scene, basis, rj.assemble(scene))
-    with pytest.raises(ValueError, match="q has 6 coordinates, but the bodies of the scene"):
-        plot.animate(scene, {"chain": other}, path)
-    with pytest.raises(ValueError, match="there are no motions"):
-        plot.animate(scene, {}, path)
-    with pytest.raises(ValueError, match="fps=0.0"):
-        plot.animate(scene, {"full": truth}, path, fps=0.0)
-    with pytest.raises(ValueError, match=r"must end in .gif"):
-        plot.animate(scene, {"full": truth}, tmp_path / "never.mp4")
-    assert not path.exists()
 
 
 def test_importing_loads_no_matplotlib():

@@ -120,6 +120,7 @@ BASE = {
     "compat",
     "jaxprs",
     "deprecated",
+    "pictures",
     "fields",
 }
 BELOW = {
@@ -137,7 +138,8 @@ BELOW = {
     "analysis": {"linalg", "scene", "system", "assembly", "measure"},
     "study": {"linalg", "scene", "basis", "system", "assembly", "reduction", "integrate"},
     "gallery": {"scene"},
-    "plot": {"scene", "basis", "system", "assembly", "reduction", "integrate", "study"},
+    "plot": {"scene", "basis", "system", "assembly", "reduction", "integrate", "study"}
+    | {"analysis"},
 }
 
 

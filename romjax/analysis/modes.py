@@ -28,6 +28,7 @@ class Modes(NamedTuple):
     - `shapes` (n, d): displacement of the system's coordinates in each mode, complex, of unit
       length in the mass metric.
     - `is_stable`: whether no motion grows exponentially.
+    - `at` (n,): the configuration that they are motions about.
     """
 
     frequencies: Float[Array, " d"]
@@ -35,6 +36,7 @@ class Modes(NamedTuple):
     values: Complex[Array, " two_d"]
     shapes: Complex[Array, "n d"]
     is_stable: Bool[Array, ""]
+    at: Float[Array, " n"]
 
 
 def modes(
@@ -95,7 +97,7 @@ def _modes(
     shapes = shapes / jnp.where(sizes > 0, sizes, 1)[None]
     growth = jnp.max(values.real, initial=-jnp.inf)
     is_stable = growth <= _ROUNDED * jnp.max(jnp.abs(values), initial=1.0)
-    return Modes(frequencies, damping, values, shapes, is_stable)
+    return Modes(frequencies, damping, values, shapes, is_stable, q)
 
 
 def eigenvalues(

@@ -10,11 +10,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import Vector, as_array
+from ..checks import unknown_name
+from ..errors import InputError
 from ..program import program_once
+from ..scene.body.base import AbstractBody
 from ..scene.drawing import GROUND as HATCH
 from ..scene.effect.base import AbstractEffect
 from ..scene.joint.base import AbstractJoint
-from ..scene.marker import GROUND, Pose
+from ..scene.marker import GROUND, Marker, Pose
 from ..scene.outline import Outline, Style
 from ..scene.scene import Scene
 from .kinematics import MarkerBlocks, Markers, arrange, columns_of, prepare_points
@@ -40,15 +43,18 @@ class MovingOutline(NamedTuple):
     endless: bool
 
 
-def outlines(scene: Scene, t: Vector, q: Vector) -> list[MovingOutline]:
-    """All that pictures of a `scene` show: its bodies, joints and effects, in this order.
+def outlines(
+    scene: Scene, t: Vector, q: Vector, traced: Sequence[Marker] = ()
+) -> list[MovingOutline]:
+    """All that pictures of a `scene` show: its bodies, traces, joints and effects, in this order.
 
     **Arguments:**
 
     - `t`: times [s], (frames,), or one for all.
     - `q`: coordinates (frames, n). Modal amplitudes are not exaggerated.
+    - `traced`: markers whose paths are shown; an outline of one point each.
 
-    Raises ValueError if `q` is not one of this scene.
+    Raises ValueError if `q` is not one of this scene, InputError for a marker that it lacks.
     """
     scene = jtu.tree_map(as_array, scene)
     bodies = {body.name: body for body in scene.bodies}
@@ -65,7 +71,12 @@ def outlines(scene: Scene, t: Vector, q: Vector) -> list[MovingOutline]:
     q, t = np.pad(q, ((0, padding), (0, 0)), mode="edge"), np.pad(t, (0, padding), mode="edge")
 
     lines = [np.asarray(body.outline()) for body in scene.bodies]
-    names = [name for name, line in zip(bodies, lines, strict=True) for _ in line]
+    owners: list[tuple[str, Style]] = [(name, "body") for name in bodies]
+    for marker in traced:
+        _check_traced(marker, bodies)
+        lines.append(np.asarray(marker.point, lines[0].dtype)[None])
+        owners.append((marker.body, "trace"))
+    names = [name for (name, _), line in zip(owners, lines, strict=True) for _ in line]
     points = jnp.asarray(np.concatenate(lines))
     material = prepare_points(names, points, jnp.zeros_like(points[:, 0]), bodies, columns, n)
     parts: tuple[AbstractJoint | AbstractEffect, ...] = (*scene.joints, *scene.effects)
@@ -76,9 +87,9 @@ def outlines(scene: Scene, t: Vector, q: Vector) -> list[MovingOutline]:
     )
 
     shown = [
-        MovingOutline(name, part[:count], "body", False)
-        for name, part in zip(
-            bodies, np.split(placed, np.cumsum([len(line) for line in lines])[:-1], 1), strict=True
+        MovingOutline(name, part[:count], style, False)
+        for (name, style), part in zip(
+            owners, np.split(placed, np.cumsum([len(line) for line in lines])[:-1], 1), strict=True
         )
     ]
     signs: dict[int, list[MovingOutline]] = {}
@@ -90,6 +101,15 @@ def outlines(scene: Scene, t: Vector, q: Vector) -> list[MovingOutline]:
             ]
     shown += [outline for member in sorted(signs) for outline in signs[member]]
     return shown + _ground(parts, float(size), count)
+
+
+def _check_traced(marker: Marker, bodies: dict[str, AbstractBody]) -> None:
+    marker.check("trace")
+    if marker.body == GROUND:
+        raise InputError("trace: a marker on the ground has no path; give one on a body.")
+    if marker.body not in bodies:
+        raise unknown_name("trace", "body", marker.body, bodies)
+    bodies[marker.body].check_marker("trace", marker)
 
 
 @program_once

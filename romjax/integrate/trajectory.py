@@ -14,6 +14,7 @@ from ..checks import unknown_name
 from ..deprecated import renamed, warn_once
 from ..errors import InputError
 from ..events.record import Events
+from ..pictures import animated, inline
 from ..program import program
 from ..scene.coordinate import Coordinate
 from ..system.flags import WORDS, Flag
@@ -192,6 +193,19 @@ class Trajectory(eqx.Module):
         fastest: Any = stats.fastest_frequency
         fastest = as_number(0.0, self.q.dtype) if fastest is None else fastest
         return _noise(self.t, self.v, self.metric, stats.rtol, stats.atol, fastest)
+
+    def animate(self, *others: "Trajectory", **options: Any) -> Any:
+        """The mechanism as it moves in this run, and in `others` over it: notebooks show it, and
+        `.save` writes a page, a GIF or a film. The `options` are those of `romjax.animate`.
+
+        Raises InputError for a run that does not know its mechanism, as one that is part of a
+        transformation of JAX; `romjax.animate` is told which it is.
+        """
+        return animated(self, *others, **options)
+
+    def _repr_html_(self) -> str | None:
+        """Its moving picture; None where that needs more than the run."""
+        return inline(self.animate)
 
     # Names of the release before.
 

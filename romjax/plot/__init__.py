@@ -6,9 +6,10 @@ A figure is imported when it is first asked for: `import romjax` loads no matplo
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from ..deprecated import write_gif
+
 if TYPE_CHECKING:
     from .figures.accuracy import accuracy as accuracy
-    from .figures.animation import animate as animate
     from .figures.errors import errors as errors
     from .figures.modes import modes as modes
     from .figures.reduction import reduction as reduction
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 # Functions, and the modules of `figures` that define them.
 _FIGURES = {
     "accuracy": "accuracy",
-    "animate": "animation",
     "errors": "errors",
     "modes": "modes",
     "reduction": "reduction",
@@ -30,6 +30,8 @@ _FIGURES = {
 
 
 def __getattr__(name: str) -> Any:
+    if name == "animate":
+        return write_gif
     if name not in _FIGURES:
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
     function = getattr(importlib.import_module(f".figures.{_FIGURES[name]}", __name__), name)

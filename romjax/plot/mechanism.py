@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 
 from ..assembly.outlines import MovingOutline
 from ..scene.outline import Style
-from .style import LINES, SIGNS
+from .style import LINES, SIGNS, TRACE
 
 
 class Picture:
@@ -32,10 +32,11 @@ class Picture:
                 "zorder": 2.5,
                 **own,
             }
+        settings["trace"] = {"color": body.get("color"), **TRACE}
         self.points: dict[Style, np.ndarray] = {}
         self.lines: dict[Style, Line2D] = {}
         for style, own in settings.items():
-            parts = [outline.points for outline in outlines if outline.style == style]
+            parts = [_shown(outline) for outline in outlines if outline.style == style]
             if parts:
                 self.points[style] = _joined(parts)
                 self.lines[style] = axes.add_line(Line2D([], [], **own))
@@ -45,6 +46,14 @@ class Picture:
         """Draw the configuration number `index`."""
         for style, line in self.lines.items():
             line.set_data(*self.points[style][index].T)
+
+
+def _shown(outline: MovingOutline) -> np.ndarray:
+    """Its points in each frame; of a trace, those of all frames at once."""
+    if outline.style != "trace":
+        return outline.points
+    path = outline.points[:, 0]
+    return np.broadcast_to(path[None], (len(path), *path.shape))
 
 
 def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:

@@ -8,11 +8,10 @@ from matplotlib.figure import Figure
 
 from ..scene.coordinate import Coordinate
 from ..scene.outline import Style
+from .palette import COLOURS as COLOURS
+from .palette import STROKES, WIDTHS
 
-# Okabe and Ito's palette, which colour-blind readers can tell apart; the reference in black, then
-# in an order that alternates dark and light, for print in grey.
-COLOURS = ("#000000", "#D55E00", "#56B4E9", "#009E73", "#CC79A7", "#0072B2", "#E69F00")
-DASHES = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (7, 2, 1.5, 2)), (0, (3, 3)), (0, (9, 3)), "-.")
+DASHES: tuple[Any, ...] = tuple((0, strokes) if strokes else "-" for strokes in STROKES)
 MARKERS = ("", "o", "s", "^", "D", "v", "P")
 GREY = "0.6"
 
@@ -29,6 +28,7 @@ LINES: dict[Style, dict[str, Any]] = {
     "surface": {"color": GREY, "linewidth": 1.6, "zorder": 0.5},
     "ground": {"color": GREY, "linewidth": 0.8, "zorder": 0.5},
 }
+TRACE: dict[str, Any] = {"linewidth": 0.8, "alpha": 0.6, "zorder": 1}
 SIGNS: dict[Style, dict[str, Any]] = {
     "hinge": {"marker": "o", "markersize": 4.5, "markerfacecolor": "white"},
     "weld": {"marker": "s", "markersize": 4.5},
@@ -50,7 +50,7 @@ def line(index: int) -> dict[str, Any]:
     return {
         "color": COLOURS[index % len(COLOURS)],
         "linestyle": DASHES[index % len(DASHES)],
-        "linewidth": 1.4 if index else 2.0,
+        "linewidth": WIDTHS[index > 0],
     }
 
 

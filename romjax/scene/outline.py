@@ -19,6 +19,7 @@ Style = Literal[
     "damper",
     "load",  # forces, torques and drives, with the head of an arrow
     "surface",  # of what can be touched
+    "trace",  # the path of a point over all times
     "ground",
     "hinge",
     "weld",
@@ -33,8 +34,8 @@ class Outline(eqx.Module):
     **Arguments:**
 
     - `points`: in the inertial frame [m], (points, 2); with a leading axis where it moves.
-    - `style`: what it stands for: "body", "link", "track", "spring", "damper", "load", "surface" or
-      "ground" for lines; "hinge", "weld" or "point" for marks.
+    - `style`: what it stands for: "body", "link", "track", "spring", "damper", "load", "surface",
+      "trace" or "ground" for lines; "hinge", "weld" or "point" for marks.
     - `endless`: whether it goes on beyond its ends; then pictures cut it off, where finite ones
       are shown as a whole.
     """

@@ -6,6 +6,7 @@ from typing import Any
 import equinox as eqx
 
 from ..errors import SceneError
+from ..pictures import inline, still
 from .body.base import AbstractBody
 from .effect.base import AbstractEffect
 from .fields import Converted, parts
@@ -54,6 +55,10 @@ class Scene(eqx.Module):
             body.check()
         for part in connected:
             part.check()
+
+    def _repr_html_(self) -> str | None:
+        """Its picture at the start, which notebooks show."""
+        return inline(lambda: still(self))
 
 
 def _check_kinds(field: str, parts: Sequence[Any], kind: type) -> None:

@@ -1,12 +1,16 @@
 """How far an approximate motion is from the true one."""
 
+import weakref
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..arrays import concrete
+from ..identity import Remembered
 from ..integrate.trajectory import Trajectory
+from ..pictures import animated, inline
 from ..program import program
 
 
@@ -30,6 +34,18 @@ class Comparison(eqx.Module):
     drift: Float[Array, ""]
     steps: tuple[Int[Array, ""], Int[Array, ""]]
 
+    def _repr_html_(self) -> str | None:
+        """Both motions over each other, for notebooks, as long as both are there."""
+        motions = [reference() for reference in _motions.get(self) or ()]
+        if not motions or any(motion is None for motion in motions):
+            return None
+        labels = ["truth", f"error {float(self.error):.1e}"]
+        return inline(lambda: animated(*motions, labels=labels))
+
+
+# Not to hold motions that nobody else needs any more.
+_motions = Remembered()
+
 
 def compare(
     truth: Trajectory, approx: Trajectory, metric: Float[Array, "n n"] | None = None
@@ -50,7 +66,9 @@ def compare(
         raise ValueError("compare: the motions have different times; simulate both at the same.")
     steps = truth.stats.num_steps, approx.stats.num_steps
     metric = truth.metric if metric is None else metric
-    return _compare(truth.q, metric, approx.q, approx.violation, steps)
+    report: Comparison = _compare(truth.q, metric, approx.q, approx.violation, steps)
+    _motions.put(report, (weakref.ref(truth), weakref.ref(approx)))
+    return report
 
 
 @program

@@ -11,11 +11,11 @@ from ...scene.coordinate import Coordinate
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem
 from ..mechanism import Picture, bounds, stage, view
+from ..shapes import amplitudes
 from ..style import COLOURS, GREY, SMALL, DisplayedFigure, symbol
 
 MOST = 8  # modes
 ROWS = 24  # of the table
-VISIBLE = 0.15  # largest displacement, as a share of the mechanism's size
 NEGLIGIBLE = 1e-9  # component, relative to the largest of its mode
 
 
@@ -43,7 +43,7 @@ def modes(scene: Scene, basis: Basis, system: AbstractSystem | None = None) -> F
             f"shape {vectors.shape}; give the full system that the basis was made from."
         )
     n, r = len(reference), min(basis.rank, MOST)
-    sizes = _amplitudes(scene, reference, vectors[:, :r])
+    sizes = amplitudes(scene, reference, vectors[:, :r])
     drawn = outlines(
         scene, 0.0, np.stack([reference, *(reference[:, None] + sizes * vectors[:, :r]).T])
     )
@@ -78,18 +78,6 @@ def modes(scene: Scene, basis: Basis, system: AbstractSystem | None = None) -> F
     title += f" (first {r} of {basis.rank})" if r < basis.rank else ""
     figure.suptitle(title, fontsize=11)
     return figure
-
-
-def _amplitudes(scene: Scene, reference: np.ndarray, modes: np.ndarray) -> np.ndarray:
-    """How much of each of the `modes` (n, r) makes its largest displacement VISIBLE; 0 of those
-    that displace nothing.
-    """
-    steps = 1e-6 / np.max(np.abs(modes), axis=0)
-    drawn = outlines(scene, 0.0, np.stack([reference, *(reference[:, None] + steps * modes).T]))
-    points = np.concatenate([o.points for o in drawn if o.style == "body"], axis=1)
-    speeds = np.max(np.linalg.norm(points[1:] - points[:1], axis=2), axis=1) / steps
-    size = np.linalg.norm(np.max(points[0], axis=0) - np.min(points[0], axis=0))
-    return np.where(speeds > 0, VISIBLE * size / np.where(speeds > 0, speeds, 1.0), 0.0)
 
 
 def _title(basis: Basis, j: int) -> str:

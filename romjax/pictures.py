@@ -1,0 +1,30 @@
+"""Pictures of what knows no drawing: what draws is loaded when somebody looks, from above."""
+
+import importlib
+from collections.abc import Callable
+from typing import Any
+
+from .errors import InputError
+
+
+def animated(run: Any, *others: Any, **options: Any) -> Any:
+    """The moving picture of a run, and of `others` over it."""
+    return _drawing().animate_run(run, *others, **options)
+
+
+def still(scene: Any) -> Any:
+    """The picture of a scene at its start."""
+    return _drawing().animate(scene)
+
+
+def inline(make: Callable[[], Any]) -> str | None:
+    """The picture that `make` makes, for notebooks; None where it cannot, and they show words."""
+    try:
+        picture: str = make().embedded()
+    except InputError:
+        return None
+    return picture
+
+
+def _drawing() -> Any:
+    return importlib.import_module(".plot.motion.animate", __package__)

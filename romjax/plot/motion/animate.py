@@ -1,0 +1,207 @@
+"""From runs and modes to a moving picture."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ...analysis.modes import Modes
+from ...assembly.disassemble import disassemble
+from ...assembly.locate import assembled
+from ...errors import InputError
+from ...integrate.trajectory import Trajectory
+from ...scene.marker import Marker
+from ...scene.scene import Scene
+from ...system.base import AbstractSystem
+from ..shapes import amplitudes
+from .animation import Animation
+from .frames import Clock, Model, models, playing_rate
+
+FRAMES = 600
+# Of one period of a mode, with the first one repeated at the end; and how fast it passes [°/s].
+PERIOD, TURNING = 61, 180.0
+MODES = 24  # the most
+
+
+def animate(
+    mechanism: Scene | AbstractSystem,
+    *motions: Trajectory | Modes,
+    labels: Sequence[str] | None = None,
+    trace: Marker | Sequence[Marker] = (),
+    deformation: int | float = 1.0,
+    frames: int = FRAMES,
+    title: str = "romjax",
+) -> Animation:
+    """The mechanism as it moves: shown by notebooks, saved as a page, a GIF or a film.
+
+    **Arguments:**
+
+    - `mechanism`: a scene, or a system, full or reduced, that was assembled from one.
+    - `motions`: runs of it at the same times, over each other; the first is the reference. Or
+      `rj.modes(system)`, of which each of the first 24 swings through a period; or nothing, for
+      its start.
+    - `labels`: names of the runs in the legend.
+    - `trace`: markers whose paths are drawn.
+    - `deformation`: what modal deformations are multiplied by at first.
+    - `frames`: the most frames; output times are left out where there are more.
+    - `title`: of the page.
+
+    Raises InputError if runs and mechanism do not fit.
+    """
+    traced = [trace] if isinstance(trace, Marker) else list(trace)
+    if not (np.isfinite(deformation) and deformation >= 0 and frames >= 1):
+        raise InputError(
+            f"animate: deformation is {deformation} and frames is {frames}; the first must not be "
+            "negative, and there must be a frame."
+        )
+    scene = _scene_of(mechanism)
+    if any(isinstance(motion, Modes) for motion in motions):
+        return _swinging(mechanism, scene, motions, traced, float(deformation), title)
+    runs: Any = motions
+    names = _names(len(runs), labels)
+    for name, run in zip(names, runs, strict=True):
+        _check(scene, runs[0], name, run)
+    if runs:
+        times = np.asarray(runs[0].t, float)
+        chosen = _spread(times, frames)
+        q = {name: np.asarray(run.q)[chosen] for name, run in zip(names, runs, strict=True)}
+        t = times[chosen]
+    else:
+        t, q = np.zeros(1), {"": np.concatenate([body.start()[0] for body in scene.bodies])[None]}
+    clock = Clock("t", "s", playing_rate(float(np.ptp(t))))
+    return Animation(t, models(scene, t, q, traced), clock, float(deformation), title=title)
+
+
+def animate_run(run: Trajectory, *others: Trajectory, **options: Any) -> Animation:
+    """A run, and `others` over it, by the mechanism that it carries; `options` of `animate`.
+
+    Raises InputError for a run that carries none.
+    """
+    system = getattr(run.derived, "system", None)
+    if system is None:
+        raise InputError(
+            "Trajectory.animate: this run, of a transformation of JAX or by a method of diffrax "
+            "that is implicit, does not know its mechanism; call romjax.animate(scene, run)."
+        )
+    if np.ndim(run.t) != 1:
+        raise InputError(_batch("Trajectory.animate", run))
+    # A run's system has no names; they are in its coordinates.
+    nameless = assembled("Trajectory.animate", system)
+    structure = dataclasses.replace(nameless.structure, coordinates=run.coordinates)
+    full = dataclasses.replace(nameless, structure=structure)
+    return animate(full, run, *others, **options)
+
+
+def _scene_of(mechanism: Scene | AbstractSystem) -> Scene:
+    if isinstance(mechanism, Scene):
+        mechanism.check()
+        return mechanism
+    if not hasattr(mechanism, "full"):
+        raise InputError(
+            f"animate: the mechanism is a {type(mechanism).__name__}; give a Scene, or a system "
+            "that was assembled from one."
+        )
+    return disassemble(assembled("animate", mechanism))
+
+
+def _names(count: int, labels: Sequence[str] | None) -> list[str]:
+    if labels is None:
+        return [""] if count == 1 else [f"run {i + 1}" for i in range(count)]
+    names = [str(label) for label in labels]
+    if len(names) != count or len(set(names)) != count:
+        raise InputError(
+            f"animate: labels are {names} for {count} runs; give a different one for each."
+        )
+    return names
+
+
+def _check(scene: Scene, first: Trajectory, name: str, run: Trajectory) -> None:
+    """Raise InputError unless a run is one of the scene, at the times of the first."""
+    owner = f"animate: the run {name!r}" if name else "animate: the run"
+    if not isinstance(run, Trajectory):
+        raise InputError(f"{owner} is a {type(run).__name__}; give what romjax.simulate returns.")
+    if np.ndim(run.q) != 2:
+        raise InputError(_batch(owner, run))
+    wanted = [c.label for body in scene.bodies for c in body.coordinates()]
+    given = list(run.labels)
+    if given != wanted:
+        alien = next((x for x in given if x not in wanted), f"{len(given)} of them")
+        raise InputError(
+            f"{owner} has other coordinates than the scene, {alien}: the bodies of the scene "
+            f"({', '.join(body.name for body in scene.bodies)}) have {len(wanted)}; animate runs "
+            "of this scene."
+        )
+    t, own = np.asarray(first.t), np.asarray(run.t)
+    if t.shape != own.shape or not np.allclose(t, own, rtol=1e-6, atol=0):
+        raise InputError(
+            f"{owner} has {len(own)} times from {own[0]:g} s to {own[-1]:g} s, but the first has "
+            f"{len(t)} from {t[0]:g} s to {t[-1]:g} s; simulate both with the same ts."
+        )
+
+
+def _batch(owner: str, run: Trajectory) -> str:
+    return (
+        f"{owner}: q has shape {np.shape(run.q)}; take one motion out of a batch, such as "
+        "jax.tree.map(lambda x: x[0], run)."
+    )
+
+
+def _spread(t: Float[np.ndarray, " k"], most: int) -> Int[np.ndarray, " frames"]:
+    """The numbers of the output times that are nearest to evenly spread ones; of few, all."""
+    if len(t) <= most:
+        return np.arange(len(t))
+    nearest = np.argmin(np.abs(t[None] - np.linspace(t[0], t[-1], most)[:, None]), axis=1)
+    return np.unique(nearest)
+
+
+def _swinging(
+    mechanism: Scene | AbstractSystem,
+    scene: Scene,
+    motions: Sequence[Any],
+    traced: Sequence[Marker],
+    deformation: float,
+    title: str,
+) -> Animation:
+    """Each mode through a period, about where it was taken, one at a time."""
+    (modes,) = motions if len(motions) == 1 else (None,)
+    if modes is None or isinstance(mechanism, Scene):
+        raise InputError(
+            "animate: modes are drawn by themselves, and with the system that they are of: "
+            "romjax.animate(system, romjax.modes(system))."
+        )
+    if modes.at.shape != (mechanism.n,):
+        raise InputError(
+            f"animate: the modes are of {modes.at.shape} coordinates, but the system has "
+            f"{mechanism.n}; give the system that they are of."
+        )
+
+    # Displacements are as velocities: of a reduced system, in physical coordinates.
+    def push(w: Float[Array, " r"]) -> Float[Array, " n"]:
+        return mechanism.state(0.0, modes.at, w).v
+
+    real, imaginary = (
+        np.stack([np.asarray(push(jnp.asarray(w))) for w in part.T], axis=1)
+        for part in np.asarray([modes.shapes.real, modes.shapes.imag])[:, :, :MODES]
+    )
+    reference = np.asarray(mechanism.state(0.0, modes.at, jnp.zeros_like(modes.at)).q)
+    sizes = amplitudes(scene, reference, np.concatenate([real, imaginary], axis=1))
+    sizes = np.where(sizes > 0, sizes, np.inf).reshape(2, -1).min(axis=0)
+    phase = np.linspace(0.0, 2 * np.pi, PERIOD)
+    motion = real * np.cos(phase)[:, None, None] - imaginary * np.sin(phase)[:, None, None]
+    motion = motion * np.where(np.isfinite(sizes), sizes, 0.0)
+    hertz = np.asarray(modes.frequencies)[:MODES] / (2 * np.pi)
+    named = {
+        f"mode {k + 1}: {hertz[k]:.4g} Hz": reference + motion[:, :, k] for k in range(len(hertz))
+    }
+    degrees = np.rad2deg(phase)
+    drawn = [
+        Model(
+            name, *([o for o in side if o.style != "load"] for side in sides)
+        )  # they know no time
+        for name, *sides in models(scene, np.zeros(PERIOD), named, traced)
+    ]
+    clock = Clock("phase", "°", TURNING)
+    return Animation(degrees, drawn, clock, deformation, alternatives=True, title=title)

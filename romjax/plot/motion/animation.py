@@ -1,0 +1,95 @@
+"""The moving picture: it shows itself in notebooks, and saves itself as a page or as a film."""
+
+import dataclasses
+import html
+import importlib
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from ...errors import InputError
+from .frames import Clock, Model
+from .page import height, page
+
+ENDINGS = (".html", ".gif", ".mp4")
+
+
+@dataclasses.dataclass(frozen=True)
+class Animation:
+    """A mechanism as it moves, in one or several models over each other; made by `romjax.animate`.
+
+    The last line of a notebook's cell shows it, in a frame of its own, so that several of them do
+    not disturb each other. Space plays and stops, the arrows go from frame to frame and change the
+    speed, dragging moves the picture (in space, turns it), + and − change its size.
+
+    - `t`: times of the frames (frames,), in the unit of the `clock`.
+    - `models`: what is drawn, in the order of the legend; the first is the reference.
+    - `deformation`: modal deformations are drawn as many times as large; a slider changes it.
+    - `alternatives`: whether one model is shown at a time.
+    - `title`: of the page.
+    """
+
+    t: Float[np.ndarray, " frames"]
+    models: list[Model]
+    clock: Clock
+    deformation: float = 1.0
+    alternatives: bool = False
+    title: str = "romjax"
+
+    def html(self, *, playing: bool = False) -> str:
+        """The page; `playing`: whether it begins by itself."""
+        return page(
+            self.title,
+            self.t,
+            self.models,
+            self.clock,
+            self.deformation,
+            alternatives=self.alternatives,
+            playing=playing,
+        )
+
+    def embedded(self) -> str:
+        """The page in a frame, as an element of another page."""
+        return (
+            f'<iframe srcdoc="{html.escape(self.html())}" title="{html.escape(self.title)}" '
+            f'style="width: 100%; height: {height(self.models)}px; border: 0"></iframe>'
+        )
+
+    _repr_html_ = embedded
+
+    def save(
+        self,
+        path: str | Path,
+        *,
+        fps: int | float = 25,
+        seconds: int | float | None = None,
+        progress: bool | None = None,
+    ) -> Path:
+        """Write a page, a GIF or a film, by the ending of the `path`; returns the path.
+
+        **Arguments:**
+
+        - `path`: "….html" for a page that plays offline in any browser, "….gif", or "….mp4"
+          (extra `video`).
+        - `fps`, `seconds`: frames per second and playing time [s] of a GIF or a film; each of its
+          frames is one of the animation's. Without `seconds`, it plays as fast as the page.
+        - `progress`: whether to show a progress bar; unless given, in a terminal.
+
+        Raises InputError for another ending, or numbers that make no film.
+        """
+        target = Path(path)
+        ending = target.suffix.lower()
+        if ending not in ENDINGS:
+            raise InputError(
+                f"Animation.save: path is '{path}', but it must end in {', '.join(ENDINGS)}."
+            )
+        if not fps > 0 or (seconds is not None and not seconds > 0):
+            raise InputError(f"Animation.save: fps={fps} and seconds={seconds} must be positive.")
+        if ending == ".html":
+            target.write_text(self.html(playing=True), encoding="utf-8")
+            return target
+        # It needs matplotlib, which a page does not.
+        film = importlib.import_module(".film", __package__)
+        film.save(self, target, fps, seconds, progress)
+        return target

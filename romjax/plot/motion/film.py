@@ -1,0 +1,180 @@
+"""Moving pictures as files of frames: GIF and MP4, drawn by matplotlib."""
+
+import importlib
+import itertools
+import subprocess
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Int, UInt8
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+from tqdm import tqdm
+
+from ...errors import InputError
+from ..mechanism import Picture, bounds, stage, view
+from ..style import SMALL, line
+
+if TYPE_CHECKING:
+    from .animation import Animation
+
+DPI = 160
+COLOURS = 64  # of a GIF
+
+
+def save(
+    animation: "Animation",
+    path: Path,
+    fps: int | float,
+    seconds: int | float | None,
+    progress: bool | None,
+) -> None:
+    """Write the film; the arguments are those of `Animation.save`."""
+    writers = {".gif": _write_gif, ".mp4": _write_mp4}
+    write = writers[path.suffix.lower()]
+    chosen = _chosen(animation, fps, seconds)
+    hidden = None if progress is None else not progress
+    with tqdm(total=len(chosen), desc=path.name, unit="frame", disable=hidden) as bar:
+
+        def frames() -> Iterator[UInt8[np.ndarray, "height width 3"]]:
+            for frame in _frames(animation, chosen):
+                yield frame
+                bar.update()
+
+        write(frames(), path, fps)
+
+
+def _chosen(
+    animation: "Animation", fps: int | float, seconds: int | float | None
+) -> Int[np.ndarray, " chosen"]:
+    """The numbers of the frames nearest to evenly spaced times."""
+    t, span = animation.t, float(np.ptp(animation.t))
+    seconds = span / animation.clock.rate if seconds is None else seconds
+    count = max(1, round(seconds * fps))
+    # What turns back into its first frame shows it once.
+    wanted = np.linspace(t[0], t[-1], count, endpoint=not animation.alternatives)
+    nearest: Int[np.ndarray, " chosen"] = np.argmin(np.abs(t[None] - wanted[:, None]), axis=1)
+    return nearest
+
+
+def _write_gif(
+    frames: Iterator[UInt8[np.ndarray, "height width 3"]], path: Path, fps: int | float
+) -> None:
+    first = Image.fromarray(next(frames)).quantize(COLOURS)
+    # All frames have the colours of the first: to choose some for each takes most of the time.
+    others = [
+        Image.fromarray(frame).quantize(palette=first, dither=Image.Dither.NONE) for frame in frames
+    ]
+    # In hundredths of a second, the only times that the format knows.
+    first.save(
+        path,
+        save_all=True,
+        append_images=others,
+        duration=10 * max(2, round(100 / fps)),
+        loop=0,
+    )
+
+
+def _write_mp4(
+    frames: Iterator[UInt8[np.ndarray, "height width 3"]], path: Path, fps: int | float
+) -> None:
+    try:
+        encoder = importlib.import_module("imageio_ffmpeg").get_ffmpeg_exe()
+    except ImportError as error:
+        raise InputError(
+            "Animation.save: a film needs imageio-ffmpeg: pip install 'romjax[video]'; or save a "
+            "page, '.html', or a '.gif'."
+        ) from error
+    first = next(frames)
+    # The format wants even numbers of rows and columns.
+    rows, columns = (2 * (length // 2) for length in first.shape[:2])
+    given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{columns}x{rows}", "-r", f"{fps:g}"]
+    made = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18"]
+    command = [encoder, "-y", "-loglevel", "error", *given, "-i", "-", *made, str(path)]
+    # Not by the writer of imageio-ffmpeg, whose fork is unsafe beside JAX.
+    with subprocess.Popen(command, stdin=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        for frame in itertools.chain([first], frames):
+            process.stdin.write(np.ascontiguousarray(frame[:rows, :columns]).tobytes())
+    if process.returncode:
+        raise OSError(f"Animation.save: ffmpeg failed to write {path}; see its message above.")
+
+
+def _frames(
+    animation: "Animation", chosen: Int[np.ndarray, " chosen"]
+) -> Iterator[UInt8[np.ndarray, "height width 3"]]:
+    """The chosen frames; of alternatives, the first is drawn."""
+    models = animation.models[:1] if animation.alternatives else animation.models
+    moving = [model.deformed(animation.deformation) for model in models]
+    if moving[0][0].points.shape[2] != 2:
+        raise InputError("Animation.save: films are plane; save a page, '.html', of space.")
+    figure = Figure(dpi=DPI)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    pictures = [
+        Picture(axes, parts, details=index == 0, **line(index))
+        for index, parts in enumerate(moving)
+    ]
+    box = view(bounds([part for parts in moving for part in parts]))
+    stage(axes, box)
+    _lay_out(figure, axes, box, pictures, [model.name for model in models])
+    # A fixed height, since matplotlib would search free space above all ticks at each frame.
+    title = axes.set_title("", y=1.01)
+    clock, span = animation.clock, float(np.ptp(animation.t)) or 1.0
+    digits = max(0, int(np.ceil(-np.log10(span / len(chosen)))))
+    times = "" if animation.deformation == 1 else f", deformation × {animation.deformation:g}"
+    artists = [title, *(line for picture in pictures for line in picture.lines.values())]
+    background = _Background(figure, artists)
+    for index in chosen:
+        for picture in pictures:
+            picture.show(int(index))
+        title.set_text(f"{clock.symbol} = {animation.t[index]:.{digits}f} {clock.unit}{times}")
+        yield background.with_artists()
+
+
+class _Background:
+    """What stays the same in all frames of a figure, drawn once: it takes most of the time."""
+
+    def __init__(self, figure: Figure, artists: Sequence[Artist]):
+        self.figure, self.artists = figure, artists
+        self.canvas = FigureCanvasAgg(figure)
+        for artist in artists:
+            artist.set_animated(True)
+        self.canvas.draw()
+        self.drawn = self.canvas.copy_from_bbox(figure.bbox)
+
+    def with_artists(self) -> UInt8[np.ndarray, "height width 3"]:
+        """The frame with the artists as they are now."""
+        self.canvas.restore_region(self.drawn)
+        for artist in self.artists:
+            self.figure.draw_artist(artist)
+        pixels: UInt8[np.ndarray, "height width 3"] = np.array(self.canvas.buffer_rgba())[..., :3]
+        return pixels
+
+
+def _lay_out(
+    figure: Figure, axes: Axes, box: np.ndarray, pictures: list[Picture], names: list[str]
+) -> None:
+    """A figure as slim as the mechanism, with the legend below; in inches.
+
+    Made once: an engine would lay out each frame anew, in twice the time.
+    """
+    width, height = (box[1] - box[0]) * np.min(np.array([5.0, 3.6]) / (box[1] - box[0]))
+    wide = max(width + 1.1, 3.6)
+    columns = int(np.clip(13 * wide / (max(map(len, names)) + 8), 1, len(names)))
+    rows = -(-len(names) // columns) if any(names) else 0
+    foot = 0.55 + 0.2 * (rows + (rows > 0))
+    tall = foot + height + 0.4
+    figure.set_size_inches(wide, tall)
+    left = 0.8 + 0.5 * (wide - 1.1 - width)
+    axes.set_position((left / wide, foot / tall, width / wide, height / tall))
+    axes.locator_params(nbins=5)
+    axes.set_xlabel("$x$ [m]")
+    axes.set_ylabel("$y$ [m]")
+    if rows:
+        handles = [picture.lines["body"] for picture in pictures]
+        figure.legend(handles, names, loc="lower center", ncols=columns, fontsize=SMALL + 1)

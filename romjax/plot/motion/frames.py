@@ -1,0 +1,114 @@
+"""What a moving picture shows: the outlines of one or several models at the times of its frames."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ...assembly.kinematics import columns_of
+from ...assembly.outlines import MovingOutline, outlines
+from ...errors import InputError
+from ...scene.marker import Marker
+from ...scene.scene import Scene
+
+
+class Model(NamedTuple):
+    """One model in all frames.
+
+    - `name`: in the legend. `actual`: its outlines. `undeformed`: those of the same motion without
+      modal amplitudes, in the same order; none where nothing bends.
+    """
+
+    name: str
+    actual: list[MovingOutline]
+    undeformed: list[MovingOutline]
+
+    def deformed(self, scale: float) -> list[MovingOutline]:
+        """Its outlines with the deformation times `scale`."""
+        if not self.undeformed or scale == 1:
+            return self.actual
+        return [
+            a._replace(points=b.points + scale * (a.points - b.points))
+            for a, b in zip(self.actual, self.undeformed, strict=True)
+        ]
+
+
+def models(
+    scene: Scene,
+    t: Float[np.ndarray, " frames"],
+    motions: dict[str, Float[np.ndarray, "frames n"]],
+    traced: Sequence[Marker],
+) -> list[Model]:
+    """The outlines of motions (frames, n) of a `scene` at the times `t`, by name.
+
+    All at once, so that signs are of one size. A motion that ends in numbers that are not finite
+    keeps its last position, and its name says so. Raises InputError for one that has none.
+    """
+    columns, _ = columns_of(scene.bodies)
+    modal = [i for body in scene.bodies for i in columns[body.name][body.size - body.modes :]]
+    count, shown, names = len(t), [], []
+    for name, q in motions.items():
+        held, end = _held(name, q)
+        shown.append(held)
+        names.append(name if end == count else f"{name} (until {t[end - 1]:.4g} s)".strip())
+    actual = np.concatenate(shown)
+    kinds = [actual]
+    if modal and np.any(actual[:, modal]):
+        kinds.append(actual.copy())
+        kinds[1][:, modal] = 0
+    drawn = outlines(scene, np.tile(t, len(kinds) * len(names)), np.concatenate(kinds), traced)
+    drawn = [o for o in map(_finite, drawn) if o.points.shape[1]]
+    made = []
+    for row, name in enumerate(names):
+        parts = [
+            [
+                o._replace(points=o.points[start : start + count])
+                for o in drawn
+                for start in [(kind * len(names) + row) * count]
+            ]
+            for kind in range(len(kinds))
+        ]
+        made.append(Model(name, parts[0], parts[1] if len(parts) > 1 else []))
+    return made
+
+
+def _held(name: str, q: Float[np.ndarray, "frames n"]) -> tuple[Float[np.ndarray, "frames n"], int]:
+    """A motion up to where it is finite, and its last position from there on; where that is."""
+    finite = np.all(np.isfinite(q), axis=1)
+    end = len(q) if np.all(finite) else int(np.argmin(finite))
+    if end == 0:
+        raise InputError(
+            f"animate: '{name}' has no frame with finite coordinates; see the run's summary()."
+        )
+    return q[np.minimum(np.arange(len(q)), end - 1)], end
+
+
+def _finite(outline: MovingOutline) -> MovingOutline:
+    """Without the points that are not finite at some time: a curve may have no point there."""
+    good = np.all(np.isfinite(outline.points), axis=(0, 2))
+    return outline if np.all(good) else outline._replace(points=outline.points[:, good])
+
+
+class Clock(NamedTuple):
+    """The time of a picture: its `symbol`, its `unit`, and the `rate` at which it passes, in units
+    per second.
+    """
+
+    symbol: str
+    unit: str
+    rate: float
+
+
+# Playing time is between these, in seconds, where no speed is given.
+SHORTEST, LONGEST = 4.0, 10.0
+
+
+def playing_rate(span: float) -> float:
+    """The speed, one of 1, 2, 5 times a power of ten, that plays `span` [s] in a pleasant time;
+    real time, where that does.
+    """
+    if not span > 0 or SHORTEST <= span <= LONGEST:
+        return 1.0
+    powers = [m * 10.0**k for k in range(-12, 13) for m in (1, 2, 5)]
+    return min(powers, key=lambda rate: abs(np.log(span / rate / 6.0)))

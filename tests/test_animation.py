@@ -1,0 +1,385 @@
+"""Pictures that move: pages hold what the outlines are, and everything that they need."""
+
+import base64
+import dataclasses
+import gc
+import html
+import json
+import re
+import sys
+from importlib import resources
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from mechanics import marker_place
+from motions import cart_and_beam, motion
+from PIL import Image
+from tolerances import IDENTITY
+
+import romjax as rj
+from romjax import deprecated, plot
+from romjax.assembly.outlines import MovingOutline, outlines
+from romjax.plot.motion.coding import encode
+from romjax.plot.motion.frames import Clock, Model, playing_rate
+from romjax.scene.outline import STYLES
+
+# Required: of a page of 10 s [bytes], and of a point in a picture of 1000 pixels [pixels].
+SIZE, PIXELS = 500_000, 0.25
+DATA = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def scene() -> rj.Scene:
+    return cart_and_beam()
+
+
+@pytest.fixture(scope="module")
+def run(scene) -> rj.Trajectory:
+    return motion(scene)
+
+
+@pytest.fixture(scope="module")
+def tip(scene) -> rj.Marker:
+    return scene.bodies[1].at((1.0, 0.0))
+
+
+@pytest.fixture(scope="module")
+def moving(scene, run, tip) -> rj.Animation:
+    """Two models and a trace."""
+    return rj.animate(scene, run, motion(scene, 0.12), labels=["full", "<b>POD</b>"], trace=tip)
+
+
+@pytest.fixture(scope="module")
+def hanging() -> rj.AbstractSystem:
+    """Two hinged bars."""
+    return rj.assemble(rj.gallery.chain(2))
+
+
+@pytest.fixture(scope="module")
+def falling(hanging) -> rj.Trajectory:
+    return rj.simulate(hanging, jnp.linspace(0.0, 0.3, 31))
+
+
+def data(page: str) -> dict:
+    """What the page is told."""
+    (found,) = DATA.findall(page)
+    return json.loads(found)
+
+
+def integers(text: str) -> list[int]:
+    """As the page reads them: seven bits in each byte, the lowest first, the sign in the lowest."""
+    numbers, value, place = [], 0, 0
+    for byte in base64.b64decode(text):
+        value |= (byte & 127) << place
+        place += 7
+        if byte < 128:
+            numbers.append(-(value + 1) // 2 if value % 2 else value // 2)
+            value = place = 0
+    return numbers
+
+
+def decode(block: dict, frames: int) -> np.ndarray:
+    """(frames, columns), as the page sums them up."""
+    base = np.array(integers(block["base"]), float)
+    rank = len(block["reach"])
+    shapes = np.reshape(integers(block["shapes"]), (rank, len(base)))
+    weights = np.reshape(integers(block["weights"]), (rank, frames if rank else 0))
+    weights = np.cumsum(np.cumsum(weights, axis=1), axis=1) / np.reshape(block["reach"], (-1, 1))
+    moved = weights.T @ shapes if rank else 0
+    return block["quantum"] * (np.tile(base, (frames, 1)) + moved)
+
+
+def decoded(told: dict, model: int, scale: float = 1.0) -> list[MovingOutline]:
+    """The outlines of a page."""
+    found, d = [], told["dimension"]
+    for part in told["models"][model]["parts"]:
+        values = decode(part["move"], told["frames"])
+        if part["bend"]:
+            values = values + scale * decode(part["bend"], told["frames"])
+        first = 0
+        for own in part["outlines"]:
+            points = values[:, first : first + d * own["points"]]
+            first += d * own["points"]
+            points = points.reshape(len(values), -1, d)
+            found.append(MovingOutline(part["name"], points, own["style"], own["endless"]))
+        assert first == values.shape[1]
+    return found
+
+
+def apart(found: list[MovingOutline], wanted: list[MovingOutline]) -> float:
+    """The largest distance of points, in pixels of a picture whose diagonal has a thousand."""
+    corner = np.concatenate(
+        [o.points.reshape(-1, o.points.shape[2]) for o in wanted if not o.endless]
+    )
+    diagonal = np.linalg.norm(np.ptp(corner, axis=0))
+    for one, other in zip(found, wanted, strict=True):
+        assert (one.part, one.style, one.endless) == (other.part, other.style, other.endless)
+    errors = [
+        np.max(np.abs(one.points - other.points)) for one, other in zip(found, wanted, strict=True)
+    ]
+    return 1000 * max(errors) / diagonal
+
+
+# The coding.
+
+
+@pytest.mark.parametrize("shape", [(40, 7), (7, 40), (1, 6), (5, 1)])
+def test_any_numbers_survive_the_coding(shape):
+    """Also those without fewer shapes than columns."""
+    values = np.random.default_rng(3).normal(size=shape) * 1e3
+    block = encode(values, 0.5)
+    error = np.max(np.abs(decode(block, shape[0]) - values))
+    # Half a quantum is left out, half of one is the mean's, and a whole one each shape's.
+    assert error <= 0.5 * (1 + len(block["reach"]))
+
+
+def test_what_rests_is_sent_once():
+    block = encode(np.tile([1.25, -3.0, 1e4], (50, 1)), 1e-3)
+    assert (block["weights"], block["shapes"], block["reach"]) == ("", "", [])
+    np.testing.assert_allclose(decode(block, 50), np.tile([1.25, -3.0, 1e4], (50, 1)))
+
+
+def test_what_moves_as_one_is_a_few_shapes():
+    """A rigid outline in the plane: two of its place, two of its angle."""
+    angle = np.linspace(0, 3, 60)
+    points = np.random.default_rng(1).normal(size=(30, 2))
+    turned = [np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in angle]
+    values = np.array(
+        [(points @ r.T + [a, a**2]).ravel() for a, r in zip(angle, turned, strict=True)]
+    )
+    assert len(encode(values, 1e-3)["reach"]) == 4
+
+
+# The page.
+
+
+def test_the_page_holds_all_outlines(scene, run, tip, moving):
+    told = data(moving.html())
+    assert [model["name"] for model in told["models"]] == ["full", "<b>POD</b>"]
+    np.testing.assert_allclose(decode(told["times"], told["frames"])[:, 0], run.t, atol=1e-6)
+    wanted = outlines(scene, run.t, run.q, [tip])
+    # Signs are of one size in all models.
+    actual = moving.models[0].actual
+    assert [(o.part, o.style) for o in actual] == [(o.part, o.style) for o in wanted]
+    for drawn, own in zip(actual, wanted, strict=True):
+        if own.style in ("body", "trace", "hinge"):
+            np.testing.assert_allclose(drawn.points, own.points, atol=IDENTITY)
+    for index, model in enumerate(moving.models):
+        assert apart(decoded(told, index), model.actual) <= PIXELS
+
+
+def test_deformations_are_multiplied(scene, run, moving):
+    """Rigid motions and deformations are apart: by 0 the beam is straight, by 1 as it is."""
+    told = data(rj.animate(scene, run, deformation=3.0).html())
+    assert told["scale"] == 3.0
+    assert {0.0, 1.0, 3.0} <= set(told["scales"])
+    straight = run.q.at[:, 6:].set(0)
+    rigid = outlines(scene, run.t, straight)[1]
+    actual = outlines(scene, run.t, run.q)[1]
+    for scale in (0.0, 1.0, 3.0):
+        beam = rigid._replace(points=rigid.points + scale * (actual.points - rigid.points))
+        assert apart(decoded(told, 0, scale)[1:2], [beam]) <= PIXELS
+    assert moving.models[0].deformed(0.0)[1].points == pytest.approx(rigid.points)
+
+
+def test_what_does_not_bend_has_no_deformation(falling):
+    told = data(falling.animate().html())
+    assert told["scales"] == []
+    assert all(part["bend"] is None for part in told["models"][0]["parts"])
+
+
+def test_a_page_of_ten_seconds_is_small():
+    many = rj.gallery.chain(16)
+    page = rj.animate(many, motion(many, 0.3, end=10.0, count=1001)).html()
+    assert data(page)["frames"] == 600
+    assert len(page.encode()) < SIZE
+
+
+def test_the_page_needs_nothing_else(moving):
+    """No address of anything, and names cannot end what they stand in."""
+    page = moving.html()
+    text = page.replace("http://www.w3.org/2000/svg", "")
+    assert not re.search(r"https?:|\bsrc=|\bhref=|@import|url\((?!#)", text)
+    assert page.count("<script") == page.count("</script>") == 2
+    assert "<b>POD" not in page
+
+
+def test_the_player_finds_its_elements():
+    folder = resources.files("romjax.plot.motion")
+    script, page = ((folder / f"player.{kind}").read_text("utf-8") for kind in ("js", "html"))
+    asked = set(re.findall(r'element\("(\w+)"\)', script))
+    assert len(asked) >= 8
+    assert asked <= set(re.findall(r'\bid="(\w+)"', page))
+    known = set(re.findall(r'"(\w+)"', script[: script.index("// Coded")]))
+    assert set(STYLES) <= known
+
+
+def test_notebooks_show_it_in_a_frame(moving, scene, falling):
+    shown = moving._repr_html_()
+    (inside,) = re.findall(r'^<iframe srcdoc="([^"]*)"', shown)
+    assert html.unescape(inside) == moving.html()
+    assert '"frames":1,' in html.unescape(scene._repr_html_())
+    assert rj.Scene([])._repr_html_() is None
+    assert '"frames":31,' in html.unescape(falling._repr_html_())
+
+
+def test_a_comparison_shows_both_motions(falling):
+    """As long as both are there, and know their mechanism."""
+    approx = falling.every(1)
+    report = rj.compare(falling, approx)
+    assert html.unescape(report._repr_html_()).count('"name":"truth"') == 1
+    del approx
+    gc.collect()
+    assert report._repr_html_() is None
+    made_up = motion(rj.gallery.chain(2))
+    assert rj.compare(made_up, made_up)._repr_html_() is None
+
+
+def test_the_path_of_a_marker(scene, run, tip, moving):
+    (trace,) = (o for o in moving.models[0].actual if o.style == "trace")
+    wanted = [[marker_place(scene, tip, q)] for q in run.q]
+    np.testing.assert_allclose(trace.points, wanted, atol=IDENTITY)
+
+
+def test_few_frames_are_not_smoothed(hanging, falling):
+    """Points that move along arcs between the frames would move along chords."""
+    assert data(falling.animate().html())["smooth"]
+    wild = dataclasses.replace(falling, q=falling.q.at[:, 2].set(1.5 * jnp.arange(31)))
+    assert not data(rj.animate(hanging, wild).html())["smooth"]
+
+
+def test_playing_speeds_are_round():
+    assert [playing_rate(x) for x in (0.0, 5.0, 10.0, 1.0, 0.1, 300.0)] == [1, 1, 1, 0.2, 0.02, 50]
+
+
+# What is drawn.
+
+
+def test_a_run_knows_its_mechanism(hanging, falling):
+    own, told = falling.animate(), rj.animate(hanging, falling)
+    assert own.models[0].name == told.models[0].name == ""
+    for one, other in zip(own.models[0].actual, told.models[0].actual, strict=True):
+        assert one.style == other.style
+        np.testing.assert_allclose(one.points, other.points, atol=IDENTITY)
+    assert [o.part for o in own.models[0].actual[:2]] == ["bar1", "bar2"]
+    assert own.models[0].actual[0].points.shape[0] == 31
+
+
+def test_a_reduced_run_knows_its_mechanism(hanging, falling):
+    rom = rj.reduce(hanging, rj.pod(falling, rank=2), rj.Minimal())
+    approx = rj.simulate(rom, falling.t)
+    assert len(falling.animate(approx.every(1), labels=["full", "two"]).models) == 2
+    parts = [o.part for o in approx.every(3).animate().models[0].actual]
+    assert parts[:2] == ["bar1", "bar2"]
+
+
+def test_each_mode_swings(hanging):
+    """From its shape through its opposite, and back; about the place where it was taken."""
+    at = jnp.array([0.0, -0.5, -jnp.pi / 2, 0.0, -1.5, -jnp.pi / 2])
+    modes = rj.modes(hanging, at)
+    swinging = rj.animate(hanging, modes)
+    assert len(swinging.models) == len(modes.frequencies) == 2
+    hertz = modes.frequencies[0] / (2 * jnp.pi)
+    assert swinging.models[0].name == f"mode 1: {hertz:.4g} Hz"
+    points = swinging.models[0].actual[1].points
+    np.testing.assert_allclose(points[0], points[-1], atol=IDENTITY)
+    (bar,) = (o for o in outlines(rj.gallery.chain(2), 0.0, at[None]) if o.part == "bar2")
+    np.testing.assert_allclose(
+        np.mean(points[[0, 30]], axis=(0, 1)), np.mean(bar.points[0], axis=0), atol=1e-2
+    )
+    assert np.ptp(points[:, :, 0]) > 0.3
+    assert data(swinging.html())["alternatives"]
+
+
+def test_a_run_that_breaks_off_is_drawn_to_its_end(scene, run):
+    broken = dataclasses.replace(run, q=run.q.at[11:].set(jnp.nan))
+    (model,) = rj.animate(scene, broken).models
+    assert model.name == "(until 0.5 s)"
+    assert all(np.all(np.isfinite(o.points)) for o in model.actual)
+    np.testing.assert_array_equal(model.actual[0].points[10], model.actual[0].points[20])
+    with pytest.raises(rj.InputError, match="no frame with finite coordinates"):
+        rj.animate(scene, dataclasses.replace(run, q=run.q * jnp.nan))
+
+
+def test_space_is_drawn_by_the_same_page(tmp_path):
+    """Of outlines with three coordinates; films are plane."""
+    t = np.linspace(0.0, 1.0, 20)
+    points = np.stack([np.cos(t), np.sin(t), t], axis=1)[:, None] * np.array([1.0, 2.0])[:, None]
+    helix = [MovingOutline("top", points, "body", False)]
+    space = rj.Animation(t, [Model("", helix, [])], Clock("t", "s", 1.0))
+    told = data(space.html())
+    assert told["dimension"] == 3
+    assert apart(decoded(told, 0), helix) <= PIXELS
+    with pytest.raises(rj.InputError, match="films are plane"):
+        space.save(tmp_path / "space.gif")
+
+
+# Files.
+
+
+def test_files(moving, tmp_path):
+    page = moving.save(tmp_path / "x.html")
+    assert page.read_text("utf-8") == moving.html(playing=True)
+    with Image.open(moving.save(str(tmp_path / "x.GIF"), fps=10, seconds=0.5)) as picture:
+        assert (picture.n_frames, picture.info["duration"]) == (5, 100)
+        assert max(picture.size) > 700
+    film = moving.save(tmp_path / "x.mp4", fps=10, seconds=0.5).read_bytes()
+    assert film[4:8] == b"ftyp"
+
+
+def test_a_film_names_what_it_needs(moving, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(rj.InputError, match=r"pip install 'romjax\[video\]'"):
+        moving.save(tmp_path / "x.mp4")
+    assert not (tmp_path / "x.mp4").exists()
+
+
+def test_the_old_name_writes_a_gif(scene, run, tmp_path):
+    deprecated.warn_once.cache_clear()
+    with pytest.warns(DeprecationWarning, match=r"romjax.animate\(scene, …\).save"):
+        path = plot.animate(scene, {"full": run}, tmp_path / "old.gif", fps=10, seconds=0.3)
+    with Image.open(path) as picture:
+        assert picture.n_frames == 3
+
+
+# What does not fit.
+
+
+def test_saving_refuses(moving, tmp_path):
+    with pytest.raises(rj.InputError, match=r"'.*x.avi', but it must end in .html, .gif, .mp4"):
+        moving.save(tmp_path / "x.avi")
+    with pytest.raises(rj.InputError, match="fps=0 and seconds=None must be positive"):
+        moving.save(tmp_path / "x.gif", fps=0)
+    assert not list(tmp_path.iterdir())
+
+
+def test_runs_refuse(scene, run, hanging, falling):
+    late = dataclasses.replace(run, t=run.t + 1)
+    batch = jax.tree.map(lambda x: jnp.stack([x, x]), run)
+    wrong = {
+        r"the run has other coordinates than the scene, cart.x: .*\(bar1, bar2\)": (hanging, run),
+        r"run 'run 2' has 21 times from 1 s to 2 s, but the first": (scene, run, late),
+        r"take one motion out of a batch": (scene, batch),
+        r"modes are drawn by themselves": (rj.gallery.chain(2), rj.modes(hanging)),
+    }
+    for message, given in wrong.items():
+        with pytest.raises(rj.InputError, match=message):
+            rj.animate(*given)
+    for given in ((scene, 3), (3, run)):
+        with pytest.raises((rj.InputError, TypeError)):
+            rj.animate(*given)
+    with pytest.raises(rj.InputError, match=r"call romjax.animate\(scene, run\)"):
+        run.animate()
+    assert run._repr_html_() is None
+    with pytest.raises(rj.InputError, match="labels are .* for 1 runs"):
+        rj.animate(scene, run, labels=["a", "b"])
+    with pytest.raises(rj.InputError, match="deformation is -1"):
+        rj.animate(scene, run, deformation=-1)
+    with pytest.raises(rj.InputError, match=r"no body 'bar1'. .*cart, beam"):
+        rj.animate(scene, run, trace=rj.gallery.chain(1).bodies[0].at())
+    with pytest.raises(rj.InputError, match="on the ground has no path"):
+        rj.animate(scene, run, trace=rj.ground.at())
+    with pytest.raises(rj.InputError, match="has coordinates, but no bodies"):
+        rj.animate(rj.CustomSystem(lambda q: jnp.eye(1), lambda t, q, v: -q, q0=[1.0], v0=[0.0]))
