@@ -1,4 +1,4 @@
-"""The parts that files know: all that are defined, those of users too, by the names of their types."""
+"""The parts that files know: all that are defined, those of users too, by their types."""
 
 import dataclasses
 import inspect
@@ -45,7 +45,7 @@ class Maker:
             x.form is not None for x in self.arguments.values() if x.required
         )
 
-    def keys(self) -> Iterator[tuple[str, Argument, bool]]:
+    def entries(self) -> Iterator[tuple[str, Argument, bool]]:
         """The keys of its table, each with its argument and whether it is in degrees."""
         for name, argument in self.arguments.items():
             if argument.form is not None:

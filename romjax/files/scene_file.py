@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ..assembly.closing import consistent_scene
 from ..errors import InputError
 from ..scene.scene import Scene
 from .build import Builder
@@ -21,10 +22,11 @@ class SceneFile:
     """A scene file that was read: a function of its parameters, by name, that returns a `Scene`.
 
     - `parameters`: the values in the file, floats or arrays.
-    - `title`, `settings`: what it says of itself and of its run.
+    - `title`, `settings`: what it says of itself and of its run. `text`: all of it.
     """
 
     path: Path
+    text: str
     title: str
     parameters: dict[str, Any]
     settings: Settings
@@ -32,7 +34,7 @@ class SceneFile:
     def __init__(self, path: str | os.PathLike[str]):
         self.path = Path(path)
         problems = Problems(self.path)
-        self._tables, self._text = _checked(problems), problems.text
+        self._tables, self.text = _checked(problems), problems.text
         self.title = self._tables.get("title", f"from {self.path}")
         self.parameters = free_parameters(self._tables.get("parameters", {}))
         self.settings = Settings(**self._tables.get("run", {}))
@@ -46,11 +48,11 @@ class SceneFile:
         wrong = check_given(str(self.path), parameters, self.parameters)
         if wrong:
             raise InputError(wrong)
-        problems = Problems(self.path, self._text)
+        problems = Problems(self.path, self.text)
         scene = _build(self._tables, problems, self.parameters | parameters)
         problems.raise_any()
         assert scene is not None
-        return scene
+        return consistent_scene(scene) if self._tables.get("consistent") else scene
 
     def __repr__(self) -> str:
         return f"SceneFile({str(self.path)!r}, parameters={self.parameters})"
@@ -96,9 +98,7 @@ def _checked(problems: Problems) -> dict[str, Any]:
     return tables
 
 
-def _build(
-    tables: Mapping[str, Any], problems: Problems, given: Mapping[str, Any]
-) -> Scene | None:
+def _build(tables: Mapping[str, Any], problems: Problems, given: Mapping[str, Any]) -> Scene | None:
     parameters = tables.get("parameters", {})
     values = {} if not given else resolve_parameters(parameters, given, problems)
     return Builder(tables, values, problems).scene()

@@ -56,6 +56,7 @@ class Schema:
             "format": (Literal[FORMAT], ...),
             "dimension": (Literal[DIMENSION], None),
             "title": (str, None),
+            "consistent": (bool, None),
             "parameters": (dict[str, any_numbers], None),  # type: ignore[valid-type]
             "ground": (self.models["ground"], None),
             **sections,
@@ -100,7 +101,7 @@ class Schema:
             TYPE: (Literal[maker.name], None if own and not inspect.isabstract(maker.part) else ...)
         }
         body = issubclass(maker.part, AbstractBody)
-        for key, argument, _ in maker.keys():
+        for key, argument, _ in maker.entries():
             if key == "name":
                 if not body:
                     keys[key] = (str, None)
@@ -135,8 +136,8 @@ class Schema:
                 return self._union(base)
 
     def _marker(self) -> Any:
-        return _text_or(self.models["marker"], "a marker, such as \"crank.pin\" or { body = \"crank\", "
-                        "point = [0.1, 0.0] }")
+        table = '{ body = "crank", point = [0.1, 0.0] }'
+        return _text_or(self.models["marker"], f'a marker, such as "crank.pin" or {table}')
 
     def _point(self) -> Any:
         def check(value: Any) -> Any:
@@ -196,6 +197,12 @@ def schema() -> Schema:
     return _made[key]
 
 
+def json_schema() -> dict[str, Any]:
+    """The JSON schema of scene files, for editors."""
+    dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    return dialect | schema().document.model_json_schema()
+
+
 def validate(tables: dict[str, Any], problems: Problems) -> None:
     """Add all that tables have wrong in themselves."""
     models = schema()
@@ -211,9 +218,8 @@ def _place(tables: Any, loc: Place) -> Place:
     """The keys of an error, without the types that pydantic puts between them."""
     place: list[str | int] = []
     for index, key in enumerate(loc):
-        if isinstance(tables, dict) and key in tables:
-            tables = tables[key]
-        elif isinstance(tables, list) and isinstance(key, int) and key < len(tables):
+        within = range(len(tables)) if isinstance(tables, list) else tables
+        if isinstance(tables, dict | list) and key in within:
             tables = tables[key]
         elif index < len(loc) - 1 or not isinstance(tables, dict):
             continue

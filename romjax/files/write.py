@@ -110,8 +110,8 @@ class _Writer:
         kind = type(part).__name__
         if maker is None or not maker.readable:
             raise SceneError(
-                f"save: a {kind} cannot be written to a file; a part of one's own can if its fields "
-                "are numbers, texts, markers or other parts, and none is called `type`."
+                f"save: a {kind} cannot be written to a file; a part of one's own can if its "
+                "fields are numbers, texts, markers or other parts, and none is called `type`."
             )
         values: dict[str, Any] = {TYPE: maker.name}
         for name, argument in maker.arguments.items():
@@ -141,7 +141,7 @@ class _Writer:
         return value
 
     def _marker(self, marker: Marker) -> Any:
-        """ "body", "body.point" or a table."""
+        """By text, "body" or "body.point", or by a table."""
         origin, plain = (0.0, 0.0), "." not in marker.body
         named = self._bodies[marker.body].named_points() if marker.body != GROUND else {}
         names = [name for name, point in named.items() if _same(point, marker.point)]

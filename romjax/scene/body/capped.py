@@ -56,6 +56,9 @@ class CappedBody(AbstractBody):
     def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
         return self.body.start()
 
+    def started(self, q: Float[Array, " size"], v: Float[Array, " size"]) -> "CappedBody":
+        return eqx.tree_at(lambda capped: capped.body, self, self.body.started(q, v))
+
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         own = self.body.mass_matrix(q)
         ratio = self.body.natural_frequencies() / (2 * jnp.pi * self.cap)
