@@ -108,9 +108,7 @@ def _add_files(verbs: Any) -> None:
     )
     check.set_defaults(verb=_check)
     for verb in (new, check):
-        verb.add_argument(
-            "file", type=Path, metavar="FILE", help="such as crank.toml"
-        )
+        verb.add_argument("file", type=Path, metavar="FILE", help="such as crank.toml")
     schema = verbs.add_parser(
         "schema", help="print the JSON schema of scene files, from which editors complete keys"
     )
