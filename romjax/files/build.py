@@ -44,7 +44,8 @@ class Builder:
 
     def scene(self) -> Scene:
         """The scene; an empty one if anything is wrong."""
-        bodies = [self.body(name) for name in self._names("bodies")]
+        names = self._names("bodies")
+        bodies = [self.body(name) for name in names if not self.problems.full]
         joints = list(self._parts("joints", AbstractJoint))
         effects = list(self._parts("effects", AbstractEffect))
         if self.problems.found:
@@ -73,6 +74,8 @@ class Builder:
     def _parts(self, section: str, base: type) -> Iterator[Any]:
         for name in self._names(section):
             place = (section, name)
+            if self.problems.full:
+                return
             if self.problems.touch(place):
                 continue
             table = {"name": name} | self.tables[section][name]
@@ -271,7 +274,10 @@ class Builder:
             raise
         except Exception as error:
             words = _OWNER.sub("", str(error).split("\n")[0] or type(error).__name__)
-            named = [key for key in table if re.search(rf"\b{re.escape(key)}\b", words)]
-            keys = [key for key in named if key not in ("name", TYPE)]
+            keys = [
+                key
+                for key in re.findall(r"\w+", words)
+                if key in table and key not in (TYPE, "name")
+            ]
             self.problems.add((*place, *keys[:1]), words[:1].upper() + words[1:])
             raise _FailedError from error

@@ -111,7 +111,7 @@ def _checked(problems: Problems) -> tuple[dict[str, Any], Scene]:
         try:
             Settings(**tables.get("run", {}))
         except InputError as error:
-            problems.add(("run", str(error).split()[0]), f"It must be positive: {error}")
+            problems.add(("run", str(error).split()[0]), f"{str(error)[0].upper()}{str(error)[1:]}")
     problems.raise_any()
     return tables, scene
 

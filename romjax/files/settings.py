@@ -9,6 +9,9 @@ import diffrax
 from ..errors import InputError
 from ..integrate.rodas5p import Rodas5P
 
+# Of a run; more do not fit into memory.
+_OUTPUTS = 1e6
+
 Method = Literal["Rodas5P", "Dopri8", "Dopri5", "Tsit5", "Kvaerno5"]
 
 
@@ -46,3 +49,8 @@ class Settings:
             value = getattr(self, field.name)
             if isinstance(value, int | float) and not 0 < value < math.inf:
                 raise InputError(f"{field.name} is {value}, but it must be positive.")
+        if self.end * self.rate > _OUTPUTS:
+            raise InputError(
+                f"rate is {self.rate:g} Hz, {self.end * self.rate:.1e} outputs in {self.end:g} s; "
+                f"ask for {_OUTPUTS:.0e} at most."
+            )

@@ -23,17 +23,28 @@ from .versions import DIMENSION, FORMAT
 
 # A table of more characters does not stand on one line.
 _LINE = 80
+# Larger arrays are kept in a file of NumPy beside the text.
+_LARGEST = 1000
 
 
 def save(scene: Scene, path: str | os.PathLike[str]) -> None:
     """Write a scene to a file; see `Scene.save`."""
     scene.check()
-    Path(path).write_text(text_of(scene), encoding="utf-8")
+    target = Path(path)
+    beside = target.with_suffix(".npz")
+    arrays: dict[str, np.ndarray] = {}
+    text = text_of(scene, arrays, beside.name)
+    if arrays:
+        np.savez_compressed(beside, **arrays)  # type: ignore[arg-type]
+    target.write_text(text, encoding="utf-8")
 
 
-def text_of(scene: Scene) -> str:
-    """A scene as TOML, with every digit of its numbers."""
-    writer = _Writer({body.name: body for body in scene.bodies})
+def text_of(scene: Scene, arrays: dict[str, np.ndarray] | None = None, beside: str = "") -> str:
+    """A scene as TOML, with every digit of its numbers.
+
+    Large arrays go into `arrays`, if they are given, for a file that lies `beside` the text.
+    """
+    writer = _Writer({body.name: body for body in scene.bodies}, arrays, beside)
     document = tomlkit.document()
     document["format"], document["dimension"] = FORMAT, DIMENSION
     sections: list[tuple[str, type, Sequence[Any]]] = [
@@ -101,8 +112,13 @@ def _list(values: Sequence[Any]) -> tomlkit.items.Array:
 class _Writer:
     """What the parts of a scene look like in a file, as tables, lists, texts and numbers."""
 
-    def __init__(self, bodies: Mapping[str, AbstractBody]):
-        self._bodies = bodies
+    def __init__(
+        self,
+        bodies: Mapping[str, AbstractBody],
+        arrays: dict[str, np.ndarray] | None,
+        beside: str,
+    ):
+        self._bodies, self._arrays, self._beside = bodies, arrays, beside
 
     def part(self, part: Any, base: type) -> dict[str, Any]:
         """The table of a part: its arguments but those that are as they would be without."""
@@ -122,8 +138,16 @@ class _Writer:
                 continue
             if argument.form is None:
                 raise SceneError(f"save: {kind}.{name} is {value!r}, which no file can hold.")
-            values[name] = self._value(argument.form, value)
+            values[name] = self._large(name, value) or self._value(argument.form, value)
         return values
+
+    def _large(self, name: str, value: Any) -> dict[str, str] | None:
+        """Where an array is that is too large for the text, once it is there."""
+        if self._arrays is None or np.size(value) <= _LARGEST or isinstance(value, str | tuple):
+            return None
+        key = f"{name} {len(self._arrays) + 1}"
+        self._arrays[key] = np.asarray(value)
+        return {"file": self._beside, "array": key}
 
     def _value(self, form: Form, value: Any) -> Any:
         match form:
