@@ -102,6 +102,11 @@ def test_windows_writes_files_too(path):
     rj.load_scene(path)
 
 
+def test_points_that_are_none():
+    with pytest.raises(rj.SceneError, match=r"point 'pin' has shape \(3,\)"):
+        rj.RigidBody("crank", 1.0, 1.0, points={"pin": (0.1, 0.0, 0.0)})
+
+
 def test_what_is_no_file(tmp_path):
     assert "This is a folder" in refused(tmp_path)[0]
     assert "no such file" in refused(tmp_path / "none.toml")[0]

@@ -29,7 +29,7 @@ SEEDS = 12  # random scenes that are written and read; hundreds have been tried
 
 def bits(scene):
     leaves, structure = jax.tree.flatten(scene)
-    return structure, [(np.asarray(x).tobytes(), np.shape(x), np.result_type(x)) for x in leaves]
+    return structure, [(np.asarray(x).tobytes(), np.shape(x), jnp.result_type(x)) for x in leaves]
 
 
 def assert_same(scene, other):
@@ -266,8 +266,6 @@ def test_unknown_points_name_the_nearest():
         body.at("pim")
     with pytest.raises(rj.SceneError, match="ground: there is no point 'x'"):
         rj.ground.at("x")
-    with pytest.raises(rj.SceneError, match=r"point 'pin' has shape \(3,\)"):
-        rj.RigidBody("crank", 1.0, 1.0, points={"pin": (0.1, 0.0, 0.0)})
     assert bits(rj.Ground({"p": (1.0, 2.0)}).at("p")) == bits(rj.ground.at((1.0, 2.0)))
 
 
@@ -314,7 +312,7 @@ def test_parameters_stand_for_others_and_for_lists(tmp_path):
     ):
         with pytest.raises(rj.InputError, match=words):
             make(**given)
-    with pytest.raises(rj.SceneFileError, match=r"a\.toml:7: \[bodies\.a\] mass: .*positive"):
+    with pytest.raises(rj.SceneFileError, match=r"a\.toml:8: \[bodies\.a\] mass: .*positive"):
         make(x=-1.0)
 
 

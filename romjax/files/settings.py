@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import diffrax
@@ -43,6 +44,13 @@ class Settings:
     solver: Method | None = None
     pod_rank: int | None = None
     sod_rank: int | None = None
+
+    @classmethod
+    def of(cls, table: Mapping[str, Any]) -> "Settings":
+        """Of the table of a file, which may say 2 for 2.0."""
+        floats = {field.name for field in dataclasses.fields(cls) if field.type is float}
+        values: dict[str, Any] = {key: float(x) if key in floats else x for key, x in table.items()}
+        return cls(**values)
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):

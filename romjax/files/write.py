@@ -18,7 +18,8 @@ from ..scene.marker import GROUND, Marker
 from ..scene.points import NamedPoints
 from ..scene.scene import Scene
 from .forms import Form, ListOf, MarkerForm, Numbers, PartOf, TableOf, is_body
-from .parts import TYPE, Argument, maker_of
+from .markers import split_marker
+from .parts import EMPTY, TYPE, Argument, maker_of
 from .versions import DIMENSION, FORMAT
 
 # A table of more characters does not stand on one line.
@@ -166,16 +167,16 @@ class _Writer:
 
     def _marker(self, marker: Marker) -> Any:
         """By text, "body" or "body.point", or by a table."""
-        origin, plain = (0.0, 0.0), "." not in marker.body
         named = self._bodies[marker.body].named_points() if marker.body != GROUND else {}
-        names = [name for name, point in named.items() if _same(point, marker.point)]
-        if plain and _same(marker.angle, 0.0):
-            if _same(marker.point, origin):
-                return marker.body
-            if names:
-                return f"{marker.body}.{names[0]}"
+        points: dict[str, Any] = {"": (0.0, 0.0), **named}
+        names = [name for name, point in points.items() if _same(point, marker.point)]
+        if _same(marker.angle, 0.0):
+            for name in names:
+                text = f"{marker.body}.{name}" if name else marker.body
+                if split_marker(text, self._bodies) == (marker.body, name):
+                    return text
         table: dict[str, Any] = {"body": marker.body}
-        if not _same(marker.point, origin):
+        if "" not in names:
             table["point"] = names[0] if names else _numbers(marker.point)
         if not _same(marker.angle, 0.0):
             table["angle"] = _numbers(marker.angle)
@@ -192,7 +193,7 @@ def _numbers(value: Any) -> Any:
 def _is_default(argument: Argument, value: Any) -> bool:
     if isinstance(value, NamedPoints):
         return not value.names
-    if argument.default is argument.empty or argument.default is None:
+    if argument.default is EMPTY or argument.default is None:
         return False
     if isinstance(argument.form, Numbers):
         return _same(value, argument.default)
