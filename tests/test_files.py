@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import runpy
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from comparison import assert_close
+from documents import marked
 from jaxtyping import Array, Float
 from meshes import beam
 from random_scenes import random_scene
@@ -327,6 +329,25 @@ def test_new_check_and_schema(tmp_path, capsys):
     assert main(["check", str(path)]) == 0
     said = capsys.readouterr().out
     for words in ("freedoms     2", "no joint", "Dopri8, since the fastest frequency is below"):
+        assert words in said
+
+    # What the README says to change.
+    text, crank = path.read_text(), path
+    top, drive, slider, joints = re.split(r"^# .*\n", marked("slider crank"), flags=re.MULTILINE)
+    lines = [line for part in (top, drive, slider, joints) for line in part.splitlines() if line]
+    assert len(lines) == 10
+    for before, after in (
+        ('title = "two bars on a hinge"\n', top),
+        ("[bodies.crank]\n", "[bodies.crank]\n" + drive),
+        ("[joints]", slider + "[joints]"),
+        ("bearing = {", joints + "bearing = {"),
+    ):
+        assert before in text
+        text = text.replace(before, after, 1)
+    crank.write_text(text)
+    assert main(["check", str(crank)]) == 0
+    said = capsys.readouterr().out
+    for words in ("slider crank", "1 RigidBody", "freedoms     1", "all joints hold"):
         assert words in said
     assert main(["schema"]) == 0
     schema = json.loads(capsys.readouterr().out)
