@@ -76,7 +76,7 @@ class SceneFile:
 
 
 def scene_file(path: str | os.PathLike[str]) -> SceneFile:
-    """The function of its parameters that the scene file of a `path` is: for `Box`, `fit`, `grad`, `vmap`, …
+    """The function of parameters that the scene file of a `path` is: for `Box`, `fit`, `grad`, …
 
     ```python
     make = rj.scene_file("crank.toml")
@@ -90,7 +90,7 @@ def scene_file(path: str | os.PathLike[str]) -> SceneFile:
 
 
 def load_scene(path: str | os.PathLike[str]) -> Scene:
-    """The scene of the file of a `path`, as `scene.save` writes it, with the values of parameters in the file.
+    """The scene of the file of a `path`, such as one that `scene.save` has written.
 
     Raises SceneFileError, with all mistakes of the file, each with its line, key and remedy.
     """
