@@ -138,6 +138,7 @@ BELOW = {
     "analysis": {"linalg", "scene", "system", "assembly", "measure"},
     "study": {"linalg", "scene", "basis", "system", "assembly", "reduction", "integrate"},
     "gallery": {"scene"},
+    "files": {"scene", "system", "assembly", "integrate", "measure", "study", "events"},
     "plot": {"scene", "basis", "system", "assembly", "reduction", "integrate", "study"}
     | {"analysis"},
 }

@@ -1,0 +1,73 @@
+"""The `[parameters]` of a file: their values, which others may stand for."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..arrays import concrete
+from .numbers import PARAMETER
+from .problems import Problems, unknown
+
+# Of parameters in a message.
+_SHOWN = 8
+
+
+def is_reference(value: Any) -> bool:
+    """Whether a value is "=name"."""
+    return isinstance(value, str) and value.startswith(PARAMETER)
+
+
+def free_parameters(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Those with numbers of their own, as floats or arrays; the others stand for these."""
+    return {
+        name: np.array(value, float) if isinstance(value, list) else float(value)
+        for name, value in table.items()
+        if not is_reference(value)
+    }
+
+
+def resolve_parameters(
+    table: Mapping[str, Any], given: Mapping[str, Any], problems: Problems
+) -> dict[str, Any]:
+    """The values of all parameters, where those that are `given` take the place of their own."""
+    values: dict[str, Any] = {}
+    failed: set[str] = set()
+    for name in table:
+        way: dict[str, None] = {}  # in order, and quick to look up
+        at = name
+        while at not in values and at not in failed and is_reference(table[at]):
+            way[at] = None
+            following = table[at][len(PARAMETER) :]
+            if following in way:
+                names = list(way)
+                circle = [*names[names.index(following) :], following]
+                shown = circle if len(circle) <= _SHOWN else [*circle[:_SHOWN], "…"]
+                words = f"Parameters stand for each other: {' = '.join(shown)}; give a number."
+                problems.add(("parameters", name), words)
+                failed.add(at)
+            elif following not in table:
+                words = unknown("parameter", following, list(table))
+                problems.add(("parameters", at), words)
+                failed.add(at)
+            else:
+                at = following
+        if at in failed:
+            failed.update(way)
+        else:
+            values |= dict.fromkeys([*way, at], values.get(at, given.get(at)))
+    return values
+
+
+def check_given(owner: str, given: Mapping[str, Any], free: Mapping[str, Any]) -> str:
+    """What is wrong with parameters that a caller gives, in words."""
+    for name, value in given.items():
+        if name not in free:
+            return f"{owner}: {unknown('parameter', name, list(free))}"
+        shape = np.shape(value)
+        if shape != np.shape(free[name]):
+            return f"{owner}: {name} has shape {shape}, but it must have {np.shape(free[name])}."
+        number = concrete(value)
+        if number is not None and not np.all(np.isfinite(number)):
+            return f"{owner}: {name} is {number}; every number must be finite."
+    return ""
