@@ -121,6 +121,7 @@ BASE = {
     "jaxprs",
     "deprecated",
     "fields",
+    "extras",
 }
 BELOW = {
     "linalg": set(),
@@ -136,6 +137,7 @@ BELOW = {
     "measure": {"scene", "system", "assembly", "reduction", "integrate"},
     "analysis": {"linalg", "scene", "system", "assembly", "measure"},
     "study": {"linalg", "scene", "basis", "system", "assembly", "reduction", "integrate"},
+    "files": {"scene", "system", "assembly", "integrate", "measure", "study", "events"},
     "gallery": {"scene"},
     "plot": {"scene", "basis", "system", "assembly", "reduction", "integrate", "study"},
 }
