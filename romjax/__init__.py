@@ -10,6 +10,7 @@ from .analysis.linearization import linearize as linearize
 from .analysis.modes import Modes as Modes
 from .analysis.modes import modes as modes
 from .assembly.assemble import assemble as assemble
+from .assembly.closing import consistent_scene as consistent_scene
 from .basis.basis import Basis as Basis
 from .basis.decomposition.base import AbstractDecomposition as AbstractDecomposition
 from .basis.decomposition.pod import POD as POD
@@ -22,6 +23,7 @@ from .errors import InputError as InputError
 from .errors import RankError as RankError
 from .errors import ReductionError as ReductionError
 from .errors import SceneError as SceneError
+from .errors import SceneFileError as SceneFileError
 from .errors import SimulationError as SimulationError
 from .events.base import AbstractEvent as AbstractEvent
 from .events.base import Crossing as Crossing
@@ -29,6 +31,9 @@ from .events.base import Stop as Stop
 from .events.impact import Impact as Impact
 from .events.record import Events as Events
 from .files.results.store import load as load
+from .files.scene_file import SceneFile as SceneFile
+from .files.scene_file import load_scene as load_scene
+from .files.scene_file import scene_file as scene_file
 from .integrate.adjoint import forward_mode as forward_mode
 from .integrate.branching import Branching as Branching
 from .integrate.energy_balance import EnergyBalance as EnergyBalance
@@ -98,6 +103,7 @@ from .scene.joint.prescribed import PrescribedTravel as PrescribedTravel
 from .scene.joint.prismatic import Prismatic as Prismatic
 from .scene.joint.revolute import Revolute as Revolute
 from .scene.joint.weld import Weld as Weld
+from .scene.marker import Ground as Ground
 from .scene.marker import Marker as Marker
 from .scene.marker import Pose as Pose
 from .scene.marker import Twist as Twist

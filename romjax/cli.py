@@ -1,6 +1,7 @@
 """The command line: the same verbs as the library."""
 
 import argparse
+import json
 import os
 import runpy
 import sys
@@ -18,6 +19,10 @@ from tqdm import tqdm
 from . import page, plot, report
 from .assembly.assemble import assemble
 from .errors import InputError, SceneError, SimulationError
+from .files.begin import write_start
+from .files.scene_file import SceneFile, scene_file
+from .files.settings import solver_of
+from .files.summary import describe_file
 from .gallery.catalogue import EXAMPLES, Example, find
 from .scene.scene import Scene
 from .study.accuracy.study import accuracy
@@ -56,7 +61,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add_scene(run)
     run.add_argument("--rate", type=float, metavar="HZ", help="sample rate (that of the scene)")
-    run.add_argument("--rtol", type=float, default=1e-8, help="tolerance of all runs (1e-8)")
+    run.add_argument("--rtol", type=float, help="tolerance of all runs (that of the scene)")
     run.add_argument("--pod-rank", type=int, metavar="R", help="modes of POD (drop point)")
     run.add_argument("--sod-rank", type=int, metavar="R", help="modes of SOD (drop point)")
     run.add_argument("--no-animation", action="store_true", help="leave out the animation")
@@ -86,12 +91,35 @@ def _parser() -> argparse.ArgumentParser:
     tune.add_argument("--dt", type=float, metavar="S", help="a fixed step instead")
     tune.add_argument("--steps", type=int, default=300, help="most steps of the search (300)")
     tune.set_defaults(verb=_tune)
+    _add_files(verbs)
     return parser
+
+
+def _add_files(verbs: Any) -> None:
+    """The verbs for scene files."""
+    new = verbs.add_parser("new", help="write a scene file to begin with")
+    new.set_defaults(verb=_new)
+    check = verbs.add_parser(
+        "check",
+        help="say what a scene file is, without running it",
+        description="Print the bodies, joints, freedoms and effects of a scene file, the joints "
+        "that repeat others, the fastest frequency, and the method that a run would take and why; "
+        "or all its mistakes, with their lines.",
+    )
+    check.set_defaults(verb=_check)
+    for verb in (new, check):
+        verb.add_argument("file", type=Path, metavar="FILE", help="such as crank.toml")
+    schema = verbs.add_parser(
+        "schema", help="print the JSON schema of scene files, from which editors complete keys"
+    )
+    schema.set_defaults(verb=_schema)
 
 
 def _add_scene(verb: argparse.ArgumentParser) -> None:
     """What every verb that simulates asks for."""
-    verb.add_argument("scene", help="name of a ready scene, or a Python file that defines `scene`")
+    verb.add_argument(
+        "scene", help="a ready scene, a scene file, or a Python file that defines `scene`"
+    )
     verb.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (romjax-NAME)")
     verb.add_argument("--end", type=float, metavar="S", help="simulated time (that of the scene)")
 
@@ -124,7 +152,8 @@ def _run(options: argparse.Namespace) -> int:
             _given(options.rate, example.rate),
             pod_rank=_given(options.pod_rank, example.pod_rank),
             sod_rank=_given(options.sod_rank, example.sod_rank),
-            rtol=options.rtol,
+            rtol=_given(options.rtol, example.rtol),
+            solver=example.solver,
             report=advance,
             report_run=lambda run: bar.write(report.line(run), file=sys.stderr),
         )
@@ -185,13 +214,35 @@ def _tune(options: argparse.Namespace) -> int:
     return 0
 
 
+def _new(options: argparse.Namespace) -> int:
+    write_start(options.file)
+    print(f"Wrote {options.file}. Next: romjax check {options.file}, romjax run {options.file}")
+    return 0
+
+
+def _check(options: argparse.Namespace) -> int:
+    print(describe_file(scene_file(options.file)))
+    return 0
+
+
+def _schema(options: argparse.Namespace) -> int:
+    # Here, since it loads pydantic.
+    from .files.schema import json_schema
+
+    del options
+    print(json.dumps(json_schema(), indent=1))
+    return 0
+
+
 def _given(option: Any, default: Any) -> Any:
     """What was asked for, zero included, else the default."""
     return default if option is None else option
 
 
 def _load(name: str) -> Example:
-    """A ready scene by name, or the `scene` that a Python file defines."""
+    """A ready scene by name, a scene file, or the `scene` that a Python file defines."""
+    if name.endswith(".toml"):
+        return _of_file(scene_file(name))
     if not name.endswith(".py"):
         return find(name)
     path = Path(name)
@@ -206,6 +257,21 @@ def _load(name: str) -> Example:
             "of that name that returns one."
         )
     return Example(path.stem, f"from {path}", lambda: scene)
+
+
+def _of_file(file: SceneFile) -> Example:
+    run = file.settings
+    return Example(
+        file.path.stem,
+        file.title,
+        file,
+        end=run.end,
+        rate=run.rate,
+        pod_rank=run.pod_rank,
+        sod_rank=run.sod_rank,
+        rtol=run.rtol,
+        solver=solver_of(run.solver),
+    )
 
 
 def _writable(folder: Path) -> Path:

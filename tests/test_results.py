@@ -63,6 +63,17 @@ def test_the_scene_of_a_run_is_that_of_its_system(run, cart_pendulum):
     same((again.q, again.v, again.multipliers), (run.q, run.v, run.multipliers))
 
 
+def test_a_file_simulates_the_same_scene_to_the_bit(run, tmp_path):
+    """From its text alone, by the same programs."""
+    run.save(tmp_path / "run.nc")
+    found = rj.load(tmp_path / "run.nc")
+    again = rj.simulate(found.system, found.t, rtol=found.stats.rtol)
+    check_same_run(again, run)
+    assert again.scene == found.scene
+    found.save(tmp_path / "again.nc")
+    assert xarray.open_dataset(tmp_path / "again.nc").scene == found.to_xarray().scene
+
+
 def test_a_file_says_what_it_is_without_romjax(run, cart_pendulum, tmp_path):
     """Read by xarray in a process that has not imported romjax."""
     tip = rj.measure(cart_pendulum, run, rj.Marker("pendulum", (0.0, -0.4), 0.0))

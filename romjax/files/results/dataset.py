@@ -12,7 +12,7 @@ from ...extras import extra
 from ...integrate.trajectory import Trajectory
 from ...scene.scene import Scene
 from .measured import measured
-from .scenes import text_of
+from .scenes import scene_words
 from .variables import names_of, variables_of
 
 # Of the layout; what reads it refuses newer ones.
@@ -55,11 +55,11 @@ def attributes_of(run: Trajectory, scene: Scene | None) -> dict[str, Any]:
     held = run.stats.stabilization
     words = {
         "solver": run.solver_name,
-        "solver_settings": repr(run.solver),
+        "solver_settings": " ".join(repr(run.solver).split()),
         "stabilization": "none" if held is None else type(held).__name__,
         "warnings": run.warnings() or "none",
         "model": "full" if system is None or system.full is system else _reduced(system),
-        "scene": text_of(run, scene),
+        **scene_words(run, scene),
     }
     if run.t.ndim == 1:
         words["status_words"] = run.summary()

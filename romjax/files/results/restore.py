@@ -23,7 +23,7 @@ from .scenes import system_of
 
 
 def trajectory_of(dataset: Any, solver: diffrax.AbstractSolver[Any]) -> Trajectory:
-    """The run by `solver` that `dataset_of` made the dataset of; raises KeyError for what it lacks."""
+    """The run that `dataset_of` made the dataset of; raises KeyError for what it lacks."""
 
     def array(name: str) -> Array:
         return jnp.asarray(dataset[name].values)
@@ -94,12 +94,13 @@ def solver_of(
         # Those without defaults are to be given.
         with contextlib.suppress(TypeError):
             given = kind()
-    if given is None or repr(given) != settings:
+    if " ".join(repr(given).split()) != settings:
         raise InputError(
             f"load: the run was made by {settings}, "
             f"not by {given!r}; give its method, romjax.load(path, solver=…), or open the file by "
             "xarray.open_dataset."
         )
+    assert given is not None
     return given
 
 

@@ -1,12 +1,18 @@
 """The scene of a run, and its text in a file of results."""
 
+import tempfile
+from pathlib import Path
 from typing import Any
 
+from ...assembly.assemble import assemble
 from ...assembly.disassemble import disassemble
 from ...assembly.locate import assembled
+from ...errors import InputError
 from ...integrate.trajectory import Trajectory
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem
+from ..scene_file import load_scene
+from ..write import text_of
 
 
 def scene_of(run: Trajectory) -> Scene:
@@ -14,13 +20,20 @@ def scene_of(run: Trajectory) -> Scene:
     return disassemble(assembled("Trajectory.scene", run.system))
 
 
-def text_of(run: Trajectory, scene: Scene | None) -> str:
-    """The text of the scene; empty where there is none."""
-    del run, scene
-    return ""
+def scene_words(run: Trajectory, scene: Scene | None) -> dict[str, str]:
+    """The text of the scene, or why there is none."""
+    try:
+        return {"scene": text_of(scene_of(run) if scene is None else scene)}
+    except InputError as error:
+        return {"scene_missing": str(error)}
 
 
 def system_of(dataset: Any) -> AbstractSystem | None:
     """The system of the text in a dataset; None without one."""
-    del dataset
-    return None
+    text = dataset.attrs.get("scene")
+    if text is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scene.toml"
+        file.write_text(str(text), encoding="utf-8")
+        return assemble(load_scene(file))

@@ -1,5 +1,7 @@
 """Modes above a frequency made slower: statics stay exact, and steps may be longer."""
 
+from collections.abc import Mapping
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -54,6 +56,9 @@ class CappedBody(AbstractBody):
     def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
         return self.body.start()
 
+    def started(self, q: Float[Array, " size"], v: Float[Array, " size"]) -> "CappedBody":
+        return eqx.tree_at(lambda capped: capped.body, self, self.body.started(q, v))
+
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         own = self.body.mass_matrix(q)
         ratio = self.body.natural_frequencies() / (2 * jnp.pi * self.cap)
@@ -74,6 +79,9 @@ class CappedBody(AbstractBody):
 
     def foreshortening(self, point: Float[Array, "2"]) -> Float[Array, "2 modes modes"]:
         return self.body.foreshortening(point)
+
+    def named_points(self) -> Mapping[str, Float[Array, "2"]]:
+        return self.body.named_points()
 
     def outline(self) -> Float[Array, "points 2"]:
         return self.body.outline()

@@ -1,5 +1,7 @@
 """A flexible body with fewer modes: those in the span of some combinations of its own."""
 
+from collections.abc import Mapping
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -67,6 +69,10 @@ class ReducedBody(AbstractBody):
             jnp.concatenate([v[:3], read @ v[3:]]),
         )
 
+    def started(self, q: Float[Array, " size"], v: Float[Array, " size"]) -> "ReducedBody":
+        body = self.body.started(self.expand(q), self.expand(v))
+        return eqx.tree_at(lambda reduced: reduced.body, self, body)
+
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         if self.inertia is not None:
             return self.inertia.matrix(q)
@@ -96,6 +102,9 @@ class ReducedBody(AbstractBody):
 
     def foreshortening(self, point: Float[Array, "2"]) -> Float[Array, "2 k k"]:
         return self.basis.T @ self.body.foreshortening(point) @ self.basis
+
+    def named_points(self) -> Mapping[str, Float[Array, "2"]]:
+        return self.body.named_points()
 
     def outline(self) -> Float[Array, "points 2"]:
         return self.body.outline()

@@ -1,5 +1,6 @@
 """A rigid body."""
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import equinox as eqx
@@ -7,7 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Vector, concatenate
-from ..fields import Converted, check_numbers, check_shape, number
+from ..fields import Converted, check_numbers, check_shape, number, radians
+from ..points import NamedPoints, by_name
 from .base import AbstractBody, check_name, check_start, rectangle
 
 
@@ -22,16 +24,18 @@ class RigidBody(AbstractBody):
     - `position`, `angle`: initial pose of the frame [m], [rad].
     - `velocity`, `angular_velocity`: initial motion [m/s], [rad/s].
     - `extent`: length and height [m] of the rectangle it is drawn as; no mechanical meaning.
+    - `points`: points by name for `body.at("name")`, such as {"pin": (0.1, 0.0)} [m].
     """
 
     name: str = eqx.field(static=True)
     mass: Converted[Float[Array, ""]] = number()
     inertia: Converted[Float[Array, ""]] = number()
     position: Converted[Float[Array, "2"], Vector] = number(default=(0.0, 0.0))
-    angle: Converted[Float[Array, ""]] = number(default=0.0)
+    angle: Converted[Float[Array, ""]] = radians(default=0.0)
     velocity: Converted[Float[Array, "2"], Vector] = number(default=(0.0, 0.0))
     angular_velocity: Converted[Float[Array, ""]] = number(default=0.0)
     extent: Converted[Float[Array, "2"], Vector] = number(default=(0.2, 0.1))
+    points: Converted[NamedPoints, Mapping[str, Vector]] = by_name()
     modes: ClassVar[int] = 0  # type: ignore[misc]
 
     @property
@@ -43,6 +47,9 @@ class RigidBody(AbstractBody):
             concatenate([self.position, self.angle]),
             concatenate([self.velocity, self.angular_velocity]),
         )
+
+    def named_points(self) -> Mapping[str, Float[Array, "2"]]:
+        return self.points.mapping()
 
     def mass_matrix(self, q: Float[Array, "3"]) -> Float[Array, "3"]:
         del q
@@ -67,3 +74,4 @@ class RigidBody(AbstractBody):
         check_numbers(owner, self, "mass", "inertia", sign="positive", remedy=remedy)
         check_shape(owner, "extent", self.extent, (2,))
         check_start(owner, self)
+        self.points.check(owner)
