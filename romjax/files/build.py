@@ -42,13 +42,13 @@ class Builder:
         self._waiting: list[str] = []
         self.ground = self._ground()
 
-    def scene(self) -> Scene | None:
-        """The scene; None if anything is wrong."""
+    def scene(self) -> Scene:
+        """The scene; an empty one if anything is wrong."""
         bodies = [self.body(name) for name in self._names("bodies")]
         joints = list(self._parts("joints", AbstractJoint))
         effects = list(self._parts("effects", AbstractEffect))
         if self.problems.found:
-            return None
+            return Scene([])
         scene = Scene([body for body in bodies if body], joints, effects)
         try:
             scene.check()

@@ -1,9 +1,10 @@
 """What a scene is, in words and without running it: `romjax check`."""
 
-import re
 from collections import Counter
 
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 from tabulate import tabulate
 
 from ..assembly.assemble import assemble
@@ -13,7 +14,6 @@ from ..scene.scene import Scene
 from ..system.base import AbstractSystem
 from ..system.consistent import consistent
 from ..system.dynamics import jacobian
-from .problems import Problems
 from .scene_file import SceneFile
 from .settings import Settings, solver_of
 
@@ -29,15 +29,11 @@ def describe_file(file: SceneFile) -> str:
     Raises SceneFileError for joints that contradict each other or lock the mechanism.
     """
     scene = file()
-    problems = Problems(file.path, file.text)
     try:
         system = assemble(scene)
         q, v = consistent(system)
     except InputError as error:
-        joint = re.search(r"joint '(.*?)' is still", str(error))
-        problems.add(("joints", joint[1]) if joint else (), str(error))
-        problems.raise_any()
-        raise
+        raise file.wrong(error) from error
     rows = [
         ["bodies", _counted([type(body).__name__ for body in scene.bodies])],
         *[["", f"{body.name}: {body.size} coordinates"] for body in scene.bodies],
@@ -58,14 +54,14 @@ def _counted(kinds: list[str]) -> str:
     return ", ".join(f"{count} {kind}" for kind, count in counts.items()) or "none"
 
 
-def _freedoms(scene: Scene, system: AbstractSystem, q: np.ndarray) -> str:
+def _freedoms(scene: Scene, system: AbstractSystem, q: Array) -> str:
     rank = system.m - sum(_repeats(scene, system, q).values())
     modes = sum(body.modes for body in scene.bodies)
     words = f", {modes} of them modes" if modes else ""
     return f"{system.n - rank}{words}"
 
 
-def redundant_joints(scene: Scene, system: AbstractSystem, q: np.ndarray) -> list[str]:
+def redundant_joints(scene: Scene, system: AbstractSystem, q: Array) -> list[str]:
     """The joints that repeat, at the coordinates q, what those before them hold already."""
     return [
         f"{joint} ({count} of its constraints)"
@@ -74,13 +70,13 @@ def redundant_joints(scene: Scene, system: AbstractSystem, q: np.ndarray) -> lis
     ]
 
 
-def _repeats(scene: Scene, system: AbstractSystem, q: np.ndarray) -> dict[str, int]:
+def _repeats(scene: Scene, system: AbstractSystem, q: Array) -> dict[str, int]:
     """How many constraints of each joint are combinations of earlier ones: Gram and Schmidt's way,
     on rows in the metric of M⁻¹, which no choice of units changes.
     """
     if not system.m:
         return {}
-    half = np.linalg.inv(np.linalg.cholesky(np.asarray(system.mass(q))))
+    half: np.ndarray = np.linalg.inv(np.linalg.cholesky(np.asarray(system.mass(q), float)))
     rows = np.asarray(jacobian(system, 0.0, q)) @ half.T
     basis, counts, row = np.zeros((0, system.n)), Counter[str](), 0
     for joint in scene.joints:
@@ -97,7 +93,7 @@ def _repeats(scene: Scene, system: AbstractSystem, q: np.ndarray) -> dict[str, i
     return counts
 
 
-def _start(system: AbstractSystem, q: np.ndarray, v: np.ndarray) -> str:
+def _start(system: AbstractSystem, q: Array, v: Array) -> str:
     moved = float(np.max(np.abs(np.asarray(q) - np.asarray(system.q0)), initial=0.0))
     faster = float(np.max(np.abs(np.asarray(v) - np.asarray(system.v0)), initial=0.0))
     if max(moved, faster) < _MOVED:
@@ -108,11 +104,9 @@ def _start(system: AbstractSystem, q: np.ndarray, v: np.ndarray) -> str:
     )
 
 
-def _speed(
-    system: AbstractSystem, settings: Settings, q: np.ndarray, v: np.ndarray
-) -> list[list[str]]:
+def _speed(system: AbstractSystem, settings: Settings, q: Array, v: Array) -> list[list[str]]:
     """The fastest frequency, the method and the reason for it."""
-    ts = np.linspace(0.0, settings.end, max(2, round(settings.end * settings.rate) + 1))
+    ts = jnp.linspace(0.0, settings.end, max(2, round(settings.end * settings.rate) + 1))
     start = start_frequencies(system, np.asarray(0.0), q, v)
     fastest = float(start.fastest)
     given = solver_of(settings.solver)

@@ -54,7 +54,7 @@ def _section(writer: "_Writer", base: type, parts: Sequence[Any]) -> tomlkit.ite
         name = getattr(part, "name", "") or type(part).__name__.lower()
         key, number = name, 2
         while key in section or (key in taken and key != getattr(part, "name", "")):
-            key, number = f"{name} {number}", number + 1
+            key, number = f"{name}-{number}", number + 1
         table = writer.part(part, base)
         if hasattr(part, "name") and base is not AbstractBody and part.name != key:
             table = {TYPE: table[TYPE], "name": part.name} | table
@@ -166,12 +166,12 @@ def _numbers(value: Any) -> Any:
 
 
 def _is_default(argument: Argument, value: Any) -> bool:
+    if isinstance(value, NamedPoints):
+        return not value.names
     if argument.default is argument.empty or argument.default is None:
         return False
     if isinstance(argument.form, Numbers):
         return _same(value, argument.default)
-    if isinstance(value, NamedPoints):
-        return not value.names
     return bool(value == argument.default)
 
 

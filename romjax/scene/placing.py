@@ -48,10 +48,10 @@ def started(body: B, q: Array, v: Array) -> B:
             f"body '{body.name}': a {type(body).__name__} has no fields `position`, `angle`, …; "
             "give it a method `started`."
         )
-    names = ("position", "angle", "velocity", "angular_velocity")
+    names = ["position", "angle", "velocity", "angular_velocity"]
     values = [q[:2], q[2], v[:2], v[2]]
     if body.modes:
-        names, values = (*names, "amplitudes", "rates"), [*values, q[3:], v[3:]]
+        names, values = [*names, "amplitudes", "rates"], [*values, q[3:], v[3:]]
     moved: B = eqx.tree_at(lambda b: [getattr(b, name) for name in names], body, values)
     return moved
 

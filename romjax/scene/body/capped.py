@@ -57,7 +57,9 @@ class CappedBody(AbstractBody):
         return self.body.start()
 
     def started(self, q: Float[Array, " size"], v: Float[Array, " size"]) -> "CappedBody":
-        return eqx.tree_at(lambda capped: capped.body, self, self.body.started(q, v))
+        body = self.body.started(q, v)
+        moved: CappedBody = eqx.tree_at(lambda capped: capped.body, self, body)
+        return moved
 
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         own = self.body.mass_matrix(q)

@@ -71,7 +71,8 @@ class ReducedBody(AbstractBody):
 
     def started(self, q: Float[Array, " size"], v: Float[Array, " size"]) -> "ReducedBody":
         body = self.body.started(self.expand(q), self.expand(v))
-        return eqx.tree_at(lambda reduced: reduced.body, self, body)
+        moved: ReducedBody = eqx.tree_at(lambda reduced: reduced.body, self, body)
+        return moved
 
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         if self.inertia is not None:
