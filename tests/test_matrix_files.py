@@ -307,7 +307,7 @@ def test_output4(tmp_path):
         matrices[name] = (6, np.zeros((6 * len(nodes), 6 * len(nodes))))
         matrices[name][1][np.ix_(rows, rows)] = matrix.toarray()
     path = tmp_path / "job.op4"
-    op4.OP4(debug=None).write_op4(str(path), matrices, is_binary=True)
+    op4.OP4(debug=None).write_op4(str(path), matrices, is_binary=False)
     mesh = rj.load_mesh(path, nodes=write_deck(tmp_path / "job.inp", nodes))
     assert np.allclose(mesh.stiffness.toarray(), stiffness.toarray(), rtol=IDENTITY)
     path.write_text("nothing")

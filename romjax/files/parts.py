@@ -20,7 +20,8 @@ class Argument:
 
     name: str
     form: Form | None
-    default: Any = inspect.Parameter.empty  # none
+    # By a factory: to a signature, it would mean that there is no default.
+    default: Any = dataclasses.field(default_factory=lambda: inspect.Parameter.empty)
     angle: bool = False
     optional: bool = False  # None stands for none, which no file can say
     empty: ClassVar[Any] = inspect.Parameter.empty

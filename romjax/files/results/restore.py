@@ -94,13 +94,13 @@ def solver_of(
         # Those without defaults are to be given.
         with contextlib.suppress(TypeError):
             given = kind()
-    if " ".join(repr(given).split()) != settings:
+    # As `Trajectory.solver` is made.
+    if given is None or " ".join(repr(Parts.of(given).join()).split()) != settings:
         raise InputError(
             f"load: the run was made by {settings}, "
             f"not by {given!r}; give its method, romjax.load(path, solver=…), or open the file by "
             "xarray.open_dataset."
         )
-    assert given is not None
     return given
 
 
