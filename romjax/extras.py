@@ -21,6 +21,11 @@ def extra(owner: str, module: str, name: str, instead: str = "") -> ModuleType:
         ) from error
 
 
+def frame(owner: str, rows: Any, instead: str) -> Any:
+    """A data frame of pandas (extra `study`); `owner` and `instead` are as `extra` has them."""
+    return extra(owner, "pandas", "study", instead).DataFrame(rows)
+
+
 def above(module: str, function: str) -> Any:
     """A function of a room that its caller must not import, loaded when it is called.
 

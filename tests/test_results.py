@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -207,3 +208,49 @@ def test_what_is_missing_can_be_installed(run, package, tmp_path, monkeypatch):
         run.save(tmp_path / "run.nc")
     with pytest.raises(ImportError, match=rf"{package}: pip install 'romjax\[files\]'"):
         rj.load(tmp_path / "run.nc")
+
+
+@pytest.fixture(scope="module")
+def swept(pendulum):
+    """Runs of bars of three masses, the last one impossible, and their last angles."""
+    ts = jnp.linspace(0.0, 0.2, 5)
+    settings = {"solver": diffrax.Tsit5(), "dt": 0.05, "stabilization": None, "audit": False}
+
+    def swing(parameters):
+        scene = eqx.tree_at(lambda s: s.bodies[0].mass, pendulum, parameters["mass"])
+        run = rj.simulate(rj.assemble(scene), ts, throw=False, **settings)
+        return {"run": run, "end": run.q[-1], "mass": run["bar.phi"][-1]}
+
+    return rj.sweep(swing, {"mass": np.array([1.0, 2.0, np.nan])})
+
+
+def test_a_sweep_has_its_parameters_as_coordinates(swept, tmp_path):
+    swept.save(tmp_path / "sweep.nc")
+    data = xarray.load_dataset(tmp_path / "sweep.nc")
+    assert data["q"].dims == ("lane", "time", "coordinate")
+    np.testing.assert_array_equal(data.coords["mass"], [1.0, 2.0, np.nan])
+    np.testing.assert_array_equal(data["q"], swept.values["run"].q)
+    np.testing.assert_array_equal(data["end"], swept.values["end"])
+    np.testing.assert_array_equal(data["value.mass"], swept.values["mass"])
+    np.testing.assert_array_equal(data["time"], swept.values["run"].t[0])
+    assert data["status"].values.tolist() == swept.status.tolist()
+    assert data["failure"].values.tolist() == ["", "", swept.failures()[2]]
+    with pytest.raises(rj.InputError, match=r"holds a romjax sweep.*open_dataset"):
+        rj.load(tmp_path / "sweep.nc")
+    twice = dataclasses.replace(swept, values=[swept.values["run"]] * 2)
+    with pytest.raises(rj.InputError, match="each lane holds 2 runs"):
+        twice.to_xarray()
+
+
+def test_tables_of_errors_and_modes(run, cart_pendulum, monkeypatch):
+    moved = dataclasses.replace(run, q=run.q.at[:, 2].mul(1.5).at[:, 0].mul(1.001))
+    report = rj.compare(run, moved)
+    table = report.table()
+    assert table["coordinate"][0] == "cart.x"
+    assert sorted(table["coordinate"]) == sorted(run.labels)
+    assert table["error"][0] == report.per_coordinate[0]
+    found = rj.modes(cart_pendulum)
+    same(found.table()["frequency"].to_numpy(), np.asarray(found.frequencies) / (2 * np.pi))
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ImportError, match=r"Comparison.table needs pandas: pip install .*study"):
+        report.table()

@@ -37,11 +37,14 @@ def trajectory_of(dataset: Any, solver: diffrax.AbstractSolver[Any]) -> Trajecto
         return kind(*(array(f"{owner}_{field}") for field in kind._fields))
 
     statistics = Statistics(
-        *(array(f"num_{kind}steps") for kind in ("", "accepted_", "rejected_")),
-        # What `simulate` holds as arrays of NumPy.
-        *(dataset[name].values if name in dataset else None for name in ("rtol", "atol")),
-        optional("fastest_frequency"),
-        _stabilization(dataset),
+        num_steps=array("num_steps"),
+        num_accepted_steps=array("num_accepted_steps"),
+        num_rejected_steps=array("num_rejected_steps"),
+        # `simulate` holds both as arrays of NumPy.
+        rtol=dataset["rtol"].values if "rtol" in dataset else None,
+        atol=dataset["atol"].values if "atol" in dataset else None,
+        fastest_frequency=optional("fastest_frequency"),
+        stabilization=_stabilization(dataset),
     )
     system = system_of(dataset)
     lanes = dataset.sizes.get("lane")

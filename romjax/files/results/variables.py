@@ -60,7 +60,7 @@ def variables_of(run: Trajectory) -> dict[str, Variable]:
     for name, (unit, words) in _STATISTICS.items():
         put(name, (), getattr(run.stats, name), unit, words)
     put("status", (), run.status, "1", "how the run ended")
-    found["status"][2].update(_meanings(Status))
+    found["status"][2].update(meanings_of_status())
     put("flags", (), run.flags, "1", "what speaks against it, as a sum")
     found["flags"][2].update(_meanings(Flag))
     for owner in ("balance", "branching"):
@@ -98,8 +98,13 @@ def _put_events(run: Trajectory, found: dict[str, Variable]) -> None:
         attributes = {"long_name": words} | ({"units": unit} if unit else {})
         values = np.asarray(getattr(run.events, name))[:count]
         found[f"event_{name}"] = (dimensions, values, attributes)
-    words = {"long_name": "whether the run ended since bodies stayed in contact"}
-    found["event_lasting"] = ((), np.asarray(run.events.lasting), words)
+    lasting = {"long_name": "whether the run ended since bodies stayed in contact"}
+    found["event_lasting"] = ((), np.asarray(run.events.lasting), lasting)
+
+
+def meanings_of_status() -> dict[str, Any]:
+    """What the numbers of a status mean."""
+    return _meanings(Status)
 
 
 def _meanings(kind: Any) -> dict[str, Any]:
