@@ -6,7 +6,7 @@ from typing import Any
 
 
 def extra(owner: str, module: str, name: str, instead: str = "") -> ModuleType:
-    """The `module` of a package that the extra `name` brings.
+    """The `module` of a package that the extra of some `name` adds.
 
     `owner`: what needs it, and `instead` what does not, for the message of the ImportError that is
     raised where it is missing.

@@ -69,4 +69,4 @@ def attributes_of(run: Trajectory, scene: Scene | None) -> dict[str, Any]:
 
 def _reduced(system: Any) -> str:
     summary = getattr(system, "summary", "") or type(system).__name__
-    return f"reduced to {system.n} coordinates: {summary}"
+    return f"reduced: {summary}"
