@@ -75,6 +75,18 @@ def test_a_file_simulates_the_same_scene_to_the_bit(run, tmp_path):
     assert xarray.open_dataset(tmp_path / "again.nc").scene == found.to_xarray().scene
 
 
+def test_a_scene_that_cannot_be_made_leaves_the_numbers(run, tmp_path):
+    """As where a part of one's own was not imported."""
+    data = run.to_xarray()
+    data.attrs["scene"] = data.attrs["scene"].replace("RigidBody", "Boulder")
+    data.to_netcdf(tmp_path / "run.nc")
+    with pytest.warns(UserWarning, match=r"no scene here.*\n?.*Boulder"):
+        found = rj.load(tmp_path / "run.nc")
+    check_same_run(found, run)
+    with pytest.raises(rj.InputError, match="does not know its system"):
+        _ = found.scene
+
+
 def test_a_file_says_what_it_is_without_romjax(run, cart_pendulum, tmp_path):
     """Read by xarray in a process that has not imported romjax."""
     tip = rj.measure(cart_pendulum, run, rj.Marker("pendulum", (0.0, -0.4), 0.0))

@@ -1,6 +1,7 @@
 """The scene of a run, and its text in a file of results."""
 
 import tempfile
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,6 @@ from ...integrate.trajectory import Trajectory
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem
 from ..scene_file import load_scene
-from ..write import text_of
 
 
 def scene_of(run: Trajectory) -> Scene:
@@ -22,6 +22,9 @@ def scene_of(run: Trajectory) -> Scene:
 
 def scene_words(run: Trajectory, scene: Scene | None) -> dict[str, str]:
     """The text of the scene, or why there is none."""
+    # Here, since it loads what writes TOML, which `import romjax` does without.
+    from ..write import text_of
+
     try:
         return {"scene": text_of(scene_of(run) if scene is None else scene)}
     except InputError as error:
@@ -29,11 +32,17 @@ def scene_words(run: Trajectory, scene: Scene | None) -> dict[str, str]:
 
 
 def system_of(dataset: Any) -> AbstractSystem | None:
-    """The system of the text in a dataset; None without one."""
+    """The system of the text in a dataset; None without one, and, with a warning, of a text that
+    makes no scene here, such as one with parts of one's own that were not imported.
+    """
     text = dataset.attrs.get("scene")
     if text is None:
         return None
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "scene.toml"
         file.write_text(str(text), encoding="utf-8")
-        return assemble(load_scene(file))
+        try:
+            return assemble(load_scene(file))
+        except InputError as error:
+            warnings.warn(f"load: the run has no scene here. {error}", stacklevel=4)
+            return None
