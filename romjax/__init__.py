@@ -30,6 +30,9 @@ from .events.base import Crossing as Crossing
 from .events.base import Stop as Stop
 from .events.impact import Impact as Impact
 from .events.record import Events as Events
+from .files.matrices.mesh import Mesh as Mesh
+from .files.matrices.mesh import load_mesh as load_mesh
+from .files.results.store import load as load
 from .files.scene_file import SceneFile as SceneFile
 from .files.scene_file import load_scene as load_scene
 from .files.scene_file import scene_file as scene_file

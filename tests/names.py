@@ -13,6 +13,7 @@ import diffrax
 import jax
 import jax.numpy as jnp
 import optax
+import xarray
 
 import romjax as rj
 
@@ -33,16 +34,19 @@ PARTS = {
 } | {name: part for name, part in vars(rj).items() if not name.startswith("_")}
 
 ROOTS = {"rj": rj, "romjax": rj, "diffrax": diffrax, "jax": jax, "jnp": jnp, "optax": optax}
+ROOTS |= {"xarray": xarray}
 # What documents call an instance of a class.
 INSTANCES = {
     "basis": rj.Basis,
     "body": rj.AbstractBody,
     "crank": rj.AbstractBody,
     "ground": rj.Ground,
+    "mesh": rj.Mesh,
     "other": rj.AbstractBody,
     "rod": rj.AbstractBody,
     "report": rj.Comparison,
     "rom": rj.ReducedSystem,
+    "run": rj.Trajectory,
     "scene": rj.Scene,
     "system": rj.AbstractSystem,
     "trajectory": rj.Trajectory,

@@ -122,6 +122,7 @@ BASE = {
     "deprecated",
     "pictures",
     "fields",
+    "extras",
 }
 BELOW = {
     "linalg": set(),
@@ -137,8 +138,8 @@ BELOW = {
     "measure": {"scene", "system", "assembly", "reduction", "integrate"},
     "analysis": {"linalg", "scene", "system", "assembly", "measure"},
     "study": {"linalg", "scene", "basis", "system", "assembly", "reduction", "integrate"},
-    "gallery": {"scene"},
     "files": {"scene", "system", "assembly", "integrate", "measure", "study", "events"},
+    "gallery": {"scene"},
     "plot": {"scene", "basis", "system", "assembly", "reduction", "integrate", "study"}
     | {"analysis"},
 }

@@ -1,14 +1,16 @@
 """Natural frequencies, damping ratios and modes of a mechanism."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
 from ..arrays import Vector, as_array
 from ..checks import check_shape
 from ..errors import InputError
+from ..extras import frame
 from ..program import program_once
 from ..system.base import AbstractSystem
 from .tangent import independent_constraints, tangent_of
@@ -37,6 +39,16 @@ class Modes(NamedTuple):
     shapes: Complex[Array, "n d"]
     is_stable: Bool[Array, ""]
     at: Float[Array, " n"]
+
+    def table(self) -> Any:
+        """One row for each mode as a pandas data frame (extra `study`): `frequency` [Hz], the
+        damping `ratio`, and the `period` [s].
+        """
+        frequency = np.asarray(self.frequencies) / (2 * np.pi)
+        with np.errstate(divide="ignore"):  # of free motions
+            period = 1 / frequency
+        rows = {"frequency": frequency, "ratio": np.asarray(self.damping), "period": period}
+        return frame("Modes.table", rows, "the numbers are in .frequencies and .damping")
 
 
 def modes(

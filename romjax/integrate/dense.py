@@ -18,6 +18,7 @@ from ..reduction.system import has_charts
 from ..system.base import AbstractSystem
 from ..system.consistent import project
 from ..system.stabilization import Baumgarte, Projection, Stabilization
+from ..system.structure import without_names
 from .chart_change import ChartChange
 from .derived import OnDemand
 from .outputs import Output, capacity, cut, output_at, padded
@@ -85,7 +86,8 @@ class Pieces(NamedTuple):
 class DenseOutput(eqx.Module):
     """A run between its outputs, by the interpolation of its method.
 
-    - `parts`: of the system. `stabilization`: that was used. `start`: when the run starts [s].
+    - `parts`: of the system, with its names. `stabilization`: that was used. `start`: when the run
+      starts [s].
     """
 
     parts: Parts
@@ -117,7 +119,7 @@ class DenseOutput(eqx.Module):
                 f"{float(ts[int(np.argmax(known))]):g} s lies outside of the run, from "
                 f"{float(self.start):g} to {float(end):g} s."
             )
-        system, count = self.parts.join(), len(ts)
+        system, count = without_names(self.parts.join()), len(ts)
         projection = self.stabilization if isinstance(self.stabilization, Projection) else None
         size = capacity(count, 2 * system.full.n, ts.dtype)
         rows = ts if size == count or known is None else padded(ts, size)

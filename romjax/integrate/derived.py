@@ -14,6 +14,7 @@ from ..reduction.system import has_charts
 from ..system.base import AbstractSystem
 from ..system.dynamics import acceleration
 from ..system.stabilization import Baumgarte
+from ..system.structure import without_names
 from .chart_change import ChartChange
 from .outputs import capacity, cut, padded
 from .parts import Parts
@@ -23,10 +24,12 @@ class Derived(NamedTuple):
     """Values that are there.
 
     - `multipliers` (k, m), `metric` (n, n): as `Trajectory` has them.
+    - `parts`: of the system that moved; None within transformations, where nobody asks for it.
     """
 
     multipliers: Float[Array, "k m"]
     metric: Float[Array, "n n"]
+    parts: Parts | None = None
 
     def every(self, stride: int) -> "Derived":
         """At every `stride`-th output time."""
@@ -40,7 +43,7 @@ class OnDemand(eqx.Module):
     program and, in a long chain, half of its time.
     """
 
-    parts: Parts  # of the system
+    parts: Parts  # of the system, with its names
     t: Float[Array, " k"]
     q: Float[Array, "k r"]
     v: Float[Array, "k r"]
@@ -50,7 +53,7 @@ class OnDemand(eqx.Module):
     @property
     def system(self) -> AbstractSystem:
         """The system that moved, without names."""
-        system: AbstractSystem = self.parts.join()
+        system: AbstractSystem = without_names(self.parts.join())
         return system
 
     @property

@@ -38,11 +38,11 @@ def run(
     settings: Settings,
 ) -> tuple[Trajectory, ConstraintState]:
     """The trajectory of a system that is `bare` of names, and the constraints at its start."""
-    result, derived = _run(bare, ts, q0, v0, settings)
+    result, derived = _run(system, bare, ts, q0, v0, settings)
     trajectory = _trajectory(system, result, derived, settings)
     if result.pieces is not None:
         start = jnp.asarray(ts[0])
-        dense = DenseOutput(Parts.of(bare), result.stabilization, start, result.pieces)
+        dense = DenseOutput(Parts.of(system), result.stabilization, start, result.pieces)
         trajectory = dataclasses.replace(trajectory, dense=dense)
     return trajectory, result.start
 
@@ -67,6 +67,7 @@ class _Result(NamedTuple):
 
 def _run(
     system: AbstractSystem,
+    bare: AbstractSystem,
     ts: Float[Array, " k"],
     q0: Float[Array, " n"],
     v0: Float[Array, " n"],
@@ -74,15 +75,16 @@ def _run(
 ) -> tuple[_Result, Derived | OnDemand]:
     """The run, by a program of its own that others share, or as a part of the user's."""
     if not compat.is_outermost():
-        return _differentiable(system, ts, q0, v0, settings)
+        return _differentiable(bare, ts, q0, v0, settings)
     settings = settings._replace(max_steps=np.asarray(settings.max_steps), adjoint=None)
     if isinstance(settings.solver, diffrax.AbstractImplicitSolver):
         # Its root finder contains functions, which are no part of a stored program.
-        return _differentiable(system, ts, q0, v0, settings)
+        result, derived = _differentiable(bare, ts, q0, v0, settings)
+        return result, derived._replace(parts=Parts.of(system))
     count = len(ts)
-    size = capacity(count, 2 * system.full.n, q0.dtype)
+    size = capacity(count, 2 * bare.full.n, q0.dtype)
     times = ts if size == count else _with_room(ts, size)
-    result: _Result = _plain(system, times, np.asarray(count), q0, v0, settings)
+    result = _plain(bare, times, np.asarray(count), q0, v0, settings)
     # After a stop only, times are others than those that were asked for.
     stopped = None if result.events is None else result.ts
     outputs, imbalance, stopped = cut((result.outputs, result.imbalance, stopped), count)

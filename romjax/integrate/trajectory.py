@@ -1,6 +1,7 @@
 """What a simulation returns."""
 
 import dataclasses
+import os
 from typing import Any
 
 import diffrax
@@ -14,9 +15,12 @@ from ..checks import unknown_name
 from ..deprecated import renamed, warn_once
 from ..errors import InputError
 from ..events.record import Events
+from ..extras import above
 from ..pictures import animated, inline
 from ..program import program
 from ..scene.coordinate import Coordinate
+from ..scene.scene import Scene
+from ..system.base import AbstractSystem
 from ..system.flags import WORDS, Flag
 from .branching import Branching
 from .dense import DenseOutput
@@ -84,14 +88,39 @@ class Trajectory(eqx.Module):
         return values[..., self.labels.index(name)]
 
     @property
-    def multipliers(self) -> Float[Array, "k m"]:
+    def multipliers(self) -> Float[Array, "*runs k m"]:
         """Lagrange multipliers λ of M q̈ + C_qᵀ λ = Q."""
         return self.derived.multipliers
 
     @property
-    def metric(self) -> Float[Array, "n n"]:
+    def metric(self) -> Float[Array, "*runs n n"]:
         """Mass matrix at the start, the metric of errors and bases."""
         return self.derived.metric
+
+    @property
+    def system(self) -> AbstractSystem:
+        """The system that moved, full or reduced; of a run that was loaded, the full one.
+
+        Raises InputError where the run does not know it: it was made within a transformation of
+        JAX, or saved without a scene.
+        """
+        if self.derived.parts is None:
+            raise InputError(
+                "Trajectory.system: the run does not know its system, since it was made within a "
+                "transformation of JAX, or saved without its scene; use the one that you simulated."
+            )
+        system: AbstractSystem = self.derived.parts.join()
+        return system
+
+    @property
+    def scene(self) -> Scene:
+        """The scene of the system that moved, with the numbers that it was simulated with.
+
+        Raises InputError where the run does not know it, as `Trajectory.system`, or where it is no
+        mechanism of bodies.
+        """
+        scene: Scene = above("files.results.scenes", "scene_of")(self)
+        return scene
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -178,6 +207,36 @@ class Trajectory(eqx.Module):
             derived=derived,
             imbalance=imbalance,
         )
+
+    def to_xarray(self, scene: Scene | None = None, **measured: Any) -> Any:
+        """The run as an `xarray.Dataset` (extra `files`): dimensions `time`, `coordinate` and
+        `constraint` with the names of what they count, units as attributes, and in words what the
+        run was made with, how it went, and the scene.
+
+        Numbers are the same to the bit. Dense output is left out. Runs of one batch get a dimension
+        `lane`.
+
+        **Arguments:**
+
+        - `scene`: that was simulated; the run's own unless given.
+        - `measured`: further quantities by name: what `measure`, `energy`, `joint_forces` and the
+          like return, an array with an axis of outputs, or a pair of one and its unit.
+
+        Raises ImportError, with what to install, without the extra; InputError for a measured array
+        that has not one row for each output.
+        """
+        return above("files.results.dataset", "dataset_of")(self, scene, measured)
+
+    def save(
+        self, path: str | os.PathLike[str], scene: Scene | None = None, **measured: Any
+    ) -> None:
+        """Write the run to a netCDF file, as `to_xarray` describes it; `romjax.load` reads it.
+
+        **Arguments:**
+
+        - `path`: of the file, such as "run.nc". `scene`, `measured`: as `to_xarray`.
+        """
+        above("files.results.store", "write")(self.to_xarray(scene, **measured), path)
 
     def noise(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """What the tolerances allow as errors of positions and velocities, in the energy norm.

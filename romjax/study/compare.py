@@ -1,6 +1,8 @@
 """How far an approximate motion is from the true one."""
 
+import dataclasses
 import weakref
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..arrays import concrete
+from ..extras import frame
 from ..identity import Remembered
 from ..integrate.trajectory import Trajectory
 from ..pictures import animated, inline
@@ -25,6 +28,7 @@ class Comparison(eqx.Module):
       absolute error, since a relative one has no meaning.
     - `drift`: largest |C| of the approximate motion.
     - `steps`: steps of the true and of the approximate run.
+    - `labels`: of the coordinates.
     """
 
     error: Float[Array, ""]
@@ -33,6 +37,16 @@ class Comparison(eqx.Module):
     moving: Bool[Array, " n"]
     drift: Float[Array, ""]
     steps: tuple[Int[Array, ""], Int[Array, ""]]
+    labels: tuple[str, ...] = eqx.field(static=True, default=())
+
+    def table(self) -> Any:
+        """The error of each coordinate as a pandas data frame (extra `study`), largest first:
+        `error`, relative where the coordinate is `moving`, else absolute.
+        """
+        columns = {"error": np.asarray(self.per_coordinate), "moving": np.asarray(self.moving)}
+        rows = {"coordinate": list(self.labels), **columns}
+        table = frame("Comparison.table", rows, "the errors are in .per_coordinate")
+        return table.sort_values("error", ascending=False, ignore_index=True)
 
     def _repr_html_(self) -> str | None:
         """Both motions over each other, for notebooks, as long as both are there."""
@@ -66,9 +80,11 @@ def compare(
         raise ValueError("compare: the motions have different times; simulate both at the same.")
     steps = truth.stats.num_steps, approx.stats.num_steps
     metric = truth.metric if metric is None else metric
-    report: Comparison = _compare(truth.q, metric, approx.q, approx.violation, steps)
-    _motions.put(report, (weakref.ref(truth), weakref.ref(approx)))
-    return report
+    comparison = _compare(truth.q, metric, approx.q, approx.violation, steps)
+    # Outside of the program, which does not depend on names.
+    comparison = dataclasses.replace(comparison, labels=truth.labels)
+    _motions.put(comparison, (weakref.ref(truth), weakref.ref(approx)))
+    return comparison
 
 
 @program

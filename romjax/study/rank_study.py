@@ -11,6 +11,7 @@ from tqdm import tqdm
 from ..basis.decomposition.base import AbstractDecomposition
 from ..basis.decomposition.pod import POD
 from ..errors import InputError, RankError, ReductionError
+from ..extras import frame
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..reduction.formulation.base import AbstractFormulation
@@ -93,15 +94,9 @@ class RankStudy:
 
     def table(self) -> Any:
         """All rows as a pandas data frame, with the speed-up (extra `study`)."""
-        try:
-            import pandas
-        except ImportError as error:
-            raise ImportError(
-                "RankStudy.table needs pandas: pip install 'romjax[study]'; the rows are in .rows."
-            ) from error
-        frame = pandas.DataFrame(self.rows)
-        frame["speed_up"] = self.full / frame["least"]
-        return frame
+        table = frame("RankStudy.table", self.rows, "the rows are in .rows")
+        table["speed_up"] = self.full / table["least"]
+        return table
 
 
 def rank_study(

@@ -17,6 +17,7 @@ from jax.experimental import multihost_utils
 from jax.sharding import Mesh, PartitionSpec
 from tqdm import tqdm
 
+from ..extras import above
 from ..integrate.status import REMEDIES, Status
 from ..integrate.trajectory import Trajectory
 from ..program import program
@@ -33,10 +34,12 @@ class Sweep:
     - `values`: what the function returns, each array with a leading axis of lanes; NaN in lanes
       that failed.
     - `status` (lanes,): numbers of `romjax.Status`.
+    - `parameters`: those of all lanes, as they were given.
     """
 
     values: Any
     status: np.ndarray
+    parameters: Any
 
     @property
     def success(self) -> np.ndarray:
@@ -47,6 +50,24 @@ class Sweep:
     def failures(self) -> dict[int, str]:
         """The lanes that failed, with the reason and the remedy."""
         return {int(i): REMEDIES[Status(self.status[i])] for i in np.flatnonzero(~self.success)}
+
+    def to_xarray(self) -> Any:
+        """The sweep as an `xarray.Dataset` (extra `files`): a dimension `lane` with the parameters
+        as coordinates, what each lane returned by its path in the pytree, the parts of a run among
+        it as `Trajectory.to_xarray` has them, and why lanes failed.
+
+        Raises InputError where lanes hold several runs.
+        """
+        return above("files.results.sweeps", "dataset_of")(self)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the sweep to a netCDF file, as `to_xarray` has it; `xarray.open_dataset` reads it.
+
+        **Arguments:**
+
+        - `path`: of the file, such as "sweep.nc".
+        """
+        above("files.results.store", "write")(self.to_xarray(), path)
 
 
 def sweep(
@@ -115,7 +136,7 @@ def sweep(
         multihost_utils.sync_global_devices("sweep")
     leaves = store.collect(count)
     values, status = jax.tree.unflatten(jax.tree.structure(shapes), leaves)
-    return Sweep(values, status)
+    return Sweep(values, status, parameters)
 
 
 @program

@@ -87,7 +87,7 @@ def sweep_over(
     if len(others):
         parts.append((others, sweep(accurate, _at(points, others), chunk=chunk, progress=progress)))
     values, status = _together(len(by_full), parts)
-    return BoxSweep(values, status, by_full, estimates)
+    return BoxSweep(values, status, points, by_full, estimates)
 
 
 def _together(lanes: int, parts: list[tuple[np.ndarray, Sweep]]) -> tuple[Any, np.ndarray]:

@@ -43,7 +43,7 @@ def reduce_mesh(
 
     The arguments are those of `ModalBody.of_mesh`; `owner` is what messages call the body.
     """
-    k, m = checked(_matrix(stiffness), _matrix(mass))
+    k, m = checked(_matrix(owner, stiffness), _matrix(owner, mass))
     positions, rows = _layout(owner, k.shape[0], np.asarray(nodes, float), dofs)
     pins = {port: np.atleast_1d(np.asarray(of, int)) for port, of in ports.items()}
     if not pins:
@@ -86,15 +86,19 @@ def reduce_mesh(
     )
 
 
-def _matrix(given: Matrix | str | Path) -> Matrix:
+def _matrix(owner: str, given: Matrix | str | Path) -> Matrix:
     """The matrix, read from its file if it is the name of one."""
     if not isinstance(given, str | Path):
         return given
-    if Path(given).suffix == ".npz":
-        return sp.load_npz(given)
     import scipy.io  # here, since few ask for it
 
-    return scipy.io.mmread(given)
+    try:
+        return sp.load_npz(given) if Path(given).suffix == ".npz" else scipy.io.mmread(given)
+    except (OSError, ValueError) as error:
+        raise SceneError(
+            f"{owner}: {given} is no Matrix Market file, and no sparse matrix of SciPy ({error}); "
+            "romjax.load_mesh reads those of Abaqus, CalculiX and Nastran."
+        ) from error
 
 
 def _layout(

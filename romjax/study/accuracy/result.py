@@ -7,6 +7,7 @@ import diffrax
 import numpy as np
 
 from ...errors import InputError
+from ...extras import frame
 from .model import Model
 from .recommendation import Recommendation
 from .row import SINGLE_RUN, Condition, Row
@@ -39,13 +40,9 @@ class Accuracy:
 
     def table(self) -> Any:
         """All rows as a pandas data frame, sorted by error (extra `study`)."""
-        try:
-            import pandas
-        except ImportError as error:
-            raise ImportError(
-                "Accuracy.table needs pandas: pip install 'romjax[study]'; the rows are in .rows."
-            ) from error
-        return pandas.DataFrame(self.rows).sort_values("error", ignore_index=True)
+        return frame("Accuracy.table", self.rows, "the rows are in .rows").sort_values(
+            "error", ignore_index=True
+        )
 
     @property
     def conditions(self) -> list[Condition]:

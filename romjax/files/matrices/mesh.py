@@ -1,0 +1,196 @@
+"""Plane meshes from the matrix files of finite-element programs."""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...arrays import Vector
+from ...errors import InputError
+from . import abaqus, calculix, nastran
+from .entries import COMPONENTS, Entries, code, decode, wrong
+from .nodes import Nodes, nodes_of
+from .numbered import Degrees
+
+PathLike = str | os.PathLike[str]
+
+# Entries smaller than this share of the largest one couple nothing: rounding.
+_ROUNDING = 1e-12
+_PUNCH = (".pch", ".bdf", ".dat", ".nas")
+_PLANE, _TURN, _ACROSS = (1, 2), 6, (3, 4, 5)
+
+
+class Mesh(NamedTuple):
+    """A plane mesh as `ModalBody.of_mesh` takes it.
+
+    - `stiffness`, `mass`: K and M (n, n), sparse and whole. `nodes` (nodes, 2) [m].
+    - `dofs` (nodes, 2 or 3): rows of the displacements along x and y and of the rotation of each.
+    - `numbers` (nodes,): those that the nodes have in the program, rising.
+    """
+
+    stiffness: sp.csc_array
+    mass: sp.csc_array
+    nodes: np.ndarray
+    dofs: np.ndarray
+    numbers: np.ndarray
+
+    def at(self, *numbers: int) -> np.ndarray:
+        """Where nodes of some `numbers` are among `nodes`, for ports.
+
+        Raises InputError for a number that the mesh does not have.
+        """
+        found = np.minimum(np.searchsorted(self.numbers, numbers), len(self.numbers) - 1)
+        missing = self.numbers[found] != np.array(numbers)
+        if np.any(missing):
+            raise InputError(
+                f"Mesh.at: there is no node {numbers[np.argmax(missing)]}; numbers are from "
+                f"{self.numbers[0]} to {self.numbers[-1]}."
+            )
+        return found
+
+
+def load_mesh(
+    stiffness: PathLike,
+    mass: PathLike | None = None,
+    nodes: PathLike | Mapping[int, Vector] | Vector | None = None,
+    *,
+    names: Sequence[str] | None = None,
+    components: Sequence[int] | None = None,
+) -> Mesh:
+    """The matrices of a plane mesh from the files of a finite-element program, for
+    `ModalBody.of_mesh`, free of supports and in SI units.
+
+    - Abaqus, `.mtx` of *MATRIX GENERATE, in the formats MATRIX INPUT and COORDINATE.
+    - CalculiX, `.sti` of *FREQUENCY, SOLVER=MATRIXSTORAGE, with `.mas` and `.dof` beside it.
+    - Nastran, DMIG entries in a punch file (`.pch` or bulk data), or OUTPUT4 (`.op4`, extra
+      `nastran`), both matrices in one.
+
+    The plane is x–y. What moves across it, z and the rotations about x and y, is left out where
+    nothing couples it to the plane, and refused elsewhere; so are rotations about z without
+    stiffness and mass. Lower, upper and whole matrices are read alike.
+
+    **Arguments:**
+
+    - `stiffness`: the file. `mass`: that of Abaqus, or of CalculiX; beside it, with STIF replaced
+      by MASS, or .sti by .mas, unless given.
+    - `nodes`: their places [m]: an input deck (`.inp` with *NODE), bulk data with GRID, a text file
+      of number, x, y, an array in the order of rising numbers from 1, or a mapping from numbers;
+      for a punch file, the file itself unless given.
+    - `names`: of the matrices in Nastran's files, such as ("KAAX", "MAAX"); the one that begins
+      with K and the one with M unless given.
+    - `components`: of each node, where a file only numbers its rows (COORDINATE, OUTPUT4), such as
+      (1, 2, 6); nodes by rising number.
+
+    Raises InputError for a file that is wrong, with file, line, cause and cure; ImportError, with
+    what to install, for OUTPUT4 without the extra.
+    """
+    path, other = Path(stiffness), None if mass is None else Path(mass)
+    kind = path.suffix.lower()
+    if nodes is None:
+        if kind not in _PUNCH:
+            raise InputError(
+                f"load_mesh: {path} has no places of nodes; give nodes=…, such as the input deck."
+            )
+        nodes = path
+    places = nodes_of(nodes)
+    degrees = Degrees(places.numbers, components)
+    if kind == ".mtx":
+        return _plane(*abaqus.read(path, other, degrees), places)
+    if kind == ".sti":
+        return _plane(*calculix.read(path, other), places)
+    if kind in _PUNCH:
+        return _plane(*nastran.read_punch(path, names), places)
+    if kind == ".op4":
+        return _plane(*nastran.read_op4(path, names, degrees), places)
+    raise InputError(
+        f"load_mesh: {path} is no .mtx, .sti, .pch, .bdf, .dat, .nas or .op4; give a file of "
+        "Abaqus, CalculiX or Nastran by its ending."
+    )
+
+
+def _plane(stiffness: Entries, mass: Entries, places: Nodes) -> Mesh:
+    """The part of both matrices that moves in the plane, and the nodes that it belongs to."""
+    known = np.unique(np.concatenate([*stiffness.codes(), *mass.codes()]))
+    k, m = stiffness.matrix(known), mass.matrix(known)
+    degrees = decode(known)
+    across = np.isin(degrees[:, 1], _ACROSS)
+    for entries, matrix in ((stiffness, k), (mass, m)):
+        _check_across(entries, matrix, degrees, across)
+    turns = degrees[:, 1] == _TURN
+    if not (k[turns].count_nonzero() or m[turns].count_nonzero()):
+        across |= turns
+    kept = np.flatnonzero(~across)
+    degrees = degrees[kept]
+    numbers = np.unique(degrees[:, 0])
+    wanted = (*_PLANE, _TURN) if np.any(degrees[:, 1] == _TURN) else _PLANE
+    _check_alike(stiffness, degrees, numbers, wanted)
+    return Mesh(
+        k[kept][:, kept],
+        m[kept][:, kept],
+        _places(stiffness, places, numbers),
+        np.arange(len(kept)).reshape(len(numbers), len(wanted)),
+        numbers,
+    )
+
+
+def _check_across(
+    entries: Entries, matrix: sp.csc_array, degrees: np.ndarray, across: np.ndarray
+) -> None:
+    """Raise InputError where a motion across the plane is coupled to one within."""
+    between = abs(matrix[~across][:, across]).tocoo()
+    if between.nnz == 0:
+        return
+    worst = int(np.argmax(between.data))
+    if between.data[worst] > _ROUNDING * abs(matrix).max():
+        (one, a), (other, b) = (
+            degrees[~across][between.row[worst]],
+            degrees[across][between.col[worst]],
+        )
+        raise wrong(
+            entries.path,
+            0,
+            f"{COMPONENTS[a - 1]} of node {one} is coupled to {COMPONENTS[b - 1]} of node {other}, "
+            "across the plane x–y; mesh the body in this plane, by plane or shell elements",
+        )
+
+
+def _check_alike(
+    entries: Entries, degrees: np.ndarray, numbers: np.ndarray, wanted: tuple[int, ...]
+) -> None:
+    """Raise InputError unless all nodes have the same components."""
+    asked = np.stack(
+        [np.repeat(numbers, len(wanted)), np.tile(np.array(wanted), len(numbers))], axis=1
+    )
+    missing = np.flatnonzero(~np.isin(code(asked), code(degrees)))
+    if len(missing):
+        number, component = asked[missing[0]]
+        raise wrong(
+            entries.path,
+            0,
+            f"node {number} has no row for {COMPONENTS[component - 1]}, but others have; take "
+            "supports out of the model, and give all nodes the same components",
+        )
+
+
+def _places(entries: Entries, nodes: Nodes, numbers: np.ndarray) -> np.ndarray:
+    """Places of the nodes of the matrices, which must lie in a plane of constant z."""
+    missing = np.setdiff1d(numbers, nodes.numbers)
+    if len(missing):
+        raise wrong(
+            entries.path,
+            0,
+            f"{len(missing)} nodes, such as {missing[0]}, have no place; give those of this model",
+        )
+    places = nodes.places[np.searchsorted(nodes.numbers, numbers)]
+    if np.ptp(places[:, 2]) > _ROUNDING * np.max(np.ptp(places, axis=0)):
+        raise wrong(
+            entries.path,
+            0,
+            f"the nodes lie between z = {places[:, 2].min():g} and {places[:, 2].max():g} m; mesh "
+            "the body in a plane of constant z",
+        )
+    found: np.ndarray = places[:, :2]
+    return found

@@ -1,0 +1,93 @@
+"""Matrices of Nastran: DMIG entries in punch files, and OUTPUT4 files."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...extras import extra
+from .cards import Card, cards
+from .entries import Entries, existing, wrong
+from .numbered import Degrees
+
+_SQUARE = (1, 6)
+# A column entry has its name, its node and component, and a field that is empty; then four fields
+# for each row: node, component, real and imaginary part.
+_HEAD, _ROW = 4, 4
+
+
+def read_punch(path: Path, names: Sequence[str] | None) -> tuple[Entries, Entries]:
+    """Stiffness and mass in one file, by their `names`, or by the letters K and M."""
+    found: dict[str, list[Card]] = {}
+    for card in cards(existing(path, "write it by EXTSEOUT or PARAM,EXTOUT,DMIGPCH"), "DMIG"):
+        found.setdefault(card.field(0).upper(), []).append(card)
+    one, other = (_entries(path, found[name]) for name in _chosen(path, found, names))
+    return one, other
+
+
+def _entries(path: Path, columns: list[Card]) -> Entries:
+    headers = [card for card in columns if card.field(1) == "0"]
+    if not headers:
+        raise wrong(path, columns[0].lines[0], f"no header DMIG,{columns[0].field(0)},0; add it")
+    header = headers[0]
+    if header.integer(path, 2) not in _SQUARE or header.integer(path, 3) > 2:
+        raise wrong(
+            path,
+            header.lines[0],
+            f"form {header.field(2)}, type {header.field(3)} of {header.field(0)}, but a matrix "
+            "must be square (1 or 6) and real (1 or 2); write such a one",
+        )
+    rows, values, lines = [], [], []
+    for card in columns:
+        if card.field(1) == "0":
+            continue
+        column = card.integer(path, 1), card.integer(path, 2, 0)
+        for at in range(_HEAD, len(card.fields), _ROW):
+            if card.field(at):
+                rows.append((card.integer(path, at), card.integer(path, at + 1, 0), *column))
+                values.append(card.real(path, at + 2))
+                lines.append(card.lines[at])
+    degrees = np.array(rows, np.int64).reshape(-1, 4)
+    return Entries(path, degrees[:, :2], degrees[:, 2:], np.array(values), np.array(lines, int))
+
+
+def read_op4(path: Path, names: Sequence[str] | None, degrees: Degrees) -> tuple[Entries, Entries]:
+    """Stiffness and mass in one OUTPUT4 file, text or binary (extra `nastran`)."""
+    instead = "or write DMIG entries to a punch file, which need no package"
+    op4 = extra("load_mesh", "pyNastran.op4.op4", "nastran", instead)
+    existing(path, "write it by OUTPUT4")
+    try:
+        matrices = op4.OP4(debug=None).read_op4(str(path))
+    except Exception as error:  # whatever a broken file makes the package do
+        words = str(error).split("\n")[0]
+        raise wrong(path, 0, f"is no OUTPUT4 file ({words}); write it again") from error
+    found = {name.upper(): matrix for name, matrix in matrices.items()}
+    one, other = (_coordinates(path, found[name], degrees) for name in _chosen(path, found, names))
+    return one, other
+
+
+def _coordinates(path: Path, matrix: Any, degrees: Degrees) -> Entries:
+    # A pair of form and data in older versions of the package.
+    data = matrix[1] if isinstance(matrix, tuple) else matrix.data
+    entries = sp.coo_array(data)
+    ids = np.stack([entries.row, entries.col], axis=1) + 1
+    rows, columns = degrees.of(path, ids, entries.shape[0])
+    return Entries(path, rows, columns, entries.data, np.zeros(len(ids), int))
+
+
+def _chosen(path: Path, found: Mapping[str, Any], names: Sequence[str] | None) -> tuple[str, str]:
+    """The names of stiffness and mass among those that were found."""
+    listed = ", ".join(found) or "none"
+    if names is not None:
+        stiffness, mass = (name.upper() for name in names)
+        if stiffness not in found or mass not in found:
+            raise wrong(path, 0, f"has no {stiffness} or {mass}; it has the matrices {listed}")
+        return stiffness, mass
+    chosen = [[name for name in found if name.startswith(letter)] for letter in "KM"]
+    if any(len(candidates) != 1 for candidates in chosen):
+        raise wrong(
+            path, 0, f"has the matrices {listed}; give names=(…, …) of the stiffness and the mass"
+        )
+    return chosen[0][0], chosen[1][0]

@@ -1,0 +1,42 @@
+"""Rows of matrices that are only numbered: which node and component each is."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from .entries import wrong
+
+_PLANE, _SPACE = (1, 2), (1, 2, 3, 4, 5, 6)
+
+
+class Degrees(NamedTuple):
+    """Nodes by rising number, each with the same components.
+
+    - `numbers`: of the nodes. `components`: of each; None for x and y of two rows for each node,
+      and all six of six.
+    """
+
+    numbers: np.ndarray
+    components: Sequence[int] | None
+
+    def of(self, path: Path, ids: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+        """The degrees of freedom of rows and columns `ids` (k, 2), from 1, of a matrix of `size`.
+
+        Raises InputError where rows and nodes do not fit.
+        """
+        each, left = divmod(size, max(len(self.numbers), 1))
+        components = self.components or {2: _PLANE, 6: _SPACE}.get(each, ())
+        if left or len(components) != each:
+            raise wrong(
+                path,
+                0,
+                f"has {size} rows for {len(self.numbers)} nodes; give the components of each node, "
+                "such as components=(1, 2, 6), and nodes that are in the matrix only",
+            )
+        known = np.stack(
+            [np.repeat(self.numbers, each), np.tile(np.array(components), len(self.numbers))],
+            axis=1,
+        )
+        return known[ids[:, 0] - 1], known[ids[:, 1] - 1]

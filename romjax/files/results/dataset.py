@@ -1,0 +1,72 @@
+"""A run as a dataset of xarray, which says what it is without romjax."""
+
+import datetime
+import importlib.metadata
+import platform
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ...extras import extra
+from ...integrate.trajectory import Trajectory
+from ...scene.scene import Scene
+from .measured import measured
+from .scenes import scene_words
+from .variables import names_of, variables_of
+
+# Of the layout; what reads it refuses newer ones.
+VERSION = 1
+
+
+def dataset_of(run: Trajectory, scene: Scene | None, extras: Mapping[str, Any]) -> Any:
+    """The dataset that `Trajectory.to_xarray` describes."""
+    xarray = extra("Trajectory.to_xarray", "xarray", "files")
+    variables, names = variables_of(run), names_of(run)
+    for name, value in extras.items():
+        for found in measured(name, value, len(run.t)):
+            words = {"long_name": f"{found.name}, measured"}
+            words |= {"units": found.unit} if found.unit else {}
+            variables[found.name] = (("time", *found.axes), found.values, words)
+            if found.axes == ("axis",):
+                names["axis"] = (("axis",), np.array(["x", "y"], object), {"long_name": "axis"})
+    return xarray.Dataset(variables, names, attributes_of(run, scene) | origin("run"))
+
+
+def origin(kind: str) -> dict[str, Any]:
+    """What kind of result it is, who wrote it by which versions, and when."""
+    versions = {
+        f"{package}_version": importlib.metadata.version(package)
+        for package in ("romjax", "jax", "jaxlib", "diffrax", "numpy")
+    }
+    now = datetime.datetime.now(datetime.UTC)
+    return {
+        "format": f"romjax {kind}",
+        "format_version": VERSION,
+        "created": now.isoformat(timespec="seconds"),
+        "python_version": platform.python_version(),
+        **versions,
+    }
+
+
+def attributes_of(run: Trajectory, scene: Scene | None) -> dict[str, Any]:
+    """In words, how a run was made and how it went."""
+    system = None if run.derived.parts is None else run.system
+    held = run.stats.stabilization
+    words = {
+        "solver": run.solver_name,
+        "solver_settings": " ".join(repr(run.solver).split()),
+        "stabilization": "none" if held is None else type(held).__name__,
+        "warnings": run.warnings() or "none",
+        "model": "full" if system is None or system.full is system else _reduced(system),
+        **scene_words(run, scene),
+    }
+    if run.t.ndim == 1:
+        words["status_words"] = run.summary()
+        words["balance_words"] = "" if run.balance is None else run.balance.describe()
+    return {name: text for name, text in words.items() if text}
+
+
+def _reduced(system: Any) -> str:
+    summary = getattr(system, "summary", "") or type(system).__name__
+    return f"reduced: {summary}"

@@ -1,0 +1,48 @@
+"""The scene of a run, and its text in a file of results."""
+
+import tempfile
+import warnings
+from pathlib import Path
+from typing import Any
+
+from ...assembly.assemble import assemble
+from ...assembly.disassemble import disassemble
+from ...assembly.locate import assembled
+from ...errors import InputError
+from ...integrate.trajectory import Trajectory
+from ...scene.scene import Scene
+from ...system.base import AbstractSystem
+from ..scene_file import load_scene
+
+
+def scene_of(run: Trajectory) -> Scene:
+    """The scene of the system that moved."""
+    return disassemble(assembled("Trajectory.scene", run.system))
+
+
+def scene_words(run: Trajectory, scene: Scene | None) -> dict[str, str]:
+    """The text of the scene, or why there is none."""
+    # Here, since it loads what writes TOML, which `import romjax` does without.
+    from ..write import text_of
+
+    try:
+        return {"scene": text_of(scene_of(run) if scene is None else scene)}
+    except InputError as error:
+        return {"scene_missing": str(error)}
+
+
+def system_of(dataset: Any) -> AbstractSystem | None:
+    """The system of the text in a dataset; None without one, and, with a warning, of a text that
+    makes no scene here, such as one with parts of one's own that were not imported.
+    """
+    text = dataset.attrs.get("scene")
+    if text is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scene.toml"
+        file.write_text(str(text), encoding="utf-8")
+        try:
+            return assemble(load_scene(file))
+        except InputError as error:
+            warnings.warn(f"load: the run has no scene here. {error}", stacklevel=4)
+            return None

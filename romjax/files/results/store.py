@@ -1,0 +1,89 @@
+"""Results on disk, as netCDF files."""
+
+import os
+from typing import Any
+
+import diffrax
+import jax
+import numpy as np
+
+from ...errors import InputError
+from ...extras import extra
+from ...integrate.trajectory import Trajectory
+from .dataset import VERSION
+from .restore import solver_of, trajectory_of
+
+_PACKAGES = ("h5netcdf", "h5py")
+
+
+def write(dataset: Any, path: str | os.PathLike[str]) -> None:
+    """Write a dataset to a netCDF file."""
+    for package in _PACKAGES:
+        extra("save", package, "files")
+    for name, variable in dataset.variables.items():
+        if np.iscomplexobj(variable):
+            raise InputError(
+                f"save: '{name}' is complex, but netCDF has real numbers only; save its real and "
+                "its imaginary part."
+            )
+    dataset.to_netcdf(path, engine="h5netcdf")
+
+
+def load(
+    path: str | os.PathLike[str], solver: diffrax.AbstractSolver[Any] | None = None
+) -> Trajectory:
+    """The run in a netCDF file that `Trajectory.save` has written, the same to the bit (extra
+    `files`), but for dense output, which is not saved.
+
+    `Trajectory.scene` and `Trajectory.system` are those of the file's text, so that
+    `simulate(run.system, run.t, rtol=run.stats.rtol)` repeats a run of a full system from its own
+    start.
+
+    **Arguments:**
+
+    - `path`: of the file. Other programs read it too, as `xarray.open_dataset` does.
+    - `solver`: the method of the run, where that is one of your own or has settings of its own: a
+      file holds them in words only.
+
+    Raises ImportError, with what to install, without the extra; InputError for a file that is not
+    there, that holds something else, that a newer romjax has written, or that is in double
+    precision where JAX is set to single, or for another `solver` than that of the run.
+    """
+    xarray = extra("load", "xarray", "files")
+    for package in _PACKAGES:
+        extra("load", package, "files")
+    try:
+        dataset = xarray.load_dataset(path)
+    except FileNotFoundError as error:
+        raise InputError(f"load: there is no file {path}.") from error
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(
+            f"load: {path} is no netCDF file; give one that Trajectory.save has written."
+        ) from error
+    _check(dataset, path)
+    try:
+        return trajectory_of(dataset, solver_of(dataset.attrs, solver))
+    except KeyError as error:
+        lacking = str(error.args[0]).partition(". ")[0]
+        raise InputError(f"load: {path} is damaged ({lacking}); save the run again.") from error
+
+
+def _check(dataset: Any, path: str | os.PathLike[str]) -> None:
+    """Raise InputError unless a dataset is one of a run that can be held."""
+    kind = dataset.attrs.get("format", "")
+    if kind != "romjax run":
+        what = f"holds a {kind}" if str(kind).startswith("romjax") else "was not written by romjax"
+        raise InputError(
+            f"load: {path} {what}, but a run is asked for; open it by xarray.open_dataset."
+        )
+    version = dataset.attrs.get("format_version", 0)
+    if version > VERSION:
+        raise InputError(
+            f"load: {path} is of version {version}, but this romjax knows versions up to "
+            f"{VERSION}; install a newer romjax, or open it by xarray.open_dataset."
+        )
+    if dataset["time"].dtype == np.float64 and not jax.config.read("jax_enable_x64"):
+        raise InputError(
+            f'load: {path} is in double precision; call jax.config.update("jax_enable_x64", True) '
+            "before making any array."
+        )

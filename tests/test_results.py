@@ -1,0 +1,271 @@
+"""Results that travel: runs and sweeps as datasets and netCDF files, tables as data frames."""
+
+import dataclasses
+import subprocess
+import sys
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import xarray
+
+import romjax as rj
+from romjax.integrate.status import REMEDIES, Status
+
+
+def same(one, other):
+    """Whether two pytrees of arrays are the same to the bit, types included."""
+    ours, theirs = jax.tree.leaves(one), jax.tree.leaves(other)
+    assert len(ours) == len(theirs)
+    for a, b in zip(map(np.asarray, ours), map(np.asarray, theirs), strict=True):
+        assert a.dtype == b.dtype
+        np.testing.assert_array_equal(a, b)
+
+
+def check_same_run(found, run):
+    same((found.t, found.q, found.v, found.violation), (run.t, run.q, run.v, run.violation))
+    same((found.multipliers, found.metric), (run.multipliers, run.metric))
+    same((found.stats, found.status, found.flags), (run.stats, run.status, run.flags))
+    same((found.balance, found.branching), (run.balance, run.branching))
+    same(found.imbalance, run.imbalance)
+    assert found.coordinates == run.coordinates
+
+
+@pytest.fixture(scope="module")
+def run(cart_pendulum):
+    return rj.simulate(cart_pendulum, jnp.linspace(0.0, 0.1, 11))
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    """A rigid bar on a hinge, which costs little to compile."""
+    bar = rj.RigidBody("bar", 1.0, 0.1, position=(0.5, 0.0))
+    hinge = rj.Revolute(bar.at((-0.5, 0.0)), rj.ground.at(), name="hinge")
+    return rj.Scene([bar], [hinge], [rj.Gravity()])
+
+
+def test_a_run_is_the_same_to_the_bit(run, tmp_path):
+    run.save(tmp_path / "run.nc")
+    found = rj.load(tmp_path / "run.nc")
+    check_same_run(found, run)
+    assert found.solver == run.solver
+    assert found.summary() == "success"
+    assert rj.compare(run, found).error == 0
+
+
+def test_the_scene_of_a_run_is_that_of_its_system(run, cart_pendulum):
+    """Assembled again, it makes the same motion to the bit, and recompiles nothing."""
+    system = rj.assemble(run.scene)
+    assert system.structure == cart_pendulum.structure
+    again = rj.simulate(system, run.t, rtol=run.stats.rtol)
+    same((again.q, again.v, again.multipliers), (run.q, run.v, run.multipliers))
+
+
+def test_a_file_simulates_the_same_scene_to_the_bit(run, tmp_path):
+    """From its text alone, by the same programs."""
+    run.save(tmp_path / "run.nc")
+    found = rj.load(tmp_path / "run.nc")
+    again = rj.simulate(found.system, found.t, rtol=found.stats.rtol)
+    check_same_run(again, run)
+    assert again.scene == found.scene
+    found.save(tmp_path / "again.nc")
+    assert xarray.open_dataset(tmp_path / "again.nc").scene == found.to_xarray().scene
+
+
+def test_a_scene_that_cannot_be_made_leaves_the_numbers(run, tmp_path):
+    """As where a part of one's own was not imported."""
+    data = run.to_xarray()
+    data.attrs["scene"] = data.attrs["scene"].replace("RigidBody", "Boulder")
+    data.to_netcdf(tmp_path / "run.nc")
+    with pytest.warns(UserWarning, match=r"no scene here.*\n?.*Boulder"):
+        found = rj.load(tmp_path / "run.nc")
+    check_same_run(found, run)
+    with pytest.raises(rj.InputError, match="does not know its system"):
+        _ = found.scene
+
+
+def test_a_file_says_what_it_is_without_romjax(run, cart_pendulum, tmp_path):
+    """Read by xarray in a process that has not imported romjax."""
+    tip = rj.measure(cart_pendulum, run, rj.Marker("pendulum", (0.0, -0.4), 0.0))
+    run.save(tmp_path / "run.nc", energy=rj.energy(cart_pendulum, run), tip=(tip.position, "m"))
+    code = """
+import sys, xarray
+d = xarray.open_dataset("run.nc")
+print(d["q"].dims, d["q"].units, d["v"].units, d["time"].units, d["multipliers"].dims)
+print(d["coordinate"].values[:3].tolist(), d["coordinate_unit"].values[:3].tolist())
+print(d["constraint"].values.tolist())
+print(d.solver, d.status_words, d.warnings, d["status"].flag_meanings.split()[int(d["status"])])
+print(d["energy.total"].units, d["tip"].dims, d["tip"].units, d["rtol"].values, d.romjax_version)
+print("romjax" in sys.modules)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines() == [
+        "('time', 'coordinate') m or rad or kg^1/2 m m/s or rad/s or kg^1/2 m/s s "
+        "('time', 'constraint')",
+        "['cart.x', 'cart.y', 'cart.phi'] ['m', 'm', 'rad']",
+        "[\"joint 'rail'\", \"joint 'cart angle'\", \"joint 'hinge' 1\", \"joint 'hinge' 2\"]",
+        "Rodas5P success none success",
+        "J ('time', 'tip_1') m 1e-06 0.1.0",
+        "False",
+    ]
+
+
+def test_values_are_found_by_name(run):
+    data = run.to_xarray()
+    same(data["q"].sel(coordinate="pendulum.phi").values, run["pendulum.phi"])
+    same(data["multipliers"].sel(constraint="joint 'rail'").values, run.multipliers[:, 0])
+
+
+def test_a_measurement_has_all_its_quantities(pendulum):
+    system = rj.assemble(pendulum)
+    run = rj.simulate(system, jnp.linspace(0.0, 0.2, 5), events=[], dense=True)
+    tip = rj.measure(system, run, pendulum.bodies[0].at((0.5, 0.0)))
+    data = run.to_xarray(tip=tip, joints=rj.joint_forces(system, run))
+    same(data["tip.velocity"].sel(axis="y").values, tip.velocity[:, 1])
+    assert data["tip.acceleration"].units == "m/s^2"
+    assert data["tip.angular_velocity"].units == "rad/s"
+    assert data["joints.hinge.force"].dims == ("time", "axis")
+    assert data["joints.hinge.torque"].units == "N m"
+    with pytest.raises(rj.InputError, match=r"half is an array of shape \(3,\).*5 outputs"):
+        run.to_xarray(half=np.zeros(3))
+
+
+def test_reduced_runs_say_so(pendulum, tmp_path):
+    """The numbers are physical, the scene is that of the full system."""
+    system = rj.assemble(pendulum)
+    run = rj.simulate(system, jnp.linspace(0.0, 0.2, 21))
+    rom = rj.reduce(system, rj.pod(run, rank=1), "minimal")
+    approx = rj.simulate(rom, run.t)
+    approx.save(tmp_path / "rom.nc")
+    found = rj.load(tmp_path / "rom.nc")
+    check_same_run(found, approx)
+    assert xarray.open_dataset(tmp_path / "rom.nc").model == f"reduced: {rom.summary}"
+    assert approx.system.summary == rom.summary
+    assert rj.assemble(approx.scene).structure == found.system.structure == system.structure
+
+
+def test_failed_runs_events_and_dense_output(pendulum, tmp_path):
+    """A run that failed keeps what it has; of dense output, only what `at` says is missing."""
+    system, path = rj.assemble(pendulum), tmp_path / "run.nc"
+    level = rj.quantity.Coordinate("bar.y")
+    crossing = rj.Crossing(level, -0.1)
+    run = rj.simulate(system, jnp.linspace(0.0, 1.0, 5), events=[crossing], dense=True)
+    run.save(path)
+    found = rj.load(path)
+    check_same_run(found, run)
+    same(found.events.times(), run.events.times())
+    assert found.events.count == run.events.count > 0
+    with pytest.raises(rj.InputError, match="simulate it with dense=True"):
+        found.at([0.1])
+    failed = rj.simulate(system, run.t, max_steps=3, throw=False)
+    assert failed.status == Status.MAX_STEPS
+    failed.save(path)
+    check_same_run(rj.load(path), failed)
+    assert REMEDIES[Status.MAX_STEPS] in xarray.open_dataset(path).status_words
+
+
+def test_a_method_with_settings_of_its_own_is_asked_for(run, tmp_path):
+    other = diffrax.Kvaerno5(root_finder=diffrax.VeryChord(rtol=1e-3, atol=1e-3))
+    changed = dataclasses.replace(run, solver_parts=type(run.solver_parts).of(other))
+    changed.save(tmp_path / "run.nc")
+    with pytest.raises(rj.InputError, match=r"made by Kvaerno5.*solver="):
+        rj.load(tmp_path / "run.nc")
+    assert rj.load(tmp_path / "run.nc", other).solver == other
+
+
+def test_a_run_of_a_transformation_knows_no_system(pendulum):
+    runs = jax.vmap(
+        lambda v: rj.simulate(
+            rj.assemble(pendulum), jnp.linspace(0.0, 0.1, 3), v0=v * rj.assemble(pendulum).v0
+        )
+    )(jnp.ones(2))
+    with pytest.raises(rj.InputError, match="within a transformation"):
+        _ = runs.scene
+    data = runs.to_xarray()
+    assert data["q"].dims == ("lane", "time", "coordinate")
+    assert list(data["constraint"].values) == ["constraint 1", "constraint 2"]
+
+
+@pytest.mark.parametrize(
+    ("attributes", "words"),
+    [
+        ({}, "was not written by romjax.*xarray.open_dataset"),
+        ({"format": "romjax sweep"}, "holds a romjax sweep"),
+        ({"format": "romjax run", "format_version": 99}, "version 99.*newer romjax"),
+    ],
+)
+def test_other_files_are_refused(attributes, words, tmp_path):
+    xarray.Dataset({"time": ("time", [0.0])}, attrs=attributes).to_netcdf(tmp_path / "other.nc")
+    with pytest.raises(rj.InputError, match=f"other.nc.*{words}"):
+        rj.load(tmp_path / "other.nc")
+
+
+def test_what_is_no_file_is_refused(run, tmp_path):
+    with pytest.raises(rj.InputError, match="there is no file.*run.nc"):
+        rj.load(tmp_path / "run.nc")
+    (tmp_path / "run.nc").write_text("t,x\n")
+    with pytest.raises(rj.InputError, match="no netCDF file.*Trajectory.save"):
+        rj.load(tmp_path / "run.nc")
+    run.to_xarray().drop_vars("violation").to_netcdf(tmp_path / "part.nc")
+    with pytest.raises(rj.InputError, match="part.nc is damaged.*'violation'"):
+        rj.load(tmp_path / "part.nc")
+
+
+@pytest.mark.parametrize("package", ["xarray", "h5netcdf", "h5py"])
+def test_what_is_missing_can_be_installed(run, package, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(ImportError, match=rf"{package}: pip install 'romjax\[files\]'"):
+        run.save(tmp_path / "run.nc")
+    with pytest.raises(ImportError, match=rf"{package}: pip install 'romjax\[files\]'"):
+        rj.load(tmp_path / "run.nc")
+
+
+@pytest.fixture(scope="module")
+def swept(pendulum):
+    """Runs of bars of three masses, the last one impossible, and their last angles."""
+    ts = jnp.linspace(0.0, 0.2, 5)
+    settings = {"solver": diffrax.Tsit5(), "dt": 0.05, "stabilization": None, "audit": False}
+
+    def swing(parameters):
+        scene = eqx.tree_at(lambda s: s.bodies[0].mass, pendulum, parameters["mass"])
+        run = rj.simulate(rj.assemble(scene), ts, throw=False, **settings)
+        return {"run": run, "end": run.q[-1], "mass": run["bar.phi"][-1]}
+
+    return rj.sweep(swing, {"mass": np.array([1.0, 2.0, np.nan])})
+
+
+def test_a_sweep_has_its_parameters_as_coordinates(swept, tmp_path):
+    swept.save(tmp_path / "sweep.nc")
+    data = xarray.load_dataset(tmp_path / "sweep.nc")
+    assert data["q"].dims == ("lane", "time", "coordinate")
+    np.testing.assert_array_equal(data.coords["mass"], [1.0, 2.0, np.nan])
+    np.testing.assert_array_equal(data["q"], swept.values["run"].q)
+    np.testing.assert_array_equal(data["end"], swept.values["end"])
+    np.testing.assert_array_equal(data["value.mass"], swept.values["mass"])
+    np.testing.assert_array_equal(data["time"], swept.values["run"].t[0])
+    assert data["status"].values.tolist() == swept.status.tolist()
+    assert data["failure"].values.tolist() == ["", "", swept.failures()[2]]
+    with pytest.raises(rj.InputError, match=r"holds a romjax sweep.*open_dataset"):
+        rj.load(tmp_path / "sweep.nc")
+    twice = dataclasses.replace(swept, values=[swept.values["run"]] * 2)
+    with pytest.raises(rj.InputError, match="each lane holds 2 runs"):
+        twice.to_xarray()
+
+
+def test_tables_of_errors_and_modes(run, pendulum, monkeypatch):
+    moved = dataclasses.replace(run, q=run.q.at[:, 2].mul(1.5).at[:, 0].mul(1.001))
+    report = rj.compare(run, moved)
+    table = report.table()
+    assert table["coordinate"][0] == "cart.x"
+    assert sorted(table["coordinate"]) == sorted(run.labels)
+    assert table["error"][0] == report.per_coordinate[0]
+    found = rj.modes(rj.assemble(pendulum))
+    same(found.table()["frequency"].to_numpy(), np.asarray(found.frequencies) / (2 * np.pi))
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ImportError, match=r"Comparison.table needs pandas: pip install .*study"):
+        report.table()
