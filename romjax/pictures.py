@@ -1,20 +1,22 @@
 """Pictures of what knows no drawing: what draws is loaded when somebody looks, from above."""
 
-import importlib
 from collections.abc import Callable
 from typing import Any
 
 from .errors import InputError
+from .extras import above
+
+_ANIMATE = "plot.motion.animate"
 
 
 def animated(run: Any, *others: Any, **options: Any) -> Any:
     """The moving picture of a run, and of `others` over it."""
-    return _drawing().animate_run(run, *others, **options)
+    return above(_ANIMATE, "animate_run")(run, *others, **options)
 
 
 def still(scene: Any) -> Any:
     """The picture of a scene at its start."""
-    return _drawing().animate(scene)
+    return above(_ANIMATE, "animate")(scene)
 
 
 def inline(make: Callable[[], Any]) -> str | None:
@@ -25,6 +27,3 @@ def inline(make: Callable[[], Any]) -> str | None:
         return None
     return picture
 
-
-def _drawing() -> Any:
-    return importlib.import_module(".plot.motion.animate", __package__)

@@ -1,6 +1,5 @@
 """What is there: bodies, joints and effects."""
 
-import importlib
 import os
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import equinox as eqx
 
 from ..errors import SceneError
+from ..extras import above
 from ..pictures import inline, still
 from .body.base import AbstractBody
 from .effect.base import AbstractEffect
@@ -36,8 +36,7 @@ class Scene(eqx.Module):
 
         Raises SceneError for a part of one's own that has what no file can hold.
         """
-        # By its name, since files know scenes and not the other way round.
-        importlib.import_module("romjax.files.write").save(self, path)
+        above("files.write", "save")(self, path)
 
     def check(self) -> None:
         """Raise a SceneError that names the first part that makes no sense."""
