@@ -97,6 +97,7 @@ from .scene.joint.prescribed import PrescribedTravel as PrescribedTravel
 from .scene.joint.prismatic import Prismatic as Prismatic
 from .scene.joint.revolute import Revolute as Revolute
 from .scene.joint.weld import Weld as Weld
+from .scene.marker import Ground as Ground
 from .scene.marker import Marker as Marker
 from .scene.marker import Pose as Pose
 from .scene.marker import Twist as Twist

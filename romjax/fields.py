@@ -12,13 +12,17 @@ from jaxtyping import Array
 
 from .arrays import Number, as_array
 
-__all__ = ["Converted", "number", "parts"]
+__all__ = ["ANGLE", "Converted", "number", "parts", "radians"]
+
+# What marks a field as an angle, in its metadata.
+ANGLE = "angle"
 
 if TYPE_CHECKING:
     # Checkers know a field, and whether it has a default, by the function that declares it, here
     # that of equinox by other names. They do not see its converter: the annotation decides.
     from equinox import field as number
     from equinox import field as parts
+    from equinox import field as radians
     from typing_extensions import TypeVar
 
     Held = TypeVar("Held")
@@ -45,6 +49,10 @@ else:
     def number(**kwargs: Any) -> Any:
         """A field holding a floating-point array (or None, where the element allows it)."""
         return eqx.field(converter=_as_number, **kwargs)
+
+    def radians(**kwargs: Any) -> Any:
+        """A field as `number`, of angles: files take degrees, too, under its name and `_deg`."""
+        return eqx.field(converter=_as_number, metadata={ANGLE: True}, **kwargs)
 
     def parts(**kwargs: Any) -> Any:
         """A field holding a tuple of elements, of any sequence of them."""

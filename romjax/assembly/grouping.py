@@ -10,6 +10,7 @@ from jaxtyping import Array
 
 from ..compat import is_traced
 from ..scene.marker import Marker
+from ..scene.points import NamedPoints
 
 T = TypeVar("T")
 
@@ -58,11 +59,15 @@ def group(elements: Sequence[T]) -> list[tuple[T, list[int]]]:
 
 
 def anonymous(element: T) -> T:
-    """The element without its name and those of the bodies that its markers sit on."""
+    """The element without its name, its named points and the bodies that its markers sit on."""
+
+    def blanked(x: Any) -> Any:
+        if isinstance(x, NamedPoints):
+            return NamedPoints((), ())
+        return Marker("", x.point, x.angle) if isinstance(x, Marker) else x
+
     blank: T = jtu.tree_map(
-        lambda x: Marker("", x.point, x.angle) if isinstance(x, Marker) else x,
-        element,
-        is_leaf=lambda x: isinstance(x, Marker),
+        blanked, element, is_leaf=lambda x: isinstance(x, Marker | NamedPoints)
     )
     if hasattr(blank, "name"):
         blank = with_name(blank, "")

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from .. import checks
 from ..errors import SceneError
-from ..fields import Converted, number, parts
+from ..fields import Converted, number, parts, radians
 
 __all__ = [
     "Converted",
@@ -17,6 +17,7 @@ __all__ = [
     "check_shape",
     "number",
     "parts",
+    "radians",
 ]
 
 check_shape = functools.partial(checks.check_shape, error=SceneError)

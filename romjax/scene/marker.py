@@ -1,14 +1,16 @@
 """Markers: the only connectors between bodies, joints and effects."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..arrays import Number, Vector
+from ..arrays import Number, Vector, as_array
 from ..errors import SceneError
-from .fields import Converted, check_finite, check_shape, number
+from .fields import Converted, check_finite, check_shape, number, radians
+from .points import NamedPoints, by_name, point_of
 
 GROUND = "ground"
 
@@ -65,7 +67,7 @@ class Marker(eqx.Module):
 
     body: str = eqx.field(static=True)
     point: Converted[Float[Array, "2"], Vector] = number()
-    angle: Converted[Float[Array, ""]] = number(default=0.0)
+    angle: Converted[Float[Array, ""]] = radians(default=0.0)
 
     def check(self, owner: str) -> None:
         check_shape(owner, f"marker on '{self.body}': point", self.point, (2,))
@@ -75,11 +77,26 @@ class Marker(eqx.Module):
 
 
 class Ground(eqx.Module):
-    """The inertial frame; `ground.at(point)` marks a fixed point."""
+    """The inertial frame; `ground.at(point)` marks a fixed point.
 
-    def at(self, point: Vector = (0.0, 0.0), angle: Number = 0.0) -> Marker:
-        """A marker at `point` [m] of the inertial frame, turned by `angle` [rad]."""
-        return Marker(GROUND, point, angle)
+    A `Ground` of one's own has points by name: `Ground({"pivot": (0.0, 0.0)}).at("pivot")`.
+    """
+
+    points: Converted[NamedPoints, Mapping[str, Vector]] = by_name()
+
+    def named_points(self) -> Mapping[str, Float[Array, "2"]]:
+        """The points [m] that `at` and `pose` know by name."""
+        return self.points.mapping()
+
+    def at(self, point: Vector | str = (0.0, 0.0), angle: Number = 0.0) -> Marker:
+        """A marker at a `point` [m] of the inertial frame, or the one of that name, turned by
+        `angle` [rad].
+        """
+        return Marker(GROUND, point_of(GROUND, self.named_points(), point), angle)
+
+    def pose(self, point: Vector | str = (0.0, 0.0)) -> Pose:
+        """A fixed position, as in `at`, at an angle of zero."""
+        return Pose(self.at(point).point, as_array(0.0))
 
 
 ground = Ground()

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from ..arrays import Time, Vector, as_array, concrete
 from ..errors import SceneError
-from .fields import Converted, check_finite, check_positive, check_shape, number
+from .fields import Converted, check_finite, check_positive, check_shape, number, radians
 
 __all__ = [
     "AbstractSignal",
@@ -73,7 +73,7 @@ class Sine(AbstractSignal):
 
     amplitude: Converted[Float[Array, ""]] = number()
     frequency: Converted[Float[Array, ""]] = number()
-    phase: Converted[Float[Array, ""]] = number(default=0.0)
+    phase: Converted[Float[Array, ""]] = radians(default=0.0)
 
     def __call__(self, t: Time) -> Float[Array, ""]:
         return self.amplitude * jnp.sin(2 * jnp.pi * self.frequency * t + self.phase)

@@ -1,6 +1,7 @@
 """The interface that every kind of body has."""
 
 import abc
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import equinox as eqx
@@ -14,7 +15,9 @@ from ...deprecated import adopt, renamed
 from ...errors import SceneError
 from ..coordinate import Coordinate
 from ..fields import check_finite, check_shape
-from ..marker import GROUND, Marker
+from ..marker import GROUND, Marker, Pose
+from ..placing import brought, start_pose
+from ..points import point_of
 from .inertia import Inertia
 
 T = TypeVar("T", bound="AbstractBody")
@@ -147,9 +150,28 @@ class AbstractBody(eqx.Module):
         """Labels of the coordinates, such as "cart.x"."""
         return tuple(coordinate.label for coordinate in self.coordinates())
 
-    def at(self, point: Vector = (0.0, 0.0), angle: Number = 0.0) -> Marker:
-        """A marker at the material `point` X [m] of the body frame, turned by `angle` [rad]."""
-        return Marker(self.name, point, angle)
+    def named_points(self) -> Mapping[str, Float[Array, "2"]]:
+        """The material points [m] that `at`, `pose` and `placed` know by name."""
+        return {}
+
+    def at(self, point: Vector | str = (0.0, 0.0), angle: Number = 0.0) -> Marker:
+        """A marker at the material `point` X [m] of the body frame, or the one of that name, turned
+        by `angle` [rad].
+        """
+        return Marker(self.name, self._point(point), angle)
+
+    def pose(self, point: Vector | str = (0.0, 0.0)) -> Pose:
+        """Where a point, as in `at`, is at the start, and how the body is turned there."""
+        return start_pose(self, self._point(point))
+
+    def placed(self: T, point: Vector | str, to: Pose, angle: Number | None = None) -> T:
+        """The body with a `point`, as in `at`, at the position of a pose, such as `other.pose("pin")`
+        or `ground.pose((x, y))`, and its frame turned by `angle` [rad], as it is unless given.
+        """
+        return brought(self, self._point(point), to, angle)
+
+    def _point(self, point: Vector | str) -> Vector:
+        return point_of(f"body '{self.name}'", self.named_points(), point)
 
 
 def nameless(body: T) -> T:

@@ -1,5 +1,6 @@
 """A slender elastic beam in a floating frame."""
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -9,7 +10,8 @@ from jaxtyping import Array, Float
 
 from ...arrays import Number, Vector, as_array, concrete
 from ...errors import SceneError
-from ..fields import check_numbers, number
+from ..fields import check_numbers, number, radians
+from ..points import NamedPoints, by_name
 from .base import AbstractBody, check_name, check_start, flexible_start
 from .inertia import Inertia
 from .modes import (
@@ -50,6 +52,8 @@ class Beam(AbstractBody):
       ½ ∫w'² ds, so that tension, as in fast rotation, stiffens it.
     - `position`, `angle`, `velocity`, `angular_velocity`: initial pose and motion of the frame.
     - `amplitudes`, `rates`: initial modal coordinates and velocities, zero unless given.
+    - `points`: points by name for `body.at("name")`, such as {"load": (0.1, 0.0)} [m], besides
+      "start" and "end", those at the lower and at the upper coordinate.
     """
 
     name: str = eqx.field(static=True)
@@ -60,11 +64,12 @@ class Beam(AbstractBody):
     inertia: Float[Array, ""] | None = number(default=None)
     damping: Float[Array, " modes"] | None = number(default=None)
     position: Float[Array, "2"] = number(default=(0.0, 0.0))
-    angle: Float[Array, ""] = number(default=0.0)
+    angle: Float[Array, ""] = radians(default=0.0)
     velocity: Float[Array, "2"] = number(default=(0.0, 0.0))
     angular_velocity: Float[Array, ""] = number(default=0.0)
     amplitudes: Float[Array, " modes"] = number(default=())
     rates: Float[Array, " modes"] = number(default=())
+    points: NamedPoints = by_name()
     modes: int = eqx.field(static=True, default=0)
     axis: str = eqx.field(static=True, default="x")
     shapes: str = eqx.field(static=True, default="free-free")
@@ -91,6 +96,7 @@ class Beam(AbstractBody):
         angular_velocity: Number = 0.0,
         amplitudes: Vector | None = None,
         rates: Vector | None = None,
+        points: Mapping[str, Vector] | NamedPoints | None = None,
     ):
         if frequencies is not None and EI is not None:
             raise SceneError(f"body '{name}': give either EI or frequencies, not both.")
@@ -118,6 +124,7 @@ class Beam(AbstractBody):
         zero = jnp.zeros(self.modes)
         self.amplitudes = zero if amplitudes is None else as_array(amplitudes)
         self.rates = zero if rates is None else as_array(rates)
+        self.points = NamedPoints.of(points or {})
 
     @classmethod
     def of_section(
@@ -177,6 +184,10 @@ class Beam(AbstractBody):
     def invariants(self) -> Inertia:
         moment = self.mass * self.length**2 / 12 if self.inertia is None else self.inertia
         return self._inertia(moment)
+
+    def named_points(self) -> Mapping[str, Float[Array, "2"]]:
+        half = self.length * np.array([0.5, 0.0] if self.axis == "x" else [0.0, 0.5])
+        return {"start": -half, "end": half, **self.points.mapping()}
 
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         return self.invariants().matrix(q)
@@ -251,6 +262,7 @@ class Beam(AbstractBody):
         check_numbers(owner, self, "damping", shape=modal, sign="not negative")
         check_numbers(owner, self, "amplitudes", "rates", shape=modal)
         check_start(owner, self)
+        self.points.check(owner, ("start", "end"))
 
     def _check_inertia(self, owner: str) -> None:
         """The points that supported modes move have the inertia of a thin bar, at least."""

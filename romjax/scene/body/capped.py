@@ -1,5 +1,7 @@
 """Modes above a frequency made slower: statics stay exact, and steps may be longer."""
 
+from collections.abc import Mapping
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -74,6 +76,9 @@ class CappedBody(AbstractBody):
 
     def foreshortening(self, point: Float[Array, "2"]) -> Float[Array, "2 modes modes"]:
         return self.body.foreshortening(point)
+
+    def named_points(self) -> Mapping[str, Float[Array, "2"]]:
+        return self.body.named_points()
 
     def outline(self) -> Float[Array, "points 2"]:
         return self.body.outline()

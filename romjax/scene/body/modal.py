@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from ...arrays import Number, Vector, as_array, concrete
 from ...errors import SceneError
-from ..fields import check_numbers, number
+from ..fields import check_numbers, number, radians
 from ..marker import Marker
 from .base import AbstractBody, check_name, check_start, flexible_start
 from .component_modes import Matrix
@@ -47,7 +47,7 @@ class ModalBody(AbstractBody):
     shapes: Float[Array, "points 3 modes"] = number()
     damping: Float[Array, "modes *modes"] | None = number(default=None)
     position: Float[Array, "2"] = number(default=(0.0, 0.0))
-    angle: Float[Array, ""] = number(default=0.0)
+    angle: Float[Array, ""] = radians(default=0.0)
     velocity: Float[Array, "2"] = number(default=(0.0, 0.0))
     angular_velocity: Float[Array, ""] = number(default=0.0)
     amplitudes: Float[Array, " modes"] = number(default=())
@@ -134,14 +134,8 @@ class ModalBody(AbstractBody):
             **start,
         )
 
-    def at(self, point: Vector | str = (0.0, 0.0), angle: Number = 0.0) -> Marker:
-        """A marker at a port, by its name or its `point` [m], turned by `angle` [rad]."""
-        if isinstance(point, str):
-            if point not in self.ports:
-                ports = ", ".join(self.ports) or "none"
-                raise SceneError(f"body '{self.name}' has no port '{point}'. It has: {ports}.")
-            return Marker(self.name, self.points[self.ports.index(point)], angle)
-        return Marker(self.name, point, angle)
+    def named_points(self) -> Mapping[str, Float[Array, "2"]]:
+        return dict(zip(self.ports, self.points, strict=False))
 
     @property
     def constant_mass(self) -> bool:

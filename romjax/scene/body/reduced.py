@@ -1,5 +1,7 @@
 """A flexible body with fewer modes: those in the span of some combinations of its own."""
 
+from collections.abc import Mapping
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -96,6 +98,9 @@ class ReducedBody(AbstractBody):
 
     def foreshortening(self, point: Float[Array, "2"]) -> Float[Array, "2 k k"]:
         return self.basis.T @ self.body.foreshortening(point) @ self.basis
+
+    def named_points(self) -> Mapping[str, Float[Array, "2"]]:
+        return self.body.named_points()
 
     def outline(self) -> Float[Array, "points 2"]:
         return self.body.outline()

@@ -1,5 +1,6 @@
 """A rigid body."""
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import equinox as eqx
@@ -7,7 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Number, Vector, concatenate
-from ..fields import Converted, check_numbers, check_shape, number
+from ..fields import Converted, check_numbers, check_shape, number, radians
+from ..points import NamedPoints, by_name
 from .base import AbstractBody, check_name, check_start, disc, rectangle
 
 
@@ -23,16 +25,18 @@ class RigidBody(AbstractBody):
     - `velocity`, `angular_velocity`: initial motion [m/s], [rad/s].
     - `extent`: what it is drawn as, without mechanical meaning: length and height [m] of a
       rectangle, the diameter of a disc, or the corners of a polygon (corners, 2).
+    - `points`: points by name for `body.at("name")`, such as {"pin": (0.1, 0.0)} [m].
     """
 
     name: str = eqx.field(static=True)
     mass: Converted[Float[Array, ""]] = number()
     inertia: Converted[Float[Array, ""]] = number()
     position: Converted[Float[Array, "2"], Vector] = number(default=(0.0, 0.0))
-    angle: Converted[Float[Array, ""]] = number(default=0.0)
+    angle: Converted[Float[Array, ""]] = radians(default=0.0)
     velocity: Converted[Float[Array, "2"], Vector] = number(default=(0.0, 0.0))
     angular_velocity: Converted[Float[Array, ""]] = number(default=0.0)
     extent: Converted[Float[Array, "*shape"], Vector | Number] = number(default=(0.2, 0.1))
+    points: Converted[NamedPoints, Mapping[str, Vector]] = by_name()
     modes: ClassVar[int] = 0  # type: ignore[misc]
 
     @property
@@ -44,6 +48,9 @@ class RigidBody(AbstractBody):
             concatenate([self.position, self.angle]),
             concatenate([self.velocity, self.angular_velocity]),
         )
+
+    def named_points(self) -> Mapping[str, Float[Array, "2"]]:
+        return self.points.mapping()
 
     def mass_matrix(self, q: Float[Array, "3"]) -> Float[Array, "3"]:
         del q
@@ -72,3 +79,4 @@ class RigidBody(AbstractBody):
             polygon = self.extent.ndim == 2
             check_shape(owner, "extent", self.extent, (None, 2) if polygon else (2,))
         check_start(owner, self)
+        self.points.check(owner)

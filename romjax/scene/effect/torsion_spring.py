@@ -5,7 +5,7 @@ from jaxtyping import Array, Float
 
 from ...arrays import Time
 from ..drawing import arc
-from ..fields import Converted, check_numbers, number
+from ..fields import Converted, check_numbers, number, radians
 from ..marker import Marker, Pose
 from ..outline import Outline
 from .base import AbstractPotential, check_markers
@@ -26,7 +26,7 @@ class TorsionSpring(AbstractPotential):
     a: Marker
     b: Marker
     stiffness: Converted[Float[Array, ""]] = number()
-    rest_angle: Converted[Float[Array, ""]] = number(default=0.0)
+    rest_angle: Converted[Float[Array, ""]] = radians(default=0.0)
 
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         del t

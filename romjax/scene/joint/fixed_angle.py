@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ...arrays import Time
 from ..drawing import placed
-from ..fields import Converted, check_numbers, number
+from ..fields import Converted, check_numbers, radians
 from ..marker import Marker, Pose
 from ..outline import Outline
 from .base import AbstractJoint
@@ -19,7 +19,7 @@ class FixedAngle(AbstractJoint):
 
     a: Marker
     b: Marker
-    value: Converted[Float[Array, ""]] = number(default=0.0)
+    value: Converted[Float[Array, ""]] = radians(default=0.0)
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
     hatched: ClassVar[bool] = False

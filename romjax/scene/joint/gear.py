@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ...arrays import Time
 from ..drawing import belt, length_between, wheel
-from ..fields import Converted, check_numbers, number
+from ..fields import Converted, check_numbers, number, radians
 from ..marker import Marker, Pose
 from ..outline import Outline
 from .base import AbstractJoint
@@ -25,7 +25,7 @@ class Gear(AbstractJoint):
     a: Marker
     b: Marker
     ratio: Converted[Float[Array, ""]] = number()
-    offset: Converted[Float[Array, ""]] = number(default=0.0)
+    offset: Converted[Float[Array, ""]] = radians(default=0.0)
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
     hatched: ClassVar[bool] = False

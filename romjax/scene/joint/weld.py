@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
-from ..fields import Converted, check_numbers, number
+from ..fields import Converted, check_numbers, radians
 from ..marker import Marker, Pose
 from ..outline import Outline
 from .base import AbstractJoint
@@ -18,7 +18,7 @@ class Weld(AbstractJoint):
 
     a: Marker
     b: Marker
-    value: Converted[Float[Array, ""]] = number(default=0.0)
+    value: Converted[Float[Array, ""]] = radians(default=0.0)
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 3
 

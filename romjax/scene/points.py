@@ -1,0 +1,59 @@
+"""Points of bodies, and of the ground, by name."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ..arrays import Vector, as_array
+from ..checks import unknown_name
+from ..errors import SceneError
+from .fields import check_finite, check_shape
+
+__all__ = ["NamedPoints", "by_name", "point_of"]
+
+
+class NamedPoints(eqx.Module):
+    """Material points [m] by their `names`: for `body.at("pin")`, no more. Names are static."""
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    positions: tuple[Float[Array, "2"], ...]
+
+    @classmethod
+    def of(cls, given: Any) -> "NamedPoints":
+        """Of a mapping from names to positions, or of some that are made."""
+        if isinstance(given, NamedPoints):
+            return given
+        named = dict(given)
+        return cls(tuple(named), tuple(as_array(position) for position in named.values()))
+
+    def mapping(self) -> dict[str, Float[Array, "2"]]:
+        return dict(zip(self.names, self.positions, strict=True))
+
+    def check(self, owner: str, taken: tuple[str, ...] = ()) -> None:
+        """Raise a SceneError that names owner, point and remedy; `taken`: names it cannot have."""
+        for name, position in self.mapping().items():
+            if not isinstance(name, str) or not name or name in taken:
+                raise SceneError(f"{owner}: a point is named {name!r}; give it another name.")
+            check_shape(owner, f"point '{name}'", position, (2,))
+            check_finite(owner, f"point '{name}'", position)
+
+
+if TYPE_CHECKING:  # why, see fields.py
+    from equinox import field as by_name
+else:
+
+    def by_name(**kwargs: Any) -> Any:
+        """A field that holds points by name, of any mapping; empty unless told."""
+        return eqx.field(converter=NamedPoints.of, **{"default": (), **kwargs})
+
+
+def point_of(owner: str, known: Mapping[str, Any], point: Vector | str) -> Vector:
+    """The point itself, or the one of that name among those that are `known`."""
+    if not isinstance(point, str):
+        return point
+    if point not in known:
+        raise SceneError(str(unknown_name(owner, "point", point, known)))
+    position: Vector = known[point]
+    return position
