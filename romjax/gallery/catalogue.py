@@ -6,8 +6,22 @@ from collections.abc import Callable, Mapping
 
 from ..errors import SceneError
 from ..scene.scene import Scene
+from .bouncing_ball import bouncing_ball
 from .cart_pendulum import cart_pendulum
 from .chain import chain
+from .connecting_rod import connecting_rod
+from .double_pendulum import double_pendulum
+from .flywheel import flywheel
+from .four_bar import four_bar
+from .jansen import jansen
+from .newtons_cradle import newtons_cradle
+from .robot_arm import robot_arm
+from .rotating_blade import rotating_blade
+from .segmented_beam import segmented_beam
+from .slider_crank import slider_crank
+from .squeezer import squeezer
+from .trebuchet import trebuchet
+from .vehicle_axle import vehicle_axle
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,6 +56,20 @@ EXAMPLES = (
         published_ranks=(5, 6),
     ),
     Example("chain", "eight bars hinged end to end, falling from the horizontal", chain),
+    Example("double-pendulum", "two bars from high up: chaos", double_pendulum, 10.0, 50.0),
+    Example("four-bar", "crank, coupler and rocker with two dead points", four_bar, 3.0),
+    Example("slider-crank", "Simeon's, with a flexible rod", slider_crank, 0.1, 2000.0),
+    Example("squeezer", "seven bodies in three loops", squeezer, 0.5, 200.0),
+    Example("jansen", "two legs of a walking linkage on one crank", jansen, 4.0, 50.0),
+    Example("vehicle-axle", "a body on springs and tyres over bumps", vehicle_axle, 2.5),
+    Example("trebuchet", "a counterweight and a sling throw a stone", trebuchet, 1.2),
+    Example("newtons-cradle", "five balls pass momentum on by contact", newtons_cradle, 2.0),
+    Example("bouncing-ball", "contact that loses energy, with friction", bouncing_ball, 2.0),
+    Example("robot-arm", "three flexible links on drives lift a load", robot_arm, 2.5),
+    Example("flywheel", "a rim on flexible spokes, set in motion", flywheel, 0.4, 500.0),
+    Example("rotating-blade", "a beam that its rotation stiffens", rotating_blade, 2.0),
+    Example("connecting-rod", "a crank drive with a meshed rod", connecting_rod, 0.0628318530718, 3000.0),
+    Example("segmented-beam", "32 hinged segments, rolled up to a ring", segmented_beam, 4.0, 50.0),
 )
 
 
