@@ -22,12 +22,16 @@ from .errors import InputError as InputError
 from .errors import RankError as RankError
 from .errors import ReductionError as ReductionError
 from .errors import SceneError as SceneError
+from .errors import SceneFileError as SceneFileError
 from .errors import SimulationError as SimulationError
 from .events.base import AbstractEvent as AbstractEvent
 from .events.base import Crossing as Crossing
 from .events.base import Stop as Stop
 from .events.impact import Impact as Impact
 from .events.record import Events as Events
+from .files.scene_file import SceneFile as SceneFile
+from .files.scene_file import load_scene as load_scene
+from .files.scene_file import scene_file as scene_file
 from .integrate.adjoint import forward_mode as forward_mode
 from .integrate.branching import Branching as Branching
 from .integrate.energy_balance import EnergyBalance as EnergyBalance

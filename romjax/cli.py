@@ -18,6 +18,8 @@ from tqdm import tqdm
 from . import page, plot, report
 from .assembly.assemble import assemble
 from .errors import InputError, SceneError, SimulationError
+from .files.scene_file import SceneFile, scene_file
+from .files.settings import solver_of
 from .gallery.catalogue import EXAMPLES, Example, find
 from .scene.scene import Scene
 from .study.accuracy.study import accuracy
@@ -56,7 +58,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add_scene(run)
     run.add_argument("--rate", type=float, metavar="HZ", help="sample rate (that of the scene)")
-    run.add_argument("--rtol", type=float, default=1e-8, help="tolerance of all runs (1e-8)")
+    run.add_argument("--rtol", type=float, help="tolerance of all runs (that of the scene)")
     run.add_argument("--pod-rank", type=int, metavar="R", help="modes of POD (drop point)")
     run.add_argument("--sod-rank", type=int, metavar="R", help="modes of SOD (drop point)")
     run.add_argument("--no-animation", action="store_true", help="leave out the animation")
@@ -91,7 +93,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_scene(verb: argparse.ArgumentParser) -> None:
     """What every verb that simulates asks for."""
-    verb.add_argument("scene", help="name of a ready scene, or a Python file that defines `scene`")
+    verb.add_argument("scene", help="name of a ready scene, a scene file (TOML), or a Python file that defines `scene`")
     verb.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (romjax-NAME)")
     verb.add_argument("--end", type=float, metavar="S", help="simulated time (that of the scene)")
 
@@ -124,7 +126,8 @@ def _run(options: argparse.Namespace) -> int:
             _given(options.rate, example.rate),
             pod_rank=_given(options.pod_rank, example.pod_rank),
             sod_rank=_given(options.sod_rank, example.sod_rank),
-            rtol=options.rtol,
+            rtol=_given(options.rtol, example.rtol),
+            solver=example.solver,
             report=advance,
             report_run=lambda run: bar.write(report.line(run), file=sys.stderr),
         )
@@ -191,7 +194,9 @@ def _given(option: Any, default: Any) -> Any:
 
 
 def _load(name: str) -> Example:
-    """A ready scene by name, or the `scene` that a Python file defines."""
+    """A ready scene by name, a scene file, or the `scene` that a Python file defines."""
+    if name.endswith(".toml"):
+        return _of_file(scene_file(name))
     if not name.endswith(".py"):
         return find(name)
     path = Path(name)
@@ -206,6 +211,21 @@ def _load(name: str) -> Example:
             "of that name that returns one."
         )
     return Example(path.stem, f"from {path}", lambda: scene)
+
+
+def _of_file(file: SceneFile) -> Example:
+    run = file.settings
+    return Example(
+        file.path.stem,
+        file.title,
+        file,
+        end=run.end,
+        rate=run.rate,
+        pod_rank=run.pod_rank,
+        sod_rank=run.sod_rank,
+        rtol=run.rtol,
+        solver=solver_of(run.solver),
+    )
 
 
 def _writable(folder: Path) -> Path:

@@ -9,6 +9,10 @@ class SceneError(InputError):
     """A scene that cannot be assembled."""
 
 
+class SceneFileError(SceneError):
+    """A file that holds no scene; the message has a line for each of its mistakes."""
+
+
 class RankError(InputError):
     """A number of modes that the snapshots do not allow."""
 

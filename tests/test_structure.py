@@ -137,6 +137,7 @@ BELOW = {
     "analysis": {"linalg", "scene", "system", "assembly", "measure"},
     "study": {"linalg", "scene", "basis", "system", "assembly", "reduction", "integrate"},
     "gallery": {"scene"},
+    "files": {"scene", "system", "assembly", "integrate", "study"},
     "plot": {"scene", "basis", "system", "assembly", "reduction", "integrate", "study"},
 }
 

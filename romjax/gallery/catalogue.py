@@ -3,6 +3,9 @@
 import dataclasses
 import difflib
 from collections.abc import Callable, Mapping
+from typing import Any
+
+import diffrax
 
 from ..errors import SceneError
 from ..scene.scene import Scene
@@ -31,7 +34,7 @@ class Example:
     `pod_rank`, `sod_rank`: numbers of modes, None for the drop point. What a publication says of
     the scene, if one does: `published_savings`, the share of time that its reduced models save, by
     the name of their decomposition; `published_ranks`, the numerical ranks of its generalised SVD
-    at `rate` and at three times that.
+    at `rate` and at three times that. `rtol`: tolerance; `solver`: the method, None for the default.
     """
 
     name: str
@@ -43,6 +46,8 @@ class Example:
     sod_rank: int | None = None
     published_savings: Mapping[str, float] = dataclasses.field(default_factory=dict)
     published_ranks: tuple[int, ...] = ()
+    rtol: float = 1e-8
+    solver: diffrax.AbstractSolver[Any] | None = None
 
 
 EXAMPLES = (

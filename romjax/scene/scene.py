@@ -1,5 +1,7 @@
 """What is there: bodies, joints and effects."""
 
+import importlib
+import os
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -25,6 +27,14 @@ class Scene(eqx.Module):
     bodies: Converted[tuple[AbstractBody, ...], Iterable[AbstractBody]] = parts()
     joints: Converted[tuple[AbstractJoint, ...], Iterable[AbstractJoint]] = parts(default=())
     effects: Converted[tuple[AbstractEffect, ...], Iterable[AbstractEffect]] = parts(default=())
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the scene to a file in TOML, which `load_scene` reads: every number to the bit.
+
+        Raises SceneError for a part of one's own that has what no file can hold.
+        """
+        # By its name, since files know scenes and not the other way round.
+        importlib.import_module("romjax.files.write").save(self, path)
 
     def check(self) -> None:
         """Raise a SceneError that names the first part that makes no sense."""

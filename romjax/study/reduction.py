@@ -2,8 +2,9 @@
 
 import dataclasses
 from collections.abc import Callable, Iterator
-from typing import Literal
+from typing import Any, Literal
 
+import diffrax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -90,6 +91,7 @@ def reduction_study(
     pod_rank: Rank | None = None,
     sod_rank: Rank | None = None,
     rtol: float = 1e-8,
+    solver: diffrax.AbstractSolver[Any] | None = None,
     repeats: int = 2,
     report: Callable[[str], None] = lambda stage: None,
     report_run: Callable[[Run], None] = lambda run: None,
@@ -102,6 +104,7 @@ def reduction_study(
     - `end`: simulated time [s]; `rate`: sample rate of the snapshots [Hz].
     - `pod_rank`, `sod_rank`: numbers of modes; the drop point unless given.
     - `rtol`: of all runs; a basis cannot be better than its snapshots.
+    - `solver`: of all runs; for each the one that suits it unless given.
     - `repeats`: how many times each run is timed.
     - `report`: called with a few words before each stage; `report_run`: with each model's run,
       as soon as it is there.
@@ -113,7 +116,7 @@ def reduction_study(
         raise InputError(f"study: end={end} s at rate={rate} Hz is no sample; make both larger.")
     ts = jnp.linspace(0.0, end, REFINEMENT * round(end * rate) + 1)
     report("full model")
-    runner = _Runner(ts, rtol, repeats)
+    runner = _Runner(ts, rtol, solver, repeats)
     full = runner.run("full", system, "default", None)
     report_run(full)
     fine = full.trajectory
@@ -134,6 +137,7 @@ class _Runner:
 
     ts: Float[Array, " k"]
     rtol: float
+    solver: diffrax.AbstractSolver[Any] | None
     repeats: int
 
     def run(
@@ -150,6 +154,7 @@ class _Runner:
                 system,
                 self.ts,
                 rtol=self.rtol,
+                solver=self.solver,
                 stabilization=stabilization,
                 throw=truth is None,
             )

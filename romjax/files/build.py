@@ -1,0 +1,278 @@
+"""From the tables of a file to a scene."""
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any, NoReturn
+
+import numpy as np
+
+from ..arrays import as_array
+from ..compat import is_traced
+from ..scene.body.base import AbstractBody
+from ..scene.effect.base import AbstractEffect
+from ..scene.joint.base import AbstractJoint
+from ..scene.marker import GROUND, Ground, Marker
+from ..scene.scene import Scene
+from .arrays import read_array
+from .forms import Form, ListOf, MarkerForm, Numbers, PartOf, TableOf, is_body
+from .numbers import PARAMETER
+from .parameters import is_reference
+from .parts import DEGREES, TYPE, Maker, makers
+from .problems import Place, Problems, unknown
+
+_DEGREE = math.pi / 180
+_OWNER = re.compile(r"^(?:body|joint|effect) '[^']*': ")
+
+
+class Failed(Exception):
+    """A part that cannot be made; the mistake is noted already."""
+
+
+class Builder:
+    """Makes the parts of a file, and notes what keeps it from that.
+
+    Nothing is made of a part whose table has a mistake, and nothing is said of what depends on it.
+    """
+
+    def __init__(self, tables: Mapping[str, Any], values: Mapping[str, Any], problems: Problems):
+        self.tables, self.values, self.problems = tables, values, problems
+        self._bodies: dict[str, AbstractBody | None] = {}
+        self._waiting: list[str] = []
+        self.ground = self._ground()
+
+    def scene(self) -> Scene | None:
+        """The scene; None if anything is wrong."""
+        bodies = [self.body(name) for name in self._names("bodies")]
+        joints = list(self._parts("joints", AbstractJoint))
+        effects = list(self._parts("effects", AbstractEffect))
+        if self.problems.found:
+            return None
+        scene = Scene([body for body in bodies if body], joints, effects)
+        try:
+            scene.check()
+        except ValueError as error:
+            self.problems.add((), str(error))
+        return scene
+
+    def _names(self, section: str) -> list[str]:
+        table = self.tables.get(section, {})
+        return list(table) if isinstance(table, dict) else []
+
+    def _ground(self) -> Ground | None:
+        """None if its points have mistakes."""
+        if self.problems.touch(("ground",)):
+            return None
+        points = self.tables.get("ground", {}).get("points", {})
+        try:
+            return Ground(self._table(("ground", "points"), TableOf(Numbers((2,))), points))
+        except Failed:
+            return None
+
+    def _parts(self, section: str, base: type) -> Iterator[Any]:
+        for name in self._names(section):
+            place = (section, name)
+            if self.problems.touch(place):
+                continue
+            table = {"name": name} | self.tables[section][name]
+            try:
+                part = self._part(place, base, table)
+                for marker in getattr(part, "markers", ()):
+                    self._check_marker(place, marker)
+            except Failed:
+                continue
+            yield part
+
+    def _check_marker(self, place: Place, marker: Marker) -> None:
+        """Of bodies that know few points."""
+        body = self._bodies.get(marker.body)
+        if body is not None:
+            self._try(place, {}, lambda: body.check_marker("It", marker))
+
+    # Bodies.
+
+    def body(self, name: str) -> AbstractBody | None:
+        """A body, made where it is asked for first; None if it has a mistake."""
+        if name not in self._bodies:
+            self._bodies[name] = None
+            if not self.problems.touch(("bodies", name)):
+                self._waiting.append(name)
+                try:
+                    self._bodies[name] = self._make_body(name)
+                except Failed:
+                    pass
+                self._waiting.pop()
+        return self._bodies[name]
+
+    def _make_body(self, name: str) -> AbstractBody:
+        place = ("bodies", name)
+        table = dict(self.tables["bodies"][name])
+        brought = table.pop("place", None)
+        if brought is not None and "position" in table:
+            self._fail((*place, "position"), "The body has a `place` too; give one of both.")
+        body: AbstractBody = self._part(place, AbstractBody, {"name": name} | table)
+        if brought is None:
+            return body
+        to = self._pose((*place, "place", "at"), brought["at"])
+        point = self._point((*place, "place", "point"), body, brought["point"])
+        placed: AbstractBody = self._try(place, table, lambda: body.placed(point, to))
+        return placed
+
+    def _pose(self, place: Place, text: Any) -> Any:
+        """Where a marker is at the start."""
+        owner, point, _ = self._marker_parts(place, text)
+        return self._try(place, {}, lambda: owner.pose(point))
+
+    def _owner(self, place: Place, name: str) -> Any:
+        """A body or the ground, by its name."""
+        if name == GROUND:
+            owner: Any = self.ground
+        elif name not in self._names("bodies"):
+            self._fail(place, unknown("body", name, [*self._names("bodies"), GROUND]))
+        elif name in self._waiting:
+            circle = [*self._waiting[self._waiting.index(name) :], name]
+            self._fail(place, f"Bodies are placed by each other: {', '.join(circle)}.")
+        else:
+            owner = self.body(name)
+        if owner is None:
+            raise Failed
+        return owner
+
+    # Markers.
+
+    def _marker(self, place: Place, value: Any) -> Marker:
+        owner, point, angle = self._marker_parts(place, value)
+        marker: Marker = self._try(place, {}, lambda: owner.at(point, angle))
+        return marker
+
+    def _marker_parts(self, place: Place, value: Any) -> tuple[Any, Any, Any]:
+        """Body, point and angle of a marker."""
+        if isinstance(value, str):
+            name, point = self._split(value)
+            owner = self._owner(place, name)
+            return owner, self._point(place, owner, point) if point else as_array((0.0, 0.0)), 0.0
+        owner = self._owner((*place, "body"), value["body"])
+        point = self._point((*place, "point"), owner, value.get("point", [0.0, 0.0]))
+        angle = self._angle(place, value, "angle", 0.0)
+        return owner, point, angle
+
+    def _split(self, text: str) -> tuple[str, str]:
+        """Body and point of "body.point"; either may have dots."""
+        names = {GROUND, *self._names("bodies")}
+        cuts = [i for i, letter in enumerate(text) if letter == "."]
+        known = [cut for cut in cuts if text[:cut] in names]
+        if text in names or not cuts:
+            return text, ""
+        cut = known[-1] if known else cuts[0]
+        return text[:cut], text[cut + 1 :]
+
+    def _point(self, place: Place, owner: Any, value: Any) -> Any:
+        if not isinstance(value, str) or is_reference(value):
+            return self._numbers(place, Numbers((2,)), value)
+        known = owner.named_points()
+        if value not in known:
+            self._fail(place, unknown("point", value, list(known)))
+        return known[value]
+
+    # Parts and what they hold.
+
+    def _part(self, place: Place, base: type, table: Mapping[str, Any]) -> Any:
+        maker = makers(base)[table.get(TYPE, base.__name__)]
+        given = self._given(place, maker, table)
+        return self._try(place, table, lambda: maker.make(**given))
+
+    def _given(self, place: Place, maker: Maker, table: Mapping[str, Any]) -> dict[str, Any]:
+        """What the constructor of a part is called with."""
+        given: dict[str, Any] = {}
+        failed = False
+        for name, argument in maker.arguments.items():
+            try:
+                if argument.angle:
+                    value = self._angle(place, table, name, argument.default)
+                    if value is argument.default:
+                        continue
+                elif name in table and argument.form is not None:
+                    value = self._value((*place, name), argument.form, table[name], table)
+                elif argument.optional and argument.default is argument.empty:
+                    value = None
+                else:
+                    continue
+                given[name] = value
+            except Failed:
+                failed = True
+        if failed:
+            raise Failed
+        return given
+
+    def _value(self, place: Place, form: Form, value: Any, around: Mapping[str, Any]) -> Any:
+        match form:
+            case Numbers():
+                return self._numbers(place, form, value)
+            case MarkerForm():
+                return self._marker(place, value)
+            case TableOf():
+                return self._table(place, form, value)
+            case ListOf(item):
+                return tuple(self._value((*place, i), item, x, {}) for i, x in enumerate(value))
+            case PartOf(base):
+                named = {"name": around.get("name", "")} if is_body(form) else {}
+                return self._part(place, base, named | value)
+        return value
+
+    def _table(self, place: Place, form: TableOf, value: Mapping[str, Any]) -> dict[str, Any]:
+        return {key: self._value((*place, key), form.item, x, {}) for key, x in value.items()}
+
+    def _angle(self, place: Place, table: Mapping[str, Any], name: str, default: Any) -> Any:
+        """An angle, of radians or of degrees."""
+        in_degrees = name + DEGREES
+        if name in table and in_degrees in table:
+            self._fail((*place, in_degrees), f"There is `{name}` too; give one of both.")
+        if in_degrees in table:
+            value = self._numbers((*place, in_degrees), Numbers(), table[in_degrees])
+            return as_array((value if is_traced(value) else np.asarray(value)) * _DEGREE)
+        if name in table:
+            return self._numbers((*place, name), Numbers(), table[name])
+        return default
+
+    def _numbers(self, place: Place, form: Numbers, value: Any) -> Any:
+        if isinstance(value, dict):
+            return self._try(place, {}, lambda: read_array(self.problems.path.parent, value))
+        resolved = self._resolve(place, value)
+        if form.bare and isinstance(resolved, int | float):
+            return float(resolved)
+        try:
+            return as_array(resolved)
+        except (TypeError, ValueError):
+            self._fail(place, "Its lists, or the parameters in them, have different lengths.")
+
+    def _resolve(self, place: Place, value: Any) -> Any:
+        """A number, or nested lists of them, with the values of parameters."""
+        if isinstance(value, list):
+            return [self._resolve(place, item) for item in value]
+        if not is_reference(value):
+            return value
+        name = value[len(PARAMETER) :]
+        if name not in self.tables.get("parameters", {}):
+            self._fail(place, unknown("parameter", name, list(self.tables.get("parameters", {}))))
+        if name not in self.values:
+            raise Failed
+        return self.values[name]
+
+    # Mistakes.
+
+    def _fail(self, place: Place, words: str) -> NoReturn:
+        self.problems.add(place, words)
+        raise Failed
+
+    def _try(self, place: Place, table: Mapping[str, Any], make: Any) -> Any:
+        """What `make` returns; what it raises is a mistake, of a key that its words name."""
+        try:
+            return make()
+        except Failed:
+            raise
+        except Exception as error:
+            words = _OWNER.sub("", str(error).split("\n")[0] or type(error).__name__)
+            named = [key for key in table if re.search(rf"\b{re.escape(key)}\b", words)]
+            keys = [key for key in named if key not in ("name", TYPE)]
+            self.problems.add((*place, *keys[:1]), words[:1].upper() + words[1:])
+            raise Failed from error

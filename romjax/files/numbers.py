@@ -1,0 +1,83 @@
+"""Numbers in a file: what they may look like, and the arrays that they stand for."""
+
+import math
+from typing import Any
+
+from .forms import Numbers
+from .problems import shown
+
+# What begins the name of a parameter that stands for a number.
+PARAMETER = "="
+# Where arrays are that are too large for the file.
+ARRAY_KEYS = ("file", "array")
+
+
+def wrong_numbers(form: Numbers, value: Any) -> str:
+    """What is wrong with a value that should be numbers, in words; nothing if it is right."""
+    if isinstance(value, dict) and form.axes:
+        return _wrong_array(value)
+    if isinstance(value, str) and value.startswith(PARAMETER) and len(value) > 1:
+        return ""
+    if isinstance(value, list) and form.axes:
+        length, rest = form.axes[0], Numbers(form.axes[1:], form.loose)
+        if length not in (None, len(value)):
+            return f"It is a list of {len(value)}, but a list of {length} numbers is needed."
+        return next(filter(None, (wrong_numbers(rest, item) for item in value)), "")
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return _wrong_number(form, value)
+    wanted = "a number" if not form.axes else _lists(form)
+    hint = ""
+    if isinstance(value, str):
+        hint = " Write it without quotes." if _is_number(value) else ' A parameter is "=name".'
+    return f"It is {shown(value)}, but {wanted} is needed.{hint}"
+
+
+def _wrong_number(form: Numbers, value: float) -> str:
+    if form.axes and not form.loose:
+        return f"It is the number {value}, but {_lists(form)} is needed."
+    try:
+        finite = math.isfinite(value)
+    except OverflowError:
+        finite = False
+    return "" if finite else f"It is {shown(value)}, but every number must be finite."
+
+
+def _wrong_array(value: dict[str, Any]) -> str:
+    texts = all(isinstance(x, str) for x in value.values())
+    if "file" in value and set(value) <= set(ARRAY_KEYS) and texts:
+        return ""
+    return 'It is a table, but numbers are needed, or { file = "name.npz", array = "name" }.'
+
+
+def _lists(form: Numbers) -> str:
+    length = form.axes[0]
+    size = f"a list of {length} numbers" if length is not None else "a list of numbers"
+    return size if len(form.axes) == 1 else f"a list of lists of numbers, {len(form.axes)} deep"
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def number_schema(form: Numbers) -> dict[str, Any]:
+    """The JSON schema of a form."""
+    parameter = {"type": "string", "pattern": f"^{PARAMETER}.+"}
+    number = {"anyOf": [{"type": "number"}, parameter]}
+    if not form.axes:
+        return number
+    schema: dict[str, Any] = number
+    for length in reversed(form.axes):
+        sizes = {} if length is None else {"minItems": length, "maxItems": length}
+        options = [{"type": "array", "items": schema, **sizes}, parameter]
+        schema = {"anyOf": [*options, *([{"type": "number"}] if form.loose else [])]}
+    table = {
+        "type": "object",
+        "properties": {key: {"type": "string"} for key in ARRAY_KEYS},
+        "required": ["file"],
+        "additionalProperties": False,
+    }
+    return {"anyOf": [*schema["anyOf"], table]}

@@ -1,0 +1,141 @@
+"""The parts that files know: all that are defined, those of users too, by the names of their types."""
+
+import dataclasses
+import inspect
+import typing
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, ClassVar
+
+from ..fields import ANGLE
+from .forms import Form, form_of, refined
+
+# What a table says of its kind, and of degrees.
+TYPE, DEGREES = "type", "_deg"
+
+
+@dataclasses.dataclass(frozen=True)
+class Argument:
+    """What a constructor takes under a `name`; `form` is None if no file can hold it."""
+
+    name: str
+    form: Form | None
+    default: Any = inspect.Parameter.empty  # none
+    angle: bool = False
+    optional: bool = False  # None stands for none, which no file can say
+    empty: ClassVar[Any] = inspect.Parameter.empty
+
+    @property
+    def required(self) -> bool:
+        return self.default is self.empty and not self.optional
+
+
+@dataclasses.dataclass(frozen=True)
+class Maker:
+    """A way to make a part: its constructor, or a class method of the name of_…"""
+
+    part: type
+    name: str
+    make: Callable[..., Any]
+    arguments: Mapping[str, Argument]
+
+    @property
+    def readable(self) -> bool:
+        """Whether files can hold it."""
+        return TYPE not in self.arguments and all(
+            x.form is not None for x in self.arguments.values() if x.required
+        )
+
+    def keys(self) -> Iterator[tuple[str, Argument, bool]]:
+        """The keys of its table, each with its argument and whether it is in degrees."""
+        for name, argument in self.arguments.items():
+            if argument.form is not None:
+                yield name, argument, False
+                if argument.angle:
+                    yield name + DEGREES, argument, True
+
+
+def makers(base: type) -> dict[str, Maker]:
+    """All ways to make a `base`, by type: of a part defined twice, the later one.
+
+    A user's part does not take the place of one of romjax: it is called "module.Name".
+    """
+    found: dict[str, Maker] = {}
+    for part in (base, *_descendants(base)):
+        if inspect.isabstract(part) or part.__name__.startswith(("_", "Abstract")):
+            continue
+        for maker in _makers_of(part):
+            known, name = found.get(maker.name), maker.name
+            if known and _own(known.part) and not _own(part):
+                name = f"{part.__module__}.{name}"
+            found[name] = dataclasses.replace(maker, name=name)
+    return found
+
+
+def maker_of(part: Any, base: type) -> Maker | None:
+    """The constructor of a part, by the type under which files have it; None if they have not."""
+    for maker in makers(base).values():
+        if maker.part is type(part) and maker.make is maker.part:
+            return maker
+    return None
+
+
+def classes(bases: tuple[type, ...]) -> tuple[type, ...]:
+    """All classes that are defined: what a schema of them depends on."""
+    return tuple(part for base in bases for part in (base, *_descendants(base)))
+
+
+def _own(part: type) -> bool:
+    return part.__module__.split(".")[0] == __name__.split(".")[0]
+
+
+def _descendants(base: type) -> Iterator[type]:
+    for part in base.__subclasses__():
+        yield part
+        yield from _descendants(part)
+
+
+def _makers_of(part: type) -> Iterator[Maker]:
+    fields = _fields(part)
+    main = _arguments(part.__init__, fields)
+    yield Maker(part, part.__name__, part, main)
+    for name, value in inspect.getmembers(part, inspect.ismethod):
+        if name.startswith("of_") and value.__self__ is part:
+            own = _arguments(value, fields)
+            if _takes_more(value):
+                own |= {key: x for key, x in main.items() if key not in own and not x.required}
+            yield Maker(part, f"{part.__name__}.{name}", value, own)
+
+
+def _fields(part: type) -> dict[str, Argument]:
+    """What is known of the fields of a part."""
+    hints, found = _hints(part), {}
+    for field in dataclasses.fields(part):
+        hint = hints.get(field.name, field.type)
+        optional, angle = type(None) in typing.get_args(hint), bool(field.metadata.get(ANGLE))
+        found[field.name] = Argument(field.name, form_of(hint), angle=angle, optional=optional)
+    return found
+
+
+def _arguments(call: Any, fields: Mapping[str, Argument]) -> dict[str, Argument]:
+    """What a function takes to make a part that has some fields."""
+    hints, found = _hints(call), {}
+    for name, parameter in inspect.signature(call).parameters.items():
+        if name == "self" or parameter.kind is parameter.VAR_KEYWORD:
+            continue
+        field = fields.get(name, Argument(name, None))
+        form = refined(form_of(hints.get(name, parameter.annotation)), field.form)
+        found[name] = dataclasses.replace(field, form=form, default=parameter.default)
+    return found
+
+
+def _takes_more(call: Any) -> bool:
+    kinds = [parameter.kind for parameter in inspect.signature(call).parameters.values()]
+    return inspect.Parameter.VAR_KEYWORD in kinds
+
+
+def _hints(thing: Any) -> dict[str, Any]:
+    """Annotations, as they stand where some of their names cannot be resolved."""
+    try:
+        return typing.get_type_hints(thing)
+    except Exception:  # a name that a user's module imports for type checkers only
+        return {}

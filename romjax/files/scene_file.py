@@ -1,0 +1,104 @@
+"""Scene files: read once, they make scenes of any values of their parameters."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from ..scene.scene import Scene
+from .build import Builder
+from .parameters import check_given, free_parameters, resolve_parameters
+from .problems import Problems
+from .settings import Settings
+from .toml import read_tables
+from .versions import check_version
+
+__all__ = ["SceneFile", "load_scene", "scene_file"]
+
+
+class SceneFile:
+    """A scene file that was read: a function of its parameters, by name, that returns a `Scene`.
+
+    - `parameters`: the values in the file, floats or arrays.
+    - `title`, `settings`: what it says of itself and of its run.
+    """
+
+    path: Path
+    title: str
+    parameters: dict[str, Any]
+    settings: Settings
+
+    def __init__(self, path: str | os.PathLike[str]):
+        self.path = Path(path)
+        problems = Problems(self.path)
+        self._tables, self._text = _checked(problems), problems.text
+        self.title = self._tables.get("title", f"from {self.path}")
+        self.parameters = free_parameters(self._tables.get("parameters", {}))
+        self.settings = Settings(**self._tables.get("run", {}))
+
+    def __call__(self, **parameters: Any) -> Scene:
+        """The scene of some parameters, those of the file unless given; they may be traced.
+
+        Raises InputError for a parameter that the file does not have or of another shape, and
+        SceneFileError for values that make no scene.
+        """
+        wrong = check_given(str(self.path), parameters, self.parameters)
+        if wrong:
+            raise InputError(wrong)
+        problems = Problems(self.path, self._text)
+        scene = _build(self._tables, problems, self.parameters | parameters)
+        problems.raise_any()
+        assert scene is not None
+        return scene
+
+    def __repr__(self) -> str:
+        return f"SceneFile({str(self.path)!r}, parameters={self.parameters})"
+
+
+def scene_file(path: str | os.PathLike[str]) -> SceneFile:
+    """The function of its parameters that a scene file is: for `Box`, `fit`, `grad`, `vmap`, …
+
+    ```python
+    make = rj.scene_file("crank.toml")
+    box = rj.Box(make, length=(0.2, 0.4))
+    slope = jax.grad(lambda p: loss(make(**p)))(make.parameters)
+    ```
+
+    Raises SceneFileError, with all mistakes of the file, each with its line, key and remedy.
+    """
+    return SceneFile(path)
+
+
+def load_scene(path: str | os.PathLike[str]) -> Scene:
+    """The scene of a file, as `scene.save` writes it, with the values of parameters in the file.
+
+    Raises SceneFileError, with all mistakes of the file, each with its line, key and remedy.
+    """
+    return SceneFile(path)()
+
+
+def _checked(problems: Problems) -> dict[str, Any]:
+    """The tables of a file without mistakes: those that the schema knows and those of the parts."""
+    tables = read_tables(problems)
+    check_version(tables, problems)
+    problems.raise_any()
+    # Here, since it loads pydantic, which takes longer than a small scene.
+    from .schema import validate
+
+    validate(tables, problems)
+    parameters = tables.get("parameters", {})
+    if problems.touch(("parameters",)) or not isinstance(parameters, dict):
+        _build(tables, problems, {})
+    else:
+        _build(tables, problems, free_parameters(parameters))
+    problems.raise_any()
+    return tables
+
+
+def _build(
+    tables: Mapping[str, Any], problems: Problems, given: Mapping[str, Any]
+) -> Scene | None:
+    parameters = tables.get("parameters", {})
+    values = {} if not given else resolve_parameters(parameters, given, problems)
+    return Builder(tables, values, problems).scene()

@@ -1,0 +1,257 @@
+"""The pydantic models of scene files, generated from the parts. The only importer of pydantic."""
+
+import dataclasses
+import functools
+import inspect
+import typing
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    PlainValidator,
+    Tag,
+    ValidationError,
+    WithJsonSchema,
+    create_model,
+)
+from pydantic_core import PydanticCustomError
+
+from ..scene.body.base import AbstractBody
+from ..scene.effect.base import AbstractEffect
+from ..scene.joint.base import AbstractJoint
+from .forms import Form, ListOf, MarkerForm, Numbers, PartOf, Plain, TableOf
+from .numbers import number_schema, wrong_numbers
+from .parts import TYPE, Argument, Maker, classes, makers
+from .problems import Place, Problems, shown, unknown
+from .settings import Settings
+from .versions import DIMENSION, FORMAT
+
+SECTIONS: dict[str, type] = {
+    "bodies": AbstractBody,
+    "joints": AbstractJoint,
+    "effects": AbstractEffect,
+}
+_STRICT = ConfigDict(extra="forbid", strict=True)
+_POINT = Numbers((2,))
+
+
+class Schema:
+    """The models of all parts that are defined, by the name of their type, and of the file."""
+
+    def __init__(self) -> None:
+        self.models: dict[str, type[BaseModel]] = {}
+        self._unions: dict[type, Any] = {}
+        place = {"point": (self._point(), ...), "at": (Any, ...)}
+        self._table("marker", {"body": (str, ...), "point": (self._point(), None)} | _angle())
+        place["at"] = (self._marker(), ...)
+        self._table("place", place)
+        self._table("ground", {"points": (dict[str, self._type(_POINT)], None)})  # type: ignore[misc]
+        self._table("run", {f.name: (_of(f.type), None) for f in dataclasses.fields(Settings)})
+        sections = {name: (dict[str, self._union(base)], None) for name, base in SECTIONS.items()}  # type: ignore[misc]
+        any_numbers = self._type(Numbers((None, None), loose=True))
+        document = {
+            "format": (Literal[FORMAT], ...),
+            "dimension": (Literal[DIMENSION], None),
+            "title": (str, None),
+            "parameters": (dict[str, any_numbers], None),  # type: ignore[valid-type]
+            "ground": (self.models["ground"], None),
+            **sections,
+            "run": (self.models["run"], None),
+        }
+        self.document = self._table("", document)
+        names = {_reference(base).__forward_arg__: union for base, union in self._unions.items()}
+        for model in self.models.values():
+            model.model_rebuild(force=True, _types_namespace=names)
+
+    def _table(self, name: str, keys: dict[str, tuple[Any, Any]], doc: str = "") -> type[BaseModel]:
+        """A model with any keys: fields have names of their own, since keys may be pydantic's."""
+        fields: dict[str, Any] = {
+            f"key{i}": (kind, Field(default, alias=key))
+            for i, (key, (kind, default)) in enumerate(keys.items())
+        }
+        made: type[BaseModel] = create_model(
+            name or "scene", __config__=_STRICT, __doc__=doc or None, **fields
+        )
+        self.models[name] = made
+        return made
+
+    def _union(self, base: type) -> Any:
+        """One of the tables of a base, by its type; made on demand, since parts hold parts."""
+        if base not in self._unions:
+            self._unions[base] = None
+            known = {name: m for name, m in makers(base).items() if m.readable}
+            options = [Annotated[self._part(m), Tag(name)] for name, m in known.items()]
+            own = base.__name__ if base.__name__ in known else None
+            choose = Discriminator(
+                lambda value: value.get(TYPE, own) if isinstance(value, dict) else None,
+                custom_error_type="type",
+                custom_error_message="type",
+                custom_error_context={"known": list(known)},
+            )
+            self._unions[base] = Annotated[typing.Union[tuple(options)], choose]  # noqa: UP007
+        return _reference(base)
+
+    def _part(self, maker: Maker) -> type[BaseModel]:
+        own = maker.name == maker.part.__name__
+        keys: dict[str, tuple[Any, Any]] = {
+            TYPE: (Literal[maker.name], None if own and not inspect.isabstract(maker.part) else ...)
+        }
+        body = issubclass(maker.part, AbstractBody)
+        for key, argument, _ in maker.keys():
+            if key == "name":
+                if not body:
+                    keys[key] = (str, None)
+                continue
+            keys[key] = (self._argument(argument), _default(argument))
+        if body and "position" in maker.arguments:
+            keys["place"] = (self.models["place"], None)
+        doc = inspect.getdoc(maker.make) or ""
+        return self._table(maker.name, keys, doc.split("\n\n")[0])
+
+    def _argument(self, argument: Argument) -> Any:
+        assert argument.form is not None
+        return self._type(argument.form)
+
+    def _type(self, form: Form) -> Any:
+        match form:
+            case Numbers():
+                return Annotated[
+                    Any,
+                    PlainValidator(functools.partial(_validate, form)),
+                    WithJsonSchema(number_schema(form)),
+                ]
+            case Plain(kind):
+                return kind
+            case MarkerForm():
+                return self._marker()
+            case ListOf(item):
+                return list[self._type(item)]  # type: ignore[misc]
+            case TableOf(item):
+                return dict[str, self._type(item)]  # type: ignore[misc]
+            case PartOf(base):
+                return self._union(base)
+
+    def _marker(self) -> Any:
+        return _text_or(self.models["marker"], "a marker, such as \"crank.pin\" or { body = \"crank\", "
+                        "point = [0.1, 0.0] }")
+
+    def _point(self) -> Any:
+        def check(value: Any) -> Any:
+            return value if isinstance(value, str) else _validate(_POINT, value)
+
+        words = {"anyOf": [{"type": "string"}, number_schema(_POINT)]}
+        return Annotated[Any, PlainValidator(check), WithJsonSchema(words)]
+
+
+def _text_or(table: type[BaseModel], wanted: str) -> Any:
+    choose = Discriminator(
+        lambda x: "table" if isinstance(x, dict) else "text" if isinstance(x, str) else None,
+        custom_error_type="form",
+        custom_error_message="form",
+        custom_error_context={"wanted": wanted},
+    )
+    return Annotated[Annotated[str, Tag("text")] | Annotated[table, Tag("table")], choose]
+
+
+def _reference(base: type) -> Any:
+    return typing.ForwardRef(f"of_{base.__module__}_{base.__qualname__}".replace(".", "_"))
+
+
+def _angle() -> dict[str, tuple[Any, Any]]:
+    number = Annotated[
+        Any,
+        PlainValidator(functools.partial(_validate, Numbers())),
+        WithJsonSchema(number_schema(Numbers())),
+    ]
+    return {"angle": (number, None), "angle_deg": (number, None)}
+
+
+def _of(kind: Any) -> Any:
+    return float if kind is float else kind
+
+
+def _default(argument: Argument) -> Any:
+    return ... if argument.required and not argument.angle else None
+
+
+def _validate(form: Numbers, value: Any) -> Any:
+    words = wrong_numbers(form, value)
+    if words:
+        raise PydanticCustomError("number", "{words}", {"words": words})
+    return value
+
+
+_made: dict[tuple[type, ...], Schema] = {}
+
+
+def schema() -> Schema:
+    """The models of all parts that are defined now."""
+    key = classes(tuple(SECTIONS.values()))
+    if key not in _made:
+        _made.clear()
+        _made[key] = Schema()
+    return _made[key]
+
+
+def validate(tables: dict[str, Any], problems: Problems) -> None:
+    """Add all that tables have wrong in themselves."""
+    models = schema()
+    try:
+        models.document.model_validate(tables)
+    except ValidationError as error:
+        for one in error.errors(include_url=False):
+            place = _place(tables, one["loc"])
+            problems.add(place, _words(models, one))
+
+
+def _place(tables: Any, loc: Place) -> Place:
+    """The keys of an error, without the types that pydantic puts between them."""
+    place: list[str | int] = []
+    for index, key in enumerate(loc):
+        if isinstance(tables, dict) and key in tables:
+            tables = tables[key]
+        elif isinstance(tables, list) and isinstance(key, int) and key < len(tables):
+            tables = tables[key]
+        elif index < len(loc) - 1 or not isinstance(tables, dict):
+            continue
+        place.append(key)
+    return tuple(place)
+
+
+def _words(models: Schema, error: Any) -> str:
+    """Cause and remedy of an error of pydantic."""
+    kind, value, context, loc = error["type"], error["input"], error.get("ctx", {}), error["loc"]
+    if kind == "number":
+        return str(context["words"])
+    if kind == "missing":
+        return f"The key `{loc[-1]}` is missing; add it."
+    if kind == "extra_forbidden":
+        model = models.models.get(str(loc[-2]) if len(loc) > 1 else "", models.document)
+        model = models.models["marker"] if len(loc) > 1 and loc[-2] == "table" else model
+        return unknown("key", loc[-1], [str(f.alias) for f in model.model_fields.values()])
+    if kind == "type":
+        if not isinstance(value, dict):
+            return f"It is {shown(value)}, but a table is needed, such as {{ type = … }}."
+        if TYPE not in value:
+            return f"The key `type` is missing; one of {', '.join(context['known'])}."
+        return unknown("type", value[TYPE], context["known"])
+    if kind == "form":
+        return f"It is {shown(value)}, but {context['wanted']}, is needed."
+    if kind == "literal_error":
+        return f"It is {shown(value)}, but it must be {context['expected']}."
+    wanted = {
+        "dict_type": "a table",
+        "model_type": "a table",
+        "model_attributes_type": "a table",
+        "list_type": "a list",
+        "string_type": "a text in quotes",
+        "bool_type": "true or false",
+        "int_type": "a whole number",
+        "float_type": "a number",
+    }.get(kind)
+    if wanted:
+        return f"It is {shown(value)}, but {wanted} is needed."
+    return f"It is {shown(value)}: {error['msg']}."

@@ -1,0 +1,181 @@
+"""From a scene to a file."""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+import tomlkit.items
+
+from ..arrays import as_array, concrete
+from ..errors import InputError, SceneError
+from ..scene.body.base import AbstractBody
+from ..scene.effect.base import AbstractEffect
+from ..scene.joint.base import AbstractJoint
+from ..scene.marker import GROUND, Marker
+from ..scene.points import NamedPoints
+from ..scene.scene import Scene
+from .forms import Form, ListOf, MarkerForm, Numbers, PartOf, TableOf, is_body
+from .parts import TYPE, Argument, maker_of
+from .versions import DIMENSION, FORMAT
+
+# A table of more characters does not stand on one line.
+_LINE = 80
+
+
+def save(scene: Scene, path: str | os.PathLike[str]) -> None:
+    """Write a scene to a file; see `Scene.save`."""
+    scene.check()
+    Path(path).write_text(text_of(scene), encoding="utf-8")
+
+
+def text_of(scene: Scene) -> str:
+    """A scene as TOML, with every digit of its numbers."""
+    writer = _Writer({body.name: body for body in scene.bodies})
+    document = tomlkit.document()
+    document["format"], document["dimension"] = FORMAT, DIMENSION
+    sections: list[tuple[str, type, Sequence[Any]]] = [
+        ("bodies", AbstractBody, scene.bodies),
+        ("joints", AbstractJoint, scene.joints),
+        ("effects", AbstractEffect, scene.effects),
+    ]
+    for section, base, parts in sections:
+        if parts:
+            document[section] = _section(writer, base, parts)
+    return tomlkit.dumps(document)
+
+
+def _section(writer: "_Writer", base: type, parts: Sequence[Any]) -> tomlkit.items.Table:
+    """A table for each part under its name; one of its kind where it has none of its own."""
+    section, taken = tomlkit.table(is_super_table=True), {getattr(p, "name", "") for p in parts}
+    for part in parts:
+        name = getattr(part, "name", "") or type(part).__name__.lower()
+        key, number = name, 2
+        while key in section or (key in taken and key != getattr(part, "name", "")):
+            key, number = f"{name} {number}", number + 1
+        table = writer.part(part, base)
+        if hasattr(part, "name") and base is not AbstractBody and part.name != key:
+            table = {TYPE: table[TYPE], "name": part.name} | table
+        section[key] = _table(table)
+    return section
+
+
+def _table(values: Mapping[str, Any]) -> tomlkit.items.Table:
+    """A table: the tables in it on one line each, unless they are long."""
+    table, long = tomlkit.table(), {}
+    for key, value in values.items():
+        if isinstance(value, dict):
+            short = _short(value)
+            if len(short.as_string()) > _LINE:
+                long[key] = _table(value)
+                continue
+            value = short
+        elif isinstance(value, list):
+            value = _list(value)
+        table[key] = value
+    for key, value in long.items():
+        table[key] = value
+    return table
+
+
+def _short(values: Mapping[str, Any]) -> tomlkit.items.InlineTable:
+    table = tomlkit.inline_table()
+    for key, value in values.items():
+        table[key] = _short(value) if isinstance(value, dict) else _item(value)
+    return table
+
+
+def _item(value: Any) -> Any:
+    return _list(value) if isinstance(value, list) else value
+
+
+def _list(values: Sequence[Any]) -> tomlkit.items.Array:
+    array = tomlkit.array()
+    for value in values:
+        array.append(_short(value) if isinstance(value, dict) else _item(value))
+    return array
+
+
+class _Writer:
+    """What the parts of a scene look like in a file, as tables, lists, texts and numbers."""
+
+    def __init__(self, bodies: Mapping[str, AbstractBody]):
+        self._bodies = bodies
+
+    def part(self, part: Any, base: type) -> dict[str, Any]:
+        """The table of a part: its arguments but those that are as they would be without."""
+        maker = maker_of(part, base)
+        kind = type(part).__name__
+        if maker is None or not maker.readable:
+            raise SceneError(
+                f"save: a {kind} cannot be written to a file; a part of one's own can if its fields "
+                "are numbers, texts, markers or other parts, and none is called `type`."
+            )
+        values: dict[str, Any] = {TYPE: maker.name}
+        for name, argument in maker.arguments.items():
+            if name == "name" and (base is AbstractBody or base is AbstractJoint):
+                continue
+            value = getattr(part, name)
+            if value is None or _is_default(argument, value):
+                continue
+            if argument.form is None:
+                raise SceneError(f"save: {kind}.{name} is {value!r}, which no file can hold.")
+            values[name] = self._value(argument.form, value)
+        return values
+
+    def _value(self, form: Form, value: Any) -> Any:
+        match form:
+            case Numbers():
+                return _numbers(value)
+            case MarkerForm():
+                return self._marker(value)
+            case ListOf(item):
+                return [self._value(item, x) for x in value]
+            case TableOf(item):
+                named = value.mapping() if isinstance(value, NamedPoints) else value
+                return {key: self._value(item, x) for key, x in named.items()}
+            case PartOf(base):
+                return self.part(value, AbstractBody if is_body(form) else base)
+        return value
+
+    def _marker(self, marker: Marker) -> Any:
+        """ "body", "body.point" or a table."""
+        origin, plain = (0.0, 0.0), "." not in marker.body
+        named = self._bodies[marker.body].named_points() if marker.body != GROUND else {}
+        names = [name for name, point in named.items() if _same(point, marker.point)]
+        if plain and _same(marker.angle, 0.0):
+            if _same(marker.point, origin):
+                return marker.body
+            if names:
+                return f"{marker.body}.{names[0]}"
+        table: dict[str, Any] = {"body": marker.body}
+        if not _same(marker.point, origin):
+            table["point"] = names[0] if names else _numbers(marker.point)
+        if not _same(marker.angle, 0.0):
+            table["angle"] = _numbers(marker.angle)
+        return table
+
+
+def _numbers(value: Any) -> Any:
+    number = concrete(value)
+    if number is None:
+        raise InputError("save: a scene that JAX traces has no numbers; save it outside.")
+    return number.astype(float).tolist()
+
+
+def _is_default(argument: Argument, value: Any) -> bool:
+    if argument.default is argument.empty or argument.default is None:
+        return False
+    if isinstance(argument.form, Numbers):
+        return _same(value, argument.default)
+    if isinstance(value, NamedPoints):
+        return not value.names
+    return bool(value == argument.default)
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Whether numbers are the same to the bit."""
+    one, other = (np.asarray(concrete(as_array(x)), float) for x in (a, b))
+    return one.shape == other.shape and one.tobytes() == other.tobytes()
