@@ -16,7 +16,7 @@ def bouncing_ball(
     height: float = 0.3,  # of the lowest point at the start [m]
     speed: Number = 1.5,  # along the floor at the start [m/s]
     friction: Number = 0.1,  # coefficient
-    stiffness: Number = 2e5,  # of the contact [N/m^(3/2)]
+    stiffness: Number = 2e6,  # of the contact [N/m^(3/2)]
     dissipation: Number = 0.1,  # of the contact [s/m]
 ) -> Scene:
     """A ball that does not spin, such as a puck, thrown along a floor that brakes it.

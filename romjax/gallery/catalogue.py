@@ -31,6 +31,7 @@ from .vehicle_axle import vehicle_axle
 class Example:
     """A scene and how to run it: for `end` [s], sampled at `rate` [Hz].
 
+    `freedoms`: how many its joints leave, of rigid and elastic motion; None where nobody counted.
     `pod_rank`, `sod_rank`: numbers of modes, None for the drop point. What a publication says of
     the scene, if one does: `published_savings`, the share of time that its reduced models save, by
     the name of their decomposition; `published_ranks`, the numerical ranks of its generalised SVD
@@ -42,6 +43,7 @@ class Example:
     make: Callable[[], Scene]
     end: float = 1.0
     rate: float = 100.0
+    freedoms: int | None = None
     pod_rank: int | None = None
     sod_rank: int | None = None
     published_savings: Mapping[str, float] = dataclasses.field(default_factory=dict)
@@ -53,28 +55,68 @@ class Example:
 EXAMPLES = (
     Example(
         "cart-pendulum",
-        "cart on a diagonal rail with a flexible pendulum: the chapter's example",
+        "the chapter's cart on a rail with a flexible pendulum",
         cart_pendulum,
+        freedoms=4,
         pod_rank=6,
         sod_rank=5,
         published_savings={"POD": 0.12, "SOD": 0.30},  # section 39.4.2, by six and by five modes
         published_ranks=(5, 6),
     ),
-    Example("chain", "eight bars hinged end to end, falling from the horizontal", chain),
-    Example("double-pendulum", "two bars from high up: chaos", double_pendulum, 10.0, 50.0),
-    Example("four-bar", "crank, coupler and rocker with two dead points", four_bar, 3.0),
-    Example("slider-crank", "Simeon's, with a flexible rod", slider_crank, 0.1, 2000.0),
-    Example("squeezer", "seven bodies in three loops", squeezer, 0.5, 200.0),
-    Example("jansen", "two legs of a walking linkage on one crank", jansen, 4.0, 50.0),
-    Example("vehicle-axle", "a body on springs and tyres over bumps", vehicle_axle, 2.5),
-    Example("trebuchet", "a counterweight and a sling throw a stone", trebuchet, 1.2),
-    Example("newtons-cradle", "five balls pass momentum on by contact", newtons_cradle, 2.0),
-    Example("bouncing-ball", "contact that loses energy, with friction", bouncing_ball, 2.0),
-    Example("robot-arm", "three flexible links on drives lift a load", robot_arm, 2.5),
-    Example("flywheel", "a rim on flexible spokes, set in motion", flywheel, 0.4, 500.0),
-    Example("rotating-blade", "a beam that its rotation stiffens", rotating_blade, 2.0),
-    Example("connecting-rod", "a crank drive with a meshed rod", connecting_rod, 0.0628318530718, 3000.0),
-    Example("segmented-beam", "32 hinged segments, rolled up to a ring", segmented_beam, 4.0, 50.0),
+    Example("chain", "eight bars hinged end to end, falling from the level", chain, freedoms=8),
+    Example(
+        "double-pendulum", "two bars from high up: chaos", double_pendulum, 10.0, 50.0, freedoms=2
+    ),
+    Example(
+        "four-bar", "driven crank, coupler and rocker with dead points", four_bar, 3.0, freedoms=0
+    ),
+    Example(
+        "slider-crank",
+        "Simeon's published slider crank with a flexible rod",
+        slider_crank,
+        0.1,
+        2000.0,
+        freedoms=4,
+    ),
+    Example(
+        "squeezer", "seven bodies in three loops, driven by a torque", squeezer, 0.5, freedoms=1
+    ),
+    Example(
+        "jansen", "walking linkage of thirteen bodies on one crank", jansen, 4.0, 50.0, freedoms=0
+    ),
+    Example(
+        "vehicle-axle", "axle, springs and tyres on a bumpy road", vehicle_axle, 2.5, freedoms=5
+    ),
+    Example("trebuchet", "a counterweight and a sling throw a stone", trebuchet, 1.2, freedoms=4),
+    Example(
+        "newtons-cradle", "five balls pass momentum on by contact", newtons_cradle, 2.0, freedoms=5
+    ),
+    Example(
+        "bouncing-ball", "a floor that returns less and brakes", bouncing_ball, 1.5, 500.0, freedoms=3
+    ),
+    Example("robot-arm", "three flexible links on drives lift a load", robot_arm, 3.0, freedoms=9),
+    Example(
+        "flywheel", "a rim on flexible spokes, set in motion", flywheel, 0.4, 500.0, freedoms=12
+    ),
+    Example(
+        "rotating-blade", "a beam that its rotation stiffens", rotating_blade, 2.0, freedoms=3
+    ),
+    Example(
+        "connecting-rod",
+        "crank drive with a rod of finite elements",
+        connecting_rod,
+        0.04,
+        3000.0,
+        freedoms=5,
+    ),
+    Example(
+        "segmented-beam",
+        "32 hinged segments, rolled up to a ring",
+        segmented_beam,
+        3.0,
+        50.0,
+        freedoms=31,
+    ),
 )
 
 

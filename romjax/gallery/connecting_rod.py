@@ -16,6 +16,7 @@ from ..scene.signal import Ramp
 
 # Outer and inner radius of the eyes, and half the width of the shank between them [m].
 BIG, SMALL, SHANK = (0.034, 0.022), (0.02, 0.011), 0.011
+PISTON = (0.05, 0.07)  # as it is drawn [m]
 
 
 def connecting_rod(
@@ -61,7 +62,7 @@ def connecting_rod(
         velocity=(0.0, speed * crank),
         angular_velocity=-speed * crank / length,
     ).placed("crank", shaft.pose("end"))
-    head = RigidBody("piston", piston, 1e-4, position=rod.pose("piston").position, extent=0.05)
+    head = RigidBody("piston", piston, 1e-4, position=rod.pose("piston").position, extent=PISTON)
     return Scene(
         bodies=[shaft, rod, head],
         joints=[

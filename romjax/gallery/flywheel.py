@@ -7,7 +7,7 @@ from ..scene.body.beam import Beam
 from ..scene.body.rigid import RigidBody
 from ..scene.effect.torque import Torque
 from ..scene.joint.base import AbstractJoint
-from ..scene.joint.prismatic import Prismatic
+from ..scene.joint.point_on_line import PointOnLine
 from ..scene.joint.revolute import Revolute
 from ..scene.joint.weld import Weld
 from ..scene.marker import ground
@@ -18,20 +18,20 @@ from ..scene.signal import Step, Sum
 def flywheel(
     spokes: int = 4,
     *,
-    hub: float = 0.06,  # radius of the hub [m]
+    hub: float = 0.1,  # radius of the hub [m]
     rim: float = 0.3,  # and of the rim
-    hub_mass: Number = 4.0,  # [kg]
+    hub_mass: Number = 15.0,  # [kg]
     rim_mass: Number = 10.0,  # [kg]
-    spoke_mass: Number = 0.05,  # of each spoke [kg]
-    EI: Number = 20.0,  # of each spoke [N m²]
-    torque: Number = 6.0,  # on the hub [N m]
+    spoke_mass: Number = 0.01,  # of each spoke [kg]
+    EI: Number = 5.0,  # of each spoke [N m²]
+    torque: Number = 40.0,  # on the hub [N m]
 ) -> Scene:
     """A hub that a torque turns, and a rim on spokes that bend; the torque is taken away at once.
 
-    Spokes are clamped in the hub and slide in sockets of the rim, so that only their bending holds
-    it. Turned by θ against the hub, each is bent by R θ and θ at its end, which gives the stiffness
-    k = 4 EI (3 R² − 3 R l + l²) / l³, with l the length and R the radius of the rim. With light
-    spokes the wheel vibrates at ω² = n k (1/J_hub + 1/J_rim).
+    Spokes are clamped in the hub, and their ends slide along grooves of the rim, so that only their
+    bending holds it. Turned by θ against the hub, the rim of radius R bends each of the n by R θ at
+    its end, which gives the stiffness k = 3 n EI R² / l³. With light spokes the wheel vibrates at
+    ω² = k (1/J_hub + 1/J_rim).
     """
     core = RigidBody("hub", hub_mass, hub_mass * hub**2 / 2, extent=2 * hub)
     ring = RigidBody("rim", rim_mass, rim_mass * rim**2, extent=2 * rim)
@@ -52,7 +52,7 @@ def flywheel(
         ).placed("start", core.pose(foot))
         joints += [
             Weld(beam.at("start"), core.at(foot, angle)),
-            Prismatic(beam.at("end"), ring.at((0.0, 0.0), angle)),
+            PointOnLine(beam.at("end"), ring.at((0.0, 0.0), angle)),
         ]
         beams.append(beam)
     push = Sum((Step(torque, 0.0, 0.01), Step(-torque, 0.2, 0.01)))

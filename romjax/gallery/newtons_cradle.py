@@ -1,6 +1,9 @@
 """Newton's cradle."""
 
 import itertools
+import math
+
+import numpy as np
 
 from ..arrays import Number
 from ..scene.body.rigid import RigidBody
@@ -17,7 +20,7 @@ def newtons_cradle(
     *,
     mass: Number = 0.2,  # of each ball [kg]
     radius: float = 0.02,  # [m]
-    length: Number = 0.25,  # of the strings [m]
+    length: float = 0.25,  # of the strings [m]
     angle: Number = 0.5,  # of the first ball [rad]
     clearance: float = 5e-4,  # between balls that hang [m]
     stiffness: Number = 5e8,  # of the contacts [N/m^(3/2)]
@@ -31,13 +34,16 @@ def newtons_cradle(
     well-known collision experiment", American Journal of Physics 49, 1981).
     """
     pitch = 2 * radius + clearance
+    # A string from the hook, and once around.
+    around = np.linspace(0.0, 2 * math.pi, 25)
+    circle = radius * np.stack([np.sin(around), np.cos(around)], axis=1)
     row = [
         RigidBody(
             f"ball{i + 1}",
             mass,
             0.4 * mass * radius**2,
             angle=0.0 if i else -angle,
-            extent=2 * radius,
+            extent=np.concatenate([[(0.0, length)], circle]),
             points={"hook": (0.0, length)},
         ).placed("hook", ground.pose((i * pitch, 0.0)))
         for i in range(balls)

@@ -19,10 +19,10 @@ def robot_arm(
     *,
     length: float = 0.5,  # of each link [m]
     masses: tuple[Number, Number, Number] = (2.0, 1.5, 1.0),  # of the links [kg]
-    stiffness: Number = 60.0,  # EI of the first link, and less of the others [N m²]
+    stiffness: Number = 800.0,  # EI of the first link, and less of the others [N m²]
     load: Number = 0.5,  # in the grip [kg]
-    proportional: Number = 300.0,  # of the first drive, and less of the others [N m/rad]
-    derivative: Number = 12.0,  # [N m s/rad]
+    proportional: Number = 400.0,  # of the first drive, and less of the others [N m/rad]
+    derivative: Number = 50.0,  # [N m s/rad]
 ) -> Scene:
     """Three flexible links on drives lift a load, from hanging down to above the horizontal.
 
@@ -44,7 +44,7 @@ def robot_arm(
             damping=0.02,
             angle=-math.pi / 2,
         ).placed("start", reached)
-        turn, share = Step(target, 0.1 + 0.2 * i, 0.8), 1 / (i + 1) ** 2
+        turn, share = Step(target, 0.1 + 0.2 * i, 0.8), 1 / (i + 1)
         joints.append(Revolute(link.at("start"), wrist, name=f"joint{i + 1}"))
         drives.append(
             Motor(link.at("start"), wrist, turn, proportional * share, derivative * share)

@@ -13,7 +13,7 @@ def rotating_blade(
     *,
     length: float = 8.0,  # [m]
     mass: Number = 10.0,  # [kg]
-    EI: Number = 1.4e4,  # [N m²]
+    EI: Number = 2.048e4,  # [N m²]
     speed: Number = 10.0,  # of the rotation [rad/s]
     kick: Number = 0.5,  # of the first mode at the start [kg^½ m]
     modes: int = 3,

@@ -5,8 +5,8 @@ import math
 
 from ..arrays import Number
 from ..scene.body.beam import Beam
+from ..scene.effect.damper import Damper
 from ..scene.effect.torque import Torque
-from ..scene.effect.torsion_damper import TorsionDamper
 from ..scene.effect.torsion_spring import TorsionSpring
 from ..scene.joint.revolute import Revolute
 from ..scene.joint.weld import Weld
@@ -21,8 +21,8 @@ def segmented_beam(
     length: float = 1.0,  # [m]
     mass: Number = 1.0,  # [kg]
     EI: Number = 1.0,  # [N m²]
-    damping: Number = 0.1,  # of bending [N m² s]
-    duration: Number = 2.0,  # of the rise of the moment [s]
+    damping: Number = 5.0,  # of the liquid that it lies in, per length [N s/m²]
+    duration: Number = 1.5,  # of the rise of the moment [s]
 ) -> Scene:
     """A cantilever of rigid segments with springs between them, rolled up by a moment at its tip.
 
@@ -48,7 +48,7 @@ def segmented_beam(
         ],
         effects=[
             *(TorsionSpring(b, a, stiffness=segments * EI / length) for b, a in pairs),
-            *(TorsionDamper(b, a, damping=segments * damping / length) for b, a in pairs),
+            *(Damper(bar.at(), ground.at(), damping=damping * size) for bar in bars),
             Torque(bars[-1].at("end"), Step(moment, 0.0, duration)),
         ],
     )

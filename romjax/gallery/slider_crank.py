@@ -51,9 +51,21 @@ def slider_crank(
         amplitudes=(0.0, 0.0, *stretch),
         rates=(0.444896105, 0.463434311e-2, -0.178591076e-5, -0.268938672e-5),
     )
-    shaft = RigidBody("crank", 0.36, 0.002727, angular_velocity=speed, points={"pin": (crank, 0.0)})
+    shaft = RigidBody(
+        "crank",
+        0.36,
+        0.002727,
+        angular_velocity=speed,
+        extent=(2 * crank, 0.04),
+        points={"pin": (crank, 0.0)},
+    )
     slider = RigidBody(
-        "slider", slider_mass, 1e-3, position=(crank + end, 0.0), velocity=(body.rates[3], 0.0)
+        "slider",
+        slider_mass,
+        1e-3,
+        position=(crank + end, 0.0),
+        velocity=(body.rates[3], 0.0),
+        extent=(0.06, 0.04),
     )
     return Scene(
         bodies=[shaft, body, slider],

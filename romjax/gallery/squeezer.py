@@ -19,8 +19,8 @@ def squeezer(
     rocker: float = 0.05,
     inner: float = 0.05,  # arms of the jaws, from the head
     outer: float = 0.06,  # and from their bearing
-    torque: Number = 0.02,  # on the crank [N m]
-    stiffness: Number = 200.0,  # of the spring on the rocker [N/m]
+    torque: Number = 0.06,  # on the crank [N m]
+    stiffness: Number = 50.0,  # of the spring on the rocker [N/m]
     density: Number = 1.0,  # mass per length of all bars [kg/m]
 ) -> Scene:
     """A crank moves a head by a rod; two pairs of arms squeeze what is between them.
@@ -47,7 +47,7 @@ def squeezer(
     bars = {name: bar(name, *points, density) for name, points in links.items()}
     head_ = bars["rod"].at("end")
     return Scene(
-        bodies=bars.values(),
+        bodies=list(bars.values()),
         joints=[
             Revolute(bars["crank"].at("start"), ground.at(), name="crank bearing"),
             Revolute(bars["rod"].at("start"), bars["crank"].at("end"), name="pin"),

@@ -74,16 +74,18 @@ def default_solver(
     Stiff: the fastest frequency is above what the outputs can show, half their rate (counted as a
     hundred at least), or above what a fixed step resolves. Between its long steps, outputs of
     Dopri8 carry some twenty times the tolerance. While JAX traces, numbers are unknown,
-    and flexible systems count as stiff.
+    and flexible systems count as stiff. So do contacts, with any step size control: a long step
+    from free flight may end inside, where the last stages of Dopri8 see a force that its estimate
+    of the error does not.
     """
     fastest, times, step = concrete(start.fastest), concrete(ts), concrete(dt)
     if fastest is None or times is None or (dt is not None and step is None):
-        stiff = system.structure.flexible
+        stiff = system.structure.flexible or system.structure.contacts
     elif dt is not None:
         stiff = bool(fastest * step > _RESOLVED)
     else:
         interval = (times[-1] - times[0]) / max(len(times) - 1, _OUTPUTS)
-        stiff = bool(fastest * interval > np.pi)
+        stiff = system.structure.contacts or bool(fastest * interval > np.pi)
     return _solvers()[stiff]
 
 
