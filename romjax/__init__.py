@@ -10,6 +10,7 @@ from .analysis.linearization import linearize as linearize
 from .analysis.modes import Modes as Modes
 from .analysis.modes import modes as modes
 from .assembly.assemble import assemble as assemble
+from .assembly.closing import consistent_scene as consistent_scene
 from .basis.basis import Basis as Basis
 from .basis.decomposition.base import AbstractDecomposition as AbstractDecomposition
 from .basis.decomposition.pod import POD as POD

@@ -1,6 +1,7 @@
 """The command line: the same verbs as the library."""
 
 import argparse
+import json
 import os
 import runpy
 import sys
@@ -18,8 +19,10 @@ from tqdm import tqdm
 from . import page, plot, report
 from .assembly.assemble import assemble
 from .errors import InputError, SceneError, SimulationError
+from .files.begin import write_start
 from .files.scene_file import SceneFile, scene_file
 from .files.settings import solver_of
+from .files.summary import describe_file
 from .gallery.catalogue import EXAMPLES, Example, find
 from .scene.scene import Scene
 from .study.accuracy.study import accuracy
@@ -88,12 +91,35 @@ def _parser() -> argparse.ArgumentParser:
     tune.add_argument("--dt", type=float, metavar="S", help="a fixed step instead")
     tune.add_argument("--steps", type=int, default=300, help="most steps of the search (300)")
     tune.set_defaults(verb=_tune)
+    _add_files(verbs)
     return parser
+
+
+def _add_files(verbs: Any) -> None:
+    """The verbs for scene files."""
+    new = verbs.add_parser("new", help="write a scene file to begin with")
+    new.set_defaults(verb=_new)
+    check = verbs.add_parser(
+        "check",
+        help="say what a scene file is, without running it",
+        description="Print the bodies, joints, freedoms and effects of a scene file, the joints "
+        "that repeat others, the fastest frequency, and the method that a run would take and why; "
+        "or all its mistakes, with their lines.",
+    )
+    check.set_defaults(verb=_check)
+    for verb in (new, check):
+        verb.add_argument("file", type=Path, metavar="FILE", help="such as crank.toml")
+    schema = verbs.add_parser(
+        "schema", help="print the JSON schema of scene files, from which editors complete keys"
+    )
+    schema.set_defaults(verb=_schema)
 
 
 def _add_scene(verb: argparse.ArgumentParser) -> None:
     """What every verb that simulates asks for."""
-    verb.add_argument("scene", help="name of a ready scene, a scene file (TOML), or a Python file that defines `scene`")
+    verb.add_argument(
+        "scene", help="a ready scene, a scene file, or a Python file that defines `scene`"
+    )
     verb.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (romjax-NAME)")
     verb.add_argument("--end", type=float, metavar="S", help="simulated time (that of the scene)")
 
@@ -186,6 +212,26 @@ def _tune(options: argparse.Namespace) -> int:
     file = folder / "tuning.png"
     plot.tuning(result).savefig(file, dpi=150)
     print(f"\nWrote {file}")
+    return 0
+
+
+def _new(options: argparse.Namespace) -> int:
+    write_start(options.file)
+    print(f"Wrote {options.file}. Next: romjax check {options.file}, romjax run {options.file}")
+    return 0
+
+
+def _check(options: argparse.Namespace) -> int:
+    print(describe_file(scene_file(options.file)))
+    return 0
+
+
+def _schema(options: argparse.Namespace) -> int:
+    # Here, since it loads pydantic.
+    from .files.schema import json_schema
+
+    del options
+    print(json.dumps(json_schema(), indent=1))
     return 0
 
 

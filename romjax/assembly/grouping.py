@@ -66,9 +66,7 @@ def anonymous(element: T) -> T:
             return NamedPoints((), ())
         return Marker("", x.point, x.angle) if isinstance(x, Marker) else x
 
-    blank: T = jtu.tree_map(
-        blanked, element, is_leaf=lambda x: isinstance(x, Marker | NamedPoints)
-    )
+    blank: T = jtu.tree_map(blanked, element, is_leaf=lambda x: isinstance(x, Marker | NamedPoints))
     if hasattr(blank, "name"):
         blank = with_name(blank, "")
     return blank

@@ -1,5 +1,6 @@
 """From the tables of a file to a scene."""
 
+import contextlib
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -25,7 +26,7 @@ _DEGREE = math.pi / 180
 _OWNER = re.compile(r"^(?:body|joint|effect) '[^']*': ")
 
 
-class Failed(Exception):
+class _FailedError(Exception):
     """A part that cannot be made; the mistake is noted already."""
 
 
@@ -41,13 +42,13 @@ class Builder:
         self._waiting: list[str] = []
         self.ground = self._ground()
 
-    def scene(self) -> Scene | None:
-        """The scene; None if anything is wrong."""
+    def scene(self) -> Scene:
+        """The scene; an empty one if anything is wrong."""
         bodies = [self.body(name) for name in self._names("bodies")]
         joints = list(self._parts("joints", AbstractJoint))
         effects = list(self._parts("effects", AbstractEffect))
         if self.problems.found:
-            return None
+            return Scene([])
         scene = Scene([body for body in bodies if body], joints, effects)
         try:
             scene.check()
@@ -66,7 +67,7 @@ class Builder:
         points = self.tables.get("ground", {}).get("points", {})
         try:
             return Ground(self._table(("ground", "points"), TableOf(Numbers((2,))), points))
-        except Failed:
+        except _FailedError:
             return None
 
     def _parts(self, section: str, base: type) -> Iterator[Any]:
@@ -79,7 +80,7 @@ class Builder:
                 part = self._part(place, base, table)
                 for marker in getattr(part, "markers", ()):
                     self._check_marker(place, marker)
-            except Failed:
+            except _FailedError:
                 continue
             yield part
 
@@ -97,10 +98,8 @@ class Builder:
             self._bodies[name] = None
             if not self.problems.touch(("bodies", name)):
                 self._waiting.append(name)
-                try:
+                with contextlib.suppress(_FailedError):
                     self._bodies[name] = self._make_body(name)
-                except Failed:
-                    pass
                 self._waiting.pop()
         return self._bodies[name]
 
@@ -135,7 +134,7 @@ class Builder:
         else:
             owner = self.body(name)
         if owner is None:
-            raise Failed
+            raise _FailedError
         return owner
 
     # Markers.
@@ -198,10 +197,10 @@ class Builder:
                 else:
                     continue
                 given[name] = value
-            except Failed:
+            except _FailedError:
                 failed = True
         if failed:
-            raise Failed
+            raise _FailedError
         return given
 
     def _value(self, place: Place, form: Form, value: Any, around: Mapping[str, Any]) -> Any:
@@ -255,24 +254,24 @@ class Builder:
         if name not in self.tables.get("parameters", {}):
             self._fail(place, unknown("parameter", name, list(self.tables.get("parameters", {}))))
         if name not in self.values:
-            raise Failed
+            raise _FailedError
         return self.values[name]
 
     # Mistakes.
 
     def _fail(self, place: Place, words: str) -> NoReturn:
         self.problems.add(place, words)
-        raise Failed
+        raise _FailedError
 
     def _try(self, place: Place, table: Mapping[str, Any], make: Any) -> Any:
         """What `make` returns; what it raises is a mistake, of a key that its words name."""
         try:
             return make()
-        except Failed:
+        except _FailedError:
             raise
         except Exception as error:
             words = _OWNER.sub("", str(error).split("\n")[0] or type(error).__name__)
             named = [key for key in table if re.search(rf"\b{re.escape(key)}\b", words)]
             keys = [key for key in named if key not in ("name", TYPE)]
             self.problems.add((*place, *keys[:1]), words[:1].upper() + words[1:])
-            raise Failed from error
+            raise _FailedError from error

@@ -51,6 +51,8 @@ def _wrong_array(value: dict[str, Any]) -> str:
 
 def _lists(form: Numbers) -> str:
     length = form.axes[0]
+    if form.loose:
+        return "a number, or a list of numbers"
     size = f"a list of {length} numbers" if length is not None else "a list of numbers"
     return size if len(form.axes) == 1 else f"a list of lists of numbers, {len(form.axes)} deep"
 

@@ -1,6 +1,7 @@
-"""The parts that files know: all that are defined, those of users too, by the names of their types."""
+"""The parts that files know: all that are defined, those of users too, by their types."""
 
 import dataclasses
+import functools
 import inspect
 import typing
 from collections.abc import Callable, Iterator, Mapping
@@ -45,7 +46,7 @@ class Maker:
             x.form is not None for x in self.arguments.values() if x.required
         )
 
-    def keys(self) -> Iterator[tuple[str, Argument, bool]]:
+    def entries(self) -> Iterator[tuple[str, Argument, bool]]:
         """The keys of its table, each with its argument and whether it is in degrees."""
         for name, argument in self.arguments.items():
             if argument.form is not None:
@@ -60,7 +61,7 @@ def makers(base: type) -> dict[str, Maker]:
     A user's part does not take the place of one of romjax: it is called "module.Name".
     """
     found: dict[str, Maker] = {}
-    for part in (base, *_descendants(base)):
+    for part in classes((base,)):
         if inspect.isabstract(part) or part.__name__.startswith(("_", "Abstract")):
             continue
         for maker in _makers_of(part):
@@ -89,21 +90,25 @@ def _own(part: type) -> bool:
 
 
 def _descendants(base: type) -> Iterator[type]:
-    for part in base.__subclasses__():
+    direct: list[type] = base.__subclasses__()
+    for part in direct:
         yield part
         yield from _descendants(part)
 
 
-def _makers_of(part: type) -> Iterator[Maker]:
-    fields = _fields(part)
-    main = _arguments(part.__init__, fields)
-    yield Maker(part, part.__name__, part, main)
+@functools.cache
+def _makers_of(part: type) -> list[Maker]:
+    """The constructor of a part, and its class methods of_…"""
+    fields, constructor = _fields(part), inspect.getattr_static(part, "__init__")
+    main = _arguments(constructor, fields)
+    found = [Maker(part, part.__name__, part, main)]
     for name, value in inspect.getmembers(part, inspect.ismethod):
         if name.startswith("of_") and value.__self__ is part:
             own = _arguments(value, fields)
             if _takes_more(value):
                 own |= {key: x for key, x in main.items() if key not in own and not x.required}
-            yield Maker(part, f"{part.__name__}.{name}", value, own)
+            found.append(Maker(part, f"{part.__name__}.{name}", value, own))
+    return found
 
 
 def _fields(part: type) -> dict[str, Argument]:

@@ -124,5 +124,9 @@ def _path(key: str) -> Place:
 
 
 def _line(numbers: dict[Place, int], place: Place) -> int:
-    """The line of a key, or of the next table around it; 0 if none is known."""
-    return next((numbers[place[:n]] for n in range(len(place), 0, -1) if place[:n] in numbers), 0)
+    """The line of a key, of the first within it, or of the next table around it; 0 if unknown."""
+    for length in range(len(place), 0, -1):
+        within = [line for key, line in numbers.items() if key[:length] == place[:length]]
+        if within:
+            return min(within)
+    return 0

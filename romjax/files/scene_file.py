@@ -1,11 +1,13 @@
 """Scene files: read once, they make scenes of any values of their parameters."""
 
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError
+from ..assembly.closing import consistent_scene
+from ..errors import InputError, SceneFileError
 from ..scene.scene import Scene
 from .build import Builder
 from .parameters import check_given, free_parameters, resolve_parameters
@@ -21,10 +23,11 @@ class SceneFile:
     """A scene file that was read: a function of its parameters, by name, that returns a `Scene`.
 
     - `parameters`: the values in the file, floats or arrays.
-    - `title`, `settings`: what it says of itself and of its run.
+    - `title`, `settings`: what it says of itself and of its run. `text`: all of it.
     """
 
     path: Path
+    text: str
     title: str
     parameters: dict[str, Any]
     settings: Settings
@@ -32,7 +35,8 @@ class SceneFile:
     def __init__(self, path: str | os.PathLike[str]):
         self.path = Path(path)
         problems = Problems(self.path)
-        self._tables, self._text = _checked(problems), problems.text
+        self._tables, self._scene = _checked(problems)
+        self.text = problems.text
         self.title = self._tables.get("title", f"from {self.path}")
         self.parameters = free_parameters(self._tables.get("parameters", {}))
         self.settings = Settings(**self._tables.get("run", {}))
@@ -46,11 +50,24 @@ class SceneFile:
         wrong = check_given(str(self.path), parameters, self.parameters)
         if wrong:
             raise InputError(wrong)
-        problems = Problems(self.path, self._text)
-        scene = _build(self._tables, problems, self.parameters | parameters)
-        problems.raise_any()
-        assert scene is not None
-        return scene
+        scene = self._scene
+        if parameters:
+            problems = Problems(self.path, self.text)
+            scene = _build(self._tables, problems, self.parameters | parameters)
+            problems.raise_any()
+        if not self._tables.get("consistent"):
+            return scene
+        try:
+            return consistent_scene(scene)
+        except InputError as error:
+            raise self.wrong(error) from error
+
+    def wrong(self, error: InputError) -> SceneFileError:
+        """The error of joints that do not fit each other, with the line of one of them."""
+        joint = re.search(r"joint '(.*?)' is still", str(error))
+        problems = Problems(self.path, self.text)
+        problems.add(("joints", joint[1]) if joint else ("joints",), str(error))
+        return SceneFileError("\n".join(problems.lines()))
 
     def __repr__(self) -> str:
         return f"SceneFile({str(self.path)!r}, parameters={self.parameters})"
@@ -78,8 +95,8 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
     return SceneFile(path)()
 
 
-def _checked(problems: Problems) -> dict[str, Any]:
-    """The tables of a file without mistakes: those that the schema knows and those of the parts."""
+def _checked(problems: Problems) -> tuple[dict[str, Any], Scene]:
+    """The tables of a file and their scene; raises for what the schema or the parts refuse."""
     tables = read_tables(problems)
     check_version(tables, problems)
     problems.raise_any()
@@ -87,18 +104,20 @@ def _checked(problems: Problems) -> dict[str, Any]:
     from .schema import validate
 
     validate(tables, problems)
-    parameters = tables.get("parameters", {})
-    if problems.touch(("parameters",)) or not isinstance(parameters, dict):
-        _build(tables, problems, {})
-    else:
-        _build(tables, problems, free_parameters(parameters))
+    wrong = problems.touch(("parameters",))
+    free = {} if wrong else free_parameters(tables.get("parameters", {}))
+    scene = _build(tables, problems, free)
+    if not problems.touch(("run",)):
+        try:
+            Settings(**tables.get("run", {}))
+        except InputError as error:
+            problems.add(("run", str(error).split()[0]), f"It must be positive: {error}")
     problems.raise_any()
-    return tables
+    return tables, scene
 
 
-def _build(
-    tables: Mapping[str, Any], problems: Problems, given: Mapping[str, Any]
-) -> Scene | None:
-    parameters = tables.get("parameters", {})
-    values = {} if not given else resolve_parameters(parameters, given, problems)
+def _build(tables: Mapping[str, Any], problems: Problems, given: Mapping[str, Any]) -> Scene:
+    """The scene of tables; of no meaning if there are mistakes."""
+    wrong = problems.touch(("parameters",))
+    values = {} if wrong else resolve_parameters(tables.get("parameters", {}), given, problems)
     return Builder(tables, values, problems).scene()

@@ -44,18 +44,17 @@ class Schema:
     def __init__(self) -> None:
         self.models: dict[str, type[BaseModel]] = {}
         self._unions: dict[type, Any] = {}
-        place = {"point": (self._point(), ...), "at": (Any, ...)}
         self._table("marker", {"body": (str, ...), "point": (self._point(), None)} | _angle())
-        place["at"] = (self._marker(), ...)
-        self._table("place", place)
+        self._table("place", {"point": (self._point(), ...), "at": (self._marker(), ...)})
         self._table("ground", {"points": (dict[str, self._type(_POINT)], None)})  # type: ignore[misc]
-        self._table("run", {f.name: (_of(f.type), None) for f in dataclasses.fields(Settings)})
+        self._table("run", {f.name: (f.type, None) for f in dataclasses.fields(Settings)})
         sections = {name: (dict[str, self._union(base)], None) for name, base in SECTIONS.items()}  # type: ignore[misc]
         any_numbers = self._type(Numbers((None, None), loose=True))
         document = {
             "format": (Literal[FORMAT], ...),
             "dimension": (Literal[DIMENSION], None),
             "title": (str, None),
+            "consistent": (bool, None),
             "parameters": (dict[str, any_numbers], None),  # type: ignore[valid-type]
             "ground": (self.models["ground"], None),
             **sections,
@@ -83,24 +82,22 @@ class Schema:
         if base not in self._unions:
             self._unions[base] = None
             known = {name: m for name, m in makers(base).items() if m.readable}
-            options = [Annotated[self._part(m), Tag(name)] for name, m in known.items()]
+            options = [Annotated[self._part(m, base), Tag(name)] for name, m in known.items()]
             own = base.__name__ if base.__name__ in known else None
             choose = Discriminator(
-                lambda value: value.get(TYPE, own) if isinstance(value, dict) else None,
+                lambda value: _tag(value, own),
                 custom_error_type="type",
                 custom_error_message="type",
-                custom_error_context={"known": list(known)},
+                custom_error_context={"known": ", ".join(known)},
             )
             self._unions[base] = Annotated[typing.Union[tuple(options)], choose]  # noqa: UP007
         return _reference(base)
 
-    def _part(self, maker: Maker) -> type[BaseModel]:
-        own = maker.name == maker.part.__name__
-        keys: dict[str, tuple[Any, Any]] = {
-            TYPE: (Literal[maker.name], None if own and not inspect.isabstract(maker.part) else ...)
-        }
+    def _part(self, maker: Maker, base: type) -> type[BaseModel]:
+        default = None if maker.name == base.__name__ else ...
+        keys: dict[str, tuple[Any, Any]] = {TYPE: (Literal[maker.name], default)}
         body = issubclass(maker.part, AbstractBody)
-        for key, argument, _ in maker.keys():
+        for key, argument, _ in maker.entries():
             if key == "name":
                 if not body:
                     keys[key] = (str, None)
@@ -135,8 +132,8 @@ class Schema:
                 return self._union(base)
 
     def _marker(self) -> Any:
-        return _text_or(self.models["marker"], "a marker, such as \"crank.pin\" or { body = \"crank\", "
-                        "point = [0.1, 0.0] }")
+        table = '{ body = "crank", point = [0.1, 0.0] }'
+        return _text_or(self.models["marker"], f'a marker, such as "crank.pin" or {table}')
 
     def _point(self) -> Any:
         def check(value: Any) -> Any:
@@ -156,6 +153,12 @@ def _text_or(table: type[BaseModel], wanted: str) -> Any:
     return Annotated[Annotated[str, Tag("text")] | Annotated[table, Tag("table")], choose]
 
 
+def _tag(value: Any, default: str | None) -> str | None:
+    """The type that a table says it is of; None if it says none."""
+    tag = value.get(TYPE, default) if isinstance(value, dict) else None
+    return tag if isinstance(tag, str) else None
+
+
 def _reference(base: type) -> Any:
     return typing.ForwardRef(f"of_{base.__module__}_{base.__qualname__}".replace(".", "_"))
 
@@ -167,10 +170,6 @@ def _angle() -> dict[str, tuple[Any, Any]]:
         WithJsonSchema(number_schema(Numbers())),
     ]
     return {"angle": (number, None), "angle_deg": (number, None)}
-
-
-def _of(kind: Any) -> Any:
-    return float if kind is float else kind
 
 
 def _default(argument: Argument) -> Any:
@@ -196,6 +195,12 @@ def schema() -> Schema:
     return _made[key]
 
 
+def json_schema() -> dict[str, Any]:
+    """The JSON schema of scene files, for editors."""
+    dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    return dialect | schema().document.model_json_schema()
+
+
 def validate(tables: dict[str, Any], problems: Problems) -> None:
     """Add all that tables have wrong in themselves."""
     models = schema()
@@ -211,10 +216,9 @@ def _place(tables: Any, loc: Place) -> Place:
     """The keys of an error, without the types that pydantic puts between them."""
     place: list[str | int] = []
     for index, key in enumerate(loc):
-        if isinstance(tables, dict) and key in tables:
-            tables = tables[key]
-        elif isinstance(tables, list) and isinstance(key, int) and key < len(tables):
-            tables = tables[key]
+        within: Any = range(len(tables)) if isinstance(tables, list) else tables
+        if isinstance(tables, dict | list) and key in within:
+            tables = tables[key]  # type: ignore[index]
         elif index < len(loc) - 1 or not isinstance(tables, dict):
             continue
         place.append(key)
@@ -236,8 +240,8 @@ def _words(models: Schema, error: Any) -> str:
         if not isinstance(value, dict):
             return f"It is {shown(value)}, but a table is needed, such as {{ type = … }}."
         if TYPE not in value:
-            return f"The key `type` is missing; one of {', '.join(context['known'])}."
-        return unknown("type", value[TYPE], context["known"])
+            return f"The key `type` is missing; one of {context['known']}."
+        return unknown("type", value[TYPE], context["known"].split(", "))
     if kind == "form":
         return f"It is {shown(value)}, but {context['wanted']}, is needed."
     if kind == "literal_error":

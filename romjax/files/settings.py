@@ -1,10 +1,12 @@
 """What the `[run]` table of a scene file says."""
 
 import dataclasses
+import math
 from typing import Any, Literal
 
 import diffrax
 
+from ..errors import InputError
 from ..integrate.rodas5p import Rodas5P
 
 Method = Literal["Rodas5P", "Dopri8", "Dopri5", "Tsit5", "Kvaerno5"]
@@ -28,6 +30,8 @@ class Settings:
     - `rtol`: tolerance of all runs.
     - `solver`: the method; chosen by stiffness unless given.
     - `pod_rank`, `sod_rank`: numbers of modes; the drop point unless given.
+
+    Raises InputError for a number that is not positive.
     """
 
     end: float = 1.0
@@ -36,3 +40,9 @@ class Settings:
     solver: Method | None = None
     pod_rank: int | None = None
     sod_rank: int | None = None
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, int | float) and not 0 < value < math.inf:
+                raise InputError(f"{field.name} is {value}, but it must be positive.")

@@ -54,7 +54,7 @@ def _section(writer: "_Writer", base: type, parts: Sequence[Any]) -> tomlkit.ite
         name = getattr(part, "name", "") or type(part).__name__.lower()
         key, number = name, 2
         while key in section or (key in taken and key != getattr(part, "name", "")):
-            key, number = f"{name} {number}", number + 1
+            key, number = f"{name}-{number}", number + 1
         table = writer.part(part, base)
         if hasattr(part, "name") and base is not AbstractBody and part.name != key:
             table = {TYPE: table[TYPE], "name": part.name} | table
@@ -110,8 +110,8 @@ class _Writer:
         kind = type(part).__name__
         if maker is None or not maker.readable:
             raise SceneError(
-                f"save: a {kind} cannot be written to a file; a part of one's own can if its fields "
-                "are numbers, texts, markers or other parts, and none is called `type`."
+                f"save: a {kind} cannot be written to a file; a part of one's own can if its "
+                "fields are numbers, texts, markers or other parts, and none is called `type`."
             )
         values: dict[str, Any] = {TYPE: maker.name}
         for name, argument in maker.arguments.items():
@@ -141,7 +141,7 @@ class _Writer:
         return value
 
     def _marker(self, marker: Marker) -> Any:
-        """ "body", "body.point" or a table."""
+        """By text, "body" or "body.point", or by a table."""
         origin, plain = (0.0, 0.0), "." not in marker.body
         named = self._bodies[marker.body].named_points() if marker.body != GROUND else {}
         names = [name for name, point in named.items() if _same(point, marker.point)]
@@ -166,12 +166,12 @@ def _numbers(value: Any) -> Any:
 
 
 def _is_default(argument: Argument, value: Any) -> bool:
+    if isinstance(value, NamedPoints):
+        return not value.names
     if argument.default is argument.empty or argument.default is None:
         return False
     if isinstance(argument.form, Numbers):
         return _same(value, argument.default)
-    if isinstance(value, NamedPoints):
-        return not value.names
     return bool(value == argument.default)
 
 

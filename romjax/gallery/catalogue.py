@@ -35,7 +35,7 @@ class Example:
     `pod_rank`, `sod_rank`: numbers of modes, None for the drop point. What a publication says of
     the scene, if one does: `published_savings`, the share of time that its reduced models save, by
     the name of their decomposition; `published_ranks`, the numerical ranks of its generalised SVD
-    at `rate` and at three times that. `rtol`: tolerance; `solver`: the method, None for the default.
+    at `rate` and at three times that. `rtol`: tolerance; `solver`: None for the default.
     """
 
     name: str

@@ -82,7 +82,7 @@ class Ground(eqx.Module):
     A `Ground` of one's own has points by name: `Ground({"pivot": (0.0, 0.0)}).at("pivot")`.
     """
 
-    points: Converted[NamedPoints, Mapping[str, Vector]] = by_name()
+    points: Converted[NamedPoints, Mapping[str, Vector]] = by_name(default=())
 
     def named_points(self) -> Mapping[str, Float[Array, "2"]]:
         """The points [m] that `at` and `pose` know by name."""

@@ -17,7 +17,7 @@ B = TypeVar("B", bound=Any)
 
 
 def start_pose(body: Any, point: Vector) -> Pose:
-    """Where the material `point` [m] of a body is at the start, and how the body is turned there."""
+    """Where a material `point` [m] of a body is at the start, and how it is turned there."""
     q, _ = body.start()
     arm, turn = _arm(body, q, point)
     return Pose(as_array(_moved(q[:2], q[2], arm)), as_array(q[2] + turn))
@@ -41,6 +41,21 @@ def brought(body: B, point: Vector, to: Pose, angle: Number | None) -> B:
     return placed
 
 
+def started(body: B, q: Array, v: Array) -> B:
+    """The body whose own coordinates and velocities at the start are q and v."""
+    if not hasattr(body, "position"):
+        raise SceneError(
+            f"body '{body.name}': a {type(body).__name__} has no fields `position`, `angle`, …; "
+            "give it a method `started`."
+        )
+    names = ["position", "angle", "velocity", "angular_velocity"]
+    values = [q[:2], q[2], v[:2], v[2]]
+    if body.modes:
+        names, values = [*names, "amplitudes", "rates"], [*values, q[3:], v[3:]]
+    moved: B = eqx.tree_at(lambda b: [getattr(b, name) for name in names], body, values)
+    return moved
+
+
 def _arm(body: Any, q: Array, point: Vector) -> tuple[Any, Any]:
     """A material point in the frame of a body as it is bent, X + S q_f − ½ q_fᵀ G q_f [m], and how
     much it is turned there [rad].
@@ -57,7 +72,9 @@ def _arm(body: Any, q: Array, point: Vector) -> tuple[Any, Any]:
 
 
 def _moved(origin: Any, angle: Any, arm: Any, sign: int = 1) -> Any:
-    """origin + sign A(angle) arm; by NumPy where JAX does not trace, which compiles nothing."""
+    """The position origin + sign A(angle) arm; by NumPy, which compiles nothing, where JAX does not
+    trace.
+    """
     if any(is_traced(x) for x in (origin, angle, arm)):
         xp: Any = jnp
     else:

@@ -45,8 +45,8 @@ if TYPE_CHECKING:  # why, see fields.py
 else:
 
     def by_name(**kwargs: Any) -> Any:
-        """A field that holds points by name, of any mapping; empty unless told."""
-        return eqx.field(converter=NamedPoints.of, **{"default": (), **kwargs})
+        """A field that holds points by name, of any mapping."""
+        return eqx.field(converter=NamedPoints.of, **kwargs)
 
 
 def point_of(owner: str, known: Mapping[str, Any], point: Vector | str) -> Vector:

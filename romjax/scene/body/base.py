@@ -16,7 +16,7 @@ from ...errors import SceneError
 from ..coordinate import Coordinate
 from ..fields import check_finite, check_shape
 from ..marker import GROUND, Marker, Pose
-from ..placing import brought, start_pose
+from ..placing import brought, start_pose, started
 from ..points import point_of
 from .inertia import Inertia
 
@@ -165,10 +165,14 @@ class AbstractBody(eqx.Module):
         return start_pose(self, self._point(point))
 
     def placed(self: T, point: Vector | str, to: Pose, angle: Number | None = None) -> T:
-        """The body with a `point`, as in `at`, at the position of a pose, such as `other.pose("pin")`
-        or `ground.pose((x, y))`, and its frame turned by `angle` [rad], as it is unless given.
+        """The body with a `point`, as in `at`, where a pose is, such as `other.pose("pin")` or
+        `ground.pose((x, y))`, and its frame turned by `angle` [rad], as it is unless given.
         """
         return brought(self, self._point(point), to, angle)
+
+    def started(self: T, q: Float[Array, " size"], v: Float[Array, " size"]) -> T:
+        """The body with other initial coordinates and velocities."""
+        return started(self, q, v)
 
     def _point(self, point: Vector | str) -> Vector:
         return point_of(f"body '{self.name}'", self.named_points(), point)

@@ -69,7 +69,7 @@ class Beam(AbstractBody):
     angular_velocity: Float[Array, ""] = number(default=0.0)
     amplitudes: Float[Array, " modes"] = number(default=())
     rates: Float[Array, " modes"] = number(default=())
-    points: NamedPoints = by_name()
+    points: NamedPoints = by_name(default=())
     modes: int = eqx.field(static=True, default=0)
     axis: str = eqx.field(static=True, default="x")
     shapes: str = eqx.field(static=True, default="free-free")

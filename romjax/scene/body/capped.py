@@ -56,6 +56,11 @@ class CappedBody(AbstractBody):
     def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
         return self.body.start()
 
+    def started(self, q: Float[Array, " size"], v: Float[Array, " size"]) -> "CappedBody":
+        body = self.body.started(q, v)
+        moved: CappedBody = eqx.tree_at(lambda capped: capped.body, self, body)
+        return moved
+
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         own = self.body.mass_matrix(q)
         ratio = self.body.natural_frequencies() / (2 * jnp.pi * self.cap)

@@ -69,6 +69,11 @@ class ReducedBody(AbstractBody):
             jnp.concatenate([v[:3], read @ v[3:]]),
         )
 
+    def started(self, q: Float[Array, " size"], v: Float[Array, " size"]) -> "ReducedBody":
+        body = self.body.started(self.expand(q), self.expand(v))
+        moved: ReducedBody = eqx.tree_at(lambda reduced: reduced.body, self, body)
+        return moved
+
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         if self.inertia is not None:
             return self.inertia.matrix(q)

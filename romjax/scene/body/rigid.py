@@ -36,7 +36,7 @@ class RigidBody(AbstractBody):
     velocity: Converted[Float[Array, "2"], Vector] = number(default=(0.0, 0.0))
     angular_velocity: Converted[Float[Array, ""]] = number(default=0.0)
     extent: Converted[Float[Array, "*shape"], Vector | Number] = number(default=(0.2, 0.1))
-    points: Converted[NamedPoints, Mapping[str, Vector]] = by_name()
+    points: Converted[NamedPoints, Mapping[str, Vector]] = by_name(default=())
     modes: ClassVar[int] = 0  # type: ignore[misc]
 
     @property

@@ -1,0 +1,122 @@
+"""What a scene is, in words and without running it: `romjax check`."""
+
+from collections import Counter
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+from tabulate import tabulate
+
+from ..assembly.assemble import assemble
+from ..errors import InputError
+from ..integrate.default import default_solver, start_frequencies
+from ..scene.scene import Scene
+from ..system.base import AbstractSystem
+from ..system.consistent import consistent
+from ..system.dynamics import jacobian
+from .scene_file import SceneFile
+from .settings import Settings, solver_of
+
+# A row of C_q with less than this share beyond those before it repeats them.
+_REPEATED = 1e-8
+# [m], [rad]: a start that is further from where joints hold is refused by a run.
+_MOVED = 1e-8
+
+
+def describe_file(file: SceneFile) -> str:
+    """Bodies, joints, freedoms, effects, the fastest frequency, and the method with its reason.
+
+    Raises SceneFileError for joints that contradict each other or lock the mechanism.
+    """
+    scene = file()
+    try:
+        system = assemble(scene)
+        q, v = consistent(system)
+    except InputError as error:
+        raise file.wrong(error) from error
+    rows = [
+        ["bodies", _counted([type(body).__name__ for body in scene.bodies])],
+        *[["", f"{body.name}: {body.size} coordinates"] for body in scene.bodies],
+        ["coordinates", str(system.n)],
+        ["constraints", f"{system.m}, {_counted([type(j).__name__ for j in scene.joints])}"],
+        ["freedoms", _freedoms(scene, system, q)],
+        ["redundant", ", ".join(redundant_joints(scene, system, q)) or "no joint"],
+        ["effects", _counted([type(effect).__name__ for effect in scene.effects])],
+        ["start", _start(system, q, v)],
+        *_speed(system, file.settings, q, v),
+    ]
+    table = tabulate(rows, tablefmt="plain", disable_numparse=True)
+    return f"{file.path}: {file.title}\n{table}"
+
+
+def _counted(kinds: list[str]) -> str:
+    counts = Counter(kinds)
+    return ", ".join(f"{count} {kind}" for kind, count in counts.items()) or "none"
+
+
+def _freedoms(scene: Scene, system: AbstractSystem, q: Array) -> str:
+    rank = system.m - sum(_repeats(scene, system, q).values())
+    modes = sum(body.modes for body in scene.bodies)
+    words = f", {modes} of them modes" if modes else ""
+    return f"{system.n - rank}{words}"
+
+
+def redundant_joints(scene: Scene, system: AbstractSystem, q: Array) -> list[str]:
+    """The joints that repeat, at the coordinates q, what those before them hold already."""
+    return [
+        f"{joint} ({count} of its constraints)"
+        for joint, count in _repeats(scene, system, q).items()
+        if count
+    ]
+
+
+def _repeats(scene: Scene, system: AbstractSystem, q: Array) -> dict[str, int]:
+    """How many constraints of each joint are combinations of earlier ones: Gram and Schmidt's way,
+    on rows in the metric of M⁻¹, which no choice of units changes.
+    """
+    if not system.m:
+        return {}
+    half: np.ndarray = np.linalg.inv(np.linalg.cholesky(np.asarray(system.mass(q), float)))
+    rows = np.asarray(jacobian(system, 0.0, q)) @ half.T
+    basis, counts, row = np.zeros((0, system.n)), Counter[str](), 0
+    for joint in scene.joints:
+        for _ in range(joint.rows):
+            own = rows[row] / max(float(np.linalg.norm(rows[row])), 1e-300)
+            left = own
+            for _ in range(2):  # the second takes out what rounding leaves
+                left = left - basis.T @ (basis @ left)
+            size = float(np.linalg.norm(left))
+            counts[joint.label()] += size <= _REPEATED
+            if size > _REPEATED:
+                basis = np.vstack([basis, left / size])
+            row += 1
+    return counts
+
+
+def _start(system: AbstractSystem, q: Array, v: Array) -> str:
+    moved = float(np.max(np.abs(np.asarray(q) - np.asarray(system.q0)), initial=0.0))
+    faster = float(np.max(np.abs(np.asarray(v) - np.asarray(system.v0)), initial=0.0))
+    if max(moved, faster) < _MOVED:
+        return "all joints hold"
+    return (
+        f"joints hold {moved:.2g} m or rad away, at speeds that differ by {faster:.2g}; "
+        "add consistent = true at the top"
+    )
+
+
+def _speed(system: AbstractSystem, settings: Settings, q: Array, v: Array) -> list[list[str]]:
+    """The fastest frequency, the method and the reason for it."""
+    ts = jnp.linspace(0.0, settings.end, max(2, round(settings.end * settings.rate) + 1))
+    start = start_frequencies(system, np.asarray(0.0), q, v)
+    fastest = float(start.fastest)
+    given = solver_of(settings.solver)
+    chosen = given or default_solver(system, ts, None, start)
+    shown = np.pi / (settings.end / max(len(ts) - 1, 100))
+    side = "above" if fastest > shown else "below"
+    reason = f"the fastest frequency is {side} the {shown:.4g} rad/s that the outputs can show"
+    if given:
+        reason = "[run] says so"
+    return [
+        ["fastest", f"{fastest:.4g} rad/s ({fastest / (2 * np.pi):.4g} Hz)"],
+        ["method", f"{type(chosen).__name__}, since {reason}"],
+    ]
