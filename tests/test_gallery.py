@@ -1,7 +1,9 @@
 """The ready scenes: each runs with the default settings, keeps its energy, and shows its fact."""
 
 import math
+from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from romjax.system.dynamics import jacobian
 # run, of crossings between outputs, and of small masses and amplitudes that a closed form leaves
 # out.
 SHOWN = 1e-3
+FILES = Path(rj.__file__).parent / "gallery" / "files"
 SLOW = ("slider-crank", "segmented-beam")
 
 
@@ -230,13 +233,24 @@ def test_every_scene_has_a_fact():
     assert len(FACTS) >= 16
 
 
-def shown(name, **numbers):
-    """A scene at the end of its run, with the default settings."""
+def shown(name, **settings):
+    """From Python and from its file a scene is the same, to the bit, and shows its fact."""
     example = find(name)
-    system = rj.assemble(example.make(**numbers))
-    run = rj.simulate(system, outputs(example))
+    scene = example.make()
+    same(rj.load_scene(FILES / f"{name}.toml"), scene)
+    system = rj.assemble(scene)
+    # No joint repeats another, and what is left is what the catalogue says.
+    assert np.linalg.matrix_rank(jacobian(system, 0.0, system.q0)) == system.m
+    assert system.n - system.m == example.freedoms
+    run = rj.simulate(system, outputs(example), **settings)
     assert run.is_valid, run.warnings()
     FACTS[name](system, run)
+
+
+def same(a, b):
+    assert jax.tree.structure(a) == jax.tree.structure(b)
+    for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
+        assert np.asarray(x).tobytes() == np.asarray(y).tobytes()
 
 
 @pytest.mark.parametrize("name", [name for name in FACTS if name not in SLOW])
@@ -247,16 +261,24 @@ def test_scene(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SLOW)
 def test_long_scene(name):
-    shown(name)
+    """By the method of the catalogue, at its tolerance: amplitudes of the rod are small."""
+    example = find(name)
+    shown(name, solver=example.solver, rtol=example.rtol)
 
 
 def test_a_beam_of_fewer_segments_rolls_up_too():
-    shown("segmented-beam", segments=6)
+    example = find("segmented-beam")
+    system = rj.assemble(example.make(segments=6))
+    run = rj.simulate(system, outputs(example))
+    assert run.is_valid, run.warnings()
+    segmented_beam(system, run)
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.name)
-def test_freedoms(example):
-    """No joint repeats another, and what is left is what the catalogue says."""
-    system = rj.assemble(example.make())
-    assert np.linalg.matrix_rank(jacobian(system, 0.0, system.q0)) == system.m
-    assert system.n - system.m == example.freedoms
+def test_every_file_says_how_its_scene_runs():
+    for example in EXAMPLES:
+        file = rj.scene_file(FILES / f"{example.name}.toml")
+        settings = file.settings
+        assert file.title == example.title
+        assert (settings.end, settings.rate) == (example.end, example.rate)
+        assert (settings.pod_rank, settings.sod_rank) == (example.pod_rank, example.sod_rank)
+    assert {path.stem for path in FILES.glob("*.toml")} == {example.name for example in EXAMPLES}

@@ -33,13 +33,13 @@ def flywheel(
     its end, which gives the stiffness k = 3 n EI R² / l³. With light spokes the wheel vibrates at
     ω² = k (1/J_hub + 1/J_rim).
     """
-    core = RigidBody("hub", hub_mass, hub_mass * hub**2 / 2, extent=2 * hub)
+    angles = [2 * math.pi * i / spokes for i in range(spokes)]
+    feet = {f"foot{i + 1}": (hub * math.cos(angle), hub * math.sin(angle)) for i, angle in enumerate(angles)}
+    core = RigidBody("hub", hub_mass, hub_mass * hub**2 / 2, extent=2 * hub, points=feet)
     ring = RigidBody("rim", rim_mass, rim_mass * rim**2, extent=2 * rim)
     joints: list[AbstractJoint] = [Revolute(core.at(), ground.at(), name="bearing")]
     beams = []
-    for i in range(spokes):
-        angle = 2 * math.pi * i / spokes
-        foot = (hub * math.cos(angle), hub * math.sin(angle))
+    for i, (foot, angle) in enumerate(zip(feet, angles, strict=True)):
         beam = Beam(
             f"spoke{i + 1}",
             spoke_mass,

@@ -17,7 +17,7 @@ Point = np.ndarray | tuple[float, float]
 def bar(name: str, start: Point, end: Point, density: Number) -> Beam:
     """A rigid bar of some mass per length [kg/m] between two points [m], its "start" and "end"."""
     x, y = np.subtract(end, start)
-    length = math.hypot(x, y)
+    length = round(math.hypot(x, y), 12)  # as it was given, where the points follow from lengths
     body = Beam(name, density * length, length, angle=math.atan2(y, x))
     return body.placed("start", ground.pose(start))
 
@@ -36,12 +36,6 @@ def triangle(name: str, corners: Mapping[str, Point], density: Number) -> RigidB
         extent=points - centre,
         points=dict(zip(corners, points - centre, strict=True)),
     )
-
-
-def ahead(start: Point, length: float, angle: float) -> np.ndarray:
-    """The point at a distance [m] from another, in the direction of an angle [rad]."""
-    point: np.ndarray = np.add(start, length * np.array([math.cos(angle), math.sin(angle)]))
-    return point
 
 
 def meeting(a: Point, b: Point, from_a: float, from_b: float) -> np.ndarray:

@@ -3,8 +3,6 @@
 import itertools
 import math
 
-import numpy as np
-
 from ..arrays import Number
 from ..scene.body.rigid import RigidBody
 from ..scene.curve import Circle
@@ -35,15 +33,15 @@ def newtons_cradle(
     """
     pitch = 2 * radius + clearance
     # A string from the hook, and once around.
-    around = np.linspace(0.0, 2 * math.pi, 25)
-    circle = radius * np.stack([np.sin(around), np.cos(around)], axis=1)
+    around = [2 * math.pi * i / 24 for i in range(25)]
+    circle = [(radius * math.sin(x), radius * math.cos(x)) for x in around]
     row = [
         RigidBody(
             f"ball{i + 1}",
             mass,
             0.4 * mass * radius**2,
             angle=0.0 if i else -angle,
-            extent=np.concatenate([[(0.0, length)], circle]),
+            extent=((0.0, length), *circle),
             points={"hook": (0.0, length)},
         ).placed("hook", ground.pose((i * pitch, 0.0)))
         for i in range(balls)

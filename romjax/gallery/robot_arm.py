@@ -51,6 +51,7 @@ def robot_arm(
         )
         links.append(link)
         wrist, reached = link.at("end"), link.pose("end")
-    grip = RigidBody("load", load, 1e-3, position=reached.position, angle=-math.pi / 2, extent=0.08)
+    grip = RigidBody("load", load, 1e-3, angle=-math.pi / 2, extent=0.08)
+    grip = grip.placed((0.0, 0.0), reached)
     joints.append(Weld(grip.at(), wrist, name="grip"))
     return Scene(bodies=[*links, grip], joints=joints, effects=[Gravity(), *drives])

@@ -35,8 +35,13 @@ def trebuchet(
     # The long arm slopes down to the left, its tip a little above the trough.
     slope = 0.98 * math.asin(height / long)
     half = (long + short) / 2
-    beam = Beam("beam", beam_density * 2 * half, 2 * half, angle=slope)
-    beam = beam.placed((long - half, 0.0), ground.pose((0.0, height)))
+    beam = Beam(
+        "beam",
+        beam_density * 2 * half,
+        2 * half,
+        angle=slope,
+        points={"pivot": (long - half, 0.0)},
+    ).placed("pivot", ground.pose((0.0, height)))
     weight = RigidBody(
         "counterweight",
         counterweight,
@@ -44,18 +49,18 @@ def trebuchet(
         extent=((-0.4, -0.4), (0.4, -0.4), (0.4, 0.4), (0.0, hanger), (-0.4, 0.4)),
         points={"hook": (0.0, hanger)},
     ).placed("hook", beam.pose("end"))
-    x, y = beam.pose("start").position
+    tip = height - long * math.sin(slope)
     stone = RigidBody(
         "stone",
         stone_mass,
         0.1 * stone_mass * 0.3**2,
-        position=(x + math.sqrt(sling**2 - y**2), 0.0),
+        position=(math.sqrt(sling**2 - tip**2) - long * math.cos(slope), 0.0),
         extent=0.3,
     )
     return Scene(
         bodies=[beam, weight, stone],
         joints=[
-            Revolute(beam.at((long - half, 0.0)), ground.at((0.0, height)), name="pivot"),
+            Revolute(beam.at("pivot"), ground.at((0.0, height)), name="pivot"),
             Revolute(weight.at("hook"), beam.at("end"), name="hanger"),
             Distance(stone.at(), beam.at("start"), length=sling, name="sling"),
         ],
