@@ -27,7 +27,8 @@ def spans(text: str) -> list[str]:
 
 def commands(text: str) -> list[str]:
     """What one would type into a shell: blocks that are no Python, spans, and indented lines."""
-    blocks = [content for language, content in BLOCK.findall(text) if language != "python"]
+    found = BLOCK.findall(text)
+    blocks = [content for language, content in found if language not in ("python", "toml")]
     typed = [part for block in blocks for part in re.split(r" && |\n", block.strip())]
     indented = "".join(INDENTED.findall(BLOCK.sub("", text))).splitlines()
     quoted = [line.strip() for line in spans(text) + indented]

@@ -76,7 +76,11 @@ MISTAKES: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "endless digits": ("end = 0.1", f"end = {'9' * 5000}", ("no TOML",)),
     # Keys.
     "unknown table": ("[effects.load]", "[efects.load]", (":45: efects", "'effects'")),
-    "unknown key": ("mass = 0.5", "mas = 0.5", (":22: [bodies.rod] mas:", "mean 'mass'", "missing")),
+    "unknown key": (
+        "mass = 0.5",
+        "mas = 0.5",
+        (":22: [bodies.rod] mas:", "mean 'mass'", "missing"),
+    ),
     "upper case": ("inertia = 0.01", "Inertia = 0.01", ("[bodies.slider] Inertia", "'inertia'")),
     "key of another type": ("inertia = 0.01", "inertia = 0.01\nmodes = 2", ("no key 'modes'",)),
     "unknown key in a table": ('point = "middle"', 'pont = "middle"', ("at.pont", "'point'")),
@@ -92,7 +96,11 @@ MISTAKES: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "bodies as a list": ("[bodies.crank]", "[[bodies]]", ("bodies", "a table is needed")),
     "body in body": ("[bodies.slider]", "[bodies.rod.slider]", ("no key 'slider'",)),
     # Values.
-    "text for a number": ("mass = 0.5", 'mass = "0.5"', (":22: [bodies.rod] mass", "without quotes")),
+    "text for a number": (
+        "mass = 0.5",
+        'mass = "0.5"',
+        (":22: [bodies.rod] mass", "without quotes"),
+    ),
     "words for a number": ("mass = 0.5", 'mass = "heavy"', ('A parameter is "=name"',)),
     "truth for a number": ("mass = 0.5", "mass = true", ("It is true, but a number",)),
     "date for a number": ("mass = 0.5", "mass = 1979-05-27", ("It is 1979-05-27",)),
@@ -115,12 +123,20 @@ MISTAKES: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "point with a taken name": ("middle =", "end =", (":20: [bodies.rod]", "another name")),
     # What refers to something else.
     "unknown body": ('"slider" }', '"slidr" }', (":39: [joints.wrist] b", "'slider'")),
-    "unknown point": ('"crank.end", b', '"crank.tip", b', ("[joints.pin] a", "'tip'", "start, end")),
-    "unknown ground point": ("ground.bearing\" }\n\n", "ground.berring\" }\n\n", ("'bearing'",)),
+    "unknown point": (
+        '"crank.end", b',
+        '"crank.tip", b',
+        ("[joints.pin] a", "'tip'", "start, end"),
+    ),
+    "unknown ground point": ('ground.bearing" }\n\n', 'ground.berring" }\n\n', ("'bearing'",)),
     "joint with itself": ('b = "rod.start"', 'b = "crank.start"', ("Both markers are on 'crank'",)),
     "unknown parameter": ('"=speed"', '"=sped"', ("[bodies.crank] angular_velocity", "'speed'")),
     "cyclic parameters": ("speed = 5.0", 'speed = "=v"\nv = "=speed"', ("speed = v = speed",)),
-    "parameter of a parameter": ("speed = 5.0", 'speed = "=v"', ("[parameters] speed", "no parameter")),
+    "parameter of a parameter": (
+        "speed = 5.0",
+        'speed = "=v"',
+        ("[parameters] speed", "no parameter"),
+    ),
     "parameter as text": ("speed = 5.0", 'speed = "fast"', ("[parameters] speed", "a number")),
     "placed by itself": ('at = "crank.end"', 'at = "rod.end"', ("placed by each other: rod, rod",)),
     "placed in a circle": ('"ground.bearing" }\n\n', '"slider" }\n\n', ("placed by each other",)),

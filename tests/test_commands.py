@@ -16,6 +16,7 @@ STATED = re.compile(r"\(([^()]*)\)$")  # the default, at the end of a help text
 
 CI = "by .ci/run"
 SET_UP = "as the first line of the tests, with less installed"
+FILES = "by test_files.py"
 TEST_CLI = "by test_run_cart_pendulum in test_cli.py"
 
 # How each command is executed: as it stands, with names filled in, or elsewhere.
@@ -23,6 +24,10 @@ COMMANDS = {
     "romjax scenes": "romjax scenes",
     "romjax run cart-pendulum": TEST_CLI,
     "romjax run FILE.py": "romjax run mine.py --end 0.5",
+    "romjax new crank.toml": FILES,
+    "romjax check crank.toml": FILES,
+    "romjax run crank.toml": FILES,
+    "romjax schema": FILES,
     "romjax tune NAME": "romjax tune chain",
     "romjax accuracy cart-pendulum --budget 60": "romjax accuracy cart-pendulum --budget 60",
     "romjax accuracy cart-pendulum": "romjax accuracy cart-pendulum --budget 60",
@@ -33,7 +38,7 @@ COMMANDS = {
     "python -m pytest -q": CI,
     "python -m pytest -q -m slow": CI,
 }
-EXECUTED = sorted({line for line in COMMANDS.values() if line not in (CI, SET_UP, TEST_CLI)})
+EXECUTED = sorted({line for line in COMMANDS.values() if line not in (CI, FILES, SET_UP, TEST_CLI)})
 
 # "A mechanism of your own is a `Scene` of bodies, joints and effects connected by markers."
 MINE = """

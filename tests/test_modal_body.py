@@ -232,7 +232,7 @@ def test_an_interface_outside_of_the_matrices_is_refused():
 
 def test_markers_sit_on_ports():
     body = mesh()
-    with pytest.raises(rj.SceneError, match="no port 'middle'.*left, right"):
+    with pytest.raises(rj.SceneError, match="no point 'middle'.*left, right"):
         body.at("middle")
     hinge = rj.Revolute(body.at((0.1, 0.2)), rj.ground.at())
     with pytest.raises(rj.SceneError, match=r"on 'rod' is at \[0.1 0.2\].*left, right"):

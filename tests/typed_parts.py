@@ -43,6 +43,7 @@ profiles = (
     rj.sections.IProfile(width=0.1, height=0.2, flange=0.01, web=0.01),
 )
 
+frame = rj.Ground({"pivot": (0.0, 1.0)})
 here, there = cart.at((0.1, 0.0), angle=np.pi / 4), rj.ground.at([0, 1])
 signals = [
     rj.Constant(1.0),

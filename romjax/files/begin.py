@@ -1,4 +1,4 @@
-"""The scene file to begin with: `romjax new`."""
+"""The scene file to begin with."""
 
 from pathlib import Path
 

@@ -17,9 +17,10 @@ from ..scene.marker import GROUND, Ground, Marker
 from ..scene.scene import Scene
 from .arrays import read_array
 from .forms import Form, ListOf, MarkerForm, Numbers, PartOf, TableOf, is_body
+from .markers import split_marker
 from .numbers import PARAMETER
 from .parameters import is_reference
-from .parts import DEGREES, TYPE, Maker, makers
+from .parts import DEGREES, EMPTY, TYPE, Maker, makers
 from .problems import Place, Problems, unknown
 
 _DEGREE = math.pi / 180
@@ -44,7 +45,8 @@ class Builder:
 
     def scene(self) -> Scene:
         """The scene; an empty one if anything is wrong."""
-        bodies = [self.body(name) for name in self._names("bodies")]
+        names = self._names("bodies")
+        bodies = [self.body(name) for name in names if not self.problems.full]
         joints = list(self._parts("joints", AbstractJoint))
         effects = list(self._parts("effects", AbstractEffect))
         if self.problems.found:
@@ -73,6 +75,8 @@ class Builder:
     def _parts(self, section: str, base: type) -> Iterator[Any]:
         for name in self._names(section):
             place = (section, name)
+            if self.problems.full:
+                return
             if self.problems.touch(place):
                 continue
             table = {"name": name} | self.tables[section][name]
@@ -147,23 +151,13 @@ class Builder:
     def _marker_parts(self, place: Place, value: Any) -> tuple[Any, Any, Any]:
         """Body, point and angle of a marker."""
         if isinstance(value, str):
-            name, point = self._split(value)
+            name, point = split_marker(value, self._names("bodies"))
             owner = self._owner(place, name)
             return owner, self._point(place, owner, point) if point else as_array((0.0, 0.0)), 0.0
         owner = self._owner((*place, "body"), value["body"])
         point = self._point((*place, "point"), owner, value.get("point", [0.0, 0.0]))
         angle = self._angle(place, value, "angle", 0.0)
         return owner, point, angle
-
-    def _split(self, text: str) -> tuple[str, str]:
-        """Body and point of "body.point"; either may have dots."""
-        names = {GROUND, *self._names("bodies")}
-        cuts = [i for i, letter in enumerate(text) if letter == "."]
-        known = [cut for cut in cuts if text[:cut] in names]
-        if text in names or not cuts:
-            return text, ""
-        cut = known[-1] if known else cuts[0]
-        return text[:cut], text[cut + 1 :]
 
     def _point(self, place: Place, owner: Any, value: Any) -> Any:
         if not isinstance(value, str) or is_reference(value):
@@ -192,7 +186,7 @@ class Builder:
                         continue
                 elif name in table and argument.form is not None:
                     value = self._value((*place, name), argument.form, table[name], table)
-                elif argument.optional and argument.default is argument.empty:
+                elif argument.optional and argument.default is EMPTY:
                     value = None
                 else:
                     continue
@@ -271,7 +265,10 @@ class Builder:
             raise
         except Exception as error:
             words = _OWNER.sub("", str(error).split("\n")[0] or type(error).__name__)
-            named = [key for key in table if re.search(rf"\b{re.escape(key)}\b", words)]
-            keys = [key for key in named if key not in ("name", TYPE)]
+            keys = [
+                key
+                for key in re.findall(r"\w+", words)
+                if key in table and key not in (TYPE, "name")
+            ]
             self.problems.add((*place, *keys[:1]), words[:1].upper() + words[1:])
             raise _FailedError from error

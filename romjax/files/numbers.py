@@ -32,7 +32,7 @@ def wrong_numbers(form: Numbers, value: Any) -> str:
     return f"It is {shown(value)}, but {wanted} is needed.{hint}"
 
 
-def _wrong_number(form: Numbers, value: float) -> str:
+def _wrong_number(form: Numbers, value: int | float) -> str:
     if form.axes and not form.loose:
         return f"It is the number {value}, but {_lists(form)} is needed."
     try:

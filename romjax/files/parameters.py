@@ -9,6 +9,9 @@ from ..arrays import concrete
 from .numbers import PARAMETER
 from .problems import Problems, unknown
 
+# Of parameters in a message.
+_SHOWN = 8
+
 
 def is_reference(value: Any) -> bool:
     """Whether a value is "=name"."""
@@ -29,22 +32,30 @@ def resolve_parameters(
 ) -> dict[str, Any]:
     """The values of all parameters, where those that are `given` take the place of their own."""
     values: dict[str, Any] = {}
+    failed: set[str] = set()
     for name in table:
-        way = [name]
-        while is_reference(table[way[-1]]):
-            following = table[way[-1]][len(PARAMETER) :]
-            if following not in table:
-                known = list(table)
-                problems.add(("parameters", way[-1]), unknown("parameter", following, known))
-                break
+        way: dict[str, None] = {}  # in order, and quick to look up
+        at = name
+        while at not in values and at not in failed and is_reference(table[at]):
+            way[at] = None
+            following = table[at][len(PARAMETER) :]
             if following in way:
-                circle = " = ".join([*way[way.index(following) :], following])
-                words = f"Parameters stand for each other: {circle}; give one of them a number."
+                names = list(way)
+                circle = [*names[names.index(following) :], following]
+                shown = circle if len(circle) <= _SHOWN else [*circle[:_SHOWN], "…"]
+                words = f"Parameters stand for each other: {' = '.join(shown)}; give a number."
                 problems.add(("parameters", name), words)
-                break
-            way.append(following)
+                failed.add(at)
+            elif following not in table:
+                words = unknown("parameter", following, list(table))
+                problems.add(("parameters", at), words)
+                failed.add(at)
+            else:
+                at = following
+        if at in failed:
+            failed.update(way)
         else:
-            values[name] = given[way[-1]]
+            values |= dict.fromkeys([*way, at], values.get(at, given.get(at)))
     return values
 
 

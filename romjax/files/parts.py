@@ -5,13 +5,15 @@ import functools
 import inspect
 import typing
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 from ..fields import ANGLE
 from .forms import Form, form_of, refined
 
 # What a table says of its kind, and of degrees.
 TYPE, DEGREES = "type", "_deg"
+# The default of what has none.
+EMPTY: Any = object()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,14 +22,13 @@ class Argument:
 
     name: str
     form: Form | None
-    default: Any = inspect.Parameter.empty  # none
+    default: Any = EMPTY
     angle: bool = False
     optional: bool = False  # None stands for none, which no file can say
-    empty: ClassVar[Any] = inspect.Parameter.empty
 
     @property
     def required(self) -> bool:
-        return self.default is self.empty and not self.optional
+        return self.default is EMPTY and not self.optional
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,7 +130,8 @@ def _arguments(call: Any, fields: Mapping[str, Argument]) -> dict[str, Argument]
             continue
         field = fields.get(name, Argument(name, None))
         form = refined(form_of(hints.get(name, parameter.annotation)), field.form)
-        found[name] = dataclasses.replace(field, form=form, default=parameter.default)
+        default = EMPTY if parameter.default is parameter.empty else parameter.default
+        found[name] = dataclasses.replace(field, form=form, default=default)
     return found
 
 

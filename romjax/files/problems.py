@@ -3,6 +3,7 @@
 import dataclasses
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -32,8 +33,13 @@ class Problems:
 
     def add(self, place: Place, words: str) -> None:
         """A mistake at some key: cause and remedy."""
-        if (place, words) not in self.found:
+        if not self.full and (place, words) not in self.found:
             self.found.append((place, words))
+
+    @property
+    def full(self) -> bool:
+        """Whether there are so many that nobody needs to look for more."""
+        return len(self.found) >= _LISTED
 
     def touch(self, place: Place) -> bool:
         """Whether there is a mistake at some key or within it."""
@@ -49,8 +55,7 @@ class Problems:
         numbers = line_numbers(self.text)
         ordered = sorted(self.found, key=lambda one: _line(numbers, one[0]))
         said = [self._say(_line(numbers, place), place, words) for place, words in ordered]
-        more = len(said) - _LISTED
-        return said[:_LISTED] + ([f"{self.path}: and {more} mistakes more."] if more > 0 else [])
+        return said + [f"{self.path}: and more; these come first."] * self.full
 
     def _say(self, line: int, place: Place, words: str) -> str:
         at = f"{self.path}:{line}" if line else str(self.path)
@@ -96,18 +101,23 @@ def _keys(place: Place) -> str:
 
 
 def line_numbers(text: str) -> dict[Place, int]:
-    """The lines of tables and keys, from 1, as far as one line at a time tells."""
+    """The lines, from 1, at which tables and keys begin, as far as one line at a time tells."""
     found: dict[Place, int] = {}
+    counts = Counter[Place]()
     table: Place = ()
     for number, line in enumerate(text.splitlines(), 1):
         header, assignment = _HEADER.match(line), _ASSIGNMENT.match(line)
+        place: Place = ()
         if header:
             table = _path(header[2])
             if header[1] == "[[":
-                table = (*table, sum(place[:-1] == table for place in found))
-            found.setdefault(table, number)
+                counts[table] += 1
+                table = (*table, counts[table] - 1)
+            place = table
         elif assignment:
-            found.setdefault(table + _path(assignment[1]), number)
+            place = table + _path(assignment[1])
+        for length in range(1, len(place) + 1):
+            found.setdefault(place[:length], number)
     return found
 
 
@@ -124,9 +134,5 @@ def _path(key: str) -> Place:
 
 
 def _line(numbers: dict[Place, int], place: Place) -> int:
-    """The line of a key, of the first within it, or of the next table around it; 0 if unknown."""
-    for length in range(len(place), 0, -1):
-        within = [line for key, line in numbers.items() if key[:length] == place[:length]]
-        if within:
-            return min(within)
-    return 0
+    """The line of a key, or of the next table around it; 0 if none is known."""
+    return next((numbers[place[:n]] for n in range(len(place), 0, -1) if place[:n] in numbers), 0)

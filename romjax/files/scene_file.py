@@ -39,7 +39,7 @@ class SceneFile:
         self.text = problems.text
         self.title = self._tables.get("title", f"from {self.path}")
         self.parameters = free_parameters(self._tables.get("parameters", {}))
-        self.settings = Settings(**self._tables.get("run", {}))
+        self.settings = Settings.of(self._tables.get("run", {}))
 
     def __call__(self, **parameters: Any) -> Scene:
         """The scene of some parameters, those of the file unless given; they may be traced.
@@ -109,9 +109,9 @@ def _checked(problems: Problems) -> tuple[dict[str, Any], Scene]:
     scene = _build(tables, problems, free)
     if not problems.touch(("run",)):
         try:
-            Settings(**tables.get("run", {}))
+            Settings.of(tables.get("run", {}))
         except InputError as error:
-            problems.add(("run", str(error).split()[0]), f"It must be positive: {error}")
+            problems.add(("run", str(error).split()[0]), f"{str(error)[0].upper()}{str(error)[1:]}")
     problems.raise_any()
     return tables, scene
 

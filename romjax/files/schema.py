@@ -34,6 +34,8 @@ SECTIONS: dict[str, type] = {
     "joints": AbstractJoint,
     "effects": AbstractEffect,
 }
+# Of whole numbers, which count modes and the like: more would not fit into memory.
+_LARGEST = 10_000
 _STRICT = ConfigDict(extra="forbid", strict=True)
 _POINT = Numbers((2,))
 
@@ -121,7 +123,7 @@ class Schema:
                     WithJsonSchema(number_schema(form)),
                 ]
             case Plain(kind):
-                return kind
+                return Annotated[int, Field(le=_LARGEST)] if kind is int else kind
             case MarkerForm():
                 return self._marker()
             case ListOf(item):
@@ -208,6 +210,8 @@ def validate(tables: dict[str, Any], problems: Problems) -> None:
         models.document.model_validate(tables)
     except ValidationError as error:
         for one in error.errors(include_url=False):
+            if problems.full:
+                return
             place = _place(tables, one["loc"])
             problems.add(place, _words(models, one))
 
@@ -244,6 +248,8 @@ def _words(models: Schema, error: Any) -> str:
         return unknown("type", value[TYPE], context["known"].split(", "))
     if kind == "form":
         return f"It is {shown(value)}, but {context['wanted']}, is needed."
+    if kind == "less_than_equal":
+        return f"It is {shown(value)}, but it may be {context['le']} at most."
     if kind == "literal_error":
         return f"It is {shown(value)}, but it must be {context['expected']}."
     wanted = {

@@ -2,12 +2,16 @@
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import diffrax
 
 from ..errors import InputError
 from ..integrate.rodas5p import Rodas5P
+
+# Of a run; more do not fit into memory.
+_OUTPUTS = 1e6
 
 Method = Literal["Rodas5P", "Dopri8", "Dopri5", "Tsit5", "Kvaerno5"]
 
@@ -24,7 +28,7 @@ def solver_of(name: Method | None) -> diffrax.AbstractSolver[Any] | None:
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """How `romjax run` simulates a scene.
+    """How a scene of a file is run from the command line.
 
     - `end`: simulated time [s]. `rate`: outputs per second [Hz].
     - `rtol`: tolerance of all runs.
@@ -41,8 +45,20 @@ class Settings:
     pod_rank: int | None = None
     sod_rank: int | None = None
 
+    @classmethod
+    def of(cls, table: Mapping[str, Any]) -> "Settings":
+        """Of the table of a file, which may say 2 for 2.0."""
+        floats = {field.name for field in dataclasses.fields(cls) if field.type is float}
+        values: dict[str, Any] = {key: float(x) if key in floats else x for key, x in table.items()}
+        return cls(**values)
+
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             if isinstance(value, int | float) and not 0 < value < math.inf:
                 raise InputError(f"{field.name} is {value}, but it must be positive.")
+        if self.end * self.rate > _OUTPUTS:
+            raise InputError(
+                f"rate is {self.rate:g} Hz, {self.end * self.rate:.1e} outputs in {self.end:g} s; "
+                f"ask for {_OUTPUTS:.0e} at most."
+            )

@@ -1,4 +1,4 @@
-"""What a scene is, in words and without running it: `romjax check`."""
+"""What a scene is, in words and without running it."""
 
 from collections import Counter
 

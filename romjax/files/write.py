@@ -18,22 +18,34 @@ from ..scene.marker import GROUND, Marker
 from ..scene.points import NamedPoints
 from ..scene.scene import Scene
 from .forms import Form, ListOf, MarkerForm, Numbers, PartOf, TableOf, is_body
-from .parts import TYPE, Argument, maker_of
+from .markers import split_marker
+from .parts import EMPTY, TYPE, Argument, maker_of
 from .versions import DIMENSION, FORMAT
 
 # A table of more characters does not stand on one line.
 _LINE = 80
+# Larger arrays are kept in a file of NumPy beside the text.
+_LARGEST = 1000
 
 
 def save(scene: Scene, path: str | os.PathLike[str]) -> None:
     """Write a scene to a file; see `Scene.save`."""
     scene.check()
-    Path(path).write_text(text_of(scene), encoding="utf-8")
+    target = Path(path)
+    beside = target.with_suffix(".npz")
+    arrays: dict[str, np.ndarray] = {}
+    text = text_of(scene, arrays, beside.name)
+    if arrays:
+        np.savez_compressed(beside, **arrays)  # type: ignore[arg-type]
+    target.write_text(text, encoding="utf-8")
 
 
-def text_of(scene: Scene) -> str:
-    """A scene as TOML, with every digit of its numbers."""
-    writer = _Writer({body.name: body for body in scene.bodies})
+def text_of(scene: Scene, arrays: dict[str, np.ndarray] | None = None, beside: str = "") -> str:
+    """A scene as TOML, with every digit of its numbers.
+
+    Large arrays go into `arrays`, if they are given, for a file that lies `beside` the text.
+    """
+    writer = _Writer({body.name: body for body in scene.bodies}, arrays, beside)
     document = tomlkit.document()
     document["format"], document["dimension"] = FORMAT, DIMENSION
     sections: list[tuple[str, type, Sequence[Any]]] = [
@@ -101,8 +113,13 @@ def _list(values: Sequence[Any]) -> tomlkit.items.Array:
 class _Writer:
     """What the parts of a scene look like in a file, as tables, lists, texts and numbers."""
 
-    def __init__(self, bodies: Mapping[str, AbstractBody]):
-        self._bodies = bodies
+    def __init__(
+        self,
+        bodies: Mapping[str, AbstractBody],
+        arrays: dict[str, np.ndarray] | None,
+        beside: str,
+    ):
+        self._bodies, self._arrays, self._beside = bodies, arrays, beside
 
     def part(self, part: Any, base: type) -> dict[str, Any]:
         """The table of a part: its arguments but those that are as they would be without."""
@@ -122,8 +139,16 @@ class _Writer:
                 continue
             if argument.form is None:
                 raise SceneError(f"save: {kind}.{name} is {value!r}, which no file can hold.")
-            values[name] = self._value(argument.form, value)
+            values[name] = self._large(name, value) or self._value(argument.form, value)
         return values
+
+    def _large(self, name: str, value: Any) -> dict[str, str] | None:
+        """Where an array is that is too large for the text, once it is there."""
+        if self._arrays is None or np.size(value) <= _LARGEST or isinstance(value, str | tuple):
+            return None
+        key = f"{name} {len(self._arrays) + 1}"
+        self._arrays[key] = np.asarray(value)
+        return {"file": self._beside, "array": key}
 
     def _value(self, form: Form, value: Any) -> Any:
         match form:
@@ -142,16 +167,16 @@ class _Writer:
 
     def _marker(self, marker: Marker) -> Any:
         """By text, "body" or "body.point", or by a table."""
-        origin, plain = (0.0, 0.0), "." not in marker.body
         named = self._bodies[marker.body].named_points() if marker.body != GROUND else {}
-        names = [name for name, point in named.items() if _same(point, marker.point)]
-        if plain and _same(marker.angle, 0.0):
-            if _same(marker.point, origin):
-                return marker.body
-            if names:
-                return f"{marker.body}.{names[0]}"
+        points: dict[str, Any] = {"": (0.0, 0.0), **named}
+        names = [name for name, point in points.items() if _same(point, marker.point)]
+        if _same(marker.angle, 0.0):
+            for name in names:
+                text = f"{marker.body}.{name}" if name else marker.body
+                if split_marker(text, self._bodies) == (marker.body, name):
+                    return text
         table: dict[str, Any] = {"body": marker.body}
-        if not _same(marker.point, origin):
+        if "" not in names:
             table["point"] = names[0] if names else _numbers(marker.point)
         if not _same(marker.angle, 0.0):
             table["angle"] = _numbers(marker.angle)
@@ -168,7 +193,7 @@ def _numbers(value: Any) -> Any:
 def _is_default(argument: Argument, value: Any) -> bool:
     if isinstance(value, NamedPoints):
         return not value.names
-    if argument.default is argument.empty or argument.default is None:
+    if argument.default is EMPTY or argument.default is None:
         return False
     if isinstance(argument.form, Numbers):
         return _same(value, argument.default)

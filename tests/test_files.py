@@ -1,0 +1,380 @@
+"""Scene files: what is written is read again to the bit, parts of one's own and parameters too."""
+
+import json
+import math
+import re
+import runpy
+import subprocess
+import sys
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from comparison import assert_close
+from documents import marked
+from jaxtyping import Array, Float
+from meshes import beam
+from random_scenes import random_scene
+from scene_files import CRANK
+from test_types import PARTS
+from tolerances import DIFFERENCED, IDENTITY
+
+import romjax as rj
+from romjax.cli import main
+from romjax.files.write import text_of
+
+SEEDS = 12  # random scenes that are written and read; hundreds have been tried
+
+
+def bits(scene):
+    leaves, structure = jax.tree.flatten(scene)
+    return structure, [(np.asarray(x).tobytes(), np.shape(x), jnp.result_type(x)) for x in leaves]
+
+
+def assert_same(scene, other):
+    """The same parts with the same numbers, to the bit: then the same system, too."""
+    assert bits(scene) == bits(other)
+
+
+def through_a_file(scene, folder):
+    scene.save(folder / "scene.toml")
+    return rj.load_scene(folder / "scene.toml")
+
+
+@pytest.fixture
+def crank(tmp_path):
+    path = tmp_path / "crank.toml"
+    path.write_text(CRANK)
+    return path
+
+
+# There and back.
+
+
+@pytest.mark.parametrize("seed", range(SEEDS))
+def test_random_scenes_are_read_as_they_were_written(seed, tmp_path):
+    scene = random_scene(seed)
+    assert_same(through_a_file(scene, tmp_path), scene)
+
+
+def test_every_part_is_read_as_it_was_written(tmp_path):
+    """Those of typed_parts.py: all that romjax exports, and a joint of one's own."""
+    parts = runpy.run_path(str(PARTS))
+    bodies = [parts[name] for name in ("cart", "wheel", "bar", "flat", "plate")]
+    others = [parts["slow"], parts["stiff"]]
+    for name, body in zip(("slow", "stiff"), others, strict=True):
+        object.__setattr__(body, "name", name)
+    scene = rj.Scene([*bodies, *others], parts["joints"], parts["effects"])
+    found = through_a_file(scene, tmp_path)
+    assert_same(found, scene)
+    assert text_of(found) == text_of(scene)
+
+
+def test_the_system_is_the_same(tmp_path):
+    scene = rj.gallery.cart_pendulum()
+    one, other = rj.assemble(scene), rj.assemble(through_a_file(scene, tmp_path))
+    q, v = one.q0 + 0.1, one.v0 - 0.2
+    for what, arguments in (("mass", (q,)), ("force", (0.3, q, v)), ("constraint", (0.3, q))):
+        found, wanted = getattr(other, what)(*arguments), getattr(one, what)(*arguments)
+        assert np.asarray(found).tobytes() == np.asarray(wanted).tobytes()
+
+
+def test_any_name_is_a_name(tmp_path):
+    """Dots, quotes, spaces and letters of any alphabet, in bodies, points and joints."""
+    names = ["a.b", "a", 'it\'s "it"', "Kolben Ø", "", "a.b"]
+    point = {names[1]: (0.1, 0.2), "b": (0.3, 0.0)}
+    bodies = [rj.RigidBody(name, 1.0, 1.0, points=point) for name in names[:4]]
+    markers = [body.at(name) for body in bodies for name in point]
+    joints = [rj.Revolute(m, rj.ground.at(), name=n) for m, n in zip(markers, names, strict=False)]
+    assert_same(through_a_file(rj.Scene(bodies, joints), tmp_path), rj.Scene(bodies, joints))
+
+
+@pytest.mark.parametrize("number", [0.1, -0.0, 5e-324, 1.7976931348623157e308, 1 / 3, 1e22])
+def test_every_digit_stays(number, tmp_path):
+    scene = rj.Scene([rj.RigidBody("a", 1.0, 1.0, position=(number, 0.0))])
+    assert_same(through_a_file(scene, tmp_path), scene)
+
+
+def test_large_arrays_lie_beside_the_file(tmp_path):
+    shapes = np.random.default_rng(0).normal(size=(200, 3, 2))
+    points = shapes[:, 0]
+    body = rj.ModalBody("plate", rj.Inertia(1.0, 1.0), [4.0, 9.0], points, shapes, ports=["rim"])
+    scene = rj.Scene([body], [rj.Revolute(body.at("rim"), rj.ground.at())])
+    assert_same(through_a_file(scene, tmp_path), scene)
+    assert (tmp_path / "scene.npz").exists()
+    assert len((tmp_path / "scene.toml").read_text()) < 20_000
+
+
+class Rope(rj.AbstractPotential):
+    """An effect of one's own, with every kind of field."""
+
+    a: rj.Marker
+    b: rj.Marker
+    lengths: Float[Array, " k"] = eqx.field(converter=jnp.asarray)
+    strength: float
+    law: rj.AbstractSignal
+    knots: int = eqx.field(static=True, default=1)
+    loose: bool = eqx.field(static=True, default=False)
+    more: tuple[rj.AbstractCurve, ...] = ()
+
+    def energy(self, t, *poses):
+        gap = poses[0].position - poses[1].position
+        return self.strength * self.law(t) * jnp.sum(self.lengths) * (gap @ gap)
+
+    def check(self):
+        pass
+
+
+class Puck(rj.AbstractBody):
+    """A body of one's own."""
+
+    name: str = eqx.field(static=True)
+    mass: Float[Array, ""] = eqx.field(converter=jnp.asarray)
+    position: Float[Array, "2"] = eqx.field(converter=jnp.asarray)
+    angle: Float[Array, ""] = eqx.field(converter=jnp.asarray, metadata={"angle": True})
+    modes: int = eqx.field(static=True, default=0)
+    constant_mass = True
+
+    def start(self):
+        return jnp.append(self.position, self.angle), jnp.zeros(3)
+
+    def mass_matrix(self, q):
+        return self.mass * jnp.ones(3)
+
+    def elastic_energy(self, q):
+        return jnp.zeros(())
+
+    def first_moment(self, q):
+        return self.mass * q[:2]
+
+    def mode_shapes(self, point):
+        return jnp.zeros((3, 0))
+
+    def outline(self):
+        return jnp.zeros((1, 2))
+
+    def check(self):
+        pass
+
+
+def test_parts_of_ones_own_are_written_and_read(tmp_path):
+    puck = Puck("puck", 2.0, (0.1, 0.2), math.radians(30.0))
+    curves = (rj.Circle(1.0), rj.Line())
+    rope = Rope(
+        puck.at(), rj.ground.at(), [1.0, 2.0], 0.5, rj.Constant(2.0), 3, loose=True, more=curves
+    )
+    scene = rj.Scene([puck], [], [rope])
+    assert_same(through_a_file(scene, tmp_path), scene)
+    text = (tmp_path / "scene.toml").read_text()
+    in_degrees = text.replace(f"angle = {math.radians(30.0)}", "angle_deg = 30.0")
+    assert in_degrees != text
+    (tmp_path / "scene.toml").write_text(in_degrees)
+    assert_same(rj.load_scene(tmp_path / "scene.toml"), scene)
+
+
+class Whim(rj.AbstractSignal):
+    """A signal that no file can hold."""
+
+    law: object
+
+    def __call__(self, t):
+        return self.law(t)
+
+    def check(self, owner):
+        pass
+
+
+def test_what_no_file_can_hold_is_refused(tmp_path):
+    body = rj.RigidBody("a", 1.0, 1.0)
+    scene = rj.Scene([body], [], [rj.Torque(body.at(), Whim(jnp.sin))])
+    with pytest.raises(rj.SceneError, match="a Whim cannot be written"):
+        scene.save(tmp_path / "scene.toml")
+
+
+# What files say in their own way.
+
+
+def test_sections_and_meshes(tmp_path):
+    """Class methods of_… are types, and arrays lie in files beside the scene's."""
+    stiffness, mass, nodes = beam(6, 1.0, 2.0, 1e5, 10.0)
+    np.savez(tmp_path / "rod.npz", nodes=nodes, M=mass.toarray())
+    sp.save_npz(tmp_path / "K.npz", sp.csc_matrix(stiffness))
+    text = """
+        format = 1
+        [bodies.rod]
+        type = "ModalBody.of_mesh"
+        stiffness = { file = "K.npz" }
+        mass = { file = "rod.npz", array = "M" }
+        nodes = { file = "rod.npz", array = "nodes" }
+        ports = { left = 0, right = 6 }
+        modes = 2
+        [bodies.bar]
+        type = "Beam.of_section"
+        length = 1.0
+        section = { type = "Tube", diameter = 0.02, wall = 0.001 }
+        density = 7850
+        modulus = 2.1e11
+        modes = 1
+        damping = 0.01
+        [joints]
+        pin = { type = "Revolute", a = "rod.left", b = "bar.end" }
+    """
+    (tmp_path / "scene.toml").write_text(text)
+    ports = {"left": 0, "right": 6}
+    rod = rj.ModalBody.of_mesh("rod", stiffness, mass, nodes, ports, modes=2)
+    tube = rj.sections.Tube(0.02, 0.001)
+    bar = rj.Beam.of_section("bar", 1.0, tube, density=7850, modulus=2.1e11, modes=1, damping=0.01)
+    pin = rj.Revolute(rod.at("left"), bar.at("end"), name="pin")
+    assert_same(rj.load_scene(tmp_path / "scene.toml"), rj.Scene([rod, bar], [pin]))
+
+
+def test_bodies_are_placed_by_their_points(crank):
+    """As `placed` does in Python; a loop is closed, in positions and velocities."""
+    text = crank.read_text().replace("consistent = true", "")
+    crank.write_text(text)
+    first, rod, slider = rj.load_scene(crank).bodies
+    mine = rj.Beam("crank", 1.0, 0.2, angle=math.radians(60)).placed("start", rj.ground.pose())
+    assert bits(mine.position) == bits(first.position)
+    for one, other in ((first.pose("end"), rod.pose("start")), (rod.pose("end"), slider.pose())):
+        assert_close(one.position, other.position, IDENTITY)
+    assert_close(rod.angle, math.radians(-25.0), IDENTITY)
+    system = rj.assemble(rj.consistent_scene(rj.load_scene(crank)))
+    assert float(jnp.max(jnp.abs(system.constraint(0.0, system.q0)))) < 1e-12
+    q, v = rj.consistent(system)
+    assert_close(q, system.q0, IDENTITY)
+    assert_close(v, system.v0, IDENTITY)
+
+
+def test_a_bent_beam_is_placed_by_where_its_end_is():
+    beam = rj.Beam("b", 1.0, 1.0, EI=10.0, modes=2, amplitudes=[0.05, 0.01], stiffening=True)
+    placed = beam.placed("end", rj.ground.pose((0.3, -0.2)), angle=0.7)
+    joint = rj.Revolute(placed.at("end"), rj.ground.at((0.3, -0.2)))
+    system = rj.assemble(rj.Scene([placed], [joint]))
+    assert_close(system.constraint(0.0, system.q0), np.zeros(2), IDENTITY)
+
+
+def test_names_do_not_make_programs():
+    """Bodies with and without named points are one group."""
+    bodies = [rj.RigidBody("a", 1.0, 1.0, points={"p": (0, 0)}), rj.RigidBody("b", 1.0, 1.0)]
+    assert len(rj.assemble(rj.Scene(bodies)).bodies) == 1
+
+
+def test_unknown_points_name_the_nearest():
+    body = rj.RigidBody("crank", 1.0, 1.0, points={"pin": (0.1, 0.0)})
+    with pytest.raises(rj.SceneError, match="'crank': there is no point 'pim'. Did you mean 'pin'"):
+        body.at("pim")
+    with pytest.raises(rj.SceneError, match="ground: there is no point 'x'"):
+        rj.ground.at("x")
+    assert bits(rj.Ground({"p": (1.0, 2.0)}).at("p")) == bits(rj.ground.at((1.0, 2.0)))
+
+
+# Parameters.
+
+
+def test_parameters_are_arguments(crank):
+    """Of a function that Box, grad and vmap take."""
+    make = rj.scene_file(crank)
+    assert make.parameters == {"speed": 5.0, "length": 0.4}
+    assert_same(make(**make.parameters), make())
+    assert float(make(length=0.5).bodies[1].length) == 0.5
+    box = rj.Box(make, length=(0.35, 0.5))
+    assert_close(box.system(length=0.4).q0, rj.assemble(make()).q0, IDENTITY)
+
+    def reach(parameters):
+        return make(**parameters).bodies[2].position[0]
+
+    slope = jax.grad(reach)(make.parameters)
+    assert set(slope) == set(make.parameters)
+    assert float(slope["speed"]) == 0.0
+    steps = [reach({"speed": 5.0, "length": 0.4 + h}) for h in (-1e-6, 1e-6)]
+    assert_close(slope["length"], (steps[1] - steps[0]) / 2e-6, DIFFERENCED)
+    lanes = jax.vmap(lambda x: make(length=x).bodies[2].position)(jnp.array([0.4, 0.5]))
+    assert lanes.shape == (2, 2)
+
+
+def test_parameters_stand_for_others_and_for_lists(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text(
+        'format = 1\n[parameters]\nx = 1\ny = "=x"\n"my point" = [1, 2]\n[bodies.a]\n'
+        'type = "RigidBody"\nmass = "=y"\ninertia = 1\nposition = ["=x", 0]\nangle_deg = "=y"\n'
+        'velocity = "=my point"\n'
+    )
+    make = rj.scene_file(path)
+    assert list(make.parameters) == ["x", "my point"]
+    body = make(x=3.0).bodies[0]
+    wanted = rj.RigidBody("a", 3.0, 1.0, (3.0, 0.0), math.radians(3.0), velocity=(1.0, 2.0))
+    assert_same(body, wanted)
+    for given, words in (
+        ({"z": 1.0}, "no parameter 'z'"),
+        ({"x": [1.0]}, r"x has shape \(1,\)"),
+        ({"x": math.nan}, "must be finite"),
+    ):
+        with pytest.raises(rj.InputError, match=words):
+            make(**given)
+    with pytest.raises(rj.SceneFileError, match=r"a\.toml:8: \[bodies\.a\] mass: .*positive"):
+        make(x=-1.0)
+
+
+# The command line.
+
+
+def test_new_check_and_schema(tmp_path, capsys):
+    path = tmp_path / "new.toml"
+    assert main(["new", str(path)]) == 0
+    assert main(["new", str(path)]) == 2
+    assert "is there already" in capsys.readouterr().err
+    assert main(["check", str(path)]) == 0
+    said = capsys.readouterr().out
+    for words in ("freedoms     2", "no joint", "Dopri8, since the fastest frequency is below"):
+        assert words in said
+
+    # What the README says to change.
+    text, crank = path.read_text(), path
+    top, drive, slider, joints = re.split(r"^# .*\n", marked("slider crank"), flags=re.MULTILINE)
+    lines = [line for part in (top, drive, slider, joints) for line in part.splitlines() if line]
+    assert len(lines) == 10
+    for before, after in (
+        ('title = "two bars on a hinge"\n', top),
+        ("[bodies.crank]\n", "[bodies.crank]\n" + drive),
+        ("[joints]", slider + "[joints]"),
+        ("bearing = {", joints + "bearing = {"),
+    ):
+        assert before in text
+        text = text.replace(before, after, 1)
+    crank.write_text(text)
+    assert main(["check", str(crank)]) == 0
+    said = capsys.readouterr().out
+    for words in ("slider crank", "1 RigidBody", "freedoms     1", "all joints hold"):
+        assert words in said
+    assert main(["schema"]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    assert schema["$defs"]["Beam"]["required"] == ["type", "mass", "length"]
+    assert "angle_deg" in schema["$defs"]["RigidBody"]["properties"]
+
+
+def test_redundant_joints_are_named(crank, capsys):
+    """A loop that is held twice."""
+    text = 'again = { type = "PointOnLine", a = "slider", b = "ground" }\n\n[effects.gravity]'
+    crank.write_text(crank.read_text().replace("\n[effects.gravity]", text))
+    assert main(["check", str(crank)]) == 0
+    said = capsys.readouterr().out
+    assert "redundant    again (1 of its constraints)" in said
+    assert "freedoms     2, 1 of them modes" in said
+
+
+@pytest.mark.slow
+def test_a_file_runs(crank, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["run", str(crank), "--out", str(out), "--no-animation"]) == 0
+    assert "slider crank" in capsys.readouterr().out
+    assert (out / "trajectory_full.csv").exists()
+
+
+def test_pydantic_and_tomlkit_load_where_they_are_used():
+    """Not with the package."""
+    words = "import sys, romjax; print(*{'pydantic', 'tomlkit'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
