@@ -17,7 +17,7 @@ BIG, SMALL, SHANK = (0.034, 0.022), (0.02, 0.011), 0.011
 
 
 def grid(length: float, cell: float) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (nodes, 2) [m] of a rod from the origin along x, and the nodes of each cell (cells, 4)."""
+    """Nodes (nodes, 2) [m] of a rod from the origin along x, and those of each cell (cells, 4)."""
     reach = round((length + 2 * BIG[0]) / cell)
     steps = np.arange(-reach, reach)
     corner = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)

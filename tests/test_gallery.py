@@ -41,7 +41,10 @@ def cart_pendulum(system, run):
 
 def chain(system, run):
     """What falls is what moves, T = −Σ m g y, from no height and at rest."""
-    q, v = np.asarray(run.q).reshape(len(run.t), -1, 3), np.asarray(run.v).reshape(len(run.t), -1, 3)
+    q, v = (
+        np.asarray(run.q).reshape(len(run.t), -1, 3),
+        np.asarray(run.v).reshape(len(run.t), -1, 3),
+    )
     kinetic = 0.5 * np.sum(v**2 * np.array([1, 1, 1 / 12]), axis=(1, 2))
     assert_close(kinetic, -GRAVITY * np.sum(q[:, :, 1], axis=1), SHOWN, scale=kinetic[-1])
 
@@ -58,7 +61,8 @@ def double_pendulum(system, run):
 def four_bar(system, run):
     """The rocker swings between its dead points, those of the crank in line with the coupler."""
     limits = [
-        math.acos((0.45**2 + 0.4**2 - side**2) / (2 * 0.45 * 0.4)) for side in (0.5 - 0.2, 0.5 + 0.2)
+        math.acos((0.45**2 + 0.4**2 - side**2) / (2 * 0.45 * 0.4))
+        for side in (0.5 - 0.2, 0.5 + 0.2)
     ]
     swing = math.pi - np.asarray(run["rocker.phi"])
     assert_close(np.array([swing.min(), swing.max()]), np.array(limits), SHOWN)

@@ -92,15 +92,18 @@ EXAMPLES = (
         "newtons-cradle", "five balls pass momentum on by contact", newtons_cradle, 2.0, freedoms=5
     ),
     Example(
-        "bouncing-ball", "a floor that returns less and brakes", bouncing_ball, 1.5, 500.0, freedoms=3
+        "bouncing-ball",
+        "a floor that returns less and brakes",
+        bouncing_ball,
+        1.5,
+        500.0,
+        freedoms=3,
     ),
     Example("robot-arm", "three flexible links on drives lift a load", robot_arm, 3.0, freedoms=9),
     Example(
         "flywheel", "a rim on flexible spokes, set in motion", flywheel, 0.4, 500.0, freedoms=12
     ),
-    Example(
-        "rotating-blade", "a beam that its rotation stiffens", rotating_blade, 2.0, freedoms=3
-    ),
+    Example("rotating-blade", "a beam that its rotation stiffens", rotating_blade, 2.0, freedoms=3),
     Example(
         "connecting-rod",
         "crank drive with a rod of finite elements",

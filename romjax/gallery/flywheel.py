@@ -34,7 +34,10 @@ def flywheel(
     ω² = k (1/J_hub + 1/J_rim).
     """
     angles = [2 * math.pi * i / spokes for i in range(spokes)]
-    feet = {f"foot{i + 1}": (hub * math.cos(angle), hub * math.sin(angle)) for i, angle in enumerate(angles)}
+    feet = {
+        f"foot{i + 1}": (hub * math.cos(angle), hub * math.sin(angle))
+        for i, angle in enumerate(angles)
+    }
     core = RigidBody("hub", hub_mass, hub_mass * hub**2 / 2, extent=2 * hub, points=feet)
     ring = RigidBody("rim", rim_mass, rim_mass * rim**2, extent=2 * rim)
     joints: list[AbstractJoint] = [Revolute(core.at(), ground.at(), name="bearing")]

@@ -25,7 +25,7 @@ def newtons_cradle(
 ) -> Scene:
     """Balls on strings; the first is pulled aside and released.
 
-    Contacts are Hertz's, with a force that grows as δ^(3/2) of the depth δ. Since the gaps are wider
+    Contacts are Hertz's, with a force that grows as δ^(3/2) of the depth δ. Since gaps are wider
     than a contact is deep, balls collide two by two, and each passes its momentum on: the last one
     leaves as fast as the first one came, v = 2 sin(angle/2) √(m g l / (m l² + J)) l, and the others
     stay. Balls that touch would share it (Herrmann and Schmälzle, "Simple explanation of a

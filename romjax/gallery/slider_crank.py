@@ -34,10 +34,10 @@ def slider_crank(
 
     B. Simeon, "Modelling a flexible slider crank mechanism by a mixed system of DAEs and PDEs",
     Mathematical Modelling of Systems 2 (1996); "crank" of the IVP test set. The rod's frame sits at
-    the crank. It bends as two sines and is stretched by two quadratic elements, whose amplitudes are
-    those of the middle and of the end. The start is the published one, near to smooth motion. At
-    0.1 s, after 2.4 turns, crank, rod and slider are at 15 rad, −0.33117349883 rad, 0.16973733284 m,
-    and the sines at 1.89319290e-4 and 2.37575125e-5 m.
+    the crank. It bends as two sines and is stretched by two quadratic elements, with the amplitudes
+    of the middle and of the end. The start is the published one, near to smooth motion. At 0.1 s,
+    after 2.4 turns, the rod is at −0.33117349883 rad, the slider at 0.16973733284 m, and the sines
+    are 1.89319290e-4 m and 2.37575125e-5 m.
     """
     stretch = (0.103339863e-4, 0.169327969e-4)  # of the middle and of the end at the start [m]
     end = rod + stretch[1]

@@ -25,7 +25,7 @@ def trebuchet(
     hanger: float = 1.3,  # from the beam to the middle of the counterweight [m]
     sling: float = 4.5,  # [m]
 ) -> Scene:
-    """A counterweight falls and turns a beam, whose sling pulls a stone along a trough and throws it.
+    """A counterweight turns a beam, whose sling pulls a stone along a trough and throws it.
 
     The stone starts at rest in a trough without friction, below the pivot, and leaves it when the
     sling lifts it. The sling is a massless link; it should open when the stone moves upwards at

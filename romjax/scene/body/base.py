@@ -200,9 +200,8 @@ def rectangle(extent: Float[Array, "2"]) -> Float[Array, "5 2"]:
 
 
 def disc(diameter: Float[Array, ""]) -> Float[Array, "points 2"]:
-    """Closed outline of a disc about the origin, with the radius along x, by which one sees it turn.
-
-    From there it goes once around.
+    """Outline of a disc about the origin: the radius along x, which shows how it turns, and once
+    around.
     """
     angle = np.linspace(0.0, 2 * np.pi, 33)
     rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
