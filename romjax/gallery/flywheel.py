@@ -58,5 +58,5 @@ def flywheel(
             PointOnLine(beam.at("end"), ring.at((0.0, 0.0), angle)),
         ]
         beams.append(beam)
-    push = Sum((Step(torque, 0.0, 0.01), Step(-torque, 0.2, 0.01)))
+    push = Sum((Step(torque, 0.0, 0.01), Step(-1.0 * torque, 0.2, 0.01)))
     return Scene(bodies=[core, ring, *beams], joints=joints, effects=[Torque(core.at(), push)])

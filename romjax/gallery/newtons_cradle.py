@@ -40,7 +40,7 @@ def newtons_cradle(
             f"ball{i + 1}",
             mass,
             0.4 * mass * radius**2,
-            angle=0.0 if i else -angle,
+            angle=0.0 if i else -1.0 * angle,
             extent=((0.0, length), *circle),
             points={"hook": (0.0, length)},
         ).placed("hook", ground.pose((i * pitch, 0.0)))

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..arrays import Number
+from ..arrays import Number, as_array
 from ..scene.body.inertia import Inertia
 from ..scene.body.modal import ModalBody
 from ..scene.body.rigid import RigidBody
@@ -112,4 +112,4 @@ def _rod(
         shapes[:, 2, k - 1] = [k * math.pi / length * math.cos(k * math.pi * x) for x in place]
     shapes[:, 0, 2:] = np.stack([4 * place * (1 - place), place * (2 * place - 1)], axis=1)
     points = np.stack([length * place, np.zeros_like(place)], axis=1)
-    return inertia, modulus * side**2 / length * jnp.asarray(stiffness), points, shapes
+    return inertia, as_array(modulus) * side**2 / length * jnp.asarray(stiffness), points, shapes

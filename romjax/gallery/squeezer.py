@@ -7,7 +7,7 @@ from ..scene.joint.revolute import Revolute
 from ..scene.marker import ground
 from ..scene.scene import Scene
 from ..scene.signal import Constant
-from .linkage import bar, meeting
+from .linkage import Point, bar, meeting
 
 SIDES = ("left", "right")
 
@@ -35,7 +35,7 @@ def squeezer(
     pin = (crank, 0.0)
     head = meeting(pin, pivot, rod, rocker)
     left, right = meeting(bearing, head, outer, inner), meeting(head, bearing, inner, outer)
-    links = {
+    links: dict[str, tuple[Point, Point]] = {
         "crank": ((0.0, 0.0), pin),
         "rod": (pin, head),
         "rocker": (pivot, head),

@@ -58,8 +58,8 @@ def vehicle_axle(
         RigidBody(f"{side} road", 1.0, 0.1, position=(x, road_level), extent=(0.4, 0.03))
         for side, x in (("left", -0.75), ("right", 0.75))
     )
-    first = [Step(bump, 0.2, duration), Step(-bump, 0.2 + duration, duration)]
-    second = [Step(bump, 1.2, duration), Step(-bump, 1.2 + duration, duration)]
+    first = [Step(bump, 0.2, duration), Step(-1.0 * bump, 0.2 + duration, duration)]
+    second = [Step(bump, 1.2, duration), Step(-1.0 * bump, 1.2 + duration, duration)]
     joints: list[AbstractJoint] = [
         Distance(axle.at((0.6, 0.0)), body.at((-0.6, level - 0.9)), length=1.2, name="Panhard rod")
     ]
