@@ -37,6 +37,10 @@ ROOTS = {"rj": rj, "romjax": rj, "diffrax": diffrax, "jax": jax, "jnp": jnp, "op
 INSTANCES = {
     "basis": rj.Basis,
     "body": rj.AbstractBody,
+    "crank": rj.AbstractBody,
+    "ground": rj.Ground,
+    "other": rj.AbstractBody,
+    "rod": rj.AbstractBody,
     "report": rj.Comparison,
     "rom": rj.ReducedSystem,
     "scene": rj.Scene,

@@ -15,6 +15,7 @@ from names import mistakes
 from nbclient import NotebookClient
 
 import romjax as rj
+from romjax.files.begin import write_start
 
 PATH = re.compile(r"(?<![\w/-])(?:notebooks|benchmarks|romjax|tests)/(?:[\w./-]*\w)?")
 NAME = re.compile(r"\b(?:rj|romjax)(?:\.[A-Za-z]\w*)+")
@@ -44,6 +45,7 @@ def test_readme(tmp_path):
     blocks = [block for language, block in BLOCK.findall(README) if language == "python"]
     assert blocks[0] == marked("example")
     (tmp_path / "readme.py").write_text("\n".join(blocks))
+    write_start(tmp_path / "crank.toml")
     subprocess.run([sys.executable, "-W", "error", "readme.py"], cwd=tmp_path, check=True)
 
 

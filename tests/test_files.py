@@ -378,3 +378,20 @@ def test_pydantic_and_tomlkit_load_where_they_are_used():
     words = "import sys, romjax; print(*{'pydantic', 'tomlkit'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
+
+
+@pytest.mark.slow
+def test_fit_finds_a_parameter_by_its_name(tmp_path):
+    path = tmp_path / "spring.toml"
+    path.write_text(
+        'format = 1\n[parameters]\nstiffness = 50.0\n[bodies.a]\ntype = "RigidBody"\nmass = 1\n'
+        'inertia = 1\nposition = [0.1, 0]\n[effects.spring]\ntype = "Spring"\na = "a"\n'
+        'b = "ground"\nstiffness = "=stiffness"\n'
+    )
+    make, ts = rj.scene_file(path), jnp.linspace(0.0, 1.0, 21)
+
+    def predict(parameters):
+        return rj.simulate(rj.assemble(make(**parameters)), ts, throw=False)["a.x"]
+
+    found = rj.fit(predict, make.parameters, predict({"stiffness": 70.0}))
+    assert_close(found.parameters["stiffness"], 70.0, DIFFERENCED, scale=70.0)

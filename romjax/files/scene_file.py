@@ -22,6 +22,8 @@ __all__ = ["SceneFile", "load_scene", "scene_file"]
 class SceneFile:
     """A scene file that was read: a function of its parameters, by name, that returns a `Scene`.
 
+    **Arguments:** the `path` of the file. Attributes:
+
     - `parameters`: the values in the file, floats or arrays.
     - `title`, `settings`: what it says of itself and of its run. `text`: all of it.
     """
@@ -74,7 +76,7 @@ class SceneFile:
 
 
 def scene_file(path: str | os.PathLike[str]) -> SceneFile:
-    """The function of its parameters that a scene file is: for `Box`, `fit`, `grad`, `vmap`, …
+    """The function of parameters that the scene file of a `path` is: for `Box`, `fit`, `grad`, …
 
     ```python
     make = rj.scene_file("crank.toml")
@@ -88,7 +90,7 @@ def scene_file(path: str | os.PathLike[str]) -> SceneFile:
 
 
 def load_scene(path: str | os.PathLike[str]) -> Scene:
-    """The scene of a file, as `scene.save` writes it, with the values of parameters in the file.
+    """The scene of the file of a `path`, such as one that `scene.save` has written.
 
     Raises SceneFileError, with all mistakes of the file, each with its line, key and remedy.
     """

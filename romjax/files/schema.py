@@ -147,12 +147,12 @@ class Schema:
 
 def _text_or(table: type[BaseModel], wanted: str) -> Any:
     choose = Discriminator(
-        lambda x: "table" if isinstance(x, dict) else "text" if isinstance(x, str) else None,
+        lambda x: "marker" if isinstance(x, dict) else "text" if isinstance(x, str) else None,
         custom_error_type="form",
         custom_error_message="form",
         custom_error_context={"wanted": wanted},
     )
-    return Annotated[Annotated[str, Tag("text")] | Annotated[table, Tag("table")], choose]
+    return Annotated[Annotated[str, Tag("text")] | Annotated[table, Tag("marker")], choose]
 
 
 def _tag(value: Any, default: str | None) -> str | None:
@@ -238,7 +238,6 @@ def _words(models: Schema, error: Any) -> str:
         return f"The key `{loc[-1]}` is missing; add it."
     if kind == "extra_forbidden":
         model = models.models.get(str(loc[-2]) if len(loc) > 1 else "", models.document)
-        model = models.models["marker"] if len(loc) > 1 and loc[-2] == "table" else model
         return unknown("key", loc[-1], [str(f.alias) for f in model.model_fields.values()])
     if kind == "type":
         if not isinstance(value, dict):

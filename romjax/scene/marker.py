@@ -79,7 +79,7 @@ class Marker(eqx.Module):
 class Ground(eqx.Module):
     """The inertial frame; `ground.at(point)` marks a fixed point.
 
-    A `Ground` of one's own has points by name: `Ground({"pivot": (0.0, 0.0)}).at("pivot")`.
+    A `Ground` of one's own has `points` by name: `Ground({"pivot": (0.0, 0.0)}).at("pivot")`.
     """
 
     points: Converted[NamedPoints, Mapping[str, Vector]] = by_name(default=())
