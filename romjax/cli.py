@@ -128,8 +128,9 @@ def _add_scene(verb: argparse.ArgumentParser) -> None:
 def _scenes(options: argparse.Namespace) -> int:
     del options
     width = max(len(example.name) for example in EXAMPLES)
+    print(f"{'scene':{width}}  freedoms")
     for example in EXAMPLES:
-        print(f"{example.name:{width}}  {example.title}")
+        print(f"{example.name:{width}}  {example.freedoms:8}  {example.title}")
     return 0
 
 

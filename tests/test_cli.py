@@ -9,13 +9,16 @@ import pytest
 from PIL import Image
 
 from romjax.cli import main
+from romjax.gallery import EXAMPLES
 
 WIDTH = 80  # columns of a terminal
 
 
 def test_scenes_lists_every_example(capsys):
     assert main(["scenes"]) == 0
-    assert "cart-pendulum" in capsys.readouterr().out
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[1:]] == [example.name for example in EXAMPLES]
+    assert max(map(len, lines)) <= WIDTH
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["scenes", "--help"]])

@@ -72,6 +72,7 @@ def assemble(scene: Scene) -> AssembledSystem:
             rigid=tuple(i < 3 for body in scene.bodies for i in range(body.size)),
             flexible=any(body.modes for body in scene.bodies),
             loops=_close_loops(scene),
+            contacts=any(effect.begins for effect in acting),
             joints=tuple(keys[0][i] for _, _, members in joints for i in members),
             effects=tuple(keys[1][i] for _, _, members in effects for i in members),
         ),

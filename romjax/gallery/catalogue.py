@@ -9,14 +9,29 @@ import diffrax
 
 from ..errors import SceneError
 from ..scene.scene import Scene
+from .bouncing_ball import bouncing_ball
 from .cart_pendulum import cart_pendulum
 from .chain import chain
+from .connecting_rod import connecting_rod
+from .double_pendulum import double_pendulum
+from .flywheel import flywheel
+from .four_bar import four_bar
+from .jansen import jansen
+from .newtons_cradle import newtons_cradle
+from .robot_arm import robot_arm
+from .rotating_blade import rotating_blade
+from .segmented_beam import segmented_beam
+from .slider_crank import slider_crank
+from .squeezer import squeezer
+from .trebuchet import trebuchet
+from .vehicle_axle import vehicle_axle
 
 
 @dataclasses.dataclass(frozen=True)
 class Example:
     """A scene and how to run it: for `end` [s], sampled at `rate` [Hz].
 
+    `freedoms`: how many its joints leave, of rigid and elastic motion; None where nobody counted.
     `pod_rank`, `sod_rank`: numbers of modes, None for the drop point. What a publication says of
     the scene, if one does: `published_savings`, the share of time that its reduced models save, by
     the name of their decomposition; `published_ranks`, the numerical ranks of its generalised SVD
@@ -28,6 +43,7 @@ class Example:
     make: Callable[[], Scene]
     end: float = 1.0
     rate: float = 100.0
+    freedoms: int | None = None
     pod_rank: int | None = None
     sod_rank: int | None = None
     published_savings: Mapping[str, float] = dataclasses.field(default_factory=dict)
@@ -39,14 +55,73 @@ class Example:
 EXAMPLES = (
     Example(
         "cart-pendulum",
-        "cart on a diagonal rail with a flexible pendulum: the chapter's example",
+        "the chapter's cart on a rail with a flexible pendulum",
         cart_pendulum,
+        freedoms=4,
         pod_rank=6,
         sod_rank=5,
         published_savings={"POD": 0.12, "SOD": 0.30},  # section 39.4.2, by six and by five modes
         published_ranks=(5, 6),
     ),
-    Example("chain", "eight bars hinged end to end, falling from the horizontal", chain),
+    Example("chain", "eight bars hinged end to end, falling from the level", chain, freedoms=8),
+    Example(
+        "double-pendulum", "two bars from high up: chaos", double_pendulum, 10.0, 50.0, freedoms=2
+    ),
+    Example(
+        "four-bar", "driven crank, coupler and rocker with dead points", four_bar, 3.0, freedoms=0
+    ),
+    Example(
+        "slider-crank",
+        "Simeon's published slider crank with a flexible rod",
+        slider_crank,
+        0.1,
+        2000.0,
+        freedoms=4,
+    ),
+    Example(
+        "squeezer", "seven bodies in three loops, driven by a torque", squeezer, 0.5, freedoms=1
+    ),
+    Example(
+        "jansen", "walking linkage of thirteen bodies on one crank", jansen, 4.0, 50.0, freedoms=0
+    ),
+    Example(
+        "vehicle-axle", "axle, springs and tyres on a bumpy road", vehicle_axle, 2.5, freedoms=5
+    ),
+    Example("trebuchet", "a counterweight and a sling throw a stone", trebuchet, 1.2, freedoms=4),
+    Example(
+        "newtons-cradle", "five balls pass momentum on by contact", newtons_cradle, 2.0, freedoms=5
+    ),
+    Example(
+        "bouncing-ball",
+        "a floor that returns less and brakes",
+        bouncing_ball,
+        1.5,
+        500.0,
+        freedoms=3,
+    ),
+    Example("robot-arm", "three flexible links on drives lift a load", robot_arm, 3.0, freedoms=9),
+    Example(
+        "flywheel", "a rim on flexible spokes, set in motion", flywheel, 0.4, 500.0, freedoms=12
+    ),
+    Example("rotating-blade", "a beam that its rotation stiffens", rotating_blade, 2.0, freedoms=3),
+    Example(
+        "connecting-rod",
+        "crank drive with a rod of finite elements",
+        connecting_rod,
+        0.04,
+        3000.0,
+        freedoms=5,
+    ),
+    Example(
+        "segmented-beam",
+        "32 hinged segments, rolled up to a ring",
+        segmented_beam,
+        3.0,
+        50.0,
+        freedoms=31,
+        # Half the time of Rodas5P, whose steps grow with the cube of 96 coordinates.
+        solver=diffrax.Dopri8(),
+    ),
 )
 
 

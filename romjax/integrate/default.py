@@ -77,7 +77,9 @@ def default_solver(
     Stiff: the fastest frequency is above what the outputs can show, half their rate (counted as a
     hundred at least), or above what a fixed step resolves. Between its long steps, outputs of
     Dopri8 carry some twenty times the tolerance. While JAX traces, numbers are unknown,
-    and flexible systems count as stiff.
+    and flexible systems count as stiff. So do contacts, with any step size control: a long step
+    from free flight may end inside, where the last stages of Dopri8 see a force that its estimate
+    of the error does not.
 
     Whether the fast vibration is excited is unknown before the run. If it is not, Rodas5P takes
     few steps; if it is, both methods follow it, and Rodas5P's steps cost c = 1.5 + n/10 times as
@@ -87,14 +89,15 @@ def default_solver(
     """
     fastest, times, step = concrete(start.fastest), concrete(ts), concrete(dt)
     if fastest is None or times is None or (dt is not None and step is None):
-        stiff = system.structure.flexible
+        stiff = system.structure.flexible or system.structure.contacts
     elif dt is not None:
         stiff = bool(fastest * step > _RESOLVED)
     else:
         span, cost = times[-1] - times[0], 1.5 + system.n / 10
         hidden = fastest * span / max(len(times) - 1, _OUTPUTS) > np.pi
         explicit_steps = fastest * span / _STABLE
-        stiff = bool(hidden and explicit_steps > _SMOOTH * _FOLLOWING * cost**2)
+        pays = explicit_steps > _SMOOTH * _FOLLOWING * cost**2
+        stiff = system.structure.contacts or bool(hidden and pays)
     return _solvers()[stiff]
 
 

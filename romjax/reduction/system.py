@@ -62,6 +62,7 @@ class ReducedSystem(AbstractReducedSystem):
             rigid=(True,) * z.size,
             flexible=True,
             loops=m > 0 and full.structure.loops,
+            contacts=full.structure.contacts,
         )
         combinations = combinations if m else None
         rom = cls(full, lift, combinations, z, w, start[2], validity, structure, summary)

@@ -19,6 +19,7 @@ class Structure:
     - `flexible`: whether parts may be much faster than the motion; true, where it is unknown.
     - `loops`: whether joints close loops, so that constraints may lose rank on the way; in a tree
       of joints none depends on the others. True, where it is unknown.
+    - `contacts`: whether effects may begin on the way, of which the start shows nothing.
     - `joints`, `effects`: by which keys results name them, each key once, in the order in which the
       system holds them; none, where there are no such parts.
     """
@@ -28,6 +29,7 @@ class Structure:
     rigid: tuple[bool, ...]
     flexible: bool
     loops: bool
+    contacts: bool = False
     joints: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
 
@@ -48,7 +50,11 @@ class Structure:
         """The same kinds of coordinates, without names."""
         unnamed = Structure.unnamed(len(self.coordinates), len(self.constraints))
         return dataclasses.replace(
-            unnamed, rigid=self.rigid, flexible=self.flexible, loops=self.loops
+            unnamed,
+            rigid=self.rigid,
+            flexible=self.flexible,
+            loops=self.loops,
+            contacts=self.contacts,
         )
 
     def __hash__(self) -> int:
@@ -57,7 +63,7 @@ class Structure:
     @functools.cached_property
     def _hash(self) -> int:
         # Every call of a compiled program asks for it.
-        kinds = self.rigid, self.flexible, self.loops
+        kinds = self.rigid, self.flexible, self.loops, self.contacts
         return hash((self.coordinates, self.constraints, kinds))
 
 

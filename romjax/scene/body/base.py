@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ...arrays import Number, Vector, concatenate
@@ -196,6 +197,15 @@ def rectangle(extent: Float[Array, "2"]) -> Float[Array, "5 2"]:
     """Closed outline of a rectangle about the origin."""
     corners = jnp.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]], extent.dtype)
     return 0.5 * extent[None] * corners
+
+
+def disc(diameter: Float[Array, ""]) -> Float[Array, "points 2"]:
+    """Outline of a disc about the origin: the radius along x, which shows how it turns, and once
+    around.
+    """
+    angle = np.linspace(0.0, 2 * np.pi, 33)
+    rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return 0.5 * diameter * np.concatenate([np.zeros((1, 2)), rim])
 
 
 def check_start(owner: str, body: Any) -> None:

@@ -7,10 +7,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Vector, concatenate
+from ...arrays import Number, Vector, concatenate
 from ..fields import Converted, check_numbers, check_shape, number, radians
 from ..points import NamedPoints, by_name
-from .base import AbstractBody, check_name, check_start, rectangle
+from .base import AbstractBody, check_name, check_start, disc, rectangle
 
 
 class RigidBody(AbstractBody):
@@ -23,7 +23,8 @@ class RigidBody(AbstractBody):
     - `inertia`: Moment of inertia about the centre of mass [kg m²].
     - `position`, `angle`: initial pose of the frame [m], [rad].
     - `velocity`, `angular_velocity`: initial motion [m/s], [rad/s].
-    - `extent`: length and height [m] of the rectangle it is drawn as; no mechanical meaning.
+    - `extent`: what it is drawn as, without mechanical meaning: length and height [m] of a
+      rectangle, the diameter of a disc, or the corners of a polygon (corners, 2).
     - `points`: points by name for `body.at("name")`, such as {"pin": (0.1, 0.0)} [m].
     """
 
@@ -34,7 +35,7 @@ class RigidBody(AbstractBody):
     angle: Converted[Float[Array, ""]] = radians(default=0.0)
     velocity: Converted[Float[Array, "2"], Vector] = number(default=(0.0, 0.0))
     angular_velocity: Converted[Float[Array, ""]] = number(default=0.0)
-    extent: Converted[Float[Array, "2"], Vector] = number(default=(0.2, 0.1))
+    extent: Converted[Float[Array, "*shape"], Vector | Number] = number(default=(0.2, 0.1))
     points: Converted[NamedPoints, Mapping[str, Vector]] = by_name(default=())
     modes: ClassVar[int] = 0  # type: ignore[misc]
 
@@ -65,13 +66,17 @@ class RigidBody(AbstractBody):
         return jnp.zeros((3, 0), point.dtype)
 
     def outline(self) -> Float[Array, "points 2"]:
-        return rectangle(self.extent)
+        if self.extent.ndim == 2:
+            return jnp.concatenate([self.extent, self.extent[:1]])
+        return rectangle(self.extent) if self.extent.ndim else disc(self.extent)
 
     def check(self) -> None:
         check_name(self.name)
         owner = f"body '{self.name}'"
         remedy = "Give a point mass a small inertia."
         check_numbers(owner, self, "mass", "inertia", sign="positive", remedy=remedy)
-        check_shape(owner, "extent", self.extent, (2,))
+        if self.extent.ndim:
+            polygon = self.extent.ndim == 2
+            check_shape(owner, "extent", self.extent, (None, 2) if polygon else (2,))
         check_start(owner, self)
         self.points.check(owner)

@@ -65,6 +65,8 @@ class AbstractMarkerEffect(AbstractEffect):
     stores: ClassVar[bool] = False
     dissipates: ClassVar[bool] = False
     supplies: ClassVar[bool] = True
+    # Whether it may begin on the way, as contacts do; then the start shows nothing of it.
+    begins: ClassVar[bool] = False
 
     @property
     def markers(self) -> tuple[Marker, ...]:

@@ -75,6 +75,7 @@ class Contact(AbstractMarkerEffect):
     dissipation: Converted[Float[Array, ""] | None] = number(default=None)
     friction: Friction | None = None
     stores: ClassVar[bool] = True
+    begins: ClassVar[bool] = True
 
     @property
     def needs_twists(self) -> bool:  # type: ignore[override]
