@@ -26,4 +26,3 @@ def inline(make: Callable[[], Any]) -> str | None:
     except InputError:
         return None
     return picture
-
