@@ -10,6 +10,8 @@ from jaxtyping import Array, Float
 from ..basis.snapshots import Changes, SnapshotSet
 from ..program import program
 from ..scene.body.base import AbstractBody, nameless
+from ..scene.effect.base import AbstractEffect
+from ..scene.joint.base import AbstractJoint
 from ..scene.scene import Scene
 
 
@@ -17,8 +19,8 @@ def with_attachments(scene: Scene, bodies: Sequence[SnapshotSet]) -> list[Snapsh
     """The snapshots of each body's amplitudes with its attachment modes among them.
 
     An attachment mode is what a unit load at a port deflects, K⁻¹ Sᵀ e with the stiffness K and
-    the shape S of the modes there; without rigid motion, which is the frame's (Craig, "Structural
-    dynamics", 1981; Rubin, AIAA Journal 13, 1975, doi:10.2514/3.60497). Each is as large as the
+    the shape S of the modes there; without rigid motion, which is the frame's (Rubin, AIAA
+    Journal 13, 1975, doi:10.2514/3.60497). Each is as large as the
     load that alone moves its port as far as the snapshots do: loads together that the training knew
     in one combination only may come in any other.
 
@@ -26,7 +28,8 @@ def with_attachments(scene: Scene, bodies: Sequence[SnapshotSet]) -> list[Snapsh
     the snapshots of the amplitudes of each of its bodies.
     """
     points: dict[str, list[Array]] = {body.name: [] for body in scene.bodies}
-    for part in (*scene.joints, *scene.effects):
+    parts: list[AbstractJoint | AbstractEffect] = [*scene.joints, *scene.effects]
+    for part in parts:
         for marker in part.markers:
             points.get(marker.body, []).append(marker.point)
     more = []

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -12,7 +12,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..arrays import as_array, as_number
 from ..basis.decomposition.pod import POD
-from ..basis.snapshots import Sensitivity
+from ..basis.snapshots import Motion, Sensitivity
 from ..errors import InputError, SimulationError
 from ..integrate.adjoint import forward_mode
 from ..integrate.simulate import simulate
@@ -80,7 +80,7 @@ def fit_over(
     Raises InputError for a start outside of the box, or a shape that differs; SimulationError if
     the full run at the start fails.
     """
-    settings = {"rtol": as_number(rtol, float)} | ({} if solver is None else {"solver": solver})
+    settings = {"rtol": as_number(rtol, float), "solver": solver}
     search = _Search(box, as_array(ts), see, np.asarray(measured, float), noise, settings)
     box.system(**(start or {}))
     best = search.full(box.center | (start or {}))
@@ -149,10 +149,12 @@ class _Search:
     ) -> AbstractReducedSystem:
         """The reduced model of all accepted points."""
         system = self.box.system(**points[0].point)
-        snapshots = [x for point in points for x in (point.run, *point.sensitivities)]
+        snapshots: list[Motion | Sensitivity] = []
+        for point in points:
+            snapshots += [point.run, *point.sensitivities]
         basis = formulation.basis(system, snapshots, POD(rank))
-        rom: Any = reduce(system, basis, formulation)
-        return rom
+        # All formulations but those for reference make such systems.
+        return cast(AbstractReducedSystem, reduce(system, basis, formulation))
 
     def step(
         self, rom: AbstractReducedSystem, best: _Point, radius: float

@@ -76,9 +76,8 @@ class Greedy:
         search, rtol = self.search, _accurate(self.tol)
         system = self.box.system(**parameters)
         solver = search.truths[0].solver if search.truths else None
-        kind = {} if solver is None else {"solver": solver}
         if run is None:
-            run = simulate(system, self.times, rtol=rtol, **kind)
+            run = simulate(system, self.times, rtol=rtol, solver=solver)
         search.systems.append(system)
         search.truths.append(run)
         self.trained.append(parameters)

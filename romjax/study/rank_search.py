@@ -9,7 +9,7 @@ from tqdm import tqdm
 
 from ..basis.basis import Basis
 from ..basis.decomposition.pod import POD
-from ..basis.snapshots import Sensitivity
+from ..basis.snapshots import Motion, Sensitivity
 from ..errors import RankError, ReductionError
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
@@ -63,7 +63,7 @@ class RankSearch:
         Raises ReductionError if there is none.
         """
         tol, truths = self.tol, self.truths
-        snapshots = [*truths, *self.sensitivities]
+        snapshots: list[Motion | Sensitivity] = [*truths, *self.sensitivities]
         most = min(truths[0].q.shape[1], sum(len(one.t) for one in snapshots))
         previous, best, refusal = None, np.inf, ""
         for r in range(rank, most + 1):

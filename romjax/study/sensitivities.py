@@ -46,11 +46,10 @@ def _tangents(
     box: Box, solver: Any, point: dict[str, Any], times: Float[Array, " k"], rtol: Any
 ) -> tuple[dict[str, Array], dict[str, Array], Array]:
     """∂q/∂p and ∂v/∂p by parameter, times half of its range, and whether the run has succeeded."""
-    kind = {} if solver is None else {"solver": solver}
 
     def motion(shares: dict[str, Array]) -> tuple[tuple[Array, Array], Array]:
         moved = {name: box.ranges[name].moved(point[name], x) for name, x in shares.items()}
-        run = simulate(box.system_anywhere(moved), times, rtol=rtol, throw=False, **kind)
+        run = simulate(box.system_anywhere(moved), times, rtol=rtol, solver=solver, throw=False)
         return (run.q, run.v), run.success
 
     middle = {name: jnp.zeros((), times.dtype) for name in box.ranges}
