@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import concrete
-from ..assembly.disassemble import disassemble
 from ..assembly.locate import assembled
 from ..basis.basis import Basis
 from ..basis.build import modes_of
@@ -20,7 +19,6 @@ from ..errors import InputError, ReductionError
 from ..fields import Converted, number
 from ..reduction.formulation.base import AbstractFormulation, start
 from ..system.base import AbstractSystem
-from .attachment import with_attachments
 from .bases import BodyBases
 from .system import LocalSystem
 from .validity import LargestDeflections
@@ -48,9 +46,6 @@ class Local(AbstractFormulation):
     - `ranks`: the number of modes of each body instead, 0 of rigid ones, in the order of the scene;
       needed under jit and grad through the basis, where it is `LocalSystem.ranks` of a model that
       was made outside.
-    - `attachment`: decompose the static responses to loads at each port beside the snapshots, for
-      loads that come together in other ways than in the training. `reduce_to` and `reduce_over`
-      try it by themselves where a run that is held out asks for it.
 
     Raises InputError for a `tol` outside of 0 to 1, or with `ranks`.
     """
@@ -60,7 +55,6 @@ class Local(AbstractFormulation):
 
     tol: Converted[Float[Array, ""] | None] = number(default=None)
     ranks: tuple[int, ...] | None = eqx.field(static=True, default=None)
-    attachment: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self) -> None:
         tol = None if self.tol is None else concrete(self.tol)
@@ -86,8 +80,6 @@ class Local(AbstractFormulation):
                 for own, body in zip(amplitudes, bodies, strict=True)
             ]
         else:
-            if self.attachment:
-                bodies = with_attachments(disassemble(full), bodies)
             modes = self._decompose(basis, basis.decomposition, bodies)
         bases, validity = BodyBases.of(modes, [body.metric for body in bodies], columns), None
         if basis.decomposition is not None:
