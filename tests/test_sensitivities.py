@@ -97,3 +97,14 @@ def test_parameters_by_few_full_runs(box, truth):
         rj.fit_over(box, TS, lambda run: run.q[:, 2], measured, solver=SOLVER)
     with pytest.raises(rj.InputError, match="lies outside of"):
         rj.fit_over(box, TS, angle_and_amplitudes, measured, start={"mass": 9.0})
+
+
+@pytest.mark.slow
+def test_sensitivities_of_training_runs_join_the_snapshots(box):
+    """Of each run by each parameter; what they add to the subspace is no motion."""
+    settings = {"candidates": 4, "held_out": 0, "formulation": "local"}
+    reduced = rj.reduce_over(box, TS, 0.05, gradients=True, **settings)
+    search = reduced.greedy.search
+    assert len(search.sensitivities) == len(box.ranges) * len(search.truths)
+    assert all(one.q.shape == run.q.shape for one in search.sensitivities for run in search.truths)
+    assert reduced.error <= 0.05
