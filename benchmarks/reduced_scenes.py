@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+import meshed_crank
 import numpy as np
 from linkages import four_bar
 
@@ -172,5 +173,11 @@ CASES = {
     ),
     "robot arm": Case(
         arm, 0.5, tuple(_arms()), (("minimal", 5), ("local", 3), ("local", 6), ("cap", 60))
+    ),
+    "meshed slider crank": Case(
+        meshed_crank.meshed_crank,
+        0.03,
+        tuple(meshed_crank.driven(HELD_OUT)),
+        (("local", 1), ("local", 2), ("local", 4)),
     ),
 }

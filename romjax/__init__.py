@@ -18,6 +18,7 @@ from .basis.decomposition.pod import pod as pod
 from .basis.decomposition.sod import SOD as SOD
 from .basis.decomposition.sod import sod as sod
 from .basis.describe import describe as describe
+from .basis.snapshots import Sensitivity as Sensitivity
 from .basis.stream import PodStream as PodStream
 from .errors import InputError as InputError
 from .errors import RankError as RankError
@@ -130,6 +131,8 @@ from .study.compare import Comparison as Comparison
 from .study.compare import compare as compare
 from .study.extrapolate import extrapolate as extrapolate
 from .study.fit import fit as fit
+from .study.fit_over import BoxFit as BoxFit
+from .study.fit_over import fit_over as fit_over
 from .study.gradient import check_gradient as check_gradient
 from .study.likelihood import log_likelihood as log_likelihood
 from .study.projected import Projected as Projected
@@ -138,6 +141,7 @@ from .study.rank_study import rank_study as rank_study
 from .study.reduce_over import reduce_over as reduce_over
 from .study.reduce_to import reduce_to as reduce_to
 from .study.reduced_box import ReducedBox as ReducedBox
+from .study.sensitivities import sensitivities as sensitivities
 from .study.sweep import sweep as sweep
 from .study.sweep_over import BoxSweep as BoxSweep
 from .study.sweep_over import sweep_over as sweep_over

@@ -97,6 +97,21 @@ def test_a_sweep_falls_back_on_the_full_model(box, reduced):
 
 
 @pytest.mark.slow
+def test_full_runs_of_a_sweep_join_the_training(reduced):
+    """Fewer lanes are left to the full model, and the others are as good as its own."""
+    strict = dataclasses.replace(reduced, tol=float(np.median(reduced.estimates)))
+    plain, learned = (
+        rj.sweep_over(strict, reduced.candidates, TS, lambda run: run.q, learn=most)
+        for most in (0, 2)
+    )
+    assert len(learned.reduced.training["mass"]) > len(reduced.training["mass"])
+    assert len(reduced.greedy.trained) == len(reduced.training["mass"])
+    assert np.sum(learned.by_full) < np.sum(plain.by_full)
+    for wanted, own in zip(plain.values[plain.by_full], learned.values[plain.by_full], strict=True):
+        assert np.linalg.norm(own - wanted) <= strict.tol * np.linalg.norm(wanted - wanted[:1])
+
+
+@pytest.mark.slow
 def test_runs_that_do_not_suffice_are_refused(box):
     with pytest.raises(rj.ReductionError, match=r"1 training runs reach an error of .*, not tol"):
         rj.reduce_over(box, TS, TOL, runs=1, candidates=8, held_out=0)

@@ -1,9 +1,11 @@
 """Parameters in ranges, and the mechanisms that they make."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 
 from ..assembly.assemble import assemble
@@ -35,6 +37,18 @@ class Range:
         if self.log:
             return np.asarray(low * (high / low) ** np.asarray(share))
         return np.asarray(low + (high - low) * np.asarray(share))
+
+    def moved(self, value: Any, share: Any) -> Any:
+        """A value moved by a share of half of the range, both of which may be traced."""
+        low, high = float(self.low), float(self.high)
+        return value * (high / low) ** (share / 2) if self.log else value + (high - low) / 2 * share
+
+    def share(self, value: Any, start: Any) -> Any:
+        """What `moved` takes from a start to a value."""
+        low, high = float(self.low), float(self.high)
+        if self.log:
+            return 2 * jnp.log(value / start) / math.log(high / low)
+        return 2 * (value - start) / (high - low)
 
     def holds(self, values: np.ndarray | float) -> np.ndarray:
         """Which values lie within, both ends included."""

@@ -117,7 +117,7 @@ def fit(
         residuals, jacobian = (size * np.asarray(x) for x in _linearize(misfit, result.value))
     freedom = max(1, int(np.sum(present)) - origin.size)
     variance = float(residuals @ residuals) / freedom if noise is None else 1.0
-    covariance = variance * _inverse_square(jacobian)
+    covariance = variance * inverse_square(jacobian)
     return Fit(
         parameters=unravel(misfit.bounds.natural(result.value)),
         standard_errors=unravel(jnp.asarray(np.sqrt(np.diagonal(covariance)))),
@@ -128,7 +128,7 @@ def fit(
     )
 
 
-def _inverse_square(jacobian: np.ndarray) -> np.ndarray:
+def inverse_square(jacobian: np.ndarray) -> np.ndarray:
     """(JᵀJ)⁻¹, with infinite variances of the parameters that J does not determine."""
     count = jacobian.shape[1]
     if not np.all(np.isfinite(jacobian)):
@@ -210,7 +210,7 @@ class _Misfit(eqx.Module):
     A module, so that other data for the same `predict` recompile nothing.
     """
 
-    predict: Callable[[Any], Any] = eqx.field(static=True)
+    predict: Callable[[Any], Any]  # a module's numbers are traced, a function is static
     unravel: Callable[[Any], Any] = eqx.field(static=True)
     target: Float[Array, "*shape"]
     weight: Float[Array, "*shape"]

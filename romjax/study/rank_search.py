@@ -9,6 +9,7 @@ from tqdm import tqdm
 
 from ..basis.basis import Basis
 from ..basis.decomposition.pod import POD
+from ..basis.snapshots import Motion, Sensitivity
 from ..errors import RankError, ReductionError
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
@@ -46,7 +47,7 @@ class Accepted(NamedTuple):
 @dataclasses.dataclass(frozen=True)
 class RankSearch:
     """Training runs, each with its system, and what a model of them should do; for the function
-    `name`.
+    `name`. `sensitivities` are snapshots beside those of the runs.
     """
 
     name: str
@@ -54,6 +55,7 @@ class RankSearch:
     truths: list[Trajectory]
     tol: float
     formulation: AbstractFormulation
+    sensitivities: list[Sensitivity] = dataclasses.field(default_factory=list)
 
     def smallest(self, rank: int, bar: tqdm) -> Accepted:  # type: ignore[type-arg]  # generic in the stubs only
         """The model of the smallest rank from `rank` on that is good enough, and its estimate.
@@ -61,13 +63,14 @@ class RankSearch:
         Raises ReductionError if there is none.
         """
         tol, truths = self.tol, self.truths
-        most = min(truths[0].q.shape[1], sum(len(run.t) for run in truths))
+        snapshots: list[Motion | Sensitivity] = [*truths, *self.sensitivities]
+        most = min(truths[0].q.shape[1], sum(len(one.t) for one in snapshots))
         previous, best, refusal = None, np.inf, ""
         for r in range(rank, most + 1):
             bar.set_postfix_str(f"rank {r}")
             bar.update()
             try:
-                basis = self.formulation.basis(self.systems[0], truths, POD(r))
+                basis = self.formulation.basis(self.systems[0], snapshots, POD(r))
                 if self.tail(basis) > _TAIL * tol:
                     continue
                 candidate = self.candidate(basis)

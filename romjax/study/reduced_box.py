@@ -1,12 +1,17 @@
 """A reduced model that holds in a box of parameters."""
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..system.base import AbstractSystem
 from ..system.reduced import AbstractReducedSystem
 from .box import Box
+
+if TYPE_CHECKING:
+    # It makes these models, so its module imports this one.
+    from .greedy import Greedy
 
 # A model of a box is validated with this confidence.
 _CONFIDENCE = 0.95
@@ -22,6 +27,7 @@ class ReducedBox:
     - `candidates`: the parameters at which its error was estimated, and `estimates` (candidates,).
     - `held_out`: those at which it was measured, by full runs that it was not made of, and
       `errors` (held out,).
+    - `greedy`: the training runs themselves, to go on from.
     """
 
     box: Box
@@ -33,6 +39,7 @@ class ReducedBox:
     estimates: np.ndarray
     held_out: dict[str, np.ndarray]
     errors: np.ndarray
+    greedy: "Greedy" = dataclasses.field(repr=False)
 
     @property
     def error(self) -> float:
@@ -54,6 +61,14 @@ class ReducedBox:
         Raises InputError outside of the box.
         """
         return reduced_as(self.rom, self.box.system(**parameters))
+
+    def trained_at(self, **parameters: float) -> "ReducedBox":
+        """The model with the full run of some parameters in its training too; it is estimated and
+        measured anew. Those that are not given are in the middle.
+
+        Raises InputError outside of the box, ReductionError if no rank reaches `tol` then.
+        """
+        return self.greedy.with_run(self.tol, self.box.center | parameters)
 
     def summary(self) -> str:
         """In words: of how many runs the model was made, and how well it does."""

@@ -7,10 +7,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike
+from jaxtyping import Array, ArrayLike, Float
 
 from ..arrays import as_array
-from ..errors import InputError
+from ..errors import InputError, ReductionError, SimulationError
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from .estimate import run_and_change
@@ -25,10 +25,12 @@ class BoxSweep(Sweep):
 
     - `by_full` (lanes,): whether by the full model.
     - `estimates` (lanes,): of the errors of the reduced runs; zero of full ones.
+    - `reduced`: the model of the box, with the full runs that joined its training.
     """
 
     by_full: np.ndarray
     estimates: np.ndarray
+    reduced: ReducedBox
 
 
 def sweep_over(
@@ -37,6 +39,7 @@ def sweep_over(
     ts: ArrayLike,
     see: Callable[[Trajectory], Any],
     *,
+    learn: int = 3,
     chunk: int | None = None,
     progress: bool = False,
 ) -> BoxSweep:
@@ -44,50 +47,102 @@ def sweep_over(
 
     The reduced model simulates all points within its box, and the model of the next rank estimates
     the errors. Where the estimate is above half of `ReducedBox.tol`, where something speaks against
-    the run, and outside of the box, the full model takes over.
+    the run, and outside of the box, the full model takes over. While it would have to at many
+    points, the full run of the worst one joins the training, and the better model tries the others
+    first (a hierarchy of models: Haasdonk, Kleikamp, Ohlberger, Schindler, Wenzel 2022,
+    arXiv:2204.13454).
 
     **Arguments:**
 
     - `reduced`: of `reduce_over`. Its box must make scenes of traced numbers, as `jax.grad` asks.
     - `parameters`: by name, each array (lanes,); those that are not given are in the middle.
     - `ts` (k,): times of the runs [s]. `see`: from a Trajectory to a pytree of arrays.
+    - `learn`: the most runs that join the training, as long as more points than that are doubted;
+      each of them compiles a model.
     - `chunk`, `progress`: as `sweep`.
 
     Raises InputError for a parameter that the box does not have, or values of different counts.
     """
-    box, times, rtol = reduced.box, as_array(ts), sharper(reduced.tol)
-    points = _points(reduced, parameters)
+    points, times = _points(reduced, parameters), as_array(ts)
+    lanes = _Lanes(reduced, points, times, see, {"chunk": chunk, "progress": progress})
+    inside = [reduced.box.ranges[name].holds(x) for name, x in points.items()]
+    lanes.by_model(np.flatnonzero(np.all(inside, axis=0)))
+    for _ in range(learn):
+        if len(lanes.doubted) <= learn or not lanes.learn():
+            break
+    lanes.by_full_model()
+    values, status = _together(len(lanes.by_full), lanes.parts)
+    return BoxSweep(values, status, points, lanes.by_full, lanes.estimates, lanes.reduced)
 
-    def cheap(point: dict[str, Any]) -> dict[str, Any]:
-        if reduced.finer is None:
-            # All minimal coordinates are there: what remains are the flags.
-            rom = reduced_as(reduced.rom, box.system_anywhere(point))
-            run, change = simulate(rom, times, rtol=rtol, throw=False), jnp.zeros_like(times[0])
-        else:
-            _, run, change = run_and_change(
-                reduced.rom, reduced.finer, box.system_anywhere(point), times, rtol
-            )
-        return {"seen": see(run), "change": change, "flags": run.flags, "status": run.status}
 
-    def accurate(point: dict[str, Any]) -> dict[str, Any]:
-        run = simulate(box.system_anywhere(point), times, rtol=rtol, throw=False)
-        return {"seen": see(run), "status": run.status}
+class _Lanes:
+    """Which lanes are computed, and how; `parts` are numbers of lanes with their sweeps."""
 
-    inside = [box.ranges[name].holds(x) for name, x in points.items()]
-    within = np.flatnonzero(np.all(inside, axis=0))
-    by_full, estimates = np.ones_like(inside[0]), np.zeros(inside[0].shape)
-    parts = []
-    if len(within):
-        first = sweep(cheap, _at(points, within), chunk=chunk, progress=progress)
-        change = first.values["change"]
-        good = first.success & (first.values["flags"] == 0) & (change <= reduced.tol / SAFETY)
-        by_full[within[good]], estimates[within[good]] = False, change[good]
-        parts.append((within, first))
-    others = np.flatnonzero(by_full)
-    if len(others):
-        parts.append((others, sweep(accurate, _at(points, others), chunk=chunk, progress=progress)))
-    values, status = _together(len(by_full), parts)
-    return BoxSweep(values, status, points, by_full, estimates)
+    def __init__(
+        self,
+        reduced: ReducedBox,
+        points: dict[str, np.ndarray],
+        times: Float[Array, " k"],
+        see: Callable[[Trajectory], Any],
+        settings: dict[str, Any],
+    ):
+        self.reduced, self.points, self.times = reduced, points, times
+        self.see, self.settings = see, settings
+        count = len(next(iter(points.values())))
+        self.by_full, self.estimates = np.ones(count, bool), np.zeros(count)
+        # Within the box, of which the model is not sure, and how large it says its errors are.
+        self.doubted, self.changes = np.zeros(0, int), np.zeros(0)
+        self.parts: list[tuple[np.ndarray, Sweep]] = []
+
+    def by_model(self, numbers: np.ndarray) -> None:
+        """Lanes by the reduced model; what it is not sure of is `doubted`."""
+        if not len(numbers):
+            return
+        reduced, see = self.reduced, self.see
+        times, rtol = self.times, sharper(reduced.tol)
+
+        def cheap(point: dict[str, Any]) -> dict[str, Any]:
+            system = reduced.box.system_anywhere(point)
+            if reduced.finer is None:
+                # All minimal coordinates are there: what remains are the flags.
+                rom, change = reduced_as(reduced.rom, system), jnp.zeros_like(times[0])
+                run = simulate(rom, times, rtol=rtol, throw=False)
+            else:
+                _, run, change = run_and_change(reduced.rom, reduced.finer, system, times, rtol)
+            return {"seen": see(run), "change": change, "flags": run.flags, "status": run.status}
+
+        part = sweep(cheap, _at(self.points, numbers), **self.settings)
+        change = part.values["change"]
+        good = part.success & (part.values["flags"] == 0) & (change <= reduced.tol / SAFETY)
+        self.by_full[numbers[good]], self.estimates[numbers[good]] = False, change[good]
+        self.doubted, self.changes = numbers[~good], change[~good]
+        self.parts.append((numbers, part))
+
+    def learn(self) -> bool:
+        """Train the model at the worst of the doubted lanes, and try all of them again; False if no
+        model is good enough.
+        """
+        # A run that failed has no estimate: it is the worst.
+        worst = self.doubted[np.argmax(np.where(np.isfinite(self.changes), self.changes, np.inf))]
+        parameters = {name: float(x[worst]) for name, x in self.points.items()}
+        try:
+            self.reduced = self.reduced.trained_at(**parameters)
+        except (ReductionError, SimulationError):
+            return False
+        self.by_model(self.doubted)
+        return True
+
+    def by_full_model(self) -> None:
+        """All others."""
+        box, see, times, rtol = self.reduced.box, self.see, self.times, sharper(self.reduced.tol)
+
+        def accurate(point: dict[str, Any]) -> dict[str, Any]:
+            run = simulate(box.system_anywhere(point), times, rtol=rtol, throw=False)
+            return {"seen": see(run), "status": run.status}
+
+        others = np.flatnonzero(self.by_full)
+        if len(others):
+            self.parts.append((others, sweep(accurate, _at(self.points, others), **self.settings)))
 
 
 def _together(lanes: int, parts: list[tuple[np.ndarray, Sweep]]) -> tuple[Any, np.ndarray]:

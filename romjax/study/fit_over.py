@@ -1,0 +1,276 @@
+"""Identification over a box: searches on reduced models, checked by full runs."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from ..arrays import as_array, as_number
+from ..basis.decomposition.pod import POD
+from ..basis.snapshots import Motion, Sensitivity
+from ..errors import InputError, SimulationError
+from ..integrate.adjoint import forward_mode
+from ..integrate.simulate import simulate
+from ..integrate.trajectory import Trajectory
+from ..program import program
+from ..reduction.formulation.base import AbstractFormulation
+from ..reduction.formulation.parse import as_formulation
+from ..reduction.reduce import reduce
+from ..system.reduced import AbstractReducedSystem
+from .box import Box
+from .fit import Fit, fit, inverse_square
+from .reduced_box import reduced_as
+
+Numbers = dict[str, Any]
+# Shares of the predicted gain, below which the region shrinks and above which it grows.
+_POOR, _GOOD = 0.25, 0.75
+# Parameters stay off the ends of the search by this share of its width: `fit` takes logarithms.
+_MARGIN = 1e-6
+
+
+@dataclasses.dataclass(frozen=True)
+class BoxFit(Fit):
+    """The result of `fit_over`: a `Fit`, whose `steps` are full runs with their sensitivities.
+
+    - `rom`: the last reduced model.
+    """
+
+    rom: AbstractReducedSystem
+
+
+def fit_over(
+    box: Box,
+    ts: ArrayLike,
+    see: Callable[[Trajectory], Array],
+    measured: ArrayLike,
+    *,
+    start: dict[str, float] | None = None,
+    noise: ArrayLike | None = None,
+    rank: int = 4,
+    formulation: AbstractFormulation | str = "minimal",
+    runs: int = 10,
+    rtol: float = 1e-8,
+    solver: Any = None,
+    tol: float = 1e-6,
+) -> BoxFit:
+    """The parameters of a box whose full runs are nearest to measurements, by few full runs.
+
+    A trust region: the model is trained by the full run and its sensitivities at each point that
+    was accepted, and corrected to the value and the slope of what was seen at the last one, so that
+    the search converges to the optimum of the full model whatever the model errs by (Alexandrov,
+    Dennis, Lewis, Torczon 1998, doi:10.1007/BF01197433; with snapshots of sensitivities Zahr,
+    Farhat 2015, arXiv:1407.7618). `fit` searches on it within the region, which grows where the
+    full run confirms what the model has promised, and shrinks where it does not.
+
+    **Arguments:**
+
+    - `box`: it must make scenes of traced numbers, as `jax.grad` asks. `ts` (k,): times [s].
+    - `see`: from a Trajectory to an array of the shape of `measured`; NaN where nothing was.
+    - `start`: parameters to begin with; those that are not given are in the middle.
+    - `noise`: standard deviation of the measurements; estimated from the residuals unless given.
+    - `rank`, `formulation`: of the reduced models.
+    - `runs`: the most full runs. `rtol`, `solver`: of all runs, as of `simulate`.
+    - `tol`: change of the parameters, in ranges of the box, that ends the search.
+
+    Raises InputError for a start outside of the box, or a shape that differs; SimulationError if
+    the full run at the start fails.
+    """
+    settings = {"rtol": as_number(rtol, float), "solver": solver}
+    search = _Search(box, as_array(ts), see, np.asarray(measured, float), noise, settings)
+    box.system(**(start or {}))
+    best = search.full(box.center | (start or {}))
+    if not np.isfinite(best.misfit):
+        raise SimulationError(f"fit_over: the run at {best.point} has failed; start elsewhere.")
+    accepted, radius, success = [best], 0.5, False
+    rom, count = search.model(accepted, rank, as_formulation(formulation)), 1
+    while count < runs and not success:
+        trial, promised, moved = search.step(rom, best, radius)
+        if moved <= tol:
+            success = True
+            break
+        one = search.full(trial)
+        count += 1
+        gain = (best.misfit - one.misfit) / max(best.misfit - promised, 1e-300)
+        # A failed run has no misfit: what compares with it is false.
+        radius = radius / 4 if not gain > _POOR else 2 * radius if gain > _GOOD else radius
+        if one.misfit < best.misfit:
+            best = one
+            accepted.append(one)
+            rom = search.model(accepted, rank, as_formulation(formulation))
+        success = bool(radius <= tol)
+    return search.result(best, count, success, rom)
+
+
+class _Point(eqx.Module):
+    """A full run: where, what was seen, and the derivatives by parameter, times half of its range.
+
+    - `misfit`: mean square of the weighted residuals; NaN of a run that failed.
+    """
+
+    point: dict[str, float] = eqx.field(static=True)
+    run: Trajectory
+    seen: Array
+    slope: Numbers
+    sensitivities: list[Sensitivity]
+    misfit: float
+
+
+@dataclasses.dataclass(frozen=True)
+class _Search:
+    box: Box
+    times: Float[Array, " k"]
+    see: Callable[[Trajectory], Array]
+    measured: np.ndarray
+    noise: ArrayLike | None
+    settings: dict[str, Any]
+
+    def full(self, point: dict[str, float]) -> _Point:
+        """The full run at a point, with its sensitivities."""
+        where = self._numbers(point)
+        with forward_mode():
+            made = _full(self.box, self.see, where, self.times, self.settings)
+        run, seen, (q, v, slope) = made
+        if seen.shape != self.measured.shape:
+            raise InputError(
+                f"fit_over: see returns the shape {seen.shape}, but measured has "
+                f"{self.measured.shape}."
+            )
+        changes = [Sensitivity(self.times, q[name], v[name]) for name in self.box.ranges]
+        misfit = self._misfit(seen) if bool(run.success) else np.nan
+        return _Point(point, run, seen, slope, changes, misfit)
+
+    def model(
+        self, points: list[_Point], rank: int, formulation: AbstractFormulation
+    ) -> AbstractReducedSystem:
+        """The reduced model of all accepted points."""
+        system = self.box.system(**points[0].point)
+        snapshots: list[Motion | Sensitivity] = []
+        for point in points:
+            snapshots += [point.run, *point.sensitivities]
+        basis = formulation.basis(system, snapshots, POD(rank))
+        # All formulations but those for reference make such systems.
+        return cast(AbstractReducedSystem, reduce(system, basis, formulation))
+
+    def step(
+        self, rom: AbstractReducedSystem, best: _Point, radius: float
+    ) -> tuple[dict[str, float], float, float]:
+        """The best point of the corrected model in the region, its misfit there, and how far away
+        it is, in ranges of the box.
+        """
+        model = _Model(rom, self.box, self.see, self.times, self.settings)
+        where = self._numbers(best.point)
+        with forward_mode():
+            seen, slope = _linearize(model, where)
+        shift = best.seen - seen
+        turn = {name: best.slope[name] - x for name, x in slope.items()}
+        corrected = _Corrected(model, where, shift, turn)
+        lower, upper = {}, {}
+        for name, x in best.point.items():
+            one = self.box.ranges[name]
+            ends = np.array([one.moved(x, -2 * radius), one.moved(x, 2 * radius)])
+            width = _MARGIN * (one.high - one.low)
+            lower[name] = float(min(max(ends[0], one.low), x - width))
+            upper[name] = float(max(min(ends[1], one.high), x + width))
+        found = fit(
+            corrected, best.point, self.measured, noise=self.noise, lower=lower, upper=upper
+        )
+        trial = {name: float(x) for name, x in found.parameters.items()}
+        ranges = self.box.ranges.items()
+        moved = max(abs(trial[n] - best.point[n]) / (x.high - x.low) for n, x in ranges)
+        return trial, self._misfit(np.asarray(corrected(trial))), moved
+
+    def result(self, best: _Point, runs: int, success: bool, rom: AbstractReducedSystem) -> BoxFit:
+        """With the covariance of the full model at the best point."""
+        present, spread = np.isfinite(self.measured), self._spread()
+        residuals = ((np.asarray(best.seen) - self.measured) / spread)[present]
+        # In the order of `jax.tree.leaves`.
+        names, columns = sorted(best.point), []
+        for name in names:
+            one, x = self.box.ranges[name], best.point[name]
+            unit = x * np.log(one.high / one.low) / 2 if one.log else (one.high - one.low) / 2
+            columns.append((np.asarray(best.slope[name]) / spread)[present] / unit)
+        square = float(residuals @ residuals)
+        variance = 1.0 if self.noise is not None else square / max(1, len(residuals) - len(columns))
+        covariance = variance * inverse_square(np.stack(columns, axis=1))
+        errors = dict(zip(names, np.sqrt(np.diagonal(covariance)), strict=True))
+        residual = float(np.sqrt(square / max(1, len(residuals))))
+        return BoxFit(best.point, errors, covariance, residual, runs, success, rom)
+
+    def _numbers(self, point: dict[str, float]) -> Numbers:
+        return {name: as_number(x, self.times.dtype) for name, x in point.items()}
+
+    def _spread(self) -> np.ndarray:
+        given = 1.0 if self.noise is None else np.asarray(self.noise, float)
+        return np.broadcast_to(given, self.measured.shape)
+
+    def _misfit(self, seen: ArrayLike) -> float:
+        return float(np.nanmean(((np.asarray(seen) - self.measured) / self._spread()) ** 2))
+
+
+class _Model(eqx.Module):
+    """What is seen of a run of a reduced model at some parameters."""
+
+    rom: AbstractReducedSystem
+    box: Box = eqx.field(static=True)
+    see: Callable[[Trajectory], Array] = eqx.field(static=True)
+    times: Float[Array, " k"]
+    settings: dict[str, Any]
+
+    def __call__(self, point: Numbers) -> Array:
+        rom = reduced_as(self.rom, self.box.system_anywhere(point))
+        return self.see(simulate(rom, self.times, throw=False, **self.settings))
+
+
+class _Corrected(eqx.Module):
+    """A model that is right at one point, with its first derivatives."""
+
+    model: _Model
+    point: Numbers
+    shift: Array
+    turn: Numbers
+
+    def __call__(self, point: Numbers) -> Array:
+        seen = self.model(point) + self.shift
+        for name, x in self.turn.items():
+            share = self.model.box.ranges[name].share(point[name], self.point[name])
+            seen = seen + share * x
+        return seen
+
+
+@program
+def _full(
+    box: Box, see: Callable[[Trajectory], Array], point: Numbers, times: Array, settings: Any
+) -> tuple[Trajectory, Array, tuple[Numbers, Numbers, Numbers]]:
+    """A full run, what is seen of it, and the derivatives of q, v and that."""
+
+    def motion(shares: Numbers) -> tuple[tuple[Array, Array, Array], tuple[Trajectory, Array]]:
+        system = box.system_anywhere(_moved(box, point, shares))
+        run = simulate(system, times, throw=False, **settings)
+        seen = see(run)
+        return (run.q, run.v, seen), (run, seen)
+
+    derivatives, (run, seen) = jax.jacfwd(motion, has_aux=True)(_still(box))
+    return run, seen, derivatives
+
+
+@eqx.filter_jit
+def _linearize(model: _Model, point: Numbers) -> tuple[Array, Numbers]:
+    def motion(shares: Numbers) -> tuple[Array, Array]:
+        seen = model(_moved(model.box, point, shares))
+        return seen, seen
+
+    slope, seen = jax.jacfwd(motion, has_aux=True)(_still(model.box))
+    return seen, slope
+
+
+def _still(box: Box) -> Numbers:
+    return {name: jnp.zeros(()) for name in box.ranges}
+
+
+def _moved(box: Box, point: Numbers, shares: Numbers) -> Numbers:
+    return {name: box.ranges[name].moved(point[name], x) for name, x in shares.items()}
