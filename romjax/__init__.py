@@ -28,6 +28,8 @@ from .events.base import Crossing as Crossing
 from .events.base import Stop as Stop
 from .events.impact import Impact as Impact
 from .events.record import Events as Events
+from .hyper.formulation import HyperReduced as HyperReduced
+from .hyper.system import HyperReducedSystem as HyperReducedSystem
 from .integrate.adjoint import forward_mode as forward_mode
 from .integrate.branching import Branching as Branching
 from .integrate.energy_balance import EnergyBalance as EnergyBalance
