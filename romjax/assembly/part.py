@@ -26,7 +26,9 @@ def part(
 
     Its coordinates are those of the bodies, in the order of the groups.
     """
-    tables = [g.coordinates.array[np.array(r, int)] for g, r in zip(system.bodies, rows, strict=True)]
+    tables = [
+        g.coordinates.array[np.array(r, int)] for g, r in zip(system.bodies, rows, strict=True)
+    ]
     used = [int(i) for table in tables for i in table.reshape(-1)]
     number = dict(zip([*used, system.n], itertools.count(), strict=False))
     bodies = []

@@ -12,6 +12,9 @@ from ..program import program_once
 from ..system.base import AbstractSystem
 from ..system.dynamics import jacobian
 
+# Up to so many dependent coordinates a matrix is as fast as sums along branches.
+_DENSE = 100
+
 
 class Chart(eqx.Module):
     """q = q̄ + Y s + W d: independent coordinates s, and d that the constraints determine.
@@ -21,7 +24,7 @@ class Chart(eqx.Module):
     - `affine`: the constraints are affine in d with constant coefficients, so that q(s) has a
       closed form. Y and W are then columns of the unit matrix, and `order` says which:
       q − q̄ is (s, d)[order]. Else the columns are orthonormal in the mass metric.
-    - `forest`: the pattern of ∂C/∂d, where it is constant and links d like a forest.
+    - `forest`: the pattern of ∂C/∂d, where it is constant and links many d like a forest.
     """
 
     independent: np.ndarray
@@ -42,7 +45,7 @@ class Chart(eqx.Module):
         n = slopes.shape[1]
         unit, others = np.eye(n), np.setdiff1d(np.arange(n), dependent)
         order = tuple(int(i) for i in np.argsort(np.concatenate([others, dependent])))
-        forest = Forest.of(slopes[:, dependent])
+        forest = Forest.of(slopes[:, dependent]) if len(dependent) > _DENSE else None
         return cls(unit[:, others], unit[:, dependent], unit[others], rows, True, order, forest)
 
     def ordered(self, s: Float[Array, "d *r"], d: Float[Array, "m *r"]) -> Float[Array, "n *r"]:

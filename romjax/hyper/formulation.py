@@ -130,9 +130,7 @@ class HyperReduced(AbstractFormulation):
         angles = np.flatnonzero(np.isin(independent(lift), every))
         rotations = Rotations.of(lift, angles, z, self.tol)
         columns = tuple(int(i) for i in bodies.reshape(-1))
-        return Sample(
-            tuple(rows), tuple(chosen), linear, others, columns, tuple(turned), rotations
-        )
+        return Sample(tuple(rows), tuple(chosen), linear, others, columns, tuple(turned), rotations)
 
 
 def _checked(system: AbstractSystem, basis: Basis) -> AssembledSystem:

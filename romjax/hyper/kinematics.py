@@ -32,9 +32,7 @@ class Rotations(eqx.Module):
     imaginary: Float[Array, "J K"]
 
     @classmethod
-    def of(
-        cls, lift: ClosedFormLift, angles: np.ndarray, z: np.ndarray, tol: float
-    ) -> "Rotations":
+    def of(cls, lift: ClosedFormLift, angles: np.ndarray, z: np.ndarray, tol: float) -> "Rotations":
         """By pivoted QR of the rotations and their slopes at several z (K, r), up to `tol`."""
         inner = np.asarray(lift.inner)[angles]
         offset = np.asarray(lift.offset)[independent(lift)[angles]]
@@ -139,4 +137,4 @@ def sample_kinematics(
 
 def independent(lift: ClosedFormLift) -> np.ndarray:
     """The numbers of the independent coordinates in q."""
-    return np.argmax(lift.chart.independent, axis=0)
+    return np.argsort(lift.chart.order)[: len(lift.inner)]

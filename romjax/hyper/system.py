@@ -81,9 +81,7 @@ class HyperReducedSystem(AbstractReducedSystem):
         bodies = part(full, sample.bodies, sample.weights, sample.others)
         how = sample_kinematics(full, lift, sample.rotations, sample.columns, sample.turned)
         loads = LinearLoads.of(full, lift, sample.linear)
-        return cls(
-            full, lift, sample, bodies, how, loads, *start, validity, structure, summary
-        )
+        return cls(full, lift, sample, bodies, how, loads, *start, validity, structure, summary)
 
     def mass(self, q: Reduced) -> Float[Array, "r r"]:
         return self.state(self.time, q, jnp.zeros_like(q)).inner.mass()

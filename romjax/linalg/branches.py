@@ -4,6 +4,7 @@ import abc
 import dataclasses
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -80,7 +81,7 @@ class Branches(AbstractInverse):
     """
 
     scale: Float[Array, " m"]  # s
-    factors: tuple[Float[Array, " m"], ...]  # F of each level
+    factors: Float[Array, "levels m"]  # F; zero where there is no ancestor
     forest: Forest = eqx.field(static=True)
 
     @classmethod
@@ -95,16 +96,21 @@ class Branches(AbstractInverse):
             factors.append(jnp.where(exists, -scale * linked, 0))
         for before in levels[:-1]:
             factors.append(factors[-1] * take(factors[-1], before))
-        return cls(scale, tuple(factors), forest)
+        none = jnp.zeros((0, len(matrix)), matrix.dtype)
+        return cls(scale, jnp.stack(factors) if factors else none, forest)
 
     def apply(self, right: Float[Array, "m *k"]) -> Float[Array, "m *k"]:
         def along(numbers: Array) -> Array:
             return numbers.reshape(numbers.shape + (1,) * (right.ndim - 1))
 
+        def add(x: Array, level: tuple[Array, Array]) -> tuple[Array, None]:
+            ancestors, factor = level
+            return x + along(factor) * x[ancestors], None
+
         x: Array = along(self.scale) * self.forest.rows.take(right)[0]
-        for ancestors, factor in zip(self.forest.ancestors.array, self.factors, strict=True):
-            x = x + along(factor) * take(x, ancestors)
-        return x
+        # A loop: XLA would compute what it fuses into a gather again for each entry.
+        table = self.forest.ancestors.array
+        return jax.lax.scan(add, x, (np.where(table < len(x), table, 0), self.factors))[0]
 
 
 def inverted(matrix: Float[Array, "m m"], forest: Forest | None) -> AbstractInverse:
