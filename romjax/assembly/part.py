@@ -42,9 +42,9 @@ def part(
     if acting and system.effect_markers is not None:
         seen = [np.arange(g.markers.count * g.markers.sides) + g.markers.start for g in acting]
         markers = _some(system.effect_markers, np.concatenate(seen), number)
-    for group in acting:
-        blocks = MarkerBlocks(start, group.markers.count, group.markers.sides)
-        groups.append(EffectGroup(group.effects, blocks))
+    for effect in acting:
+        blocks = MarkerBlocks(start, effect.markers.count, effect.markers.sides)
+        groups.append(EffectGroup(effect.effects, blocks))
         start += blocks.count * blocks.sides
     known = system.structure
     columns = np.array(used, int)

@@ -85,7 +85,7 @@ class HyperReduced(AbstractFormulation):
         full = _checked(system, basis)
         exact = Minimal().reduce(full, basis)
         if not isinstance(exact.lift, ClosedFormLift):
-            raise _refusal("its positions are no sums over its joints, as where these close loops")
+            raise _refusal("its joints slide or close loops")
         lift = exact.lift
         z, w = _states(lift, basis)
         sample = self._sample(exact, lift, z, w)
@@ -136,23 +136,23 @@ class HyperReduced(AbstractFormulation):
 def _checked(system: AbstractSystem, basis: Basis) -> AssembledSystem:
     full = assembled("reduce", system)
     if full is not system:
-        raise _refusal("it is reduced already")
+        raise _refusal("the system is reduced already")
     if full.structure.flexible:
-        raise _refusal("it has bodies that deform")
+        raise _refusal("there are bodies that deform")
     if basis.decomposition is None:
         raise ReductionError(
             "reduce: bodies are sampled by snapshots, which given modes lack; take a basis of a "
             "run, such as that of romjax.Minimal() in these modes."
         )
     if full.m and compat.depends_on_first(full.constraint, jnp.zeros(()), full.q0):
-        raise _refusal("its joints move with time")
+        raise _refusal("joints move with time")
     return full
 
 
 def _refusal(why: str) -> ReductionError:
     return ReductionError(
-        f"reduce: hyper-reduction is for trees of rigid bodies on hinges, but of this system {why}; "
-        "take formulation=romjax.Minimal() or romjax.Local()."
+        f"reduce: hyper-reduction is for trees of rigid bodies on hinges, but here {why}; take "
+        " formulation=romjax.Minimal() or romjax.Local()."
     )
 
 

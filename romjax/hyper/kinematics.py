@@ -1,6 +1,7 @@
 """Poses of a few bodies of a tree as functions of a few of its angles."""
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -102,12 +103,14 @@ def sample_kinematics(
     r, own = lift.inner.shape[1], np.array(rotations.angles, int)
     turns = np.isin(np.arange(len(lift.inner)), own)
     numbers = independent(lift)
-    free = dataclasses.replace(lift, inner=jnp.eye(len(lift.inner), dtype=lift.inner.dtype))
+    unit = jnp.eye(len(lift.inner), dtype=lift.inner.dtype)
+    free = dataclasses.replace(lift, inner=unit, dual=jnp.asarray(lift.chart.read))
     level = jnp.where(turns, -lift.offset[numbers], 0)
+    push: Any
     point, push = jax.linearize(
         lambda s: free.position(system, lift.time, s)[pairs], level
     )  # (bodies, 2)
-    along = jax.vmap(push, out_axes=-1)
+    along: Any = jax.vmap(push, out_axes=-1)
     all_turn = push(jnp.asarray(turns, level.dtype))
     spread = jnp.zeros((len(rotations.sampled), len(turns)), level.dtype)
     by_real = along(spread.at[:, own].set(rotations.real.T))

@@ -1,5 +1,7 @@
 """Effects whose forces in reduced coordinates are linear: exact, whatever their number."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -83,7 +85,7 @@ def _alone(system: AssembledSystem, effects: tuple[int, ...]) -> AssembledSystem
     every = [range(len(group.coordinates.rows)) for group in system.bodies]
     ones = [jnp.ones(len(own), system.q0.dtype) for own in every]
     loads = part(system, every, ones, effects)
-    return eqx.tree_at(lambda x: (x.bodies, x.fields), loads, ((), ()))
+    return dataclasses.replace(loads, bodies=(), fields=())
 
 
 def _force(

@@ -4,6 +4,7 @@ import dataclasses
 import functools
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -49,7 +50,7 @@ class HyperReducedSystem(AbstractReducedSystem):
     are not negative, so the mass matrix is symmetric and positive definite, and energy is conserved
     as in the model that is not sampled. Made by `reduce`.
 
-    - `full`: the system that was reduced. `lift`: all coordinates of z. `sample`: what is looked at.
+    - `full`: the system that was reduced. `lift`: of all coordinates. `sample`: which bodies.
     - `bodies`, `kinematics`, `loads`: the sampled ones, how they move, and the linear effects.
     """
 
@@ -100,8 +101,9 @@ class HyperReducedSystem(AbstractReducedSystem):
         return HyperReducedState(self, t, q, v, inner)
 
     def reconstruct(self, t: Time, q: Reduced, v: Reduced) -> tuple[Physical, Physical]:
-        motion = self.lift.motion(self.full, t, q, v)
-        return motion.q, motion.v
+        position = lambda z: self.lift.position(self.full, t, z)  # noqa: E731
+        both: tuple[Physical, Physical] = jax.jvp(position, (q,), (v,))
+        return both
 
     def restrict(self, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
         return self.lift.restrict(self.full, q, v)
@@ -135,16 +137,20 @@ class HyperReducedState(AbstractState):
 
     @functools.cached_property
     def _motion(self) -> Motion:
-        """Of all bodies; only for outputs."""
+        """Of all bodies; only for accelerations of outputs."""
         return self.system.lift.motion(self.system.full, self.t, self.z, self.w)
+
+    @functools.cached_property
+    def _physical(self) -> tuple[Physical, Physical]:
+        return self.system.reconstruct(self.t, self.z, self.w)
 
     @property
     def q(self) -> Physical:  # type: ignore[override]
-        return self._motion.q
+        return self._physical[0]
 
     @property
     def v(self) -> Physical:  # type: ignore[override]
-        return self._motion.v
+        return self._physical[1]
 
     def apply_mass(self, x: Float[Array, "r *k"]) -> Float[Array, "r *k"]:
         return self.inner.apply_mass(x)

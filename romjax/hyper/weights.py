@@ -1,5 +1,7 @@
 """Which bodies stand for all, and with which weights."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,7 +19,7 @@ def body_terms(
     """What each body adds to the equations at states of the model that is not sampled, in the order
     of the groups: G_bᵀ(M_b q̈_b − Q_b), and the entries of G_bᵀM_bG_b.
     """
-    full = exact.full
+    full: Any = exact.full
 
     def one(state: tuple[Array, Array]) -> tuple[Array, Array]:
         z, w = state
@@ -26,12 +28,12 @@ def body_terms(
         a = now.physical_acceleration(exact.acceleration(exact.time, z, w)[0])
         upper = np.triu_indices(z.size)
         virtual, inertia = list[Array](), list[Array]()
-        for group in full.bodies:  # type: ignore[attr-defined]
+        for group in full.bodies:
             mass, table = group.mass(q), group.coordinates.array
             mass = jax.vmap(jnp.diag)(mass) if mass.ndim == 2 else mass
             own = tangent[table]
             force = jnp.einsum("bij,bj->bi", mass, a[table])
-            acting = group.force(full.fields, q, v)  # type: ignore[attr-defined]
+            acting = group.force(full.fields, q, v)
             force = force if acting is None else force - acting
             virtual.append(jnp.einsum("bir,bi->br", own, force))
             each = jnp.einsum("bir,bij,bjs->brs", own, mass, own)

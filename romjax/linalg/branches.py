@@ -110,7 +110,8 @@ class Branches(AbstractInverse):
         x: Array = along(self.scale) * self.forest.rows.take(right)[0]
         # A loop: XLA would compute what it fuses into a gather again for each entry.
         table = self.forest.ancestors.array
-        return jax.lax.scan(add, x, (np.where(table < len(x), table, 0), self.factors))[0]
+        before = jnp.asarray(np.where(table < len(x), table, 0))
+        return jax.lax.scan(add, x, (before, self.factors))[0]
 
 
 def inverted(matrix: Float[Array, "m m"], forest: Forest | None) -> AbstractInverse:
