@@ -54,7 +54,7 @@ def minimal(system, basis) -> rj.AbstractSystem:
 
 @pytest.fixture(scope="module")
 def rom(system, basis) -> rj.AbstractSystem:
-    return rj.reduce(system, basis, "hyper")
+    return rj.reduce(system, basis, rj.HyperReduced(tol=1e-7))
 
 
 def states(rom, count, wider=2.0):

@@ -61,7 +61,7 @@ class HyperReduced(AbstractFormulation):
     name: ClassVar[str] = "hyper"
     in_subspace: ClassVar[bool] = False
 
-    tol: float = eqx.field(static=True, default=1e-6)
+    tol: float = eqx.field(static=True, default=1e-5)
 
     def __check_init__(self) -> None:
         if not 0 < self.tol < 1:
