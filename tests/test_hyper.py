@@ -16,7 +16,9 @@ from romjax.linalg.branches import Branches, Forest, inverted
 
 TS = jnp.linspace(0.0, 0.5, 41)
 EXACT = {"rtol": TIGHT, "solver": diffrax.Dopri8()}
-COUNT = 10
+COUNT = 16
+# Of runs, for the tolerance of virtual work, inertia and rotations.
+ERROR = 10 * rj.HyperReduced().tol
 
 
 def chain(mass=1.0, pull=2.0) -> rj.Scene:
@@ -54,7 +56,7 @@ def minimal(system, basis) -> rj.AbstractSystem:
 
 @pytest.fixture(scope="module")
 def rom(system, basis) -> rj.AbstractSystem:
-    return rj.reduce(system, basis, rj.HyperReduced(tol=1e-7))
+    return rj.reduce(system, basis, "hyper")
 
 
 def states(rom, count, wider=2.0):
@@ -70,16 +72,17 @@ def test_it_is_a_reduced_system_like_any_other(system, rom, minimal):
     assert (rom.n, rom.m) == (3, 0)
     right, run = (rj.simulate(one, TS, **EXACT) for one in (minimal, rom))
     assert run.is_valid, run.warnings()
-    assert rj.compare(right, run).error <= DIFFERENCED
+    assert rj.compare(right, run).error <= ERROR
     wanted = rj.energy(minimal, right)
-    assert_close(rj.energy(rom, run).total, wanted.total, DIFFERENCED, np.max(wanted.kinetic))
+    assert_close(rj.energy(rom, run).total, wanted.total, ERROR, np.max(wanted.kinetic))
     assert np.max(run.violation) <= IDENTITY
 
 
 def test_few_bodies_and_angles_stand_for_all(rom):
     weights = np.concatenate(rom.sample.weights)
     assert np.all(weights >= 0)
-    assert np.sum(weights > 0) < COUNT or len(rom.sample.rotations.sampled) < COUNT
+    assert np.sum(weights > 0) < COUNT
+    assert len(rom.sample.rotations.sampled) < COUNT
     # The springs and dampers in the hinges are linear, the spring at the end is not.
     assert (len(rom.sample.linear), len(rom.sample.others)) == (2, 1)
     np.testing.assert_allclose(rom.loads.stiffness, rom.loads.stiffness.T, atol=IDENTITY)
