@@ -122,13 +122,17 @@ def sample_kinematics(
         [jnp.concatenate([real, -imaginary], 1), jnp.concatenate([imaginary, real], 1)], axis=1
     )
     others = jnp.where(turns[:, None], 0, lift.inner)
-    position = lambda z: lift.position(system, lift.time, z)[affine]  # noqa: E731
+
+    def position(z: Array) -> Array:
+        return lift.position(system, lift.time, z)[affine]
+
     zero, sampled = jnp.zeros(r, level.dtype), np.array(rotations.sampled, int)
+    slope: Any = jax.jacfwd(position)
     known = np.concatenate([affine, pairs.reshape(-1)])
     order = tuple(int(np.flatnonzero(known == i)[0]) for i in columns)
     return SampledKinematics(
         position(zero),
-        jax.jacfwd(position)(zero),
+        slope(zero),
         centre.reshape(-1),
         along(others.T).reshape(-1, r),
         rows.reshape(pairs.size, -1),

@@ -127,9 +127,8 @@ def _lift(
     domain: np.ndarray,
 ) -> ClosedFormLift | ImplicitLift:
     """The lift on one chart; Newton's method starts from the snapshots of the `domain`."""
-    dtype = metric.dtype
+    dtype, t, q = metric.dtype, basis.snapshots.t[domain], basis.snapshots.q[domain]
     dual = inner.T @ metric @ jnp.asarray(chart.read, dtype)
-    t, q = basis.snapshots.t[domain], basis.snapshots.q[domain]
     displacements = q - basis.offset[None]
     if chart.affine:
         guess = displacements[0] @ jnp.asarray(chart.dependent, dtype)
@@ -137,9 +136,7 @@ def _lift(
         return ClosedFormLift(basis.offset, inner, dual, guess, inverse, t[0], chart)
     others = np.eye(system.n) - chart.independent @ chart.read
     read_others = jnp.asarray(np.linalg.pinv(chart.dependent) @ others, dtype)
-    guesses = displacements @ read_others.T
-    inverses = chart.dependent_inverses(system, t, q)
     modes = jnp.asarray(chart.independent, dtype) @ inner
-    return ImplicitLift(
-        basis.offset, modes, dual, displacements @ dual.T, guesses, t, inverses, chart
-    )
+    z, guesses = displacements @ dual.T, displacements @ read_others.T
+    inverses = chart.dependent_inverses(system, t, q)
+    return ImplicitLift(basis.offset, modes, dual, z, guesses, t, inverses, chart)
