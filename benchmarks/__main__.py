@@ -32,6 +32,7 @@ COMPARISONS = (
     "first_call",
     "work_precision",
     "reduction",
+    "hyper_reduction",
     "batches",
     "gradients",
     "hard_cases",

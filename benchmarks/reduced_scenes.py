@@ -169,7 +169,10 @@ CASES = {
         ),
     ),
     "32 segments": Case(
-        lambda: segments(32), 1.0, tuple(turned()), (("minimal", 4), ("minimal", 6))
+        lambda: segments(32),
+        1.0,
+        tuple(turned()),
+        (("minimal", 4), ("minimal", 6), ("hyper", 4), ("hyper", 6)),
     ),
     "robot arm": Case(
         arm, 0.5, tuple(_arms()), (("minimal", 5), ("local", 3), ("local", 6), ("cap", 60))

@@ -37,6 +37,8 @@ from .files.results.store import load as load
 from .files.scene_file import SceneFile as SceneFile
 from .files.scene_file import load_scene as load_scene
 from .files.scene_file import scene_file as scene_file
+from .hyper.formulation import HyperReduced as HyperReduced
+from .hyper.system import HyperReducedSystem as HyperReducedSystem
 from .integrate.adjoint import forward_mode as forward_mode
 from .integrate.branching import Branching as Branching
 from .integrate.energy_balance import EnergyBalance as EnergyBalance

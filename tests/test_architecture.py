@@ -21,7 +21,7 @@ TREES = {name: ast.parse(path.read_text()) for name, path in FILES.items()}
 FILE, FUNCTION, REDUCTION = 300, 60, 1100
 MEMBERS, CALLS = 12, 20
 # Names of formulations and decompositions, which only the parser of names may compare with.
-NAMES = {"galerkin", "local", "minimal", "projected", "table", "POD", "SOD", "given"}
+NAMES = {"galerkin", "hyper", "local", "minimal", "projected", "table", "POD", "SOD", "given"}
 PARSER = "reduction/formulation/parse.py"
 
 

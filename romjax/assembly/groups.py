@@ -22,10 +22,11 @@ from .kinematics import MarkerBlocks, PoseGradient
 
 
 class BodyGroup(eqx.Module):
-    """Bodies of equal structure."""
+    """Bodies of equal structure; `weights` multiply the Lagrangian of each, and what follows."""
 
     bodies: AbstractBody  # stacked
     coordinates: Index = eqx.field(static=True)  # (count, size)
+    weights: Float[Array, " count"] | None = None  # None: all are one
 
     def mass(self, q: Float[Array, " n"]) -> Float[Array, "count size *size"]:
         """Mass matrices, or their diagonals where the bodies give these."""
@@ -33,7 +34,7 @@ class BodyGroup(eqx.Module):
         masses = jax.vmap(lambda body, q: body.mass_matrix(q))(
             self.bodies, self.coordinates.take(q)
         )
-        return masses
+        return self._weighted(masses)
 
     def force(
         self, fields: tuple[AbstractField, ...], q: Float[Array, " n"], v: Float[Array, " n"]
@@ -58,7 +59,7 @@ class BodyGroup(eqx.Module):
             return functools.reduce(operator.add, terms)
 
         rates = [self.coordinates.take(v)] if moving else []
-        return jax.vmap(total)(self.bodies, self.coordinates.take(q), *rates)
+        return self._weighted(jax.vmap(total)(self.bodies, self.coordinates.take(q), *rates))
 
     def kinetic_energy(
         self, q: Float[Array, " n"], v: Float[Array, " n"]
@@ -74,7 +75,7 @@ class BodyGroup(eqx.Module):
             return None
         own = self.coordinates.take(q)
         each: Array = jax.vmap(lambda body, q: body.elastic_energy(q))(self.bodies, own)
-        return each
+        return self._weighted(each)
 
     def field_energy(
         self, fields: tuple[AbstractField, ...], q: Float[Array, " n"]
@@ -84,7 +85,7 @@ class BodyGroup(eqx.Module):
             return None
         own = self.coordinates.take(q)
         each = [jax.vmap(field.energy)(self.bodies, own) for field in fields]
-        return functools.reduce(operator.add, each)
+        return self._weighted(functools.reduce(operator.add, each))
 
     def damping_power(self, v: Float[Array, " n"]) -> Float[Array, " count"] | None:
         """The power of the own damping of each; None where there is none."""
@@ -92,7 +93,12 @@ class BodyGroup(eqx.Module):
             return None
         own = self.coordinates.take(v)
         damping = jax.vmap(lambda body, v: body.damping_force(v))(self.bodies, own)
-        return jnp.sum(own * damping, axis=1)
+        return self._weighted(jnp.sum(own * damping, axis=1))
+
+    def _weighted(self, x: Float[Array, "count *k"]) -> Float[Array, "count *k"]:
+        if self.weights is None:
+            return x
+        return x * self.weights.reshape(self.weights.shape + (1,) * (x.ndim - 1))
 
 
 class JointGroup(eqx.Module):

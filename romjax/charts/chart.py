@@ -7,9 +7,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import Time
+from ..linalg.branches import Forest
 from ..program import program_once
 from ..system.base import AbstractSystem
 from ..system.dynamics import jacobian
+
+# Up to so many dependent coordinates a matrix is as fast as sums along branches.
+_DENSE = 100
 
 
 class Chart(eqx.Module):
@@ -20,6 +24,7 @@ class Chart(eqx.Module):
     - `affine`: the constraints are affine in d with constant coefficients, so that q(s) has a
       closed form. Y and W are then columns of the unit matrix, and `order` says which:
       q − q̄ is (s, d)[order]. Else the columns are orthonormal in the mass metric.
+    - `forest`: the pattern of ∂C/∂d, where it is constant and links many d like a forest.
     """
 
     independent: np.ndarray
@@ -28,13 +33,20 @@ class Chart(eqx.Module):
     rows: tuple[int, ...] = eqx.field(static=True)
     affine: bool = eqx.field(static=True)
     order: tuple[int, ...] = eqx.field(static=True, default=())
+    forest: Forest | None = eqx.field(static=True, default=None)
 
     @classmethod
-    def of_coordinates(cls, n: int, dependent: np.ndarray, rows: tuple[int, ...]) -> "Chart":
-        """An affine chart whose dependent coordinates have the numbers `dependent`."""
+    def of_coordinates(
+        cls, dependent: np.ndarray, rows: tuple[int, ...], slopes: np.ndarray
+    ) -> "Chart":
+        """An affine chart whose dependent coordinates have the numbers `dependent`, of a system
+        with ∂C/∂q = `slopes` (m, n) of the constraints `rows`.
+        """
+        n = slopes.shape[1]
         unit, others = np.eye(n), np.setdiff1d(np.arange(n), dependent)
         order = tuple(int(i) for i in np.argsort(np.concatenate([others, dependent])))
-        return cls(unit[:, others], unit[:, dependent], unit[others], rows, True, order)
+        forest = Forest.of(slopes[:, dependent]) if len(dependent) > _DENSE else None
+        return cls(unit[:, others], unit[:, dependent], unit[others], rows, True, order, forest)
 
     def ordered(self, s: Float[Array, "d *r"], d: Float[Array, "m *r"]) -> Float[Array, "n *r"]:
         """The coordinates of an affine chart in the order of q."""
@@ -53,6 +65,12 @@ class Chart(eqx.Module):
     def metric(self, system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Array, "d d"]:
         """The mass matrix of the independent coordinates, TᵀMT with the tangent T."""
         return _metric(self, system, t, q)
+
+    def dependent_matrix(
+        self, system: AbstractSystem, t: Time, q: Float[Array, " n"]
+    ) -> Float[Array, "m m"]:
+        """∂C/∂d = C_q W."""
+        return _dependent_matrix(self, system, t, q)
 
     def dependent_inverses(
         self, system: AbstractSystem, t: Float[Array, " K"], q: Float[Array, "K n"]
@@ -79,6 +97,15 @@ def _metric(
 ) -> Float[Array, "d d"]:
     tangent = chart.tangent(system, t, q)
     return tangent.T @ system.state(t, q, jnp.zeros_like(q)).apply_mass(tangent)
+
+
+@program_once
+def _dependent_matrix(
+    chart: Chart, system: AbstractSystem, t: Time, q: Float[Array, " n"]
+) -> Float[Array, "m m"]:
+    if not chart.rows:
+        return jnp.zeros((0, 0), q.dtype)
+    return chart.regular(jacobian(system, t, q)) @ jnp.asarray(chart.dependent, q.dtype)
 
 
 @program_once

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from ..system.base import AbstractSystem
 from .chart import Chart
-from .survey import Survey, jacobians, survey
+from .survey import Survey, jacobians, mass_root, survey
 
 # A chart whose dependent coordinates follow with a larger condition is refused.
 WORST_CONDITION = 1e4
@@ -40,20 +40,26 @@ def choose_chart(
     """
     n = system.n
     if system.m == 0:
-        return Candidate(Chart.of_coordinates(n, np.zeros(0, int), ()), 1.0)
-    seen = survey(system, t, q, _SNAPSHOTS)
-    rank = len(seen.rows)
+        none = np.zeros(0, int)
+        return Candidate(Chart.of_coordinates(none, (), np.zeros((0, n))), 1.0)
+    # In a tree of joints all constraints count, and no snapshot needs to be looked at.
+    seen = survey(system, t, q, _SNAPSHOTS) if system.structure.loops else None
+    rows = tuple(range(system.m)) if seen is None else seen.rows
+    root = mass_root(system, q[0]) if seen is None else seen.root
 
     # Any configuration is as good as another for telling which columns are constant.
     anywhere = np.asarray(q[:1]) + np.cos(np.arange(3 * n).reshape(3, n) ** 1.5)
-    varied = np.asarray(jacobians(system, t[0] + np.arange(3.0), anywhere))[:, seen.rows]
+    varied = np.asarray(jacobians(system, t[0] + np.arange(3.0), anywhere))[:, rows]
     steady = np.ptp(varied, axis=0).max(axis=0) <= _CONSTANT * np.abs(varied).max()
-    _, r, pivots = scipy.linalg.qr(varied[0] * steady / np.diagonal(seen.root), pivoting=True)
+    scaled, rank = varied[0] * steady / np.diagonal(root), len(rows)
+    r, pivots = scipy.linalg.qr(scaled, mode="r", pivoting=True)
     if abs(r[-1, rank - 1]) > abs(r[0, 0]) / WORST_CONDITION:
         dependent = np.sort(pivots[:rank])
-        chart = Chart.of_coordinates(n, dependent, seen.rows)
+        chart = Chart.of_coordinates(dependent, rows, varied[0])
         return Candidate(chart, float(np.linalg.cond(varied[0][:, dependent])))
 
+    seen = seen or survey(system, t, q, _SNAPSHOTS)
+    rank = len(seen.rows)
     candidates = []
     for directions in (_coordinates(seen.null_spaces), *_means(seen.null_spaces)):
         independent, dependent = directions[:, rank:], directions[:, :rank]

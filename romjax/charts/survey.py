@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Float
@@ -38,7 +39,7 @@ def survey(
     """The constraints at `count` of the snapshots t, q, spread evenly."""
     numbers = np.linspace(0, len(t) - 1, min(count, len(t))).astype(int)
     t, q = np.asarray(t)[numbers], np.asarray(q)[numbers]
-    root = np.linalg.cholesky(np.asarray(_mass(system, q[0]))).T
+    root = mass_root(system, jnp.asarray(q[0]))
     scaled = np.asarray(jacobians(system, t, q)) @ np.linalg.inv(root)
     # The snapshot farthest from a singular position tells which constraints repeat others.
     typical = scaled[np.argmax([np.linalg.svd(x, compute_uv=False)[-1] for x in scaled])]
@@ -49,6 +50,11 @@ def survey(
     scaled = scaled[:, rows]
     null_spaces = np.stack([scipy.linalg.svd(x)[2][rank:].T for x in scaled])
     return Survey(numbers, rows, scaled, null_spaces, root)
+
+
+def mass_root(system: AbstractSystem, q: Float[Array, " n"]) -> np.ndarray:
+    """R with RᵀR = M at a configuration."""
+    return np.linalg.cholesky(np.asarray(_mass(system, q))).T
 
 
 @program_once

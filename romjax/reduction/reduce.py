@@ -47,8 +47,8 @@ def reduce(
       modes of the basis span a subspace, with all constraints satisfied exactly, best of a basis
       by `Minimal.basis`. `Local()`, "local": few modes for each flexible body, with all joints.
       `Tabulated()`, "table": one coordinate along all configurations of a mechanism with one
-      freedom. `Projected()`, "projected": the chapter's equation 39.6 to the letter, unstable, for
-      reference only.
+      freedom. `HyperReduced()`, "hyper": a few of many hinged rigid bodies stand for all.
+      `Projected()`, "projected": the chapter's equation 39.6, unstable, for reference only.
 
     Raises ReductionError if the basis does not fit the system, if it would lock the mechanism or
     take it apart (galerkin), or if the mechanism passes a singular position (minimal).

@@ -17,6 +17,7 @@ from ...charts.atlas import Atlas, choose_atlas
 from ...charts.chart import Chart
 from ...charts.choose import WORST_CONDITION, choose_chart
 from ...errors import ReductionError
+from ...linalg.branches import inverted
 from ...system.base import AbstractSystem
 from ..lift.atlas import AtlasLift
 from ..lift.closed_form import ClosedFormLift
@@ -126,17 +127,16 @@ def _lift(
     domain: np.ndarray,
 ) -> ClosedFormLift | ImplicitLift:
     """The lift on one chart; Newton's method starts from the snapshots of the `domain`."""
-    dtype = metric.dtype
+    dtype, t, q = metric.dtype, basis.snapshots.t[domain], basis.snapshots.q[domain]
     dual = inner.T @ metric @ jnp.asarray(chart.read, dtype)
+    displacements = q - basis.offset[None]
+    if chart.affine:
+        guess = displacements[0] @ jnp.asarray(chart.dependent, dtype)
+        inverse = inverted(chart.dependent_matrix(system, t[0], q[0]), chart.forest)
+        return ClosedFormLift(basis.offset, inner, dual, guess, inverse, t[0], chart)
     others = np.eye(system.n) - chart.independent @ chart.read
     read_others = jnp.asarray(np.linalg.pinv(chart.dependent) @ others, dtype)
-    t, q = basis.snapshots.t[domain], basis.snapshots.q[domain]
-    displacements = q - basis.offset[None]
-    guesses = displacements @ read_others.T
-    inverses = chart.dependent_inverses(system, t, q)
-    if chart.affine:
-        return ClosedFormLift(basis.offset, inner, dual, guesses[0], inverses[0], t[0], chart)
     modes = jnp.asarray(chart.independent, dtype) @ inner
-    return ImplicitLift(
-        basis.offset, modes, dual, displacements @ dual.T, guesses, t, inverses, chart
-    )
+    z, guesses = displacements @ dual.T, displacements @ read_others.T
+    inverses = chart.dependent_inverses(system, t, q)
+    return ImplicitLift(basis.offset, modes, dual, z, guesses, t, inverses, chart)

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from ...arrays import Time
 from ...charts.chart import Chart
+from ...linalg.branches import AbstractInverse, inverted
 from ...linalg.dense import multiply
 from ...system.base import AbstractSystem
 from .base import AbstractLift, Motion, Physical, Reduced, differentiate
@@ -24,18 +25,18 @@ class ClosedFormLift(AbstractLift):
     inner: Float[Array, "d r"]  # Φ, a basis of the independent coordinates s
     dual: Float[Array, "r n"]  # z of a displacement
     guess: Float[Array, " m"]  # d₀
-    inverse: Float[Array, "m m"]  # (∂C/∂d)⁻¹
+    inverse: AbstractInverse  # (∂C/∂d)⁻¹
     time: Float[Array, ""]  # at which it was evaluated
     chart: Chart
 
     def position(self, full: AbstractSystem, t: Time, z: Reduced) -> Physical:
-        d = self.guess - multiply(self.inverse, self._violation(full, t, z))
+        d = self.guess - self.inverse.apply(self._violation(full, t, z))
         return self.offset + self.chart.ordered(multiply(self.inner, z), d)
 
     def motion(self, full: AbstractSystem, t: Time, z: Reduced, w: Reduced) -> Motion:
         # Of the tangent, only the rows of d need a derivative.
         slopes = jax.jacfwd(lambda z: self._violation(full, t, z))(z)
-        tangent = self.chart.ordered(self.inner, -multiply(self.inverse, slopes))
+        tangent = self.chart.ordered(self.inner, -self.inverse.apply(slopes))
         return differentiate(lambda t, z: self.position(full, t, z), t, z, w, tangent)
 
     def restrict(self, full: AbstractSystem, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
@@ -43,8 +44,8 @@ class ClosedFormLift(AbstractLift):
         return multiply(self.dual, q - self.offset), multiply(self.dual, v)
 
     def with_full(self, full: AbstractSystem) -> "ClosedFormLift":
-        inverses = self.chart.dependent_inverses(full, self.time[None], self.offset[None])
-        return dataclasses.replace(self, inverse=inverses[0])
+        matrix = self.chart.dependent_matrix(full, self.time, self.offset)
+        return dataclasses.replace(self, inverse=inverted(matrix, self.chart.forest))
 
     def _violation(self, full: AbstractSystem, t: Time, z: Reduced) -> Float[Array, " m"]:
         """The constraints where d is that of the guess."""

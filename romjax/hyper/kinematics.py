@@ -1,0 +1,147 @@
+"""Poses of a few bodies of a tree as functions of a few of its angles."""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.linalg
+from jaxtyping import Array, Float
+
+from ..linalg.dense import multiply
+from ..program import program_once
+from ..reduction.lift.base import Motion, Reduced
+from ..reduction.lift.closed_form import ClosedFormLift
+from ..system.base import AbstractSystem
+
+
+class Rotations(eqx.Module):
+    """e^{iθ} of all angles as combinations of those of a few: e ≈ T e_K.
+
+    A turn of the whole mechanism multiplies all of them by one number, so that what holds in the
+    training holds after any turn.
+
+    - `angles` (J,): numbers of all angles among the independent coordinates; `sampled` (K,).
+    - `real`, `imaginary` (J, K): of T.
+    """
+
+    angles: tuple[int, ...] = eqx.field(static=True)
+    sampled: tuple[int, ...] = eqx.field(static=True)
+    real: Float[Array, "J K"]
+    imaginary: Float[Array, "J K"]
+
+    @classmethod
+    def of(cls, lift: ClosedFormLift, angles: np.ndarray, z: np.ndarray, tol: float) -> "Rotations":
+        """By pivoted QR of the rotations and their slopes at several z (K, r), up to `tol`."""
+        inner = np.asarray(lift.inner)[angles]
+        offset = np.asarray(lift.offset)[independent(lift)[angles]]
+        rotations = np.exp(1j * (offset + z @ inner.T))
+        slopes = [rotations * own for own in (inner * np.std(z, axis=0)).T]
+        r, pivots = scipy.linalg.qr(np.concatenate([rotations, *slopes]), mode="r", pivoting=True)
+        size = np.abs(np.diagonal(r))
+        count = int(np.sum(size > tol * size[0]))
+        weights = np.zeros((len(angles), count), complex)
+        weights[pivots] = scipy.linalg.solve_triangular(r[:count, :count], r[:count]).T
+        return cls(
+            tuple(int(i) for i in angles),
+            tuple(int(i) for i in angles[pivots[:count]]),
+            jnp.asarray(weights.real),
+            jnp.asarray(weights.imag),
+        )
+
+
+class SampledKinematics(eqx.Module):
+    """q_B(z) of some bodies: x + iy = c + L z + A e^{iθ_K}, θ_K and all else affine in z.
+
+    - `affine`, `affine_slope` (a, r): of the affine coordinates. `offset`, `slope` (p, r): c and L
+      of positions. `coefficients` (p, 2 K): A, on cosines and sines. `angles` (K,), `turning`
+      (K, r): θ_K. `order`: affine coordinates and positions in the order of q_B.
+    """
+
+    affine: Float[Array, " a"]
+    affine_slope: Float[Array, "a r"]
+    offset: Float[Array, " p"]
+    slope: Float[Array, "p r"]
+    coefficients: Float[Array, "p waves"]
+    angles: Float[Array, " K"]
+    turning: Float[Array, "K r"]
+    order: tuple[int, ...] = eqx.field(static=True)
+
+    def motion(self, z: Reduced, w: Reduced) -> Motion:
+        """The motion of the sampled coordinates; see `AbstractLift.motion`."""
+        angles, rates = self.angles + multiply(self.turning, z), multiply(self.turning, w)
+        c, s = jnp.cos(angles), jnp.sin(angles)
+        waves, squares = jnp.concatenate([c, s]), jnp.tile(rates**2, 2)
+        slopes = jnp.concatenate([-s[:, None] * self.turning, c[:, None] * self.turning])
+        columns = jnp.concatenate([waves[:, None], slopes, -(waves * squares)[:, None]], axis=1)
+        turned = multiply(self.coefficients, columns)
+        order, none = np.array(self.order, int), jnp.zeros_like(self.affine)
+        position = turned[:, 0] + self.offset + multiply(self.slope, z)
+        q = jnp.concatenate([self.affine + multiply(self.affine_slope, z), position])
+        tangent = jnp.concatenate([self.affine_slope, self.slope + turned[:, 1:-1]])[order]
+        bias = jnp.concatenate([none, turned[:, -1]])
+        return Motion(q[order], multiply(tangent, w), tangent, bias[order])
+
+
+@program_once
+def sample_kinematics(
+    system: AbstractSystem,
+    lift: ClosedFormLift,
+    rotations: Rotations,
+    columns: tuple[int, ...],
+    turned: tuple[tuple[int, int], ...],
+) -> "SampledKinematics":
+    """Of the coordinates `columns` of q, of which `turned` are pairs x, y that turn with angles.
+
+    Positions are affine in all rotations e, so that their slopes by the angles where these are
+    zero, i h, hold all there is to know of them: A = h T.
+    """
+    pairs = np.array(turned, int).reshape(-1, 2)
+    affine = np.array([i for i in columns if i not in set(pairs.reshape(-1))], int)
+    r, own = lift.inner.shape[1], np.array(rotations.angles, int)
+    turns = np.isin(np.arange(len(lift.inner)), own)
+    numbers = independent(lift)
+    unit = jnp.eye(len(lift.inner), dtype=lift.inner.dtype)
+    free = dataclasses.replace(lift, inner=unit, dual=jnp.asarray(lift.chart.read))
+    level = jnp.where(turns, -lift.offset[numbers], 0)
+    push: Any
+    point, push = jax.linearize(
+        lambda s: free.position(system, lift.time, s)[pairs], level
+    )  # (bodies, 2)
+    along: Any = jax.vmap(push, out_axes=-1)
+    all_turn = push(jnp.asarray(turns, level.dtype))
+    spread = jnp.zeros((len(rotations.sampled), len(turns)), level.dtype)
+    by_real = along(spread.at[:, own].set(rotations.real.T))
+    by_imaginary = along(spread.at[:, own].set(rotations.imaginary.T))
+    real = by_imaginary[:, 0] + by_real[:, 1]
+    imaginary = by_imaginary[:, 1] - by_real[:, 0]
+    centre = point - jnp.stack([all_turn[:, 1], -all_turn[:, 0]], axis=1)
+    rows = jnp.stack(
+        [jnp.concatenate([real, -imaginary], 1), jnp.concatenate([imaginary, real], 1)], axis=1
+    )
+    others = jnp.where(turns[:, None], 0, lift.inner)
+
+    def position(z: Array) -> Array:
+        return lift.position(system, lift.time, z)[affine]
+
+    zero, sampled = jnp.zeros(r, level.dtype), np.array(rotations.sampled, int)
+    slope: Any = jax.jacfwd(position)
+    known = np.concatenate([affine, pairs.reshape(-1)])
+    order = tuple(int(np.flatnonzero(known == i)[0]) for i in columns)
+    return SampledKinematics(
+        position(zero),
+        slope(zero),
+        centre.reshape(-1),
+        along(others.T).reshape(-1, r),
+        rows.reshape(pairs.size, -1),
+        lift.offset[numbers[sampled]],
+        lift.inner[sampled],
+        order,
+    )
+
+
+def independent(lift: ClosedFormLift) -> np.ndarray:
+    """The numbers of the independent coordinates in q."""
+    return np.argsort(lift.chart.order)[: len(lift.inner)]

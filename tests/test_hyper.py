@@ -1,0 +1,170 @@
+"""Hyper-reduction: a few bodies and angles of a chain stand for all, and energy is conserved."""
+
+import dataclasses
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from comparison import assert_close
+from conftest import TIGHT
+from tolerances import DIFFERENCED, IDENTITY
+
+import romjax as rj
+from romjax.linalg.branches import Branches, Forest, inverted
+
+TS = jnp.linspace(0.0, 0.5, 41)
+EXACT = {"rtol": TIGHT, "solver": diffrax.Dopri8()}
+COUNT = 16
+# Of runs, for the tolerance of virtual work, inertia and rotations.
+ERROR = 10 * rj.HyperReduced().tol
+
+
+def chain(mass=1.0, pull=2.0) -> rj.Scene:
+    """A beam of bars on hinges with springs and dampers, falling, its end on a soft spring."""
+    size = 1 / COUNT
+    bodies = [
+        rj.RigidBody(f"bar{i}", mass * size, size**3 / 12, ((i + 0.5) * size, 0.0))
+        for i in range(COUNT)
+    ]
+    ends = [rj.ground.at(), *(body.at((size / 2, 0.0)) for body in bodies)]
+    starts = [body.at((-size / 2, 0.0)) for body in bodies]
+    hinges = [rj.Revolute(a, b) for a, b in zip(starts, ends, strict=False)]
+    bending = [
+        rj.TorsionSpring(a, b, 1.0 * COUNT) for a, b in zip(starts[1:], ends[1:-1], strict=True)
+    ]
+    damping = [rj.TorsionDamper(a, b, 0.02) for a, b in zip(starts[1:], ends[1:-1], strict=True)]
+    tip = rj.Spring(ends[-1], rj.ground.at((1.0, 0.5)), pull, 0.4)
+    return rj.Scene(bodies, hinges, [rj.Gravity(), *bending, *damping, tip])
+
+
+@pytest.fixture(scope="module")
+def system() -> rj.AbstractSystem:
+    return rj.assemble(chain())
+
+
+@pytest.fixture(scope="module")
+def basis(system) -> rj.Basis:
+    return rj.Minimal().basis(system, rj.simulate(system, TS, rtol=1e-8), rj.POD(3))
+
+
+@pytest.fixture(scope="module")
+def minimal(system, basis) -> rj.AbstractSystem:
+    return rj.reduce(system, basis, "minimal")
+
+
+@pytest.fixture(scope="module")
+def rom(system, basis) -> rj.AbstractSystem:
+    return rj.reduce(system, basis, "hyper")
+
+
+def states(rom, count, wider=2.0):
+    """Random z in a box wider than that of the training, and w alike."""
+    lower, upper = np.asarray(rom.validity.lower), np.asarray(rom.validity.upper)
+    middle, half = (lower + upper) / 2, wider * (upper - lower) / 2
+    lot = np.random.default_rng(3).uniform(-1, 1, (2, count, rom.n))
+    return middle + half * lot[0], 5 * half * lot[1]
+
+
+def test_it_is_a_reduced_system_like_any_other(system, rom, minimal):
+    """The motion, the energies and the audit are those of the model that is not sampled."""
+    assert (rom.n, rom.m) == (3, 0)
+    right, run = (rj.simulate(one, TS, **EXACT) for one in (minimal, rom))
+    assert run.is_valid, run.warnings()
+    assert rj.compare(right, run).error <= ERROR
+    wanted = rj.energy(minimal, right)
+    assert_close(rj.energy(rom, run).total, wanted.total, ERROR, np.max(wanted.kinetic))
+    assert np.max(run.violation) <= IDENTITY
+
+
+def test_few_bodies_and_angles_stand_for_all(rom):
+    weights = np.concatenate(rom.sample.weights)
+    assert np.all(weights >= 0)
+    assert np.sum(weights > 0) < COUNT
+    assert len(rom.sample.rotations.sampled) < COUNT
+    # The springs and dampers in the hinges are linear, the spring at the end is not.
+    assert (len(rom.sample.linear), len(rom.sample.others)) == (2, 1)
+    np.testing.assert_allclose(rom.loads.stiffness, rom.loads.stiffness.T, atol=IDENTITY)
+
+
+def test_the_mass_is_positive_definite_beyond_the_training(rom):
+    """At a thousand random states, in twice the box of the snapshots."""
+    masses = np.asarray(jax.jit(jax.vmap(rom.mass))(states(rom, 1000)[0]))
+    assert_close(masses, np.swapaxes(masses, 1, 2), IDENTITY)
+    assert np.min(np.linalg.eigvalsh(masses)) > 0
+
+
+def test_energy_changes_by_the_power_of_the_dampers(rom):
+    """dE/dt of the sampled Lagrangian, by its own derivatives, at random states."""
+
+    @jax.jit
+    def balance(z, w):
+        state = rom.state(0.0, z, w)
+        energy, power = state.energy(), state.power()
+        a = rom.acceleration(0.0, z, w)[0]
+        rate = jax.jvp(lambda z, w: rom.state(0.0, z, w).energy().total, (z, w), (w, a))[1]
+        return rate - power.total, energy.kinetic * 10
+
+    left, size = jax.vmap(balance)(*states(rom, 20))
+    assert_close(left, 0.0, 1e3 * IDENTITY, np.max(np.abs(size)))
+
+
+def test_other_numbers_need_no_new_sample(system, rom):
+    """And derivatives by a mass and a stiffness are right: reverse, forward and differences."""
+
+    def tip(numbers):
+        full = rj.assemble(chain(numbers[0], numbers[1]))
+        other = rom.with_full(full)
+        z = jnp.array(rom.validity.upper)
+        return jnp.sum(other.acceleration(0.0, z, 0.3 * z)[0] * jnp.arange(1.0, 4.0))
+
+    numbers = jnp.array([1.1, 2.2])
+    reverse = jax.jit(jax.grad(tip))(numbers)
+    forward = jax.jit(jax.jacfwd(tip))(numbers)
+    value, step = jax.jit(tip), 1e-4
+    differences = [
+        (value(numbers + step * unit) - value(numbers - step * unit)) / (2 * step)
+        for unit in np.eye(2)
+    ]
+    scale = np.max(np.abs(reverse))
+    assert_close(forward, reverse, 1e2 * IDENTITY, scale)
+    assert_close(differences, reverse, DIFFERENCED, scale)
+    heavier = rom.with_full(rj.assemble(chain(1.1, 2.2)))
+    np.testing.assert_array_equal(heavier.sample.weights[0], rom.sample.weights[0])
+
+
+def test_what_it_is_not_for_is_refused(system, basis, rom):
+    with pytest.raises(rj.InputError, match="tol=0"):
+        rj.HyperReduced(tol=0.0)
+    given = rj.Basis.from_modes(basis.modes, basis.offset, basis.snapshots.metric)
+    with pytest.raises(rj.ReductionError, match="given modes lack"):
+        rj.reduce(system, given, "hyper")
+    with pytest.raises(ValueError, match="outside of jit"):
+        jax.jit(lambda q: rj.reduce(dataclasses.replace(system, q0=q), basis, "hyper").q0)(
+            system.q0
+        )
+    beam = rj.assemble(
+        rj.Scene([rj.Beam("beam", mass=1.0, length=1.0, frequencies=[30.0])], [], [rj.Gravity()])
+    )
+    short = rj.simulate(beam, TS[:3])
+    with pytest.raises(rj.ReductionError, match="bodies that deform"):
+        rj.reduce(beam, rj.pod(short, rank=1), "hyper")
+
+
+def test_sums_along_branches_invert_a_forest():
+    """A tree of twenty unknowns that ends in two roots, with entries of any size."""
+    lot, size = np.random.default_rng(4), 20
+    matrix = np.diag(lot.uniform(1, 2, size))
+    links = [*((i + 1, i) for i in range(11)), (13, 12), (14, 12), (19, 14)]
+    for child, parent in links:
+        matrix[child, parent] = lot.uniform(-2, -1)
+    order = lot.permutation(size)
+    matrix = matrix[lot.permutation(size)][:, order]
+    forest = Forest.of(matrix)
+    right = lot.normal(size=(size, 3))
+    inverse = inverted(jnp.asarray(matrix), forest)
+    assert isinstance(inverse, Branches)
+    wanted = np.linalg.solve(matrix, right)
+    assert_close(inverse.apply(jnp.asarray(right)), wanted, 1e2 * IDENTITY, np.max(np.abs(wanted)))
+    assert Forest.of(matrix + 0.1) is None
