@@ -32,7 +32,7 @@ COMPARISONS = (
     "first_call",
     "work_precision",
     "reduction",
-    "hyper_reduction",
+    "segments",
     "batches",
     "gradients",
     "hard_cases",

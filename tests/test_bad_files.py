@@ -117,9 +117,9 @@ def test_what_is_no_file(tmp_path):
 def test_a_hundred_megabytes(path):
     with path.open("wb") as file:
         file.truncate(100 * 2**20)
-    begin = time.monotonic()
+    begin = time.process_time()
     assert "The file has 100 MiB" in refused(path)[0]
-    assert time.monotonic() - begin < 1.0
+    assert time.process_time() - begin < 1.0
 
 
 @pytest.mark.parametrize(
@@ -135,9 +135,9 @@ def test_a_hundred_megabytes(path):
 )
 def test_many_mistakes_take_no_long_time(lines, path):
     path.write_text("\n".join(["format = 1", *lines]))
-    begin = time.monotonic()
+    begin = time.process_time()
     assert len(refused(path)) <= 51
-    assert time.monotonic() - begin < LONGEST
+    assert time.process_time() - begin < LONGEST
 
 
 # Mutations.
@@ -205,14 +205,14 @@ def read_all(seeds, path):
     read = 0
     for seed in seeds:
         path.write_text(mutated(seed), encoding="utf-8")
-        begin = time.monotonic()
+        begin = time.process_time()
         try:
             rj.scene_file(path)
             read += 1
         except rj.SceneFileError as error:
             lines = str(error).splitlines()
             assert all(line.startswith(str(path)) for line in lines), (seed, lines)
-        assert time.monotonic() - begin < LONGEST, seed
+        assert time.process_time() - begin < LONGEST, seed
     return read
 
 

@@ -109,7 +109,7 @@ print("romjax" in sys.modules)
         "('time', 'constraint')",
         "['cart.x', 'cart.y', 'cart.phi'] ['m', 'm', 'rad']",
         "[\"joint 'rail'\", \"joint 'cart angle'\", \"joint 'hinge' 1\", \"joint 'hinge' 2\"]",
-        "Rodas5P success none success",
+        f"{run.solver_name} success none success",
         "J ('time', 'tip_1') m 1e-06 0.1.0",
         "False",
     ]

@@ -130,7 +130,7 @@ BELOW = {
     "basis": set(),
     "system": {"linalg", "scene"},
     "assembly": {"linalg", "scene", "system"},
-    "charts": {"system"},
+    "charts": {"linalg", "system"},
     "reduction": {"linalg", "scene", "basis", "system", "charts"},
     "local": {"linalg", "scene", "basis", "system", "assembly", "reduction"},
     "events": {"linalg", "system"},

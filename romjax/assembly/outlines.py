@@ -71,6 +71,7 @@ def outlines(
     q, t = np.pad(q, ((0, padding), (0, 0)), mode="edge"), np.pad(t, (0, padding), mode="edge")
 
     lines = [np.asarray(body.outline()) for body in scene.bodies]
+    largest = max(float(np.linalg.norm(np.ptp(line, axis=0))) for line in lines)
     owners: list[tuple[str, Style]] = [(name, "body") for name in bodies]
     for marker in traced:
         _check_traced(marker, bodies)
@@ -83,7 +84,7 @@ def outlines(
     groups, markers = arrange(parts, bodies, columns, n)
     elements = [(stacked, blocks) for stacked, blocks, _ in groups]
     placed, drawn, size = jax.device_get(
-        _evaluate(material, markers, elements, *map(jnp.asarray, (t, q)))
+        _evaluate(material, markers, elements, *map(jnp.asarray, (t, q, largest)))
     )
 
     shown = [
@@ -119,9 +120,10 @@ def _evaluate(
     elements: list[tuple[Any, MarkerBlocks]],
     t: Float[Array, " frames"],
     q: Float[Array, "frames n"],
+    largest: Float[Array, ""],
 ) -> tuple[Float[Array, "frames points 2"], list[tuple[Outline, ...]], Float[Array, ""]]:
     """Points of the bodies; outlines of joints and effects, group by group, with the axes (frames,
-    elements, points, 2); the size of signs.
+    elements, points, 2); the size of signs, at most half of the `largest` body's.
     """
     placed = jax.vmap(material.poses)(q).position
     poses = Pose(jnp.zeros((len(q), 0, 2), q.dtype), jnp.zeros((len(q), 0), q.dtype))
@@ -133,6 +135,8 @@ def _evaluate(
     high = jnp.max(jnp.where(finite, everything, -jnp.inf), axis=0)
     size = SIGN * jnp.sqrt(jnp.sum((high - low) ** 2))
     size = jnp.where((size > 0) & jnp.isfinite(size), size, SIGN)
+    # Not to hide bodies that are many and small.
+    size = jnp.where(largest > 0, jnp.minimum(size, largest / 2), size)
 
     def frame(t: Array, poses: Pose) -> list[tuple[Outline, ...]]:
         def outline(

@@ -119,8 +119,6 @@ EXAMPLES = (
         3.0,
         50.0,
         freedoms=31,
-        # Half the time of Rodas5P, whose steps grow with the cube of 96 coordinates.
-        solver=diffrax.Dopri8(),
     ),
 )
 

@@ -52,6 +52,8 @@ class HyperReducedSystem(AbstractReducedSystem):
 
     - `full`: the system that was reduced. `lift`: of all coordinates. `sample`: which bodies.
     - `bodies`, `kinematics`, `loads`: the sampled ones, how they move, and the linear effects.
+    - `q0`, `v0` (r,): the start, at `time` [s].
+    - `validity`: what it was made of. `structure`, `summary`: what it is, by names and in words.
     """
 
     full: AssembledSystem
@@ -78,7 +80,9 @@ class HyperReducedSystem(AbstractReducedSystem):
         structure: Structure,
         summary: str,
     ) -> "HyperReducedSystem":
-        """From the reduced `start` z, w, t; the other arguments are the fields."""
+        """From the reduced `start` z, w, t; `full`, `lift`, `sample`, `validity`, `structure` and
+        `summary` are fields.
+        """
         bodies = part(full, sample.bodies, sample.weights, sample.others)
         how = sample_kinematics(full, lift, sample.rotations, sample.columns, sample.turned)
         loads = LinearLoads.of(full, lift, sample.linear)

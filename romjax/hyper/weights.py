@@ -5,7 +5,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.optimize
 from jaxtyping import Array, Float
 
 from ..program import program_once
@@ -53,6 +52,9 @@ def sparse_weights(terms: tuple[np.ndarray, ...], tol: float) -> np.ndarray:
     by more than `tol` is a few combinations, so non-negative least squares on these has a solution
     with no more positive entries than there are of them.
     """
+    # Here, since it loads half of SciPy, which `import romjax` must not.
+    from scipy.optimize import nnls
+
     rows = []
     for y in terms:
         own = np.moveaxis(y, 1, 2).reshape(-1, y.shape[1])
@@ -62,5 +64,5 @@ def sparse_weights(terms: tuple[np.ndarray, ...], tol: float) -> np.ndarray:
     _, values, right = np.linalg.svd(np.concatenate(rows), full_matrices=False)
     count = int(np.sum(values > tol * values[0]))
     matrix = values[:count, None] * right[:count]
-    weights, _ = scipy.optimize.nnls(matrix, np.sum(matrix, axis=1), maxiter=100 * len(right[0]))
+    weights, _ = nnls(matrix, np.sum(matrix, axis=1), maxiter=100 * len(right[0]))
     return np.asarray(weights)

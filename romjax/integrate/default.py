@@ -22,9 +22,9 @@ from .trajectory import Trajectory
 
 # Fewer outputs than this are a question about the end, not a picture of the motion.
 _OUTPUTS = 100
-# Steps that Rodas5P takes through a smooth motion, and how many times those of Dopri8 where the
-# fast vibration has to be followed. Dopri8 takes steps of at most this over the fastest frequency.
-_SMOOTH, _FOLLOWING, _STABLE = 150, 1.4, 4.0
+# Steps that Rodas5P takes at least, and how many times those of Dopri8 where the fast vibration has
+# to be followed. Dopri8 takes steps of at most this over the fastest frequency.
+_FEWEST, _FOLLOWING, _STABLE = 50, 1.4, 4.0
 # A fixed step times a frequency that an explicit method still follows.
 _RESOLVED = 1.0
 # Baumgarte's terms set the step if their rate is this many times the mechanism's, and comparable
@@ -84,8 +84,8 @@ def default_solver(
     Whether the fast vibration is excited is unknown before the run. If it is not, Rodas5P takes
     few steps; if it is, both methods follow it, and Rodas5P's steps cost c = 1.5 + n/10 times as
     much (measured for 8 to 96 coordinates, since its matrices are dense). Rodas5P is taken if
-    Dopri8 instead of it would at worst lose a larger factor, E / (150 c) with E steps, than
-    Rodas5P instead of Dopri8 does at worst, 1.4 c.
+    Dopri8 instead of it would at worst lose a larger factor, E / (50 c) with E steps, than Rodas5P
+    instead of Dopri8 does at worst, 1.4 c.
     """
     fastest, times, step = concrete(start.fastest), concrete(ts), concrete(dt)
     if fastest is None or times is None or (dt is not None and step is None):
@@ -96,7 +96,7 @@ def default_solver(
         span, cost = times[-1] - times[0], 1.5 + system.n / 10
         hidden = fastest * span / max(len(times) - 1, _OUTPUTS) > np.pi
         explicit_steps = fastest * span / _STABLE
-        pays = explicit_steps > _SMOOTH * _FOLLOWING * cost**2
+        pays = explicit_steps > _FEWEST * _FOLLOWING * cost**2
         stiff = system.structure.contacts or bool(hidden and pays)
     return _solvers()[stiff]
 

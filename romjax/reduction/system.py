@@ -54,7 +54,7 @@ class ReducedSystem(AbstractReducedSystem):
         summary: str = "",
     ) -> "ReducedSystem":
         """From the `start` nearest to physical (q, v, t); the fields are as `ReducedSystem` has."""
-        z, w = _restrict(lift, full, *start[:2])
+        (z, w), time = _restrict(lift, full, *start[:2]), start[2]
         m = 0 if combinations is None else combinations.shape[1]
         structure = Structure(
             tuple(Coordinate("", f"z{i + 1}") for i in range(z.size)),
@@ -64,9 +64,8 @@ class ReducedSystem(AbstractReducedSystem):
             loops=m > 0 and full.structure.loops,
             contacts=full.structure.contacts,
         )
-        combinations = combinations if m else None
-        rom = cls(full, lift, combinations, z, w, start[2], validity, structure, summary)
-        return rom._starting_at(z, w, start[2])
+        held, known = combinations if m else None, (validity, structure, summary)
+        return cls(full, lift, held, z, w, time, *known)._starting_at(z, w, time)
 
     def mass(self, q: Reduced) -> Float[Array, "r r"]:
         return self.state(self.time, q, jnp.zeros_like(q)).mass()
