@@ -6,6 +6,7 @@ import os
 import runpy
 import sys
 import tempfile
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -164,10 +165,8 @@ def _run(options: argparse.Namespace) -> int:
         bar.set_description_str("done")
         bar.update(stages - bar.n)
     print(report.summary(study, example))
-    print(
-        f"\nWrote {files[0]}, a page with all of it, and {len(files) - 1} files beside it: ", end=""
-    )
-    print(", ".join(file.name for file in files[1:]))
+    print(f"\nWrote {files[0]}, a page with all of it, and beside it:")
+    print(textwrap.fill(", ".join(file.name for file in files[1:]), 80))
     return 0
 
 

@@ -78,7 +78,7 @@ def test_run_cart_pendulum(tmp_path):
             assert min(picture.size) > 300
     with Image.open(tmp_path / "animation.gif") as picture:
         assert picture.n_frames > 10
-    assert lines[-1].startswith(f"Wrote {tmp_path / 'report.html'}, ")
+    assert f"Wrote {tmp_path / 'report.html'}, a page with all of it, and beside it:" in lines
     page = (tmp_path / "report.html").read_text("utf-8")
     assert page.count("<img") == 5
     assert page.count("<iframe") == 1

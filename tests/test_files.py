@@ -328,7 +328,7 @@ def test_new_check_and_schema(tmp_path, capsys):
     assert "is there already" in capsys.readouterr().err
     assert main(["check", str(path)]) == 0
     said = capsys.readouterr().out
-    for words in ("freedoms     2", "no joint", "Dopri8, since the fastest frequency is below"):
+    for words in ("freedoms     2", "no joint", "Dopri8, since the outputs can show"):
         assert words in said
 
     # What the README says to change.

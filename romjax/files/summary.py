@@ -9,7 +9,7 @@ from tabulate import tabulate
 
 from ..assembly.assemble import assemble
 from ..errors import InputError
-from ..integrate.default import default_solver, start_frequencies
+from ..integrate.default import default_method, start_frequencies
 from ..scene.scene import Scene
 from ..system.base import AbstractSystem
 from ..system.consistent import consistent
@@ -109,13 +109,9 @@ def _speed(system: AbstractSystem, settings: Settings, q: Array, v: Array) -> li
     ts = jnp.linspace(0.0, settings.end, max(2, round(settings.end * settings.rate) + 1))
     start = start_frequencies(system, np.asarray(0.0), q, v)
     fastest = float(start.fastest)
-    given = solver_of(settings.solver)
-    chosen = given or default_solver(system, ts, None, start)
-    shown = np.pi / (settings.end / max(len(ts) - 1, 100))
-    side = "above" if fastest > shown else "below"
-    reason = f"the fastest frequency is {side} the {shown:.4g} rad/s that the outputs can show"
-    if given:
-        reason = "[run] says so"
+    chosen, reason = default_method(system, ts, None, start)
+    if given := solver_of(settings.solver):
+        chosen, reason = given, "[run] says so"
     return [
         ["fastest", f"{fastest:.4g} rad/s ({fastest / (2 * np.pi):.4g} Hz)"],
         ["method", f"{type(chosen).__name__}, since {reason}"],

@@ -2,7 +2,7 @@
 
 import functools
 import warnings
-from typing import Any
+from typing import Any, NamedTuple
 
 import diffrax
 import jax
@@ -66,12 +66,19 @@ def _frequencies(
     return jax.lax.stop_gradient(frequencies(system, t, q, v))
 
 
-def default_solver(
+class Method(NamedTuple):
+    """A solver, and why it is taken, in words that follow "since"."""
+
+    solver: diffrax.AbstractSolver[Any]
+    reason: str
+
+
+def default_method(
     system: AbstractSystem,
     ts: Float[Array, " k"],
     dt: Float[Array | np.ndarray, ""] | None,
     start: Frequencies,
-) -> diffrax.AbstractSolver[Any]:
+) -> Method:
     """Rodas5P for stiff systems, Dopri8 for others.
 
     Stiff: the fastest frequency is above what the outputs can show, half their rate (counted as a
@@ -87,23 +94,28 @@ def default_solver(
     Dopri8 instead of it would at worst lose a larger factor, E / (50 c) with E steps, than Rodas5P
     instead of Dopri8 does at worst, 1.4 c.
     """
+    explicit, implicit = _solvers()
     fastest, times, step = concrete(start.fastest), concrete(ts), concrete(dt)
     if fastest is None or times is None or (dt is not None and step is None):
         stiff = system.structure.flexible or system.structure.contacts
-    elif dt is not None:
-        stiff = bool(fastest * step > _RESOLVED)
-    else:
-        span, cost = times[-1] - times[0], 1.5 + system.n / 10
-        hidden = fastest * span / max(len(times) - 1, _OUTPUTS) > np.pi
-        explicit_steps = fastest * span / _STABLE
-        pays = explicit_steps > _FEWEST * _FOLLOWING * cost**2
-        stiff = system.structure.contacts or bool(hidden and pays)
-    return _solvers()[stiff]
+        return Method(implicit if stiff else explicit, "numbers are unknown while JAX traces")
+    if dt is not None:
+        if fastest * step > _RESOLVED:
+            return Method(implicit, "a step does not resolve the fastest frequency")
+        return Method(explicit, "a step resolves the fastest frequency")
+    if system.structure.contacts:
+        return Method(implicit, "contacts may begin within a step")
+    span, cost = times[-1] - times[0], 1.5 + system.n / 10
+    if fastest * span / max(len(times) - 1, _OUTPUTS) <= np.pi:
+        return Method(explicit, "the outputs can show the fastest frequency")
+    if fastest * span / _STABLE <= _FEWEST * _FOLLOWING * cost**2:
+        return Method(explicit, "steps that resolve the fastest frequency are cheaper here")
+    return Method(implicit, "the fastest frequency is far above what the outputs can show")
 
 
 @functools.cache
 def _solvers() -> tuple[diffrax.AbstractSolver[Any], diffrax.AbstractSolver[Any]]:
-    """For systems that are not stiff, and for stiff ones."""
+    """The explicit method, and the one for stiff systems."""
     return diffrax.Dopri8(), Rodas5P()
 
 

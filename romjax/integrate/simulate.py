@@ -20,7 +20,7 @@ from ..system.consistent import check_start_shapes
 from ..system.stabilization import Baumgarte, Projection, Stabilization
 from ..system.structure import without_names
 from .adjoint import default_adjoint
-from .default import default_solver, start_frequencies, warn_of_fast_stabilization
+from .default import default_method, start_frequencies, warn_of_fast_stabilization
 from .doubt import is_doubtful, warn_of_doubt
 from .failures import raise_failure
 from .rodas5p import Rodas5P
@@ -105,7 +105,7 @@ def simulate(
     if solver is None or stabilization == "default":
         first = times[0] if is_traced(times) else as_number(np.asarray(times)[0], q.dtype)
         frequencies = start_frequencies(bare, first, q, v)
-        solver = solver or default_solver(system, times, step, frequencies)
+        solver = solver or default_method(system, times, step, frequencies).solver
     settings = Settings(
         solver=solver,
         rtol=as_number(rtol, q.dtype),

@@ -8,7 +8,7 @@ from typing import Any
 import diffrax
 import numpy as np
 
-from ...integrate.default import default_solver, start_frequencies
+from ...integrate.default import default_method, start_frequencies
 from .configuration import Configuration
 from .model import Model
 from .row import FULL, with_front
@@ -21,7 +21,7 @@ def methods_for(
     """The methods, with that first which `simulate` would choose."""
     system = model.system
     fastest = start_frequencies(system, ts[0], system.q0, system.v0)
-    chosen = type(default_solver(system, ts, None, fastest))
+    chosen = type(default_method(system, ts, None, fastest).solver)
     return sorted(methods, key=lambda method: type(method) is not chosen)
 
 
