@@ -1,7 +1,9 @@
 """Settings of all tests, and the runs that several of them look at."""
 
+import gc
 import os
 import tempfile
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -9,9 +11,13 @@ import pytest
 
 import romjax as rj
 from romjax import compat
+from romjax.program import Program
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
+
+# Pieces of memory that a process may have mapped before programs are forgotten.
+MOST_MAPS = 30_000
 
 # Step size control of the runs that others are measured against: a hundredth of SOLVED at a step.
 TIGHT = 1e-10
@@ -29,6 +35,22 @@ def pytest_configure(config):
     flags = [flag for flag in compat.compiler_flags() if not flag.startswith("--xla_backend")]
     flags.append("--xla_backend_optimization_level=0")
     os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *flags]).strip()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def room_for_programs():
+    """Forget compiled programs before there are too many of them.
+
+    Each takes hundreds of mapped pieces of memory, Linux allows a process 65530, and LLVM crashes
+    where it gets no more.
+    """
+    yield
+    maps = Path("/proc/self/maps")
+    if maps.exists() and len(maps.read_text().splitlines()) > MOST_MAPS:
+        for program in [x for x in gc.get_objects() if isinstance(x, Program)]:
+            program._compiled.cache_clear()
+        jax.clear_caches()
+        gc.collect()
 
 
 @pytest.fixture(scope="session")
