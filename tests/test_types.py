@@ -29,7 +29,7 @@ MISTAKES = {
     'rj.RigidBody(1.0, mass=1.0, inertia="cart")': "arg-type",
     'rj.RigidBody("cart", mass=1.0, inertia=0.01, modes=2)': "call-arg",
     'rj.Beam("bar", 1.0, EI=2.0)': "call-arg",
-    'rj.ground.at("left")': "arg-type",
+    "rj.ground.at(None)": "arg-type",
     "rj.Spring(here, stiffness=100.0)": "call-arg",
     "rj.Spring(here, there)": "call-arg",
     "rj.Spring(here, there, 100.0, rest_length=[0.3])": "arg-type",
