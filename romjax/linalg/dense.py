@@ -124,8 +124,10 @@ def invert_any(a: Float[Array, "n n"]) -> Float[Array, "n n"]:
         return jnp.where(at[:, None], row[None], others), order
 
     a, order = jax.lax.fori_loop(0, size, eliminate, (a, jnp.arange(size)))
-    # The inverse of the rows in their order has its columns in that order.
-    return a[:, jnp.argsort(order)]
+    # The inverse of the rows in their order has its columns in that order. (Not by `argsort`, which
+    # no function of a program may contain.)
+    position = jnp.sum(jnp.where(order[:, None] == rows[None], rows[:, None], 0), axis=0)
+    return a[:, position]
 
 
 @invert_any.defjvp
