@@ -15,7 +15,7 @@ import romjax as rj
 
 PARTS = Path(__file__).parent / "typed_parts.py"
 GALLERY = sorted((ROOT / "romjax" / "gallery").glob("*.py"))
-# With the settings of the package, so that mypy reads what it knows of JAX from one folder for both:
+# With the settings of the package, so that both read what mypy knows of JAX from one folder:
 # strict, and as for an installed package, whose own lines are not judged.
 USER = [f"--config-file={ROOT / 'pyproject.toml'}", f"--cache-dir={ROOT / '.mypy_cache'}"]
 # Real mistakes, each on its line, and the code of the error that mypy must give for it.
