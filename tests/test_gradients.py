@@ -20,9 +20,8 @@ FIXED = {"dt": 0.02, "throw": False}
 NEWTON = optimistix.Chord(rtol=1e-10, atol=1e-10, norm=optimistix.max_norm)
 SOLVERS = [
     diffrax.Tsit5(),
-    pytest.param(diffrax.Dopri8(), marks=pytest.mark.slow),
-    pytest.param(rj.Rodas5P(), marks=pytest.mark.slow),
-    pytest.param(diffrax.Kvaerno5(root_finder=NEWTON), marks=pytest.mark.slow),
+    rj.Rodas5P(),
+    diffrax.Kvaerno5(root_finder=NEWTON),
 ]
 
 

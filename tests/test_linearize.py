@@ -115,6 +115,7 @@ def test_a_generalized_force_is_an_input(system, model):
 def test_the_slope_of_a_response():
     """Of the response at 3 rad/s with respect to the length of the arm."""
 
+    @jax.jit
     def response(length):
         system = rj.assemble(cart(length=length))
         push = rj.Force(rj.Marker("cart", (0.0, 0.0)), (1.0, 0.0), rj.Constant(1.0))

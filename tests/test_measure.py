@@ -101,10 +101,15 @@ def test_a_point_by_hand(swinging):
         pytest.skip("the functions of the tests know no foreshortening")
     marker = scene.bodies[0].at((0.31, 0.0))
     found = rj.measure(system, run, marker)
-    for i in (0, 17, -1):
-        place, rate = jax.jvp(lambda q: marker_place(scene, marker, q), (run.q[i],), (run.v[i],))
-        assert_close(found.position[i], place, IDENTITY)
-        assert_close(found.velocity[i], rate, IDENTITY)
+
+    @jax.jit
+    @jax.vmap
+    def by_hand(q, v):
+        return jax.jvp(lambda q: marker_place(scene, marker, q), (q,), (v,))
+
+    place, rate = by_hand(run.q, run.v)
+    assert_close(found.position, place, IDENTITY)
+    assert_close(found.velocity, rate, IDENTITY)
 
 
 def test_relative_motion_by_hand(swinging):
@@ -176,6 +181,9 @@ def pose(marker, q):
     return jnp.concatenate([marker_place(scene, marker, q), turn[None]])
 
 
+pose_slopes = jax.jit(jax.vmap(jax.jacfwd(pose, argnums=1), in_axes=(None, 0)))
+
+
 @pytest.mark.parametrize("place", [(0.0, -0.4), (0.0, 0.1)])
 def test_reduced_models_agree(cart_pendulum, truth, reduced, place):
     """In every measured quantity, by no more than the errors of the model's own coordinates, their
@@ -184,8 +192,7 @@ def test_reduced_models_agree(cart_pendulum, truth, reduced, place):
     rom, run = reduced
     marker = rj.gallery.cart_pendulum().bodies[1].at(place)
     full, approx = rj.measure(cart_pendulum, truth, marker), rj.measure(rom, run, marker)
-    slopes = jax.vmap(jax.jacfwd(lambda q: pose(marker, q)))(truth.q)
-    slopes = np.max(np.abs(slopes), axis=0)
+    slopes = np.max(np.abs(pose_slopes(marker, truth.q)), axis=0)
     limits = AMPLIFIED * errors(cart_pendulum, truth, rom, run) @ slopes.T
     for names, at in ((KINEMATIC[:3], np.s_[:2]), (KINEMATIC[3:], np.s_[2:])):
         for name, limit in zip(names, limits, strict=True):
@@ -213,6 +220,7 @@ def test_forces_of_reduced_models_differentiate(reduced):
     """By the mass of the cart, at given states."""
     rom, run = reduced
 
+    @jax.jit
     def force(mass):
         full = eqx.tree_at(lambda s: s.bodies[0].bodies.mass, rom.full, mass[None])
         return rj.joint_forces(rom.with_full(full), run.every(100))["hinge"].force[-1, 0]
@@ -242,7 +250,7 @@ def test_transformations():
     batch = jax.jit(jax.vmap(shaken))(jnp.array([1.5, 1.7]))
     assert_close(batch[0], alone, IDENTITY, 10)
     assert abs(batch[1] - alone) > DIFFERENCED
-    slope, h = jax.grad(shaken)(1.5), 1e-4
+    slope, h = jax.jit(jax.grad(shaken))(1.5), 1e-4
     wanted = (shaken(1.5 + h) - shaken(1.5 - h)) / (2 * h)
     assert_close(slope, wanted, DIFFERENCED, abs(wanted))
 
@@ -254,10 +262,16 @@ def test_measurements_pass_through_transformations():
     v0 = jnp.stack([system.v0, jnp.array([0.0, 0.5, 1.0, 0.0, 1.0, 0.0])])
     runs = jax.vmap(lambda v: rj.simulate(system, ts, v0=v, **SMOOTH))(v0)
     tip = scene.bodies[1].at((0.5, 0.0))
-    found = jax.vmap(lambda run: rj.measure(system, run, tip))(runs)
+
+    @jax.jit
+    @jax.vmap
+    def measured(run):
+        found = rj.measure(system, run, tip)
+        return found, found.acceleration
+
+    found, acceleration = measured(runs)
     one = rj.measure(system, rj.simulate(system, ts, v0=v0[1], **SMOOTH), tip)
-    position = jax.vmap(lambda run: rj.measure(system, run, tip).acceleration)(runs)
-    assert_close(position[1], one.acceleration, IDENTITY, 100)
+    assert_close(acceleration[1], one.acceleration, IDENTITY, 100)
     assert_close(jax.vmap(lambda m: m.position)(found)[1], one.position, IDENTITY)
     with pytest.raises(rj.InputError, match=r"batch of shape \(2,\).*jax\.vmap"):
         rj.measure(system, runs, tip)
@@ -295,7 +309,7 @@ def test_quantities(swinging):
     a, b = scene.bodies[0].at((0.6, 0.0)), scene.bodies[1].at((0.1, 0.0), 0.3)
     found, q = rj.measure(system, run, a, b), rj.quantity
     state = system, run.t[7], run.q[7], run.v[7]
-    for quantity, wanted in (
+    pairs = (
         (q.Coordinate("bar.phi"), run["bar.phi"]),
         (q.Coordinate("beam.q2'"), run["beam.q2'"]),
         (q.Rate(q.Coordinate("bar.x")), run["bar.x'"]),
@@ -306,10 +320,11 @@ def test_quantities(swinging):
         (q.Rate(q.Gap(a, b)), found.distance_rate),
         (q.Rate(q.Travel(a, b)), found.velocity[:, 0]),
         (q.Rate(q.Turn(a, b)), found.angular_velocity),
-    ):
-        assert_close(quantity(*state), wanted[7], IDENTITY)
-        compiled = jax.jit(lambda *state, f=quantity: f(system, *state))
-        assert_close(compiled(*state[1:]), wanted[7], IDENTITY)
+    )
+    values = jax.jit(lambda *state: [of(system, *state) for of, _ in pairs])(*state[1:])
+    for value, (_, wanted) in zip(values, pairs, strict=True):
+        assert_close(value, wanted[7], IDENTITY)
+    assert_close(q.Travel(a, b)(*state), found.position[7, 0], IDENTITY)  # call by call, too
 
 
 def test_quantities_of_reduced_models(cart_pendulum, truth, reduced):
@@ -320,7 +335,7 @@ def test_quantities_of_reduced_models(cart_pendulum, truth, reduced):
     state = rom.reconstruct(0.0, rom.q0, rom.v0 + 0.1)
     wanted = quantity(cart_pendulum, 0.0, *state)
     assert_close(quantity(rom, 0.0, rom.q0, rom.v0 + 0.1), wanted, IDENTITY)
-    slope = jax.grad(lambda z: quantity(rom, 0.0, z, rom.v0 + 0.1))(rom.q0)
+    slope = jax.jit(jax.grad(lambda z: quantity(rom, 0.0, z, rom.v0 + 0.1)))(rom.q0)
     assert math.isfinite(float(jnp.sum(slope)))
 
 
@@ -366,7 +381,8 @@ def test_energies_by_part():
         (parts.potential, whole.potential),
     ):
         assert_close(sum(named.values()), total, IDENTITY, scale=1 + jnp.abs(total))
-    power = jax.vmap(lambda *state: system.state(*state).power().total)(run.t, run.q, run.v)
+    power = jax.jit(jax.vmap(lambda *state: system.state(*state).power().total))
+    power = power(run.t, run.q, run.v)
     assert_close(sum(parts.power.values()), power, IDENTITY, scale=1 + jnp.abs(power))
     assert set(parts.kinetic) == {"slider", "arm", "tip"}
     assert set(parts.elastic) == {"arm", "tip"}

@@ -1,6 +1,7 @@
 """Reduction in minimal coordinates: open chains, closed loops, moving supports."""
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -78,14 +79,17 @@ def test_minimal_coordinates_are_the_same_mechanism(mechanism):
 def test_accelerations_are_those_of_the_full_system(mechanism):
     """G z̈ + β against the extended system's q̈, which knows nothing of charts."""
     system, motion, rom = mechanism
-    for place in (0, 50, 100):
-        t, q, v = motion.t[place], motion.q[place], motion.v[place]
-        own = rom.in_chart_of(q)
+
+    @eqx.filter_jit
+    def both(own, t, q, v):
         z, w = own.restrict(q, v)
         state = own.state(t, z, w)
-        q, v = state.q, state.v
-        wanted, _ = system.acceleration(t, q, v)
-        found = state.physical_acceleration(own.acceleration(t, z, w)[0])
+        wanted, _ = system.acceleration(t, state.q, state.v)
+        return state.physical_acceleration(own.acceleration(t, z, w)[0]), wanted
+
+    for place in (0, 50, 100):
+        t, q, v = motion.t[place], motion.q[place], motion.v[place]
+        found, wanted = both(rom.in_chart_of(q), t, q, v)
         assert_close(found, wanted, IDENTITY * 100, jnp.max(jnp.abs(wanted)))
 
 
@@ -95,9 +99,15 @@ def test_the_derivatives_of_the_acceleration(mechanism):
     _, motion, rom = mechanism
     t, rom = motion.t[30], rom.in_chart_of(motion.q[30])
     z, w = rom.restrict(motion.q[30], motion.v[30])
-    found = dynamics.linearize(rom, t, z, w)
-    for i, by in enumerate((found.by_time, found.by_position, found.by_velocity)):
-        wanted = jax.jacfwd(lambda *x: rom.acceleration(*x)[0], argnums=i)(t, z, w)
+
+    @jax.jit
+    def both(*x):
+        slopes = jax.jacfwd(lambda *x: rom.acceleration(*x)[0], argnums=(0, 1, 2))(*x)
+        return dynamics.linearize(rom, *x), slopes
+
+    found, slopes = both(t, z, w)
+    pairs = zip((found.by_time, found.by_position, found.by_velocity), slopes, strict=True)
+    for by, wanted in pairs:
         scale = jnp.maximum(1, jnp.max(jnp.abs(wanted)))
         assert_close(by, wanted, SOLVED, scale)
 
@@ -183,24 +193,22 @@ def test_reactions(cart_pendulum, truth):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("formulation", ["galerkin", "minimal"])
-def test_the_gradient_passes_through_full_run_basis_and_reduced_run(formulation):
+def test_the_gradient_passes_through_full_run_basis_and_reduced_run():
     """d/dp of a reduced run whose basis comes from the full run of the same scene, by forward mode
-    and central differences; ranks, constraints and charts are chosen once, outside.
+    and central differences; the chart is chosen once, outside. Subspaces: test_every_parameter.py.
     """
     ts = jnp.linspace(0.0, 0.3, 31)
-    rank = {"galerkin": 4, "minimal": 3}[formulation]
 
     def result(f1, formulation):
         system = rj.assemble(rj.gallery.cart_pendulum(f1=f1))
         settings = {"rtol": 1e-10, "adjoint": diffrax.ForwardMode(), "throw": False}
         full = rj.simulate(system, ts, solver=rj.Rodas5P(), **settings)
-        rom = rj.reduce(system, rj.pod(full, rank=rank), formulation)
+        rom = rj.reduce(system, rj.pod(full, rank=3), formulation)
         run = rj.simulate(rom, ts, solver=diffrax.Dopri8(), **settings)
         return rom, run.q[-1, 5] + run.q[-1, 0]
 
-    rom, _ = result(16.0, formulation)
-    decided = DECIDED[formulation](rom)
+    rom, _ = result(16.0, "minimal")
+    decided = DECIDED["minimal"](rom)
     value = jax.jit(lambda f1: result(f1, decided)[1])
     found = jax.jit(jax.jacfwd(lambda f1: result(f1, decided)[1]))(16.0)
     step = 1e-3

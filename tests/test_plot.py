@@ -2,8 +2,6 @@
 
 import dataclasses
 import io
-import subprocess
-import sys
 
 import jax
 import jax.numpy as jnp
@@ -193,19 +191,6 @@ def test_figures_refuse_what_does_not_fit(scene, truth, approx):
         plot.modes(scene, basis)
     with pytest.raises(ValueError, match="give the full system"):
         plot.modes(scene, basis, rj.assemble(scene))
-
-
-def test_importing_loads_no_matplotlib():
-    """Nor anything else that takes long to load and few need; a figure does when it is made."""
-    slow = ["matplotlib", "pandas", "scipy.spatial", "scipy.io", "scipy.stats"]
-    words = (
-        "import sys, romjax, romjax.cli\n"
-        f"slow = [name for name in {slow} if name in sys.modules]\n"
-        "romjax.plot.values\n"
-        "print(slow, 'matplotlib' in sys.modules)"
-    )
-    done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["[]", "True"]
 
 
 def test_the_package_of_figures_hands_out_functions_only():

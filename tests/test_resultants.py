@@ -237,10 +237,8 @@ def steady(modes, ratio):
     )
     xi = np.array([0.0, 0.3, 0.6])
     found = rj.resultants(*at_start(scene), "beam", (xi - 0.5) * LENGTH)
-    bent = jax.vmap(
-        jax.vmap(jax.hessian(lambda x: bending_shapes("clamped-free", modes, x)[0] @ q))
-    )
-    curvature = bent(jnp.asarray(xi)[None])[0] / np.sqrt(MASS) / LENGTH**2
+    bent = jax.jit(jax.vmap(jax.hessian(lambda x: bending_shapes("clamped-free", modes, x)[0] @ q)))
+    curvature = bent(jnp.asarray(xi)) / np.sqrt(MASS) / LENGTH**2
     return np.asarray(found.moment[0]) / (TIP * LENGTH), STIFFNESS * curvature / (TIP * LENGTH), xi
 
 
@@ -283,10 +281,12 @@ def test_derivative():
     scene = cantilever(1, lambda end: rj.Gravity())
     _, run = at_start(scene)
 
+    @jax.jit
     def moment(x):
         changed = eqx.tree_at(lambda s: s.bodies[0].mass, scene, x)
         return rj.resultants(rj.assemble(changed), run, "beam", jnp.array([-0.2])).moment[0, 0]
 
+    @jax.jit
     def placed(x):
         return rj.resultants(rj.assemble(scene), run, "beam", x[None]).moment[0, 0]
 
@@ -294,7 +294,7 @@ def test_derivative():
         h = 1e-4
         wanted = (function(at + h) - function(at - h)) / (2 * h)
         assert_close(jax.grad(function)(at), wanted, DIFFERENCED, abs(wanted))
-    batch = jax.vmap(moment)(jnp.array([MASS, 2.0]))
+    batch = jax.jit(jax.vmap(moment))(jnp.array([MASS, 2.0]))
     assert_close(batch[0], moment(jnp.asarray(MASS)), SOLVED, abs(batch[0]))
 
 

@@ -204,8 +204,22 @@ def test_every_public_name_is_exported_once():
     assert len(names) == len(set(names))
 
 
-def test_importing_changes_no_setting_and_makes_no_array():
-    """An array made at import would fix the precision before the user can choose it."""
-    words = "import jax, romjax; print(jax.config.jax_enable_x64, len(jax.live_arrays()))"
+# What takes long to load and few need: with the command line either, and with the package.
+SLOW = {"matplotlib", "pandas", "scipy.spatial", "scipy.io", "scipy.stats"}
+SLOWEST = {*SLOW, "pydantic", "tomlkit", "xarray"}
+
+
+def test_importing_changes_no_setting_makes_no_array_and_loads_nothing_slow():
+    """An array made at import would fix the precision before the user can choose it. A figure loads
+    matplotlib when it is made.
+    """
+    words = (
+        "import sys, jax, romjax\n"
+        f"print(*{SLOWEST} & set(sys.modules), jax.config.jax_enable_x64, len(jax.live_arrays()))\n"
+        "import romjax.cli\n"
+        f"print(*{SLOW} & set(sys.modules))\n"
+        "romjax.plot.values\n"
+        "print('matplotlib' in sys.modules)"
+    )
     done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["False", "0"]
+    assert done.stdout.splitlines() == ["False 0", "", "True"]
