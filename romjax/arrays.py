@@ -54,3 +54,10 @@ def put(target: ArrayLike, index: Any, value: ArrayLike) -> Array | np.ndarray:
     changed = np.array(target)
     changed[index] = value
     return changed
+
+
+def untraced(*values: ArrayLike) -> tuple[Any, ...]:
+    """The values as NumPy arrays, by which nothing is compiled, unless JAX traces one of them."""
+    if any(is_traced(value) for value in values):
+        return tuple(jnp.asarray(value) for value in values)
+    return tuple(np.asarray(value) for value in values)

@@ -69,7 +69,7 @@ def assemble(scene: Scene) -> AssembledSystem:
         structure=Structure(
             coordinates=tuple(c for body in scene.bodies for c in body.coordinates()),
             constraints=tuple(f"joint '{j.label()}'" for j in scene.joints for _ in range(j.rows)),
-            rigid=tuple(i < 3 for body in scene.bodies for i in range(body.size)),
+            rigid=tuple(i < body.frame_size for body in scene.bodies for i in range(body.size)),
             flexible=any(body.modes for body in scene.bodies),
             loops=_close_loops(scene),
             contacts=any(effect.begins for effect in acting),

@@ -14,7 +14,6 @@ from ..arrays import Time
 from ..linalg.indexing import spread
 from ..linalg.pattern import Pattern
 from ..scene.effect.base import AbstractField
-from ..scene.marker import Twist
 from ..system.base import AbstractSystem
 from ..system.state import FullState, Power
 from ..system.structure import Structure
@@ -73,8 +72,7 @@ class AssembledSystem(AbstractSystem):
         taken = [group.damping_power(v) for group in self.bodies]
         given = list[Array | None]()
         if self.effect_markers is not None:
-            poses, rates = jax.jvp(self.effect_markers.poses, (q,), (v,))
-            twists = Twist(rates.position, rates.angle)
+            poses, twists = self.effect_markers.motion(q, v)
             for group in self.effects:
                 if group.works(poses):
                     only_taken = group.effects.dissipates and not group.effects.supplies

@@ -58,14 +58,14 @@ def _marking(
     blocks, known = group.markers, markers
 
     def mark(element: Any, row: int) -> Any:
-        numbers = iter(range(blocks.start + row, len(known.angles), blocks.count))
+        numbers = iter(range(blocks.start + row, len(known.turns), blocks.count))
 
         def put(leaf: Any) -> Any:
             if not isinstance(leaf, Marker):
                 return leaf
             number = next(numbers)
             owner = owners[known.frames.rows[number][0]]
-            return Marker(owner, known.points[number], known.angles[number])
+            return Marker(owner, known.points[number], known.turns[number])
 
         return jtu.tree_map(put, element, is_leaf=lambda x: isinstance(x, Marker))
 

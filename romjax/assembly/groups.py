@@ -18,7 +18,8 @@ from ..scene.effect.base import AbstractField, AbstractMarkerEffect
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import Pose, Twist, Wrench
 from ..system.dynamics import quadratic_velocity_force
-from .kinematics import MarkerBlocks, PoseGradient
+from .kinematics import MarkerBlocks
+from .pose_gradient import PoseGradient
 
 
 class BodyGroup(eqx.Module):
@@ -120,16 +121,16 @@ class JointGroup(eqx.Module):
     ) -> Float[Array, "side count rows size"]:
         """Derivatives with respect to the coordinates of the bodies on both sides."""
 
-        def gradient(joint: AbstractJoint, a: Pose, b: Pose) -> tuple[Pose, Pose]:
+        def slopes(joint: AbstractJoint, a: Pose, b: Pose) -> tuple[Pose, Pose]:
             sides: tuple[Pose, Pose]
             sides = jax.jacrev(lambda a, b: joint.residual(t, a, b), argnums=(0, 1))(a, b)
             return sides
 
-        sides = jax.vmap(gradient)(self.joints, *self.markers.take(poses))
+        sides = jax.vmap(slopes)(self.joints, *self.markers.take(poses))
         return jnp.stack(
             [
-                side.position @ pose.position + side.angle[:, :, None] * pose.angle[:, None]
-                for side, pose in zip(sides, self.markers.take(motion), strict=True)
+                gradient.chain(side)
+                for side, gradient in zip(sides, self.markers.take(motion), strict=True)
             ]
         )
 
@@ -141,13 +142,14 @@ class JointGroup(eqx.Module):
         The constraint forces −C_qᵀ λ, as wrenches at the poses that the residual is a function of.
         """
 
-        def react(joint: AbstractJoint, own: Array, a: Pose, b: Pose) -> tuple[Pose, Pose]:
+        def react(joint: AbstractJoint, own: Array, a: Pose, b: Pose) -> tuple[Wrench, Wrench]:
             _, transpose = jax.vjp(lambda a, b: joint.residual(t, a, b), a, b)
-            sides: tuple[Pose, Pose] = transpose(-own)
-            return sides
+            on_a, on_b = transpose(-own)
+            return a.wrench(on_a), b.wrench(on_b)
 
-        a, b = jax.vmap(react)(self.joints, self.rows.take(multipliers), *self.markers.take(poses))
-        return Wrench(*a), Wrench(*b)
+        own, sides = self.rows.take(multipliers), self.markers.take(poses)
+        wrenches: tuple[Wrench, Wrench] = jax.vmap(react)(self.joints, own, *sides)
+        return wrenches
 
 
 class EffectGroup(eqx.Module):
@@ -184,5 +186,5 @@ class EffectGroup(eqx.Module):
         if self.effects.supplies or self.effects.dissipates:
             return True
         return self.effects.stores and compat.depends_on_first(
-            self.energy, jnp.zeros((), poses.angle.dtype), poses
+            self.energy, jnp.zeros((), poses.position.dtype), poses
         )

@@ -6,15 +6,17 @@ s = pᵀp, e = (x, y, z) and the 3 × 4 matrices G = [−e, w I − ẽ] and E =
 velocity is 2 G ṗ / s by the axes of the body and 2 E ṗ / s by those of space; G p = E p = 0
 (Nikravesh, "Computer-Aided Analysis of Mechanical Systems", 1988, chapter 6, for s = 1).
 
-All functions take leading axes.
+All functions take leading axes, and compute by NumPy what is given as its arrays.
 """
+
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-Quaternion = Float[Array, "*batch 4"]
-Triple = Float[Array, "*batch 3"]
+Quaternion = Float[Array | np.ndarray, "*batch 4"]
+Triple = Float[Array | np.ndarray, "*batch 3"]
 
 
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
@@ -29,12 +31,12 @@ def conjugate(p: Quaternion) -> Quaternion:
 
 def from_vector(x: Triple) -> Quaternion:
     """(0, x)."""
-    return jnp.concatenate([jnp.zeros_like(x[..., :1]), x], axis=-1)
+    return _joined(0.0, x)
 
 
 def small_turn(angles: Triple) -> Quaternion:
     """(1, ½ θ): to first order the rotation by the vector θ, and exactly one for any θ."""
-    return jnp.concatenate([jnp.ones_like(angles[..., :1]), 0.5 * angles], axis=-1)
+    return _joined(1.0, 0.5 * angles)
 
 
 def cross(a: Triple, b: Triple) -> Triple:
@@ -49,31 +51,31 @@ def rotate(p: Quaternion, x: Triple) -> Triple:
     return x + 2 * (p[..., :1] * across + cross(axis, across)) / squared(p)[..., None]
 
 
-def matrix(p: Quaternion) -> Float[Array, "*batch 3 3"]:
+def matrix(p: Quaternion) -> Float[Array | np.ndarray, "*batch 3 3"]:
     """A(p) = E Gᵀ / s, whose columns are the axes of the body."""
     body, space = body_matrix(p), space_matrix(p)
-    products = jnp.sum(space[..., :, None, :] * body[..., None, :, :], axis=-1)
+    products = (space[..., :, None, :] * body[..., None, :, :]).sum(axis=-1)
     return products / squared(p)[..., None, None]
 
 
-def squared(p: Quaternion) -> Float[Array, "*batch"]:
+def squared(p: Quaternion) -> Float[Array | np.ndarray, "*batch"]:
     """s = pᵀp."""
-    return jnp.sum(p * p, axis=-1)
+    return (p * p).sum(axis=-1)
 
 
-def body_matrix(p: Quaternion) -> Float[Array, "*batch 3 4"]:
+def body_matrix(p: Quaternion) -> Float[Array | np.ndarray, "*batch 3 4"]:
     """G = [−e, w I − ẽ]."""
     return _signed(p, [[-1, 1, 1, -1], [-1, -1, 1, 1], [-1, 1, -1, 1]])
 
 
-def space_matrix(p: Quaternion) -> Float[Array, "*batch 3 4"]:
+def space_matrix(p: Quaternion) -> Float[Array | np.ndarray, "*batch 3 4"]:
     """E = [−e, w I + ẽ]."""
     return _signed(p, [[-1, 1, -1, 1], [-1, 1, 1, -1], [-1, -1, 1, 1]])
 
 
-def skew(x: Triple) -> Float[Array, "*batch 3 3"]:
+def skew(x: Triple) -> Float[Array | np.ndarray, "*batch 3 3"]:
     """x̃, with x̃ y = x × y."""
-    padded = jnp.concatenate([jnp.zeros_like(x[..., :1]), x], axis=-1)
+    padded = _joined(0.0, x)
     signs = np.array([[0, -1, 1], [1, 0, -1], [-1, 1, 0]], x.dtype)
     return padded[..., np.array([[0, 3, 2], [3, 0, 1], [2, 1, 0]], np.uint32)] * signs
 
@@ -103,23 +105,32 @@ def generalized(p: Quaternion, torque: Triple) -> Quaternion:
     return 2 * apply_transposed(space_matrix(p), torque) / squared(p)[..., None]
 
 
-def apply(a: Float[Array, "*batch p c"], x: Float[Array, "*batch c"]) -> Float[Array, "*batch p"]:
+def apply(a: Float[Array | np.ndarray, "*batch p c"], x: Float[Array | np.ndarray, "*batch c"]) -> Float[Array | np.ndarray, "*batch p"]:
     """a x."""
-    return jnp.sum(a * x[..., None, :], axis=-1)
+    return (a * x[..., None, :]).sum(axis=-1)
 
 
 def apply_transposed(
-    a: Float[Array, "*batch p c"], x: Float[Array, "*batch p"]
-) -> Float[Array, "*batch c"]:
+    a: Float[Array | np.ndarray, "*batch p c"], x: Float[Array | np.ndarray, "*batch p"]
+) -> Float[Array | np.ndarray, "*batch c"]:
     """aᵀ x."""
-    return jnp.sum(a * x[..., :, None], axis=-2)
+    return (a * x[..., :, None]).sum(axis=-2)
 
 
 def _shifted(x: Triple) -> Triple:
     """(x₂, x₃, x₁)."""
-    return jnp.concatenate([x[..., 1:], x[..., :1]], axis=-1)
+    return _namespace(x).concatenate([x[..., 1:], x[..., :1]], axis=-1)
 
 
-def _signed(p: Quaternion, signs: list[list[int]]) -> Float[Array, "*batch 3 4"]:
+def _joined(first: float, x: Triple) -> Quaternion:
+    xp = _namespace(x)
+    return xp.concatenate([xp.full_like(x[..., :1], first), x], axis=-1)
+
+
+def _namespace(x: Any) -> Any:
+    return np if isinstance(x, np.ndarray) else jnp
+
+
+def _signed(p: Quaternion, signs: list[list[int]]) -> Float[Array | np.ndarray, "*batch 3 4"]:
     order = np.array([[1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]], np.uint32)
     return p[..., order] * np.array(signs, p.dtype)

@@ -9,7 +9,6 @@ from ..assembly.locate import assembled
 from ..errors import InputError
 from ..integrate.trajectory import Trajectory
 from ..program import program
-from ..scene.marker import Twist
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
 from .states import along, check_run
@@ -117,8 +116,7 @@ def _of_parts(full: Any, t: Array, q: Array, v: Array) -> tuple[list[Array | Non
     """Of each group of bodies, then of each group of effects; None of those that have none."""
     stored, given = list[Array | None](), list[Array | None]()
     if full.effect_markers is not None:
-        poses, rates = jax.jvp(full.effect_markers.poses, (q,), (v,))
-        twists = Twist(rates.position, rates.angle)
+        poses, twists = full.effect_markers.motion(q, v)
         for group in full.effects:
             stored.append(group.energy(t, poses) if group.effects.stores else None)
             given.append(group.power(t, poses, twists) if group.works(poses) else None)

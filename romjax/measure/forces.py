@@ -14,6 +14,7 @@ from ..assembly.locate import assembled
 from ..assembly.wrenches import effect_wrenches, joint_wrenches
 from ..checks import unknown_name
 from ..integrate.trajectory import Trajectory
+from ..linalg import quaternions
 from ..scene.marker import Pose, Twist, Wrench
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
@@ -73,8 +74,11 @@ class Forces(eqx.Module):
         force, torque = self.wrenches[names.index(side)]
         if frame == "inertial":
             return Wrench(force, torque)
-        angle = self.poses[names.index(frame)].angle
-        c, s = jnp.cos(angle), jnp.sin(angle)
+        pose = self.poses[names.index(frame)]
+        if pose.dimension == 3:
+            back = quaternions.conjugate(pose.turn)
+            return Wrench(quaternions.rotate(back, force), quaternions.rotate(back, torque))
+        c, s = jnp.cos(pose.angle), jnp.sin(pose.angle)
         along, across = force[..., 0], force[..., 1]
         turned = jnp.stack([c * along + s * across, c * across - s * along], axis=-1)
         return Wrench(turned, torque)
@@ -200,6 +204,5 @@ def _of_effects(system: Any, t: Array, q: Array, v: Array) -> list[Forces]:
 def _by_group(
     markers: Markers, blocks: list[MarkerBlocks], q: Array, v: Array, wrenches: Wrench
 ) -> list[Forces]:
-    poses, rates = jax.jvp(markers.poses, (q,), (v,))
-    twists = Twist(rates.position, rates.angle)
+    poses, twists = markers.motion(q, v)
     return [Forces(own.take(poses), own.take(twists), own.take(wrenches)) for own in blocks]

@@ -7,7 +7,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ...arrays import Time
-from ..marker import Marker, Pose, check_distinct
+from ..marker import Marker, Pose, check_distinct, check_markers
 from ..outline import Outline, linked
 
 if TYPE_CHECKING:
@@ -32,6 +32,8 @@ class AbstractJoint(eqx.Module):
         name: eqx.AbstractVar[str]
     rows: AbstractClassVar[int]
 
+    # In the plane (2), in space (3), or in both.
+    dimensions: ClassVar[tuple[int, ...]] = (2,)
     # Whether pictures hatch the ground at a marker on it.
     hatched: ClassVar[bool] = True
 
@@ -68,6 +70,5 @@ class AbstractJoint(eqx.Module):
     def check(self) -> None:
         """Raise a SceneError that names joint, field, value and remedy."""
         owner = self.owner()
-        for marker in self.markers:
-            marker.check(owner)
+        check_markers(owner, self.markers, self.dimensions)
         check_distinct(owner, self.a, self.b)
