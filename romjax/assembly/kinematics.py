@@ -56,7 +56,7 @@ class Markers(eqx.Module):
             slide = jnp.einsum("cikl,cl->cik", self.foreshortening, amplitudes)
             more = shapes.shape[1] - slide.shape[1]
             shapes = shapes - jnp.pad(slide, ((0, 0), (0, more), (0, 0)))
-        return self._space.gradient(self._frame(extended), local, self.turns, shapes)
+        return self._space.gradient(self._turns(extended), local, self.turns, shapes)
 
     def coordinates(self) -> np.ndarray:
         """Indices in q of the columns of `jacobian`, (count, size); from n on where there is none."""
@@ -78,9 +78,12 @@ class Markers(eqx.Module):
         return jnp.concatenate([q, np.array(self._space.GROUND, q.dtype)])
 
     def _frame(self, extended: Float[Array, " extended"]) -> Pose:
-        frames, d = self.frames.array, self.points.shape[1]
-        turn = frames[:, d] if d == 2 else frames[:, d:]
-        return Pose(extended[frames[:, :d]], extended[turn])
+        turns = self._turns(extended)
+        return Pose(extended[self.frames.array[:, : self.points.shape[1]]], turns)
+
+    def _turns(self, extended: Float[Array, " extended"]) -> Float[Array, "count *turn"]:
+        frames = self.frames.array
+        return extended[frames[:, 2] if self.points.shape[1] == 2 else frames[:, 3:]]
 
     def _local(self, extended: Float[Array, " extended"]) -> Pose:
         """Where the markers are in the frames of their bodies, which are bent."""

@@ -105,7 +105,9 @@ def generalized(p: Quaternion, torque: Triple) -> Quaternion:
     return 2 * apply_transposed(space_matrix(p), torque) / squared(p)[..., None]
 
 
-def apply(a: Float[Array | np.ndarray, "*batch p c"], x: Float[Array | np.ndarray, "*batch c"]) -> Float[Array | np.ndarray, "*batch p"]:
+def apply(
+    a: Float[Array | np.ndarray, "*batch p c"], x: Float[Array | np.ndarray, "*batch c"]
+) -> Float[Array | np.ndarray, "*batch p"]:
     """a x."""
     return (a * x[..., None, :]).sum(axis=-1)
 

@@ -233,7 +233,9 @@ def check_markers(owner: str, markers: Sequence[Marker], dimensions: tuple[int, 
     for marker in markers:
         marker.check(owner)
         if marker.dimension not in dimensions:
-            given, other = ("space", "the plane") if marker.dimension == 3 else ("the plane", "space")
+            given, other = (
+                ("space", "the plane") if marker.dimension == 3 else ("the plane", "space")
+            )
             raise SceneError(
                 f"{owner}: its marker on '{marker.body}' is in {given}, but the part is one of "
                 f"{other}; romjax has the parts of the plane, romjax.spatial those of space."
