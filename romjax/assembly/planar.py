@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..arrays import Numbers
 from ..scene.marker import Pose
 from .pose_gradient import PoseGradient
 
@@ -31,7 +32,7 @@ def gradient(
     angle: Float[Array, " count"],
     local: Pose,
     turns: Float[Array, " count"],
-    shapes: Float[Array | np.ndarray, "count 3 modes"],
+    shapes: Float[Numbers, "count 3 modes"],
 ) -> PoseGradient:
     """The derivatives of `compose` by x, y, φ and amplitudes, for bodies at an `angle`."""
     del turns

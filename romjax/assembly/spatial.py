@@ -1,9 +1,9 @@
 """The motion of markers in space: frames with x, y, z [m] and a quaternion of any length."""
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
+from ..arrays import Numbers
 from ..linalg import quaternions
 from ..linalg.dense import multiply
 from ..scene.marker import Pose
@@ -35,7 +35,7 @@ def gradient(
     p: Float[Array, "count 4"],
     local: Pose,
     turns: Float[Array, "count 4"],
-    shapes: Float[Array | np.ndarray, "count 6 modes"],
+    shapes: Float[Numbers, "count 6 modes"],
 ) -> PoseGradient:
     """The derivatives of `compose` by x, y, z, the quaternion p and amplitudes.
 
