@@ -73,8 +73,10 @@ class Schema:
             f"key{i}": (kind, Field(default, alias=key))
             for i, (key, (kind, default)) in enumerate(keys.items())
         }
+        # Pydantic names a model by what follows the last dot.
+        own = name.replace("spatial.", "spatial ")
         made: type[BaseModel] = create_model(
-            name or "scene", __config__=_STRICT, __doc__=doc or None, **fields
+            own or "scene", __config__=_STRICT, __doc__=doc or None, **fields
         )
         self.models[name] = made
         return made
