@@ -1,0 +1,114 @@
+"""Flexible bodies in space: their inertia, against point masses that move with them."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from comparison import assert_close
+from tolerances import IDENTITY
+
+import romjax as rj
+from romjax import spatial
+from romjax.linalg import quaternions
+from romjax.scene.body.spatial.inertia import SpatialInertia
+
+POINTS, MODES = 7, 4
+
+
+@pytest.fixture(scope="module")
+def cloud():
+    """Point masses that move with the modes: masses, positions, shapes."""
+    rng = np.random.default_rng(1)
+    return (
+        rng.uniform(0.5, 2.0, POINTS),
+        rng.standard_normal((POINTS, 3)),
+        rng.standard_normal((POINTS, 3, MODES)),
+    )
+
+
+def places(cloud, q):
+    """Where the points are (points, 3)."""
+    _, positions, shapes = (jnp.asarray(x) for x in cloud)
+    return q[None, :3] + quaternions.rotate(
+        jnp.broadcast_to(q[3:7], (POINTS, 4)), positions + shapes @ q[7:]
+    )
+
+
+def states(count, size, seed=0):
+    """Random coordinates, with quaternions of lengths of 0.1 to 10, and velocities."""
+    rng = np.random.default_rng(seed)
+    q, v = rng.standard_normal((2, count, size))
+    q[:, 3:7] *= (10 ** rng.uniform(-1, 1, count) / np.linalg.norm(q[:, 3:7], axis=1))[:, None]
+    return jnp.asarray(q), jnp.asarray(v)
+
+
+def energies(cloud, inertia):
+    """Functions of q and v: ½ vᵀMv, the same of the points, and the size of their terms."""
+    masses = jnp.asarray(cloud[0])
+
+    def ours(q, v):
+        return 0.5 * v @ inertia.matrix(q) @ v
+
+    def theirs(q, v):
+        _, rates = jax.jvp(lambda q: places(cloud, q), (q,), (v,))
+        along = q[3:7] @ v[3:7] / quaternions.squared(q[3:7])
+        length = 0.5 * 4 / 3 * jnp.trace(inertia.moment) * along**2
+        return 0.5 * jnp.sum(masses[:, None] * rates**2) + length
+
+    return ours, theirs
+
+
+def test_kinetic_energy_is_that_of_point_masses(cloud):
+    """½ vᵀMv = Σ ½ m |ṙ|², and its derivatives by q: quaternions of any length."""
+    inertia = SpatialInertia.of_points(*cloud)
+    ours, theirs = (
+        jax.jit(jax.vmap(jax.value_and_grad(f, argnums=(0, 1)))) for f in energies(cloud, inertia)
+    )
+    q, v = states(200, 7 + MODES)
+    found, wanted = ours(q, v), theirs(q, v)
+    assert_close(found[0], wanted[0], IDENTITY, wanted[0])
+    for by, other in zip(found[1], wanted[1], strict=True):
+        assert_close(by, other, IDENTITY, np.max(np.abs(other), axis=1, keepdims=True))
+    moments = jax.vmap(inertia.first_moment_at)(q)
+    sums = jax.vmap(lambda q: jnp.asarray(cloud[0]) @ places(cloud, q))(q)
+    assert_close(moments, sums, 10 * IDENTITY, np.max(np.abs(sums)))
+
+
+def test_the_span_of_a_basis(cloud):
+    """The inertia of q_f = Φ z has the energy at Φ z."""
+    inertia = SpatialInertia.of_points(*cloud)
+    basis = np.random.default_rng(2).standard_normal((MODES, 2))
+    small = inertia.in_span(jnp.asarray(basis))
+    (q,), (v,) = states(1, 9, seed=3)
+    full = [jnp.concatenate([x[:7], basis @ x[7:]]) for x in (q, v)]
+    wanted = full[1] @ inertia.matrix(full[0]) @ full[1]
+    assert_close(v @ small.matrix(q) @ v, wanted, IDENTITY, abs(wanted))
+
+
+def test_what_is_absent_is_zero():
+    """A body whose modes do nothing but vibrate has the mass matrix of a rigid one and a unit."""
+    moment = np.diag([1.0, 2.0, 2.5])
+    inertia = SpatialInertia(3.0, moment)
+    rigid = spatial.RigidBody("body", 3.0, (1.0, 2.0, 2.5))
+    (q,), _ = states(1, 9)
+    wanted = np.eye(9)
+    wanted[:7, :7] = rigid.mass_matrix(q[:7])
+    assert_close(inertia.matrix(q), wanted, IDENTITY, np.max(np.abs(wanted)))
+    assert_close(inertia.first_moment_at(q), 3.0 * q[:3], 0.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"mass": np.nan}, "'x': inertia.mass is nan"),
+        ({"moment": np.eye(2)}, "'x': inertia.moment has shape"),
+        ({"moment": np.eye(3) + np.eye(3, k=1)}, "'x': inertia.moment is not symmetric.*by 1"),
+        ({"moment": -np.eye(3)}, "'x': its mass matrix is not positive definite"),
+        ({"shift": np.full((3, 2), 9.0)}, "'x': its mass matrix is not positive definite"),
+        ({"gyration": np.zeros((2, 2))}, "'x': inertia.gyration has shape"),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+)
+def test_impossible_inertia_is_refused(change, words):
+    with pytest.raises(rj.SceneError, match=words):
+        SpatialInertia(**{"mass": 1.0, "moment": np.eye(3), **change}).check("body 'x'", 2)
