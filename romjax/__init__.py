@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from . import gallery as gallery
 from . import plot as plot
+from . import spatial as spatial
 from .analysis.equilibrium import equilibrium as equilibrium
 from .analysis.linearization import LinearModel as LinearModel
 from .analysis.linearization import linearize as linearize

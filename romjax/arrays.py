@@ -1,7 +1,7 @@
 """What users may write for numbers, and how it becomes an array."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +17,11 @@ _Row = Sequence[ArrayLike]
 _Rows = Sequence[ArrayLike | _Row]
 Vector = ArrayLike | Sequence[ArrayLike | _Rows]
 Time = Real[ArrayLike, ""]  # [s]
+if TYPE_CHECKING:
+    # To checkers an array of JAX, since all that functions return for one of its arrays is one.
+    Numbers = Array
+else:
+    Numbers = Array | np.ndarray
 
 
 def as_array(value: Any) -> Array:

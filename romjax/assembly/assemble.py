@@ -73,6 +73,7 @@ def assemble(scene: Scene) -> AssembledSystem:
             flexible=any(body.modes for body in scene.bodies),
             loops=_close_loops(scene),
             contacts=any(effect.begins for effect in acting),
+            quaternions=tuple(columns[b.name][3] for b in scene.bodies if b.dimension == 3),
             joints=tuple(keys[0][i] for _, _, members in joints for i in members),
             effects=tuple(keys[1][i] for _, _, members in effects for i in members),
         ),

@@ -40,7 +40,8 @@ class Markers(eqx.Module):
     def poses(self, q: Float[Array, " n"]) -> Pose:
         """Where all markers are."""
         extended = self._extend(q)
-        return self._space.compose(self._frame(extended), self._local(extended))
+        poses: Pose = self._space.compose(self._frame(extended), self._local(extended))
+        return poses
 
     def motion(self, q: Float[Array, " n"], v: Float[Array, " n"]) -> tuple[Pose, Twist]:
         """Where all markers are, and how fast they move."""
@@ -48,7 +49,7 @@ class Markers(eqx.Module):
         return poses, poses.twist(rates)
 
     def jacobian(self, q: Float[Array, " n"]) -> PoseGradient:
-        """Derivatives of the poses; columns of the frame and the amplitudes of each marker's body."""
+        """Derivatives of the poses; columns of the frame and the amplitudes of each one's body."""
         extended = self._extend(q)
         local, shapes = self._local(extended), self.shapes
         if self.foreshortening is not None:
@@ -56,10 +57,12 @@ class Markers(eqx.Module):
             slide = jnp.einsum("cikl,cl->cik", self.foreshortening, amplitudes)
             more = shapes.shape[1] - slide.shape[1]
             shapes = shapes - jnp.pad(slide, ((0, 0), (0, more), (0, 0)))
-        return self._space.gradient(self._frame(extended), local, self.turns, shapes)
+        turns = self._turns(extended)
+        gradient: PoseGradient = self._space.gradient(turns, local, self.turns, shapes)
+        return gradient
 
     def coordinates(self) -> np.ndarray:
-        """Indices in q of the columns of `jacobian`, (count, size); from n on where there is none."""
+        """Indices in q of the columns of `jacobian`, (count, size); n or more: none."""
         return np.concatenate([self.frames.array, self.amplitudes.array], axis=1).astype(int)
 
     def pull_back(self, q: Float[Array, " n"], wrenches: Wrench) -> Float[Array, " n"]:
@@ -78,9 +81,12 @@ class Markers(eqx.Module):
         return jnp.concatenate([q, np.array(self._space.GROUND, q.dtype)])
 
     def _frame(self, extended: Float[Array, " extended"]) -> Pose:
-        frames, d = self.frames.array, self.points.shape[1]
-        turn = frames[:, d] if d == 2 else frames[:, d:]
-        return Pose(extended[frames[:, :d]], extended[turn])
+        turns = self._turns(extended)
+        return Pose(extended[self.frames.array[:, : self.points.shape[1]]], turns)
+
+    def _turns(self, extended: Float[Array, " extended"]) -> Float[Array, "count *turn"]:
+        frames = self.frames.array
+        return extended[frames[:, 2] if self.points.shape[1] == 2 else frames[:, 3:]]
 
     def _local(self, extended: Float[Array, " extended"]) -> Pose:
         """Where the markers are in the frames of their bodies, which are bent."""

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..arrays import Numbers
 from ..scene.marker import Pose
 from .pose_gradient import PoseGradient
 
@@ -24,25 +25,23 @@ def bend(angles: Float[Array, " count"], turned: Float[Array, "count 1"]) -> Flo
 
 def compose(frame: Pose, local: Pose) -> Pose:
     """The poses of markers whose bodies have the poses `frame`."""
-    return Pose(
-        frame.position + _turn(frame.angle, local.position), frame.angle + local.angle
-    )
+    return Pose(frame.position + _turn(frame.angle, local.position), frame.angle + local.angle)
 
 
 def gradient(
-    frame: Pose,
+    angle: Float[Array, " count"],
     local: Pose,
     turns: Float[Array, " count"],
-    shapes: Float[Array, "count 3 modes"],
+    shapes: Float[Numbers, "count 3 modes"],
 ) -> PoseGradient:
-    """The derivatives of `compose` by x, y, φ and amplitudes."""
+    """The derivatives of `compose` by x, y, φ and amplitudes, for bodies at an `angle`."""
     del turns
     count, dtype = shapes.shape[0], shapes.dtype
     unit = jnp.broadcast_to(jnp.eye(2, dtype=dtype), (count, 2, 2))
-    position = [unit, _perpendicular(_turn(frame.angle, local.position))[:, :, None]]
+    position = [unit, _perpendicular(_turn(angle, local.position))[:, :, None]]
     turning = [jnp.broadcast_to(jnp.array([0, 0, 1], dtype), (count, 3))]
     if shapes.shape[2]:
-        turned = jax.vmap(_turn, in_axes=(None, 2), out_axes=2)(frame.angle, shapes[:, :2])
+        turned = jax.vmap(_turn, in_axes=(None, 2), out_axes=2)(angle, shapes[:, :2])
         position.append(turned)
         turning.append(shapes[:, 2])
     return PoseGradient(jnp.concatenate(position, axis=2), jnp.concatenate(turning, axis=1))

@@ -1,9 +1,9 @@
 """The motion of markers in space: frames with x, y, z [m] and a quaternion of any length."""
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
+from ..arrays import Numbers
 from ..linalg import quaternions
 from ..linalg.dense import multiply
 from ..scene.marker import Pose
@@ -32,17 +32,17 @@ def compose(frame: Pose, local: Pose) -> Pose:
 
 
 def gradient(
-    frame: Pose,
+    p: Float[Array, "count 4"],
     local: Pose,
     turns: Float[Array, "count 4"],
-    shapes: Float[Array, "count 6 modes"],
+    shapes: Float[Numbers, "count 6 modes"],
 ) -> PoseGradient:
     """The derivatives of `compose` by x, y, z, the quaternion p and amplitudes.
 
     A turn of the frame δϑ = 2 E δp / s moves the arm a by δϑ × a. The quaternion p ⊗ b ⊗ c of a
     marker is linear in p, and in the turn ½ s q_f of its point, which is the vector of b.
     """
-    p, count, dtype = frame.turn, shapes.shape[0], shapes.dtype
+    count, dtype = shapes.shape[0], shapes.dtype
     arm = quaternions.skew(quaternions.rotate(p, local.position))
     turning = 2 * quaternions.space_matrix(p) / quaternions.squared(p)[:, None, None]
     unit = jnp.broadcast_to(jnp.eye(3, dtype=dtype), (count, 3, 3))

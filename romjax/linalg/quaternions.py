@@ -13,14 +13,16 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-Quaternion = Float[Array | np.ndarray, "*batch 4"]
-Triple = Float[Array | np.ndarray, "*batch 3"]
+from ..arrays import Numbers
+
+Quaternion = Float[Numbers, "*batch 4"]
+Triple = Float[Numbers, "*batch 3"]
 
 
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """a ⊗ b: first the rotation b, then a."""
+    """A ⊗ b: first the rotation b, then a."""
     return a * b[..., :1] + apply_transposed(body_matrix(a), b[..., 1:])
 
 
@@ -40,7 +42,7 @@ def small_turn(angles: Triple) -> Quaternion:
 
 
 def cross(a: Triple, b: Triple) -> Triple:
-    """a × b, by two shifted products."""
+    """A × b, by two shifted products."""
     return _shifted(a * _shifted(b) - _shifted(a) * b)
 
 
@@ -51,29 +53,29 @@ def rotate(p: Quaternion, x: Triple) -> Triple:
     return x + 2 * (p[..., :1] * across + cross(axis, across)) / squared(p)[..., None]
 
 
-def matrix(p: Quaternion) -> Float[Array | np.ndarray, "*batch 3 3"]:
+def matrix(p: Quaternion) -> Float[Numbers, "*batch 3 3"]:
     """A(p) = E Gᵀ / s, whose columns are the axes of the body."""
     body, space = body_matrix(p), space_matrix(p)
     products = (space[..., :, None, :] * body[..., None, :, :]).sum(axis=-1)
     return products / squared(p)[..., None, None]
 
 
-def squared(p: Quaternion) -> Float[Array | np.ndarray, "*batch"]:
-    """s = pᵀp."""
+def squared(p: Quaternion) -> Float[Numbers, "*batch"]:
+    """S = pᵀp."""
     return (p * p).sum(axis=-1)
 
 
-def body_matrix(p: Quaternion) -> Float[Array | np.ndarray, "*batch 3 4"]:
+def body_matrix(p: Quaternion) -> Float[Numbers, "*batch 3 4"]:
     """G = [−e, w I − ẽ]."""
     return _signed(p, [[-1, 1, 1, -1], [-1, -1, 1, 1], [-1, 1, -1, 1]])
 
 
-def space_matrix(p: Quaternion) -> Float[Array | np.ndarray, "*batch 3 4"]:
+def space_matrix(p: Quaternion) -> Float[Numbers, "*batch 3 4"]:
     """E = [−e, w I + ẽ]."""
     return _signed(p, [[-1, 1, -1, 1], [-1, 1, 1, -1], [-1, -1, 1, 1]])
 
 
-def skew(x: Triple) -> Float[Array | np.ndarray, "*batch 3 3"]:
+def skew(x: Triple) -> Float[Numbers, "*batch 3 3"]:
     """x̃, with x̃ y = x × y."""
     padded = _joined(0.0, x)
     signs = np.array([[0, -1, 1], [1, 0, -1], [-1, 1, 0]], x.dtype)
@@ -105,32 +107,36 @@ def generalized(p: Quaternion, torque: Triple) -> Quaternion:
     return 2 * apply_transposed(space_matrix(p), torque) / squared(p)[..., None]
 
 
-def apply(a: Float[Array | np.ndarray, "*batch p c"], x: Float[Array | np.ndarray, "*batch c"]) -> Float[Array | np.ndarray, "*batch p"]:
-    """a x."""
+def apply(
+    a: Float[Numbers, "*batch p c"], x: Float[Numbers, "*batch c"]
+) -> Float[Numbers, "*batch p"]:
+    """A x."""
     return (a * x[..., None, :]).sum(axis=-1)
 
 
 def apply_transposed(
-    a: Float[Array | np.ndarray, "*batch p c"], x: Float[Array | np.ndarray, "*batch p"]
-) -> Float[Array | np.ndarray, "*batch c"]:
+    a: Float[Numbers, "*batch p c"], x: Float[Numbers, "*batch p"]
+) -> Float[Numbers, "*batch c"]:
     """aᵀ x."""
     return (a * x[..., :, None]).sum(axis=-2)
 
 
 def _shifted(x: Triple) -> Triple:
     """(x₂, x₃, x₁)."""
-    return _namespace(x).concatenate([x[..., 1:], x[..., :1]], axis=-1)
+    shifted: Triple = _namespace(x).concatenate([x[..., 1:], x[..., :1]], axis=-1)
+    return shifted
 
 
 def _joined(first: float, x: Triple) -> Quaternion:
     xp = _namespace(x)
-    return xp.concatenate([xp.full_like(x[..., :1], first), x], axis=-1)
+    joined: Quaternion = xp.concatenate([xp.full_like(x[..., :1], first), x], axis=-1)
+    return joined
 
 
 def _namespace(x: Any) -> Any:
     return np if isinstance(x, np.ndarray) else jnp
 
 
-def _signed(p: Quaternion, signs: list[list[int]]) -> Float[Array | np.ndarray, "*batch 3 4"]:
+def _signed(p: Quaternion, signs: list[list[int]]) -> Float[Numbers, "*batch 3 4"]:
     order = np.array([[1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]], np.uint32)
     return p[..., order] * np.array(signs, p.dtype)

@@ -66,6 +66,14 @@ class Pose(NamedTuple):
         across = jnp.stack([-vector[1], vector[0]])
         return jnp.cos(self.angle) * vector + jnp.sin(self.angle) * across
 
+    def against(self, other: "Pose") -> "Pose":
+        """The pose as one sees it who moves and turns with the `other`."""
+        if self.dimension == 3:
+            turn = quaternions.product(quaternions.conjugate(other.turn), self.turn)
+        else:
+            turn = self.angle - other.angle
+        return Pose(other.local(self.position), turn)
+
     # Between rates of poses and twists, and by virtual work between slopes by poses and wrenches.
     # In the plane they are the same numbers.
 
@@ -233,7 +241,9 @@ def check_markers(owner: str, markers: Sequence[Marker], dimensions: tuple[int, 
     for marker in markers:
         marker.check(owner)
         if marker.dimension not in dimensions:
-            given, other = ("space", "the plane") if marker.dimension == 3 else ("the plane", "space")
+            given, other = (
+                ("space", "the plane") if marker.dimension == 3 else ("the plane", "space")
+            )
             raise SceneError(
                 f"{owner}: its marker on '{marker.body}' is in {given}, but the part is one of "
                 f"{other}; romjax has the parts of the plane, romjax.spatial those of space."

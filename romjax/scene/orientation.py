@@ -11,13 +11,14 @@ from ..arrays import Number, Vector, as_array, concrete, untraced
 from ..errors import SceneError
 from ..linalg import quaternions
 
+__all__ = ["euler", "orientation_field", "quaternion_of", "rotation"]
+
 if TYPE_CHECKING:  # why, see fields.py
     from equinox import field as orientation_field
 else:
 
     def orientation_field(**kwargs: Any) -> Any:
         """A field that holds a quaternion, of all that `quaternion_of` takes; none unless given."""
-        kwargs.setdefault("default", None)
         return eqx.field(converter=lambda x: quaternion_of("orientation", None, x), **kwargs)
 
 

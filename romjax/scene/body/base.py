@@ -38,8 +38,8 @@ class AbstractBody(eqx.Module):
 
     name: eqx.AbstractVar[str]
 
-    # How many modal coordinates follow those of the frame. As a field of this class, type checkers would ask
-    # for it in the constructor of a body that has it as a constant.
+    # How many modal coordinates follow those of the frame. As a field of this class, type checkers
+    # would ask for it in the constructor of a body that has it as a constant.
     if TYPE_CHECKING:
         modes = 0
     else:
@@ -242,7 +242,7 @@ def check_start(owner: str, body: Any) -> None:
 
 
 def frame_start(body: Any) -> tuple[Float[Array, " frame"], Float[Array, " frame"]]:
-    """Initial coordinates and velocities of the frame, of the fields that every kind of body has."""
+    """Initial coordinates and velocities of the frame, of the fields of every kind of body."""
     if body.dimension == 2:
         return (
             concatenate([body.position, body.angle]),

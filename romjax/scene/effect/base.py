@@ -12,8 +12,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
-from ..body.base import AbstractBody
 from .. import marker
+from ..body.base import AbstractBody
 from ..marker import Marker, Pose, Twist, Wrench
 from ..outline import Outline, linked
 

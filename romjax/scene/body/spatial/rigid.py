@@ -44,7 +44,7 @@ class RigidBody(AbstractBody):
     mass: Converted[Float[Array, ""]] = number()
     inertia: Converted[Float[Array, "3 *columns"], Vector] = number()
     position: Converted[Float[Array, "3"], Vector] = number(default=(0.0, 0.0, 0.0))
-    orientation: Converted[Float[Array, "4"], Vector | None] = orientation_field()
+    orientation: Converted[Float[Array, "4"], Vector | None] = orientation_field(default=None)
     velocity: Converted[Float[Array, "3"], Vector] = number(default=(0.0, 0.0, 0.0))
     angular_velocity: Converted[Float[Array, "3"], Vector] = number(default=(0.0, 0.0, 0.0))
     extent: Converted[Float[Array, "*corners 3"], Vector] = number(default=(0.2, 0.1, 0.1))
