@@ -205,7 +205,7 @@ def test_critical_speeds_of_an_overhung_disc():
     [
         ({"EI": None}, "'beam': bending modes need EI"),
         ({"torsion": 1}, "'beam': torsion modes need GJ"),
-        ({"bending": (1, -2)}, "bending is .*no number of modes"),
+        ({"bending": (1, -2)}, "no numbers of modes"),
         ({"bending": 0, "stiffening": True}, "stiffening is for beams that bend"),
         ({"inertia": (POLAR, 0.01, 0.01)}, "less than that of a thin bar"),
         ({"inertia": (POLAR, 1.0, 2.0)}, "largest must not exceed"),

@@ -26,7 +26,7 @@ class Beam(AbstractBody):
     """A uniform beam in space along its local x axis, which bends, twists and stretches.
 
     Coordinates x, y, z [m] and the quaternion of the frame in the middle of the undeformed beam,
-    then one amplitude per mode, mass-normalised [kg^½ m]: bending along y, bending along z, torsion,
+    then one amplitude per mode, mass-normalised [kg^½ m]: bending along y and along z, torsion,
     extension. All are modes of the free beam, orthogonal to rigid motion; from two bending modes in
     a plane, and one of the others, statics under loads at the ends are exact. Deflections against
     the frame are small; Euler–Bernoulli and Saint-Venant. Local y and z are the principal axes of
@@ -104,6 +104,11 @@ class Beam(AbstractBody):
         self.name, self.stiffening, self.rotary = name, stiffening, rotary
         self.bending = (bending, bending) if isinstance(bending, int) else tuple(bending)
         self.torsion, self.extension = torsion, extension
+        if len(self.bending) != 2 or min(self._counts) < 0:
+            raise SceneError(
+                f"body '{name}': bending={bending}, torsion={torsion} and extension={extension} "
+                "are no numbers of modes; give one for each plane of bending."
+            )
         self.mass, self.length, self.inertia = as_array(mass), as_array(length), as_array(inertia)
         self.EI = None if EI is None else _each(EI, 2)
         self.GJ = None if GJ is None else as_array(GJ)
@@ -247,10 +252,7 @@ class Beam(AbstractBody):
         check_name(self.name)
         owner = f"body '{self.name}'"
         for field, stiffness in (("bending", "EI"), ("torsion", "GJ"), ("extension", "EA")):
-            counts = np.atleast_1d(getattr(self, field))
-            if counts.shape not in ((1,), (2,)) or np.any(counts < 0):
-                raise SceneError(f"{owner}: {field} is {getattr(self, field)}, no number of modes.")
-            if np.any(counts) and getattr(self, stiffness) is None:
+            if np.any(getattr(self, field)) and getattr(self, stiffness) is None:
                 raise SceneError(f"{owner}: {field} modes need {stiffness}.")
         if self.stiffening and not any(self.bending):
             raise SceneError(f"{owner}: stiffening is for beams that bend; give EI and bending.")
