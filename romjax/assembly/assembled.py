@@ -50,11 +50,11 @@ class AssembledSystem(AbstractSystem):
             v,
             self.pattern,
             lambda: self.mass_blocks(q),
-            lambda: self.inverse_mass_blocks(q),
             lambda: self.jacobian_blocks(t, q),
             lambda: self.force(t, q, v),
             lambda q: self.stored(t, q),
             lambda: self.power(t, q, v),
+            lambda: self.inverse_mass_blocks(q),
         )
 
     def stored(self, t: Time, q: Float[Array, " n"]) -> tuple[Float[Array, ""], Float[Array, ""]]:

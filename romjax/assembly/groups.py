@@ -38,7 +38,7 @@ class BodyGroup(eqx.Module):
         return self._weighted(masses)
 
     def inverse_mass(self, q: Float[Array, " n"]) -> Float[Array, "count size *size"] | None:
-        """Inverses of the mass matrices, or of their diagonals; None where bodies do not know it."""
+        """Inverses of the mass matrices, or of the diagonals; None where bodies know none."""
         if not self.bodies.inverts_mass:
             return None
         own = self.coordinates.take(q)

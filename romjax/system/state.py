@@ -118,11 +118,11 @@ class FullState(AbstractState):
     v: Float[Array, " n"]
     pattern: Pattern
     mass_blocks: Callable[[], Float[Array, "bodies size *size"]]
-    inverse_mass_blocks: Callable[[], Float[Array, "bodies size *size"] | None]
     jacobian_blocks: Callable[[], Float[Array, "sides height size"]]
     force_vector: Callable[[], Float[Array, " n"]]
     stored: Callable[[Float[Array, " n"]], tuple[Float[Array, ""], Float[Array, ""]]]
     work_rate: Callable[[], Power | None]
+    inverse_mass_blocks: Callable[[], Float[Array, "bodies size *size"] | None] = lambda: None
 
     @functools.cached_property
     def _mass(self) -> Float[Array, "bodies size *size"]:
