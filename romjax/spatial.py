@@ -6,6 +6,7 @@ Force, Distance. The dimension of a scene is that of its bodies.
 
 from .scene.body.spatial.beam import Beam
 from .scene.body.spatial.inertia import SpatialInertia
+from .scene.body.spatial.modal import ModalBody
 from .scene.body.spatial.rigid import RigidBody
 from .scene.effect.spatial.torque import Torque
 from .scene.joint.spatial.cylindrical import Cylindrical
@@ -20,6 +21,7 @@ from .scene.orientation import euler, rotation
 __all__ = [
     "Beam",
     "Cylindrical",
+    "ModalBody",
     "Planar",
     "Prismatic",
     "Revolute",

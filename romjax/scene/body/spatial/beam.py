@@ -65,7 +65,7 @@ class Beam(AbstractBody):
     EA: Float[Array, ""] | None = number(default=None)
     damping: Float[Array, " modes"] | None = number(default=None)
     position: Float[Array, "3"] = number(default=(0.0, 0.0, 0.0))
-    orientation: Float[Array, "4"] = orientation_field()
+    orientation: Float[Array, "4"] = orientation_field(default=None)
     velocity: Float[Array, "3"] = number(default=(0.0, 0.0, 0.0))
     angular_velocity: Float[Array, "3"] = number(default=(0.0, 0.0, 0.0))
     amplitudes: Float[Array, " modes"] = number(default=())

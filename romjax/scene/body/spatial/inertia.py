@@ -65,7 +65,7 @@ class SpatialInertia(eqx.Module):
         weights, arms, moved = (as_array(x) for x in (masses, positions, shapes))
         rows, modes = arms.size, moved.shape[2]
         unit = jnp.tile(jnp.eye(3, dtype=arms.dtype), (len(arms), 1))
-        rigid = jnp.concatenate([unit, turned(arms[:, :, None]).reshape(rows, 3)], axis=1)
+        rigid = jnp.concatenate([unit, turned(arms).reshape(rows, 3)], axis=1)
         around = turned(moved).reshape(rows, 3, modes)
         each = jnp.repeat(weights, 3)[:, None]
         return cls(**products(lambda x: each * x, rigid, moved.reshape(rows, modes), around))
@@ -208,12 +208,10 @@ def _square(x: Float[Array, "*axes modes modes"], bent: Array) -> Float[Array, "
     return _times(_times(x, bent), bent)
 
 
-def turned(fields: Any) -> Any:
-    """e_a × u for each axis a of vectors u: of the fields (points, 3, k) as (points, 3, 3, k), a
-    the third index.
-    """
-    xp = np if isinstance(fields, np.ndarray) else jnp
-    x, y, z = (fields[:, i] for i in range(3))
+def turned(vectors: Any) -> Any:
+    """e_a × u for each axis a of vectors u (points, 3, *k), as (points, 3, a, *k)."""
+    xp = np if isinstance(vectors, np.ndarray) else jnp
+    x, y, z = (vectors[:, i] for i in range(3))
     none = xp.zeros_like(x)
     columns = ([none, -z, y], [z, none, -x], [-y, x, none])
     return xp.stack([xp.stack(column, axis=1) for column in columns], axis=2)
