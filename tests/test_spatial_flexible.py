@@ -81,8 +81,11 @@ def test_the_span_of_a_basis(cloud):
     small = inertia.in_span(jnp.asarray(basis))
     (q,), (v,) = states(1, 9, seed=3)
     full = [jnp.concatenate([x[:7], basis @ x[7:]]) for x in (q, v)]
-    wanted = full[1] @ inertia.matrix(full[0]) @ full[1]
-    assert_close(v @ small.matrix(q) @ v, wanted, IDENTITY, abs(wanted))
+    wanted, found = (
+        jax.jit(lambda q, v, own=own: v @ own.matrix(q) @ v)(*x)
+        for own, x in ((inertia, full), (small, (q, v)))
+    )
+    assert_close(found, wanted, IDENTITY, abs(wanted))
 
 
 def test_what_is_absent_is_zero():
@@ -112,3 +115,60 @@ def test_what_is_absent_is_zero():
 def test_impossible_inertia_is_refused(change, words):
     with pytest.raises(rj.SceneError, match=words):
         SpatialInertia(**{"mass": 1.0, "moment": np.eye(3), **change}).check("body 'x'", 2)
+
+
+@pytest.fixture(scope="module", params=["centred", "free"])
+def inertia(request, cloud):
+    """With all invariants, and with those of Buckens' frame alone."""
+    masses, positions, shapes = cloud
+    rng = np.random.default_rng(4)
+    if request.param == "centred":
+        fields = np.concatenate([np.tile(np.eye(3), (POINTS, 1, 1)), moved(positions)], axis=2)
+        shapes = without(masses, fields.reshape(-1, 6), shapes.reshape(-1, MODES))
+        positions = positions - (masses @ positions / masses.sum())[None]
+    shapes = orthonormal(masses, shapes.reshape(-1, MODES)).reshape(POINTS, 3, MODES)
+    full = SpatialInertia.of_points(masses, positions, shapes)
+    terms = {name: value for name, value in vars(full).items() if name != "modal"}
+    if request.param == "centred":
+        terms |= {"first_moment": None, "shift": None, "swing": None}
+    else:
+        terms["foreshortening"] = jnp.asarray(
+            0.1 * np.eye(MODES)[None] * rng.uniform(0, 1, (3, 1, 1))
+        )
+    return SpatialInertia(**terms)
+
+
+def moved(positions):
+    """e_a × X for each axis a: (points, 3, a)."""
+    return np.stack([np.cross(axis, positions) for axis in np.eye(3)], axis=2)
+
+
+def without(masses, fields, shapes):
+    """The shapes without what is in the span of the fields."""
+    heavy = np.repeat(masses, 3)[:, None] * fields
+    return shapes - fields @ np.linalg.solve(fields.T @ heavy, heavy.T @ shapes)
+
+
+def orthonormal(masses, shapes):
+    root = np.sqrt(np.repeat(masses, 3))[:, None]
+    return np.linalg.qr(root * shapes)[0] / root
+
+
+def test_the_inverse_mass(inertia):
+    q, _ = states(20, 7 + MODES, seed=5)
+    q = q.at[:, 7:].multiply(0.3)
+    assert inertia.inverts
+    products = jax.jit(jax.vmap(lambda q: inertia.inverse(q) @ inertia.matrix(q)))(q)
+    # Rows of quaternions and columns of theirs have their lengths.
+    size = np.maximum(np.linalg.norm(q[:, 3:7], axis=1), 1)[:, None, None] ** 2
+    wanted = np.broadcast_to(np.eye(7 + MODES), products.shape)
+    assert_close(products, wanted, 100 * IDENTITY, size)
+
+
+def test_the_quadratic_velocity_force(inertia):
+    """In closed form it is that of autodiff."""
+    derived = rj.quadratic_velocity_force(inertia.matrix)
+    q, v = states(100, 7 + MODES, seed=6)
+    found = jax.jit(jax.vmap(inertia.quadratic_velocity_force))(q, v)
+    wanted = jax.jit(jax.vmap(derived))(q, v)
+    assert_close(found, wanted, 10 * IDENTITY, np.max(np.abs(wanted), axis=1, keepdims=True))

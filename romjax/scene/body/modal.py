@@ -18,7 +18,6 @@ from .finite_elements import reduce_mesh
 from .inertia import Inertia
 from .spatial.inertia import SpatialInertia
 
-
 B = TypeVar("B", bound="AbstractModalBody")
 
 

@@ -14,15 +14,16 @@ from ....errors import SceneError
 from ...fields import check_numbers, number
 from ...orientation import orientation_field, quaternion_of
 from ...points import NamedPoints, by_name
-from ..base import AbstractBody, check_name, check_start, flexible_start
+from ..base import check_name, check_start
 from ..sections import AbstractSection
 from .beam_inertia import beam_inertia, rotations
+from .flexible import AbstractFlexibleBody
 from .free_modes import Counts, foreshortening, free_modes, motion
 from .inertia import SpatialInertia
 from .rigid import check_inertia
 
 
-class Beam(AbstractBody):
+class Beam(AbstractFlexibleBody):
     """A uniform beam in space along its local x axis, which bends, twists and stretches.
 
     Coordinates x, y, z [m] and the quaternion of the frame in the middle of the undeformed beam,
@@ -167,10 +168,6 @@ class Beam(AbstractBody):
         return Counts(*self.bending, self.torsion, self.extension)
 
     @property
-    def constant_mass(self) -> bool:
-        return False
-
-    @property
     def damped(self) -> bool:
         return self.damping is not None and self.modes > 0
 
@@ -179,7 +176,9 @@ class Beam(AbstractBody):
         return self.stiffening and sum(self.bending) > 0
 
     def natural_frequencies(self) -> Float[Array, " modes"]:
-        """Angular frequencies ω [rad/s] of the modes of the free beam, those of `of_axis`."""
+        """Angular frequencies ω [rad/s] of the modes of the free beam; raises SceneError if it is
+        rotary, since the modes are orthonormal in the mass of the axis alone.
+        """
         return super().natural_frequencies() if self.rotary else self._frequencies()
 
     def _frequencies(self) -> Float[Array, " modes"]:
@@ -200,9 +199,6 @@ class Beam(AbstractBody):
             or [jnp.zeros(0)]
         )
 
-    def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
-        return flexible_start(self)
-
     def invariants(self) -> SpatialInertia:
         return beam_inertia(
             self.mass,
@@ -217,9 +213,6 @@ class Beam(AbstractBody):
         half = self.length * np.array([0.5, 0.0, 0.0])
         return {"start": -half, "end": half, **self.points.mapping()}
 
-    def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size size"]:
-        return self.invariants().matrix(q)
-
     def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
         return 0.5 * jnp.sum((self._frequencies() * q[7:]) ** 2)
 
@@ -228,9 +221,6 @@ class Beam(AbstractBody):
             return jnp.zeros_like(v)
         modal = -2 * self.damping * self._frequencies() * v[7:]
         return jnp.concatenate([jnp.zeros_like(v[:7]), modal])
-
-    def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "3"]:
-        return self.invariants().first_moment_at(q)
 
     def mode_shapes(self, point: Float[Array, "3"]) -> Float[Array, "6 modes"]:
         moved, turned = motion(self._counts, point[0] / self.length + 0.5)

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from ....arrays import Vector, as_array, concrete
 from ....errors import SceneError
 from ....linalg import quaternions
-from ....linalg.dense import multiply, multiply_transposed
+from ....linalg.dense import invert, multiply, multiply_transposed
 from ...fields import Converted, check_numbers, number
 from .rigid import length_inertia
 
@@ -100,6 +100,97 @@ class SpatialInertia(eqx.Module):
         )
 
     @property
+    def inverts(self) -> bool:
+        """Whether the inverse of the mass matrix is known in closed form."""
+        return self.modal is None
+
+    def inverse(self, q: Float[Array, " size"]) -> Float[Array, "size size"]:
+        """Inverse of the mass matrix at the coordinates x, y, z, p, q_f, where M_ff is the identity.
+
+        With R the block of ω (and V where it couples) and Y that of the same rows and q_f, the
+        inverse of [[R, Y], [Yᵀ, I]] needs that of R − Y Yᵀ only. From rates by the axes of the body
+        to ṗ it is ½ Gᵀ, since G Gᵀ = s I; and p pᵀ / μ is that of the length.
+        """
+        p, bent = q[3:7], q[7:]
+        back = 0.5 * quaternions.body_matrix(p).T  # ṗ = back ω
+        own, beside = self.turning(bent), self._spinning(bent)
+        if not self.centred:
+            arm, slide = quaternions.skew(self.arm(bent)), self._sliding(bent)
+            moving = self.mass * jnp.eye(3, dtype=q.dtype)
+            own = jnp.concatenate(
+                [
+                    jnp.concatenate([moving, -arm], axis=1),
+                    jnp.concatenate([arm, own], axis=1),
+                ]
+            )
+            beside = jnp.concatenate([slide, beside])
+            turn = jnp.pad(quaternions.matrix(p), ((0, 0), (0, 3)))
+            back = jnp.concatenate([turn, jnp.pad(back, ((0, 0), (3, 0)))])
+        frame = invert(own - multiply(beside, beside.T))
+        across = multiply(frame, beside)
+        modal = jnp.eye(len(bent), dtype=q.dtype) + multiply_transposed(beside, across)
+        turned = multiply(multiply(back, frame), back.T)
+        if self.centred:
+            turned = jnp.pad(turned, ((3, 0), (3, 0)))
+            turned += jnp.diag(jnp.array([1, 1, 1, 0, 0, 0, 0], q.dtype)) / self.mass
+            back = jnp.pad(back, ((3, 0), (0, 0)))
+        length = jnp.pad(p, (3, 0))
+        turned += length[:, None] * length[None] / length_inertia(self.moment)
+        aside = -multiply(back, across)
+        return jnp.concatenate(
+            [
+                jnp.concatenate([turned, aside], axis=1),
+                jnp.concatenate([aside.T, modal], axis=1),
+            ]
+        )
+
+    def quadratic_velocity_force(
+        self, q: Float[Array, " size"], v: Float[Array, " size"]
+    ) -> Float[Array, " size"]:
+        """−Ṁ v + ½ ∂(vᵀ M v)/∂q, by the equations of Boltzmann and Hamel for rates by the axes of the
+        body (Papastavridis, "Analytical Mechanics", 2002, chapter 3).
+
+        The velocity of the frame drops out. The rates of ω = 2 G ṗ/s and of the length ρ = ln |p|
+        are 2 G p̈/s − 2 r ω/s and pᵀp̈/s + ṗᵀṗ/s − 2 r²/s², r = pᵀṗ.
+        """
+        p, rate, bent, bending = q[3:7], v[3:7], q[7:], v[7:]
+        s, r = quaternions.squared(p), jnp.sum(p * rate)
+        onto = 2 * quaternions.body_matrix(p) / s
+        omega, stretching = quaternions.apply(onto, rate), 2 * r / s
+        tensor, spinning = self.turning(bent), self._spinning(bent)
+        momentum = multiply(tensor, omega)
+        turning = quaternions.cross(omega, momentum + multiply(spinning, bending))
+        turning -= stretching * momentum
+        modal = -stretching * multiply(omega, spinning)
+        slope = self._turning_slope(bent)  # ∂J/∂q_f
+        if slope is not None:
+            along = jnp.sum(slope * omega[None, :, None], axis=1)
+            turning += multiply(along, bending)
+            modal -= 0.5 * multiply(omega, along)
+        if self.gyration is not None:
+            about = jnp.sum(self.gyration * omega[:, None, None], axis=0)
+            modal += multiply(bending, about) - multiply(about, bending)
+            turning += _square(self.gyration, bending)
+        force = -quaternions.apply_transposed(onto, turning)
+        force += length_inertia(self.moment) * (2 * r**2 / s - jnp.sum(rate**2)) / s**2 * p
+        return jnp.concatenate([self._shifting(q, omega, bending, stretching), force, -modal])
+
+    def _shifting(
+        self, q: Float[Array, " size"], omega: Array, bending: Array, stretching: Array
+    ) -> Float[Array, "3"]:
+        """The quadratic-velocity force on x, y, z."""
+        if self.centred:
+            return jnp.zeros(3, q.dtype)
+        arm = self.arm(q[7:])
+        sliding = multiply(self._sliding(q[7:]), bending)
+        total = quaternions.cross(
+            omega, quaternions.cross(omega, arm) + 2 * sliding - stretching * arm
+        )
+        if self.foreshortening is not None:
+            total -= _square(self.foreshortening, bending)
+        return -quaternions.rotate(q[3:7], total)
+
+    @property
     def centred(self) -> bool:
         """Whether the frame stays in the centre of mass: then nothing couples with x, y, z."""
         return all(x is None for x in (self.first_moment, self.shift, self.foreshortening))
@@ -125,6 +216,13 @@ class SpatialInertia(eqx.Module):
         if self.stretch is not None:
             total = total + _times(self.stretch, bent)
         return total if self.spread is None else total + _square(self.spread, bent)
+
+    def _turning_slope(self, bent: Float[Array, " modes"]) -> Float[Array, "3 3 modes"] | None:
+        """∂J/∂q_f; None where it is zero."""
+        if self.spread is None:
+            return self.stretch
+        slope = 2 * _times(self.spread, bent)
+        return slope if self.stretch is None else self.stretch + slope
 
     def in_span(self, basis: Float[Array, "modes k"]) -> "SpatialInertia":
         """The inertia of the motions q_f = Φ z, exactly: all terms are polynomials in q_f.

@@ -11,10 +11,11 @@ from ....arrays import Vector, as_array
 from ...fields import number
 from ...orientation import orientation_field, quaternion_of
 from ..modal import AbstractModalBody
+from .flexible import AbstractFlexibleBody
 from .inertia import SpatialInertia
 
 
-class ModalBody(AbstractModalBody):
+class ModalBody(AbstractFlexibleBody, AbstractModalBody):
     """A linear elastic body of any shape in space: a mesh, by its modes.
 
     Coordinates x, y, z [m] and the quaternion of the frame, then modal amplitudes. A step costs the
@@ -83,3 +84,6 @@ class ModalBody(AbstractModalBody):
         zero = jnp.zeros(self.modes)
         self.amplitudes = zero if amplitudes is None else as_array(amplitudes)
         self.rates = zero if rates is None else as_array(rates)
+
+    def invariants(self) -> SpatialInertia:
+        return self.inertia
