@@ -4,8 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.integrate
+import scipy.linalg
 from comparison import assert_close
-from tolerances import IDENTITY
+from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
 from romjax import spatial
@@ -172,3 +174,69 @@ def test_the_quadratic_velocity_force(inertia):
     found = jax.jit(jax.vmap(inertia.quadratic_velocity_force))(q, v)
     wanted = jax.jit(jax.vmap(derived))(q, v)
     assert_close(found, wanted, 10 * IDENTITY, np.max(np.abs(wanted), axis=1, keepdims=True))
+
+
+def springs(positions, stiffness):
+    """Unit vectors, lengths and nodes of springs between all points, and their linear K."""
+    first, second = np.triu_indices(len(positions), 1)
+    lines = positions[second] - positions[first]
+    lengths = np.linalg.norm(lines, axis=1)
+    rows = np.zeros((len(first), len(positions), 3))
+    along = lines / lengths[:, None]
+    index = np.arange(len(first))
+    rows[index, second], rows[index, first] = along, -along
+    rows = rows.reshape(len(first), -1)
+    return first, second, lengths, stiffness * rows.T @ rows
+
+
+def test_free_flight_against_points_and_springs():
+    """Point masses and springs in the inertial frame; the body has all of their modes."""
+    rng = np.random.default_rng(7)
+    masses, positions = rng.uniform(0.5, 1.5, 6), rng.standard_normal((6, 3))
+    positions -= (masses @ positions / masses.sum())[None]
+    # So stiff that what is of second order in the deflections, some 1e-5, is below the tolerance.
+    stiffness = 3e4
+    first, second, lengths, linear = springs(positions, stiffness)
+    squares, shapes = scipy.linalg.eigh(linear, np.diag(np.repeat(masses, 3)))
+    shapes = shapes[:, 6:].reshape(6, 3, 12)
+    body = spatial.ModalBody(
+        "cloud",
+        SpatialInertia.of_points(masses, positions, shapes),
+        squares[6:],
+        positions,
+        np.concatenate([shapes, np.zeros_like(shapes)], axis=1),
+        orientation=(1.0, 0.2, -0.1, 0.3),
+        velocity=(0.3, -0.2, 0.1),
+        angular_velocity=(0.3, -0.2, 0.4),
+        amplitudes=1e-6 * rng.standard_normal(12),
+    )
+    ts = np.linspace(0.0, 0.2, 5)
+    run = rj.simulate(rj.assemble(rj.Scene([body])), ts, rtol=1e-11, atol=1e-13)
+
+    def places(q):
+        arms = jnp.asarray(positions) + jnp.asarray(shapes) @ q[7:]
+        return q[None, :3] + quaternions.rotate(jnp.broadcast_to(q[3:7], (6, 4)), arms)
+
+    start, rate = jax.jvp(places, (run.q[0],), (run.v[0],))
+
+    def move(t, state):
+        r, v = state.reshape(2, 6, 3)
+        lines = r[second] - r[first]
+        now = np.linalg.norm(lines, axis=1)
+        pull = (stiffness * (1 - lengths / now))[:, None] * lines
+        force = np.zeros((6, 3))
+        np.add.at(force, first, pull)
+        np.add.at(force, second, -pull)
+        return np.concatenate([v, force / masses[:, None]]).ravel()
+
+    exact = scipy.integrate.solve_ivp(
+        move,
+        (0, ts[-1]),
+        np.concatenate([start, rate]).ravel(),
+        "DOP853",
+        ts,
+        rtol=1e-12,
+        atol=1e-14,
+    )
+    wanted = exact.y.T.reshape(-1, 2, 6, 3)[:, 0]
+    assert_close(jax.vmap(places)(run.q), wanted, SOLVED)

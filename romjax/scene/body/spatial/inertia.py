@@ -147,8 +147,8 @@ class SpatialInertia(eqx.Module):
     def quadratic_velocity_force(
         self, q: Float[Array, " size"], v: Float[Array, " size"]
     ) -> Float[Array, " size"]:
-        """−Ṁ v + ½ ∂(vᵀ M v)/∂q, by the equations of Boltzmann and Hamel for rates by the axes of the
-        body (Papastavridis, "Analytical Mechanics", 2002, chapter 3).
+        """−Ṁ v + ½ ∂(vᵀ M v)/∂q, by the equations of Boltzmann and Hamel for rates by the axes of
+        the body (Papastavridis, "Analytical Mechanics", 2002, chapter 3).
 
         The velocity of the frame drops out. The rates of ω = 2 G ṗ/s and of the length ρ = ln |p|
         are 2 G p̈/s − 2 r ω/s and pᵀp̈/s + ṗᵀṗ/s − 2 r²/s², r = pᵀṗ.
