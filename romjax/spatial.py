@@ -4,6 +4,9 @@ Parts whose formula is the same in the plane and in space are one class: Gravity
 Force, Distance. The dimension of a scene is that of its bodies.
 """
 
+from .scene.body.spatial.beam import Beam
+from .scene.body.spatial.inertia import SpatialInertia
+from .scene.body.spatial.modal import ModalBody
 from .scene.body.spatial.rigid import RigidBody
 from .scene.effect.spatial.torque import Torque
 from .scene.joint.spatial.cylindrical import Cylindrical
@@ -16,11 +19,14 @@ from .scene.joint.spatial.weld import Weld
 from .scene.orientation import euler, rotation
 
 __all__ = [
+    "Beam",
     "Cylindrical",
+    "ModalBody",
     "Planar",
     "Prismatic",
     "Revolute",
     "RigidBody",
+    "SpatialInertia",
     "Spherical",
     "Torque",
     "Universal",
