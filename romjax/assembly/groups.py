@@ -111,22 +111,21 @@ class JointGroup(eqx.Module):
 
     def residual(self, t: Time, poses: Pose) -> Float[Array, "count rows"]:
         residuals: Float[Array, "count rows"]
-        residuals = jax.vmap(lambda joint, a, b: joint.residual(t, a, b))(
-            self.joints, *self.markers.take(poses)
+        residuals = jax.vmap(lambda joint, poses: joint.residual(t, *poses))(
+            self.joints, self.markers.take(poses)
         )
         return residuals
 
     def jacobian(
         self, t: Time, poses: Pose, motion: PoseGradient
     ) -> Float[Array, "side count rows size"]:
-        """Derivatives with respect to the coordinates of the bodies on both sides."""
+        """Derivatives with respect to the coordinates of the bodies on all sides."""
 
-        def slopes(joint: AbstractJoint, a: Pose, b: Pose) -> tuple[Pose, Pose]:
-            sides: tuple[Pose, Pose]
-            sides = jax.jacrev(lambda a, b: joint.residual(t, a, b), argnums=(0, 1))(a, b)
+        def slopes(joint: AbstractJoint, poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
+            sides: tuple[Pose, ...] = jax.jacrev(lambda poses: joint.residual(t, *poses))(poses)
             return sides
 
-        sides = jax.vmap(slopes)(self.joints, *self.markers.take(poses))
+        sides = jax.vmap(slopes)(self.joints, self.markers.take(poses))
         return jnp.stack(
             [
                 gradient.chain(side)
@@ -136,19 +135,18 @@ class JointGroup(eqx.Module):
 
     def wrenches(
         self, t: Time, poses: Pose, multipliers: Float[Array, " m"]
-    ) -> tuple[Wrench, Wrench]:
-        """What the joints do to both of their markers, one row per joint.
+    ) -> tuple[Wrench, ...]:
+        """What the joints do to all of their markers, one row per joint.
 
         The constraint forces −C_qᵀ λ, as wrenches at the poses that the residual is a function of.
         """
 
-        def react(joint: AbstractJoint, own: Array, a: Pose, b: Pose) -> tuple[Wrench, Wrench]:
-            _, transpose = jax.vjp(lambda a, b: joint.residual(t, a, b), a, b)
-            on_a, on_b = transpose(-own)
-            return a.wrench(on_a), b.wrench(on_b)
+        def react(joint: AbstractJoint, own: Array, poses: tuple[Pose, ...]) -> tuple[Wrench, ...]:
+            _, transpose = jax.vjp(lambda *poses: joint.residual(t, *poses), *poses)
+            return tuple(p.wrench(force) for p, force in zip(poses, transpose(-own), strict=True))
 
         own, sides = self.rows.take(multipliers), self.markers.take(poses)
-        wrenches: tuple[Wrench, Wrench] = jax.vmap(react)(self.joints, own, *sides)
+        wrenches: tuple[Wrench, ...] = jax.vmap(react)(self.joints, own, sides)
         return wrenches
 
 
