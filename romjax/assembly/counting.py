@@ -40,7 +40,7 @@ class Counter(AbstractBody):
     inertia: Float[Array, ""]
     dimension: ClassVar[int] = 3
     modes: ClassVar[int] = 0  # type: ignore[misc]
-    constant_mass: ClassVar[bool] = True  # type: ignore[misc]
+    constant_mass: ClassVar[bool] = True
 
     @property
     def frame_size(self) -> int:
@@ -154,6 +154,8 @@ def started(system: Any) -> Any:
         (
             system.q0.at[own].set(angle[rows]),
             system.v0.at[own].set(speed[rows]),
-            eqx.tree_at(lambda c: c.inertia, group.bodies, _INERTIA / jax.lax.stop_gradient(mobility[rows])),
+            eqx.tree_at(
+                lambda c: c.inertia, group.bodies, _INERTIA / jax.lax.stop_gradient(mobility[rows])
+            ),
         ),
     )

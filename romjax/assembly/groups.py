@@ -133,9 +133,7 @@ class JointGroup(eqx.Module):
             ]
         )
 
-    def wrenches(
-        self, t: Time, poses: Pose, multipliers: Float[Array, " m"]
-    ) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Pose, multipliers: Float[Array, " m"]) -> tuple[Wrench, ...]:
         """What the joints do to all of their markers, one row per joint.
 
         The constraint forces −C_qᵀ λ, as wrenches at the poses that the residual is a function of.

@@ -54,7 +54,7 @@ class Pose(NamedTuple):
         return jnp.stack([jnp.cos(self.angle), jnp.sin(self.angle)]) @ (point - self.position)
 
     def across(self, point: Float[Array, " d"]) -> Float[Array, "*more"]:
-        """How far a point is from that axis [m]: the local y in the plane, x and y (2,) in space."""
+        """How far a point is from that axis [m]: local y in the plane, x and y (2,) in space."""
         if self.dimension == 3:
             return self.local(point)[:2]
         return jnp.stack([-jnp.sin(self.angle), jnp.cos(self.angle)]) @ (point - self.position)
@@ -102,7 +102,7 @@ class Pose(NamedTuple):
         return strength if self.dimension == 2 else strength * self._axis()
 
     def _axis(self) -> Float[Array, "3"]:
-        return self.turned(np.array([0, 0, 1], self.position.dtype))
+        return self.turned(jnp.asarray(np.array([0, 0, 1], self.position.dtype)))
 
     # Between rates of poses and twists, and by virtual work between slopes by poses and wrenches.
     # In the plane they are the same numbers.

@@ -17,7 +17,7 @@ from .base import AbstractJoint
 class FixedAngle(AbstractJoint):
     """Marker `a` keeps the angle `value` [rad] against marker `b` (chapter equation 39.15).
 
-    In space it is the angle about the z axis of `b`, after which `a` may be tilted in any direction.
+    In space it is the angle about the z axis of `b`, after which `a` may tilt in any direction.
     """
 
     a: Marker

@@ -14,8 +14,8 @@ from .base import AbstractJoint
 
 
 class PointOnLine(AbstractJoint):
-    """Marker `a` stays on the local x axis of marker `b` (chapter equation 39.14), in space on the z
-    axis; it may turn.
+    """Marker `a` stays on the local x axis of marker `b` (chapter equation 39.14), in space on its
+    z axis; it may turn.
     """
 
     a: Marker

@@ -59,8 +59,8 @@ class PrescribedAngle(_Prescribed):
 
 
 class PrescribedTravel(_Prescribed):
-    """Marker `a` is at x = `signal(t)` [m] in the frame of marker `b`, in space at z; the multiplier
-    is the force along this axis.
+    """Marker `a` is at x = `signal(t)` [m] in the frame of marker `b`, in space at z; the
+    multiplier is the force along this axis.
     """
 
     a: Marker
