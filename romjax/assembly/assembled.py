@@ -54,6 +54,7 @@ class AssembledSystem(AbstractSystem):
             lambda: self.force(t, q, v),
             lambda q: self.stored(t, q),
             lambda: self.power(t, q, v),
+            lambda: self.inverse_mass_blocks(q),
         )
 
     def stored(self, t: Time, q: Float[Array, " n"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
@@ -86,8 +87,18 @@ class AssembledSystem(AbstractSystem):
         """Mass matrices of the bodies, padded to one size by ones on the diagonal; the diagonals
         alone where all are diagonal.
         """
-        size = self.pattern.coordinates.width
-        blocks = [group.mass(q) for group in self.bodies]
+        return self._padded([group.mass(q) for group in self.bodies])
+
+    def inverse_mass_blocks(
+        self, q: Float[Array, " n"]
+    ) -> Float[Array, "bodies size *size"] | None:
+        """Inverses of `mass_blocks`; None where not all bodies know theirs."""
+        blocks = [group.inverse_mass(q) for group in self.bodies]
+        known = [block for block in blocks if block is not None]
+        return self._padded(known) if len(known) == len(blocks) else None
+
+    def _padded(self, blocks: list[Float[Array, "..."]]) -> Float[Array, "bodies size *size"]:
+        size, dtype = self.pattern.coordinates.width, blocks[0].dtype
         diagonal = all(block.ndim == 2 for block in blocks)
         padded = []
         for block in blocks:
@@ -96,7 +107,7 @@ class AssembledSystem(AbstractSystem):
                 padded.append(jnp.pad(block, ((0, 0), (0, more)), constant_values=1))
             else:
                 full = jax.vmap(jnp.diag)(block) if block.ndim == 2 else block
-                ones = np.diag(np.arange(size) >= block.shape[1]).astype(q.dtype)
+                ones = np.diag(np.arange(size) >= block.shape[1]).astype(dtype)
                 padded.append(jnp.pad(full, ((0, 0), (0, more), (0, more))) + ones[None])
         return jnp.concatenate(padded)
 

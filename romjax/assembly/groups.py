@@ -37,6 +37,16 @@ class BodyGroup(eqx.Module):
         )
         return self._weighted(masses)
 
+    def inverse_mass(self, q: Float[Array, " n"]) -> Float[Array, "count size *size"] | None:
+        """Inverses of the mass matrices, or of the diagonals; None where bodies know none."""
+        if not self.bodies.inverts_mass:
+            return None
+        own = self.coordinates.take(q)
+        inverses: Array = jax.vmap(lambda body, q: body.inverse_mass(q))(self.bodies, own)
+        if self.weights is None:
+            return inverses
+        return inverses / self.weights.reshape(self.weights.shape + (1,) * (inverses.ndim - 1))
+
     def force(
         self, fields: tuple[AbstractField, ...], q: Float[Array, " n"], v: Float[Array, " n"]
     ) -> Float[Array, "count size"] | None:
@@ -51,7 +61,7 @@ class BodyGroup(eqx.Module):
         if self.bodies.damped:
             moving.append(lambda body, q, v: body.damping_force(v))
         if not self.bodies.constant_mass:
-            moving.append(lambda body, q, v: quadratic_velocity_force(body.mass_matrix)(q, v))
+            moving.append(_quadratic_velocity_force)
         if not still and not moving:
             return None
 
@@ -100,6 +110,15 @@ class BodyGroup(eqx.Module):
         if self.weights is None:
             return x
         return x * self.weights.reshape(self.weights.shape + (1,) * (x.ndim - 1))
+
+
+def _quadratic_velocity_force(
+    body: AbstractBody, q: Float[Array, " size"], v: Float[Array, " size"]
+) -> Float[Array, " size"]:
+    """That which the body knows; else by autodiff of its mass matrix."""
+    own = body.quadratic_velocity_force(q, v)
+    force: Array = quadratic_velocity_force(body.mass_matrix)(q, v) if own is None else own
+    return force
 
 
 class JointGroup(eqx.Module):

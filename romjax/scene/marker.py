@@ -222,7 +222,9 @@ class Marker(eqx.Module):
         axis: Vector | None = None,
         rotation: Vector | None = None,
     ) -> "Marker":
-        """A marker at a point of a body, turned as `AbstractBody.at` is told."""
+        """A marker at a `point` [m] of the `body` of that name, turned by `angle`, `axis` and
+        `rotation` as in `AbstractBody.at`.
+        """
         at = as_array(point)
         if at.shape != (3,):
             if axis is not None or rotation is not None:

@@ -46,7 +46,7 @@ def frequencies(
 def _spin(
     quaternions: tuple[int, ...], q: Float[Array, " N"], v: Float[Array, " N"]
 ) -> Float[Array, ""]:
-    """The fastest angular velocity, 2 |ṗ| / |p|, of quaternions p that keep their length [rad/s]."""
+    """The fastest angular velocity [rad/s], 2 |ṗ| / |p| where |p| is constant."""
     if not quaternions:
         return jnp.zeros((), q.dtype)
     columns = np.array(quaternions)[:, None] + np.arange(4)

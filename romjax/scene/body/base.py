@@ -76,6 +76,11 @@ class AbstractBody(eqx.Module):
         return frame_size(self.dimension)
 
     @property
+    def inverts_mass(self) -> bool:
+        """Whether the inverse of the mass matrix is known in closed form."""
+        return False
+
+    @property
     def size(self) -> int:
         """How many generalized coordinates the body has."""
         return self.frame_size + self.modes
@@ -87,6 +92,19 @@ class AbstractBody(eqx.Module):
     @abc.abstractmethod
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         """Mass matrix of the body's own coordinates; a diagonal one as its diagonal, (size,)."""
+
+    def inverse_mass(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
+        """Inverse of the mass matrix, in its form; asked only of bodies that have one in closed
+        form.
+        """
+        raise NotImplementedError
+
+    def quadratic_velocity_force(
+        self, q: Float[Array, " size"], v: Float[Array, " size"]
+    ) -> Float[Array, " size"] | None:
+        """−Ṁ v + ½ ∂(vᵀ M v)/∂q in closed form; None where autodiff has to give it."""
+        del q, v
+        return None
 
     @abc.abstractmethod
     def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from ....arrays import Vector, as_array, concrete
 from ....errors import SceneError
 from ....linalg import quaternions
-from ....linalg.dense import multiply, multiply_transposed
+from ....linalg.dense import invert, multiply, multiply_transposed
 from ...fields import Converted, check_finite, check_numbers, number
 from ...orientation import orientation_field
 from ...points import NamedPoints, by_name
@@ -55,6 +55,10 @@ class RigidBody(AbstractBody):
     def constant_mass(self) -> bool:
         return False
 
+    @property
+    def inverts_mass(self) -> bool:
+        return True
+
     def start(self) -> tuple[Float[Array, "7"], Float[Array, "7"]]:
         return frame_start(self)
 
@@ -69,11 +73,39 @@ class RigidBody(AbstractBody):
         """
         p = q[3:]
         body, s = quaternions.body_matrix(p), quaternions.squared(p)
-        tensor = self.inertia * jnp.eye(3) if self.inertia.ndim == 1 else self.inertia
+        tensor = self._tensor()
         along = length_inertia(tensor) * p[:, None] * p[None]
         turning = 4 * multiply_transposed(body, multiply(tensor, body)) + along
-        moving = self.mass * jnp.eye(3, dtype=q.dtype)
-        return jnp.block([[moving, jnp.zeros((3, 4))], [jnp.zeros((4, 3)), turning / s**2]])
+        return _blocks(self.mass * jnp.eye(3, dtype=q.dtype), turning / s**2)
+
+    def inverse_mass(self, q: Float[Array, "7"]) -> Float[Array, "7 7"]:
+        """diag(I/m, ¼ Gᵀ J⁻¹ G + p pᵀ/μ), since G Gᵀ = s I and G p = 0."""
+        p, tensor = q[3:], self._tensor()
+        body = quaternions.body_matrix(p)
+        along = p[:, None] * p[None] / length_inertia(tensor)
+        turning = 0.25 * multiply_transposed(body, multiply(invert(tensor), body)) + along
+        return _blocks(jnp.eye(3, dtype=q.dtype) / self.mass, turning)
+
+    def quadratic_velocity_force(
+        self, q: Float[Array, "7"], v: Float[Array, "7"]
+    ) -> Float[Array, "7"]:
+        """Of Euler's equation J ω̇ = −ω × J ω, at ρ̈ = 0 of the length ρ = ln |p|.
+
+        With r = pᵀṗ: 2 Gᵀ τ/s + μ (2 r²/s − ṗᵀṗ) p/s², where τ = 2 r h/s − ω × h and h = J ω. The
+        first term of τ is there since ω̇ = 2 G p̈/s − 2 r ω/s.
+        """
+        p, rate, tensor = q[3:], v[3:], self._tensor()
+        s, r = quaternions.squared(p), jnp.sum(p * rate)
+        omega = quaternions.body_angular_velocity(p, rate)
+        momentum = multiply(tensor, omega)
+        torque = 2 * r / s * momentum - quaternions.cross(omega, momentum)
+        along = length_inertia(tensor) * (2 * r**2 / s - quaternions.squared(rate)) / s**2
+        turning = 2 / s * quaternions.apply_transposed(quaternions.body_matrix(p), torque)
+        return jnp.concatenate([jnp.zeros(3, q.dtype), turning + along * p])
+
+    def _tensor(self) -> Float[Array, "3 3"]:
+        diagonal = self.inertia.ndim == 1
+        return self.inertia * jnp.eye(3, dtype=self.inertia.dtype) if diagonal else self.inertia
 
     def elastic_energy(self, q: Float[Array, "7"]) -> Float[Array, ""]:
         return jnp.zeros((), q.dtype)
@@ -97,6 +129,11 @@ class RigidBody(AbstractBody):
         check_finite(owner, "extent", self.extent)
         check_start(owner, self)
         self.points.check(owner, dimension=3)
+
+
+def _blocks(moving: Float[Array, "3 3"], turning: Float[Array, "4 4"]) -> Float[Array, "7 7"]:
+    """The matrix with two blocks on its diagonal."""
+    return jnp.pad(moving, ((0, 4), (0, 4))) + jnp.pad(turning, ((3, 0), (3, 0)))
 
 
 def length_inertia(tensor: Float[Array, "3 3"]) -> Float[Array, ""]:
