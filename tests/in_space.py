@@ -57,7 +57,7 @@ class InSpace:
 
     def vector(self, x) -> np.ndarray:
         """A vector of the plane in space."""
-        return quaternions.rotate(self.turn, np.append(np.asarray(x, float), 0.0))
+        return rotated(self.turn, np.append(np.asarray(x, float), 0.0))
 
     def _body(self, body) -> rj.AbstractBody:
         q, v = (np.asarray(x) for x in body.start())
@@ -70,7 +70,7 @@ class InSpace:
             self.vector(q[:2]),
             quaternions.product(self.turn, about_z(q[2])),
             self.vector(v[:2]),
-            quaternions.rotate(self.turn, np.array([0.0, 0.0, v[2]])),
+            rotated(self.turn, np.array([0.0, 0.0, v[2]])),
         )
 
     def marker(self, marker: rj.Marker, then=(1.0, 0.0, 0.0, 0.0)) -> rj.Marker:
@@ -119,8 +119,8 @@ class InSpace:
             # The rate of 2 E ṗ / s, as E(ṗ) ṗ = 0 and the length is constant.
             turning = 2 * quaternions.apply(quaternions.space_matrix(p), ddp) / (p @ p)
             back = quaternions.conjugate(self.turn)
-            line = quaternions.rotate(back, np.asarray(a[own])[:3])
-            turning = quaternions.rotate(back, turning)
+            line = rotated(back, np.asarray(a[own])[:3])
+            turning = rotated(back, turning)
             found += [line[0], line[1], turning[2]]
             out = max(out, abs(line[2]), abs(turning[0]), abs(turning[1]))
         return np.array(found), out
@@ -134,6 +134,10 @@ class InSpace:
             turn = quaternions.product(np.broadcast_to(back, own[:, 3:].shape), own[:, 3:])
             found += [line[:, 0], line[:, 1], 2 * np.arctan2(turn[:, 3], turn[:, 0])]
         return np.stack(found, axis=1)
+
+
+def rotated(turn: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    return quaternions.rotate(turn[None], vector[None])[0]
 
 
 def about_z(angle) -> np.ndarray:

@@ -24,7 +24,7 @@ def all_parts() -> rj.Scene:
     cart = rj.RigidBody("cart", 1.5, 0.1, position=(-0.5, 0.4), velocity=(0.3, 0.0))
     bob = rj.RigidBody("bob", 0.7, 0.05, position=(-0.5, -0.2), angle=0.4, velocity=(0.3, 0.0))
     ring = rj.RigidBody("ring", 0.4, 0.03, position=(2.0, 0.5), angle=-0.3)
-    plate = rj.RigidBody("plate", 0.4, 0.03, position=(2.0, 0.9), angle=3.5)
+    plate = rj.RigidBody("plate", 0.4, 0.03, position=(2.0, 0.9), angle=1.5)
     crank = rj.RigidBody("crank", 0.4, 0.03, position=(3.0, 0.2), angle=0.3)
     joints = [
         rj.Revolute(hub.at(), rj.ground.at()),

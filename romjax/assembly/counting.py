@@ -54,6 +54,14 @@ class Counter(AbstractBody):
         del q
         return self.inertia[None]
 
+    @property
+    def inverts_mass(self) -> bool:
+        return True
+
+    def inverse_mass(self, q: Float[Array, "1"]) -> Float[Array, "1"]:
+        del q
+        return 1 / self.inertia[None]
+
     def elastic_energy(self, q: Float[Array, "1"]) -> Float[Array, ""]:
         return jnp.zeros((), q.dtype)
 
@@ -143,8 +151,9 @@ def started(system: Any) -> Any:
     own, rows = group.coordinates.array[:, 0], holding.rows.array[:, 0]
     zero = jnp.zeros((), system.q0.dtype)
     angle, speed = jax.jvp(lambda q: system.constraint(zero, q), (system.q0,), (system.v0,))
-    blocks, sides = system.mass_blocks(system.q0), system.jacobian_blocks(zero, system.q0)
-    free = multiply(take(invert(blocks), system.pattern.bodies), jnp.swapaxes(sides, 1, 2))
+    inverse, sides = system.inverse_mass_blocks(system.q0), system.jacobian_blocks(zero, system.q0)
+    inverse = invert(system.mass_blocks(system.q0)) if inverse is None else inverse
+    free = multiply(take(inverse, system.pattern.bodies), jnp.swapaxes(sides, 1, 2))
     mobility = jnp.sum(jnp.swapaxes(free, 1, 2) * sides, axis=2)
     mobility = jnp.sum(take(mobility, system.pattern.sides_of_nodes), axis=1)
     mobility = system.pattern.join_rows(mobility)

@@ -18,6 +18,7 @@ from ..scene.effect.base import AbstractField, AbstractMarkerEffect
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import Pose, Twist, Wrench
 from ..system.dynamics import quadratic_velocity_force
+from .grouping import T
 from .kinematics import MarkerBlocks
 from .pose_gradient import PoseGradient
 
@@ -141,16 +142,24 @@ class JointGroup(eqx.Module):
         """Derivatives with respect to the coordinates of the bodies on all sides."""
 
         def slopes(joint: AbstractJoint, poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
-            sides: tuple[Pose, ...] = jax.jacrev(lambda poses: joint.residual(t, *poses))(poses)
+            own, counters = self.bodies_of(poses), poses[len(self.bodies_of(poses)) :]
+            sides: tuple[Pose, ...]
+            sides = jax.jacrev(lambda own: joint.residual(t, *own, *counters))(own)
             return sides
 
         sides = jax.vmap(slopes)(self.joints, self.markers.take(poses))
         return jnp.stack(
             [
                 gradient.chain(side)
-                for side, gradient in zip(sides, self.markers.take(motion), strict=True)
+                for side, gradient in zip(
+                    sides, self.bodies_of(self.markers.take(motion)), strict=True
+                )
             ]
         )
+
+    def bodies_of(self, sides: tuple[T, ...]) -> tuple[T, ...]:
+        """The sides without those of counters, on which the residual does not depend."""
+        return sides[: len(self.joints.markers)]
 
     def wrenches(self, t: Time, poses: Pose, multipliers: Float[Array, " m"]) -> tuple[Wrench, ...]:
         """What the joints do to all of their markers, one row per joint.

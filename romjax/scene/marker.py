@@ -65,7 +65,7 @@ class Pose(NamedTuple):
             return quaternions.rotate(quaternions.conjugate(self.turn), point - self.position)
         return jnp.stack([self.along(point), self.across(point)])
 
-    def turned(self, vector: Float[Array, " d"]) -> Float[Array, " d"]:
+    def turned(self, vector: Float[Array | np.ndarray, " d"]) -> Float[Array, " d"]:
         """A vector of the marker's frame in the inertial one."""
         if self.dimension == 3:
             return quaternions.rotate(self.turn, vector)
@@ -102,7 +102,7 @@ class Pose(NamedTuple):
         return strength if self.dimension == 2 else strength * self._axis()
 
     def _axis(self) -> Float[Array, "3"]:
-        return self.turned(jnp.asarray(np.array([0, 0, 1], self.position.dtype)))
+        return self.turned(np.array([0, 0, 1], self.position.dtype))
 
     # Between rates of poses and twists, and by virtual work between slopes by poses and wrenches.
     # In the plane they are the same numbers.
