@@ -168,10 +168,11 @@ class Wrench(NamedTuple):
     def __neg__(self) -> "Wrench":
         return Wrench(-self.force, -self.torque)
 
-    def power(self, twist: Twist) -> Float[Array, ""]:
+    def power(self, twist: Twist) -> Float[Array, "*k"]:
         """The power on a moving marker [W]."""
-        turning = self.torque * twist.angular_velocity
-        return self.force @ twist.velocity + (jnp.sum(turning) if turning.ndim else turning)
+        moving, turning = self.force * twist.velocity, self.torque * twist.angular_velocity
+        in_space = turning.ndim == moving.ndim
+        return jnp.sum(moving, axis=-1) + (jnp.sum(turning, axis=-1) if in_space else turning)
 
 
 class Marker(eqx.Module):
