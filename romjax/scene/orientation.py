@@ -85,7 +85,7 @@ def _to_axis(owner: str, axis: Float[Array, "3"]) -> Float[Array, "4"]:
     return as_array(xp.where(turned[0] > 1e-8 * length, turned, np.array([0.0, 1.0, 0.0, 0.0])))
 
 
-def _check_axis(owner: str, axis: Float[Array, "3"]) -> None:
+def _check_axis(owner: str, axis: Float[Array | np.ndarray, "3"]) -> None:
     known = concrete(axis)
     if axis.shape != (3,) or (
         known is not None and not (np.all(np.isfinite(known)) and np.any(known))
