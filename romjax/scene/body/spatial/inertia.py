@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ....arrays import Vector, as_array, concrete
-from ....errors import SceneError
+from ....arrays import Vector, as_array
 from ....linalg import quaternions
 from ....linalg.dense import invert, multiply, multiply_transposed
-from ...fields import Converted, check_numbers, number
+from ...fields import Converted, number
+from .check_invariants import check_invariants
 from .products import products, turned
 
 
@@ -250,35 +250,7 @@ class SpatialInertia(eqx.Module):
 
     def check(self, owner: str, modes: int) -> None:
         """Raise a SceneError that names owner, field, value and remedy."""
-        shapes: dict[str, tuple[int, ...]] = {
-            "mass": (),
-            "moment": (3, 3),
-            "modal": (modes, modes),
-            "first_moment": (3,),
-            "shift": (3, modes),
-            "swing": (3, modes),
-            "stretch": (3, 3, modes),
-            "spread": (3, 3, modes, modes),
-            "gyration": (3, modes, modes),
-            "foreshortening": (3, modes, modes),
-        }
-        for field, shape in shapes.items():
-            check_numbers(owner, self, field, shape=shape, prefix="inertia.")
-        moment = concrete(self.moment)
-        if moment is None:
-            return
-        skew = np.max(abs(moment - moment.T))
-        if skew > 1e-9 * np.max(abs(moment)):
-            raise SceneError(
-                f"{owner}: inertia.moment is not symmetric: entries differ by {skew:g}."
-            )
-        matrix = concrete(self.matrix(jnp.zeros(7 + modes).at[3].set(1.0)))
-        least = np.inf if matrix is None else np.min(np.linalg.eigvalsh(matrix))
-        if not least > 0:
-            raise SceneError(
-                f"{owner}: its mass matrix is not positive definite, with an eigenvalue of "
-                f"{least:g}; check the signs of the invariants, and that modes are independent."
-            )
+        check_invariants(owner, self, modes)
 
     def _spinning(self, bent: Float[Array, " modes"]) -> Float[Array, "3 modes"]:
         """H: the angular momentum by the axes of the frame, per unit rate of the amplitudes."""
