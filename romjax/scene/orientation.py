@@ -70,7 +70,8 @@ def quaternion_of(
     known = concrete(value)
     if known is not None and not (np.all(np.isfinite(known)) and np.any(known)):
         raise SceneError(f"{owner}: the quaternion is {known}; give one that is not zero.")
-    return as_array(quaternions.product(*untraced(value, own)))
+    turned = not isinstance(angle, float) or angle != 0.0
+    return as_array(quaternions.product(*untraced(value, own))) if turned else value
 
 
 def _to_axis(owner: str, axis: Float[Array, "..."]) -> Float[Array, "4"]:
