@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from . import gallery as gallery
 from . import plot as plot
+from . import spatial as spatial
 from .analysis.equilibrium import equilibrium as equilibrium
 from .analysis.linearization import LinearModel as LinearModel
 from .analysis.linearization import linearize as linearize
@@ -92,6 +93,7 @@ from .scene.effect.bushing import Bushing as Bushing
 from .scene.effect.contact import Contact as Contact
 from .scene.effect.contact import Friction as Friction
 from .scene.effect.damper import Damper as Damper
+from .scene.effect.drag import Drag as Drag
 from .scene.effect.force import Force as Force
 from .scene.effect.gravity import Gravity as Gravity
 from .scene.effect.motor import Motor as Motor

@@ -1,7 +1,7 @@
 """What users may write for numbers, and how it becomes an array."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +17,11 @@ _Row = Sequence[ArrayLike]
 _Rows = Sequence[ArrayLike | _Row]
 Vector = ArrayLike | Sequence[ArrayLike | _Rows]
 Time = Real[ArrayLike, ""]  # [s]
+if TYPE_CHECKING:
+    # To checkers an array of JAX, since all that functions return for one of its arrays is one.
+    Numbers = Array
+else:
+    Numbers = Array | np.ndarray
 
 
 def as_array(value: Any) -> Array:
@@ -54,3 +59,10 @@ def put(target: ArrayLike, index: Any, value: ArrayLike) -> Array | np.ndarray:
     changed = np.array(target)
     changed[index] = value
     return changed
+
+
+def untraced(*values: ArrayLike) -> tuple[Any, ...]:
+    """The values as NumPy arrays, by which nothing is compiled, unless JAX traces one of them."""
+    if any(is_traced(value) for value in values):
+        return tuple(jnp.asarray(value) for value in values)
+    return tuple(np.asarray(value) for value in values)

@@ -149,7 +149,7 @@ def fitted_joint(lot: Lot, kind: type, a: rj.Marker, b: rj.Marker, bodies: list)
     at, of = start_pose(bodies, a), start_pose(bodies, b)
     twist, local = at.angle - of.angle, of.local(at.position)
     bearing = jnp.arctan2(local[1], local[0])
-    aimed = dataclasses.replace(b, angle=b.angle + bearing)  # its x axis passes through a
+    aimed = dataclasses.replace(b, turn=b.angle + bearing)  # its x axis passes through a
     ratio, signal = lot.between(-3.0, 3.0), random_signal(lot, 0.2, smooth=True)
     turn, travel = rj.Constant(twist - signal(0.0)), rj.Constant(local[0] - signal(0.0))
     fits = {

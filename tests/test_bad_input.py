@@ -152,9 +152,15 @@ PARTS = {
         lambda: rj.Force(bar().at(), (1.0, 0.0), rj.Table([0.0, 1.0], [0.0])),
         r"Table\.values has shape \(1,\), but it must have shape \(2\)",
     ),
-    "gravity in space": (
-        lambda: rj.Gravity((0.0, 0.0, -9.81)),
-        r"'Gravity': acceleration has shape \(3,\)",
+    "gravity of four numbers": (
+        lambda: rj.Gravity((0.0, 0.0, 0.0, -9.81)),
+        r"'Gravity': acceleration has shape \(4,\)",
+    ),
+    "gravity of space in the plane": (
+        lambda: rj.Scene(
+            [rj.RigidBody("a", 1.0, 1.0)], [], [rj.Gravity((0.0, 0.0, -9.81))]
+        ).check(),
+        "effect 'Gravity' is in space, but body 'a' is in the plane",
     ),
     "no links": (lambda: rj.gallery.chain(0), "links is 0, but a chain needs at least one"),
     "unknown example": (

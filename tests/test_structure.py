@@ -126,7 +126,7 @@ BASE = {
 }
 BELOW = {
     "linalg": set(),
-    "scene": set(),
+    "scene": {"linalg"},
     "basis": set(),
     "system": {"linalg", "scene"},
     "assembly": {"linalg", "scene", "system"},
@@ -135,11 +135,12 @@ BELOW = {
     "local": {"linalg", "scene", "basis", "system", "assembly", "reduction"},
     "events": {"linalg", "system"},
     "integrate": {"linalg", "scene", "basis", "system", "reduction", "events"},
-    "measure": {"scene", "system", "assembly", "reduction", "integrate"},
+    "measure": {"linalg", "scene", "system", "assembly", "reduction", "integrate"},
     "analysis": {"linalg", "scene", "system", "assembly", "measure"},
     "study": {"linalg", "scene", "basis", "system", "assembly", "reduction", "integrate"},
     "files": {"scene", "system", "assembly", "integrate", "measure", "study", "events"},
     "gallery": {"scene"},
+    "spatial": {"scene"},
     "plot": {"scene", "basis", "system", "assembly", "reduction", "integrate", "study"}
     | {"analysis"},
 }

@@ -14,7 +14,6 @@ from ..checks import check_shape
 from ..measure.quantity import AbstractQuantity, Coordinate
 from ..program import program_once
 from ..scene.effect.base import AbstractMarkerEffect
-from ..scene.marker import Twist
 from ..system.base import AbstractSystem
 from .tangent import independent_constraints, tangent_of
 
@@ -139,10 +138,10 @@ def _force(system: AbstractSystem, what: Input, t: Array, q: Array, v: Array) ->
         check_shape("linearize", "a force of inputs", given, q.shape)
         return given
     located: Any = locate(f"linearize: input {what.label()}", system, what.markers)
-    poses, rates = jax.jvp(located.poses, (q,), (v,))
-    count = len(what.markers)
-    each = [jax.tree.map(lambda x, i=i: x[i], poses) for i in range(count)]
-    twists = [Twist(rates.position[i], rates.angle[i]) for i in range(count)]
+    count, motion = len(what.markers), located.motion(q, v)
+    each, twists = [
+        [jax.tree.map(lambda x, i=i: x[i], stacked) for i in range(count)] for stacked in motion
+    ]
     wrenches = what.wrenches(t, tuple(each), tuple(twists) if what.needs_twists else ())
     stacked = jax.tree.map(lambda *x: jnp.stack(x), *wrenches)
     force: Array = located.pull_back(q, stacked)

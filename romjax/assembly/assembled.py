@@ -14,7 +14,6 @@ from ..arrays import Time
 from ..linalg.indexing import spread
 from ..linalg.pattern import Pattern
 from ..scene.effect.base import AbstractField
-from ..scene.marker import Twist
 from ..system.base import AbstractSystem
 from ..system.state import FullState, Power
 from ..system.structure import Structure
@@ -55,6 +54,7 @@ class AssembledSystem(AbstractSystem):
             lambda: self.force(t, q, v),
             lambda q: self.stored(t, q),
             lambda: self.power(t, q, v),
+            lambda: self.inverse_mass_blocks(q),
         )
 
     def stored(self, t: Time, q: Float[Array, " n"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
@@ -73,8 +73,7 @@ class AssembledSystem(AbstractSystem):
         taken = [group.damping_power(v) for group in self.bodies]
         given = list[Array | None]()
         if self.effect_markers is not None:
-            poses, rates = jax.jvp(self.effect_markers.poses, (q,), (v,))
-            twists = Twist(rates.position, rates.angle)
+            poses, twists = self.effect_markers.motion(q, v)
             for group in self.effects:
                 if group.works(poses):
                     only_taken = group.effects.dissipates and not group.effects.supplies
@@ -88,8 +87,18 @@ class AssembledSystem(AbstractSystem):
         """Mass matrices of the bodies, padded to one size by ones on the diagonal; the diagonals
         alone where all are diagonal.
         """
-        size = self.pattern.coordinates.width
-        blocks = [group.mass(q) for group in self.bodies]
+        return self._padded([group.mass(q) for group in self.bodies])
+
+    def inverse_mass_blocks(
+        self, q: Float[Array, " n"]
+    ) -> Float[Array, "bodies size *size"] | None:
+        """Inverses of `mass_blocks`; None where not all bodies know theirs."""
+        blocks = [group.inverse_mass(q) for group in self.bodies]
+        known = [block for block in blocks if block is not None]
+        return self._padded(known) if len(known) == len(blocks) else None
+
+    def _padded(self, blocks: list[Float[Array, "..."]]) -> Float[Array, "bodies size *size"]:
+        size, dtype = self.pattern.coordinates.width, blocks[0].dtype
         diagonal = all(block.ndim == 2 for block in blocks)
         padded = []
         for block in blocks:
@@ -98,7 +107,7 @@ class AssembledSystem(AbstractSystem):
                 padded.append(jnp.pad(block, ((0, 0), (0, more)), constant_values=1))
             else:
                 full = jax.vmap(jnp.diag)(block) if block.ndim == 2 else block
-                ones = np.diag(np.arange(size) >= block.shape[1]).astype(q.dtype)
+                ones = np.diag(np.arange(size) >= block.shape[1]).astype(dtype)
                 padded.append(jnp.pad(full, ((0, 0), (0, more), (0, more))) + ones[None])
         return jnp.concatenate(padded)
 
@@ -135,7 +144,9 @@ class AssembledSystem(AbstractSystem):
         for group in self.joints:
             blocks.append(group.jacobian(t, poses, motion))
             rows = group.rows.array
-            indices.append(pattern.flat_indices(rows, np.stack(group.markers.take(columns))))
+            indices.append(
+                pattern.flat_indices(rows, np.stack(group.bodies_of(group.markers.take(columns))))
+            )
         return spread(blocks, indices, shape)
 
 

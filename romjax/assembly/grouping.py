@@ -64,7 +64,7 @@ def anonymous(element: T) -> T:
     def blanked(x: Any) -> Any:
         if isinstance(x, NamedPoints):
             return NamedPoints((), ())
-        return Marker("", x.point, x.angle) if isinstance(x, Marker) else x
+        return Marker("", x.point, x.turn) if isinstance(x, Marker) else x
 
     blank: T = jtu.tree_map(blanked, element, is_leaf=lambda x: isinstance(x, Marker | NamedPoints))
     if hasattr(blank, "name"):

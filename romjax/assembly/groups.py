@@ -18,7 +18,9 @@ from ..scene.effect.base import AbstractField, AbstractMarkerEffect
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import Pose, Twist, Wrench
 from ..system.dynamics import quadratic_velocity_force
-from .kinematics import MarkerBlocks, PoseGradient
+from .grouping import T
+from .kinematics import MarkerBlocks
+from .pose_gradient import PoseGradient
 
 
 class BodyGroup(eqx.Module):
@@ -36,6 +38,16 @@ class BodyGroup(eqx.Module):
         )
         return self._weighted(masses)
 
+    def inverse_mass(self, q: Float[Array, " n"]) -> Float[Array, "count size *size"] | None:
+        """Inverses of the mass matrices, or of the diagonals; None where bodies know none."""
+        if not self.bodies.inverts_mass:
+            return None
+        own = self.coordinates.take(q)
+        inverses: Array = jax.vmap(lambda body, q: body.inverse_mass(q))(self.bodies, own)
+        if self.weights is None:
+            return inverses
+        return inverses / self.weights.reshape(self.weights.shape + (1,) * (inverses.ndim - 1))
+
     def force(
         self, fields: tuple[AbstractField, ...], q: Float[Array, " n"], v: Float[Array, " n"]
     ) -> Float[Array, "count size"] | None:
@@ -50,7 +62,7 @@ class BodyGroup(eqx.Module):
         if self.bodies.damped:
             moving.append(lambda body, q, v: body.damping_force(v))
         if not self.bodies.constant_mass:
-            moving.append(lambda body, q, v: quadratic_velocity_force(body.mass_matrix)(q, v))
+            moving.append(_quadratic_velocity_force)
         if not still and not moving:
             return None
 
@@ -101,6 +113,15 @@ class BodyGroup(eqx.Module):
         return x * self.weights.reshape(self.weights.shape + (1,) * (x.ndim - 1))
 
 
+def _quadratic_velocity_force(
+    body: AbstractBody, q: Float[Array, " size"], v: Float[Array, " size"]
+) -> Float[Array, " size"]:
+    """That which the body knows; else by autodiff of its mass matrix."""
+    own = body.quadratic_velocity_force(q, v)
+    force: Array = quadratic_velocity_force(body.mass_matrix)(q, v) if own is None else own
+    return force
+
+
 class JointGroup(eqx.Module):
     """Joints of equal structure."""
 
@@ -110,44 +131,49 @@ class JointGroup(eqx.Module):
 
     def residual(self, t: Time, poses: Pose) -> Float[Array, "count rows"]:
         residuals: Float[Array, "count rows"]
-        residuals = jax.vmap(lambda joint, a, b: joint.residual(t, a, b))(
-            self.joints, *self.markers.take(poses)
+        residuals = jax.vmap(lambda joint, poses: joint.residual(t, *poses))(
+            self.joints, self.markers.take(poses)
         )
         return residuals
 
     def jacobian(
         self, t: Time, poses: Pose, motion: PoseGradient
     ) -> Float[Array, "side count rows size"]:
-        """Derivatives with respect to the coordinates of the bodies on both sides."""
+        """Derivatives with respect to the coordinates of the bodies on all sides."""
 
-        def gradient(joint: AbstractJoint, a: Pose, b: Pose) -> tuple[Pose, Pose]:
-            sides: tuple[Pose, Pose]
-            sides = jax.jacrev(lambda a, b: joint.residual(t, a, b), argnums=(0, 1))(a, b)
+        def slopes(joint: AbstractJoint, poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
+            own, counters = self.bodies_of(poses), poses[len(self.bodies_of(poses)) :]
+            sides: tuple[Pose, ...]
+            sides = jax.jacrev(lambda own: joint.residual(t, *own, *counters))(own)
             return sides
 
-        sides = jax.vmap(gradient)(self.joints, *self.markers.take(poses))
+        sides = jax.vmap(slopes)(self.joints, self.markers.take(poses))
         return jnp.stack(
             [
-                side.position @ pose.position + side.angle[:, :, None] * pose.angle[:, None]
-                for side, pose in zip(sides, self.markers.take(motion), strict=True)
+                gradient.chain(side)
+                for side, gradient in zip(
+                    sides, self.bodies_of(self.markers.take(motion)), strict=True
+                )
             ]
         )
 
-    def wrenches(
-        self, t: Time, poses: Pose, multipliers: Float[Array, " m"]
-    ) -> tuple[Wrench, Wrench]:
-        """What the joints do to both of their markers, one row per joint.
+    def bodies_of(self, sides: tuple[T, ...]) -> tuple[T, ...]:
+        """The sides without those of counters, on which the residual does not depend."""
+        return sides[: len(self.joints.markers)]
+
+    def wrenches(self, t: Time, poses: Pose, multipliers: Float[Array, " m"]) -> tuple[Wrench, ...]:
+        """What the joints do to all of their markers, one row per joint.
 
         The constraint forces −C_qᵀ λ, as wrenches at the poses that the residual is a function of.
         """
 
-        def react(joint: AbstractJoint, own: Array, a: Pose, b: Pose) -> tuple[Pose, Pose]:
-            _, transpose = jax.vjp(lambda a, b: joint.residual(t, a, b), a, b)
-            sides: tuple[Pose, Pose] = transpose(-own)
-            return sides
+        def react(joint: AbstractJoint, own: Array, poses: tuple[Pose, ...]) -> tuple[Wrench, ...]:
+            _, transpose = jax.vjp(lambda *poses: joint.residual(t, *poses), *poses)
+            return tuple(p.wrench(force) for p, force in zip(poses, transpose(-own), strict=True))
 
-        a, b = jax.vmap(react)(self.joints, self.rows.take(multipliers), *self.markers.take(poses))
-        return Wrench(*a), Wrench(*b)
+        own, sides = self.rows.take(multipliers), self.markers.take(poses)
+        wrenches: tuple[Wrench, ...] = jax.vmap(react)(self.joints, own, sides)
+        return wrenches
 
 
 class EffectGroup(eqx.Module):
@@ -184,5 +210,5 @@ class EffectGroup(eqx.Module):
         if self.effects.supplies or self.effects.dissipates:
             return True
         return self.effects.stores and compat.depends_on_first(
-            self.energy, jnp.zeros((), poses.angle.dtype), poses
+            self.energy, jnp.zeros((), poses.position.dtype), poses
         )

@@ -1,7 +1,7 @@
 """The motion of all markers of a family of elements, and the way back from wrenches to Q."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -13,15 +13,10 @@ from ..arrays import put
 from ..compat import is_traced
 from ..linalg.indexing import Index
 from ..scene.body.base import AbstractBody
-from ..scene.marker import GROUND, Marker, Pose, Wrench
+from ..scene.marker import GROUND, Marker, Pose, Twist, Wrench
+from . import planar, spatial
 from .grouping import T, group, stack
-
-
-class PoseGradient(NamedTuple):
-    """Derivatives of poses with respect to the coordinates of their bodies."""
-
-    position: Float[Array, "count 2 size"]
-    angle: Float[Array, "count size"]
+from .pose_gradient import PoseGradient
 
 
 class Markers(eqx.Module):
@@ -31,79 +26,80 @@ class Markers(eqx.Module):
     program is the same for any number and mix of bodies. Bodies with fewer modes than the richest
     one are padded with zero shapes; the ground is a frame that stays at zero. Where a body
     foreshortens as it bends, the point moves by −½ amplitudes · foreshortening · amplitudes too.
+
+    `planar` and `spatial` hold what differs between two dimensions and three.
     """
 
-    points: Float[Array, "count 2"]  # in the body frame
-    angles: Float[Array, " count"]  # against the body
-    shapes: Float[Array, "count 3 modes"]
-    foreshortening: Float[Array, "count 2 modes modes"] | None
-    frames: Index = eqx.field(static=True)  # of x, y, φ in q; n stands for the ground
+    points: Float[Array, "count d"]  # in the body frame
+    turns: Float[Array, "count *turn"]  # against the body
+    shapes: Float[Array, "count motions modes"]
+    foreshortening: Float[Array, "count d modes modes"] | None
+    frames: Index = eqx.field(static=True)  # of the frame in q; from n on for the ground
     amplitudes: Index = eqx.field(static=True)  # of the modal coordinates; n stands for padding
 
     def poses(self, q: Float[Array, " n"]) -> Pose:
         """Where all markers are."""
-        extended = _extend(q)
-        angle = extended[self.frames.array[:, 2]]
-        arm, turn = self._local(extended)
-        origin = extended[self.frames.array[:, :2]]
-        return Pose(origin + _turn(angle, arm), angle + turn)
+        extended = self._extend(q)
+        poses: Pose = self._space.compose(self._frame(extended), self._local(extended))
+        return poses
+
+    def motion(self, q: Float[Array, " n"], v: Float[Array, " n"]) -> tuple[Pose, Twist]:
+        """Where all markers are, and how fast they move."""
+        poses, rates = jax.jvp(self.poses, (q,), (v,))
+        return poses, poses.twist(rates)
 
     def jacobian(self, q: Float[Array, " n"]) -> PoseGradient:
-        """Derivatives of the poses; columns x, y, φ, amplitudes of each marker's body."""
-        extended = _extend(q)
-        angle = extended[self.frames.array[:, 2]]
-        arm, _ = self._local(extended)
-        shapes = self.shapes
+        """Derivatives of the poses; columns of the frame and the amplitudes of each one's body."""
+        extended = self._extend(q)
+        local, shapes = self._local(extended), self.shapes
         if self.foreshortening is not None:
             amplitudes = extended[self.amplitudes.array]
             slide = jnp.einsum("cikl,cl->cik", self.foreshortening, amplitudes)
-            shapes = shapes - jnp.pad(slide, ((0, 0), (0, 1), (0, 0)))
-        count = len(self.angles)
-        unit = jnp.broadcast_to(jnp.eye(2, dtype=q.dtype), (count, 2, 2))
-        position = [unit, _perpendicular(_turn(angle, arm))[:, :, None]]
-        turning = [jnp.broadcast_to(jnp.array([0, 0, 1], q.dtype), (count, 3))]
-        if self.amplitudes.width:
-            turned = jax.vmap(_turn, in_axes=(None, 2), out_axes=2)(angle, shapes[:, :2])
-            position.append(turned)
-            turning.append(shapes[:, 2])
-        return PoseGradient(jnp.concatenate(position, axis=2), jnp.concatenate(turning, axis=1))
+            more = shapes.shape[1] - slide.shape[1]
+            shapes = shapes - jnp.pad(slide, ((0, 0), (0, more), (0, 0)))
+        turns = self._turns(extended)
+        gradient: PoseGradient = self._space.gradient(turns, local, self.turns, shapes)
+        return gradient
 
     def coordinates(self) -> np.ndarray:
-        """Indices in q of the columns of `jacobian`, (count, size); n where there is none."""
+        """Indices in q of the columns of `jacobian`, (count, size); n or more: none."""
         return np.concatenate([self.frames.array, self.amplitudes.array], axis=1).astype(int)
 
     def pull_back(self, q: Float[Array, " n"], wrenches: Wrench) -> Float[Array, " n"]:
         """Generalized forces of wrenches on all markers, stacked like the poses."""
-        _, transpose = jax.vjp(self.poses, q)
+        poses, transpose = jax.vjp(self.poses, q)
         force: Float[Array, " n"]
-        (force,) = transpose(Pose(wrenches.force, wrenches.torque))
+        (force,) = transpose(poses.force(wrenches))
         return force
 
-    def _local(
-        self, extended: Float[Array, " extended"]
-    ) -> tuple[Float[Array, "count 2"], Float[Array, " count"]]:
+    @property
+    def _space(self) -> Any:
+        return planar if self.points.shape[1] == 2 else spatial
+
+    def _extend(self, q: Float[Array, " n"]) -> Float[Array, " extended"]:
+        """q, then what stands in for the coordinates of the ground."""
+        return jnp.concatenate([q, np.array(self._space.GROUND, q.dtype)])
+
+    def _frame(self, extended: Float[Array, " extended"]) -> Pose:
+        turns = self._turns(extended)
+        return Pose(extended[self.frames.array[:, : self.points.shape[1]]], turns)
+
+    def _turns(self, extended: Float[Array, " extended"]) -> Float[Array, "count *turn"]:
+        frames = self.frames.array
+        return extended[frames[:, 2] if self.points.shape[1] == 2 else frames[:, 3:]]
+
+    def _local(self, extended: Float[Array, " extended"]) -> Pose:
+        """Where the markers are in the frames of their bodies, which are bent."""
         if not self.amplitudes.width:
-            return self.points, self.angles
-        amplitudes = extended[self.amplitudes.array]
+            return Pose(self.points, self.turns)
+        amplitudes, d = extended[self.amplitudes.array], self.points.shape[1]
         displacement = jnp.einsum("cik,ck->ci", self.shapes, amplitudes)
-        points = self.points + displacement[:, :2]
+        points = self.points + displacement[:, :d]
         if self.foreshortening is not None:
             points -= 0.5 * jnp.einsum(
                 "cikl,ck,cl->ci", self.foreshortening, amplitudes, amplitudes
             )
-        return points, self.angles + displacement[:, 2]
-
-
-def _extend(q: Float[Array, " n"]) -> Float[Array, " extended"]:
-    return jnp.concatenate([q, np.zeros(1, q.dtype)])
-
-
-def _turn(angle: Float[Array, " count"], arm: Float[Array, "count 2"]) -> Float[Array, "count 2"]:
-    return jnp.cos(angle)[:, None] * arm + jnp.sin(angle)[:, None] * _perpendicular(arm)
-
-
-def _perpendicular(arm: Float[Array, "count 2"]) -> Float[Array, "count 2"]:
-    return arm[:, ::-1] * np.array([[-1, 1]], arm.dtype)
+        return Pose(points, self._space.bend(self.turns, displacement[:, d:]))
 
 
 class MarkerBlocks(eqx.Module):
@@ -130,6 +126,7 @@ def columns_of(bodies: Sequence[AbstractBody]) -> tuple[dict[str, tuple[int, ...
 
 def arrange(
     elements: Sequence[Any],
+    sides: Sequence[tuple[Marker, ...]],
     bodies: dict[str, AbstractBody],
     columns: dict[str, tuple[int, ...]],
     n: int,
@@ -137,24 +134,24 @@ def arrange(
     """Groups of equal elements, each stacked, with the blocks of their markers and the numbers of
     the elements; and the markers of all groups, None if there are none.
 
-    The other arguments are those of `prepare_points`.
+    `sides` are the markers of each element; the other arguments are those of `prepare_points`.
     """
     groups, markers = [], list[Marker]()
     for stacked, members in group(elements):
-        sides = list(zip(*(elements[i].markers for i in members), strict=True))
-        groups.append((stacked, MarkerBlocks(len(markers), len(members), len(sides)), members))
-        markers += [marker for side in sides for marker in side]
+        own = list(zip(*(sides[i] for i in members), strict=True))
+        groups.append((stacked, MarkerBlocks(len(markers), len(members), len(own)), members))
+        markers += [marker for side in own for marker in side]
     if not markers:
         return groups, None
-    points, angles = stack([(m.point, m.angle) for m in markers])
+    points, turns = stack([(m.point, m.turn) for m in markers])
     names = [marker.body for marker in markers]
-    return groups, prepare_points(names, points, angles, bodies, columns, n)
+    return groups, prepare_points(names, points, turns, bodies, columns, n)
 
 
 def prepare_points(
     names: Sequence[str],
-    points: Float[Array, "count 2"],
-    angles: Float[Array, " count"],
+    points: Float[Array, "count d"],
+    turns: Float[Array, "count *turn"],
     bodies: dict[str, AbstractBody],
     columns: dict[str, tuple[int, ...]],
     n: int,
@@ -167,36 +164,42 @@ def prepare_points(
     moving = [i for i, name in enumerate(names) if name != GROUND and bodies[name].modes]
     most = max((bodies[names[i]].modes for i in moving), default=0)
     given: Any = points if is_traced(points) else np.asarray(points)
-    shapes: Any = np.zeros((len(names), 3, most), points.dtype)
+    d = points.shape[1]
+    shapes: Any = np.zeros((len(names), 3 if d == 2 else 6, most), points.dtype)
     foreshortening: Any = None
     for carriers, members in group([bodies[names[i]] for i in moving]):
         rows = np.array([moving[member] for member in members])
-        own = carriers.modes
-        shapes = put(shapes, np.s_[rows, :, :own], _shapes(carriers, given[rows]))
+        modes = carriers.modes
+        shapes = put(shapes, np.s_[rows, :, :modes], _shapes(carriers, given[rows]))
         if carriers.foreshortens:
             if foreshortening is None:
-                foreshortening = np.zeros((len(names), 2, most, most), points.dtype)
+                foreshortening = np.zeros((len(names), d, most, most), points.dtype)
             second = _foreshortening(carriers, given[rows])
-            foreshortening = put(foreshortening, np.s_[rows, :, :own, :own], second)
+            foreshortening = put(foreshortening, np.s_[rows, :, :modes, :modes], second)
     shapes = jnp.asarray(shapes)
     foreshortening = None if foreshortening is None else jnp.asarray(foreshortening)
-    owned = [columns.get(name, (n, n, n)) for name in names]
-    frames = Index.of([c[:3] for c in owned])
-    padded = Index.of([(*c[3:], *[n] * (most + 3 - len(c))) for c in owned])
-    return Markers(points, angles, shapes, foreshortening, frames, padded)
+    ground = (planar if d == 2 else spatial).ground(n)
+    # A counter has the first coordinate of a frame, and stands still in the others.
+    own = [columns.get(name, ()) for name in names]
+    frame, owned = len(ground), [(*c, *ground[len(c) :]) for c in own]
+    frames = Index.of([c[:frame] for c in owned])
+    padded = Index.of([(*c[frame:], *[n] * (most + frame - len(c))) for c in owned])
+    return Markers(points, turns, shapes, foreshortening, frames, padded)
 
 
 @jax.jit
-def _shapes(bodies: AbstractBody, points: Float[Array, "count 2"]) -> Float[Array, "count 3 modes"]:
-    shapes: Float[Array, "count 3 modes"]
+def _shapes(
+    bodies: AbstractBody, points: Float[Array, "count d"]
+) -> Float[Array, "count motions modes"]:
+    shapes: Float[Array, "count motions modes"]
     shapes = jax.vmap(lambda body, point: body.mode_shapes(point))(bodies, points)
     return shapes
 
 
 @jax.jit
 def _foreshortening(
-    bodies: AbstractBody, points: Float[Array, "count 2"]
-) -> Float[Array, "count 2 modes modes"]:
-    foreshortening: Float[Array, "count 2 modes modes"]
+    bodies: AbstractBody, points: Float[Array, "count d"]
+) -> Float[Array, "count d modes modes"]:
+    foreshortening: Float[Array, "count d modes modes"]
     foreshortening = jax.vmap(lambda body, point: body.foreshortening(point))(bodies, points)
     return foreshortening

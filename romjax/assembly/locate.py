@@ -12,7 +12,7 @@ from ..checks import unknown_name
 from ..compat import is_traced
 from ..errors import InputError
 from ..scene.body.base import AbstractBody
-from ..scene.marker import GROUND, Marker, Pose, Wrench
+from ..scene.marker import GROUND, Marker, Pose, Twist, Wrench
 from ..system.base import AbstractSystem
 from .grouping import member, stack, with_name
 from .kinematics import Markers, prepare_points
@@ -40,6 +40,10 @@ class Located(eqx.Module):
     def poses(self, q: Float[Array, " n"]) -> Pose:
         """Where the markers are, at the coordinates `q` of the whole system."""
         return self.markers.poses(self.own(q))
+
+    def motion(self, q: Float[Array, " n"], v: Float[Array, " n"]) -> tuple[Pose, Twist]:
+        """Where the markers are, and how fast they move."""
+        return self.markers.motion(self.own(q), self.own(v))
 
     def pull_back(self, q: Float[Array, " n"], wrenches: Wrench) -> Float[Array, " n"]:
         """The generalized force of wrenches on the markers, on all coordinates `q`."""
@@ -73,14 +77,14 @@ def locate(owner: str, system: AbstractSystem, markers: Sequence[Marker]) -> Loc
     for marker in markers:
         if marker.body != GROUND:
             bodies[marker.body].check_marker(owner, marker)
-    points, angles = stack([(marker.point, marker.angle) for marker in markers])
-    return located(names, points, angles, columns, bodies)
+    points, turns = stack([(marker.point, marker.turn) for marker in markers])
+    return located(names, points, turns, columns, bodies)
 
 
 def located(
     names: Sequence[str],
-    points: Float[Array, "count 2"],
-    angles: Float[Array, " count"],
+    points: Float[Array, "count d"],
+    turns: Float[Array, "count *turn"],
     columns: dict[str, tuple[int, ...]],
     bodies: dict[str, AbstractBody],
 ) -> Located:
@@ -92,7 +96,7 @@ def located(
         own[name] = tuple(range(count, count + len(columns[name])))
         count += len(columns[name])
     used = tuple(i for name in bodies for i in columns[name])
-    return Located(used, prepare_points(names, points, angles, bodies, own, count))
+    return Located(used, prepare_points(names, points, turns, bodies, own, count))
 
 
 def bodies_of(

@@ -73,7 +73,7 @@ def _some(markers: Markers, rows: np.ndarray, number: dict[int, int]) -> Markers
     shapes = markers.foreshortening
     return Markers(
         markers.points[rows],
-        markers.angles[rows],
+        markers.turns[rows],
         markers.shapes[rows],
         None if shapes is None else shapes[rows],
         _renumbered(markers.frames.array[rows], number),

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..arrays import Time
-from ..scene.marker import Twist, Wrench
+from ..scene.marker import Wrench
 from .groups import EffectGroup, JointGroup
 from .kinematics import Markers
 
@@ -20,8 +20,7 @@ def effect_wrenches(
     """What the effects do to their markers, by the inertial axes, one row per marker."""
     twists = None
     if any(group.effects.needs_twists for group in groups):
-        poses, rates = jax.jvp(markers.poses, (q,), (v,))
-        twists = Twist(rates.position, rates.angle)
+        poses, twists = markers.motion(q, v)
     else:
         poses = markers.poses(q)
     return _stacked([wrench for group in groups for wrench in group.wrenches(t, poses, twists)])

@@ -27,6 +27,9 @@ _OUTPUTS = 100
 _FEWEST, _FOLLOWING, _STABLE = 50, 1.4, 4.0
 # A fixed step times a frequency that an explicit method still follows.
 _RESOLVED = 1.0
+# A spinning body has no frequency above this many times its angular velocity of its own: that of
+# nutation is up to the ratio of two moments of inertia.
+_SPINS = 2.0
 # Baumgarte's terms set the step if their rate is this many times the mechanism's, and comparable
 # with the steps that were taken.
 _FASTER, _COMPARABLE = 3.0, 0.25
@@ -86,7 +89,7 @@ def default_method(
     Dopri8 carry some twenty times the tolerance. While JAX traces, numbers are unknown,
     and flexible systems count as stiff. So do contacts, with any step size control: a long step
     from free flight may end inside, where the last stages of Dopri8 see a force that its estimate
-    of the error does not.
+    of the error does not. A fast spin in space is not stiff: every method has to follow it.
 
     Whether the fast vibration is excited is unknown before the run. If it is not, Rodas5P takes
     few steps; if it is, both methods follow it, and Rodas5P's steps cost c = 1.5 + n/10 times as
@@ -105,6 +108,8 @@ def default_method(
         return Method(explicit, "a step resolves the fastest frequency")
     if system.structure.contacts:
         return Method(implicit, "contacts may begin within a step")
+    if fastest <= _SPINS * np.asarray(start.spin):
+        return Method(explicit, "the spin of a body, which has to be followed, is as fast as any")
     span, cost = times[-1] - times[0], 1.5 + system.n / 10
     if fastest * span / max(len(times) - 1, _OUTPUTS) <= np.pi:
         return Method(explicit, "the outputs can show the fastest frequency")

@@ -52,6 +52,7 @@ class KKT(eqx.Module):
     - `pattern`: where the blocks sit.
     - `mass`: (bodies, size, size), or (bodies, size) if all are diagonal.
     - `sides`: the blocks of C_q, (sides, height, size).
+    - `inverse_mass`: M⁻¹ as `mass`, where it is known; else it is computed.
     """
 
     pattern: Pattern = eqx.field(static=True)
@@ -67,11 +68,14 @@ class KKT(eqx.Module):
         pattern: Pattern,
         mass: Float[Array, "bodies size *size"],
         sides: Float[Array, "sides height size"],
+        inverse_mass: Float[Array, "bodies size *size"] | None = None,
     ):
         self.pattern, self.mass, self.sides = pattern, mass, sides
         # Derivatives go through `solve` as a whole (implicit function), never through the factors.
-        mass, sides = jax.lax.stop_gradient((mass, sides))
-        self.inverse_mass = 1 / mass if mass.ndim == 2 else invert(mass)
+        mass, sides, inverse_mass = jax.lax.stop_gradient((mass, sides, inverse_mass))
+        if inverse_mass is None:
+            inverse_mass = 1 / mass if mass.ndim == 2 else invert(mass)
+        self.inverse_mass = inverse_mass
         if pattern.m == 0:
             self.scale, self.scaled, self.factor = jnp.ones((0, 0), mass.dtype), sides, None
             return

@@ -9,11 +9,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..assembly.counting import without_counters
 from ..assembly.kinematics import MarkerBlocks, Markers
 from ..assembly.locate import assembled
 from ..assembly.wrenches import effect_wrenches, joint_wrenches
 from ..checks import unknown_name
 from ..integrate.trajectory import Trajectory
+from ..linalg import quaternions
 from ..scene.marker import Pose, Twist, Wrench
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
@@ -35,13 +37,13 @@ class Forces(eqx.Module):
     wrenches: tuple[Wrench, ...]
 
     @property
-    def force(self) -> Float[Array, "*k 2"]:
-        """On the first marker [N], by the inertial axes."""
+    def force(self) -> Float[Array, "*k d"]:
+        """On the first marker [N], by the inertial axes; (*k, 3) in space."""
         return self.wrenches[0].force
 
     @property
-    def torque(self) -> Float[Array, "*k"]:
-        """On the first marker [N m], about it."""
+    def torque(self) -> Float[Array, "..."]:
+        """On the first marker [N m], about it; (*k, 3) in space."""
         return self.wrenches[0].torque
 
     @property
@@ -49,10 +51,7 @@ class Forces(eqx.Module):
         """What it puts into the mechanism [W], at all its markers together. For a joint that
         prescribes a motion this is the power of the drive; all other joints have none.
         """
-        terms = [
-            jnp.sum(w.force * v.velocity, axis=-1) + w.torque * v.angular_velocity
-            for w, v in zip(self.wrenches, self.twists, strict=True)
-        ]
+        terms = [w.power(twist) for w, twist in zip(self.wrenches, self.twists, strict=True)]
         return sum(terms[1:], terms[0])
 
     def on(self, side: str = "a", frame: str = "inertial") -> Wrench:
@@ -73,8 +72,11 @@ class Forces(eqx.Module):
         force, torque = self.wrenches[names.index(side)]
         if frame == "inertial":
             return Wrench(force, torque)
-        angle = self.poses[names.index(frame)].angle
-        c, s = jnp.cos(angle), jnp.sin(angle)
+        pose = self.poses[names.index(frame)]
+        if pose.dimension == 3:
+            back = quaternions.conjugate(pose.turn)
+            return Wrench(quaternions.rotate(back, force), quaternions.rotate(back, torque))
+        c, s = jnp.cos(pose.angle), jnp.sin(pose.angle)
         along, across = force[..., 0], force[..., 1]
         turned = jnp.stack([c * along + s * across, c * across - s * along], axis=-1)
         return Wrench(turned, torque)
@@ -127,9 +129,13 @@ def _is_pair(x: Any) -> bool:
 
 
 def _part(i: int, x: Any) -> Any:
-    """One of several parts: a Pose, a Twist or a Wrench, each a vector and a number."""
-    vector, number = x
-    return type(x)(vector[..., i, :], number[..., i])
+    """One of several parts: a Pose, a Twist or a Wrench, each a vector, and a number in the plane,
+    another vector in space.
+    """
+    vector, other = x
+    return type(x)(
+        vector[..., i, :], other[..., i, :] if other.ndim == vector.ndim else other[..., i]
+    )
 
 
 def joint_forces(system: AbstractSystem, run: Trajectory) -> ForceTable:
@@ -152,7 +158,7 @@ def joint_forces(system: AbstractSystem, run: Trajectory) -> ForceTable:
     if full.joint_markers is None:
         return ForceTable((), (), "joint")
     found = along(_of_joints, bare, run.t, run.q, run.v)
-    return _table("joint", full.joints, full.structure.joints, found)
+    return _table("joint", without_counters(full.joints), full.structure.joints, found)
 
 
 def effect_forces(system: AbstractSystem, run: Trajectory) -> ForceTable:
@@ -186,7 +192,7 @@ def _table(
 def _of_joints(system: Any, t: Array, q: Array, v: Array) -> list[Forces]:
     full, (_, multipliers) = system.full, solved(system, t, q, v)
     wrenches = joint_wrenches(full.joints, full.joint_markers, t, q, multipliers)
-    blocks = [group.markers for group in full.joints]
+    blocks = [group.markers for group in without_counters(full.joints)]
     return _by_group(full.joint_markers, blocks, q, v, wrenches)
 
 
@@ -200,6 +206,5 @@ def _of_effects(system: Any, t: Array, q: Array, v: Array) -> list[Forces]:
 def _by_group(
     markers: Markers, blocks: list[MarkerBlocks], q: Array, v: Array, wrenches: Wrench
 ) -> list[Forces]:
-    poses, rates = jax.jvp(markers.poses, (q,), (v,))
-    twists = Twist(rates.position, rates.angle)
+    poses, twists = markers.motion(q, v)
     return [Forces(own.take(poses), own.take(twists), own.take(wrenches)) for own in blocks]

@@ -118,18 +118,17 @@ def measure(
 def relative(markers: Markers, q: Float[Array, " own"]) -> Pose:
     """The pose of the first of one or two `markers`, in the frame of the second if there is one."""
     poses = markers.poses(q)
-    a = Pose(poses.position[0], poses.angle[0])
-    if len(markers.angles) == 1:
+    a = Pose(poses.position[0], poses.turn[0])
+    if len(markers.turns) == 1:
         return a
-    b = Pose(poses.position[1], poses.angle[1])
-    return Pose(b.local(a.position), a.angle - b.angle)
+    return a.against(Pose(poses.position[1], poses.turn[1]))
 
 
 def relative_rate(markers: Markers, q: Float[Array, " own"], v: Float[Array, " own"]) -> Pose:
     """The rate of `relative` where `q` changes with the rate `v`."""
     rate: Pose
-    _, rate = jax.jvp(lambda q: relative(markers, q), (q,), (v,))
-    return rate
+    pose, rate = jax.jvp(lambda q: relative(markers, q), (q,), (v,))
+    return Pose(*pose.twist(rate))
 
 
 def relative_second_rate(

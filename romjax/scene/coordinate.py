@@ -25,3 +25,22 @@ class Coordinate(NamedTuple):
     def label(self) -> str:
         """What stands for the coordinate in tables, such as "cart.x"."""
         return f"{self.owner}.{self.name}" if self.owner else self.name
+
+
+def frame_size(dimension: int) -> int:
+    """How many coordinates a body's frame has in the plane and in space."""
+    return 3 if dimension == 2 else 7
+
+
+def frame_coordinates(owner: str, dimension: int) -> tuple[Coordinate, ...]:
+    """Those of a body's frame: its position, then an angle or a quaternion."""
+    axes = "xy" if dimension == 2 else "xyz"
+    position = [Coordinate(owner, x, "m", x, f"position {x} of {owner}") for x in axes]
+    if dimension == 2:
+        turn = [Coordinate(owner, "phi", "rad", r"\varphi", f"angle of {owner}")]
+    else:
+        turn = [
+            Coordinate(owner, f"p{k}", "", f"p_{k}", f"quaternion component {k} of {owner}")
+            for k in range(4)
+        ]
+    return (*position, *turn)

@@ -1,56 +1,178 @@
 """Markers: the only connectors between bodies, joints and effects."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Number, Vector, as_array
+from ..arrays import Number, Numbers, Vector, as_array
 from ..errors import SceneError
+from ..linalg import quaternions
 from .fields import Converted, check_finite, check_shape, number, radians
+from .orientation import quaternion_of
 from .points import NamedPoints, by_name, point_of
 
 GROUND = "ground"
 
 
 class Pose(NamedTuple):
-    """Where a marker is: its `position` [m] and `angle` [rad]."""
+    """Where a marker is and how it is turned, in the plane or in space.
 
-    position: Float[Array, "2"]  # [m]
-    angle: Float[Array, ""]  # [rad]
+    - `position` (2,) or (3,): [m].
+    - `turn`: the angle () [rad] in the plane; in space a quaternion (w, x, y, z), of any length,
+      that turns the marker's axes from those of space.
+    """
 
-    def along(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        """The local x of a point of the inertial frame [m]."""
+    position: Float[Array, "*k d"]  # [m]
+    turn: Float[Array, "..."]  # [rad] in the plane
+
+    @property
+    def dimension(self) -> int:
+        """2 in the plane, 3 in space."""
+        return self.position.shape[-1]
+
+    @property
+    def angle(self) -> Float[Array, "*k"]:
+        """The angle in the plane [rad]."""
+        return self.turn
+
+    @property
+    def rotation(self) -> Float[Array, "*k 3 3"]:
+        """The rotation matrix in space; its columns are the axes of the marker."""
+        return quaternions.matrix(self.turn)
+
+    def along(self, point: Float[Array, " d"]) -> Float[Array, ""]:
+        """How far a point of the inertial frame is along the axis on which joints slide [m]: the
+        local x in the plane, z in space.
+        """
+        if self.dimension == 3:
+            return self.local(point)[2]
         return jnp.stack([jnp.cos(self.angle), jnp.sin(self.angle)]) @ (point - self.position)
 
-    def across(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        """The local y of a point of the inertial frame [m]."""
+    def across(self, point: Float[Array, " d"]) -> Float[Array, "*more"]:
+        """How far a point is from that axis [m]: local y in the plane, x and y (2,) in space."""
+        if self.dimension == 3:
+            return self.local(point)[:2]
         return jnp.stack([-jnp.sin(self.angle), jnp.cos(self.angle)]) @ (point - self.position)
 
-    def local(self, point: Float[Array, "2"]) -> Float[Array, "2"]:
+    def local(self, point: Float[Array, " d"]) -> Float[Array, " d"]:
         """A point of the inertial frame in the marker's own [m]."""
+        if self.dimension == 3:
+            return quaternions.rotate(quaternions.conjugate(self.turn), point - self.position)
         return jnp.stack([self.along(point), self.across(point)])
 
-    def turned(self, vector: Float[Array, "2"]) -> Float[Array, "2"]:
+    def turned(self, vector: Float[Numbers, " d"]) -> Float[Array, " d"]:
         """A vector of the marker's frame in the inertial one."""
+        if self.dimension == 3:
+            return quaternions.rotate(self.turn, vector)
         across = jnp.stack([-vector[1], vector[0]])
         return jnp.cos(self.angle) * vector + jnp.sin(self.angle) * across
 
+    def against(self, other: "Pose") -> "Pose":
+        """The pose as one sees it who moves and turns with the `other`."""
+        if self.dimension == 3:
+            turn = quaternions.product(quaternions.conjugate(other.turn), self.turn)
+        else:
+            turn = self.angle - other.angle
+        return Pose(other.local(self.position), turn)
+
+    def angle_against(self, other: "Pose", less: Float[Array, ""]) -> Float[Array, ""]:
+        """The angle against another pose, `less` what is given [rad].
+
+        In space it is the angle about the z axis, between −π and π: of the relative quaternion
+        (w, x, y, z), turned back, 2 arctan(z / w). That is the same for all multiples of it, and
+        smooth but at a half turn. Where the z axes differ, a rotation across them comes after.
+        """
+        if self.dimension == 2:
+            return self.angle - other.angle - less
+        relative = quaternions.product(quaternions.conjugate(other.turn), self.turn)
+        w, z, c, s = relative[0], relative[3], jnp.cos(0.5 * less), jnp.sin(0.5 * less)
+        return 2 * jnp.arctan((c * z - s * w) / (c * w + s * z))
+
+    def about(self, vector: Float[Array, "*d"]) -> Float[Array, ""]:
+        """The part of an angular velocity about the axis of joints: all of it in the plane."""
+        return vector if self.dimension == 2 else jnp.sum(self._axis() * vector)
+
+    def torque(self, strength: Float[Array, ""]) -> Float[Array, "*d"]:
+        """A torque about the axis of joints: normal to the plane, or along the local z."""
+        return strength if self.dimension == 2 else strength * self._axis()
+
+    def _axis(self) -> Float[Array, "3"]:
+        return self.turned(np.array([0, 0, 1], self.position.dtype))
+
+    # Between rates of poses and twists, and by virtual work between slopes by poses and wrenches.
+    # In the plane they are the same numbers.
+
+    def twist(self, rate: "Pose") -> "Twist":
+        """The twist of a rate of change of the pose."""
+        if self.dimension == 3:
+            return Twist(rate.position, quaternions.angular_velocity(self.turn, rate.turn))
+        return Twist(*rate)
+
+    def rate(self, twist: "Twist") -> "Pose":
+        """The rate of change of the pose, for a twist."""
+        if self.dimension == 3:
+            return Pose(twist.velocity, quaternions.derivative(self.turn, twist.angular_velocity))
+        return Pose(*twist)
+
+    def wrench(self, force: "Pose") -> "Wrench":
+        """The wrench that does the same work as a generalized force on the pose."""
+        if self.dimension == 3:
+            return Wrench(force.position, quaternions.torque(self.turn, force.turn))
+        return Wrench(*force)
+
+    def force(self, wrench: "Wrench") -> "Pose":
+        """The generalized force on the pose that does the same work as a wrench."""
+        if self.dimension == 3:
+            return Pose(wrench.force, quaternions.generalized(self.turn, wrench.torque))
+        return Pose(*wrench)
+
+
+def counted_angle(a: Pose, b: Pose, *counter: Pose) -> Float[Array, ""]:
+    """The angle of `a` against `b` that counts full turns [rad].
+
+    In space no pose knows how often it has turned. A `counter` follows the angle from the start on,
+    a coordinate of its own; only the number of turns is taken of it, all else of the poses.
+    """
+    if a.dimension == 2:
+        return a.angle - b.angle
+    turned = jax.lax.stop_gradient(counter[0].position[0])
+    return turned + a.angle_against(b, turned)
+
 
 class Twist(NamedTuple):
-    """How fast a marker moves: `velocity` [m/s] and `angular_velocity` [rad/s]."""
+    """How fast a marker moves, by the inertial axes.
 
-    velocity: Float[Array, "2"]  # [m/s]
-    angular_velocity: Float[Array, ""]  # [rad/s]
+    - `velocity` (2,) or (3,): [m/s].
+    - `angular_velocity`: () in the plane, (3,) in space [rad/s].
+    """
+
+    velocity: Float[Array, "*k d"]  # [m/s]
+    angular_velocity: Float[Array, "..."]  # [rad/s]
 
 
 class Wrench(NamedTuple):
-    """What acts on a marker: a `force` [N] and a `torque` [N m]."""
+    """What acts on a marker, by the inertial axes.
 
-    force: Float[Array, "2"]  # [N]
-    torque: Float[Array, ""]  # [N m]
+    - `force` (2,) or (3,): [N].
+    - `torque`: () in the plane, (3,) in space [N m].
+    """
+
+    force: Float[Array, "*k d"]  # [N]
+    torque: Float[Array, "..."]  # [N m]
+
+    def __neg__(self) -> "Wrench":
+        return Wrench(-self.force, -self.torque)
+
+    def power(self, twist: Twist) -> Float[Array, "*k"]:
+        """The power on a moving marker [W]."""
+        moving, turning = self.force * twist.velocity, self.torque * twist.angular_velocity
+        in_space = turning.ndim == moving.ndim
+        return jnp.sum(moving, axis=-1) + (jnp.sum(turning, axis=-1) if in_space else turning)
 
 
 class Marker(eqx.Module):
@@ -61,19 +183,58 @@ class Marker(eqx.Module):
     **Arguments:**
 
     - `body`: name of the body that carries the marker, or "ground".
-    - `point`: the material point X in the body frame [m].
-    - `angle`: rotation of the marker against the body [rad].
+    - `point`: the material point X in the body frame [m], (2,) in the plane, (3,) in space.
+    - `turn`: rotation of the marker against the body: the angle [rad] in the plane, a quaternion
+      (w, x, y, z) of any length in space; none unless given.
     """
 
     body: str = eqx.field(static=True)
-    point: Converted[Float[Array, "2"], Vector] = number()
-    angle: Converted[Float[Array, ""]] = radians(default=0.0)
+    point: Converted[Float[Array, " d"], Vector] = number()
+    turn: Converted[Float[Array, "*shape"], Vector] = radians(default=0.0)
+
+    @property
+    def dimension(self) -> int:
+        """2 in the plane, 3 in space."""
+        return self.point.shape[-1]
+
+    @property
+    def angle(self) -> Float[Array, ""]:
+        """Rotation against the body in the plane [rad]."""
+        return self.turn
 
     def check(self, owner: str) -> None:
-        check_shape(owner, f"marker on '{self.body}': point", self.point, (2,))
-        check_shape(owner, f"marker on '{self.body}': angle", self.angle, ())
-        check_finite(owner, f"marker on '{self.body}': point", self.point)
-        check_finite(owner, f"marker on '{self.body}': angle", self.angle)
+        where = f"marker on '{self.body}': "
+        if self.point.ndim != 1 or self.dimension not in (2, 3):
+            raise SceneError(
+                f"{owner}: {where}point has the shape {self.point.shape}; give x, y in the plane, "
+                "or x, y, z in space [m]."
+            )
+        check_finite(owner, f"{where}point", self.point)
+        turn = "angle" if self.dimension == 2 else "rotation"
+        check_shape(owner, where + turn, self.turn, () if self.dimension == 2 else (4,))
+        check_finite(owner, where + turn, self.turn)
+
+    @classmethod
+    def fixed(
+        cls,
+        body: str,
+        point: Vector,
+        angle: Number = 0.0,
+        axis: Vector | None = None,
+        rotation: Vector | None = None,
+    ) -> "Marker":
+        """A marker at a `point` [m] of the `body` of that name, turned by `angle`, `axis` and
+        `rotation` as in `AbstractBody.at`.
+        """
+        at = as_array(point)
+        if at.shape != (3,):
+            if axis is not None or rotation is not None:
+                raise SceneError(
+                    f"marker on '{body}': axis and rotation are those of space, but the point is "
+                    f"{point}; give x, y, z, or an angle in the plane."
+                )
+            return cls(body, at, angle)
+        return cls(body, at, quaternion_of(f"marker on '{body}'", axis, rotation, angle))
 
 
 class Ground(eqx.Module):
@@ -84,19 +245,28 @@ class Ground(eqx.Module):
 
     points: Converted[NamedPoints, Mapping[str, Vector]] = by_name(default=())
 
-    def named_points(self) -> Mapping[str, Float[Array, "2"]]:
+    def named_points(self) -> Mapping[str, Float[Array, " d"]]:
         """The points [m] that `at` and `pose` know by name."""
         return self.points.mapping()
 
-    def at(self, point: Vector | str = (0.0, 0.0), angle: Number = 0.0) -> Marker:
+    def at(
+        self,
+        point: Vector | str = (0.0, 0.0),
+        angle: Number = 0.0,
+        *,
+        axis: Vector | None = None,
+        rotation: Vector | None = None,
+    ) -> Marker:
         """A marker at a `point` [m] of the inertial frame, or the one of that name, turned by
-        `angle` [rad].
+        `angle` [rad], or by `axis` or `rotation` in space, as those of bodies.
         """
-        return Marker(GROUND, point_of(GROUND, self.named_points(), point), angle)
+        at = point_of(GROUND, self.named_points(), point)
+        return Marker.fixed(GROUND, at, angle, axis, rotation)
 
     def pose(self, point: Vector | str = (0.0, 0.0)) -> Pose:
         """A fixed position, as in `at`, at an angle of zero."""
-        return Pose(self.at(point).point, as_array(0.0))
+        marker = self.at(point)
+        return Pose(marker.point, marker.turn)
 
 
 ground = Ground()
@@ -109,3 +279,23 @@ def check_distinct(owner: str, a: Marker, b: Marker) -> None:
             f"{owner}: both markers are on '{a.body}'; a joint needs two bodies, "
             "or one body and the ground."
         )
+
+
+def check_markers(owner: str, markers: Sequence[Marker], dimensions: tuple[int, ...]) -> None:
+    """Check the markers of a part that there is in the plane (2), in space (3), or in both."""
+    for marker in markers:
+        marker.check(owner)
+        if marker.dimension not in dimensions:
+            given, other = (
+                ("space", "the plane") if marker.dimension == 3 else ("the plane", "space")
+            )
+            raise SceneError(
+                f"{owner}: its marker on '{marker.body}' is in {given}, but the part is one of "
+                f"{other}; romjax has the parts of the plane, romjax.spatial those of space."
+            )
+        if marker.dimension != markers[0].dimension:
+            raise SceneError(
+                f"{owner}: its markers on '{markers[0].body}' and '{marker.body}' are in "
+                f"{markers[0].dimension} and {marker.dimension} dimensions; all points of a part "
+                "need the same."
+            )

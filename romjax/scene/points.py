@@ -18,7 +18,7 @@ class NamedPoints(eqx.Module):
     """Material points [m] by their `names`: for `body.at("pin")`, no more. Names are static."""
 
     names: tuple[str, ...] = eqx.field(static=True)
-    positions: tuple[Float[Array, "2"], ...]
+    positions: tuple[Float[Array, " d"], ...]
 
     @classmethod
     def of(cls, given: Any) -> "NamedPoints":
@@ -28,15 +28,15 @@ class NamedPoints(eqx.Module):
         named = dict(given)
         return cls(tuple(named), tuple(as_array(position) for position in named.values()))
 
-    def mapping(self) -> dict[str, Float[Array, "2"]]:
+    def mapping(self) -> dict[str, Float[Array, " d"]]:
         return dict(zip(self.names, self.positions, strict=True))
 
-    def check(self, owner: str, taken: tuple[str, ...] = ()) -> None:
+    def check(self, owner: str, taken: tuple[str, ...] = (), dimension: int = 2) -> None:
         """Raise a SceneError that names owner, point and remedy; `taken`: names it cannot have."""
         for name, position in self.mapping().items():
             if not isinstance(name, str) or not name or name in taken:
                 raise SceneError(f"{owner}: a point is named {name!r}; give it another name.")
-            check_shape(owner, f"point '{name}'", position, (2,))
+            check_shape(owner, f"point '{name}'", position, (dimension,))
             check_finite(owner, f"point '{name}'", position)
 
 

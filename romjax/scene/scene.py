@@ -61,11 +61,32 @@ class Scene(eqx.Module):
                         f"scene does not have. It has: {', '.join(names)}."
                     )
                 bodies[marker.body].check_marker(f"'{part.label()}'", marker)
+        self._check_dimensions()
         # Again, since numbers may have been replaced since the parts were made.
         for body in self.bodies:
             body.check()
         for part in connected:
             part.check()
+
+    @property
+    def dimension(self) -> int:
+        """2 in the plane, 3 in space: that of the first body."""
+        return self.bodies[0].dimension
+
+    def _check_dimensions(self) -> None:
+        words = {2: "in the plane", 3: "in space"}
+        given = [(f"body '{body.name}'", body.dimension) for body in self.bodies]
+        parts: tuple[AbstractJoint | AbstractEffect, ...] = (*self.joints, *self.effects)
+        for part in parts:
+            given += [(f"'{part.label()}'", marker.dimension) for marker in part.markers]
+            if hasattr(part, "dimension"):
+                given.append((f"effect '{part.label().rstrip('()')}'", part.dimension))
+        for owner, dimension in given:
+            if dimension != self.dimension:
+                raise SceneError(
+                    f"{owner} is {words[dimension]}, but {given[0][0]} is {words[self.dimension]}; "
+                    "a scene is in the plane as a whole, or in space."
+                )
 
     def _repr_html_(self) -> str | None:
         """Its picture at the start, which notebooks show."""

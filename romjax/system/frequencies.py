@@ -21,6 +21,7 @@ class Frequencies(NamedTuple):
 
     rigid: Float[Array, ""]  # fastest rigid-body frequency
     fastest: Float[Array, ""]  # fastest frequency or rate of decay of all
+    spin: Float[Array, ""]  # fastest angular velocity of a body in space
 
 
 def frequencies(
@@ -31,17 +32,34 @@ def frequencies(
     Of a reduced system with constraints, the rigid one is that of the full system: it sets the
     stabilisation, and reduced coordinates know no bodies.
     """
-    own = _estimate(system, t, q, v)
-    if system.m == 0 or system.full is system:
-        return own
+    rigid, fastest = _estimate(system, t, q, v)
+    quaternions = system.full.structure.quaternions
+    constrained = system.m > 0 and system.full is not system
+    if not constrained and not quaternions:
+        return Frequencies(rigid, fastest, jnp.zeros_like(fastest))
     state = system.state(t, q, v)
-    return Frequencies(_estimate(system.full, t, state.q, state.v).rigid, own.fastest)
+    if constrained:
+        rigid, _ = _estimate(system.full, t, state.q, state.v)
+    return Frequencies(rigid, fastest, _spin(quaternions, state.q, state.v))
+
+
+def _spin(
+    quaternions: tuple[int, ...], q: Float[Array, " N"], v: Float[Array, " N"]
+) -> Float[Array, ""]:
+    """The fastest angular velocity [rad/s], 2 |ṗ| / |p| where |p| is constant."""
+    if not quaternions:
+        return jnp.zeros((), q.dtype)
+    columns = np.array(quaternions)[:, None] + np.arange(4)
+    squared = jnp.sum(v[columns] ** 2, axis=1) / jnp.sum(q[columns] ** 2, axis=1)
+    return 2 * jnp.sqrt(jnp.max(squared))
 
 
 def _estimate(
     system: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
-) -> Frequencies:
-    """By power iteration with products only, in the metric of M.
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """The fastest frequency of rigid motion, and that of all [rad/s].
+
+    By power iteration with products only, in the metric of M.
 
     ω² = |∂a/∂q| sees springs, flexible modes, gravity on hinged bodies and rotation; the rate
     |∂a/∂v| sees dampers. Three directions are iterated at once: among the rigid coordinates for
@@ -75,4 +93,4 @@ def _estimate(
     _, stretches = jax.lax.scan(push, start, None, length=_ITERATIONS)
     # The largest stretch met, not the last: a level pendulum's ∂a/∂q is nilpotent.
     rigid, all_, rate = jnp.max(stretches, axis=0)
-    return Frequencies(jnp.sqrt(rigid), jnp.maximum(jnp.sqrt(all_), rate))
+    return jnp.sqrt(rigid), jnp.maximum(jnp.sqrt(all_), rate)

@@ -109,6 +109,7 @@ class FullState(AbstractState):
 
     - `pattern`: where the blocks sit; `mass_blocks`, `jacobian_blocks`: those of M and of C_q, as
       `KKT` takes them; `force_vector`: Q. Functions, so that only what is asked for is traced.
+    - `inverse_mass_blocks`: those of M⁻¹; gives None where they are not known.
     - `stored`: the elastic and the potential energy as a function of q; `work_rate`: the power of
       the other forces.
     """
@@ -121,6 +122,7 @@ class FullState(AbstractState):
     force_vector: Callable[[], Float[Array, " n"]]
     stored: Callable[[Float[Array, " n"]], tuple[Float[Array, ""], Float[Array, ""]]]
     work_rate: Callable[[], Power | None]
+    inverse_mass_blocks: Callable[[], Float[Array, "bodies size *size"] | None] = lambda: None
 
     @functools.cached_property
     def _mass(self) -> Float[Array, "bodies size *size"]:
@@ -152,7 +154,8 @@ class FullState(AbstractState):
         return self.apply_mass(a) - self.force()
 
     def kkt(self) -> KKT:
-        return KKT(self.pattern, self._mass, self.jacobian_blocks())
+        sides = self.jacobian_blocks()
+        return KKT(self.pattern, self._mass, sides, self.inverse_mass_blocks())
 
     def solve(self, gamma: Float[Array, " m"]) -> tuple[Float[Array, " n"], Float[Array, " m"]]:
         return self.kkt().solve(self.force(), gamma)

@@ -20,6 +20,7 @@ class Structure:
     - `loops`: whether joints close loops, so that constraints may lose rank on the way; in a tree
       of joints none depends on the others. True, where it is unknown.
     - `contacts`: whether effects may begin on the way, of which the start shows nothing.
+    - `quaternions`: at which coordinate the quaternion of each body in space begins.
     - `joints`, `effects`: by which keys results name them, each key once, in the order in which the
       system holds them; none, where there are no such parts.
     """
@@ -30,6 +31,7 @@ class Structure:
     flexible: bool
     loops: bool
     contacts: bool = False
+    quaternions: tuple[int, ...] = ()
     joints: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
 
@@ -55,6 +57,7 @@ class Structure:
             flexible=self.flexible,
             loops=self.loops,
             contacts=self.contacts,
+            quaternions=self.quaternions,
         )
 
     def __hash__(self) -> int:
@@ -63,7 +66,7 @@ class Structure:
     @functools.cached_property
     def _hash(self) -> int:
         # Every call of a compiled program asks for it.
-        kinds = self.rigid, self.flexible, self.loops, self.contacts
+        kinds = self.rigid, self.flexible, self.loops, self.contacts, self.quaternions
         return hash((self.coordinates, self.constraints, kinds))
 
 

@@ -10,15 +10,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Number, Vector, concatenate
+from ...arrays import Number, Vector, concatenate, untraced
 from ...deprecated import adopt, renamed
 from ...errors import SceneError
-from ..coordinate import Coordinate
+from ...linalg import quaternions
+from ..coordinate import Coordinate, frame_coordinates, frame_size
 from ..fields import check_finite, check_shape
 from ..marker import GROUND, Marker, Pose
 from ..placing import brought, start_pose, started
 from ..points import point_of
 from .inertia import Inertia
+from .spatial.inertia import SpatialInertia
 
 T = TypeVar("T", bound="AbstractBody")
 
@@ -26,15 +28,19 @@ T = TypeVar("T", bound="AbstractBody")
 class AbstractBody(eqx.Module):
     """A body in a floating frame of reference.
 
-    Coordinates: x [m], y [m], φ [rad] of its frame, then modal amplitudes. Everything is written
-    for one body; the assembled system maps it over equal bodies. Forces and the quadratic velocity
-    vector follow from these functions by autodiff.
+    Coordinates: those of its frame, then modal amplitudes. A frame in the plane has x [m], y [m]
+    and φ [rad]; one in space x, y, z [m] and a quaternion w, x, y, z of any length. Everything is
+    written for one body; the assembled system maps it over equal bodies. Forces and the quadratic
+    velocity vector follow from these functions by autodiff.
     """
+
+    # 2 in the plane, 3 in space.
+    dimension: ClassVar[int] = 2
 
     name: eqx.AbstractVar[str]
 
-    # How many modal coordinates follow x, y, φ. As a field of this class, type checkers would ask
-    # for it in the constructor of a body that has it as a constant.
+    # How many modal coordinates follow those of the frame. As a field of this class, type checkers
+    # would ask for it in the constructor of a body that has it as a constant.
     if TYPE_CHECKING:
         modes = 0
     else:
@@ -66,9 +72,19 @@ class AbstractBody(eqx.Module):
         return False
 
     @property
+    def frame_size(self) -> int:
+        """How many of its coordinates are those of its frame."""
+        return frame_size(self.dimension)
+
+    @property
+    def inverts_mass(self) -> bool:
+        """Whether the inverse of the mass matrix is known in closed form."""
+        return False
+
+    @property
     def size(self) -> int:
         """How many generalized coordinates the body has."""
-        return 3 + self.modes
+        return self.frame_size + self.modes
 
     @abc.abstractmethod
     def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
@@ -77,6 +93,19 @@ class AbstractBody(eqx.Module):
     @abc.abstractmethod
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         """Mass matrix of the body's own coordinates; a diagonal one as its diagonal, (size,)."""
+
+    def inverse_mass(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
+        """Inverse of the mass matrix, in its form; asked only of bodies that have one in closed
+        form.
+        """
+        raise NotImplementedError
+
+    def quadratic_velocity_force(
+        self, q: Float[Array, " size"], v: Float[Array, " size"]
+    ) -> Float[Array, " size"] | None:
+        """−Ṁ v + ½ ∂(vᵀ M v)/∂q in closed form; None where autodiff has to give it."""
+        del q, v
+        return None
 
     @abc.abstractmethod
     def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
@@ -91,7 +120,7 @@ class AbstractBody(eqx.Module):
             "ModalBody.of_mesh, whose modes are orthonormal."
         )
 
-    def invariants(self) -> Inertia | None:
+    def invariants(self) -> Inertia | SpatialInertia | None:
         """What the mass matrix is made of; None where it is made of something else."""
         return None
 
@@ -100,25 +129,26 @@ class AbstractBody(eqx.Module):
         return jnp.zeros_like(v)
 
     @abc.abstractmethod
-    def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "2"]:
+    def first_moment(self, q: Float[Array, " size"]) -> Float[Array, " d"]:
         """Mass times position of the centre of mass, ∫ρ r dV [kg m]."""
 
     @abc.abstractmethod
-    def mode_shapes(self, point: Float[Array, "2"]) -> Float[Array, "3 modes"]:
-        """Displacement along local x and y and rotation of a material point, per unit amplitude.
+    def mode_shapes(self, point: Float[Array, " d"]) -> Float[Array, "motions modes"]:
+        """Displacement along the local axes and rotation of a material point, per unit amplitude:
+        three rows in the plane, six in space.
 
         All that joints and effects know of a body's flexibility: the point X sits at
-        r = R + A(φ) (X + S q_f), turned by φ + s q_f.
+        r = R + A (X + S q_f), turned by φ + s q_f in the plane, by p ⊗ (1, ½ s q_f) in space.
         """
 
-    def foreshortening(self, point: Float[Array, "2"]) -> Float[Array, "2 modes modes"]:
-        """G of a displacement −½ q_fᵀ G q_f of a material point along local x and y, beyond that
+    def foreshortening(self, point: Float[Array, " d"]) -> Float[Array, "d modes modes"]:
+        """G of a displacement −½ q_fᵀ G q_f of a material point along the local axes, beyond that
         of the mode shapes; asked only of bodies that foreshorten.
         """
-        return jnp.zeros((2, self.modes, self.modes), point.dtype)
+        return jnp.zeros((self.dimension, self.modes, self.modes), point.dtype)
 
     @abc.abstractmethod
-    def outline(self) -> Float[Array, "points 2"]:
+    def outline(self) -> Float[Array, "points d"]:
         """Material points [m] whose polygon pictures the body."""
 
     @abc.abstractmethod
@@ -133,11 +163,7 @@ class AbstractBody(eqx.Module):
 
     def coordinates(self) -> tuple[Coordinate, ...]:
         """What each coordinate is, with its unit and symbol."""
-        frame = (
-            Coordinate(self.name, "x", "m", "x", f"position x of {self.name}"),
-            Coordinate(self.name, "y", "m", "y", f"position y of {self.name}"),
-            Coordinate(self.name, "phi", "rad", r"\varphi", f"angle of {self.name}"),
-        )
+        frame = frame_coordinates(self.name, self.dimension)
         modal = [
             Coordinate(
                 self.name, f"q{k}", "kg^1/2 m", f"q_{{{k}}}", f"{self.mode_kind} {k} of {self.name}"
@@ -150,31 +176,51 @@ class AbstractBody(eqx.Module):
         """Labels of the coordinates, such as "cart.x"."""
         return tuple(coordinate.label for coordinate in self.coordinates())
 
-    def named_points(self) -> Mapping[str, Float[Array, "2"]]:
+    def named_points(self) -> Mapping[str, Float[Array, " d"]]:
         """The material points [m] that `at`, `pose` and `placed` know by name."""
         return {}
 
-    def at(self, point: Vector | str = (0.0, 0.0), angle: Number = 0.0) -> Marker:
-        """A marker at the material `point` X [m] of the body frame, or the one of that name, turned
-        by `angle` [rad].
-        """
-        return Marker(self.name, self._point(point), angle)
+    def at(
+        self,
+        point: Vector | str | None = None,
+        angle: Number = 0.0,
+        *,
+        axis: Vector | None = None,
+        rotation: Vector | None = None,
+    ) -> Marker:
+        """A marker at the material `point` X [m] of the body frame, or the one of that name, or at
+        the origin; in the plane it is turned by `angle` [rad].
 
-    def pose(self, point: Vector | str = (0.0, 0.0)) -> Pose:
+        In space its z axis, which is that of joints, is along `axis` (3,), and it is turned by
+        `angle` about it; or it is turned by a `rotation`, a matrix (3, 3) or a quaternion (4,).
+        """
+        return Marker.fixed(self.name, self._point(point), angle, axis, rotation)
+
+    def pose(self, point: Vector | str | None = None) -> Pose:
         """Where a point, as in `at`, is at the start, and how the body is turned there."""
         return start_pose(self, self._point(point))
 
-    def placed(self: T, point: Vector | str, to: Pose, angle: Number | None = None) -> T:
+    def placed(
+        self: T,
+        point: Vector | str,
+        to: Pose,
+        angle: Number | None = None,
+        *,
+        rotation: Vector | None = None,
+    ) -> T:
         """The body with a `point`, as in `at`, where a pose is, such as `other.pose("pin")` or
-        `ground.pose((x, y))`, and its frame turned by `angle` [rad], as it is unless given.
+        `ground.pose((x, y))`, and its frame turned by `angle` [rad] in the plane, by a `rotation`,
+        a matrix (3, 3) or a quaternion (4,), in space; as it is unless given.
         """
-        return brought(self, self._point(point), to, angle)
+        return brought(self, self._point(point), to, angle, rotation)
 
     def started(self: T, q: Float[Array, " size"], v: Float[Array, " size"]) -> T:
         """The body with other initial coordinates and velocities."""
         return started(self, q, v)
 
-    def _point(self, point: Vector | str) -> Vector:
+    def _point(self, point: Vector | str | None) -> Vector:
+        if point is None:
+            return (0.0,) * self.dimension
         return point_of(f"body '{self.name}'", self.named_points(), point)
 
 
@@ -210,19 +256,33 @@ def disc(diameter: Float[Array, ""]) -> Float[Array, "points 2"]:
 
 def check_start(owner: str, body: Any) -> None:
     """Check the initial pose and motion that every kind of body has."""
+    flat = body.dimension == 2
+    vector: tuple[int, ...] = (body.dimension,)
     for field, shape in (
-        ("position", (2,)),
-        ("angle", ()),
-        ("velocity", (2,)),
-        ("angular_velocity", ()),
+        ("position", vector),
+        ("angle", ()) if flat else ("orientation", (4,)),
+        ("velocity", vector),
+        ("angular_velocity", () if flat else vector),
     ):
         check_shape(owner, field, getattr(body, field), shape)
         check_finite(owner, field, getattr(body, field))
 
 
+def frame_start(body: Any) -> tuple[Float[Array, " frame"], Float[Array, " frame"]]:
+    """Initial coordinates and velocities of the frame, of the fields of every kind of body."""
+    if body.dimension == 2:
+        return (
+            concatenate([body.position, body.angle]),
+            concatenate([body.velocity, body.angular_velocity]),
+        )
+    turning = quaternions.derivative(*untraced(body.orientation, body.angular_velocity))
+    return (
+        concatenate([body.position, body.orientation]),
+        concatenate([body.velocity, turning]),
+    )
+
+
 def flexible_start(body: Any) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
     """Initial coordinates and velocities of a body with modes: of its frame, then modal ones."""
-    return (
-        concatenate([body.position, body.angle, body.amplitudes]),
-        concatenate([body.velocity, body.angular_velocity, body.rates]),
-    )
+    q, v = frame_start(body)
+    return concatenate([q, body.amplitudes]), concatenate([v, body.rates])

@@ -7,10 +7,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Number, Vector, concatenate
+from ...arrays import Number, Vector
 from ..fields import Converted, check_numbers, check_shape, number, radians
 from ..points import NamedPoints, by_name
-from .base import AbstractBody, check_name, check_start, disc, rectangle
+from .base import AbstractBody, check_name, check_start, disc, frame_start, rectangle
 
 
 class RigidBody(AbstractBody):
@@ -44,10 +44,7 @@ class RigidBody(AbstractBody):
         return True
 
     def start(self) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
-        return (
-            concatenate([self.position, self.angle]),
-            concatenate([self.velocity, self.angular_velocity]),
-        )
+        return frame_start(self)
 
     def named_points(self) -> Mapping[str, Float[Array, "2"]]:
         return self.points.mapping()

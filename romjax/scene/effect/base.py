@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
+from .. import marker
 from ..body.base import AbstractBody
 from ..marker import Marker, Pose, Twist, Wrench
 from ..outline import Outline, linked
@@ -58,6 +59,8 @@ class AbstractEffect(eqx.Module):
 class AbstractMarkerEffect(AbstractEffect):
     """An effect that acts on markers: those among its fields, unless it says otherwise."""
 
+    # In the plane (2), in space (3), or in both.
+    dimensions: ClassVar[tuple[int, ...]] = (2,)
     # Whether the wrenches depend on velocities; where none do, no velocity is traced.
     needs_twists: AbstractClassVar[bool]
     # What the wrenches consist of, for the balance of energy: those of `energy`, and others, which
@@ -65,6 +68,9 @@ class AbstractMarkerEffect(AbstractEffect):
     stores: ClassVar[bool] = False
     dissipates: ClassVar[bool] = False
     supplies: ClassVar[bool] = True
+    # Pairs of its markers, by their numbers, in space whose angle counts full turns: the pose of a
+    # counter for each follows those of the markers, see `counted_angle`.
+    counted: ClassVar[tuple[tuple[int, int], ...]] = ()
     # Whether it may begin on the way, as contacts do; then the start shows nothing of it.
     begins: ClassVar[bool] = False
 
@@ -92,7 +98,7 @@ class AbstractMarkerEffect(AbstractEffect):
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         """Potential energy [J]; asked only of effects that store some."""
         del t
-        return jnp.zeros_like(poses[0].angle)
+        return jnp.zeros((), poses[0].position.dtype)
 
     def power(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
@@ -101,13 +107,10 @@ class AbstractMarkerEffect(AbstractEffect):
         with time alone.
         """
         wrenches = self.wrenches(t, poses, twists if self.needs_twists else ())
-        total = sum(
-            wrench.force @ twist.velocity + wrench.torque * twist.angular_velocity
-            for wrench, twist in zip(wrenches, twists, strict=True)
-        )
+        total = sum(w.power(twist) for w, twist in zip(wrenches, twists, strict=True))
         if self.stores:
-            t = jnp.asarray(t, poses[0].angle.dtype)
-            rates = tuple(Pose(*twist) for twist in twists)
+            t = jnp.asarray(t, poses[0].position.dtype)
+            rates = tuple(pose.rate(twist) for pose, twist in zip(poses, twists, strict=True))
             total += jax.jvp(self.energy, (t, *poses), (jnp.ones_like(t), *rates))[1]
         return jnp.asarray(total)
 
@@ -128,14 +131,14 @@ class AbstractPotential(AbstractMarkerEffect):
     ) -> tuple[Wrench, ...]:
         del twists
         slopes = jax.grad(lambda poses: self.energy(t, *poses))(poses)
-        return tuple(Wrench(-slope.position, -slope.angle) for slope in slopes)
+        return tuple(-pose.wrench(slope) for pose, slope in zip(poses, slopes, strict=True))
 
     def power(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> Float[Array, ""]:
         """Power [W] of what changes the energy with time, at rest."""
         del twists
-        t = jnp.asarray(t, poses[0].angle.dtype)
+        t = jnp.asarray(t, poses[0].position.dtype)
         rate: Float[Array, ""] = jax.jvp(
             lambda t: self.energy(t, *poses), (t,), (jnp.ones_like(t),)
         )[1]
@@ -193,12 +196,13 @@ def displacement(
 
     @functools.cache
     def rate() -> Float[Array, " k"]:
+        rates = tuple(pose.rate(twist) for pose, twist in zip(poses, twists, strict=True))
         change: Float[Array, " k"]
-        _, change = jax.jvp(measure, poses, tuple(Pose(*twist) for twist in twists))
+        _, change = jax.jvp(measure, poses, rates)
         return change
 
     def wrenches(force: Float[Array, " k"]) -> tuple[Wrench, ...]:
-        return tuple(Wrench(*pose) for pose in pull_back(force))
+        return tuple(p.wrench(slope) for p, slope in zip(poses, pull_back(force), strict=True))
 
     return value, rate, wrenches
 
@@ -206,6 +210,5 @@ def displacement(
 def check_markers(effect: AbstractEffect) -> str:
     """Check the markers of an effect; returns how messages call it."""
     owner = f"effect '{effect.label()}'"
-    for marker in effect.markers:
-        marker.check(owner)
+    marker.check_markers(owner, effect.markers, getattr(effect, "dimensions", (2, 3)))
     return owner

@@ -32,6 +32,7 @@ class Damper(AbstractDissipation):
     damping: Converted[Float[Array, ""]] = number()
     along_line: bool = eqx.field(static=True, default=False)
     hatched: ClassVar[bool] = True
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 
     def rayleigh(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]

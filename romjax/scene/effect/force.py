@@ -29,10 +29,11 @@ class Force(AbstractMarkerEffect):
     """
 
     at: Marker
-    direction: Converted[Float[Array, "2"], Vector] = number()
+    direction: Converted[Float[Array, " d"], Vector] = number()
     signal: AbstractSignal = signal_field()
     frame: str = eqx.field(static=True, default="world")
     needs_twists: ClassVar[bool] = False
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
@@ -41,7 +42,7 @@ class Force(AbstractMarkerEffect):
         force = self.signal(t) * self.direction / jnp.linalg.norm(self.direction)
         if self.frame == "body":
             force = poses[0].turned(force)
-        return (Wrench(force, jnp.zeros_like(force[0])),)
+        return (Wrench(force, jnp.zeros_like(force[0] if force.shape == (2,) else force)),)
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
@@ -58,7 +59,7 @@ class Force(AbstractMarkerEffect):
 
     def check(self) -> None:
         owner = check_markers(self)
-        check_numbers(owner, self, "direction", shape=(2,))
+        check_numbers(owner, self, "direction", shape=(self.at.dimension,))
         direction = concrete(self.direction)
         if direction is not None and not np.any(direction):
             raise SceneError(f"{owner}: direction is {direction}; give a vector that is not zero.")

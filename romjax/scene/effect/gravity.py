@@ -13,13 +13,20 @@ class Gravity(AbstractField):
 
     **Arguments:**
 
-    - `acceleration`: vector of the gravitational acceleration [m/s²]; down along −y unless given.
+    - `acceleration`: vector of the gravitational acceleration [m/s²], of two numbers in the plane,
+      of three in space; down along −y in the plane unless given.
     """
 
-    acceleration: Converted[Float[Array, "2"], Vector] = number(default=(0.0, -9.81))
+    acceleration: Converted[Float[Array, " d"], Vector] = number(default=(0.0, -9.81))
 
     def energy(self, body: AbstractBody, q: Float[Array, " size"]) -> Float[Array, ""]:
         return -self.acceleration @ body.first_moment(q)
 
     def check(self) -> None:
-        check_numbers("effect 'Gravity'", self, "acceleration", shape=(2,))
+        d = 3 if self.acceleration.shape == (3,) else 2
+        check_numbers("effect 'Gravity'", self, "acceleration", shape=(d,))
+
+    @property
+    def dimension(self) -> int:
+        """2 in the plane, 3 in space."""
+        return self.acceleration.shape[-1]

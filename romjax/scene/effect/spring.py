@@ -33,6 +33,7 @@ class Spring(AbstractPotential):
     rest_length: Converted[Float[Array, ""] | None] = number(default=None)
     cubic: Converted[Float[Array, ""] | None] = number(default=None)
     hatched: ClassVar[bool] = True
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         del t

@@ -1,0 +1,147 @@
+"""Rotations in space by quaternions p = (w, x, y, z) of any length but zero.
+
+A quaternion and its multiples turn by the same rotation A(p), homogeneous of degree zero and
+orthonormal for every p ≠ 0: rational, without a root, a branch or a constraint on the length. With
+s = pᵀp, e = (x, y, z) and the 3 × 4 matrices G = [−e, w I − ẽ] and E = [−e, w I + ẽ], the angular
+velocity is 2 G ṗ / s by the axes of the body and 2 E ṗ / s by those of space; G p = E p = 0
+(Nikravesh, "Computer-Aided Analysis of Mechanical Systems", 1988, chapter 6, for s = 1).
+
+All functions take leading axes, and compute by NumPy what is given as its arrays.
+"""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from ..arrays import Numbers
+
+Quaternion = Float[Numbers, "... 4"]
+Triple = Float[Numbers, "... 3"]
+
+
+def product(a: Quaternion, b: Quaternion) -> Quaternion:
+    """A ⊗ b: first the rotation b, then a."""
+    return a * b[..., :1] + apply_transposed(body_matrix(a), b[..., 1:])
+
+
+def conjugate(p: Quaternion) -> Quaternion:
+    """The inverse rotation, of the same length."""
+    return p * _constant([1, -1, -1, -1], p)
+
+
+def from_vector(x: Triple) -> Quaternion:
+    """(0, x)."""
+    return _joined(0.0, x)
+
+
+def small_turn(angles: Triple) -> Quaternion:
+    """(1, ½ θ): to first order the rotation by the vector θ, and exactly one for any θ."""
+    return _joined(1.0, 0.5 * angles)
+
+
+def cross(a: Triple, b: Triple) -> Triple:
+    """A × b, by two shifted products."""
+    return _shifted(a * _shifted(b) - _shifted(a) * b)
+
+
+def rotate(p: Quaternion, x: Triple) -> Triple:
+    """A(p) x = x + 2 (w e × x + e × (e × x)) / s."""
+    axis = p[..., 1:]
+    across = cross(axis, x)
+    return x + 2 * (p[..., :1] * across + cross(axis, across)) / squared(p)[..., None]
+
+
+def matrix(p: Quaternion) -> Float[Numbers, "... 3 3"]:
+    """A(p) = E Gᵀ / s, whose columns are the axes of the body."""
+    body, space = body_matrix(p), space_matrix(p)
+    products = (space[..., :, None, :] * body[..., None, :, :]).sum(axis=-1)
+    return products / squared(p)[..., None, None]
+
+
+def squared(p: Quaternion) -> Float[Numbers, "..."]:
+    """S = pᵀp."""
+    total: Float[Numbers, ...] = _namespace(p).asarray((p * p).sum(axis=-1))
+    return total
+
+
+def body_matrix(p: Quaternion) -> Float[Numbers, "... 3 4"]:
+    """G = [−e, w I − ẽ]."""
+    return _signed(p, [[-1, 1, 1, -1], [-1, -1, 1, 1], [-1, 1, -1, 1]])
+
+
+def space_matrix(p: Quaternion) -> Float[Numbers, "... 3 4"]:
+    """E = [−e, w I + ẽ]."""
+    return _signed(p, [[-1, 1, -1, 1], [-1, 1, 1, -1], [-1, -1, 1, 1]])
+
+
+def skew(x: Triple) -> Float[Numbers, "... 3 3"]:
+    """x̃, with x̃ y = x × y."""
+    padded = _joined(0.0, x)
+    signs = _constant([[0, -1, 1], [1, 0, -1], [-1, 1, 0]], x)
+    return padded[..., np.array([[0, 3, 2], [3, 0, 1], [2, 1, 0]], np.uint32)] * signs
+
+
+def angular_velocity(p: Quaternion, rate: Quaternion) -> Triple:
+    """2 E ṗ / s, by the axes of space [rad/s]."""
+    return 2 * apply(space_matrix(p), rate) / squared(p)[..., None]
+
+
+def body_angular_velocity(p: Quaternion, rate: Quaternion) -> Triple:
+    """2 G ṗ / s, by the axes of the body [rad/s]."""
+    return 2 * apply(body_matrix(p), rate) / squared(p)[..., None]
+
+
+def derivative(p: Quaternion, angular_velocity: Triple) -> Quaternion:
+    """ṗ = ½ Eᵀ ω of an angular velocity by the axes of space [rad/s]; it keeps the length."""
+    return 0.5 * apply_transposed(space_matrix(p), angular_velocity)
+
+
+def torque(p: Quaternion, slope: Quaternion) -> Triple:
+    """½ E ∂/∂p: the torque by the axes of space that does the same work as a force on p."""
+    return 0.5 * apply(space_matrix(p), slope)
+
+
+def generalized(p: Quaternion, torque: Triple) -> Quaternion:
+    """2 Eᵀ τ / s: the force on p of a torque by the axes of space."""
+    return 2 * apply_transposed(space_matrix(p), torque) / squared(p)[..., None]
+
+
+def apply(a: Float[Numbers, "... p c"], x: Float[Numbers, "... c"]) -> Float[Numbers, "... p"]:
+    """A x."""
+    return (a * x[..., None, :]).sum(axis=-1)
+
+
+def apply_transposed(
+    a: Float[Numbers, "... p c"], x: Float[Numbers, "... p"]
+) -> Float[Numbers, "... c"]:
+    """aᵀ x."""
+    return (a * x[..., :, None]).sum(axis=-2)
+
+
+def _shifted(x: Triple) -> Triple:
+    """(x₂, x₃, x₁)."""
+    shifted: Triple = _namespace(x).concatenate([x[..., 1:], x[..., :1]], axis=-1)
+    return shifted
+
+
+def _joined(first: float, x: Triple) -> Quaternion:
+    xp = _namespace(x)
+    joined: Quaternion = xp.concatenate([xp.full_like(x[..., :1], first), x], axis=-1)
+    return joined
+
+
+def _namespace(x: Any) -> Any:
+    return np if isinstance(x, np.ndarray) else jnp
+
+
+def _signed(p: Quaternion, signs: list[list[int]]) -> Float[Numbers, "... 3 4"]:
+    order = np.array([[1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]], np.uint32)
+    return p[..., order] * _constant(signs, p)
+
+
+def _constant(values: Any, x: Float[Numbers, "... k"]) -> np.ndarray:
+    """With axes of length one for the leading ones of x, as no rank is promoted."""
+    constant = np.array(values, x.dtype)
+    return constant.reshape((1,) * (x.ndim - 1) + constant.shape)

@@ -1,0 +1,26 @@
+"""A joint that slides along an axis and turns about it."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ....arrays import Time
+from ...marker import Marker, Pose
+from ..base import AbstractJoint
+from .directions import tilt
+
+
+class Cylindrical(AbstractJoint):
+    """Marker `a` slides along the z axis of marker `b` and turns about it."""
+
+    a: Marker
+    b: Marker
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 4
+    dimensions: ClassVar[tuple[int, ...]] = (3,)
+
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "4"]:
+        del t
+        return jnp.concatenate([b.local(a.position)[:2], tilt(a, b)])

@@ -1,0 +1,29 @@
+"""Directions of markers in space, and how they differ: what residuals of joints are made of."""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ....linalg import quaternions
+from ...marker import Pose
+
+
+def axis(pose: Pose, number: int) -> Float[Array, "3"]:
+    """The local x, y or z axis of a marker, by number, in the inertial frame."""
+    return pose.turned(np.eye(3, dtype=pose.position.dtype)[number])
+
+
+def tilt(a: Pose, b: Pose) -> Float[Array, "2"]:
+    """The components of the z axis of `a` along x and y of `b`: zero where both are parallel, and
+    for small angles the angles between them [rad].
+    """
+    z = quaternions.rotate(quaternions.conjugate(b.turn), axis(a, 2))
+    return z[:2]
+
+
+def turned(a: Pose, b: Pose) -> Float[Array, "3"]:
+    """Twice the vector part of the quaternion from `b` to `a`, over its length: the axis times
+    2 sin(φ/2) [rad], which is zero only where all axes are parallel.
+    """
+    relative = quaternions.product(quaternions.conjugate(b.turn), a.turn)
+    return 2 * relative[1:] / jnp.sqrt(quaternions.squared(relative))

@@ -1,0 +1,26 @@
+"""A slider in space."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ....arrays import Time
+from ...marker import Marker, Pose
+from ..base import AbstractJoint
+from .directions import turned
+
+
+class Prismatic(AbstractJoint):
+    """Marker `a` slides along the z axis of marker `b`; their axes stay parallel."""
+
+    a: Marker
+    b: Marker
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 5
+    dimensions: ClassVar[tuple[int, ...]] = (3,)
+
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "5"]:
+        del t
+        return jnp.concatenate([b.local(a.position)[:2], turned(a, b)])

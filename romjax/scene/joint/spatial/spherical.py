@@ -1,0 +1,24 @@
+"""A ball joint."""
+
+from typing import ClassVar
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ....arrays import Time
+from ...marker import Marker, Pose
+from ..base import AbstractJoint
+
+
+class Spherical(AbstractJoint):
+    """The two markers stay at one position; both bodies may turn about it in any direction."""
+
+    a: Marker
+    b: Marker
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 3
+    dimensions: ClassVar[tuple[int, ...]] = (3,)
+
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "3"]:
+        del t
+        return a.position - b.position

@@ -1,0 +1,26 @@
+"""A rigid connection in space."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ....arrays import Time
+from ...marker import Marker, Pose
+from ..base import AbstractJoint
+from .directions import turned
+
+
+class Weld(AbstractJoint):
+    """The two markers stay at one position, and their axes parallel."""
+
+    a: Marker
+    b: Marker
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 6
+    dimensions: ClassVar[tuple[int, ...]] = (3,)
+
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "6"]:
+        del t
+        return jnp.concatenate([a.position - b.position, turned(a, b)])
