@@ -168,6 +168,10 @@ class Beam(AbstractFlexibleBody):
         return Counts(*self.bending, self.torsion, self.extension)
 
     @property
+    def inverts_mass(self) -> bool:
+        return not self.rotary
+
+    @property
     def damped(self) -> bool:
         return self.damping is not None and self.modes > 0
 
