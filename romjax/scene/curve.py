@@ -76,8 +76,8 @@ class Circle(AbstractCurve):
         return (point @ point - self.radius**2) / (2 * self.radius)
 
     def outline(self, point: Float[Array, "2"], size: Float[Array, ""]) -> Float[Array, "points 2"]:
-        del size
-        return arc(jnp.zeros_like(point), self.radius, jnp.zeros_like(self.radius), 2 * np.pi, 97)
+        del point, size
+        return arc(self.radius, 2 * np.pi, 97)
 
     def check(self, owner: str) -> None:
         check_numbers(owner, self, "radius", sign="positive", prefix="Circle.")

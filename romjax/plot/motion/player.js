@@ -73,7 +73,8 @@ const pointsOf = (part, frame) => {
 // The state, and the view: what is in the middle, how large, and in space from which side.
 
 const state = {t: start, playing: false, rate: data.clock.rate, scale: data.scale};
-const view = {middle: [0, 0], zoom: 1, pixels: 1, azimuth: -0.9, elevation: 0.42, width: 0, height: 0};
+const [azimuth, elevation] = data.view ?? [0, 0];
+const view = {middle: [0, 0], zoom: 1, pixels: 1, azimuth, elevation, width: 0, height: 0};
 let box = null;
 
 const frameAt = t => {
@@ -315,7 +316,7 @@ legend.classList.toggle("alternatives", data.alternatives);
 const press = () => buttons.forEach(([button, model]) => button.setAttribute("aria-pressed", model.shown));
 press();
 
-const reset = () => { Object.assign(view, {middle: [0, 0], zoom: 1, azimuth: -0.9, elevation: 0.42}); show(); };
+const reset = () => { Object.assign(view, {middle: [0, 0], zoom: 1, azimuth, elevation}); show(); };
 const zoom = by => { view.zoom *= by; show(); };
 const keys = {
   " ": () => play(!state.playing), ArrowRight: () => step(1), ArrowLeft: () => step(-1),

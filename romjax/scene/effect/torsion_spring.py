@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...arrays import Time
-from ..drawing import arc
+from ..drawing import arc, placed
 from ..fields import Converted, check_numbers, number, radians
 from ..marker import Marker, Pose
 from ..outline import Outline
@@ -41,7 +41,7 @@ class TorsionSpring(AbstractPotential):
         a, b = poses
         sweep = b.angle - a.angle + 4 * np.pi
         radius = size * np.linspace(0.2, 1.2, 61)
-        return (Outline(arc(a.position, radius, a.angle, sweep, 61), "spring"),)
+        return (Outline(placed(a, arc(radius, sweep, 61)), "spring"),)
 
     def check(self) -> None:
         owner = check_markers(self)

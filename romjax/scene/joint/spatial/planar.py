@@ -4,10 +4,13 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ....arrays import Time
+from ...drawing import placed
 from ...marker import Marker, Pose
+from ...outline import Outline
 from ..base import AbstractJoint
 from .directions import tilt
 
@@ -20,7 +23,19 @@ class Planar(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 3
     dimensions: ClassVar[tuple[int, ...]] = (3,)
+    hatched: ClassVar[bool] = False
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "3"]:
         del t
         return jnp.append(b.local(a.position)[2], tilt(a, b))
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """A square of the plane at the foot of `a`."""
+        del t
+        a, b = poses
+        x, y, _ = b.local(a.position)
+        corners = 2 * size * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)])
+        square = placed(b, jnp.stack([x, y])[None] + corners)
+        return Outline(square, "track"), Outline(a.position[None], "point")
