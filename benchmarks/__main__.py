@@ -38,6 +38,7 @@ COMPARISONS = (
     "hard_cases",
     "effects",
     "scaling",
+    "spatial",
     "accuracy",
 )
 PATIENCE = 60.0  # [s] for a comparison to write what it has after Ctrl-C

@@ -10,6 +10,8 @@ from collections.abc import Callable
 import numpy as np
 from timing import Timed
 
+import romjax as rj
+
 # A function of the number of steps in one second: places of all bars (3 n) and steps.
 Run = Callable[[float], Timed]
 
@@ -44,6 +46,41 @@ def mujoco_chain(links: int) -> Run:
         along, up = np.cos(angle), np.sin(angle)
         places = [np.cumsum(along) - along / 2, np.cumsum(up) - up / 2, angle]
         return Timed((np.stack(places, axis=1).ravel(), int(steps)), taken)
+
+    return run
+
+
+def mujoco_balls(scene: rj.Scene, bars: int) -> Run:
+    """A chain of `bars` on ball joints along x, or a top on one (no bars), that spins as the first
+    body of the scene; returns the positions of all centres of mass.
+    """
+    import mujoco
+
+    first = scene.bodies[0]
+    arm = np.asarray(first.position if bars else -scene.joints[0].a.point)
+    moments = " ".join(f"{x}" for x in np.asarray(first.inertia))
+    body = (
+        '<body pos="{x} 0 0"><joint type="ball"/>'
+        f'<inertial pos="{arm[0]} {arm[1]} {arm[2]}" mass="{float(first.mass)}" '
+        f'diaginertia="{moments}"/>'
+    )
+    count = max(bars, 1)
+    bodies = "".join(body.format(x=min(i, 1)) for i in range(count))
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><option gravity="0 0 -9.81" integrator="RK4">'
+        '<flag contact="disable" constraint="disable"/></option>'
+        f"<worldbody>{bodies}{'</body>' * count}</worldbody></mujoco>"
+    )
+
+    def run(steps: float) -> Timed:
+        model.opt.timestep = 1.0 / steps
+        data = mujoco.MjData(model)
+        data.qvel[:3] = np.asarray(first.angular_velocity)
+        start = time.perf_counter()
+        mujoco.mj_step(model, data, nstep=int(steps))
+        taken = time.perf_counter() - start
+        mujoco.mj_kinematics(model, data)
+        return Timed((data.xipos[1:].copy(), int(steps)), taken)
 
     return run
 

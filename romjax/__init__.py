@@ -93,6 +93,7 @@ from .scene.effect.bushing import Bushing as Bushing
 from .scene.effect.contact import Contact as Contact
 from .scene.effect.contact import Friction as Friction
 from .scene.effect.damper import Damper as Damper
+from .scene.effect.drag import Drag as Drag
 from .scene.effect.force import Force as Force
 from .scene.effect.gravity import Gravity as Gravity
 from .scene.effect.motor import Motor as Motor

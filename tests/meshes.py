@@ -63,3 +63,23 @@ def plate(length, height, nx, ny, modulus=2e11, poisson=0.3, density=7800.0, thi
     nodes = basis.doflocs[:, rows[:, 0]].T
     stiffness = thickness * stretching.assemble(basis)
     return stiffness, density * thickness * _inertia.assemble(basis), nodes, rows
+
+
+def brick(edges, counts, modulus=2e11, poisson=0.3, density=7800.0, quadratic=False):
+    """A block about the origin by hexahedra: K, M, nodes and their rows."""
+    lines = [np.linspace(-e / 2, e / 2, n + 1) for e, n in zip(edges, counts, strict=True)]
+    mesh = skfem.MeshHex.init_tensor(*lines)
+    element = skfem.ElementHex2() if quadratic else skfem.ElementHex1()
+    basis = skfem.Basis(mesh, skfem.ElementVector(element), intorder=4 if quadratic else 2)
+    first = modulus * poisson / ((1 + poisson) * (1 - 2 * poisson))
+    second = modulus / (2 * (1 + poisson))
+
+    @skfem.BilinearForm
+    def stretching(u, v, w):
+        strain = sym_grad(u)
+        return ddot(first * eye(trace(strain), 3) + 2 * second * strain, sym_grad(v))
+
+    groups = [basis.nodal_dofs, basis.edge_dofs, basis.facet_dofs, basis.interior_dofs]
+    rows = np.hstack([group for group in groups if group.size]).T
+    nodes = basis.doflocs[:, rows[:, 0]].T
+    return stretching.assemble(basis), density * _inertia.assemble(basis), nodes, rows

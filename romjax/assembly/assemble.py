@@ -14,6 +14,7 @@ from ..scene.scene import Scene
 from ..system.mobility import check_mobility
 from ..system.structure import Structure
 from .assembled import AssembledSystem
+from .counting import counters_of, started
 from .grouping import group
 from .groups import BodyGroup, EffectGroup, JointGroup
 from .kinematics import arrange, columns_of
@@ -33,27 +34,34 @@ def assemble(scene: Scene) -> AssembledSystem:
     # A Python number that was put in by hand would be static and recompile at every change.
     scene = jtu.tree_map(as_array, scene)
 
-    columns, n = columns_of(scene.bodies)
+    acting = [e for e in scene.effects if isinstance(e, AbstractMarkerEffect)]
+    keys = [unique([part.label() for part in parts]) for parts in (scene.joints, acting)]
+    counters, holding, sides = counters_of((*scene.joints, *acting), unique([*keys[0], *keys[1]]))
+    every_body, every_joint = (*scene.bodies, *counters), (*scene.joints, *holding)
+    joined_sides = [*sides[: len(scene.joints)], *(joint.markers for joint in holding)]
+
+    columns, n = columns_of(every_body)
     bodies, order = [], list[str]()
-    for stacked, members in group(scene.bodies):
-        names = [scene.bodies[i].name for i in members]
+    for stacked, members in group(every_body):
+        names = [every_body[i].name for i in members]
         bodies.append(BodyGroup(stacked, Index.of([columns[name] for name in names])))
         order += names
 
-    named = {body.name: body for body in scene.bodies}
+    named = {body.name: body for body in every_body}
 
     first_row = [0]
-    for joint in scene.joints:
+    for joint in every_joint:
         first_row.append(first_row[-1] + joint.rows)
     joined = [
-        ([order.index(m.body) for m in joint.markers if m.body != GROUND], range(*rows))
-        for joint, rows in zip(scene.joints, itertools.pairwise(first_row), strict=True)
+        (
+            sorted({order.index(m.body) for m in joint.markers if m.body != GROUND}),
+            range(*rows),
+        )
+        for joint, rows in zip(every_joint, itertools.pairwise(first_row), strict=True)
     ]
-    joints, joint_markers = arrange(scene.joints, named, columns, n)
-    acting = [e for e in scene.effects if isinstance(e, AbstractMarkerEffect)]
-    effects, effect_markers = arrange(acting, named, columns, n)
-    starts = [body.start() for body in scene.bodies]
-    keys = [unique([part.label() for part in parts]) for parts in (scene.joints, acting)]
+    joints, joint_markers = arrange(every_joint, joined_sides, named, columns, n)
+    effects, effect_markers = arrange(acting, sides[len(scene.joints) :], named, columns, n)
+    starts = [body.start() for body in every_body]
     system = AssembledSystem(
         bodies=tuple(bodies),
         joints=tuple(
@@ -67,18 +75,22 @@ def assemble(scene: Scene) -> AssembledSystem:
         q0=concatenate([q for q, _ in starts]),
         v0=concatenate([v for _, v in starts]),
         structure=Structure(
-            coordinates=tuple(c for body in scene.bodies for c in body.coordinates()),
-            constraints=tuple(f"joint '{j.label()}'" for j in scene.joints for _ in range(j.rows)),
-            rigid=tuple(i < body.frame_size for body in scene.bodies for i in range(body.size)),
+            coordinates=tuple(c for body in every_body for c in body.coordinates()),
+            constraints=tuple(f"joint '{j.label()}'" for j in every_joint for _ in range(j.rows)),
+            rigid=tuple(i < body.frame_size for body in every_body for i in range(body.size)),
             flexible=any(body.modes for body in scene.bodies),
             loops=_close_loops(scene),
             contacts=any(effect.begins for effect in acting),
             quaternions=tuple(columns[b.name][3] for b in scene.bodies if b.dimension == 3),
-            joints=tuple(keys[0][i] for _, _, members in joints for i in members),
+            joints=tuple(
+                keys[0][i] for _, _, members in joints for i in members if i < len(keys[0])
+            ),
             effects=tuple(keys[1][i] for _, _, members in effects for i in members),
         ),
         pattern=Pattern.of([columns[name] for name in order], joined),
     )
+    if counters:
+        system = started(system)
     remedy = "Take out the joints that lock the mechanism."
     check_mobility("assemble", system, remedy, SceneError)
     return system
@@ -94,8 +106,9 @@ def _close_loops(scene: Scene) -> bool:
         return name
 
     for joint in scene.joints:
-        a, b = (root(marker.body) for marker in joint.markers)
-        if a == b:
-            return True
-        trees[a] = b
+        a, *others = (root(marker.body) for marker in joint.markers)
+        for b in map(root, others):
+            if a == b:
+                return True
+            trees[root(a)] = b
     return False

@@ -144,7 +144,9 @@ class AssembledSystem(AbstractSystem):
         for group in self.joints:
             blocks.append(group.jacobian(t, poses, motion))
             rows = group.rows.array
-            indices.append(pattern.flat_indices(rows, np.stack(group.markers.take(columns))))
+            indices.append(
+                pattern.flat_indices(rows, np.stack(group.bodies_of(group.markers.take(columns))))
+            )
         return spread(blocks, indices, shape)
 
 

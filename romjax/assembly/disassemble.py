@@ -10,6 +10,7 @@ from ..arrays import as_array
 from ..scene.marker import GROUND, Marker
 from ..scene.scene import Scene
 from .assembled import AssembledSystem
+from .counting import without_counters
 from .grouping import member, with_name
 from .groups import EffectGroup, JointGroup
 from .kinematics import Markers
@@ -22,7 +23,7 @@ def disassemble(system: AssembledSystem) -> Scene:
     """
     labels = [coordinate.owner for coordinate in system.structure.coordinates]
     bodies, owners = {}, [GROUND] * (system.n + 1)
-    for group in system.bodies:
+    for group in without_counters(system.bodies):
         for row, columns in enumerate(group.coordinates.rows):
             # Inside compiled programs nothing has a name.
             name = labels[columns[0]] or f"body {columns[0]}"
@@ -32,7 +33,7 @@ def disassemble(system: AssembledSystem) -> Scene:
     # Joints and effects are named in the order of their groups.
     joints, effects = {}, list[Any](system.fields)
     names = itertools.chain(system.structure.joints, itertools.repeat(""))
-    for joined in system.joints:
+    for joined in without_counters(system.joints):
         mark = _marking(joined, system.joint_markers, owners)
         for row, rows in enumerate(joined.rows.rows):
             joints[rows[0]] = _named(mark(member(joined.joints, row), row), next(names))

@@ -18,6 +18,7 @@ from ..scene.effect.base import AbstractField, AbstractMarkerEffect
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import Pose, Twist, Wrench
 from ..system.dynamics import quadratic_velocity_force
+from .grouping import T
 from .kinematics import MarkerBlocks
 from .pose_gradient import PoseGradient
 
@@ -130,44 +131,48 @@ class JointGroup(eqx.Module):
 
     def residual(self, t: Time, poses: Pose) -> Float[Array, "count rows"]:
         residuals: Float[Array, "count rows"]
-        residuals = jax.vmap(lambda joint, a, b: joint.residual(t, a, b))(
-            self.joints, *self.markers.take(poses)
+        residuals = jax.vmap(lambda joint, poses: joint.residual(t, *poses))(
+            self.joints, self.markers.take(poses)
         )
         return residuals
 
     def jacobian(
         self, t: Time, poses: Pose, motion: PoseGradient
     ) -> Float[Array, "side count rows size"]:
-        """Derivatives with respect to the coordinates of the bodies on both sides."""
+        """Derivatives with respect to the coordinates of the bodies on all sides."""
 
-        def slopes(joint: AbstractJoint, a: Pose, b: Pose) -> tuple[Pose, Pose]:
-            sides: tuple[Pose, Pose]
-            sides = jax.jacrev(lambda a, b: joint.residual(t, a, b), argnums=(0, 1))(a, b)
+        def slopes(joint: AbstractJoint, poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
+            own, counters = self.bodies_of(poses), poses[len(self.bodies_of(poses)) :]
+            sides: tuple[Pose, ...]
+            sides = jax.jacrev(lambda own: joint.residual(t, *own, *counters))(own)
             return sides
 
-        sides = jax.vmap(slopes)(self.joints, *self.markers.take(poses))
+        sides = jax.vmap(slopes)(self.joints, self.markers.take(poses))
         return jnp.stack(
             [
                 gradient.chain(side)
-                for side, gradient in zip(sides, self.markers.take(motion), strict=True)
+                for side, gradient in zip(
+                    sides, self.bodies_of(self.markers.take(motion)), strict=True
+                )
             ]
         )
 
-    def wrenches(
-        self, t: Time, poses: Pose, multipliers: Float[Array, " m"]
-    ) -> tuple[Wrench, Wrench]:
-        """What the joints do to both of their markers, one row per joint.
+    def bodies_of(self, sides: tuple[T, ...]) -> tuple[T, ...]:
+        """The sides without those of counters, on which the residual does not depend."""
+        return sides[: len(self.joints.markers)]
+
+    def wrenches(self, t: Time, poses: Pose, multipliers: Float[Array, " m"]) -> tuple[Wrench, ...]:
+        """What the joints do to all of their markers, one row per joint.
 
         The constraint forces −C_qᵀ λ, as wrenches at the poses that the residual is a function of.
         """
 
-        def react(joint: AbstractJoint, own: Array, a: Pose, b: Pose) -> tuple[Wrench, Wrench]:
-            _, transpose = jax.vjp(lambda a, b: joint.residual(t, a, b), a, b)
-            on_a, on_b = transpose(-own)
-            return a.wrench(on_a), b.wrench(on_b)
+        def react(joint: AbstractJoint, own: Array, poses: tuple[Pose, ...]) -> tuple[Wrench, ...]:
+            _, transpose = jax.vjp(lambda *poses: joint.residual(t, *poses), *poses)
+            return tuple(p.wrench(force) for p, force in zip(poses, transpose(-own), strict=True))
 
         own, sides = self.rows.take(multipliers), self.markers.take(poses)
-        wrenches: tuple[Wrench, Wrench] = jax.vmap(react)(self.joints, own, *sides)
+        wrenches: tuple[Wrench, ...] = jax.vmap(react)(self.joints, own, sides)
         return wrenches
 
 

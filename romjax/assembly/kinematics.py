@@ -126,6 +126,7 @@ def columns_of(bodies: Sequence[AbstractBody]) -> tuple[dict[str, tuple[int, ...
 
 def arrange(
     elements: Sequence[Any],
+    sides: Sequence[tuple[Marker, ...]],
     bodies: dict[str, AbstractBody],
     columns: dict[str, tuple[int, ...]],
     n: int,
@@ -133,13 +134,13 @@ def arrange(
     """Groups of equal elements, each stacked, with the blocks of their markers and the numbers of
     the elements; and the markers of all groups, None if there are none.
 
-    The other arguments are those of `prepare_points`.
+    `sides` are the markers of each element; the other arguments are those of `prepare_points`.
     """
     groups, markers = [], list[Marker]()
     for stacked, members in group(elements):
-        sides = list(zip(*(elements[i].markers for i in members), strict=True))
-        groups.append((stacked, MarkerBlocks(len(markers), len(members), len(sides)), members))
-        markers += [marker for side in sides for marker in side]
+        own = list(zip(*(sides[i] for i in members), strict=True))
+        groups.append((stacked, MarkerBlocks(len(markers), len(members), len(own)), members))
+        markers += [marker for side in own for marker in side]
     if not markers:
         return groups, None
     points, turns = stack([(m.point, m.turn) for m in markers])
@@ -168,17 +169,19 @@ def prepare_points(
     foreshortening: Any = None
     for carriers, members in group([bodies[names[i]] for i in moving]):
         rows = np.array([moving[member] for member in members])
-        own = carriers.modes
-        shapes = put(shapes, np.s_[rows, :, :own], _shapes(carriers, given[rows]))
+        modes = carriers.modes
+        shapes = put(shapes, np.s_[rows, :, :modes], _shapes(carriers, given[rows]))
         if carriers.foreshortens:
             if foreshortening is None:
                 foreshortening = np.zeros((len(names), d, most, most), points.dtype)
             second = _foreshortening(carriers, given[rows])
-            foreshortening = put(foreshortening, np.s_[rows, :, :own, :own], second)
+            foreshortening = put(foreshortening, np.s_[rows, :, :modes, :modes], second)
     shapes = jnp.asarray(shapes)
     foreshortening = None if foreshortening is None else jnp.asarray(foreshortening)
     ground = (planar if d == 2 else spatial).ground(n)
-    frame, owned = len(ground), [columns.get(name, ground) for name in names]
+    # A counter has the first coordinate of a frame, and stands still in the others.
+    own = [columns.get(name, ()) for name in names]
+    frame, owned = len(ground), [(*c, *ground[len(c) :]) for c in own]
     frames = Index.of([c[:frame] for c in owned])
     padded = Index.of([(*c[frame:], *[n] * (most + frame - len(c))) for c in owned])
     return Markers(points, turns, shapes, foreshortening, frames, padded)

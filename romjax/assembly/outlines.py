@@ -20,6 +20,7 @@ from ..scene.joint.base import AbstractJoint
 from ..scene.marker import GROUND, Marker, Pose, ground
 from ..scene.outline import Outline, Style
 from ..scene.scene import Scene
+from .counting import bodies_coordinates
 from .kinematics import MarkerBlocks, Markers, arrange, columns_of, prepare_points
 
 # Signs are this share of the diagonal of all that moves.
@@ -59,7 +60,7 @@ def outlines(
     scene = jtu.tree_map(as_array, scene)
     bodies = {body.name: body for body in scene.bodies}
     columns, n = columns_of(scene.bodies)
-    q = np.asarray(q)
+    q = bodies_coordinates((*scene.joints, *scene.effects), np.asarray(q), n)
     if q.ndim != 2 or q.shape[1] != n:
         given = f"{q.shape[1]} coordinates" if q.ndim == 2 else f"shape {q.shape}"
         raise ValueError(
@@ -83,7 +84,7 @@ def outlines(
     unturned = jnp.broadcast_to(unturned, (len(points), *unturned.shape))
     material = prepare_points(names, points, unturned, bodies, columns, n)
     parts: tuple[AbstractJoint | AbstractEffect, ...] = (*scene.joints, *scene.effects)
-    groups, markers = arrange(parts, bodies, columns, n)
+    groups, markers = arrange(parts, [part.markers for part in parts], bodies, columns, n)
     elements = [(stacked, blocks) for stacked, blocks, _ in groups]
     placed, drawn, size = jax.device_get(
         _evaluate(material, markers, elements, *map(jnp.asarray, (t, q, largest)))

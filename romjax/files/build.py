@@ -16,8 +16,8 @@ from ..scene.joint.base import AbstractJoint
 from ..scene.marker import GROUND, Ground, Marker
 from ..scene.scene import Scene
 from .arrays import read_array
-from .forms import Form, ListOf, MarkerForm, Numbers, PartOf, TableOf, is_body
-from .markers import split_marker
+from .forms import ANY, VECTOR, Form, ListOf, MarkerForm, Numbers, PartOf, TableOf, is_body
+from .markers import TURNS, split_marker
 from .numbers import PARAMETER
 from .parameters import is_reference
 from .parts import DEGREES, EMPTY, TYPE, Maker, makers
@@ -54,6 +54,9 @@ class Builder:
         scene = Scene([body for body in bodies if body], joints, effects)
         try:
             scene.check()
+            if scene.dimension != self.tables.get("dimension", 2):
+                words = f"The bodies have {scene.dimension}; write dimension = {scene.dimension}."
+                self.problems.add(("dimension",), words)
         except ValueError as error:
             self.problems.add((), str(error))
         return scene
@@ -68,7 +71,7 @@ class Builder:
             return None
         points = self.tables.get("ground", {}).get("points", {})
         try:
-            return Ground(self._table(("ground", "points"), TableOf(Numbers((2,))), points))
+            return Ground(self._table(("ground", "points"), TableOf(Numbers((VECTOR,))), points))
         except _FailedError:
             return None
 
@@ -144,24 +147,28 @@ class Builder:
     # Markers.
 
     def _marker(self, place: Place, value: Any) -> Marker:
-        owner, point, angle = self._marker_parts(place, value)
-        marker: Marker = self._try(place, {}, lambda: owner.at(point, angle))
+        owner, point, turn = self._marker_parts(place, value)
+        marker: Marker = self._try(place, {}, lambda: owner.at(point, **turn))
         return marker
 
-    def _marker_parts(self, place: Place, value: Any) -> tuple[Any, Any, Any]:
-        """Body, point and angle of a marker."""
+    def _marker_parts(self, place: Place, value: Any) -> tuple[Any, Any, dict[str, Any]]:
+        """Body and point of a marker, and how it is turned, as `AbstractBody.at` has it."""
         if isinstance(value, str):
             name, point = split_marker(value, self._names("bodies"))
             owner = self._owner(place, name)
-            return owner, self._point(place, owner, point) if point else as_array((0.0, 0.0)), 0.0
+            return owner, self._point(place, owner, point or self._origin()), {}
         owner = self._owner((*place, "body"), value["body"])
-        point = self._point((*place, "point"), owner, value.get("point", [0.0, 0.0]))
-        angle = self._angle(place, value, "angle", 0.0)
-        return owner, point, angle
+        point = self._point((*place, "point"), owner, value.get("point", self._origin()))
+        turn = {key: self._numbers((*place, key), ANY, value[key]) for key in TURNS if key in value}
+        return owner, point, turn | {"angle": self._angle(place, value, "angle", 0.0)}
+
+    def _origin(self) -> list[float]:
+        """The origin of the ground, and of every body."""
+        return [0.0] * self.tables.get("dimension", 2)
 
     def _point(self, place: Place, owner: Any, value: Any) -> Any:
         if not isinstance(value, str) or is_reference(value):
-            return self._numbers(place, Numbers((2,)), value)
+            return self._numbers(place, Numbers((VECTOR,)), value)
         known = owner.named_points()
         if value not in known:
             self._fail(place, unknown("point", value, list(known)))

@@ -17,19 +17,22 @@ from ..scene.body.base import AbstractBody
 from ..scene.marker import Marker
 from ..scene.points import NamedPoints
 
+# The length of a vector in the plane, or in space.
+VECTOR = (2, 3)
 # Axes of an array of any shape, as many as the largest of a part's fields has.
 ANY_AXES = (None, None, None)
 
 
 @dataclasses.dataclass(frozen=True)
 class Numbers:
-    """A number or nested lists of them: the lengths of the `axes`, None for any.
+    """A number or nested lists of them: the lengths of the `axes`, None for any, or some of which
+    each will do.
 
     `loose`: lists may be less deep, as where one number stands for all. `bare`: held as it is, not
     as an array.
     """
 
-    axes: tuple[int | None, ...] = ()
+    axes: tuple[int | tuple[int, ...] | None, ...] = ()
     loose: bool = False
     bare: bool = False
 
@@ -91,7 +94,7 @@ def form_of(annotation: Any) -> Form | None:
     if annotation is Marker:
         return MarkerForm()
     if annotation is NamedPoints:
-        return TableOf(Numbers((2,)))
+        return TableOf(Numbers((VECTOR,)))
     if inspect.isclass(annotation) and issubclass(annotation, jaxtyping.AbstractArray):
         axes = annotation.dim_str.split()
         if axes and axes[0][0] in "*.":
@@ -117,7 +120,9 @@ def _numeric(form: Form | None) -> bool:
     return isinstance(form, Numbers) or form in (Plain(int), Plain(bool))
 
 
-def _length(axis: str) -> int | None:
+def _length(axis: str) -> int | tuple[int, ...] | None:
+    if axis == "d":  # of the dimension of the scene
+        return VECTOR
     return int(axis) if axis.isdigit() else None
 
 

@@ -4,6 +4,9 @@ from collections.abc import Collection
 
 from ..scene.marker import GROUND
 
+# How a marker in space may be turned: to an axis, or by a rotation.
+TURNS = ("axis", "rotation")
+
 
 def split_marker(text: str, bodies: Collection[str]) -> tuple[str, str]:
     """Body and point of a marker, empty for the origin; both names may have dots."""

@@ -20,8 +20,8 @@ def wrong_numbers(form: Numbers, value: Any) -> str:
         return ""
     if isinstance(value, list) and form.axes:
         length, rest = form.axes[0], Numbers(form.axes[1:], form.loose)
-        if length not in (None, len(value)):
-            return f"It is a list of {len(value)}, but a list of {length} numbers is needed."
+        if length is not None and len(value) not in lengths(length):
+            return f"It is a list of {len(value)}, but a list of {_size(length)} numbers is needed."
         return next(filter(None, (wrong_numbers(rest, item) for item in value)), "")
     if isinstance(value, int | float) and not isinstance(value, bool):
         return _wrong_number(form, value)
@@ -53,8 +53,17 @@ def _lists(form: Numbers) -> str:
     length = form.axes[0]
     if form.loose:
         return "a number, or a list of numbers"
-    size = f"a list of {length} numbers" if length is not None else "a list of numbers"
+    size = "a list of numbers" if length is None else f"a list of {_size(length)} numbers"
     return size if len(form.axes) == 1 else f"a list of lists of numbers, {len(form.axes)} deep"
+
+
+def lengths(length: int | tuple[int, ...]) -> tuple[int, ...]:
+    """The lengths that an axis may have."""
+    return (length,) if isinstance(length, int) else length
+
+
+def _size(length: int | tuple[int, ...]) -> str:
+    return " or ".join(map(str, lengths(length)))
 
 
 def _is_number(text: str) -> bool:
@@ -73,7 +82,8 @@ def number_schema(form: Numbers) -> dict[str, Any]:
         return number
     schema: dict[str, Any] = number
     for length in reversed(form.axes):
-        sizes = {} if length is None else {"minItems": length, "maxItems": length}
+        some = () if length is None else lengths(length)
+        sizes = {"minItems": min(some), "maxItems": max(some)} if some else {}
         options = [{"type": "array", "items": schema, **sizes}, parameter]
         schema = {"anyOf": [*options, *([{"type": "number"}] if form.loose else [])]}
     table = {

@@ -12,6 +12,8 @@ from .forms import Form, form_of, refined
 
 # What a table says of its kind, and of degrees.
 TYPE, DEGREES = "type", "_deg"
+# What the types of parts in space begin with.
+SPATIAL = "spatial."
 # The default of what has none.
 EMPTY: Any = object()
 
@@ -102,7 +104,7 @@ def _makers_of(part: type) -> list[Maker]:
     """The constructor of a part, and its class methods of_…"""
     fields, constructor = _fields(part), inspect.getattr_static(part, "__init__")
     main = _arguments(constructor, fields)
-    own_name = f"spatial.{part.__name__}" if ".spatial." in part.__module__ else part.__name__
+    own_name = SPATIAL + part.__name__ if f".{SPATIAL}" in part.__module__ else part.__name__
     found = [Maker(part, own_name, part, main)]
     for name, value in inspect.getmembers(part, inspect.ismethod):
         if name.startswith("of_") and value.__self__ is part:

@@ -22,12 +22,13 @@ from pydantic_core import PydanticCustomError
 from ..scene.body.base import AbstractBody
 from ..scene.effect.base import AbstractEffect
 from ..scene.joint.base import AbstractJoint
-from .forms import Form, ListOf, MarkerForm, Numbers, PartOf, Plain, TableOf
+from .forms import VECTOR, Form, ListOf, MarkerForm, Numbers, PartOf, Plain, TableOf
+from .markers import TURNS
 from .numbers import number_schema, wrong_numbers
 from .parts import TYPE, Argument, Maker, classes, makers
 from .problems import Place, Problems, shown, unknown
 from .settings import Settings
-from .versions import DIMENSION, FORMAT
+from .versions import DIMENSIONS, FORMAT
 
 SECTIONS: dict[str, type] = {
     "bodies": AbstractBody,
@@ -37,7 +38,7 @@ SECTIONS: dict[str, type] = {
 # Of whole numbers, which count modes and the like: more would not fit into memory.
 _LARGEST = 10_000
 _STRICT = ConfigDict(extra="forbid", strict=True)
-_POINT = Numbers((2,))
+_POINT = Numbers((VECTOR,))
 
 
 class Schema:
@@ -46,7 +47,10 @@ class Schema:
     def __init__(self) -> None:
         self.models: dict[str, type[BaseModel]] = {}
         self._unions: dict[type, Any] = {}
-        self._table("marker", {"body": (str, ...), "point": (self._point(), None)} | _angle())
+        self._table(
+            "marker",
+            {"body": (str, ...), "point": (self._point(), None)} | _angle() | self._turns(),
+        )
         self._table("place", {"point": (self._point(), ...), "at": (self._marker(), ...)})
         self._table("ground", {"points": (dict[str, self._type(_POINT)], None)})  # type: ignore[misc]
         self._table("run", {f.name: (f.type, None) for f in dataclasses.fields(Settings)})
@@ -54,7 +58,7 @@ class Schema:
         any_numbers = self._type(Numbers((None, None), loose=True))
         document = {
             "format": (Literal[FORMAT], ...),
-            "dimension": (Literal[DIMENSION], None),
+            "dimension": (Literal[DIMENSIONS], None),
             "title": (str, None),
             "consistent": (bool, None),
             "parameters": (dict[str, any_numbers], None),  # type: ignore[valid-type]
@@ -138,6 +142,10 @@ class Schema:
     def _marker(self) -> Any:
         table = '{ body = "crank", point = [0.1, 0.0] }'
         return _text_or(self.models["marker"], f'a marker, such as "crank.pin" or {table}')
+
+    def _turns(self) -> dict[str, tuple[Any, Any]]:
+        forms = {"axis": Numbers((3,)), "rotation": Numbers((None,), loose=True)}
+        return {key: (self._type(forms[key]), None) for key in TURNS}
 
     def _point(self) -> Any:
         def check(value: Any) -> Any:

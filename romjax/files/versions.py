@@ -5,13 +5,13 @@ from typing import Any
 
 from .problems import Problems, shown
 
-# The version that this release reads and writes, and the only dimension of its scenes.
-FORMAT, DIMENSION = 1, 2
+# The version that this release reads and writes, and the dimensions of its scenes.
+FORMAT, DIMENSIONS = 1, (2, 3)
 
 
 def check_version(tables: Mapping[str, Any], problems: Problems) -> None:
     """Note a file of another version or dimension: nothing else in it has a known meaning."""
-    version, dimension = tables.get("format"), tables.get("dimension", DIMENSION)
+    version, dimension = tables.get("format"), tables.get("dimension", 2)
     if "format" not in tables:
         problems.add(("format",), f"The key `format` is missing; add format = {FORMAT} at the top.")
     elif type(version) is not int or version < 1:
@@ -19,8 +19,6 @@ def check_version(tables: Mapping[str, Any], problems: Problems) -> None:
     elif version > FORMAT:
         words = f"The file has format {version}, but this release of romjax reads up to {FORMAT}; "
         problems.add(("format",), words + "install a newer one.")
-    if dimension == 3 and type(dimension) is int:
-        words = "Scenes in space cannot be read from files yet; make the Scene in Python, or write "
-        problems.add(("dimension",), words + f"dimension = {DIMENSION}.")
-    elif type(dimension) is not int or dimension != DIMENSION:
-        problems.add(("dimension",), f"It is {shown(dimension)}; write dimension = {DIMENSION}.")
+    if type(dimension) is not int or dimension not in DIMENSIONS:
+        words = f"It is {shown(dimension)}; write dimension = 2 in the plane, 3 in space."
+        problems.add(("dimension",), words)

@@ -20,7 +20,7 @@ from ..scene.scene import Scene
 from .forms import Form, ListOf, MarkerForm, Numbers, PartOf, TableOf, is_body
 from .markers import split_marker
 from .parts import EMPTY, TYPE, Argument, maker_of
-from .versions import DIMENSION, FORMAT
+from .versions import FORMAT
 
 # A table of more characters does not stand on one line.
 _LINE = 80
@@ -47,7 +47,7 @@ def text_of(scene: Scene, arrays: dict[str, np.ndarray] | None = None, beside: s
     """
     writer = _Writer({body.name: body for body in scene.bodies}, arrays, beside)
     document = tomlkit.document()
-    document["format"], document["dimension"] = FORMAT, DIMENSION
+    document["format"], document["dimension"] = FORMAT, scene.dimension
     sections: list[tuple[str, type, Sequence[Any]]] = [
         ("bodies", AbstractBody, scene.bodies),
         ("joints", AbstractJoint, scene.joints),
@@ -168,9 +168,10 @@ class _Writer:
     def _marker(self, marker: Marker) -> Any:
         """By text, "body" or "body.point", or by a table."""
         named = self._bodies[marker.body].named_points() if marker.body != GROUND else {}
-        points: dict[str, Any] = {"": (0.0, 0.0), **named}
+        points: dict[str, Any] = {"": (0.0,) * marker.dimension, **named}
+        unturned = 0.0 if marker.dimension == 2 else (1.0, 0.0, 0.0, 0.0)
         names = [name for name, point in points.items() if _same(point, marker.point)]
-        if _same(marker.angle, 0.0):
+        if _same(marker.turn, unturned):
             for name in names:
                 text = f"{marker.body}.{name}" if name else marker.body
                 if split_marker(text, self._bodies) == (marker.body, name):
@@ -178,8 +179,8 @@ class _Writer:
         table: dict[str, Any] = {"body": marker.body}
         if "" not in names:
             table["point"] = names[0] if names else _numbers(marker.point)
-        if not _same(marker.angle, 0.0):
-            table["angle"] = _numbers(marker.angle)
+        if not _same(marker.turn, unturned):
+            table["angle" if marker.dimension == 2 else "rotation"] = _numbers(marker.turn)
         return table
 
 

@@ -52,9 +52,10 @@ def take(array: Shaped[Array, "n *k"], table: np.ndarray) -> Shaped[Array, "..."
 def spread(
     blocks: list[Float[Array, "..."]], indices: list[np.ndarray], shape: tuple[int, ...]
 ) -> Float[Array, "..."]:
-    """An array with the entries of `blocks` at flat `indices` (−1: nowhere), zero elsewhere.
+    """An array with the sums of the entries of `blocks` at flat `indices` (−1: nowhere).
 
-    A gather with a static index: XLA's CPU scatter runs entry by entry.
+    A gather with a static index: XLA's CPU scatter runs entry by entry. One more for entries that
+    share a place.
     """
     entries = jnp.concatenate([block.reshape(-1) for block in blocks])
     index = np.concatenate([table.reshape(-1) for table in indices]).astype(int)
@@ -63,4 +64,6 @@ def spread(
     source = np.full(int(np.prod(shape)), entries.size, dtype=np.uint32)
     source[index[index >= 0]] = np.flatnonzero(index >= 0)
     padded = jnp.concatenate([entries, np.zeros(1, entries.dtype)])
-    return padded[source].reshape(shape)
+    index[source[source < entries.size]] = -1
+    total = padded[source].reshape(shape)
+    return total + spread([entries], [index], shape) if np.any(index >= 0) else total

@@ -28,7 +28,7 @@ def product(a: Quaternion, b: Quaternion) -> Quaternion:
 
 def conjugate(p: Quaternion) -> Quaternion:
     """The inverse rotation, of the same length."""
-    return p * np.array([1, -1, -1, -1], p.dtype)
+    return p * _constant([1, -1, -1, -1], p)
 
 
 def from_vector(x: Triple) -> Quaternion:
@@ -78,7 +78,7 @@ def space_matrix(p: Quaternion) -> Float[Numbers, "*batch 3 4"]:
 def skew(x: Triple) -> Float[Numbers, "*batch 3 3"]:
     """x̃, with x̃ y = x × y."""
     padded = _joined(0.0, x)
-    signs = np.array([[0, -1, 1], [1, 0, -1], [-1, 1, 0]], x.dtype)
+    signs = _constant([[0, -1, 1], [1, 0, -1], [-1, 1, 0]], x)
     return padded[..., np.array([[0, 3, 2], [3, 0, 1], [2, 1, 0]], np.uint32)] * signs
 
 
@@ -139,4 +139,10 @@ def _namespace(x: Any) -> Any:
 
 def _signed(p: Quaternion, signs: list[list[int]]) -> Float[Numbers, "*batch 3 4"]:
     order = np.array([[1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]], np.uint32)
-    return p[..., order] * np.array(signs, p.dtype)
+    return p[..., order] * _constant(signs, p)
+
+
+def _constant(values: Any, x: Float[Numbers, "*batch k"]) -> np.ndarray:
+    """With axes of length one for the leading ones of x, as no rank is promoted."""
+    constant = np.array(values, x.dtype)
+    return constant.reshape((1,) * (x.ndim - 1) + constant.shape)

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import jax
 from jaxtyping import Array, Float
 
+from ..assembly.counting import without_counters
 from ..assembly.locate import assembled
 from ..errors import InputError
 from ..integrate.trajectory import Trajectory
@@ -88,7 +89,8 @@ def part_energies(system: AbstractSystem, run: Trajectory) -> PartEnergies:
     found = along(_of_parts, without_names(full), run.t, run.q, run.v)
     coordinates, keys = full.structure.coordinates, full.structure.effects
     bodies = [
-        [coordinates[rows[0]].owner for rows in group.coordinates.rows] for group in full.bodies
+        [coordinates[rows[0]].owner for rows in group.coordinates.rows]
+        for group in without_counters(full.bodies)
     ]
     effects, first = list[list[str]](), 0
     for group in full.effects:
@@ -114,6 +116,7 @@ def part_energies(system: AbstractSystem, run: Trajectory) -> PartEnergies:
 
 def _of_parts(full: Any, t: Array, q: Array, v: Array) -> tuple[list[Array | None], ...]:
     """Of each group of bodies, then of each group of effects; None of those that have none."""
+    bodies = without_counters(full.bodies)
     stored, given = list[Array | None](), list[Array | None]()
     if full.effect_markers is not None:
         poses, twists = full.effect_markers.motion(q, v)
@@ -121,10 +124,10 @@ def _of_parts(full: Any, t: Array, q: Array, v: Array) -> tuple[list[Array | Non
             stored.append(group.energy(t, poses) if group.effects.stores else None)
             given.append(group.power(t, poses, twists) if group.works(poses) else None)
     return (
-        [group.kinetic_energy(q, v) for group in full.bodies],
-        [group.elastic_energy(q) for group in full.bodies],
-        [group.field_energy(full.fields, q) for group in full.bodies],
-        [group.damping_power(v) for group in full.bodies],
+        [group.kinetic_energy(q, v) for group in bodies],
+        [group.elastic_energy(q) for group in bodies],
+        [group.field_energy(full.fields, q) for group in bodies],
+        [group.damping_power(v) for group in bodies],
         stored,
         given,
     )

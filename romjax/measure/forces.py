@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..assembly.counting import without_counters
 from ..assembly.kinematics import MarkerBlocks, Markers
 from ..assembly.locate import assembled
 from ..assembly.wrenches import effect_wrenches, joint_wrenches
@@ -156,7 +157,7 @@ def joint_forces(system: AbstractSystem, run: Trajectory) -> ForceTable:
     if full.joint_markers is None:
         return ForceTable((), (), "joint")
     found = along(_of_joints, bare, run.t, run.q, run.v)
-    return _table("joint", full.joints, full.structure.joints, found)
+    return _table("joint", without_counters(full.joints), full.structure.joints, found)
 
 
 def effect_forces(system: AbstractSystem, run: Trajectory) -> ForceTable:
@@ -190,7 +191,7 @@ def _table(
 def _of_joints(system: Any, t: Array, q: Array, v: Array) -> list[Forces]:
     full, (_, multipliers) = system.full, solved(system, t, q, v)
     wrenches = joint_wrenches(full.joints, full.joint_markers, t, q, multipliers)
-    blocks = [group.markers for group in full.joints]
+    blocks = [group.markers for group in without_counters(full.joints)]
     return _by_group(full.joint_markers, blocks, q, v, wrenches)
 
 

@@ -4,7 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import Number, Vector, as_array
@@ -44,13 +46,17 @@ class Pose(NamedTuple):
         return quaternions.matrix(self.turn)
 
     def along(self, point: Float[Array, " d"]) -> Float[Array, ""]:
-        """The local x of a point of the inertial frame [m]."""
+        """How far a point of the inertial frame is along the axis on which joints slide [m]: the
+        local x in the plane, z in space.
+        """
         if self.dimension == 3:
-            return self.local(point)[0]
+            return self.local(point)[2]
         return jnp.stack([jnp.cos(self.angle), jnp.sin(self.angle)]) @ (point - self.position)
 
-    def across(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        """The local y of a point of the plane [m]."""
+    def across(self, point: Float[Array, " d"]) -> Float[Array, "*more"]:
+        """How far a point is from that axis [m]: local y in the plane, x and y (2,) in space."""
+        if self.dimension == 3:
+            return self.local(point)[:2]
         return jnp.stack([-jnp.sin(self.angle), jnp.cos(self.angle)]) @ (point - self.position)
 
     def local(self, point: Float[Array, " d"]) -> Float[Array, " d"]:
@@ -59,7 +65,7 @@ class Pose(NamedTuple):
             return quaternions.rotate(quaternions.conjugate(self.turn), point - self.position)
         return jnp.stack([self.along(point), self.across(point)])
 
-    def turned(self, vector: Float[Array, " d"]) -> Float[Array, " d"]:
+    def turned(self, vector: Float[Array | np.ndarray, " d"]) -> Float[Array, " d"]:
         """A vector of the marker's frame in the inertial one."""
         if self.dimension == 3:
             return quaternions.rotate(self.turn, vector)
@@ -73,6 +79,30 @@ class Pose(NamedTuple):
         else:
             turn = self.angle - other.angle
         return Pose(other.local(self.position), turn)
+
+    def angle_against(self, other: "Pose", less: Float[Array, ""]) -> Float[Array, ""]:
+        """The angle against another pose, `less` what is given [rad].
+
+        In space it is the angle about the z axis, between −π and π: of the relative quaternion
+        (w, x, y, z), turned back, 2 arctan(z / w). That is the same for all multiples of it, and
+        smooth but at a half turn. Where the z axes differ, a rotation across them comes after.
+        """
+        if self.dimension == 2:
+            return self.angle - other.angle - less
+        relative = quaternions.product(quaternions.conjugate(other.turn), self.turn)
+        w, z, c, s = relative[0], relative[3], jnp.cos(0.5 * less), jnp.sin(0.5 * less)
+        return 2 * jnp.arctan((c * z - s * w) / (c * w + s * z))
+
+    def about(self, vector: Float[Array, "*d"]) -> Float[Array, ""]:
+        """The part of an angular velocity about the axis of joints: all of it in the plane."""
+        return vector if self.dimension == 2 else jnp.sum(self._axis() * vector)
+
+    def torque(self, strength: Float[Array, ""]) -> Float[Array, "*d"]:
+        """A torque about the axis of joints: normal to the plane, or along the local z."""
+        return strength if self.dimension == 2 else strength * self._axis()
+
+    def _axis(self) -> Float[Array, "3"]:
+        return self.turned(np.array([0, 0, 1], self.position.dtype))
 
     # Between rates of poses and twists, and by virtual work between slopes by poses and wrenches.
     # In the plane they are the same numbers.
@@ -100,6 +130,18 @@ class Pose(NamedTuple):
         if self.dimension == 3:
             return Pose(wrench.force, quaternions.generalized(self.turn, wrench.torque))
         return Pose(*wrench)
+
+
+def counted_angle(a: Pose, b: Pose, *counter: Pose) -> Float[Array, ""]:
+    """The angle of `a` against `b` that counts full turns [rad].
+
+    In space no pose knows how often it has turned. A `counter` follows the angle from the start on,
+    a coordinate of its own; only the number of turns is taken of it, all else of the poses.
+    """
+    if a.dimension == 2:
+        return a.angle - b.angle
+    turned = jax.lax.stop_gradient(counter[0].position[0])
+    return turned + a.angle_against(b, turned)
 
 
 class Twist(NamedTuple):

@@ -70,10 +70,11 @@ def quaternion_of(
     known = concrete(value)
     if known is not None and not (np.all(np.isfinite(known)) and np.any(known)):
         raise SceneError(f"{owner}: the quaternion is {known}; give one that is not zero.")
-    return as_array(quaternions.product(*untraced(value, own)))
+    turned = not isinstance(angle, float) or angle != 0.0
+    return as_array(quaternions.product(*untraced(value, own))) if turned else value
 
 
-def _to_axis(owner: str, axis: Float[Array, "3"]) -> Float[Array, "4"]:
+def _to_axis(owner: str, axis: Float[Array, "..."]) -> Float[Array, "4"]:
     """The shortest rotation from (0, 0, 1) to an axis: (|a| + a_z, −a_y, a_x, 0)."""
     _check_axis(owner, axis)
     (a,) = untraced(axis)
@@ -84,7 +85,7 @@ def _to_axis(owner: str, axis: Float[Array, "3"]) -> Float[Array, "4"]:
     return as_array(xp.where(turned[0] > 1e-8 * length, turned, np.array([0.0, 1.0, 0.0, 0.0])))
 
 
-def _check_axis(owner: str, axis: Float[Array, "3"]) -> None:
+def _check_axis(owner: str, axis: Float[Array | np.ndarray, "..."]) -> None:
     known = concrete(axis)
     if axis.shape != (3,) or (
         known is not None and not (np.all(np.isfinite(known)) and np.any(known))

@@ -7,11 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..arrays import Number, Vector, as_array, concrete
-from ..compat import is_traced
+from ..arrays import Number, Vector, as_array, untraced
 from ..errors import SceneError
+from ..linalg import quaternions
 from .fields import check_shape
 from .marker import Pose
+from .orientation import quaternion_of
 
 B = TypeVar("B", bound=Any)
 
@@ -19,24 +20,40 @@ B = TypeVar("B", bound=Any)
 def start_pose(body: Any, point: Vector) -> Pose:
     """Where a material `point` [m] of a body is at the start, and how it is turned there."""
     q, _ = body.start()
-    arm, turn = _arm(body, q, point)
-    return Pose(as_array(_moved(q[:2], q[2], arm)), as_array(q[2] + turn))
+    d, frame = body.dimension, body.frame_size
+    local = _local(body, q, point)
+    position = _moved(q[:d], _turn(q, d), local.position)
+    if d == 2:
+        return Pose(as_array(position), as_array(q[2] + local.turn))
+    turn = quaternions.product(*untraced(q[d:frame], local.turn))
+    return Pose(as_array(position), as_array(turn))
 
 
-def brought(body: B, point: Vector, to: Pose, angle: Number | None) -> B:
-    """The body whose material `point` [m] is where a pose is, its frame turned by `angle` [rad], as
-    it is unless given.
+def brought(body: B, point: Vector, to: Pose, angle: Number | None, rotation: Any = None) -> B:
+    """The body whose material `point` [m] is where a pose is, its frame turned by `angle` [rad] in
+    the plane, by a `rotation` in space, as it is unless given.
     """
     if not hasattr(body, "position"):
         raise SceneError(
             f"body '{body.name}': a {type(body).__name__} has no position of its own; place the "
             "body that it is made of."
         )
-    turned = body.angle if angle is None else as_array(angle)
+    owner, d = f"body '{body.name}'", body.dimension
+    if to.dimension != d:
+        raise SceneError(f"{owner}: it has {d} dimensions, but the pose has {to.dimension}.")
+    if (rotation if d == 2 else angle) is not None:
+        remedy = "an angle in the plane" if d == 2 else "a rotation in space"
+        raise SceneError(f"{owner}: it is turned by {remedy}.")
+    turned = body.angle if d == 2 else body.orientation
+    if angle is not None:
+        turned = as_array(angle)
+    elif rotation is not None:
+        turned = quaternion_of(owner, given=rotation)
     q, _ = body.start()
-    arm, _ = _arm(body, q, point)
-    position = as_array(_moved(to.position, turned, arm, sign=-1))
-    placed: B = eqx.tree_at(lambda b: (b.position, b.angle), body, (position, turned))
+    position = as_array(_moved(to.position, turned, _local(body, q, point).position, sign=-1))
+    field = "angle" if d == 2 else "orientation"
+    fields = lambda b: (b.position, getattr(b, field))  # noqa: E731
+    placed: B = eqx.tree_at(fields, body, (position, turned))
     placed.check()
     return placed
 
@@ -48,36 +65,45 @@ def started(body: B, q: Array, v: Array) -> B:
             f"body '{body.name}': a {type(body).__name__} has no fields `position`, `angle`, …; "
             "give it a method `started`."
         )
-    names = ["position", "angle", "velocity", "angular_velocity"]
-    values = [q[:2], q[2], v[:2], v[2]]
+    d, frame = body.dimension, body.frame_size
+    names = ["position", "angle" if d == 2 else "orientation", "velocity", "angular_velocity"]
+    turning = v[2]
+    if d == 3:
+        turning = as_array(quaternions.angular_velocity(*untraced(q[d:frame], v[d:frame])))
+    values = [q[:d], _turn(q, d), v[:d], turning]
     if body.modes:
-        names, values = [*names, "amplitudes", "rates"], [*values, q[3:], v[3:]]
+        names, values = [*names, "amplitudes", "rates"], [*values, q[frame:], v[frame:]]
     moved: B = eqx.tree_at(lambda b: [getattr(b, name) for name in names], body, values)
     return moved
 
 
-def _arm(body: Any, q: Array, point: Vector) -> tuple[Any, Any]:
+def _turn(q: Array, dimension: int) -> Array:
+    """The angle or the quaternion of a frame."""
+    return q[2] if dimension == 2 else q[3:7]
+
+
+def _local(body: Any, q: Array, point: Vector) -> Pose:
     """A material point in the frame of a body as it is bent, X + S q_f − ½ q_fᵀ G q_f [m], and how
-    much it is turned there [rad].
+    it is turned there.
     """
-    at = as_array(point)
-    check_shape(f"body '{body.name}'", "point", at, (2,))
+    at, d = as_array(point), body.dimension
+    check_shape(f"body '{body.name}'", "point", at, (d,))
+    unturned = as_array(0.0 if d == 2 else (1.0, 0.0, 0.0, 0.0))
     if not body.modes:
-        return at, 0.0
-    moved = body.mode_shapes(at) @ q[3:]
-    arm = at + moved[:2]
+        return Pose(at, unturned)
+    amplitudes = q[body.frame_size :]
+    moved = body.mode_shapes(at) @ amplitudes
+    arm = at + moved[:d]
     if body.foreshortens:
-        arm = arm - 0.5 * (body.foreshortening(at) @ q[3:]) @ q[3:]
-    return arm, moved[2]
+        arm = arm - 0.5 * (body.foreshortening(at) @ amplitudes) @ amplitudes
+    return Pose(arm, moved[2] if d == 2 else quaternions.small_turn(moved[d:]))
 
 
-def _moved(origin: Any, angle: Any, arm: Any, sign: int = 1) -> Any:
-    """The position origin + sign A(angle) arm; by NumPy, which compiles nothing, where JAX does not
-    trace.
-    """
-    if any(is_traced(x) for x in (origin, angle, arm)):
-        xp: Any = jnp
-    else:
-        xp, (origin, angle, arm) = np, (concrete(x) for x in (origin, angle, arm))
-    c, s = xp.cos(angle), xp.sin(angle)
+def _moved(origin: Any, turn: Any, arm: Any, sign: int = 1) -> Any:
+    """The position origin + sign A arm; by NumPy, without compiling, where JAX does not trace."""
+    origin, turn, arm = untraced(origin, turn, arm)
+    if turn.ndim:
+        return origin + sign * quaternions.rotate(turn, arm)
+    xp: Any = np if isinstance(arm, np.ndarray) else jnp
+    c, s = xp.cos(turn), xp.sin(turn)
     return origin + sign * xp.stack([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1]])

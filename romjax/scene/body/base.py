@@ -199,11 +199,19 @@ class AbstractBody(eqx.Module):
         """Where a point, as in `at`, is at the start, and how the body is turned there."""
         return start_pose(self, self._point(point))
 
-    def placed(self: T, point: Vector | str, to: Pose, angle: Number | None = None) -> T:
+    def placed(
+        self: T,
+        point: Vector | str,
+        to: Pose,
+        angle: Number | None = None,
+        *,
+        rotation: Vector | None = None,
+    ) -> T:
         """The body with a `point`, as in `at`, where a pose is, such as `other.pose("pin")` or
-        `ground.pose((x, y))`, and its frame turned by `angle` [rad], as it is unless given.
+        `ground.pose((x, y))`, and its frame turned by `angle` [rad] in the plane, by a `rotation`,
+        a matrix (3, 3) or a quaternion (4,), in space; as it is unless given.
         """
-        return brought(self, self._point(point), to, angle)
+        return brought(self, self._point(point), to, angle, rotation)
 
     def started(self: T, q: Float[Array, " size"], v: Float[Array, " size"]) -> T:
         """The body with other initial coordinates and velocities."""

@@ -98,7 +98,14 @@ def checked(stiffness: Matrix, mass: Matrix) -> tuple[Matrix, Matrix]:
 
 def _factor(matrix: Matrix, what: str) -> Any:
     try:
-        return scipy.sparse.linalg.splu(sp.csc_matrix(matrix)).solve
+        # Of symmetric definite matrices: this order of elimination fills in far less of meshes in
+        # space than one of columns, and needs no pivots.
+        return scipy.sparse.linalg.splu(
+            sp.csc_matrix(matrix),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        ).solve
     except RuntimeError as error:
         raise SceneError(f"{what} is singular: parts of the mesh are not connected.") from error
 

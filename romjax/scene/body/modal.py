@@ -1,7 +1,7 @@
-"""A flexible body of any shape, by its inertia invariants and its mode shapes at some points."""
+"""Flexible bodies of any shape, by their inertia invariants and mode shapes at some points."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -16,9 +16,150 @@ from .base import AbstractBody, check_name, check_start, flexible_start
 from .component_modes import Matrix
 from .finite_elements import reduce_mesh
 from .inertia import Inertia
+from .spatial.inertia import SpatialInertia
+
+B = TypeVar("B", bound="AbstractModalBody")
 
 
-class ModalBody(AbstractBody):
+class AbstractModalBody(AbstractBody):
+    """What bodies with inertia invariants, and shapes at some points, have in common."""
+
+    inertia: eqx.AbstractVar[Inertia | SpatialInertia]
+    stiffness: eqx.AbstractVar[Float[Array, "modes *modes"]]
+    points: eqx.AbstractVar[Float[Array, "points d"]]
+    shapes: eqx.AbstractVar[Float[Array, "points motions modes"]]
+    damping: eqx.AbstractVar[Float[Array, "modes *modes"] | None]
+    ports: eqx.AbstractVar[tuple[str, ...]]
+
+    @classmethod
+    def of_mesh(
+        cls: type[B],
+        name: str,
+        stiffness: Matrix,
+        mass: Matrix,
+        nodes: Vector,
+        ports: Mapping[str, Vector],
+        *,
+        modes: int,
+        interface: str = "fixed",
+        dofs: Vector | None = None,
+        damping: Number | None = None,
+        **start: Any,
+    ) -> B:
+        """A body of the matrices of a mesh, free of supports: a plane one, or in space a solid or a
+        shell.
+
+        **Arguments:**
+
+        - `name`: unique in the scene.
+        - `stiffness`, `mass`: K and M, as NumPy arrays, SciPy sparse matrices, or names of files:
+          Matrix Market (`.mtx`) or SciPy's `.npz`.
+        - `nodes`: positions in the body frame [m], (nodes, 2), in space (nodes, 3).
+        - `ports`: where joints and effects may act: names, each with a node or with the nodes of a
+          rim, an edge or a face, which are held together as by a rigid pin; markers sit in their
+          mean place, `body.at("name")`.
+        - `modes`: how many vibration modes. `interface`: "fixed" for Craig–Bampton, whose static
+          modes represent loads at the ports exactly: 3 per port are added, in space 6, and rigid
+          motion taken out; "free" for natural modes of the free body alone.
+        - `dofs`: rows of K that belong to each node, its displacements along x and y and, if the
+          mesh has them, its rotation: (nodes, 2) or (nodes, 3); in space three displacements and,
+          of shells, three rotations: (nodes, 3) or (nodes, 6). Node after node unless given.
+        - `damping`: damping ratio ζ of all modes; none unless given.
+        - `start`: `position`, …, initial pose and motion as of the body itself.
+
+        The modes are natural modes of the free body in the span of these, orthogonal to rigid
+        motion: the frame is Buckens', which has no momentum of its own. Raises SceneError, with the
+        remedy, if matrices, nodes and ports do not fit, or if the mesh is not free.
+        """
+        owner = f"body '{name}'"
+        mesh = reduce_mesh(
+            owner, cls.dimension, stiffness, mass, nodes, ports, modes, interface, dofs
+        )
+        damped = None if damping is None else 2 * as_array(damping) * mesh.frequencies
+        made: Callable[..., B] = cls
+        return made(
+            name,
+            mesh.inertia,
+            mesh.frequencies**2,
+            mesh.points,
+            mesh.shapes,
+            damping=damped,
+            ports=tuple(ports),
+            **start,
+        )
+
+    def named_points(self) -> Mapping[str, Float[Array, " d"]]:
+        return dict(zip(self.ports, self.points, strict=False))
+
+    @property
+    def constant_mass(self) -> bool:
+        return self.modes == 0 and self.inertia.diagonal
+
+    @property
+    def damped(self) -> bool:
+        return self.damping is not None and self.modes > 0
+
+    def natural_frequencies(self) -> Float[Array, " modes"]:
+        if self.stiffness.ndim == 2 or self.inertia.modal is not None:
+            return super().natural_frequencies()
+        return jnp.sqrt(self.stiffness)
+
+    def invariants(self) -> Inertia | SpatialInertia:
+        return self.inertia
+
+    def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
+        return flexible_start(self)
+
+    def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
+        return self.inertia.matrix(q)
+
+    def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
+        return 0.5 * q[self.frame_size :] @ _times(self.stiffness, q[self.frame_size :])
+
+    def damping_force(self, v: Float[Array, " size"]) -> Float[Array, " size"]:
+        if self.damping is None:
+            return jnp.zeros_like(v)
+        return jnp.concatenate(
+            [jnp.zeros_like(v[: self.frame_size]), -_times(self.damping, v[self.frame_size :])]
+        )
+
+    def first_moment(self, q: Float[Array, " size"]) -> Float[Array, " d"]:
+        return self.inertia.first_moment_at(q)
+
+    def mode_shapes(self, point: Float[Array, " d"]) -> Float[Array, "motions modes"]:
+        return self.shapes[jnp.argmin(jnp.sum((self.points - point[None]) ** 2, axis=1))]
+
+    def outline(self) -> Float[Array, "points d"]:
+        drawn = self.points[len(self.ports) :]
+        return drawn if len(drawn) else self.points
+
+    def check_marker(self, owner: str, marker: Marker) -> None:
+        points, point = concrete(self.points), concrete(marker.point)
+        if points is None or point is None:
+            return
+        away = np.min(np.linalg.norm(points - point, axis=1))
+        if away > 1e-6 * np.max(np.ptp(points, axis=0)):
+            raise SceneError(
+                f"{owner}: its marker on '{self.name}' is at {point}, {away:g} m from the nearest "
+                f"of the body's points; use a port: {', '.join(self.ports) or points.tolist()}."
+            )
+
+    def check(self) -> None:
+        check_name(self.name)
+        owner = f"body '{self.name}'"
+        count = self.modes
+        motions = 3 if self.dimension == 2 else 6
+        check_numbers(owner, self, "points", shape=(None, self.dimension))
+        check_numbers(owner, self, "shapes", shape=(len(self.points), motions, count))
+        for field in ("stiffness", "damping"):
+            full = getattr(getattr(self, field), "ndim", 1) == 2
+            check_numbers(owner, self, field, shape=(count, count) if full else (count,))
+        check_numbers(owner, self, "amplitudes", "rates", shape=(count,))
+        check_start(owner, self)
+        self.inertia.check(owner, count)
+
+
+class ModalBody(AbstractModalBody):
     """A linear elastic body of any shape in a floating frame: a mesh, by its modes.
 
     Coordinates x, y [m], φ [rad] of the frame, then modal amplitudes. A step costs the same for any
@@ -82,124 +223,6 @@ class ModalBody(AbstractBody):
         zero = jnp.zeros(self.modes)
         self.amplitudes = zero if amplitudes is None else as_array(amplitudes)
         self.rates = zero if rates is None else as_array(rates)
-
-    @classmethod
-    def of_mesh(
-        cls,
-        name: str,
-        stiffness: Matrix,
-        mass: Matrix,
-        nodes: Vector,
-        ports: Mapping[str, Vector],
-        *,
-        modes: int,
-        interface: str = "fixed",
-        dofs: Vector | None = None,
-        damping: Number | None = None,
-        **start: Any,
-    ) -> "ModalBody":
-        """A body of the matrices of a plane mesh, free of supports.
-
-        **Arguments:**
-
-        - `name`: unique in the scene.
-        - `stiffness`, `mass`: K and M, as NumPy arrays, SciPy sparse matrices, or names of files:
-          Matrix Market (`.mtx`) or SciPy's `.npz`.
-        - `nodes`: positions in the body frame [m], (nodes, 2).
-        - `ports`: where joints and effects may act: names, each with a node or with the nodes of a
-          rim or an edge, which are held together as by a rigid pin; markers sit in their mean
-          place, `body.at("name")`.
-        - `modes`: how many vibration modes. `interface`: "fixed" for Craig–Bampton, whose static
-          modes represent loads at the ports exactly: 3 per port are added, and rigid motion taken
-          out; "free" for natural modes of the free body alone.
-        - `dofs`: rows of K that belong to each node, its displacements along x and y and, if the
-          mesh has them, its rotation: (nodes, 2) or (nodes, 3); node after node unless given.
-        - `damping`: damping ratio ζ of all modes; none unless given.
-        - `start`: `position`, `angle`, …
-
-        The modes are natural modes of the free body in the span of these, orthogonal to rigid
-        motion: the frame is Buckens', which has no momentum of its own. Raises SceneError, with the
-        remedy, if matrices, nodes and ports do not fit, or if the mesh is not free.
-        """
-        mesh = reduce_mesh(f"body '{name}'", stiffness, mass, nodes, ports, modes, interface, dofs)
-        damped = None if damping is None else 2 * as_array(damping) * mesh.frequencies
-        return cls(
-            name,
-            mesh.inertia,
-            mesh.frequencies**2,
-            mesh.points,
-            mesh.shapes,
-            damping=damped,
-            ports=tuple(ports),
-            **start,
-        )
-
-    def named_points(self) -> Mapping[str, Float[Array, "2"]]:
-        return dict(zip(self.ports, self.points, strict=False))
-
-    @property
-    def constant_mass(self) -> bool:
-        return self.modes == 0 and self.inertia.diagonal
-
-    @property
-    def damped(self) -> bool:
-        return self.damping is not None and self.modes > 0
-
-    def natural_frequencies(self) -> Float[Array, " modes"]:
-        if self.stiffness.ndim == 2 or self.inertia.modal is not None:
-            return super().natural_frequencies()
-        return jnp.sqrt(self.stiffness)
-
-    def invariants(self) -> Inertia:
-        return self.inertia
-
-    def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
-        return flexible_start(self)
-
-    def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
-        return self.inertia.matrix(q)
-
-    def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
-        return 0.5 * q[3:] @ _times(self.stiffness, q[3:])
-
-    def damping_force(self, v: Float[Array, " size"]) -> Float[Array, " size"]:
-        if self.damping is None:
-            return jnp.zeros_like(v)
-        return jnp.concatenate([jnp.zeros_like(v[:3]), -_times(self.damping, v[3:])])
-
-    def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "2"]:
-        return self.inertia.first_moment_at(q)
-
-    def mode_shapes(self, point: Float[Array, "2"]) -> Float[Array, "3 modes"]:
-        return self.shapes[jnp.argmin(jnp.sum((self.points - point[None]) ** 2, axis=1))]
-
-    def outline(self) -> Float[Array, "points 2"]:
-        drawn = self.points[len(self.ports) :]
-        return drawn if len(drawn) else self.points
-
-    def check_marker(self, owner: str, marker: Marker) -> None:
-        points, point = concrete(self.points), concrete(marker.point)
-        if points is None or point is None:
-            return
-        away = np.min(np.linalg.norm(points - point, axis=1))
-        if away > 1e-6 * np.max(np.ptp(points, axis=0)):
-            raise SceneError(
-                f"{owner}: its marker on '{self.name}' is at {point}, {away:g} m from the nearest "
-                f"of the body's points; use a port: {', '.join(self.ports) or points.tolist()}."
-            )
-
-    def check(self) -> None:
-        check_name(self.name)
-        owner = f"body '{self.name}'"
-        count = self.modes
-        check_numbers(owner, self, "points", shape=(None, 2))
-        check_numbers(owner, self, "shapes", shape=(len(self.points), 3, count))
-        for field in ("stiffness", "damping"):
-            full = getattr(getattr(self, field), "ndim", 1) == 2
-            check_numbers(owner, self, field, shape=(count, count) if full else (count,))
-        check_numbers(owner, self, "amplitudes", "rates", shape=(count,))
-        check_start(owner, self)
-        self.inertia.check(owner, count)
 
 
 def _times(matrix: Array, vector: Array) -> Array:

@@ -68,6 +68,9 @@ class AbstractMarkerEffect(AbstractEffect):
     stores: ClassVar[bool] = False
     dissipates: ClassVar[bool] = False
     supplies: ClassVar[bool] = True
+    # Pairs of its markers, by their numbers, in space whose angle counts full turns: the pose of a
+    # counter for each follows those of the markers, see `counted_angle`.
+    counted: ClassVar[tuple[tuple[int, int], ...]] = ()
     # Whether it may begin on the way, as contacts do; then the start shows nothing of it.
     begins: ClassVar[bool] = False
 

@@ -1,6 +1,8 @@
 """Contact of a point with a curve, with friction if asked for."""
 
-from typing import ClassVar
+import abc
+from collections.abc import Callable
+from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
 import jax
@@ -43,6 +45,20 @@ class Friction(eqx.Module):
             coefficient = coefficient + (self.static - coefficient) * slow
         return coefficient * jnp.tanh(speed / self.creep)
 
+    def against(
+        self, normal: Float[Array, " d"], velocity: Float[Array, " d"]
+    ) -> Float[Array, " d"]:
+        """Opposite to what a surface with this `normal` does to a point that moves on it: the
+        tangential force over the normal force.
+        """
+        if normal.shape == (2,):
+            tangent = jnp.stack([normal[1], -normal[0]])
+            return self(tangent @ velocity) * tangent
+        sliding = velocity - jnp.sum(normal * velocity) * normal
+        # A length has no derivative at zero; a trillionth more of the creep changes no digit.
+        speed = jnp.sqrt(jnp.sum(sliding**2) + (1e-6 * self.creep) ** 2)
+        return self(speed) / speed * sliding
+
     def check(self, owner: str) -> None:
         """Raise a SceneError that names owner, field, value and remedy."""
         if (self.static is None) != (self.stribeck is None):
@@ -52,7 +68,75 @@ class Friction(eqx.Module):
         check_numbers(owner, self, "creep", "stribeck", sign="positive", prefix="Friction.")
 
 
-class Contact(AbstractMarkerEffect):
+class AbstractContact(AbstractMarkerEffect):
+    """What pushes marker `a` out of what marker `b` carries, and rubs, by the law of `Contact`.
+
+    A contact of one's own says by `gap` where the inside is, and by `wrenches` at which point the
+    force acts.
+    """
+
+    if TYPE_CHECKING:
+        # As fields of this class they would come before those of contacts to type checkers.
+        @property
+        def stiffness(self) -> Float[Array, ""]: ...
+        @property
+        def dissipation(self) -> Float[Array, ""] | None: ...
+        @property
+        def friction(self) -> Friction | None: ...
+    else:
+        stiffness: eqx.AbstractVar[Float[Array, ""]]
+        dissipation: eqx.AbstractVar[Float[Array, ""] | None]
+        friction: eqx.AbstractVar[Friction | None]
+    stores: ClassVar[bool] = True
+    begins: ClassVar[bool] = True
+
+    @property
+    def needs_twists(self) -> bool:  # type: ignore[override]
+        return self.dissipation is not None or self.friction is not None
+
+    @abc.abstractmethod
+    def gap(self, point: Float[Array, " d"]) -> Float[Array, ""]:
+        """How far `a`, at a point in the frame of `b`, is outside [m]; negative inside."""
+
+    def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
+        """⅖ k δ^(5/2) of the depth: that of the normal force where δ is a distance, as for lines
+        and surfaces. On curved curves it is none, and what remains counts as power.
+        """
+        del t
+        depth, inside, _ = self.depth(local_point(*poses))
+        return jnp.where(inside, 0.4 * self.stiffness * depth**2.5, 0.0)
+
+    def force(
+        self,
+        depth: Float[Array, ""],
+        inside: Bool[Array, ""],
+        normal: Float[Array, " d"],
+        rate: Callable[[], Float[Array, " d"]],
+    ) -> Float[Array, " d"]:
+        """On `a` in the frame of `b` [N], from its `depth` and the `rate` of the point that touches."""
+        push = self.stiffness * depth**1.5
+        if self.dissipation is not None:
+            push *= jnp.maximum(1 - self.dissipation * (normal @ rate()), 0)
+        force = push * normal
+        if self.friction is not None:
+            force -= push * self.friction.against(normal, rate())
+        return jnp.where(inside, force, 0)
+
+    def depth(
+        self, point: Float[Array, " d"]
+    ) -> tuple[Float[Array, ""], Bool[Array, ""], Float[Array, " d"]]:
+        """How deep a point in the frame of `b` is inside, whether it is, and the way out."""
+        gap, slope = jax.value_and_grad(self.gap)(point)
+        squared = slope @ slope
+        # The centre of a circle has no direction out of it, and no force.
+        steepness = jnp.sqrt(jnp.where(squared > 0, squared, 1.0))
+        # Outside, a depth of one stands in: the power of a negative depth is NaN, which derivatives
+        # pass through `where`.
+        inside = gap < 0
+        return jnp.where(inside, -gap / steepness, 1.0), inside, slope / steepness
+
+
+class Contact(AbstractContact):
     """A point that is pushed out of a curve where it is inside, by a force that penalises depth.
 
     The normal force at the depth δ is k δ^(3/2) (1 + D δ'), never negative: Hertz's law with Hunt
@@ -74,48 +158,16 @@ class Contact(AbstractMarkerEffect):
     stiffness: Converted[Float[Array, ""]] = number()
     dissipation: Converted[Float[Array, ""] | None] = number(default=None)
     friction: Friction | None = None
-    stores: ClassVar[bool] = True
-    begins: ClassVar[bool] = True
 
-    @property
-    def needs_twists(self) -> bool:  # type: ignore[override]
-        return self.dissipation is not None or self.friction is not None
-
-    def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
-        """⅖ k δ^(5/2) of the depth: that of the normal force where the curve is a line. On curved
-        ones δ is no distance, and what remains counts as power.
-        """
-        del t
-        depth, inside, _ = self._depth(_local_point(*poses))
-        return jnp.where(inside, 0.4 * self.stiffness * depth**2.5, 0.0)
+    def gap(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        return self.curve(point)
 
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> tuple[Wrench, ...]:
         del t
-        point, rate, wrenches = displacement(_local_point, poses, twists)
-        depth, inside, normal = self._depth(point)
-        push = self.stiffness * depth**1.5
-        if self.dissipation is not None:
-            push *= jnp.maximum(1 - self.dissipation * (normal @ rate()), 0)
-        force = push * normal
-        if self.friction is not None:
-            tangent = jnp.stack([normal[1], -normal[0]])
-            force -= push * self.friction(tangent @ rate()) * tangent
-        return wrenches(jnp.where(inside, force, 0))
-
-    def _depth(
-        self, point: Float[Array, "2"]
-    ) -> tuple[Float[Array, ""], Bool[Array, ""], Float[Array, "2"]]:
-        """How deep a point in the frame of `b` is inside, whether it is, and the way out."""
-        gap, slope = jax.value_and_grad(self.curve)(point)
-        squared = slope @ slope
-        # The centre of a circle has no direction out of it, and no force.
-        steepness = jnp.sqrt(jnp.where(squared > 0, squared, 1.0))
-        # Outside, a depth of one stands in: the power of a negative depth is NaN, which derivatives
-        # pass through `where`.
-        inside = gap < 0
-        return jnp.where(inside, -gap / steepness, 1.0), inside, slope / steepness
+        point, rate, wrenches = displacement(local_point, poses, twists)
+        return wrenches(self.force(*self.depth(point), rate))
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
@@ -130,13 +182,18 @@ class Contact(AbstractMarkerEffect):
         )
 
     def check(self) -> None:
-        owner = check_markers(self)
-        self.curve.check(owner)
-        check_numbers(owner, self, "stiffness", "dissipation", sign="not negative")
-        if self.friction is not None:
-            self.friction.check(owner)
+        self.curve.check(check_contact(self))
 
 
-def _local_point(a: Pose, b: Pose) -> Float[Array, "2"]:
+def local_point(a: Pose, b: Pose) -> Float[Array, " d"]:
     """The position of `a` in the frame of `b` [m]."""
     return b.local(a.position)
+
+
+def check_contact(contact: AbstractContact) -> str:
+    """Check what all contacts have; returns how messages call one."""
+    owner = check_markers(contact)
+    check_numbers(owner, contact, "stiffness", "dissipation", sign="not negative")
+    if contact.friction is not None:
+        contact.friction.check(owner)
+    return owner

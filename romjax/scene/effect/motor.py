@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from ...arrays import Time
 from ..drawing import placed, turning_arrow
 from ..fields import Converted, check_numbers, number
-from ..marker import Marker, Pose, Twist, Wrench
+from ..marker import Marker, Pose, Twist, Wrench, counted_angle
 from ..outline import Outline
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractMarkerEffect, check_markers
@@ -18,7 +18,9 @@ from .base import AbstractMarkerEffect, check_markers
 class Motor(AbstractMarkerEffect):
     """A motor with proportional and derivative control of the angle θ = φ_a − φ_b.
 
-    Marker `a` feels the torque P (target − θ) + D (target' − θ'), marker `b` its reaction.
+    Marker `a` feels the torque P (target − θ) + D (target' − θ'), marker `b` its reaction. Angles
+    count full turns. In space all are about the z axis of `b`, and θ is between −π and π at the
+    start.
 
     **Arguments:**
 
@@ -33,18 +35,21 @@ class Motor(AbstractMarkerEffect):
     proportional: Converted[Float[Array, ""]] = number()
     derivative: Converted[Float[Array, ""]] = number()
     needs_twists: ClassVar[bool] = True
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
+    counted: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1),)
 
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> tuple[Wrench, ...]:
-        a, b = poses
-        angle = a.angle - b.angle
-        speed = twists[0].angular_velocity - twists[1].angular_velocity
+        a, b, *counter = poses
+        angle = counted_angle(a, b, *counter)
+        speed = b.about(twists[0].angular_velocity - twists[1].angular_velocity)
         t = jnp.asarray(t, angle.dtype)
         target, rate = jax.jvp(self.target, (t,), (jnp.ones_like(t),))
-        torque = self.proportional * (target - angle) + self.derivative * (rate - speed)
-        none = jnp.zeros_like(a.position)
-        return Wrench(none, torque), Wrench(none, -torque)
+        strength = self.proportional * (target - angle) + self.derivative * (rate - speed)
+        torque, none = b.torque(strength), jnp.zeros_like(a.position)
+        idle = [Wrench(none, jnp.zeros_like(torque)) for _ in counter]
+        return Wrench(none, torque), Wrench(none, -torque), *idle
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

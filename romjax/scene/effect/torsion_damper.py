@@ -1,5 +1,7 @@
 """A damper that turns."""
 
+from typing import ClassVar
+
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -12,7 +14,8 @@ from .base import AbstractDissipation, check_markers
 
 
 class TorsionDamper(AbstractDissipation):
-    """A viscous damper against turning of two markers: R = ½ d (ω_a − ω_b)².
+    """A viscous damper against turning of two markers: R = ½ d (ω_a − ω_b)², in space about the z
+    axis of `b`.
 
     **Arguments:**
 
@@ -23,13 +26,15 @@ class TorsionDamper(AbstractDissipation):
     a: Marker
     b: Marker
     damping: Converted[Float[Array, ""]] = number()
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 
     def rayleigh(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> Float[Array, ""]:
-        del t, poses
+        del t
         a, b = twists
-        return 0.5 * self.damping * (a.angular_velocity - b.angular_velocity) ** 2
+        speed = poses[1].about(a.angular_velocity - b.angular_velocity)
+        return 0.5 * self.damping * speed**2
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

@@ -1,12 +1,14 @@
 """A spring that turns."""
 
+from typing import ClassVar
+
 import numpy as np
 from jaxtyping import Array, Float
 
 from ...arrays import Time
 from ..drawing import arc, placed
 from ..fields import Converted, check_numbers, number, radians
-from ..marker import Marker, Pose
+from ..marker import Marker, Pose, counted_angle
 from ..outline import Outline
 from .base import AbstractPotential, check_markers
 
@@ -14,7 +16,8 @@ from .base import AbstractPotential, check_markers
 class TorsionSpring(AbstractPotential):
     """A torsional spring between two markers, with the energy ½ k (φ_a − φ_b − rest)².
 
-    Angles count full turns.
+    Angles count full turns; in space they are those about the z axis of the markers, between −π
+    and π at the start.
 
     **Arguments:**
 
@@ -27,11 +30,12 @@ class TorsionSpring(AbstractPotential):
     b: Marker
     stiffness: Converted[Float[Array, ""]] = number()
     rest_angle: Converted[Float[Array, ""]] = radians(default=0.0)
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
+    counted: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1),)
 
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         del t
-        a, b = poses
-        return 0.5 * self.stiffness * (a.angle - b.angle - self.rest_angle) ** 2
+        return 0.5 * self.stiffness * (counted_angle(*poses) - self.rest_angle) ** 2
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

@@ -1,4 +1,4 @@
-"""What a joint is: one residual of the poses of its two markers."""
+"""What a joint is: one residual of the poses of its markers."""
 
 import abc
 from typing import TYPE_CHECKING, ClassVar
@@ -17,10 +17,12 @@ else:
 
 
 class AbstractJoint(eqx.Module):
-    """A holonomic constraint between two markers.
+    """A holonomic constraint between two markers, or more.
 
     A joint of one's own is a subclass with the fields `a`, `b`, `name`, the number of `rows`
     and the `residual`. Its Jacobian, its time derivatives and the multipliers follow by autodiff.
+    With further markers, `markers` names all in the order of the fields, and `residual` takes them
+    after `a` and `b`; then come the poses of counters, see `counted_angle`.
     """
 
     a: eqx.AbstractVar[Marker]
@@ -34,6 +36,8 @@ class AbstractJoint(eqx.Module):
 
     # In the plane (2), in space (3), or in both.
     dimensions: ClassVar[tuple[int, ...]] = (2,)
+    # Pairs of its markers, by their numbers, in space whose angle counts full turns.
+    counted: ClassVar[tuple[tuple[int, int], ...]] = ()
     # Whether pictures hatch the ground at a marker on it.
     hatched: ClassVar[bool] = True
 

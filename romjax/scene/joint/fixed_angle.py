@@ -15,7 +15,10 @@ from .base import AbstractJoint
 
 
 class FixedAngle(AbstractJoint):
-    """Marker `a` keeps the angle `value` [rad] against marker `b` (chapter equation 39.15)."""
+    """Marker `a` keeps the angle `value` [rad] against marker `b` (chapter equation 39.15).
+
+    In space it is the angle about the z axis of `b`, after which `a` may tilt in any direction.
+    """
 
     a: Marker
     b: Marker
@@ -23,10 +26,11 @@ class FixedAngle(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
     hatched: ClassVar[bool] = False
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         del t
-        return (a.angle - b.angle - self.value)[None]
+        return a.angle_against(b, self.value)[None]
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

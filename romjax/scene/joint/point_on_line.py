@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
@@ -13,17 +14,23 @@ from .base import AbstractJoint
 
 
 class PointOnLine(AbstractJoint):
-    """Marker `a` stays on the local x axis of marker `b` (chapter equation 39.14); it may turn."""
+    """Marker `a` stays on the local x axis of marker `b` (chapter equation 39.14), in space on its
+    z axis; it may turn.
+    """
 
     a: Marker
     b: Marker
     name: str = eqx.field(static=True, default="")
-    rows: ClassVar[int] = 1
     hatched: ClassVar[bool] = False
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 
-    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
+    @property
+    def rows(self) -> int:  # type: ignore[override]
+        return self.b.dimension - 1
+
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, " rows"]:
         del t
-        return b.across(a.position)[None]
+        return jnp.atleast_1d(b.across(a.position))
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

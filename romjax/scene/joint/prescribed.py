@@ -20,6 +20,7 @@ class _Prescribed(AbstractJoint):
 
     signal: eqx.AbstractVar[AbstractSignal]
     hatched: ClassVar[bool] = False
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 
     def check(self) -> None:
         super().check()
@@ -33,7 +34,11 @@ class _Prescribed(AbstractJoint):
 
 
 class PrescribedAngle(_Prescribed):
-    """Marker `a` has the angle `signal(t)` [rad] against marker `b`; its multiplier is a torque."""
+    """Marker `a` has the angle `signal(t)` [rad] against marker `b`; its multiplier is a torque.
+
+    In space it is the angle about the z axis of `b`; signals of many turns are followed, and full
+    turns at the start make no difference.
+    """
 
     a: Marker
     b: Marker
@@ -42,7 +47,7 @@ class PrescribedAngle(_Prescribed):
     rows: ClassVar[int] = 1
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
-        return (a.angle - b.angle - self.signal(t))[None]
+        return a.angle_against(b, self.signal(t))[None]
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
@@ -54,8 +59,8 @@ class PrescribedAngle(_Prescribed):
 
 
 class PrescribedTravel(_Prescribed):
-    """Marker `a` is at x = `signal(t)` [m] in the frame of marker `b`; the multiplier is the force
-    along x.
+    """Marker `a` is at x = `signal(t)` [m] in the frame of marker `b`, in space at z; the
+    multiplier is the force along this axis.
     """
 
     a: Marker

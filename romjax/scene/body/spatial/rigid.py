@@ -105,8 +105,9 @@ class RigidBody(AbstractBody):
         return jnp.concatenate([jnp.zeros(3, q.dtype), turning + along * p])
 
     def _tensor(self) -> Float[Array, "3 3"]:
-        diagonal = self.inertia.ndim == 1
-        return self.inertia * jnp.eye(3, dtype=self.inertia.dtype) if diagonal else self.inertia
+        if self.inertia.ndim == 2:
+            return self.inertia
+        return self.inertia[None] * jnp.eye(3, dtype=self.inertia.dtype)
 
     def elastic_energy(self, q: Float[Array, "7"]) -> Float[Array, ""]:
         return jnp.zeros((), q.dtype)

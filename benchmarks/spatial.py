@@ -1,0 +1,151 @@
+"""Three dimensions beside MuJoCo: chains of ball joints and a heavy top, at equal errors.
+
+Each mechanism moves for one second; errors are the largest of the positions of all centres of mass
+at the end, against MuJoCo's finest run, and for the top against its published position. romjax is
+called as a user calls it, `rj.simulate` with nothing set but the tolerance, and as `jax.jit` of it
+without stabilisation; MuJoCo by its RK4 in minimal coordinates. Least of interleaved second calls.
+Writes `spatial.txt` beside this file.
+"""
+
+from collections.abc import Callable, Iterator
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import peers
+import record
+from equal_error import at_error
+from timing import Timed, least
+from tqdm import tqdm
+
+import romjax as rj
+
+REPEATS = 9
+SPIN = np.array([2.0, 0.0, 1.0])  # [rad/s] of the straight chain
+MOMENTS = (0.02, 0.08, 0.09)  # [kg m²] of a bar
+CHAINS = {1: 1e-6, 8: 1e-6, 32: 4e-7}  # bars, and the error at which they are compared
+RTOLS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
+STEPS = (50, 100, 200, 400, 800, 1600)  # of MuJoCo
+FINEST = 20_000
+# Bruls, Cardona, Arnold 2012: the position at 1 s, and what it is compared at.
+TOP = np.array([0.17334396409838604, 0.6400885920705688, -0.7484907911335813])
+TOP_STEPS, TOP_ERROR = (1000, 2000, 4000, 8000), 1e-6
+
+
+def chain(bars: int) -> rj.Scene:
+    """Bars of 1 m and 1 kg on ball joints along x, which spin as one about the first."""
+    r = rj.spatial
+    bodies = [
+        r.RigidBody(
+            f"bar{i}",
+            1.0,
+            MOMENTS,
+            position=(i + 0.5, 0, 0),
+            velocity=np.cross(SPIN, [i + 0.5, 0, 0]),
+            angular_velocity=SPIN,
+        )
+        for i in range(bars)
+    ]
+    ends = [rj.ground.at((0, 0, 0)), *[body.at((0.5, 0, 0)) for body in bodies]]
+    joints = [
+        r.Spherical(body.at((-0.5, 0, 0)), end) for body, end in zip(bodies, ends, strict=False)
+    ]
+    return rj.Scene(bodies, joints, [rj.Gravity((0, 0, -9.81))])
+
+
+def top() -> rj.Scene:
+    """The heavy top on a ball joint, at 150 rad/s."""
+    r = rj.spatial
+    body = r.RigidBody(
+        "top",
+        15.0,
+        (0.234375, 0.46875, 0.234375),
+        position=(0, 1, 0),
+        velocity=(4.61538, 0, 0),
+        angular_velocity=(0, 150, -4.61538),
+    )
+    pivot = r.Spherical(body.at((0, -1, 0)), rj.ground.at((0, 0, 0)))
+    return rj.Scene([body], [pivot], [rj.Gravity((0, 0, -9.81))])
+
+
+def romjax_runs(scene: rj.Scene) -> dict[str, Callable[[float], np.ndarray]]:
+    """Positions at the end as functions of the tolerance, as users call it and bare."""
+    system, ts = rj.assemble(scene), jnp.array([0.0, 1.0])
+    columns = np.array(system.structure.quaternions)[:, None] - np.array([3, 2, 1])
+
+    @jax.jit
+    def bare(q0: jax.Array, rtol: jax.Array) -> jax.Array:
+        return rj.simulate(
+            system,
+            ts,
+            q0=q0,
+            rtol=rtol,
+            solver=diffrax.Dopri8(),
+            stabilization=None,
+            adjoint=diffrax.ForwardMode(),
+            throw=False,
+        ).q[-1]
+
+    return {
+        "simulate": lambda rtol: np.asarray(rj.simulate(system, ts, rtol=rtol).q[-1])[columns],
+        "bare": lambda rtol: np.asarray(bare(system.q0, jnp.asarray(rtol)))[columns],
+    }
+
+
+def rows_of(
+    scene: rj.Scene, mujoco: peers.Run | None, truth: np.ndarray, steps: tuple[int, ...], name: str
+) -> dict[str, list[tuple[float, float]]]:
+    """Of each method, errors and times [s] at all of its settings."""
+    runs = [(kind, run, rtol) for kind, run in romjax_runs(scene).items() for rtol in RTOLS]
+    calls = [lambda run=run, rtol=rtol: run(rtol) for _, run, rtol in runs]
+    kinds = [kind for kind, *_ in runs]
+    if mujoco is not None:
+        calls += [lambda count=count: mujoco(count) for count in steps]
+        kinds += ["MuJoCo"] * len(steps)
+    found: dict[str, list[tuple[float, float]]] = {}
+    for kind, one in zip(kinds, least(calls, REPEATS, name=name), strict=True):
+        result = one.result[0] if isinstance(one.result, tuple) else one.result
+        error = float(np.max(np.abs(np.asarray(result).reshape(truth.shape) - truth)))
+        found.setdefault(kind, []).append((error, one.least))
+    return found
+
+
+def measure() -> Iterator[record.Section]:
+    """A table of times at equal error, and its ratios."""
+    here = "MuJoCo" not in peers.missing()
+    rows = [["mechanism", "error", "simulate ms", "bare ms", "MuJoCo ms"]]
+    ratios: dict[str, float] = {}
+    cases = {f"chain of {bars}": (chain(bars), error, bars) for bars, error in CHAINS.items()}
+    cases["heavy top"] = (top(), TOP_ERROR, 0)
+    for name, (scene, error, bars) in tqdm(cases.items(), "spatial", leave=False, disable=None):
+        mujoco = peers.mujoco_balls(scene, bars) if here else None
+        truth = TOP[None]
+        if bars:
+            if mujoco is None:
+                truth = romjax_runs(scene)["bare"](1e-12)
+            else:
+                fine: Timed = mujoco(FINEST)
+                truth = fine.result[0]
+        found = rows_of(scene, mujoco, truth, STEPS if bars else TOP_STEPS, name)
+        times = {kind: at_error(points, error) for kind, points in found.items()}
+        cells = [
+            f"{1e3 * times[kind]:.2f}" if times.get(kind) else "-"
+            for kind in ("simulate", "bare", "MuJoCo")
+        ]
+        rows.append([name, f"{error:.0e}", *cells])
+        for kind in ("simulate", "bare"):
+            if times.get("MuJoCo") and times.get(kind):
+                ratios[f"{name} at {error:.0e}: MuJoCo / {kind}"] = times["MuJoCo"] / times[kind]
+    yield record.Section(
+        "One second of chains of ball joints and of the heavy top: times at an error of the\n"
+        "positions [m]: `rj.simulate` with a tolerance and nothing else set, the same under\n"
+        f"`jax.jit` without stabilisation, and MuJoCo's RK4. Least of {REPEATS} interleaved calls.",
+        rows,
+        ratios,
+        peers.missing(),
+    )
+
+
+if __name__ == "__main__":
+    record.main(measure)

@@ -1,0 +1,170 @@
+"""Angles in space that count full turns, for the joints and effects that ask for them.
+
+A quaternion is the same after two turns. So that torsion springs, gears, screws and motors know
+how often they have turned, the system has a coordinate more for each: the hand of a counter, with
+an inertia a trillionth of what turns, which a constraint holds at the angle of two markers. It is a
+coordinate as all others are: any solver, event, projection and derivative takes it as it is, and
+the balance of energy is exact. Nothing but the counting constraint acts on it, since the forces of
+its part read only the number of turns (`counted_angle`), so that its small inertia is no noise.
+"""
+
+from collections.abc import Sequence
+from typing import Any, ClassVar, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..arrays import Time
+from ..linalg.dense import invert, multiply
+from ..linalg.indexing import take
+from ..scene.body.base import AbstractBody
+from ..scene.coordinate import Coordinate
+from ..scene.joint.base import AbstractJoint
+from ..scene.marker import Marker, Pose
+
+G = TypeVar("G")
+
+# Of a counter, relative to what the angle that it counts feels of the bodies' inertia.
+_INERTIA = 1e-12
+# While that is looked for: of a counter that adds nothing to it [kg m²].
+_ENDLESS = 1e30
+
+
+class Counter(AbstractBody):
+    """What counts an angle: a body of one coordinate, the angle [rad], in place of a frame's x."""
+
+    name: str = eqx.field(static=True)
+    inertia: Float[Array, ""]
+    dimension: ClassVar[int] = 3
+    modes: ClassVar[int] = 0  # type: ignore[misc]
+    constant_mass: ClassVar[bool] = True
+
+    @property
+    def frame_size(self) -> int:
+        return 1
+
+    def start(self) -> tuple[Float[Array, "1"], Float[Array, "1"]]:
+        none = jnp.zeros_like(self.inertia)[None]
+        return none, none
+
+    def mass_matrix(self, q: Float[Array, "1"]) -> Float[Array, "1"]:
+        del q
+        return self.inertia[None]
+
+    @property
+    def inverts_mass(self) -> bool:
+        return True
+
+    def inverse_mass(self, q: Float[Array, "1"]) -> Float[Array, "1"]:
+        del q
+        return 1 / self.inertia[None]
+
+    def elastic_energy(self, q: Float[Array, "1"]) -> Float[Array, ""]:
+        return jnp.zeros((), q.dtype)
+
+    def first_moment(self, q: Float[Array, "1"]) -> Float[Array, "3"]:
+        return jnp.zeros(3, q.dtype)
+
+    def mode_shapes(self, point: Float[Array, "3"]) -> Float[Array, "6 0"]:
+        return jnp.zeros((6, 0), point.dtype)
+
+    def outline(self) -> Float[Array, "0 3"]:
+        return jnp.zeros((0, 3))
+
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        about = f"angle with full turns, {self.name}"
+        return (Coordinate(self.name, "angle", "rad", r"\varphi", about),)
+
+    def check(self) -> None:
+        pass
+
+
+class Counting(AbstractJoint):
+    """Holds a counter at the angle of two markers, `a` against `b`."""
+
+    a: Marker
+    b: Marker
+    counter: Marker
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 1
+    dimensions: ClassVar[tuple[int, ...]] = (3,)
+
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        return self.a, self.b, self.counter
+
+    def residual(self, t: Time, a: Pose, b: Pose, *counter: Pose) -> Float[Array, "1"]:
+        del t
+        return a.angle_against(b, counter[0].position[0])[None]
+
+
+_COUNTING = (Counter, Counting)
+
+
+def counters_of(
+    parts: Sequence[Any], names: Sequence[str]
+) -> tuple[list[Counter], list[Counting], list[tuple[Marker, ...]]]:
+    """The counters of parts with these `names`, what holds them, and the markers of each part with
+    those of its counters.
+    """
+    counters, holding, sides = list[Counter](), list[Counting](), []
+    for part, name in zip(parts, names, strict=True):
+        markers = part.markers
+        dtype = markers[0].point.dtype if markers else float
+        for number, (a, b) in enumerate(part.counted if _in_space(part) else ()):
+            own = f"counter of {name}" if number == 0 else f"counter {number + 1} of {name}"
+            hand = Marker(own, np.zeros(3, dtype), np.array([1, 0, 0, 0], dtype))
+            counters.append(Counter(own, jnp.asarray(_ENDLESS, dtype)))
+            holding.append(Counting(part.markers[a], part.markers[b], hand, own))
+            markers = (*markers, hand)
+        sides.append(markers)
+    return counters, holding, sides
+
+
+def without_counters(groups: Sequence[G]) -> tuple[G, ...]:
+    """The groups of bodies or of joints that are those of the scene."""
+    own = (getattr(group, "bodies", None) or getattr(group, "joints", None) for group in groups)
+    return tuple(g for g, x in zip(groups, own, strict=True) if not isinstance(x, _COUNTING))
+
+
+def bodies_coordinates(parts: Sequence[Any], q: np.ndarray, n: int) -> np.ndarray:
+    """Of coordinates (k, n + counters), those of the bodies; others as they are."""
+    counted = sum(len(part.counted) for part in parts if _in_space(part))
+    return q[:, :n] if q.ndim == 2 and q.shape[1] == n + counted else q
+
+
+def _in_space(part: Any) -> bool:
+    return bool(getattr(part, "counted", ())) and part.markers[0].dimension == 3
+
+
+@jax.jit
+def started(system: Any) -> Any:
+    """The system whose counters start at their angles, with inertias that suit what they count.
+
+    A counter that stands at zero violates its constraint by the angle.
+    """
+    group = next(group for group in system.bodies if isinstance(group.bodies, Counter))
+    holding = next(group for group in system.joints if isinstance(group.joints, Counting))
+    own, rows = group.coordinates.array[:, 0], holding.rows.array[:, 0]
+    zero = jnp.zeros((), system.q0.dtype)
+    angle, speed = jax.jvp(lambda q: system.constraint(zero, q), (system.q0,), (system.v0,))
+    inverse, sides = system.inverse_mass_blocks(system.q0), system.jacobian_blocks(zero, system.q0)
+    inverse = invert(system.mass_blocks(system.q0)) if inverse is None else inverse
+    free = multiply(take(inverse, system.pattern.bodies), jnp.swapaxes(sides, 1, 2))
+    mobility = jnp.sum(jnp.swapaxes(free, 1, 2) * sides, axis=2)
+    mobility = jnp.sum(take(mobility, system.pattern.sides_of_nodes), axis=1)
+    mobility = system.pattern.join_rows(mobility)
+    return eqx.tree_at(
+        lambda s: (s.q0, s.v0, next(g for g in s.bodies if isinstance(g.bodies, Counter)).bodies),
+        system,
+        (
+            system.q0.at[own].set(angle[rows]),
+            system.v0.at[own].set(speed[rows]),
+            eqx.tree_at(
+                lambda c: c.inertia, group.bodies, _INERTIA / jax.lax.stop_gradient(mobility[rows])
+            ),
+        ),
+    )

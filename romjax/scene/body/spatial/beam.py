@@ -1,0 +1,273 @@
+"""A slender elastic beam in space."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.polynomial import legendre
+
+from ....arrays import Number, Vector, as_array, concrete
+from ....errors import SceneError
+from ...fields import check_numbers, number
+from ...orientation import orientation_field, quaternion_of
+from ...points import NamedPoints, by_name
+from ..base import check_name, check_start
+from ..sections import AbstractSection
+from .beam_inertia import beam_inertia, rotations
+from .flexible import AbstractFlexibleBody
+from .free_modes import Counts, foreshortening, free_modes, motion
+from .inertia import SpatialInertia
+from .rigid import check_inertia
+
+
+class Beam(AbstractFlexibleBody):
+    """A uniform beam in space along its local x axis, which bends, twists and stretches.
+
+    Coordinates x, y, z [m] and the quaternion of the frame in the middle of the undeformed beam,
+    then one amplitude per mode, mass-normalised [kg^½ m]: bending along y and along z, torsion,
+    extension. All are modes of the free beam, orthogonal to rigid motion; from two bending modes in
+    a plane, and one of the others, statics under loads at the ends are exact. Deflections against
+    the frame are small; Euler–Bernoulli and Saint-Venant. Local y and z are the principal axes of
+    the section, and its shear centre is its centroid.
+
+    **Arguments:**
+
+    - `name`: unique in the scene.
+    - `mass`: Mass [kg]. `length`: Length [m].
+    - `inertia`: about the middle [kg m²], about local x, y and z. That about x is the polar inertia
+      of the sections, which torsion moves.
+    - `EI`: bending stiffness [N m²] about local y and z (2,), or one number for both. `bending`:
+      the number of modes along y and along z, or one for both.
+    - `GJ`: torsional stiffness [N m²], and `torsion`, the number of modes.
+    - `EA`: axial stiffness [N], and `extension`, the number of modes; inextensible without them.
+    - `damping`: damping ratios ζ of the modes, or one for all; none unless given.
+    - `stiffening`: with geometric stiffening: bending in both planes pulls the points of the beam
+      together by ½ ∫(v'² + w'²) dx, so that tension, as in fast rotation, stiffens it.
+    - `rotary`: with the rotary and gyroscopic inertia of sections that bending tilts (Rayleigh),
+      as in thick shafts that spin.
+    - `position`, `orientation`, `velocity`, `angular_velocity`: initial pose and motion of the
+      frame, as of a rigid body.
+    - `amplitudes`, `rates`: initial modal coordinates and velocities, zero unless given.
+    - `points`: points by name for `body.at("name")`, such as {"load": (0.1, 0.0, 0.0)} [m], besides
+      "start" and "end". Points off the axis move with their section.
+    """
+
+    dimension: ClassVar[int] = 3
+
+    name: str = eqx.field(static=True)
+    mass: Float[Array, ""] = number()
+    length: Float[Array, ""] = number()
+    inertia: Float[Array, "3"] = number()
+    EI: Float[Array, "2"] | None = number(default=None)
+    GJ: Float[Array, ""] | None = number(default=None)
+    EA: Float[Array, ""] | None = number(default=None)
+    damping: Float[Array, " modes"] | None = number(default=None)
+    position: Float[Array, "3"] = number(default=(0.0, 0.0, 0.0))
+    orientation: Float[Array, "4"] = orientation_field(default=None)
+    velocity: Float[Array, "3"] = number(default=(0.0, 0.0, 0.0))
+    angular_velocity: Float[Array, "3"] = number(default=(0.0, 0.0, 0.0))
+    amplitudes: Float[Array, " modes"] = number(default=())
+    rates: Float[Array, " modes"] = number(default=())
+    points: NamedPoints = by_name(default=())
+    bending: tuple[int, int] = eqx.field(static=True, default=(0, 0))
+    torsion: int = eqx.field(static=True, default=0)
+    extension: int = eqx.field(static=True, default=0)
+    stiffening: bool = eqx.field(static=True, default=False)
+    rotary: bool = eqx.field(static=True, default=False)
+
+    def __init__(
+        self,
+        name: str,
+        mass: Number,
+        length: Number,
+        inertia: Vector,
+        *,
+        EI: Vector | Number | None = None,
+        bending: tuple[int, int] | int = 0,
+        GJ: Number | None = None,
+        torsion: int = 0,
+        EA: Number | None = None,
+        extension: int = 0,
+        damping: Vector | Number | None = None,
+        stiffening: bool = False,
+        rotary: bool = False,
+        position: Vector = (0.0, 0.0, 0.0),
+        orientation: Vector | None = None,
+        velocity: Vector = (0.0, 0.0, 0.0),
+        angular_velocity: Vector = (0.0, 0.0, 0.0),
+        amplitudes: Vector | None = None,
+        rates: Vector | None = None,
+        points: Mapping[str, Vector] | NamedPoints | None = None,
+    ):
+        self.name, self.stiffening, self.rotary = name, stiffening, rotary
+        self.bending = (bending, bending) if isinstance(bending, int) else tuple(bending)
+        self.torsion, self.extension = torsion, extension
+        if len(self.bending) != 2 or min(self._counts) < 0:
+            raise SceneError(
+                f"body '{name}': bending={bending}, torsion={torsion} and extension={extension} "
+                "are no numbers of modes; give one for each plane of bending."
+            )
+        self.mass, self.length, self.inertia = as_array(mass), as_array(length), as_array(inertia)
+        self.EI = None if EI is None else _each(EI, 2)
+        self.GJ = None if GJ is None else as_array(GJ)
+        self.EA = None if EA is None else as_array(EA)
+        self.damping = None if damping is None else _each(damping, self.modes)
+        self.position = as_array(position)
+        self.orientation = quaternion_of(f"body '{name}'", None, orientation)
+        self.velocity, self.angular_velocity = as_array(velocity), as_array(angular_velocity)
+        zero = jnp.zeros(self.modes)
+        self.amplitudes = zero if amplitudes is None else as_array(amplitudes)
+        self.rates = zero if rates is None else as_array(rates)
+        self.points = NamedPoints.of(points or {})
+
+    @classmethod
+    def of_section(
+        cls,
+        name: str,
+        length: Number,
+        section: AbstractSection,
+        *,
+        density: Number,
+        modulus: Number,
+        shear_modulus: Number | None = None,
+        **options: Any,
+    ) -> "Beam":
+        """A beam of a `section` and a material.
+
+        **Arguments:**
+
+        - `length`: Length [m]. `section`: such as `sections.Rectangle(width, height)`, its height
+          along local y.
+        - `density`: ρ [kg/m³]. `modulus`: Young's modulus E [Pa]. `shear_modulus`: G [Pa], for
+          torsion.
+        - `name` and `options`: as for every beam. Its inertia is that of the prism.
+        """
+        size, area = as_array(length), section.area
+        about = jnp.stack([section.second_moment_y, section.second_moment])
+        moments = jnp.stack([jnp.sum(about), *(area * size**2 / 12 + about)])
+        stiffness: dict[str, Any] = {"EI": modulus * about}
+        if options.get("torsion"):
+            if shear_modulus is None:
+                raise SceneError(f"body '{name}': torsion needs the shear_modulus [Pa].")
+            stiffness["GJ"] = shear_modulus * section.torsion_constant
+        if options.get("extension"):
+            stiffness["EA"] = modulus * area
+        density = as_array(density)
+        inertia = density * size * moments
+        return cls(name, density * area * size, size, inertia, **{**stiffness, **options})
+
+    @property
+    def modes(self) -> int:  # type: ignore[override]
+        return sum(self._counts)
+
+    @property
+    def _counts(self) -> Counts:
+        return Counts(*self.bending, self.torsion, self.extension)
+
+    @property
+    def damped(self) -> bool:
+        return self.damping is not None and self.modes > 0
+
+    @property
+    def foreshortens(self) -> bool:
+        return self.stiffening and sum(self.bending) > 0
+
+    def natural_frequencies(self) -> Float[Array, " modes"]:
+        """Angular frequencies ω [rad/s] of the modes of the free beam; raises SceneError if it is
+        rotary, since the modes are orthonormal in the mass of the axis alone.
+        """
+        return super().natural_frequencies() if self.rotary else self._frequencies()
+
+    def _frequencies(self) -> Float[Array, " modes"]:
+        """√(stiffness) of the modes, mass-normalised but for rotary inertia."""
+        bend = self.mass * self.length**3
+        kinds = (
+            (2, None if self.EI is None else self.EI[1], bend),
+            (2, None if self.EI is None else self.EI[0], bend),
+            (1, self.GJ, self.inertia[0] * self.length),
+            (1, self.EA, self.mass * self.length),
+        )
+        return jnp.concatenate(
+            [
+                jnp.sqrt(free_modes(order, count).squares * stiffness / inertia)
+                for count, (order, stiffness, inertia) in zip(self._counts, kinds, strict=True)
+                if stiffness is not None
+            ]
+            or [jnp.zeros(0)]
+        )
+
+    def invariants(self) -> SpatialInertia:
+        return beam_inertia(
+            self.mass,
+            self.length,
+            self.inertia,
+            self._counts,
+            foreshortens=self.foreshortens,
+            rotary=self.rotary,
+        )
+
+    def named_points(self) -> Mapping[str, Float[Array, "3"]]:
+        half = self.length * np.array([0.5, 0.0, 0.0])
+        return {"start": -half, "end": half, **self.points.mapping()}
+
+    def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
+        return 0.5 * jnp.sum((self._frequencies() * q[7:]) ** 2)
+
+    def damping_force(self, v: Float[Array, " size"]) -> Float[Array, " size"]:
+        if self.damping is None:
+            return jnp.zeros_like(v)
+        modal = -2 * self.damping * self._frequencies() * v[7:]
+        return jnp.concatenate([jnp.zeros_like(v[:7]), modal])
+
+    def mode_shapes(self, point: Float[Array, "3"]) -> Float[Array, "6 modes"]:
+        moved, turned = motion(self._counts, point[0] / self.length + 0.5)
+        turned = turned * rotations(self.mass, self.length, self.inertia, self._counts)[None]
+        arm = jnp.cross(turned.T, point * np.array([0.0, 1.0, 1.0])).T
+        return jnp.concatenate([moved / jnp.sqrt(self.mass) + arm, turned])
+
+    def foreshortening(self, point: Float[Array, "3"]) -> Float[Array, "3 modes modes"]:
+        along = legendre.legval(2 * point[0] / self.length, foreshortening(self._counts))
+        none = jnp.zeros_like(along)
+        return jnp.stack([along, none, none]) / (self.mass * self.length)
+
+    def outline(self) -> Float[Array, "points 3"]:
+        along = self.length * jnp.linspace(-0.5, 0.5, 2 if self.modes == 0 else 21)
+        none = jnp.zeros_like(along)
+        return jnp.stack([along, none, none], axis=1)
+
+    def check(self) -> None:
+        check_name(self.name)
+        owner = f"body '{self.name}'"
+        for field, stiffness in (("bending", "EI"), ("torsion", "GJ"), ("extension", "EA")):
+            if np.any(getattr(self, field)) and getattr(self, stiffness) is None:
+                raise SceneError(f"{owner}: {field} modes need {stiffness}.")
+        if self.stiffening and not any(self.bending):
+            raise SceneError(f"{owner}: stiffening is for beams that bend; give EI and bending.")
+        check_numbers(owner, self, "mass", "length", "GJ", "EA", sign="positive")
+        check_numbers(owner, self, "EI", shape=(2,), sign="positive")
+        check_numbers(owner, self, "inertia", shape=(3,), sign="positive")
+        check_inertia(owner, self.inertia)
+        modal = (self.modes,)
+        check_numbers(owner, self, "damping", shape=modal, sign="not negative")
+        check_numbers(owner, self, "amplitudes", "rates", shape=modal)
+        check_start(owner, self)
+        self.points.check(owner, ("start", "end"), dimension=3)
+        self._check_inertia(owner)
+
+    def _check_inertia(self, owner: str) -> None:
+        """The axis has the inertia of a thin bar, at least, and its sections what is left."""
+        excess = concrete(self.inertia[1:] - self.mass * self.length**2 / 12)
+        if excess is not None and np.min(excess) < -1e-9 * np.max(np.abs(self.inertia)):
+            raise SceneError(
+                f"{owner}: inertia is {self.inertia}, {-np.min(excess):g} less than that of a thin "
+                "bar, m L²/12, about local y and z."
+            )
+
+
+def _each(value: Vector | Number, count: int) -> Array:
+    """One number for each of so many, from these or one for all."""
+    array = as_array(value)
+    return jnp.broadcast_to(array, (count,)) if array.ndim == 0 else array

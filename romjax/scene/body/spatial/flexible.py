@@ -1,0 +1,41 @@
+"""What bodies in space with inertia invariants have in common."""
+
+import abc
+
+from jaxtyping import Array, Float
+
+from ..base import AbstractBody, flexible_start
+from .inertia import SpatialInertia
+
+
+class AbstractFlexibleBody(AbstractBody):
+    """A body in space whose inertia is a `SpatialInertia`."""
+
+    @abc.abstractmethod
+    def invariants(self) -> SpatialInertia:
+        """What the mass matrix is made of."""
+
+    @property
+    def constant_mass(self) -> bool:
+        return False
+
+    @property
+    def inverts_mass(self) -> bool:
+        return self.invariants().inverts
+
+    def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
+        return flexible_start(self)
+
+    def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size size"]:
+        return self.invariants().matrix(q)
+
+    def inverse_mass(self, q: Float[Array, " size"]) -> Float[Array, "size size"]:
+        return self.invariants().inverse(q)
+
+    def quadratic_velocity_force(
+        self, q: Float[Array, " size"], v: Float[Array, " size"]
+    ) -> Float[Array, " size"]:
+        return self.invariants().quadratic_velocity_force(q, v)
+
+    def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "3"]:
+        return self.invariants().first_moment_at(q)

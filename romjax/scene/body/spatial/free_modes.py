@@ -1,0 +1,90 @@
+"""Modes of a free uniform beam in space: bending in two planes, torsion and extension."""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.polynomial import legendre
+
+
+class Counts(NamedTuple):
+    """How many modes of each kind there are; the modes of a beam are in this order."""
+
+    along_y: int
+    along_z: int
+    torsion: int
+    extension: int
+
+
+class FreeModes(NamedTuple):
+    """Polynomials p(ξ) with ∫p_k p_l dξ = δ_kl, ξ from 0 to 1, by rising frequency."""
+
+    squares: np.ndarray  # ∫(dʳp/dξʳ)² dξ, (count,)
+    series: np.ndarray  # in Legendre polynomials of 2ξ − 1, (degrees, count)
+
+
+def free_modes(order: int, count: int) -> FreeModes:
+    """Modes for the strain energy ½ ∫(dʳw/dξʳ)² dξ: r = 1 of torsion and extension, 2 of bending.
+
+    They are those of the free beam among polynomials of degrees r to r + count − 1, which are
+    orthogonal to rigid motion. From two bending modes, and from one of the others, statics under
+    loads at the ends are exact, so chains of welded beams converge; natural modes would leave a
+    share of the compliance out at each weld, however many beams there are. The lowest frequencies
+    converge to the natural ones faster than any power of the count.
+    """
+    degrees = np.arange(order, order + count)
+    series = np.zeros((order + count, count))
+    series[degrees, degrees - order] = np.sqrt(2 * degrees + 1)
+    nodes, weights = quadrature(count)
+    curved = np.array([derivative(series, xi, order) for xi in nodes])
+    squares, turned = np.linalg.eigh(np.einsum("i,ik,il->kl", weights, curved, curved))
+    modes = series @ turned
+    # Positive at the lower end.
+    return FreeModes(squares, modes * np.sign(derivative(modes, 0.0)))
+
+
+def derivative(series: np.ndarray, xi: Any, order: int = 0) -> Any:
+    """dʳp/dξʳ of the polynomials at one ξ, (count,)."""
+    return 2**order * legendre.legval(2 * xi - 1, legendre.legder(series, order))
+
+
+def quadrature(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss–Legendre on 0 to 1, exact for products of two modes and what else is in invariants."""
+    nodes, weights = legendre.leggauss(count + 4)
+    return (nodes + 1) / 2, weights / 2
+
+
+def motion(counts: Counts, xi: Any, xp: Any = jnp) -> tuple[Any, Any]:
+    """Displacements along x, y, z of the axis at ξ, and rotations about them of the section there,
+    both (3, modes): of unit length and unit normalisation, so rotations of bending are dw/dξ.
+    """
+    series = [free_modes(2, n).series for n in counts[:2]] + [
+        free_modes(1, n).series for n in counts[2:]
+    ]
+    along_y, along_z, twist, stretch = (derivative(x, xi) for x in series)
+    slope_y, slope_z = (derivative(x, xi, 1) for x in series[:2])
+    none = [xp.zeros(n) for n in counts]
+    moved = (
+        (none[0], none[1], none[2], stretch),
+        (along_y, none[1], none[2], none[3]),
+        (none[0], along_z, none[2], none[3]),
+    )
+    turned = (
+        (none[0], none[1], twist, none[3]),
+        (none[0], -slope_z, none[2], none[3]),
+        (slope_y, none[1], none[2], none[3]),
+    )
+    rows = [xp.concatenate(row) for row in (*moved, *turned)]
+    return xp.stack(rows[:3]), xp.stack(rows[3:])
+
+
+def foreshortening(counts: Counts) -> np.ndarray:
+    """∫θᵀθ dξ of the rotations θ of bending, from the middle to ξ: its series in Legendre
+    polynomials of 2ξ − 1, (degrees, modes, modes).
+    """
+    nodes, weights = quadrature(max(counts))
+    degree = 2 * max(counts)
+    projector = legendre.legvander(2 * nodes - 1, degree) * (2 * np.arange(degree + 1) + 1)
+    tilts = [motion(counts, xi, np)[1][1:] for xi in nodes]
+    squares = np.array([tilt.T @ tilt for tilt in tilts])
+    return legendre.legint(np.einsum("i,id,ikl->dkl", weights, projector, squares), scl=0.5)

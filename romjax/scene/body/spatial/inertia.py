@@ -1,0 +1,350 @@
+"""The inertia of a flexible body in space, by integrals that are taken once."""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ....arrays import Vector, as_array, concrete
+from ....errors import SceneError
+from ....linalg import quaternions
+from ....linalg.dense import invert, multiply, multiply_transposed
+from ...fields import Converted, check_numbers, number
+from .rigid import length_inertia
+
+
+class SpatialInertia(eqx.Module):
+    """Inertia invariants in space: all that a mass matrix needs to know of the points of a body.
+
+    A point X of the undeformed body is at x + A(p) u, u = X + S q_f − ½ q_fᵀ G q_f. With the
+    velocity V of the frame and its angular velocity ω, both by the axes of the body, its kinetic
+    energy is
+
+        T = ½ m V·V + V·(ω × c) + V·c' q̇_f + ½ ωᵀ J ω + ωᵀ H q̇_f + ½ q̇_fᵀ M_ff q̇_f,
+
+    where c, J and H are polynomials in q_f with the coefficients below, so the cost of a step does
+    not depend on how many points there are (Shabana, "Dynamics of Multibody Systems", chapter 5).
+    What is None is zero, and absent from the program. The length of p has a kinetic energy of its
+    own, ½ μ (pᵀṗ / pᵀp)² with a constant μ, which no force acts on.
+
+    **Arguments:**
+
+    - `mass`: ∫ρ [kg].
+    - `moment`: J of the undeformed body, ∫ρ (X·X I − X Xᵀ) (3, 3) [kg m²].
+    - `modal`: M_ff = ∫ρ SᵀS; the identity unless given.
+    - `first_moment`: c of the undeformed body, ∫ρ X (3,) [kg m], zero if the frame sits in the
+      centre of mass.
+    - `shift`: ∫ρ S (3, modes), and `swing`: ∫ρ X × S (3, modes), H of the undeformed body: zero if
+      the modes are orthogonal to rigid motion.
+    - `stretch`: ∂J/∂q_f of the undeformed body (3, 3, modes).
+    - `spread`: J's quadratic part q_fᵀ K q_f (3, 3, modes, modes).
+    - `gyration`: ∂H/∂q_f, ∫ρ S_k × S_l (3, modes, modes), the index of q_f first.
+    - `foreshortening`: ∫ρ G (3, modes, modes), of the displacement of second order; its other
+      terms are parts of `spread` and `gyration`.
+    """
+
+    mass: Converted[Float[Array, ""]] = number()
+    moment: Converted[Float[Array, "3 3"], Vector] = number()
+    modal: Converted[Float[Array, "modes modes"] | None, Vector] = number(default=None)
+    first_moment: Converted[Float[Array, "3"] | None, Vector] = number(default=None)
+    shift: Converted[Float[Array, "3 modes"] | None, Vector] = number(default=None)
+    swing: Converted[Float[Array, "3 modes"] | None, Vector] = number(default=None)
+    stretch: Converted[Float[Array, "3 3 modes"] | None, Vector] = number(default=None)
+    spread: Converted[Float[Array, "3 3 modes modes"] | None, Vector] = number(default=None)
+    gyration: Converted[Float[Array, "3 modes modes"] | None, Vector] = number(default=None)
+    foreshortening: Converted[Float[Array, "3 modes modes"] | None, Vector] = number(default=None)
+
+    @classmethod
+    def of_points(cls, masses: Vector, positions: Vector, shapes: Vector) -> "SpatialInertia":
+        """The inertia of point `masses` [kg] (points,) at `positions` [m] (points, 3), with their
+        displacements per unit amplitude, `shapes` (points, 3, modes).
+        """
+        weights, arms, moved = (as_array(x) for x in (masses, positions, shapes))
+        rows, modes = arms.size, moved.shape[2]
+        unit = jnp.tile(jnp.eye(3, dtype=arms.dtype), (len(arms), 1))
+        rigid = jnp.concatenate([unit, turned(arms).reshape(rows, 3)], axis=1)
+        around = turned(moved).reshape(rows, 3, modes)
+        each = jnp.repeat(weights, 3)[:, None]
+        return cls(**products(lambda x: each * x, rigid, moved.reshape(rows, modes), around))
+
+    def matrix(self, q: Float[Array, " size"]) -> Float[Array, "size size"]:
+        """Mass matrix at the coordinates x, y, z, p, q_f."""
+        p, bent = q[3:7], q[7:]
+        square = quaternions.squared(p)
+        onto = 2 * quaternions.body_matrix(p) / square  # ω = onto ṗ
+        around = multiply_transposed(onto, self._spinning(bent))
+        turning = multiply_transposed(onto, multiply(self.turning(bent), onto))
+        turning += length_inertia(self.moment) / square**2 * p[:, None] * p[None]
+        moving = self.mass * jnp.eye(3, dtype=q.dtype)
+        modal = jnp.eye(len(bent), dtype=q.dtype) if self.modal is None else self.modal
+        if self.centred:
+            aside = jnp.zeros((3, 4 + len(bent)), q.dtype)
+        else:
+            arm = quaternions.skew(self.arm(bent))
+            own = jnp.concatenate([-multiply(arm, onto), self._sliding(bent)], axis=1)
+            aside = multiply(quaternions.matrix(p), own)
+        inner = jnp.concatenate(
+            [
+                jnp.concatenate([turning, around], axis=1),
+                jnp.concatenate([around.T, modal], axis=1),
+            ]
+        )
+        return jnp.concatenate(
+            [
+                jnp.concatenate([moving, aside], axis=1),
+                jnp.concatenate([aside.T, inner], axis=1),
+            ]
+        )
+
+    @property
+    def inverts(self) -> bool:
+        """Whether the inverse of the mass matrix is known in closed form."""
+        return self.modal is None
+
+    def inverse(self, q: Float[Array, " size"]) -> Float[Array, "size size"]:
+        """Inverse of the mass matrix at the coordinates x, y, z, p, q_f, where M_ff is the identity.
+
+        With R the block of ω (and V where it couples) and Y that of the same rows and q_f, the
+        inverse of [[R, Y], [Yᵀ, I]] needs that of R − Y Yᵀ only. From rates by the axes of the body
+        to ṗ it is ½ Gᵀ, since G Gᵀ = s I; and p pᵀ / μ is that of the length.
+        """
+        p, bent = q[3:7], q[7:]
+        back = 0.5 * quaternions.body_matrix(p).T  # ṗ = back ω
+        own, beside = self.turning(bent), self._spinning(bent)
+        if not self.centred:
+            arm, slide = quaternions.skew(self.arm(bent)), self._sliding(bent)
+            moving = self.mass * jnp.eye(3, dtype=q.dtype)
+            own = jnp.concatenate(
+                [
+                    jnp.concatenate([moving, -arm], axis=1),
+                    jnp.concatenate([arm, own], axis=1),
+                ]
+            )
+            beside = jnp.concatenate([slide, beside])
+            turn = jnp.pad(quaternions.matrix(p), ((0, 0), (0, 3)))
+            back = jnp.concatenate([turn, jnp.pad(back, ((0, 0), (3, 0)))])
+        frame = invert(own - multiply(beside, beside.T))
+        across = multiply(frame, beside)
+        modal = jnp.eye(len(bent), dtype=q.dtype) + multiply_transposed(beside, across)
+        turned = multiply(multiply(back, frame), back.T)
+        if self.centred:
+            turned = jnp.pad(turned, ((3, 0), (3, 0)))
+            turned += jnp.diag(jnp.array([1, 1, 1, 0, 0, 0, 0], q.dtype)) / self.mass
+            back = jnp.pad(back, ((3, 0), (0, 0)))
+        length = jnp.pad(p, (3, 0))
+        turned += length[:, None] * length[None] / length_inertia(self.moment)
+        aside = -multiply(back, across)
+        return jnp.concatenate(
+            [
+                jnp.concatenate([turned, aside], axis=1),
+                jnp.concatenate([aside.T, modal], axis=1),
+            ]
+        )
+
+    def quadratic_velocity_force(
+        self, q: Float[Array, " size"], v: Float[Array, " size"]
+    ) -> Float[Array, " size"]:
+        """−Ṁ v + ½ ∂(vᵀ M v)/∂q, by the equations of Boltzmann and Hamel for rates by the axes of
+        the body (Papastavridis, "Analytical Mechanics", 2002, chapter 3).
+
+        The velocity of the frame drops out. The rates of ω = 2 G ṗ/s and of the length ρ = ln |p|
+        are 2 G p̈/s − 2 r ω/s and pᵀp̈/s + ṗᵀṗ/s − 2 r²/s², r = pᵀṗ.
+        """
+        p, rate, bent, bending = q[3:7], v[3:7], q[7:], v[7:]
+        s, r = quaternions.squared(p), jnp.sum(p * rate)
+        onto = 2 * quaternions.body_matrix(p) / s
+        omega, stretching = quaternions.apply(onto, rate), 2 * r / s
+        tensor, spinning = self.turning(bent), self._spinning(bent)
+        momentum = multiply(tensor, omega)
+        turning = quaternions.cross(omega, momentum + multiply(spinning, bending))
+        turning -= stretching * momentum
+        modal = -stretching * multiply(omega, spinning)
+        slope = self._turning_slope(bent)  # ∂J/∂q_f
+        if slope is not None:
+            along = jnp.sum(slope * omega[None, :, None], axis=1)
+            turning += multiply(along, bending)
+            modal -= 0.5 * multiply(omega, along)
+        if self.gyration is not None:
+            about = jnp.sum(self.gyration * omega[:, None, None], axis=0)
+            modal += multiply(bending, about) - multiply(about, bending)
+            turning += _square(self.gyration, bending)
+        force = -quaternions.apply_transposed(onto, turning)
+        force += length_inertia(self.moment) * (2 * r**2 / s - jnp.sum(rate**2)) / s**2 * p
+        return jnp.concatenate([self._shifting(q, omega, bending, stretching), force, -modal])
+
+    def _shifting(
+        self, q: Float[Array, " size"], omega: Array, bending: Array, stretching: Array
+    ) -> Float[Array, "3"]:
+        """The quadratic-velocity force on x, y, z."""
+        if self.centred:
+            return jnp.zeros(3, q.dtype)
+        arm = self.arm(q[7:])
+        sliding = multiply(self._sliding(q[7:]), bending)
+        total = quaternions.cross(
+            omega, quaternions.cross(omega, arm) + 2 * sliding - stretching * arm
+        )
+        if self.foreshortening is not None:
+            total -= _square(self.foreshortening, bending)
+        return -quaternions.rotate(q[3:7], total)
+
+    @property
+    def centred(self) -> bool:
+        """Whether the frame stays in the centre of mass: then nothing couples with x, y, z."""
+        return all(x is None for x in (self.first_moment, self.shift, self.foreshortening))
+
+    def first_moment_at(self, q: Float[Array, " size"]) -> Float[Array, "3"]:
+        """∫ρ r dV [kg m] at the coordinates x, y, z, p, q_f."""
+        if self.centred:
+            return self.mass * q[:3]
+        return self.mass * q[:3] + quaternions.rotate(q[3:7], self.arm(q[7:]))
+
+    def arm(self, bent: Float[Array, " modes"]) -> Float[Array, "3"]:
+        """c: the first moment in the body frame [kg m]."""
+        total = jnp.zeros(3, bent.dtype) if self.first_moment is None else self.first_moment
+        if self.shift is not None:
+            total = total + multiply(self.shift, bent)
+        if self.foreshortening is not None:
+            total = total - 0.5 * _square(self.foreshortening, bent)
+        return total
+
+    def turning(self, bent: Float[Array, " modes"]) -> Float[Array, "3 3"]:
+        """J: the moment of inertia about the origin of the frame, by its axes [kg m²]."""
+        total = self.moment
+        if self.stretch is not None:
+            total = total + _times(self.stretch, bent)
+        return total if self.spread is None else total + _square(self.spread, bent)
+
+    def _turning_slope(self, bent: Float[Array, " modes"]) -> Float[Array, "3 3 modes"] | None:
+        """∂J/∂q_f; None where it is zero."""
+        if self.spread is None:
+            return self.stretch
+        slope = 2 * _times(self.spread, bent)
+        return slope if self.stretch is None else self.stretch + slope
+
+    def in_span(self, basis: Float[Array, "modes k"]) -> "SpatialInertia":
+        """The inertia of the motions q_f = Φ z, exactly: all terms are polynomials in q_f.
+
+        `basis` Φ (modes, k): orthonormal where `modal` is the identity.
+        """
+
+        def one(x: Array | None) -> Array | None:
+            return None if x is None else x @ basis
+
+        def both(x: Array | None) -> Array | None:
+            return (
+                None if x is None else jnp.swapaxes(jnp.swapaxes(x @ basis, -1, -2) @ basis, -1, -2)
+            )
+
+        return SpatialInertia(
+            self.mass,
+            self.moment,
+            both(self.modal),
+            self.first_moment,
+            one(self.shift),
+            one(self.swing),
+            one(self.stretch),
+            both(self.spread),
+            both(self.gyration),
+            both(self.foreshortening),
+        )
+
+    def check(self, owner: str, modes: int) -> None:
+        """Raise a SceneError that names owner, field, value and remedy."""
+        shapes: dict[str, tuple[int, ...]] = {
+            "mass": (),
+            "moment": (3, 3),
+            "modal": (modes, modes),
+            "first_moment": (3,),
+            "shift": (3, modes),
+            "swing": (3, modes),
+            "stretch": (3, 3, modes),
+            "spread": (3, 3, modes, modes),
+            "gyration": (3, modes, modes),
+            "foreshortening": (3, modes, modes),
+        }
+        for field, shape in shapes.items():
+            check_numbers(owner, self, field, shape=shape, prefix="inertia.")
+        moment = concrete(self.moment)
+        if moment is None:
+            return
+        skew = np.max(abs(moment - moment.T))
+        if skew > 1e-9 * np.max(abs(moment)):
+            raise SceneError(
+                f"{owner}: inertia.moment is not symmetric: entries differ by {skew:g}."
+            )
+        matrix = concrete(self.matrix(jnp.zeros(7 + modes).at[3].set(1.0)))
+        least = np.inf if matrix is None else np.min(np.linalg.eigvalsh(matrix))
+        if not least > 0:
+            raise SceneError(
+                f"{owner}: its mass matrix is not positive definite, with an eigenvalue of "
+                f"{least:g}; check the signs of the invariants, and that modes are independent."
+            )
+
+    def _spinning(self, bent: Float[Array, " modes"]) -> Float[Array, "3 modes"]:
+        """H: the angular momentum by the axes of the frame, per unit rate of the amplitudes."""
+        total = jnp.zeros((3, len(bent)), bent.dtype) if self.swing is None else self.swing
+        if self.gyration is None:
+            return total
+        return total + jnp.sum(self.gyration * bent[None, :, None], axis=1)
+
+    def _sliding(self, bent: Float[Array, " modes"]) -> Float[Array, "3 modes"]:
+        """Derivative of the first moment by the amplitudes."""
+        total = jnp.zeros((3, len(bent)), bent.dtype) if self.shift is None else self.shift
+        return total if self.foreshortening is None else total - _times(self.foreshortening, bent)
+
+
+def _times(x: Float[Array, "*axes modes"], bent: Float[Array, " modes"]) -> Float[Array, "*axes"]:
+    """Σ_l x[…, l] q_l."""
+    return jnp.sum(x * bent.reshape(*[1] * (x.ndim - 1), -1), axis=-1)
+
+
+def _square(x: Float[Array, "*axes modes modes"], bent: Array) -> Float[Array, "*axes"]:
+    """Σ_kl q_k x[…, k, l] q_l."""
+    return _times(_times(x, bent), bent)
+
+
+def turned(vectors: Any) -> Any:
+    """e_a × u for each axis a of vectors u (points, 3, *k), as (points, 3, a, *k)."""
+    xp = np if isinstance(vectors, np.ndarray) else jnp
+    x, y, z = (vectors[:, i] for i in range(3))
+    none = xp.zeros_like(x)
+    columns = ([none, -z, y], [z, none, -x], [-y, x, none])
+    return xp.stack([xp.stack(column, axis=1) for column in columns], axis=2)
+
+
+def products(weigh: Callable[[Any], Any], rigid: Any, shapes: Any, around: Any) -> dict[str, Any]:
+    """The invariants by their names in SpatialInertia, as products of fields with a mass matrix.
+
+    By the axes of the body, the field of velocities is V + ω × (X + S q_f) + S q̇_f: a polynomial in
+    q_f whose coefficients are the fields here.
+
+    **Arguments:**
+
+    - `weigh`: a mass matrix times fields (rows, k).
+    - `rigid` (rows, 6): fields of unit velocities and of unit angular velocities about the origin.
+    - `shapes` (rows, modes): S, and `around` (rows, 3, modes): e_a × S for each axis a.
+    """
+    rows, modes = shapes.shape
+    weighted = weigh(rigid)
+    turning, bending = weighted[:, 3:], weigh(shapes)
+    around = around.reshape(rows, 3 * modes)
+    linear = (turning.T @ around).reshape(3, 3, modes)
+    # The kinetic energy has the sum of both orders of axes, and of both orders of modes.
+    square = (around.T @ weigh(around)).reshape(3, modes, 3, modes)
+    square = (square.transpose(0, 2, 1, 3) + square.transpose(0, 2, 3, 1)) / 2
+    aside = weighted[:, :3].T @ rigid[:, 3:]  # e_i · (e_a × c)
+    aside = (aside - aside.T) / 2
+    return {
+        "mass": rigid[:, 0] @ weighted[:, 0],
+        "moment": rigid[:, 3:].T @ turning,
+        "modal": shapes.T @ bending,
+        "first_moment": aside[np.array([1, 2, 0]), np.array([2, 0, 1])],
+        "shift": weighted[:, :3].T @ shapes,
+        "swing": turning.T @ shapes,
+        "stretch": linear + linear.transpose(1, 0, 2),
+        "spread": square,
+        "gyration": (around.T @ bending).reshape(3, modes, modes),
+    }

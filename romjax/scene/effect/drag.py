@@ -1,0 +1,49 @@
+"""Aerodynamic drag."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...arrays import Time
+from ..fields import Converted, check_numbers, number
+from ..marker import Marker, Pose, Twist
+from ..outline import Outline
+from .base import AbstractDissipation, check_markers
+
+
+class Drag(AbstractDissipation):
+    """The resistance ½ ρ c A |v| v against the velocity v of a marker in a fluid at rest, the same
+    in all directions, as that of a ball; R = ρ c A |v|³ / 6.
+
+    **Arguments:**
+
+    - `at`: the marker it acts on.
+    - `coefficient`: c, such as 0.47 of a ball.
+    - `area`: A [m²]. `density`: ρ of the fluid [kg/m³]; that of air unless given.
+    """
+
+    at: Marker
+    coefficient: Converted[Float[Array, ""]] = number()
+    area: Converted[Float[Array, ""]] = number()
+    density: Converted[Float[Array, ""]] = number(default=1.225)
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
+
+    def rayleigh(
+        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    ) -> Float[Array, ""]:
+        del t, poses
+        squared = jnp.sum(twists[0].velocity ** 2)
+        # The second derivative of a cube of a length is NaN at zero, where there is no force.
+        speed = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
+        return self.density * self.coefficient * self.area * squared * speed / 6
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        del t, size
+        return (Outline(poses[0].position[None], "point"),)
+
+    def check(self) -> None:
+        fields = ("coefficient", "area", "density")
+        check_numbers(check_markers(self), self, *fields, sign="not negative")

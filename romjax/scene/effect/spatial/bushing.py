@@ -1,0 +1,105 @@
+"""An elastic joint in space."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ....arrays import Time, Vector, concrete
+from ....errors import SceneError
+from ....linalg import quaternions
+from ....linalg.dense import multiply
+from ...fields import Converted, check_finite, number
+from ...marker import Marker, Pose, Twist, Wrench
+from ..base import AbstractMarkerEffect, check_markers, displacement
+
+
+class Bushing(AbstractMarkerEffect):
+    """A rubber bushing: springs, and dampers if asked for, in the frame of marker `b`.
+
+    With the displacement δ = (x, y, z, rotation vector) of `a` against `b`, its energy is ½ δᵀ K δ
+    and its dissipation function ½ δ'ᵀ D δ'. The rotation vector is the axis times the angle, which
+    is at most half a turn.
+
+    **Arguments:**
+
+    - `a`, `b`: the two ends.
+    - `stiffness`: K, (6,) for a diagonal matrix or (6, 6): along x, y, z of `b` [N/m], against
+      rotations about them [N m/rad], and [N/rad] between both.
+    - `damping`: D of the same directions [N s/m], [N m s/rad], [N s/rad]; none unless given.
+    """
+
+    a: Marker
+    b: Marker
+    stiffness: Converted[Float[Array, "6 *columns"], Vector] = number()
+    damping: Converted[Float[Array, "6 *columns"] | None, Vector] = number(default=None)
+    hatched: ClassVar[bool] = True
+    stores: ClassVar[bool] = True
+    supplies: ClassVar[bool] = False
+    dimensions: ClassVar[tuple[int, ...]] = (3,)
+
+    @property
+    def needs_twists(self) -> bool:  # type: ignore[override]
+        return self.damping is not None
+
+    @property
+    def dissipates(self) -> bool:  # type: ignore[override]
+        return self.damping is not None
+
+    def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
+        del t
+        delta = _delta(*poses)
+        return 0.5 * jnp.sum(delta * _apply(self.stiffness, delta))
+
+    def wrenches(
+        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    ) -> tuple[Wrench, ...]:
+        del t
+        delta, rate, wrenches = displacement(_delta, poses, twists)
+        force = -_apply(self.stiffness, delta)
+        if self.damping is not None:
+            force -= _apply(self.damping, rate())
+        return wrenches(force)
+
+    def check(self) -> None:
+        owner = check_markers(self)
+        _check_matrix(owner, "stiffness", self.stiffness)
+        if self.damping is not None:
+            _check_matrix(owner, "damping", self.damping)
+
+
+def _apply(matrix: Float[Array, "6 *columns"], x: Float[Array, "6"]) -> Float[Array, "6"]:
+    return matrix * x if matrix.ndim == 1 else multiply(matrix, x)
+
+
+def _delta(a: Pose, b: Pose) -> Float[Array, "6"]:
+    """Of `a` in the frame of `b`: x, y, z [m], rotation vector [rad]."""
+    relative = quaternions.product(quaternions.conjugate(b.turn), a.turn)
+    # tan ½φ times the axis: the same for all multiples of a quaternion.
+    tangent = relative[1:] / relative[0]
+    squared = jnp.sum(tangent**2)
+    small = squared < 1e-4
+    length = jnp.sqrt(jnp.where(small, 1.0, squared))
+    # arctan(x)/x; near zero by its series, of which four terms reach rounding.
+    series = 1 - squared * (1 / 3 - squared * (1 / 5 - squared / 7))
+    ratio = jnp.where(small, series, jnp.arctan(length) / length)
+    return jnp.concatenate([b.local(a.position), 2 * ratio * tangent])
+
+
+def _check_matrix(owner: str, field: str, matrix: Array) -> None:
+    if matrix.shape not in ((6,), (6, 6)):
+        raise SceneError(
+            f"{owner}: {field} has the shape {matrix.shape}; give six numbers, or a matrix (6, 6)."
+        )
+    check_finite(owner, field, matrix)
+    known = concrete(matrix)
+    if known is None:
+        return
+    if known.ndim == 2 and np.max(np.abs(known - known.T)) > 1e-9 * np.max(np.abs(known)):
+        raise SceneError(f"{owner}: the matrix {field} is not symmetric; no potential has it.")
+    values = known if known.ndim == 1 else np.linalg.eigvalsh(known)
+    if np.min(values) < -1e-9 * np.max(np.abs(values)):
+        raise SceneError(
+            f"{owner}: {field} has the eigenvalue {np.min(values):g}, but none may be negative."
+        )

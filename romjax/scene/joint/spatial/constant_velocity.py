@@ -1,0 +1,32 @@
+"""A constant-velocity joint."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ....arrays import Time
+from ...marker import Marker, Pose
+from ..base import AbstractJoint
+
+
+class ConstantVelocity(AbstractJoint):
+    """The two markers stay at one position, and no rotation about the z axis is between them: at
+    any angle, shafts along their z axes turn equally fast.
+
+    The rotation from `b` to `a` is one about an axis across both shafts, so that each is the mirror
+    image of the other in the plane that bisects them (Hunt, "Constant-Velocity Shaft Couplings: A
+    General Theory", J. Eng. Ind. 95, 1973).
+    """
+
+    a: Marker
+    b: Marker
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 4
+    dimensions: ClassVar[tuple[int, ...]] = (3,)
+
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "4"]:
+        del t
+        twist = a.angle_against(b, jnp.zeros_like(a.turn[0]))
+        return jnp.append(a.position - b.position, twist)

@@ -1,0 +1,24 @@
+"""A point that slides on a plane."""
+
+from typing import ClassVar
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ....arrays import Time
+from ...marker import Marker, Pose
+from ..base import AbstractJoint
+
+
+class PointOnPlane(AbstractJoint):
+    """Marker `a` stays in the plane z = 0 of marker `b`; it may turn in any direction."""
+
+    a: Marker
+    b: Marker
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 1
+    dimensions: ClassVar[tuple[int, ...]] = (3,)
+
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
+        del t
+        return b.along(a.position)[None]

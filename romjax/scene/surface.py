@@ -1,0 +1,67 @@
+"""Surfaces that can be touched, by the distance of points from them. Their numbers are traced."""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .fields import Converted, check_numbers, number
+
+
+class AbstractSurface(eqx.Module):
+    """The surface of a solid; subclass it with one `__call__` for one of your own."""
+
+    @abc.abstractmethod
+    def __call__(self, point: Float[Array, "3"]) -> Float[Array, ""]:
+        """The distance [m] of a point from the surface, negative inside the solid."""
+
+    @abc.abstractmethod
+    def check(self, owner: str) -> None:
+        """Raise a SceneError that names owner, field, value and remedy."""
+
+
+class Plane(AbstractSurface):
+    """The plane z = 0, with the solid below."""
+
+    def __call__(self, point: Float[Array, "3"]) -> Float[Array, ""]:
+        return point[2]
+
+    def check(self, owner: str) -> None:
+        del owner
+
+
+class Cylinder(AbstractSurface):
+    """A cylinder about the z axis without ends, of this `radius` [m]; the solid is around it where
+    it is `hollow`, as a tube is.
+    """
+
+    radius: Converted[Float[Array, ""]] = number()
+    hollow: bool = eqx.field(static=True, default=False)
+
+    def __call__(self, point: Float[Array, "3"]) -> Float[Array, ""]:
+        return _outside(point[:2], self.radius, self.hollow)
+
+    def check(self, owner: str) -> None:
+        check_numbers(owner, self, "radius", sign="positive", prefix="Cylinder.")
+
+
+class Sphere(AbstractSurface):
+    """A sphere of this `radius` [m]; the solid is around it where it is `hollow`, as a bowl is."""
+
+    radius: Converted[Float[Array, ""]] = number()
+    hollow: bool = eqx.field(static=True, default=False)
+
+    def __call__(self, point: Float[Array, "3"]) -> Float[Array, ""]:
+        return _outside(point, self.radius, self.hollow)
+
+    def check(self, owner: str) -> None:
+        check_numbers(owner, self, "radius", sign="positive", prefix="Sphere.")
+
+
+def _outside(arm: Float[Array, " k"], radius: Float[Array, ""], hollow: bool) -> Float[Array, ""]:
+    """The distance from a round surface, from the arm that its axis or centre has to a point."""
+    squared = jnp.sum(arm**2)
+    # The gradient of a length is NaN at zero; there is no way out, and no force.
+    length = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
+    return radius - length if hollow else length - radius

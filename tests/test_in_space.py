@@ -1,0 +1,131 @@
+"""Planar mechanisms of rigid bodies in space, at a random orientation of their plane."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from comparison import assert_close
+from in_space import InSpace
+from mechanisms import linkage
+from tolerances import IDENTITY, SOLVED
+
+import romjax as rj
+
+TURN = np.random.default_rng(7).normal(size=4)
+# Of accelerations, which joints pass on from body to body.
+PASSED_ON = 1e3 * IDENTITY
+
+
+def all_parts() -> rj.Scene:
+    """Every joint and effect of the plane at once, at a start that fits."""
+    hub = rj.RigidBody("hub", 2.0, 0.3, angular_velocity=1.5)
+    rim = rj.RigidBody("rim", 1.0, 0.2, position=(0.9, 0.0), angle=4.0, angular_velocity=-3.0)
+    cart = rj.RigidBody("cart", 1.5, 0.1, position=(-0.5, 0.4), velocity=(0.3, 0.0))
+    bob = rj.RigidBody("bob", 0.7, 0.05, position=(-0.5, -0.2), angle=0.4, velocity=(0.3, 0.0))
+    ring = rj.RigidBody("ring", 0.4, 0.03, position=(2.0, 0.5), angle=-0.3)
+    plate = rj.RigidBody("plate", 0.4, 0.03, position=(2.0, 0.9), angle=1.5)
+    crank = rj.RigidBody("crank", 0.4, 0.03, position=(3.0, 0.2), angle=0.3)
+    joints = [
+        rj.Revolute(hub.at(), rj.ground.at()),
+        rj.Revolute(rim.at(), rj.ground.at((0.9, 0.0))),
+        rj.Gear(rim.at(), hub.at(), ratio=-2.0, offset=4.0),
+        rj.Prismatic(cart.at(), rj.ground.at((0.0, 0.4))),
+        rj.Distance(bob.at(), cart.at(), length=0.6),
+        rj.PointOnCurve(ring.at(), rj.ground.at((2.0, 0.0)), rj.Circle(0.5)),
+        rj.FixedAngle(ring.at(), rj.ground.at(), value=-0.3),
+        rj.PointOnLine(plate.at(), rj.ground.at((0.0, 0.9))),
+        rj.Weld(crank.at(), rj.ground.at((3.0, 0.2)), value=0.3),
+    ]
+    effects = [
+        rj.Gravity((0.3, -9.81)),
+        rj.TorsionSpring(rim.at(), hub.at(), stiffness=0.4, rest_angle=0.2),
+        rj.TorsionDamper(rim.at(angle=0.1), bob.at(), damping=0.3),
+        rj.Motor(hub.at(), rj.ground.at(), rj.Sine(4.0, 0.4), proportional=1.0, derivative=0.2),
+        rj.Bushing(plate.at((0.1, 0.0)), ring.at(), (3.0, 5.0, 0.4), (0.3, 0.5, 0.1)),
+        rj.Spring(bob.at((0.1, 0.2)), hub.at((0.2, 0.0)), stiffness=3.0, rest_length=0.2),
+        rj.Damper(bob.at((0.1, 0.2)), hub.at((0.2, 0.0)), damping=0.3, along_line=True),
+        rj.Drag(bob.at((0.0, 0.1)), coefficient=1.1, area=0.3),
+        rj.Force(bob.at((0.1, 0.1)), (1.0, 2.0), rj.Sine(2.0, 1.0), frame="body"),
+        rj.Force(cart.at(), (1.0, 2.0), rj.Sine(2.0, 1.0)),
+        rj.Torque(bob.at(), rj.Sine(0.3, 2.0, phase=0.4)),
+        rj.Contact(
+            plate.at((0.0, -0.2)),
+            ring.at(),
+            rj.Circle(0.25),
+            stiffness=200.0,
+            dissipation=0.2,
+            friction=rj.Friction(0.3, creep=0.1),
+        ),
+    ]
+    return rj.Scene([hub, rim, cart, bob, ring, plate, crank], joints, effects)
+
+
+def driven() -> rj.Scene:
+    cart = rj.RigidBody("cart", 1.5, 0.1, velocity=(0.6, 0.0), angular_velocity=0.3 * 2 * np.pi)
+    joints = [
+        rj.PrescribedTravel(cart.at(), rj.ground.at(), rj.Ramp(0.6)),
+        rj.PrescribedAngle(cart.at(), rj.ground.at(), rj.Ramp(0.3 * 2 * np.pi)),
+    ]
+    return rj.Scene([cart], joints, [rj.Gravity()])
+
+
+def four_bar() -> rj.Scene:
+    """A parallelogram of three bars, a published one of mass points' kind."""
+    points = {"A": (0.0, 0.0), "b": (0.3, 1.0), "c": (1.7, 1.2), "D": (2.0, 0.0)}
+    scene = linkage(points, ["Ab", "bc", "cD"], {}, gravity=True)
+    return rj.consistent_scene(scene)
+
+
+SCENES = {"all parts": all_parts, "driven": driven, "four bar": four_bar}
+GALLERY = {e.name: e for e in rj.gallery.catalogue.EXAMPLES}
+RIGID = [
+    name for name, example in GALLERY.items() if all(b.modes == 0 for b in example.make().bodies)
+]
+
+
+def make(name: str) -> rj.Scene:
+    return SCENES[name]() if name in SCENES else GALLERY[name].make()
+
+
+def assert_same_forces(scene: rj.Scene, t: float):
+    """Accelerations and multipliers at the start of a scene and of its twin."""
+    twin, planar = InSpace(scene, TURN), rj.assemble(scene)
+    spatial = rj.assemble(twin.scene)
+    a, multipliers = jax.jit(planar.acceleration)(t, planar.q0, planar.v0)
+    b, others = jax.jit(spatial.acceleration)(t, spatial.q0, spatial.v0)
+    found, out = twin.accelerations(spatial.q0, b)
+    assert_close(found, a, PASSED_ON, 1 + np.max(np.abs(a)))
+    assert out <= PASSED_ON * (1 + np.max(np.abs(a)))
+    found = twin.multipliers(others, planar.q0)
+    assert_close(found, multipliers, PASSED_ON, 1 + np.max(np.abs(multipliers), initial=0.0))
+
+
+@pytest.mark.parametrize("name", ["all parts", "driven"])
+def test_every_part_of_the_plane_in_space(name):
+    assert_same_forces(make(name), 0.13)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", RIGID)
+def test_the_gallery_in_space(name):
+    assert_same_forces(make(name), 0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["all parts", "driven", "four bar", *RIGID])
+def test_moves_as_its_planar_twin(name):
+    """Motion and multipliers, from runs of their own."""
+    scene = make(name)
+    twin, planar = InSpace(scene, TURN), rj.assemble(scene)
+    ts = jnp.linspace(0.0, 0.05 * (GALLERY[name].end if name in GALLERY else 4.0), 6)
+    settings = {"solver": diffrax.Dopri8(), "rtol": 1e-11, "stabilization": rj.Projection()}
+    run = rj.simulate(planar, ts, **settings)
+    other = rj.simulate(rj.assemble(twin.scene), ts, **settings)
+    found = twin.coordinates(other.q)
+    turns = 2 * np.pi * np.round((found - run.q) / (2 * np.pi))
+    turns[:, np.arange(found.shape[1]) % 3 != 2] = 0
+    assert_close(found - turns, run.q, SOLVED, 1 + np.max(np.abs(run.q)))
+    for k, q in enumerate(run.q):
+        wanted, size = run.multipliers[k], 1 + np.max(np.abs(run.multipliers), initial=0.0)
+        assert_close(twin.multipliers(other.multipliers[k], q), wanted, SOLVED, size)
