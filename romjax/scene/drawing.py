@@ -4,11 +4,15 @@ Flat signs, (points, 2), lie in the plane of x and y of a marker: in space acros
 is that of joints.
 """
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..linalg.dense import invert
+from ..linalg.quaternions import cross
 from .marker import Pose
 
 Points = Float[Array, "points d"]
@@ -18,14 +22,16 @@ REACH = 200.0
 _OBLIQUE = np.array([(2, 3, 6), (3, -6, 2), (6, 2, -3)]) / 7
 
 
-def placed(pose: Pose, points: Points | np.ndarray) -> Points:
+def placed(pose: Pose, points: Float[Array | np.ndarray, "points given"]) -> Points:
     """Points of the frame of a marker in the inertial one; flat ones have no z."""
     missing = pose.dimension - points.shape[1]
     points = jnp.pad(jnp.asarray(points, pose.position.dtype), ((0, 0), (0, missing)))
     return pose.position[None] + jax.vmap(pose.turned)(points)
 
 
-def between(a: Float[Array, " d"], b: Float[Array, " d"], path: Points | np.ndarray) -> Points:
+def between(
+    a: Float[Array, " d"], b: Float[Array, " d"], path: Float[Array | np.ndarray, "points given"]
+) -> Points:
     """A path of shares of the way from a to b, 0 to 1, and distances across it [m], of which there
     are two in space; flat signs have the first.
     """
@@ -153,12 +159,7 @@ def axis_line(pose: Pose, size: Float[Array, ""]) -> Points:
 
 def rail(pose: Pose, beside: Float[Array, " d"], size: Float[Array, ""]) -> Points:
     """The axis on which markers slide, to both sides of the foot of the point `beside`."""
-    return on_axis(pose, travel(pose, beside) + REACH * size * np.array([-1.0, 1.0]))
-
-
-def travel(pose: Pose, point: Float[Array, " d"]) -> Float[Array, ""]:
-    """Where a point is along the axis on which markers slide: x in the plane, z in space [m]."""
-    return pose.local(point)[0 if pose.dimension == 2 else 2]
+    return on_axis(pose, pose.along(beside) + REACH * size * np.array([-1.0, 1.0]))
 
 
 def on_axis(pose: Pose, travels: Float[Array, " points"]) -> Points:
@@ -167,10 +168,45 @@ def on_axis(pose: Pose, travels: Float[Array, " points"]) -> Points:
     return placed(pose, jnp.pad(travels[:, None], ((0, 0), column)))
 
 
+def square(point: Float[Array, "3"], size: Float[Array, ""]) -> Float[Array, "5 2"]:
+    """A piece of the plane of x and y about the foot of a point."""
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)])
+    return point[None, :2] + 2 * size * corners
+
+
 def wheel(pose: Pose, radius: Float[Array, ""]) -> Points:
     """A circle with a spoke along the x axis of a marker, which shows how it turns."""
     rim = arc(radius, 2 * np.pi)
     return placed(pose, jnp.concatenate([jnp.zeros_like(rim[:1]), rim]))
+
+
+def follow(
+    residual: Callable[[Float[Array, " d"]], Float[Array, " less"]],
+    point: Float[Array, " d"],
+    size: Float[Array, ""],
+) -> Points:
+    """A curve on which a residual is zero, of one number in the plane and two in space.
+
+    100 steps of half a size to each side of the foot of a point, each along the tangent and back to
+    the curve by two of Newton.
+    """
+
+    def newton(point: Array, _: object) -> tuple[Array, None]:
+        slope = jax.jacfwd(residual)(point)
+        # A curve may have no direction at some point.
+        squared = slope @ slope.T + 1e-30 * np.eye(len(slope))
+        return point - slope.T @ (invert(squared) @ residual(point)), None
+
+    def step(point: Array, side: Array) -> tuple[Array, Array]:
+        slope = jax.jacfwd(residual)(point)
+        tangent = jnp.flip(slope[0]) * np.array([1.0, -1.0]) if len(slope) == 1 else cross(*slope)
+        steep = jnp.sqrt(jnp.maximum(tangent @ tangent, 1e-30))
+        point, _ = jax.lax.scan(newton, point + side * size / steep * tangent, None, length=2)
+        return point, point
+
+    foot, _ = jax.lax.scan(newton, point, None, length=12)
+    left, right = (jax.lax.scan(step, foot, jnp.full(100, side))[1] for side in (-0.5, 0.5))
+    return jnp.concatenate([left[::-1], foot[None], right])
 
 
 def belt(
@@ -188,5 +224,7 @@ def belt(
     return left, right
 
 
-def _path(along: np.ndarray, across: np.ndarray, width: Float[Array, ""]) -> Points:
+def _path(
+    along: np.ndarray, across: np.ndarray, width: Float[Array, ""]
+) -> Float[Array, "points given"]:
     return jnp.concatenate([jnp.asarray(along, width.dtype)[:, None], across * width], axis=1)

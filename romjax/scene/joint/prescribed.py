@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ...arrays import Time
 from ...errors import SceneError
-from ..drawing import arrow, on_axis, placed, travel, turning_arrow
+from ..drawing import arrow, on_axis, placed, turning_arrow
 from ..marker import Marker, Pose
 from ..outline import Outline
 from ..signal import AbstractSignal, signal_field
@@ -78,5 +78,5 @@ class PrescribedTravel(_Prescribed):
         """An arrow along the axis of `b`, from its origin to the foot of `a`."""
         del t
         a, b = poses
-        way = arrow(b.position, on_axis(b, travel(b, a.position)[None])[0], size)
+        way = arrow(b.position, on_axis(b, b.along(a.position)[None])[0], size)
         return Outline(way, "load"), Outline(a.position[None], "point")

@@ -4,11 +4,10 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from ....arrays import Time
-from ...drawing import placed
+from ...drawing import placed, square
 from ...marker import Marker, Pose
 from ...outline import Outline
 from ..base import AbstractJoint
@@ -35,7 +34,5 @@ class Planar(AbstractJoint):
         """A square of the plane at the foot of `a`."""
         del t
         a, b = poses
-        x, y, _ = b.local(a.position)
-        corners = 2 * size * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)])
-        square = placed(b, jnp.stack([x, y])[None] + corners)
-        return Outline(square, "track"), Outline(a.position[None], "point")
+        flat = placed(b, square(b.local(a.position), size))
+        return Outline(flat, "track"), Outline(a.position[None], "point")
