@@ -17,8 +17,8 @@ from jaxtyping import Float
 
 from ..arrays import Numbers
 
-Quaternion = Float[Numbers, "*batch 4"]
-Triple = Float[Numbers, "*batch 3"]
+Quaternion = Float[Numbers, "... 4"]
+Triple = Float[Numbers, "... 3"]
 
 
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
@@ -53,29 +53,30 @@ def rotate(p: Quaternion, x: Triple) -> Triple:
     return x + 2 * (p[..., :1] * across + cross(axis, across)) / squared(p)[..., None]
 
 
-def matrix(p: Quaternion) -> Float[Numbers, "*batch 3 3"]:
+def matrix(p: Quaternion) -> Float[Numbers, "... 3 3"]:
     """A(p) = E Gᵀ / s, whose columns are the axes of the body."""
     body, space = body_matrix(p), space_matrix(p)
     products = (space[..., :, None, :] * body[..., None, :, :]).sum(axis=-1)
     return products / squared(p)[..., None, None]
 
 
-def squared(p: Quaternion) -> Float[Numbers, "*batch"]:
+def squared(p: Quaternion) -> Float[Numbers, "..."]:
     """S = pᵀp."""
-    return (p * p).sum(axis=-1)
+    total: Float[Numbers, "..."] = _namespace(p).asarray((p * p).sum(axis=-1))
+    return total
 
 
-def body_matrix(p: Quaternion) -> Float[Numbers, "*batch 3 4"]:
+def body_matrix(p: Quaternion) -> Float[Numbers, "... 3 4"]:
     """G = [−e, w I − ẽ]."""
     return _signed(p, [[-1, 1, 1, -1], [-1, -1, 1, 1], [-1, 1, -1, 1]])
 
 
-def space_matrix(p: Quaternion) -> Float[Numbers, "*batch 3 4"]:
+def space_matrix(p: Quaternion) -> Float[Numbers, "... 3 4"]:
     """E = [−e, w I + ẽ]."""
     return _signed(p, [[-1, 1, -1, 1], [-1, 1, 1, -1], [-1, -1, 1, 1]])
 
 
-def skew(x: Triple) -> Float[Numbers, "*batch 3 3"]:
+def skew(x: Triple) -> Float[Numbers, "... 3 3"]:
     """x̃, with x̃ y = x × y."""
     padded = _joined(0.0, x)
     signs = _constant([[0, -1, 1], [1, 0, -1], [-1, 1, 0]], x)
@@ -108,15 +109,15 @@ def generalized(p: Quaternion, torque: Triple) -> Quaternion:
 
 
 def apply(
-    a: Float[Numbers, "*batch p c"], x: Float[Numbers, "*batch c"]
-) -> Float[Numbers, "*batch p"]:
+    a: Float[Numbers, "... p c"], x: Float[Numbers, "... c"]
+) -> Float[Numbers, "... p"]:
     """A x."""
     return (a * x[..., None, :]).sum(axis=-1)
 
 
 def apply_transposed(
-    a: Float[Numbers, "*batch p c"], x: Float[Numbers, "*batch p"]
-) -> Float[Numbers, "*batch c"]:
+    a: Float[Numbers, "... p c"], x: Float[Numbers, "... p"]
+) -> Float[Numbers, "... c"]:
     """aᵀ x."""
     return (a * x[..., :, None]).sum(axis=-2)
 
@@ -137,12 +138,12 @@ def _namespace(x: Any) -> Any:
     return np if isinstance(x, np.ndarray) else jnp
 
 
-def _signed(p: Quaternion, signs: list[list[int]]) -> Float[Numbers, "*batch 3 4"]:
+def _signed(p: Quaternion, signs: list[list[int]]) -> Float[Numbers, "... 3 4"]:
     order = np.array([[1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]], np.uint32)
     return p[..., order] * _constant(signs, p)
 
 
-def _constant(values: Any, x: Float[Numbers, "*batch k"]) -> np.ndarray:
+def _constant(values: Any, x: Float[Numbers, "... k"]) -> np.ndarray:
     """With axes of length one for the leading ones of x, as no rank is promoted."""
     constant = np.array(values, x.dtype)
     return constant.reshape((1,) * (x.ndim - 1) + constant.shape)
