@@ -191,6 +191,41 @@ def test_a_mesh_with_rotations():
     assert_close(np.abs(body.shapes[1][:, :4]), shapes[:, lowest], MESH, np.max(shapes))
 
 
+def written(path, matrix, numbers, components):
+    """A matrix as Abaqus writes it, with the number and the component of each row."""
+    lower = sp.coo_array(sp.tril(matrix))
+    rows = zip(lower.row, lower.col, lower.data, strict=True)
+    path.write_text(
+        "*MATRIX\n"
+        + "".join(
+            f"{numbers[i]},{components[i]}, {numbers[j]},{components[j]}, {x:.17e}\n"
+            for i, j, x in rows
+        )
+    )
+    return path
+
+
+def test_a_solid_from_files(tmp_path):
+    stiffness, mass, nodes, rows = meshes.brick(EDGES, (2, 1, 1))
+    numbers, components = np.zeros((2, rows.size), int)
+    for component in range(3):
+        numbers[rows[:, component]] = 10 * np.arange(1, len(nodes) + 1)
+        components[rows[:, component]] = component + 1
+    places = {10 * i: node for i, node in enumerate(nodes, 1)}
+    files = [
+        written(tmp_path / f"job_{name}1.mtx", x, numbers, components)
+        for name, x in (("STIF", stiffness), ("MASS", mass))
+    ]
+    loaded = rj.load_mesh(*files, places, dimension=3)
+    found = brick(loaded[:4]).natural_frequencies()
+    wanted = brick((stiffness, mass, nodes, rows)).natural_frequencies()
+    assert_close(found, wanted, CONDITIONED, wanted)
+    with pytest.raises(rj.InputError, match="dimension is 4"):
+        rj.load_mesh(*files, places, dimension=4)
+    with pytest.raises(rj.InputError, match="plane"):
+        rj.load_mesh(*files, places)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

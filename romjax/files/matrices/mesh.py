@@ -1,4 +1,4 @@
-"""Plane meshes from the matrix files of finite-element programs."""
+"""Meshes from the matrix files of finite-element programs."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -20,14 +20,16 @@ PathLike = str | os.PathLike[str]
 # Entries smaller than this share of the largest one couple nothing: rounding.
 _ROUNDING = 1e-12
 _PUNCH = (".pch", ".bdf", ".dat", ".nas")
-_PLANE, _TURN, _ACROSS = (1, 2), 6, (3, 4, 5)
+# Components in a plane mesh and in space: displacements, rotations, and those that are left out.
+_COMPONENTS = {2: ((1, 2), (6,), (3, 4, 5)), 3: ((1, 2, 3), (4, 5, 6), ())}
 
 
 class Mesh(NamedTuple):
-    """A plane mesh as `ModalBody.of_mesh` takes it.
+    """A mesh as `ModalBody.of_mesh` takes it, in the plane or in space.
 
-    - `stiffness`, `mass`: K and M (n, n), sparse and whole. `nodes` (nodes, 2) [m].
-    - `dofs` (nodes, 2 or 3): rows of the displacements along x and y and of the rotation of each.
+    - `stiffness`, `mass`: K and M (n, n), sparse and whole. `nodes` (nodes, 2 or 3) [m].
+    - `dofs`: rows of the displacements of each along x and y and of its rotation, (nodes, 2 or 3);
+      in space of three displacements and three rotations, (nodes, 3 or 6).
     - `numbers` (nodes,): those that the nodes have in the program, rising.
     """
 
@@ -57,20 +59,21 @@ def load_mesh(
     mass: PathLike | None = None,
     nodes: PathLike | Mapping[int, Vector] | Vector | None = None,
     *,
+    dimension: int = 2,
     names: Sequence[str] | None = None,
     components: Sequence[int] | None = None,
 ) -> Mesh:
-    """The matrices of a plane mesh from the files of a finite-element program, for
-    `ModalBody.of_mesh`, free of supports and in SI units.
+    """The matrices of a mesh from the files of a finite-element program, for `ModalBody.of_mesh`,
+    free of supports and in SI units.
 
     - Abaqus, `.mtx` of *MATRIX GENERATE, in the formats MATRIX INPUT and COORDINATE.
     - CalculiX, `.sti` of *FREQUENCY, SOLVER=MATRIXSTORAGE, with `.mas` and `.dof` beside it.
     - Nastran, DMIG entries in a punch file (`.pch` or bulk data), or OUTPUT4 (`.op4`, extra
       `nastran`), both matrices in one.
 
-    The plane is x–y. What moves across it, z and the rotations about x and y, is left out where
-    nothing couples it to the plane, and refused elsewhere; so are rotations about z without
-    stiffness and mass. Lower, upper and whole matrices are read alike.
+    A plane mesh lies in x–y. What moves across it, z and the rotations about x and y, is left out
+    where nothing couples it to the plane, and refused elsewhere. Rotations without stiffness and
+    mass are left out. Lower, upper and whole matrices are read alike.
 
     **Arguments:**
 
@@ -79,6 +82,7 @@ def load_mesh(
     - `nodes`: their places [m]: an input deck (`.inp` with *NODE), bulk data with GRID, a text file
       of number, x, y, an array in the order of rising numbers from 1, or a mapping from numbers;
       for a punch file, the file itself unless given.
+    - `dimension`: 2 of a plane mesh, 3 of a solid or a shell, for `romjax.spatial.ModalBody`.
     - `names`: of the matrices in Nastran's files, such as ("KAAX", "MAAX"); the one that begins
       with K and the one with M unless given.
     - `components`: of each node, where a file only numbers its rows (COORDINATE, OUTPUT4), such as
@@ -87,6 +91,8 @@ def load_mesh(
     Raises InputError for a file that is wrong, with file, line, cause and cure; ImportError, with
     what to install, for OUTPUT4 without the extra.
     """
+    if dimension not in _COMPONENTS:
+        raise InputError(f"load_mesh: dimension is {dimension}, but it must be 2 or 3.")
     path, other = Path(stiffness), None if mass is None else Path(mass)
     kind = path.suffix.lower()
     if nodes is None:
@@ -96,41 +102,42 @@ def load_mesh(
             )
         nodes = path
     places = nodes_of(nodes)
-    degrees = Degrees(places.numbers, components)
+    degrees = Degrees(places.numbers, components, dimension)
     if kind == ".mtx":
-        return _plane(*abaqus.read(path, other, degrees), places)
+        return _mesh(dimension, *abaqus.read(path, other, degrees), places)
     if kind == ".sti":
-        return _plane(*calculix.read(path, other), places)
+        return _mesh(dimension, *calculix.read(path, other), places)
     if kind in _PUNCH:
-        return _plane(*nastran.read_punch(path, names), places)
+        return _mesh(dimension, *nastran.read_punch(path, names), places)
     if kind == ".op4":
-        return _plane(*nastran.read_op4(path, names, degrees), places)
+        return _mesh(dimension, *nastran.read_op4(path, names, degrees), places)
     raise InputError(
         f"load_mesh: {path} is no .mtx, .sti, .pch, .bdf, .dat, .nas or .op4; give a file of "
         "Abaqus, CalculiX or Nastran by its ending."
     )
 
 
-def _plane(stiffness: Entries, mass: Entries, places: Nodes) -> Mesh:
-    """The part of both matrices that moves in the plane, and the nodes that it belongs to."""
+def _mesh(dimension: int, stiffness: Entries, mass: Entries, places: Nodes) -> Mesh:
+    """The part of both matrices that moves in the plane or in space, and its nodes."""
+    moves, turning, left_out = _COMPONENTS[dimension]
     known = np.unique(np.concatenate([*stiffness.codes(), *mass.codes()]))
     k, m = stiffness.matrix(known), mass.matrix(known)
     degrees = decode(known)
-    across = np.isin(degrees[:, 1], _ACROSS)
+    across = np.isin(degrees[:, 1], left_out)
     for entries, matrix in ((stiffness, k), (mass, m)):
         _check_across(entries, matrix, degrees, across)
-    turns = degrees[:, 1] == _TURN
+    turns = np.isin(degrees[:, 1], turning)
     if not (k[turns].count_nonzero() or m[turns].count_nonzero()):
         across |= turns
     kept = np.flatnonzero(~across)
     degrees = degrees[kept]
     numbers = np.unique(degrees[:, 0])
-    wanted = (*_PLANE, _TURN) if np.any(degrees[:, 1] == _TURN) else _PLANE
+    wanted = (*moves, *turning) if np.any(np.isin(degrees[:, 1], turning)) else moves
     _check_alike(stiffness, degrees, numbers, wanted)
     return Mesh(
         k[kept][:, kept],
         m[kept][:, kept],
-        _places(stiffness, places, numbers),
+        _places(dimension, stiffness, places, numbers),
         np.arange(len(kept)).reshape(len(numbers), len(wanted)),
         numbers,
     )
@@ -175,8 +182,8 @@ def _check_alike(
         )
 
 
-def _places(entries: Entries, nodes: Nodes, numbers: np.ndarray) -> np.ndarray:
-    """Places of the nodes of the matrices, which must lie in a plane of constant z."""
+def _places(dimension: int, entries: Entries, nodes: Nodes, numbers: np.ndarray) -> np.ndarray:
+    """Places of the nodes of the matrices; those of a plane mesh must have the same z."""
     missing = np.setdiff1d(numbers, nodes.numbers)
     if len(missing):
         raise wrong(
@@ -185,12 +192,12 @@ def _places(entries: Entries, nodes: Nodes, numbers: np.ndarray) -> np.ndarray:
             f"{len(missing)} nodes, such as {missing[0]}, have no place; give those of this model",
         )
     places = nodes.places[np.searchsorted(nodes.numbers, numbers)]
-    if np.ptp(places[:, 2]) > _ROUNDING * np.max(np.ptp(places, axis=0)):
+    if dimension == 2 and np.ptp(places[:, 2]) > _ROUNDING * np.max(np.ptp(places, axis=0)):
         raise wrong(
             entries.path,
             0,
             f"the nodes lie between z = {places[:, 2].min():g} and {places[:, 2].max():g} m; mesh "
-            "the body in a plane of constant z",
+            "the body in a plane of constant z, or give dimension=3",
         )
-    found: np.ndarray = places[:, :2]
+    found: np.ndarray = places[:, :dimension]
     return found

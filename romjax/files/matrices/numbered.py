@@ -8,18 +8,20 @@ import numpy as np
 
 from .entries import wrong
 
-_PLANE, _SPACE = (1, 2), (1, 2, 3, 4, 5, 6)
+# Components by rows of each node, where nobody says.
+_DEFAULT = {2: {2: (1, 2), 6: (1, 2, 3, 4, 5, 6)}, 3: {3: (1, 2, 3), 6: (1, 2, 3, 4, 5, 6)}}
 
 
 class Degrees(NamedTuple):
     """Nodes by rising number, each with the same components.
 
     - `numbers`: of the nodes. `components`: of each; None for x and y of two rows for each node,
-      and all six of six.
+      in space x, y and z of three, and all six of six. `dimension`: 2 or 3.
     """
 
     numbers: np.ndarray
     components: Sequence[int] | None
+    dimension: int
 
     def of(self, path: Path, ids: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
         """The degrees of freedom of rows and columns `ids` (k, 2), from 1, of a matrix of `size`.
@@ -27,7 +29,7 @@ class Degrees(NamedTuple):
         Raises InputError where rows and nodes do not fit.
         """
         each, left = divmod(size, max(len(self.numbers), 1))
-        components = self.components or {2: _PLANE, 6: _SPACE}.get(each, ())
+        components = self.components or _DEFAULT[self.dimension].get(each, ())
         if left or len(components) != each:
             raise wrong(
                 path,

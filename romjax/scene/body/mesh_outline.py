@@ -16,7 +16,8 @@ def outline(positions: np.ndarray) -> np.ndarray:
     thick = np.count_nonzero(spread > ROUNDING * spread[0])
     if thick == 1:
         order: np.ndarray = np.argsort(positions @ axes[0])
-        return order[np.unique(np.linspace(0, len(order) - 1, 41).astype(int))]
+        some: np.ndarray = order[np.unique(np.linspace(0, len(order) - 1, 41).astype(int))]
+        return some
     if thick == 3:
         return _edges(positions)
     import scipy.spatial  # here, since it takes long to load and few ask for it

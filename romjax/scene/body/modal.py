@@ -92,10 +92,6 @@ class AbstractModalBody(AbstractBody):
         return dict(zip(self.ports, self.points, strict=False))
 
     @property
-    def constant_mass(self) -> bool:
-        return self.modes == 0 and self.inertia.diagonal
-
-    @property
     def damped(self) -> bool:
         return self.damping is not None and self.modes > 0
 
@@ -223,6 +219,10 @@ class ModalBody(AbstractModalBody):
         zero = jnp.zeros(self.modes)
         self.amplitudes = zero if amplitudes is None else as_array(amplitudes)
         self.rates = zero if rates is None else as_array(rates)
+
+    @property
+    def constant_mass(self) -> bool:
+        return self.modes == 0 and self.inertia.diagonal
 
 
 def _times(matrix: Array, vector: Array) -> Array:

@@ -103,13 +103,13 @@ class Beam(AbstractFlexibleBody):
         points: Mapping[str, Vector] | NamedPoints | None = None,
     ):
         self.name, self.stiffening, self.rotary = name, stiffening, rotary
-        self.bending = (bending, bending) if isinstance(bending, int) else tuple(bending)
-        self.torsion, self.extension = torsion, extension
-        if len(self.bending) != 2 or min(self._counts) < 0:
+        planes = (bending, bending) if isinstance(bending, int) else tuple(bending)
+        if len(planes) != 2 or min(*planes, torsion, extension) < 0:
             raise SceneError(
                 f"body '{name}': bending={bending}, torsion={torsion} and extension={extension} "
                 "are no numbers of modes; give one for each plane of bending."
             )
+        self.bending, self.torsion, self.extension = (planes[0], planes[1]), torsion, extension
         self.mass, self.length, self.inertia = as_array(mass), as_array(length), as_array(inertia)
         self.EI = None if EI is None else _each(EI, 2)
         self.GJ = None if GJ is None else as_array(GJ)
@@ -166,6 +166,10 @@ class Beam(AbstractFlexibleBody):
     @property
     def _counts(self) -> Counts:
         return Counts(*self.bending, self.torsion, self.extension)
+
+    @property
+    def inverts_mass(self) -> bool:
+        return not self.rotary
 
     @property
     def damped(self) -> bool:

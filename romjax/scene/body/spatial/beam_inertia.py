@@ -68,8 +68,8 @@ def _of_axis(weights: np.ndarray, moved: np.ndarray) -> np.ndarray:
     product = np.einsum("i,iak,ibl->abkl", weights, moved, moved)
     product = (product + product.transpose(1, 0, 2, 3)) / 2
     product = (product + product.transpose(0, 1, 3, 2)) / 2
-    trace: np.ndarray = np.einsum("ab,cckl->abkl", np.eye(3), product)
-    return trace - product
+    total: np.ndarray = np.einsum("ab,cckl->abkl", np.eye(3), product) - product
+    return total
 
 
 def _of_sections(

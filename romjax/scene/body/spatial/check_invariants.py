@@ -49,7 +49,7 @@ def _undeformed(inertia: Any, modes: int) -> np.ndarray | None:
     numbers = {name: value for name, value in vars(inertia).items() if value is not None}
     if any(is_traced(value) for value in numbers.values()):
         return None
-    get = {name: np.asarray(value) for name, value in numbers.items()}.get
+    get: Any = {name: np.asarray(value) for name, value in numbers.items()}.get
     aside = quaternions.skew(get("first_moment", np.zeros(3)))
     frame = np.block([[get("mass") * np.eye(3), -aside], [aside, get("moment")]])
     none = np.zeros((3, modes))

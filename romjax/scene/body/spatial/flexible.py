@@ -19,10 +19,6 @@ class AbstractFlexibleBody(AbstractBody):
     def constant_mass(self) -> bool:
         return False
 
-    @property
-    def inverts_mass(self) -> bool:
-        return self.invariants().inverts
-
     def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
         return flexible_start(self)
 

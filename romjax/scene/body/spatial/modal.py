@@ -87,3 +87,7 @@ class ModalBody(AbstractFlexibleBody, AbstractModalBody):
 
     def invariants(self) -> SpatialInertia:
         return self.inertia
+
+    @property
+    def inverts_mass(self) -> bool:
+        return self.inertia.inverts
