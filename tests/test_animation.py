@@ -304,16 +304,17 @@ def test_a_run_that_breaks_off_is_drawn_to_its_end(scene, run):
 
 
 def test_space_is_drawn_by_the_same_page(tmp_path):
-    """Of outlines with three coordinates; films are plane."""
+    """Of outlines with three coordinates, seen from where one asks; films are a projection."""
     t = np.linspace(0.0, 1.0, 20)
     points = np.stack([np.cos(t), np.sin(t), t], axis=1)[:, None] * np.array([1.0, 2.0])[:, None]
     helix = [MovingOutline("top", points, "body", False)]
-    space = rj.Animation(t, [Model("", helix, [])], Clock("t", "s", 1.0))
+    space = rj.Animation(t, [Model("", helix, [])], Clock("t", "s", 1.0), view=(0.0, 0.5))
     told = data(space.html())
     assert told["dimension"] == 3
     assert apart(decoded(told, 0), helix) <= PIXELS
-    with pytest.raises(rj.InputError, match="films are plane"):
-        space.save(tmp_path / "space.gif")
+    assert told["view"] == [0.0, 0.5]
+    with Image.open(space.save(tmp_path / "space.gif", fps=10, seconds=0.3)) as picture:
+        assert picture.n_frames == 3
 
 
 # Files.

@@ -47,6 +47,7 @@ PARTS = [
     rj.Bushing(*ENDS, [30.0, 50.0, 4.0]),
     rj.Contact(*ENDS, rj.Circle(0.5), stiffness=10.0),
     rj.Damper(*ENDS, damping=0.8),
+    rj.Drag(ENDS[0], 0.5, 0.1),
     rj.Force(ENDS[0], (3.0, 4.0), SWING),
     rj.Force(ENDS[0], (3.0, 4.0), SWING, frame="body"),
     rj.Motor(*ENDS, SWING, proportional=5.0, derivative=0.4),

@@ -14,10 +14,10 @@ from ..checks import unknown_name
 from ..errors import InputError
 from ..program import program_once
 from ..scene.body.base import AbstractBody
-from ..scene.drawing import GROUND as HATCH
+from ..scene.drawing import hatched
 from ..scene.effect.base import AbstractEffect
 from ..scene.joint.base import AbstractJoint
-from ..scene.marker import GROUND, Marker, Pose
+from ..scene.marker import GROUND, Marker, Pose, ground
 from ..scene.outline import Outline, Style
 from ..scene.scene import Scene
 from .counting import bodies_coordinates
@@ -34,12 +34,12 @@ class MovingOutline(NamedTuple):
 
     - `part`: the name of the body, or what messages call the joint or the effect; "ground" for
       what is hatched.
-    - `points`: in the inertial frame [m], (frames, points, 2).
+    - `points`: in the inertial frame [m], (frames, points, d).
     - `style`, `endless`: as of `romjax.Outline`.
     """
 
     part: str
-    points: Float[np.ndarray, "frames points 2"]
+    points: Float[np.ndarray, "frames points d"]
     style: Style
     endless: bool
 
@@ -80,7 +80,9 @@ def outlines(
         owners.append((marker.body, "trace"))
     names = [name for (name, _), line in zip(owners, lines, strict=True) for _ in line]
     points = jnp.asarray(np.concatenate(lines))
-    material = prepare_points(names, points, jnp.zeros_like(points[:, 0]), bodies, columns, n)
+    unturned = ground.at((0.0,) * scene.dimension).turn
+    unturned = jnp.broadcast_to(unturned, (len(points), *unturned.shape))
+    material = prepare_points(names, points, unturned, bodies, columns, n)
     parts: tuple[AbstractJoint | AbstractEffect, ...] = (*scene.joints, *scene.effects)
     groups, markers = arrange(parts, [part.markers for part in parts], bodies, columns, n)
     elements = [(stacked, blocks) for stacked, blocks, _ in groups]
@@ -122,15 +124,16 @@ def _evaluate(
     t: Float[Array, " frames"],
     q: Float[Array, "frames n"],
     largest: Float[Array, ""],
-) -> tuple[Float[Array, "frames points 2"], list[tuple[Outline, ...]], Float[Array, ""]]:
+) -> tuple[Float[Array, "frames points d"], list[tuple[Outline, ...]], Float[Array, ""]]:
     """Points of the bodies; outlines of joints and effects, group by group, with the axes (frames,
-    elements, points, 2); the size of signs, at most half of the `largest` body's.
+    elements, points, d); the size of signs, at most half of the `largest` body's.
     """
-    placed = jax.vmap(material.poses)(q).position
-    poses = Pose(jnp.zeros((len(q), 0, 2), q.dtype), jnp.zeros((len(q), 0), q.dtype))
+    bodies = jax.vmap(material.poses)(q)
+    placed = bodies.position
+    poses = jax.tree.map(lambda x: x[:, :0], bodies)
     if markers is not None:
         poses = jax.vmap(markers.poses)(q)
-    everything = jnp.concatenate([placed, poses.position], axis=1).reshape(-1, 2)
+    everything = jnp.concatenate([placed, poses.position], axis=1).reshape(-1, placed.shape[2])
     finite = jnp.all(jnp.isfinite(everything), axis=1, keepdims=True)
     low = jnp.min(jnp.where(finite, everything, jnp.inf), axis=0)
     high = jnp.max(jnp.where(finite, everything, -jnp.inf), axis=0)
@@ -161,6 +164,6 @@ def _ground(
     held = [m for part in parts if part.hatched for m in part.markers if m.body == GROUND]
     origins = {tuple(np.round(np.asarray(marker.point), 12)) for marker in held}
     return [
-        MovingOutline("ground", np.tile(origin + size * HATCH, (count, 1, 1)), "ground", False)
+        MovingOutline("ground", np.tile(hatched(origin, size), (count, 1, 1)), "ground", False)
         for origin in sorted(origins)
     ]

@@ -1,6 +1,8 @@
 """Ready scenes, by name."""
 
+from .ball_chain import ball_chain as ball_chain
 from .bouncing_ball import bouncing_ball as bouncing_ball
+from .bricard import bricard as bricard
 from .cart_pendulum import cart_pendulum as cart_pendulum
 from .catalogue import EXAMPLES as EXAMPLES
 from .catalogue import Example as Example
@@ -8,14 +10,22 @@ from .catalogue import find as find
 from .chain import chain as chain
 from .connecting_rod import connecting_rod as connecting_rod
 from .double_pendulum import double_pendulum as double_pendulum
+from .flyball_governor import flyball_governor as flyball_governor
 from .flywheel import flywheel as flywheel
 from .four_bar import four_bar as four_bar
+from .helicopter_rotor import helicopter_rotor as helicopter_rotor
 from .jansen import jansen as jansen
 from .newtons_cradle import newtons_cradle as newtons_cradle
 from .robot_arm import robot_arm as robot_arm
 from .rotating_blade import rotating_blade as rotating_blade
+from .rotor import rotor as rotor
+from .satellite import satellite as satellite
 from .segmented_beam import segmented_beam as segmented_beam
 from .slider_crank import slider_crank as slider_crank
+from .spatial_arm import spatial_arm as spatial_arm
+from .spatial_slider_crank import spatial_slider_crank as spatial_slider_crank
+from .spinning_top import spinning_top as spinning_top
 from .squeezer import squeezer as squeezer
 from .trebuchet import trebuchet as trebuchet
 from .vehicle_axle import vehicle_axle as vehicle_axle
+from .wing_nut import wing_nut as wing_nut

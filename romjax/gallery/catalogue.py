@@ -9,22 +9,32 @@ import diffrax
 
 from ..errors import SceneError
 from ..scene.scene import Scene
+from .ball_chain import ball_chain
 from .bouncing_ball import bouncing_ball
+from .bricard import bricard
 from .cart_pendulum import cart_pendulum
 from .chain import chain
 from .connecting_rod import connecting_rod
 from .double_pendulum import double_pendulum
+from .flyball_governor import flyball_governor
 from .flywheel import flywheel
 from .four_bar import four_bar
+from .helicopter_rotor import helicopter_rotor
 from .jansen import jansen
 from .newtons_cradle import newtons_cradle
 from .robot_arm import robot_arm
 from .rotating_blade import rotating_blade
+from .rotor import rotor
+from .satellite import satellite
 from .segmented_beam import segmented_beam
 from .slider_crank import slider_crank
+from .spatial_arm import spatial_arm
+from .spatial_slider_crank import spatial_slider_crank
+from .spinning_top import spinning_top
 from .squeezer import squeezer
 from .trebuchet import trebuchet
 from .vehicle_axle import vehicle_axle
+from .wing_nut import wing_nut
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,6 +130,33 @@ EXAMPLES = (
         50.0,
         freedoms=31,
     ),
+    Example(
+        "spinning-top", "a heavy top nods as it precesses", spinning_top, 1.0, 200.0, freedoms=3
+    ),
+    Example("wing-nut", "a free body flips over and over", wing_nut, 10.0, 20.0, freedoms=6),
+    Example(
+        "spatial-slider-crank",
+        "Haug's crank, ball joint, rod, universal joint and slider",
+        spatial_slider_crank,
+        freedoms=1,
+    ),
+    Example("bricard", "six hinges that could not move by count", bricard, 2.0, freedoms=1),
+    Example(
+        "flyball-governor", "balls on a shaft lift a slider", flyball_governor, 4.0, freedoms=4
+    ),
+    Example("ball-chain", "eight bars on ball joints spin and fall", ball_chain, freedoms=24),
+    Example("rotor", "out of balance in soft bearings, it whirls", rotor, 0.5, 2000.0, freedoms=6),
+    Example(
+        "spatial-arm",
+        "flexible links turn and lift a load",
+        spatial_arm,
+        3.0,
+        freedoms=13,
+    ),
+    Example(
+        "helicopter-rotor", "blades that rotation stiffens flap", helicopter_rotor, 6.0, freedoms=19
+    ),
+    Example("satellite", "thrusters turn soft panels", satellite, 20.0, 20.0, freedoms=16),
 )
 
 

@@ -1,4 +1,4 @@
-"""The mechanism as lines in axes."""
+"""The mechanism as lines in axes; in space as it is seen from one side."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,7 +9,23 @@ from matplotlib.lines import Line2D
 
 from ..assembly.outlines import MovingOutline
 from ..scene.outline import Style
-from .style import LINES, SIGNS, TRACE
+from .palette import VIEW, View
+from .style import GREY, LINES, SIGNS, SMALL, TRACE
+
+
+def projected(outlines: Sequence[MovingOutline], view: View = VIEW) -> list[MovingOutline]:
+    """Outlines in the plane of the picture, (frames, points, 2): those of space as they are seen
+    from far away, those of the plane as they are.
+    """
+    if outlines[0].points.shape[2] == 2:
+        return list(outlines)
+    return [outline._replace(points=outline.points @ picture_axes(view).T) for outline in outlines]
+
+
+def picture_axes(view: View) -> np.ndarray:
+    """The directions in space that are to the right and up in the picture, (2, 3)."""
+    (sin, low), (cos, flat) = np.sin(view), np.cos(view)
+    return np.array([(-sin, cos, 0.0), (-low * cos, -low * sin, flat)])
 
 
 class Picture:
@@ -69,7 +85,7 @@ def bounds(outlines: Sequence[MovingOutline]) -> np.ndarray:
     return np.stack([np.min(points, axis=0), np.max(points, axis=0)])
 
 
-def view(box: np.ndarray) -> np.ndarray:
+def framed(box: np.ndarray) -> np.ndarray:
     """The box (2, 2) with a margin, and never flat."""
     size = float(np.max(box[1] - box[0])) or 1.0
     middle = 0.5 * (box[0] + box[1])
@@ -77,8 +93,21 @@ def view(box: np.ndarray) -> np.ndarray:
     return np.stack([middle - half, middle + half])
 
 
-def stage(axes: Axes, box: np.ndarray) -> None:
-    """Equal scales, and the limits of `box`."""
+def stage(axes: Axes, box: np.ndarray, view: View | None = None) -> None:
+    """Equal scales, and the limits of `box`; for a `view` of space no scales, since no axis is in
+    the picture, but where x, y and z point.
+    """
     axes.set_aspect("equal")
     axes.set_xlim(box[0, 0], box[1, 0])
     axes.set_ylim(box[0, 1], box[1, 1])
+    if view is None:
+        return
+    axes.set_axis_off()
+    length = 0.06 * float(np.max(box[1] - box[0]))
+    foot = box[0] + 1.6 * length
+    for name, way in zip("xyz", picture_axes(view).T, strict=True):
+        tip = foot + length * way
+        axes.plot(*np.stack([foot, tip], axis=1), color=GREY, linewidth=0.8)
+        axes.text(
+            *(foot + 1.4 * length * way), name, color=GREY, ha="center", va="center", fontsize=SMALL
+        )

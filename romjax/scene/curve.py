@@ -4,13 +4,12 @@ import abc
 from typing import ClassVar
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import Vector
-from .drawing import REACH, arc
+from .drawing import REACH, arc, follow
 from .fields import Converted, check_numbers, number
 
 
@@ -27,25 +26,9 @@ class AbstractCurve(eqx.Module):
     def outline(self, point: Float[Array, "2"], size: Float[Array, ""]) -> Float[Array, "points 2"]:
         """Points of the curve for pictures, to both sides of the foot of `point` [m].
 
-        `size` [m] is that of signs. Of a curve of unknown shape: 100 steps of half a size to each
-        side, each along the tangent and back to the curve by two of Newton.
+        `size` [m] is that of signs.
         """
-
-        def newton(point: Array, _: object) -> tuple[Array, None]:
-            value, slope = jax.value_and_grad(self)(point)
-            squared = slope @ slope
-            return point - value * slope / jnp.where(squared > 0, squared, 1.0), None
-
-        def step(point: Array, side: Array) -> tuple[Array, Array]:
-            slope = jax.grad(self)(point)
-            steep = jnp.sqrt(jnp.maximum(slope @ slope, 1e-30))
-            point = point + side * size / steep * jnp.stack([slope[1], -slope[0]])
-            point, _ = jax.lax.scan(newton, point, None, length=2)
-            return point, point
-
-        foot, _ = jax.lax.scan(newton, point, None, length=12)
-        left, right = (jax.lax.scan(step, foot, jnp.full(100, side))[1] for side in (-0.5, 0.5))
-        return jnp.concatenate([left[::-1], foot[None], right])
+        return follow(lambda point: self(point)[None], point, size)
 
     @abc.abstractmethod
     def check(self, owner: str) -> None:
@@ -76,8 +59,8 @@ class Circle(AbstractCurve):
         return (point @ point - self.radius**2) / (2 * self.radius)
 
     def outline(self, point: Float[Array, "2"], size: Float[Array, ""]) -> Float[Array, "points 2"]:
-        del size
-        return arc(jnp.zeros_like(point), self.radius, jnp.zeros_like(self.radius), 2 * np.pi, 97)
+        del point, size
+        return arc(self.radius, 2 * np.pi, 97)
 
     def check(self, owner: str) -> None:
         check_numbers(owner, self, "radius", sign="positive", prefix="Circle.")

@@ -33,14 +33,15 @@ class Outline(eqx.Module):
 
     **Arguments:**
 
-    - `points`: in the inertial frame [m], (points, 2); with a leading axis where it moves.
+    - `points`: in the inertial frame [m], (points, 2), in space (points, 3); with a leading axis
+      where it moves.
     - `style`: what it stands for: "body", "link", "track", "spring", "damper", "load", "surface",
       "trace" or "ground" for lines; "hinge", "weld" or "point" for marks.
     - `endless`: whether it goes on beyond its ends; then pictures cut it off, where finite ones
       are shown as a whole.
     """
 
-    points: Float[Array, "*frames points 2"]
+    points: Float[Array, "*frames points d"]
     style: Style = eqx.field(static=True, default="link")
     endless: bool = eqx.field(static=True, default=False)
 

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from ..arrays import Vector, concrete
 from ..errors import SceneError
+from .drawing import follow
 from .fields import Converted, check_numbers, number
 
 
@@ -18,6 +19,13 @@ class AbstractSpaceCurve(eqx.Module):
     @abc.abstractmethod
     def __call__(self, point: Float[Array, "3"]) -> Float[Array, "2"]:
         """Zero on the curve [m], with gradients there that are independent."""
+
+    def outline(self, point: Float[Array, "3"], size: Float[Array, ""]) -> Float[Array, "points 3"]:
+        """Points of the curve for pictures, to both sides of the foot of `point` [m].
+
+        `size` [m] is that of signs.
+        """
+        return follow(self, point, size)
 
     @abc.abstractmethod
     def check(self, owner: str) -> None:

@@ -4,8 +4,10 @@ import abc
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from .drawing import arc, square
 from .fields import Converted, check_numbers, number
 
 
@@ -15,6 +17,16 @@ class AbstractSurface(eqx.Module):
     @abc.abstractmethod
     def __call__(self, point: Float[Array, "3"]) -> Float[Array, ""]:
         """The distance [m] of a point from the surface, negative inside the solid."""
+
+    def outline(
+        self, point: Float[Array, "3"], size: Float[Array, ""]
+    ) -> tuple[Float[Array, "points d"], ...]:
+        """Lines on the surface for pictures, near a `point` [m]; none unless said.
+
+        Flat ones are at z = 0. `size` [m] is that of signs.
+        """
+        del point, size
+        return ()
 
     @abc.abstractmethod
     def check(self, owner: str) -> None:
@@ -26,6 +38,11 @@ class Plane(AbstractSurface):
 
     def __call__(self, point: Float[Array, "3"]) -> Float[Array, ""]:
         return point[2]
+
+    def outline(
+        self, point: Float[Array, "3"], size: Float[Array, ""]
+    ) -> tuple[Float[Array, "points d"], ...]:
+        return (square(point, 2 * size),)
 
     def check(self, owner: str) -> None:
         del owner
@@ -42,6 +59,13 @@ class Cylinder(AbstractSurface):
     def __call__(self, point: Float[Array, "3"]) -> Float[Array, ""]:
         return _outside(point[:2], self.radius, self.hollow)
 
+    def outline(
+        self, point: Float[Array, "3"], size: Float[Array, ""]
+    ) -> tuple[Float[Array, "points d"], ...]:
+        height = point[2] + 4 * size * np.linspace(-1, 1, 3)
+        rim = _circle(self.radius, (0, 1))
+        return tuple(rim.at[:, 2].add(z) for z in height)
+
     def check(self, owner: str) -> None:
         check_numbers(owner, self, "radius", sign="positive", prefix="Cylinder.")
 
@@ -55,6 +79,12 @@ class Sphere(AbstractSurface):
     def __call__(self, point: Float[Array, "3"]) -> Float[Array, ""]:
         return _outside(point, self.radius, self.hollow)
 
+    def outline(
+        self, point: Float[Array, "3"], size: Float[Array, ""]
+    ) -> tuple[Float[Array, "points d"], ...]:
+        del point, size
+        return tuple(_circle(self.radius, plane) for plane in ((0, 1), (1, 2), (2, 0)))
+
     def check(self, owner: str) -> None:
         check_numbers(owner, self, "radius", sign="positive", prefix="Sphere.")
 
@@ -65,3 +95,8 @@ def _outside(arm: Float[Array, " k"], radius: Float[Array, ""], hollow: bool) ->
     # The gradient of a length is NaN at zero; there is no way out, and no force.
     length = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
     return radius - length if hollow else length - radius
+
+
+def _circle(radius: Float[Array, ""], plane: tuple[int, int]) -> Float[Array, "points 3"]:
+    """A circle about the origin in the plane of two axes."""
+    return arc(radius, 2 * np.pi) @ np.eye(3)[list(plane)]

@@ -10,7 +10,8 @@ from ...basis.basis import Basis
 from ...scene.coordinate import Coordinate
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem
-from ..mechanism import Picture, bounds, stage, view
+from ..mechanism import Picture, bounds, framed, projected, stage
+from ..palette import VIEW, View
 from ..shapes import amplitudes
 from ..style import COLOURS, GREY, SMALL, DisplayedFigure, symbol
 
@@ -19,7 +20,9 @@ ROWS = 24  # of the table
 NEGLIGIBLE = 1e-9  # component, relative to the largest of its mode
 
 
-def modes(scene: Scene, basis: Basis, system: AbstractSystem | None = None) -> Figure:
+def modes(
+    scene: Scene, basis: Basis, system: AbstractSystem | None = None, *, view: View = VIEW
+) -> Figure:
     """Each mode as a shape of the mechanism, over a table of its components (table 39.1).
 
     The mechanism at rest in grey, without loads, and displaced by the mode in colour, so far that
@@ -32,6 +35,7 @@ def modes(scene: Scene, basis: Basis, system: AbstractSystem | None = None) -> F
 
     - `scene`, `basis`: modes (n, r) of that scene.
     - `system`: its start q0 (n,) is the configuration at rest, instead of the offset of the basis.
+    - `view`: azimuth against the x axis and elevation of a view of space [rad].
 
     Raises ValueError if scene and basis do not fit.
     """
@@ -47,8 +51,8 @@ def modes(scene: Scene, basis: Basis, system: AbstractSystem | None = None) -> F
     drawn = outlines(
         scene, 0.0, np.stack([reference, *(reference[:, None] + sizes * vectors[:, :r]).T])
     )
-    drawn = [outline for outline in drawn if outline.style != "load"]  # modes know no time
-    frame = view(bounds(drawn))
+    drawn = projected([outline for outline in drawn if outline.style != "load"], view)  # no time
+    frame = framed(bounds(drawn))
     width, height = frame[1] - frame[0]
 
     # As many pictures side by side as suit their shape.

@@ -16,6 +16,7 @@ from ...integrate.trajectory import Trajectory
 from ...scene.marker import Marker
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem
+from ..palette import VIEW, View
 from ..shapes import amplitudes
 from .animation import Animation
 from .frames import Clock, Model, models, playing_rate
@@ -34,6 +35,7 @@ def animate(
     deformation: int | float = 1.0,
     frames: int = FRAMES,
     title: str = "romjax",
+    view: View = VIEW,
 ) -> Animation:
     """The mechanism as it moves: shown by notebooks, saved as a page, a GIF or a film.
 
@@ -48,6 +50,8 @@ def animate(
     - `deformation`: what modal deformations are multiplied by at first.
     - `frames`: the most frames; output times are left out where there are more.
     - `title`: of the page.
+    - `view`: azimuth against the x axis and elevation of the view of space [rad]; the page's can be
+      turned.
 
     Raises InputError if runs and mechanism do not fit.
     """
@@ -59,7 +63,7 @@ def animate(
         )
     scene = _scene_of(mechanism)
     if any(isinstance(motion, Modes) for motion in motions):
-        return _swinging(mechanism, scene, motions, traced, float(deformation), title)
+        return _swinging(mechanism, scene, motions, traced, float(deformation), title, view)
     runs: Any = motions
     names = _names(len(runs), labels)
     for name, run in zip(names, runs, strict=True):
@@ -72,7 +76,9 @@ def animate(
     else:
         t, q = np.zeros(1), {"": np.concatenate([body.start()[0] for body in scene.bodies])[None]}
     clock = Clock("t", "s", playing_rate(float(np.ptp(t))))
-    return Animation(t, models(scene, t, q, traced), clock, float(deformation), title=title)
+    return Animation(
+        t, models(scene, t, q, traced), clock, float(deformation), title=title, view=view
+    )
 
 
 def animate_run(run: Trajectory, *others: Trajectory, **options: Any) -> Animation:
@@ -164,6 +170,7 @@ def _swinging(
     traced: Sequence[Marker],
     deformation: float,
     title: str,
+    view: View,
 ) -> Animation:
     """Each mode through a period, about where it was taken, one at a time."""
     (modes,) = motions if len(motions) == 1 else (None,)
@@ -204,4 +211,4 @@ def _swinging(
         for name, *sides in models(scene, np.zeros(PERIOD), named, traced)
     ]
     clock = Clock("phase", "°", TURNING)
-    return Animation(degrees, drawn, clock, deformation, alternatives=True, title=title)
+    return Animation(degrees, drawn, clock, deformation, alternatives=True, title=title, view=view)

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...errors import InputError
+from ..palette import VIEW, View
 from .frames import Clock, Model
 from .page import height, page
 
@@ -28,6 +29,7 @@ class Animation:
     - `deformation`: modal deformations are drawn as many times as large; a slider changes it.
     - `alternatives`: whether one model is shown at a time.
     - `title`: of the page.
+    - `view`: azimuth against the x axis and elevation of the view of space at first [rad].
     """
 
     t: Float[np.ndarray, " frames"]
@@ -36,6 +38,7 @@ class Animation:
     deformation: float = 1.0
     alternatives: bool = False
     title: str = "romjax"
+    view: View = VIEW
 
     def html(self, *, playing: bool = False) -> str:
         """The page; `playing`: whether it begins by itself."""
@@ -45,6 +48,7 @@ class Animation:
             self.models,
             self.clock,
             self.deformation,
+            self.view,
             alternatives=self.alternatives,
             playing=playing,
         )

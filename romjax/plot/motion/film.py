@@ -17,7 +17,7 @@ from PIL import Image
 from tqdm import tqdm
 
 from ...errors import InputError
-from ..mechanism import Picture, bounds, stage, view
+from ..mechanism import Picture, bounds, framed, projected, stage
 from ..style import SMALL, line
 
 if TYPE_CHECKING:
@@ -110,17 +110,16 @@ def _frames(
 ) -> Iterator[UInt8[np.ndarray, "height width 3"]]:
     """The chosen frames; of alternatives, the first is drawn."""
     models = animation.models[:1] if animation.alternatives else animation.models
-    moving = [model.deformed(animation.deformation) for model in models]
-    if moving[0][0].points.shape[2] != 2:
-        raise InputError("Animation.save: films are plane; save a page, '.html', of space.")
+    view = animation.view if models[0].actual[0].points.shape[2] == 3 else None
+    moving = [projected(model.deformed(animation.deformation), animation.view) for model in models]
     figure = Figure(dpi=DPI)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     pictures = [
         Picture(axes, parts, details=index == 0, **line(index))
         for index, parts in enumerate(moving)
     ]
-    box = view(bounds([part for parts in moving for part in parts]))
-    stage(axes, box)
+    box = framed(bounds([part for parts in moving for part in parts]))
+    stage(axes, box, view)
     _lay_out(figure, axes, box, pictures, [model.name for model in models])
     # A fixed height, since matplotlib would search free space above all ticks at each frame.
     title = axes.set_title("", y=1.01)

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...assembly.outlines import MovingOutline
-from ..palette import COLOURS, STROKES, WIDTHS
+from ..palette import COLOURS, STROKES, WIDTHS, View
 from .coding import encode
 from .frames import Clock, Model
 
@@ -30,6 +30,7 @@ def page(
     models: list[Model],
     clock: Clock,
     deformation: float,
+    view: View,
     *,
     alternatives: bool,
     playing: bool,
@@ -40,12 +41,14 @@ def page(
 
     - `title`: of the document.
     - `t`, `models`, `clock`: what it shows.
-    - `deformation`: at first.
+    - `deformation`, `view`: at first.
     - `alternatives`: whether one model is shown at a time, not all over each other.
     - `playing`: whether it begins by itself.
     """
     data = _data(t, models, clock, deformation)
     data |= {"alternatives": alternatives, "playing": playing}
+    if data["dimension"] == 3:
+        data["view"] = view
     folder = resources.files(__package__)
     text = {name: (folder / f"player.{name}").read_text("utf-8") for name in ("html", "css", "js")}
     return text["html"].format(
@@ -60,7 +63,9 @@ def page(
 def height(models: list[Model]) -> int:
     """A height [px] that suits the mechanism in a column of 700 px."""
     low, high = corners([o for model in models for o in model.actual])
-    width, tall = (high - low)[[0, -1]] + 0.15 * float(np.max(high - low))
+    if len(low) == 3:  # it is as large from all sides
+        return 640
+    width, tall = high - low + 0.15 * float(np.max(high - low))
     return int(np.clip(620 * tall / width, 220, 480)) + 160
 
 

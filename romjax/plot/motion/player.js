@@ -73,7 +73,8 @@ const pointsOf = (part, frame) => {
 // The state, and the view: what is in the middle, how large, and in space from which side.
 
 const state = {t: start, playing: false, rate: data.clock.rate, scale: data.scale};
-const view = {middle: [0, 0], zoom: 1, pixels: 1, azimuth: -0.9, elevation: 0.42, width: 0, height: 0};
+const [azimuth, elevation] = data.view ?? [0, 0];
+const view = {middle: [0, 0], zoom: 1, pixels: 1, azimuth, elevation, width: 0, height: 0};
 let box = null;
 
 const frameAt = t => {
@@ -96,28 +97,32 @@ const axes = () => {
   ];
 };
 
-const measure = () => {  // the box of all frames of all models, and the traces
-  const d = data.dimension, low = Array(d).fill(Infinity), high = Array(d).fill(-Infinity);
-  for (const model of models) {
-    model.traces = [];
-    for (const part of model.parts) {
-      const paths = part.outlines.map(o => o.style === "trace" ? [] : null);
-      for (let frame = 0; frame < data.frames; frame++) {
-        const values = pointsOf(part, frame);
-        let at = 0;
-        part.outlines.forEach((o, k) => {
-          if (paths[k]) paths[k].push(values.slice(at, at + d));
-          if (!o.endless) for (let j = at; j < at + d * o.points; j++) {
-            low[(j - at) % d] = Math.min(low[(j - at) % d], values[j]);
-            high[(j - at) % d] = Math.max(high[(j - at) % d], values[j]);
-          }
-          at += d * o.points;
-        });
-      }
-      model.traces.push(...paths.filter(path => path));
-    }
+const eachOutline = visit => {
+  for (const model of models) for (const part of model.parts) for (let frame = 0; frame < data.frames; frame++) {
+    const values = pointsOf(part, frame);
+    let at = 0;
+    for (const o of part.outlines) visit(o, values.subarray(at, at += data.dimension * o.points));
   }
-  box = {low, high};
+};
+
+const measure = () => {  // the box of all frames of all models, in space the ball in it, and the traces
+  const d = data.dimension, low = Array(d).fill(Infinity), high = Array(d).fill(-Infinity);
+  const paths = part => part.outlines.filter(o => o.style === "trace").map(o => o.path = []);
+  for (const model of models) model.traces = model.parts.flatMap(paths);
+  eachOutline((o, points) => {
+    if (o.style === "trace") o.path.push(points);
+    if (!o.endless) points.forEach((x, j) => {
+      low[j % d] = Math.min(low[j % d], x);
+      high[j % d] = Math.max(high[j % d], x);
+    });
+  });
+  box = {low, high, middle: high.map((x, i) => (x + low[i]) / 2), radius: 0};
+  if (solid) eachOutline((o, points) => {
+    if (!o.endless) for (let j = 0; j < points.length; j += d) {
+      const away = box.middle.map((x, i) => points[j + i] - x);
+      box.radius = Math.max(box.radius, Math.hypot(...away));
+    }
+  });
 };
 
 const fit = () => {
@@ -126,11 +131,10 @@ const fit = () => {
   const inside = [width - MARGIN.left - MARGIN.right, height - MARGIN.top - MARGIN.bottom];
   let size = box.high.map((x, i) => x - box.low[i]);
   const largest = Math.max(...size) || 1;
-  if (solid) size = [1, 1].map(() => Math.hypot(...size));
+  if (solid) size = [1, 1].map(() => 2.1 * box.radius);
   else size = size.map(x => Math.max(x + 0.12 * largest, 0.3 * largest));
   view.pixels = view.zoom * Math.max(1e-9, Math.min(inside[0] / size[0], inside[1] / size[1]));
-  const middle = box.high.map((x, i) => (x + box.low[i]) / 2);
-  view.centre = axes().map((axis, i) => axis.reduce((sum, x, j) => sum + x * middle[j], 0) + view.middle[i]);
+  view.centre = axes().map((axis, i) => axis.reduce((sum, x, j) => sum + x * box.middle[j], 0) + view.middle[i]);
 };
 
 const project = ([right, up]) => {
@@ -315,7 +319,7 @@ legend.classList.toggle("alternatives", data.alternatives);
 const press = () => buttons.forEach(([button, model]) => button.setAttribute("aria-pressed", model.shown));
 press();
 
-const reset = () => { Object.assign(view, {middle: [0, 0], zoom: 1, azimuth: -0.9, elevation: 0.42}); show(); };
+const reset = () => { Object.assign(view, {middle: [0, 0], zoom: 1, azimuth, elevation}); show(); };
 const zoom = by => { view.zoom *= by; show(); };
 const keys = {
   " ": () => play(!state.playing), ArrowRight: () => step(1), ArrowLeft: () => step(-1),

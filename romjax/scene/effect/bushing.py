@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...arrays import Time, Vector
-from ..drawing import arc, wheel
+from ..drawing import arc, placed, wheel
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
 from ..outline import Outline
@@ -65,7 +65,7 @@ class Bushing(AbstractMarkerEffect):
         a, b = poses
         return (
             Outline(wheel(a, 0.45 * size), "spring"),
-            Outline(arc(b.position, size, b.angle, 2 * np.pi), "spring"),
+            Outline(placed(b, arc(size, 2 * np.pi)), "spring"),
         )
 
     def check(self) -> None:

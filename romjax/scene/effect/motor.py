@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
-from ..drawing import turning_arrow
+from ..drawing import placed, turning_arrow
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench, counted_angle
 from ..outline import Outline
@@ -57,7 +57,7 @@ class Motor(AbstractMarkerEffect):
         """An arrow around `a`, in the sense in which the target turns."""
         a, _ = poses
         t = jnp.asarray(t, size.dtype)
-        way = turning_arrow(a.position, size, a.angle, jax.grad(self.target)(t))
+        way = placed(a, turning_arrow(size, jax.grad(self.target)(t)))
         return Outline(way, "load"), Outline(a.position[None], "point")
 
     def check(self) -> None:

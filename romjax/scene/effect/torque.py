@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
-from ..drawing import turning_arrow
+from ..drawing import placed, turning_arrow
 from ..marker import Marker, Pose, Twist, Wrench
 from ..outline import Outline
 from ..signal import AbstractSignal, signal_field
@@ -37,7 +37,7 @@ class Torque(AbstractMarkerEffect):
     ) -> tuple[Outline, ...]:
         """An arrow around the marker, in the sense of the torque."""
         (pose,) = poses
-        way = turning_arrow(pose.position, size, pose.angle, self.signal(t))
+        way = placed(pose, turning_arrow(size, self.signal(t)))
         return Outline(way, "load"), Outline(pose.position[None], "point")
 
     def check(self) -> None:

@@ -43,7 +43,7 @@ class TorsionDamper(AbstractDissipation):
         del t
         a, b = poses
         vane = placed(a, np.array([(-0.7, 0.0), (0.7, 0.0)]) * size)
-        ring = arc(a.position, 0.9 * size, b.angle, 2 * np.pi)
+        ring = placed(Pose(a.position, b.turn), arc(0.9 * size, 2 * np.pi))
         return Outline(ring, "damper"), Outline(vane, "damper")
 
     def check(self) -> None:

@@ -2,11 +2,12 @@
 
 from typing import ClassVar
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ...arrays import Time
-from ..drawing import arc
+from ..drawing import arc, placed
 from ..fields import Converted, check_numbers, number, radians
 from ..marker import Marker, Pose, counted_angle
 from ..outline import Outline
@@ -43,9 +44,9 @@ class TorsionSpring(AbstractPotential):
         """A spiral from the x axis of `a` outwards, two turns more than the angle of both."""
         del t
         a, b = poses
-        sweep = b.angle - a.angle + 4 * np.pi
+        sweep = b.angle_against(a, jnp.zeros_like(size)) + 4 * np.pi
         radius = size * np.linspace(0.2, 1.2, 61)
-        return (Outline(arc(a.position, radius, a.angle, sweep, 61), "spring"),)
+        return (Outline(placed(a, arc(radius, sweep, 61)), "spring"),)
 
     def check(self) -> None:
         owner = check_markers(self)

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ...arrays import Time
 from ...errors import SceneError
-from ..drawing import arrow, placed, turning_arrow
+from ..drawing import arrow, on_axis, placed, turning_arrow
 from ..marker import Marker, Pose
 from ..outline import Outline
 from ..signal import AbstractSignal, signal_field
@@ -54,7 +54,7 @@ class PrescribedAngle(_Prescribed):
     ) -> tuple[Outline, ...]:
         del t
         a, _ = poses
-        way = turning_arrow(a.position, size, a.angle, jnp.ones_like(size))
+        way = placed(a, turning_arrow(size, jnp.ones_like(size)))
         return Outline(way, "load"), Outline(a.position[None], "point")
 
 
@@ -75,9 +75,8 @@ class PrescribedTravel(_Prescribed):
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
     ) -> tuple[Outline, ...]:
-        """An arrow from the y axis of `b` to `a`, on the x axis of `b`."""
+        """An arrow along the axis of `b`, from its origin to the foot of `a`."""
         del t
         a, b = poses
-        foot = placed(b, jnp.stack([b.along(a.position), jnp.zeros_like(size)])[None])[0]
-        way = arrow(b.position, foot, size)
+        way = arrow(b.position, on_axis(b, b.along(a.position)[None])[0], size)
         return Outline(way, "load"), Outline(a.position[None], "point")

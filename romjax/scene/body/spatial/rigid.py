@@ -12,6 +12,7 @@ from ....arrays import Vector, as_array, concrete
 from ....errors import SceneError
 from ....linalg import quaternions
 from ....linalg.dense import invert, multiply, multiply_transposed
+from ...drawing import cuboid
 from ...fields import Converted, check_finite, check_numbers, number
 from ...orientation import orientation_field
 from ...points import NamedPoints, by_name
@@ -121,7 +122,7 @@ class RigidBody(AbstractBody):
     def outline(self) -> Float[Array, "points 3"]:
         if self.extent.ndim == 2:
             return jnp.concatenate([self.extent, self.extent[:1]])
-        return box(self.extent)
+        return cuboid(self.extent)
 
     def check(self) -> None:
         check_name(self.name)
@@ -136,13 +137,6 @@ class RigidBody(AbstractBody):
 def _blocks(moving: Float[Array, "3 3"], turning: Float[Array, "4 4"]) -> Float[Array, "7 7"]:
     """The matrix with two blocks on its diagonal."""
     return jnp.pad(moving, ((0, 4), (0, 4))) + jnp.pad(turning, ((3, 0), (3, 0)))
-
-
-def box(edges: Float[Array, "3"]) -> Float[Array, "16 3"]:
-    """A path along all edges of a box about the origin."""
-    path = "000 100 110 010 000 001 101 100 101 111 110 111 011 010 011 001"
-    corners = np.array([[int(digit) for digit in corner] for corner in path.split()])
-    return edges * (corners - 0.5)
 
 
 def check_inertia(owner: str, inertia: Array) -> None:

@@ -10,8 +10,10 @@ from ....arrays import Time, Vector, concrete
 from ....errors import SceneError
 from ....linalg import quaternions
 from ....linalg.dense import multiply
+from ...drawing import arc, placed, wheel
 from ...fields import Converted, check_finite, number
 from ...marker import Marker, Pose, Twist, Wrench
+from ...outline import Outline
 from ..base import AbstractMarkerEffect, check_markers, displacement
 
 
@@ -61,6 +63,15 @@ class Bushing(AbstractMarkerEffect):
         if self.damping is not None:
             force -= _apply(self.damping, rate())
         return wrenches(force)
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """A sleeve that sits on `b`, and a pin inside that sits on `a`."""
+        del t
+        a, b = poses
+        sleeve = placed(b, arc(size, 2 * np.pi))
+        return Outline(wheel(a, 0.45 * size), "spring"), Outline(sleeve, "spring")
 
     def check(self) -> None:
         owner = check_markers(self)

@@ -8,8 +8,10 @@ from jaxtyping import Array, Float
 
 from ....arrays import Time
 from ....linalg import quaternions
+from ...drawing import placed
 from ...fields import Converted, check_numbers, number
 from ...marker import Marker, Pose, Twist, Wrench
+from ...outline import Outline
 from ...surface import AbstractSurface
 from ..base import displacement
 from ..contact import AbstractContact, Friction, check_contact, local_point
@@ -62,6 +64,16 @@ class Contact(AbstractContact):
 
         _, rate, wrenches = displacement(point, poses, twists)
         return wrenches(self.force(depth, inside, normal, rate))
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """The surface at the foot of the point, and the point that it stops."""
+        del t
+        a, b = poses
+        lines = self.surface.outline(b.local(a.position), size)
+        shown = [Outline(placed(b, line), "surface") for line in lines]
+        return *shown, Outline(a.position[None], "point")
 
     def check(self) -> None:
         owner = check_contact(self)

@@ -9,8 +9,10 @@ from jaxtyping import Array, Float
 
 from ....arrays import Time, Vector, concrete
 from ....errors import SceneError
+from ...drawing import arrow, normals, turning_arrow
 from ...fields import Converted, check_numbers, number
 from ...marker import Marker, Pose, Twist, Wrench
+from ...outline import Outline
 from ...signal import AbstractSignal, signal_field
 from ..base import AbstractMarkerEffect, check_markers
 
@@ -41,6 +43,18 @@ class Torque(AbstractMarkerEffect):
         if self.frame == "body":
             torque = poses[0].turned(torque)
         return (Wrench(jnp.zeros_like(torque), torque),)
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """An arrow along the direction of the torque, and one around it in its sense."""
+        (pose,) = poses
+        given = self.direction / jnp.sqrt(self.direction @ self.direction)
+        ahead = pose.turned(given) if self.frame == "body" else given
+        strength = jnp.where(self.signal(t) < 0, -1.0, 1.0)
+        way = turning_arrow(size, strength) @ normals(ahead)
+        axis = arrow(pose.position, pose.position + 3 * size * strength * ahead, size)
+        return Outline(pose.position[None] + way, "load"), Outline(axis, "load")
 
     def check(self) -> None:
         owner = check_markers(self)

@@ -7,7 +7,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ....arrays import Time
+from ...drawing import axis_line
 from ...marker import Marker, Pose
+from ...outline import Outline
 from ..base import AbstractJoint
 
 
@@ -30,3 +32,10 @@ class ConstantVelocity(AbstractJoint):
         del t
         twist = a.angle_against(b, jnp.zeros_like(a.turn[0]))
         return jnp.append(a.position - b.position, twist)
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        del t
+        shafts = [Outline(axis_line(pose, size), "link") for pose in poses]
+        return *shafts, Outline(jnp.stack([pose.position for pose in poses]), "hinge")

@@ -7,7 +7,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ....arrays import Time
+from ...drawing import box, rail
 from ...marker import Marker, Pose
+from ...outline import Outline
 from ..base import AbstractJoint
 from .directions import tilt
 
@@ -20,7 +22,18 @@ class Cylindrical(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 4
     dimensions: ClassVar[tuple[int, ...]] = (3,)
+    hatched: ClassVar[bool] = False
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "4"]:
         del t
         return jnp.concatenate([b.local(a.position)[:2], tilt(a, b)])
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        del t
+        a, b = poses
+        return (
+            Outline(rail(b, a.position, size), "track", endless=True),
+            Outline(box(Pose(a.position, b.turn), size), "link"),
+        )

@@ -3,12 +3,15 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ....arrays import Time
 from ....errors import SceneError
+from ...drawing import length_between, wheel
 from ...fields import Converted, check_numbers, number, radians
 from ...marker import Marker, Pose, check_distinct, counted_angle
+from ...outline import Outline
 from ..base import AbstractJoint
 
 
@@ -51,13 +54,26 @@ class Gear(AbstractJoint):
         angle_b = counted_angle(b, bearing_b, counter_b)
         return (angle_a - self.ratio * angle_b - self.offset)[None]
 
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """Pitch circles that touch where the axes are parallel and the wheels mesh outside."""
+        del t
+        share = jnp.abs(self.ratio) / (1 + jnp.abs(self.ratio))
+        apart = length_between(poses[0].position, poses[1].position)
+        total = jnp.where(apart > 0, apart, 2 * size)
+        radii = total * (1 - share), total * share
+        return tuple(
+            Outline(wheel(pose, r), "link") for pose, r in zip(poses[:2], radii, strict=True)
+        )
+
     def check(self) -> None:
         super().check()
         owner = self.owner()
-        for wheel, bearing in ((self.a, self.bearing_a), (self.b, self.bearing_b)):
-            if wheel.body == bearing.body:
+        for turning, bearing in ((self.a, self.bearing_a), (self.b, self.bearing_b)):
+            if turning.body == bearing.body:
                 raise SceneError(
-                    f"{owner}: a wheel and its bearing are both on '{wheel.body}'; give a marker "
+                    f"{owner}: a wheel and its bearing are both on '{turning.body}'; give a marker "
                     "on what carries the wheel, or on the ground."
                 )
         check_distinct(owner, self.a, self.b)

@@ -7,7 +7,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ....arrays import Time
+from ...drawing import placed, square
 from ...marker import Marker, Pose
+from ...outline import Outline
 from ..base import AbstractJoint
 from .directions import tilt
 
@@ -20,7 +22,17 @@ class Planar(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 3
     dimensions: ClassVar[tuple[int, ...]] = (3,)
+    hatched: ClassVar[bool] = False
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "3"]:
         del t
         return jnp.append(b.local(a.position)[2], tilt(a, b))
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """A square of the plane at the foot of `a`."""
+        del t
+        a, b = poses
+        flat = placed(b, square(b.local(a.position), size))
+        return Outline(flat, "track"), Outline(a.position[None], "point")

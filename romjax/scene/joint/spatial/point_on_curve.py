@@ -8,7 +8,9 @@ from jaxtyping import Array, Float
 
 from ....arrays import Time
 from ...curve import AbstractCurve
+from ...drawing import placed
 from ...marker import Marker, Pose
+from ...outline import Outline
 from ...space_curve import AbstractSpaceCurve
 from ..base import AbstractJoint
 
@@ -32,6 +34,17 @@ class PointOnCurve(AbstractJoint):
         if isinstance(self.curve, AbstractCurve):
             return jnp.stack([self.curve(point[:2]), point[2]])
         return self.curve(point)
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        del t
+        a, b = poses
+        point = b.local(a.position)
+        flat = isinstance(self.curve, AbstractCurve)
+        track = placed(b, self.curve.outline(point[:2] if flat else point, size))
+        endless = not flat or self.curve.endless
+        return Outline(track, "track", endless=endless), Outline(a.position[None], "hinge")
 
     def check(self) -> None:
         super().check()

@@ -6,7 +6,9 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ....arrays import Time
+from ...drawing import placed, square
 from ...marker import Marker, Pose
+from ...outline import Outline
 from ..base import AbstractJoint
 
 
@@ -22,3 +24,12 @@ class PointOnPlane(AbstractJoint):
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         del t
         return b.along(a.position)[None]
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """A square of the plane at the foot of `a`."""
+        del t
+        a, b = poses
+        flat = placed(b, square(b.local(a.position), size))
+        return Outline(flat, "track"), Outline(a.position[None], "point")

@@ -7,7 +7,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ....arrays import Time
+from ...drawing import box, rail
 from ...marker import Marker, Pose
+from ...outline import Outline
 from ..base import AbstractJoint
 from .directions import turned
 
@@ -20,7 +22,18 @@ class Prismatic(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 5
     dimensions: ClassVar[tuple[int, ...]] = (3,)
+    hatched: ClassVar[bool] = False
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "5"]:
         del t
         return jnp.concatenate([b.local(a.position)[:2], turned(a, b)])
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        del t
+        a, b = poses
+        return (
+            Outline(rail(b, a.position, size), "track", endless=True),
+            Outline(box(a, size), "link"),
+        )

@@ -7,7 +7,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ....arrays import Time
+from ...drawing import axis_line
 from ...marker import Marker, Pose
+from ...outline import Outline
 from ..base import AbstractJoint
 from .directions import tilt
 
@@ -24,3 +26,11 @@ class Revolute(AbstractJoint):
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "5"]:
         del t
         return jnp.concatenate([a.position - b.position, tilt(a, b)])
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """The axis; two marks at one position, unless the joint is torn."""
+        del t
+        marks = jnp.stack([pose.position for pose in poses])
+        return Outline(axis_line(poses[1], size), "link"), Outline(marks, "hinge")

@@ -8,8 +8,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ....arrays import Time
+from ...drawing import box, rail
 from ...fields import Converted, check_numbers, number
 from ...marker import Marker, Pose, counted_angle
+from ...outline import Outline
 from ..base import AbstractJoint
 from .directions import tilt
 
@@ -42,6 +44,16 @@ class Screw(AbstractJoint):
         local = b.local(a.position)
         advance = self.pitch * counted_angle(a, b, *counter) / (2 * np.pi) + self.offset
         return jnp.concatenate([local[:2], tilt(a, b), (local[2] - advance)[None]])
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        del t
+        a, b, *_ = poses
+        return (
+            Outline(rail(b, a.position, size), "track", endless=True),
+            Outline(box(a, size), "link"),
+        )
 
     def check(self) -> None:
         super().check()

@@ -3,10 +3,12 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ....arrays import Time
 from ...marker import Marker, Pose
+from ...outline import Outline
 from ..base import AbstractJoint
 
 
@@ -22,3 +24,11 @@ class Spherical(AbstractJoint):
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "3"]:
         del t
         return a.position - b.position
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """Two marks at one position, unless the joint is torn."""
+        del t, size
+        marks = jnp.stack([pose.position for pose in poses])
+        return (Outline(marks, "hinge"),)

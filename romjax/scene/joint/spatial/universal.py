@@ -7,7 +7,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ....arrays import Time
+from ...drawing import axis_line
 from ...marker import Marker, Pose
+from ...outline import Outline
 from ..base import AbstractJoint
 from .directions import axis
 
@@ -26,3 +28,12 @@ class Universal(AbstractJoint):
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "4"]:
         del t
         return jnp.append(a.position - b.position, jnp.sum(axis(a, 2) * axis(b, 2)))
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """The cross of both axes."""
+        del t
+        marks = jnp.stack([pose.position for pose in poses])
+        cross = [Outline(axis_line(pose, size), "link") for pose in poses]
+        return *cross, Outline(marks, "hinge")

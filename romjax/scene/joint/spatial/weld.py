@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from ....arrays import Time
 from ...marker import Marker, Pose
+from ...outline import Outline
 from ..base import AbstractJoint
 from .directions import turned
 
@@ -24,3 +25,11 @@ class Weld(AbstractJoint):
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "6"]:
         del t
         return jnp.concatenate([a.position - b.position, turned(a, b)])
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        """Two marks at one position, unless the joint is torn."""
+        del t, size
+        marks = jnp.stack([pose.position for pose in poses])
+        return (Outline(marks, "weld"),)
