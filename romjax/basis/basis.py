@@ -1,6 +1,7 @@
 """A subspace to reduce in, and how it was made."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
@@ -78,6 +79,21 @@ class Basis(eqx.Module):
         snapshots = dataclasses.replace(self.snapshots, metric=metric)
         modes = orthonormalize(self.modes, metric)
         return dataclasses.replace(self, modes=modes, snapshots=snapshots)
+
+    def of_unit_length(self, columns: Sequence[int]) -> "Basis":
+        """With snapshots and offset by quaternions of unit length, which begin at `columns`."""
+        snapshots, offset = self.snapshots.of_unit_length(columns), self.offset
+        if snapshots.turns is not None:
+            offset, _ = snapshots.turns(offset, offset)
+        return dataclasses.replace(self, snapshots=snapshots, offset=offset)
+
+    @property
+    def stretching(self) -> Float[Array, ""]:
+        """The share of the snapshots' kinetic energy that goes into the lengths of quaternions."""
+        snapshots, turns = self.snapshots, self.snapshots.turns
+        if turns is None:
+            return jnp.zeros((), self.offset.dtype)
+        return turns.stretching(snapshots.q, snapshots.v, snapshots.metric)
 
     @property
     def rank(self) -> int:

@@ -12,15 +12,17 @@ from jaxtyping import Array, Float
 
 from ..errors import InputError
 from ..program import program
+from .turns import Turns
 
 
 @runtime_checkable
 class Motion(Protocol):
     """What a basis is made from; a Trajectory is one.
 
-    Two members are optional. `noise()`: the size of integration errors in the snapshots of
+    Three members are optional. `noise()`: the size of integration errors in the snapshots of
     positions and of velocities, in the energy norm. `descriptions`: what the coordinates are called
-    in sentences, as many as there are `labels`.
+    in sentences, as many as there are `labels`. `quaternions`: at which coordinates those of bodies
+    in space begin.
     """
 
     t: Float[Array, " h"]
@@ -75,6 +77,7 @@ class SnapshotSet(eqx.Module):
     - `noise`: the size of integration errors.
     - `labels`, `descriptions`: the coordinates as tables and as sentences name them, () if unknown.
     - `changes`: sensitivities, which a decomposition takes for snapshots too; None without any.
+    - `turns`: the scale of quaternions, in which all of them are; None without any.
     """
 
     t: Float[Array, " h"]
@@ -86,6 +89,7 @@ class SnapshotSet(eqx.Module):
     labels: tuple[str, ...] = eqx.field(static=True)
     descriptions: tuple[str, ...] = eqx.field(static=True)
     changes: Changes | None = None
+    turns: Turns | None = None
 
     @classmethod
     def of(cls, motions: "Motions") -> "SnapshotSet":
@@ -107,7 +111,7 @@ class SnapshotSet(eqx.Module):
             )
         dtype = jnp.result_type(*(jnp.asarray(run.q) for run in runs), float)
         noises = [_noise(run, dtype) for run in runs]
-        return cls(
+        snapshots = cls(
             jnp.concatenate([jnp.asarray(run.t, dtype) for run in runs]),
             jnp.concatenate([jnp.asarray(run.q, dtype) for run in runs]),
             jnp.concatenate([jnp.asarray(run.v, dtype) for run in runs]),
@@ -118,6 +122,29 @@ class SnapshotSet(eqx.Module):
             tuple(getattr(runs[0], "descriptions", runs[0].labels)),
             _changes([one for one in given if isinstance(one, Sensitivity)], dtype),
         )
+        columns = getattr(runs[0], "quaternions", ())
+        if not columns:
+            return snapshots
+        return snapshots.turned(Turns.of(snapshots.q, snapshots.weights, columns))
+
+    def turned(self, turns: Turns | None) -> "SnapshotSet":
+        """The same motion by quaternions of another scale."""
+        if turns is None:
+            return self
+        q, v = jax.vmap(turns)(self.q, self.v)
+        changes = self.changes
+        if changes is not None and turns.affine:
+            # Of each turn on the way: of these directions, those that the scale leaves free.
+            free = jax.vmap(turns.without_length)
+            changes = Changes(free(changes.q), free(changes.v), changes.weights)
+        return dataclasses.replace(self, q=q, v=v, changes=changes, turns=turns)
+
+    def of_unit_length(self, columns: Sequence[int]) -> "SnapshotSet":
+        """The same motion by quaternions of unit length, which begin at `columns`."""
+        if not columns:
+            return self
+        turns = self.turns or Turns.of(self.q, jnp.ones_like(self.t), columns)
+        return self.turned(turns.of_unit_length)
 
     @classmethod
     def single(cls, q: Float[Array, " n"], metric: Float[Array, "n n"]) -> "SnapshotSet":
@@ -138,6 +165,7 @@ class SnapshotSet(eqx.Module):
             labels=(),
             descriptions=(),
             changes=changes,
+            turns=None,
         )
 
     def mapped(self, matrix: Float[Array, "n n"]) -> "SnapshotSet":
@@ -172,6 +200,8 @@ def weigh(snapshots: SnapshotSet, offset: Any) -> WeightedSnapshots:
     q = snapshots.q
     weighted: WeightedSnapshots
     offset = q[0] if offset is None else jnp.asarray(offset, q.dtype)
+    if snapshots.turns is not None:
+        offset, _ = snapshots.turns(offset, offset)
     # Arrays alone, so that new names of coordinates do not compile it again.
     displacements, v, weights = q - offset[None], snapshots.v, snapshots.weights
     if (changes := snapshots.changes) is not None:

@@ -10,7 +10,7 @@ from ..arrays import Time
 from ..linalg.branches import Forest
 from ..program import program_once
 from ..system.base import AbstractSystem
-from ..system.dynamics import jacobian
+from . import unit_length
 
 # Up to so many dependent coordinates a matrix is as fast as sums along branches.
 _DENSE = 100
@@ -20,7 +20,8 @@ class Chart(eqx.Module):
     """q = q̄ + Y s + W d: independent coordinates s, and d that the constraints determine.
 
     - `independent` Y (n, d), `dependent` W (n, m); `read` (d, n) gives s of a displacement.
-    - `rows`: numbers of the constraints that do not repeat others.
+    - `rows`: numbers of the constraints that do not repeat others; in space, |p|² = 1 are among
+      them.
     - `affine`: the constraints are affine in d with constant coefficients, so that q(s) has a
       closed form. Y and W are then columns of the unit matrix, and `order` says which:
       q − q̄ is (s, d)[order]. Else the columns are orthonormal in the mass metric.
@@ -52,8 +53,19 @@ class Chart(eqx.Module):
         """The coordinates of an affine chart in the order of q."""
         return jnp.concatenate([s, d])[np.array(self.order)]
 
-    def regular(self, rows: Float[Array, "M *n"]) -> Float[Array, "m *n"]:
-        """Of quantities for each constraint, those of the constraints that do not repeat others."""
+    def constraint(
+        self, system: AbstractSystem, t: Time, q: Float[Array, " n"]
+    ) -> Float[Array, " m"]:
+        """The constraints that do not repeat others."""
+        return self._regular(unit_length.constraint(system, t, q))
+
+    def jacobian(
+        self, system: AbstractSystem, t: Time, q: Float[Array, " n"]
+    ) -> Float[Array, "m n"]:
+        """C_q of these."""
+        return self._regular(unit_length.jacobian(system, t, q))
+
+    def _regular(self, rows: Float[Array, "M *n"]) -> Float[Array, "m *n"]:
         return rows if len(self.rows) == len(rows) else rows[np.array(self.rows, int)]
 
     def tangent(
@@ -86,7 +98,7 @@ def _tangent(
     tangent = jnp.asarray(chart.independent, q.dtype)
     if chart.rows:
         dependent = jnp.asarray(chart.dependent, q.dtype)
-        rows = chart.regular(jacobian(system, t, q))
+        rows = chart.jacobian(system, t, q)
         tangent -= dependent @ jnp.linalg.solve(rows @ dependent, rows @ tangent)
     return tangent
 
@@ -105,7 +117,7 @@ def _dependent_matrix(
 ) -> Float[Array, "m m"]:
     if not chart.rows:
         return jnp.zeros((0, 0), q.dtype)
-    return chart.regular(jacobian(system, t, q)) @ jnp.asarray(chart.dependent, q.dtype)
+    return chart.jacobian(system, t, q) @ jnp.asarray(chart.dependent, q.dtype)
 
 
 @program_once
@@ -113,6 +125,6 @@ def _dependent_inverses(
     chart: Chart, system: AbstractSystem, t: Float[Array, " K"], q: Float[Array, "K n"]
 ) -> Float[Array, "K m m"]:
     dependent = jnp.asarray(chart.dependent, q.dtype)
-    rows = jax.vmap(lambda t, q: chart.regular(jacobian(system, t, q)))(t, q)
+    rows = jax.vmap(lambda t, q: chart.jacobian(system, t, q))(t, q)
     inverses: Array = jnp.linalg.inv(rows @ dependent)
     return inverses

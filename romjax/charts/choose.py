@@ -9,6 +9,7 @@ import scipy.linalg
 from jaxtyping import Array, Float
 
 from ..system.base import AbstractSystem
+from . import unit_length
 from .chart import Chart
 from .survey import Survey, jacobians, mass_root, survey
 
@@ -39,12 +40,13 @@ def choose_chart(
     Else the best of two kinds: single coordinates, and directions averaged over the motion.
     """
     n = system.n
-    if system.m == 0:
+    total = unit_length.count(system)
+    if total == 0:
         none = np.zeros(0, int)
         return Candidate(Chart.of_coordinates(none, (), np.zeros((0, n))), 1.0)
     # In a tree of joints all constraints count, and no snapshot needs to be looked at.
     seen = survey(system, t, q, _SNAPSHOTS) if system.structure.loops else None
-    rows = tuple(range(system.m)) if seen is None else seen.rows
+    rows = tuple(range(total)) if seen is None else seen.rows
     root = mass_root(system, q[0]) if seen is None else seen.root
 
     # Any configuration is as good as another for telling which columns are constant.

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from ..program import program_once
 from ..system.base import AbstractSystem
-from ..system.dynamics import jacobian
+from . import unit_length
 from .chart import Chart
 
 # Singular values of C_q below this share of the largest come from constraints that repeat others.
@@ -54,11 +54,12 @@ def survey(
 
 def mass_root(system: AbstractSystem, q: Float[Array, " n"]) -> np.ndarray:
     """R with RᵀR = M at a configuration."""
-    return np.linalg.cholesky(np.asarray(_mass(system, q))).T
+    return np.linalg.cholesky(np.asarray(mass(system, q))).T
 
 
 @program_once
-def _mass(system: AbstractSystem, q: Float[Array, " n"]) -> Float[Array, "n n"]:
+def mass(system: AbstractSystem, q: Float[Array, " n"]) -> Float[Array, "n n"]:
+    """The mass matrix at a configuration."""
     return system.mass(q)
 
 
@@ -66,5 +67,5 @@ def _mass(system: AbstractSystem, q: Float[Array, " n"]) -> Float[Array, "n n"]:
 def jacobians(
     system: AbstractSystem, t: Float[Array, " K"], q: Float[Array, "K n"]
 ) -> Float[Array, "K m n"]:
-    """C_q at several configurations."""
-    return jax.vmap(lambda t, q: jacobian(system, t, q))(t, q)
+    """C_q at several configurations, with the rows of quaternions of unit length."""
+    return jax.vmap(lambda t, q: unit_length.jacobian(system, t, q))(t, q)

@@ -129,5 +129,16 @@ def _metric(system: AbstractSystem) -> Float[Array, "n n"]:
 
 
 def metric_of(system: AbstractSystem) -> Float[Array, "n n"]:
-    """The physical mass matrix at the start of a system."""
-    return system.full.mass(system.full.q0)
+    """The physical mass matrix at the start of a system; of each quaternion, of unit length, the
+    mean of its eigenvalues 4/3 tr J, so that turns about all axes count alike.
+    """
+    full = system.full
+    metric = full.mass(full.q0)
+    if not full.structure.quaternions:
+        return metric
+    table = np.array(full.structure.quaternions)[:, None] + np.arange(4)
+    others = np.ones(full.n)
+    others[table] = 0
+    means = jnp.mean(jnp.diagonal(metric)[table], axis=1) * jnp.sum(full.q0[table] ** 2, axis=1)
+    turning = jnp.zeros_like(full.q0).at[table].set(means[:, None])
+    return metric * jnp.asarray(np.outer(others, others), metric.dtype) + jnp.diag(turning)

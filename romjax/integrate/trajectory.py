@@ -18,7 +18,7 @@ from ..events.record import Events
 from ..extras import above
 from ..pictures import animated, inline
 from ..program import program
-from ..scene.coordinate import Coordinate
+from ..scene.coordinate import Coordinate, quaternions_of
 from ..scene.scene import Scene
 from ..system.base import AbstractSystem
 from ..system.flags import WORDS, Flag
@@ -36,8 +36,8 @@ class Trajectory(eqx.Module):
 
     - `t` (k,) [s]; `q`, `v` (k, n): coordinates and velocities, lifted if the system was reduced.
     - `violation` (k,): largest |C| of the mechanism's own constraints.
-    - `multipliers` (k, m): Lagrange multipliers, and `metric` (n, n): mass matrix at the start;
-      evaluated when they are asked for, from what is `derived`.
+    - `multipliers` (k, m): Lagrange multipliers, and `metric` (n, n): mass matrix at the start, of
+      quaternions with the mean moment of inertia; evaluated on demand, from what is `derived`.
     - `stats`: numbers of steps (`num_steps`, `num_accepted_steps`, `num_rejected_steps`), the
       tolerances `rtol`, `atol` of the step size control, the `stabilization` used, and where the
       method or the stabilization was chosen by it, the `fastest_frequency` [rad/s] of the system.
@@ -94,7 +94,7 @@ class Trajectory(eqx.Module):
 
     @property
     def metric(self) -> Float[Array, "*runs n n"]:
-        """Mass matrix at the start, the metric of errors and bases."""
+        """Mass matrix at the start, that of errors and bases; of quaternions 4 tr J / 3."""
         return self.derived.metric
 
     @property
@@ -126,6 +126,11 @@ class Trajectory(eqx.Module):
     def labels(self) -> tuple[str, ...]:
         """The coordinates as tables name them, such as "cart.x"."""
         return tuple(coordinate.label for coordinate in self.coordinates)
+
+    @property
+    def quaternions(self) -> tuple[int, ...]:
+        """At which coordinates the quaternions of bodies in space begin."""
+        return quaternions_of(self.coordinates)
 
     @property
     def descriptions(self) -> tuple[str, ...]:

@@ -116,9 +116,10 @@ class LocalSystem(AbstractReducedSystem):
 def _with_bases(full: AssembledSystem, bases: BodyBases) -> AssembledSystem:
     """The system of the bodies with few modes; raises ReductionError if joints then lock it."""
     scene = disassemble(full)
+    # Counters of angles, which no scene has, come after all bodies.
     bodies = [
         ReducedBody(body, modes) if body.modes else body
-        for body, modes in zip(scene.bodies, bases.by_body(), strict=True)
+        for body, modes in zip(scene.bodies, bases.by_body(), strict=False)
     ]
     try:
         return assemble(Scene(bodies, scene.joints, scene.effects))

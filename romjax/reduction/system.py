@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..arrays import Time, Vector, as_array
+from ..basis.turns import Turns
 from ..linalg.dense import multiply
 from ..linalg.kkt import KKT
 from ..linalg.pattern import Pattern
@@ -30,6 +31,7 @@ class ReducedSystem(AbstractReducedSystem):
 
     - `full`: the system that was reduced. `lift`: L. `combinations` U (M, m): None keeps none.
     - `q0`, `v0` (r,): the start. `time` [s]: at which `mass` is, where constraints depend on time.
+    - `turns`: the scale of its quaternions in space, None in the plane.
     - `validity`: what it was made of. `structure`, `summary`: what it is, by names and in words.
     """
 
@@ -39,6 +41,7 @@ class ReducedSystem(AbstractReducedSystem):
     q0: Float[Array, " r"]
     v0: Float[Array, " r"]
     time: Float[Array, ""]
+    turns: Turns | None
     validity: AbstractValidity | None
     structure: Structure = eqx.field(static=True)
     summary: str = eqx.field(static=True)
@@ -52,9 +55,11 @@ class ReducedSystem(AbstractReducedSystem):
         combinations: Float[Array, "M m"] | None = None,
         validity: AbstractValidity | None = None,
         summary: str = "",
+        turns: Turns | None = None,
     ) -> "ReducedSystem":
         """From the `start` nearest to physical (q, v, t); the fields are as `ReducedSystem` has."""
-        (z, w), time = _restrict(lift, full, *start[:2]), start[2]
+        q, v, time = start
+        z, w = _restrict(lift, full, *((q, v) if turns is None else turns(q, v)))
         m = 0 if combinations is None else combinations.shape[1]
         structure = Structure(
             tuple(Coordinate("", f"z{i + 1}") for i in range(z.size)),
@@ -64,7 +69,7 @@ class ReducedSystem(AbstractReducedSystem):
             loops=m > 0 and full.structure.loops,
             contacts=full.structure.contacts,
         )
-        held, known = combinations if m else None, (validity, structure, summary)
+        held, known = combinations if m else None, (turns, validity, structure, summary)
         return cls(full, lift, held, z, w, time, *known)._starting_at(z, w, time)
 
     def mass(self, q: Reduced) -> Float[Array, "r r"]:
@@ -89,11 +94,12 @@ class ReducedSystem(AbstractReducedSystem):
         return motion.q, motion.v
 
     def restrict(self, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
-        return self.lift.restrict(self.full, q, v)
+        return self.lift.restrict(self.full, *self._turned(q, v))
 
     def in_chart_of(self, q: Physical) -> "ReducedSystem":
         if not isinstance(self.lift, AtlasLift):
             return self
+        q, _ = self._turned(q, q)
         lift = eqx.tree_at(lambda atlas: atlas.current, self.lift, self.lift.number(q))
         return dataclasses.replace(self, lift=lift)
 
@@ -106,6 +112,9 @@ class ReducedSystem(AbstractReducedSystem):
         check_alike(self.full, full)
         rom = dataclasses.replace(self, full=full, lift=self.lift.with_full(full))
         return rom._starting_at(self.q0, self.v0, self.time)
+
+    def _turned(self, q: Physical, v: Physical) -> tuple[Physical, Physical]:
+        return (q, v) if self.turns is None else self.turns(q, v)
 
     def _starting_at(self, z: Reduced, w: Reduced, time: Float[Array, ""]) -> "ReducedSystem":
         rom = dataclasses.replace(self, q0=z, v0=w, time=jnp.asarray(time, z.dtype))

@@ -1,5 +1,6 @@
 """What a generalized coordinate is: how pictures and reports name it."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 
@@ -44,3 +45,13 @@ def frame_coordinates(owner: str, dimension: int) -> tuple[Coordinate, ...]:
             for k in range(4)
         ]
     return (*position, *turn)
+
+
+def quaternions_of(coordinates: Sequence[Coordinate]) -> tuple[int, ...]:
+    """At which of the coordinates the quaternions of bodies in space begin."""
+    starts = range(len(coordinates) - 3)
+    return tuple(
+        i
+        for i in starts
+        if tuple(coordinates[i : i + 4]) == frame_coordinates(coordinates[i].owner, 3)[3:]
+    )

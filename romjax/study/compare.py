@@ -2,6 +2,7 @@
 
 import dataclasses
 import weakref
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -21,8 +22,10 @@ class Comparison(eqx.Module):
     """The errors of one motion against another.
 
     - `error`: ‖M₀^½ (q̃ − q)‖ / ‖M₀^½ (q − q₀)‖ over all output times, M₀ the mass matrix at the
-      start: one number without units. Of a motion that rests, the absolute ‖M₀^½ (q̃ − q)‖.
-    - `history` (k, n): the chapter's equation 39.17, Δq_i(t) / max |q_i − q_i(0)|.
+      start: one number without units. Of a motion that rests, the absolute ‖M₀^½ (q̃ − q)‖. In
+      space, quaternions have unit length and that sign which makes the difference smallest.
+    - `history` (k, n): the chapter's equation 39.17, Δq_i(t) / max |q_i − q_i(0)|. All four of a
+      quaternion hold the angle between the two turns, over the largest angle from the start.
     - `per_coordinate` (n,): its largest magnitude in time.
     - `moving` (n,): which coordinates move at all; where one rests, the two above hold the
       absolute error, since a relative one has no meaning.
@@ -80,7 +83,8 @@ def compare(
         raise ValueError("compare: the motions have different times; simulate both at the same.")
     steps = truth.stats.num_steps, approx.stats.num_steps
     metric = truth.metric if metric is None else metric
-    comparison = _compare(truth.q, metric, approx.q, approx.violation, steps)
+    given = truth.q, metric, approx.q, approx.violation, steps, truth.quaternions
+    comparison = _compare(*given)
     # Outside of the program, which does not depend on names.
     comparison = dataclasses.replace(comparison, labels=truth.labels)
     _motions.put(comparison, (weakref.ref(truth), weakref.ref(approx)))
@@ -94,15 +98,17 @@ def _compare(
     approx: Float[Array, "k n"],
     violation: Float[Array, " k"],
     steps: tuple[Int[Array, ""], Int[Array, ""]],
+    quaternions: tuple[int, ...],
 ) -> Comparison:
-    difference, motion = q - approx, q - q[:1]
+    difference, motion = apart(q, approx, quaternions), apart(q, q[:1], quaternions)
+    own, moved = (_single(x, quaternions) for x in (difference, motion))
     root = jnp.linalg.cholesky(metric)
     # What moves by less than this is at rest: rounding of a coordinate of order one is as large.
     scale = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=0))
-    reach = jnp.max(jnp.abs(motion), axis=0)
+    reach = jnp.max(jnp.abs(moved), axis=0)
     moving = reach > 100 * jnp.finfo(motion.dtype).eps * scale
     size = _norm(motion @ root)
-    history = difference / jnp.where(moving, reach, 1)[None]
+    history = own / jnp.where(moving, reach, 1)[None]
     return Comparison(
         error=_norm(difference @ root) / jnp.where(size > 0, size, 1),
         history=history,
@@ -113,8 +119,36 @@ def _compare(
     )
 
 
-def _norm(x: Float[Array, "k n"]) -> Float[Array, ""]:
+def apart(
+    q: Float[Array, "k n"], other: Float[Array, "_ n"], quaternions: Sequence[int]
+) -> Float[Array, "k n"]:
+    """The difference q − q̃; of the quaternions that begin at some columns, whose length and sign
+    mean nothing, by those of unit length that are nearest to each other.
+    """
+    difference = q - other
+    if not quaternions:
+        return difference
+    table = np.array(quaternions)[:, None] + np.arange(4)
+    p, opposed = (
+        x / jnp.sqrt(jnp.sum(x**2, axis=2, keepdims=True)) for x in (q[:, table], other[:, table])
+    )
+    turned = jnp.sum(p * opposed, axis=2, keepdims=True) < 0
+    return difference.at[:, table].set(p - jnp.where(turned, -opposed, opposed))
+
+
+def _single(difference: Float[Array, "k n"], quaternions: Sequence[int]) -> Float[Array, "k n"]:
+    """Of each coordinate; of a quaternion the angle [rad] of the turn between, in all four."""
+    if not quaternions:
+        return difference
+    table = np.array(quaternions)[:, None] + np.arange(4)
+    chord = _norm(difference[:, table], axis=2, keepdims=True)
+    # Quaternions lie apart by half the angle; rounding must not put a half turn beyond ½ √2.
+    angle = 4 * jnp.arcsin(jnp.minimum(0.5 * chord, np.sin(np.pi / 4)))
+    return difference.at[:, table].set(jnp.broadcast_to(angle, (*angle.shape[:2], 4)))
+
+
+def _norm(x: Float[Array, "..."], axis: int | None = None, keepdims: bool = False) -> Array:
     """Euclidean norm whose gradient is zero, not NaN, where x vanishes."""
-    squared = jnp.sum(x**2)
+    squared = jnp.sum(x**2, axis=axis, keepdims=keepdims)
     positive = squared > 0
     return jnp.where(positive, jnp.sqrt(jnp.where(positive, squared, 1)), 0)

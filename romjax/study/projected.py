@@ -13,12 +13,12 @@ from ..linalg.dense import multiply
 from ..linalg.kkt import KKT
 from ..linalg.pattern import Pattern
 from ..reduction.formulation.base import AbstractFormulation, start
-from ..reduction.validity import TrainingBox
 from ..system.base import AbstractSystem, AbstractValidity
 from ..system.frequencies import frequencies
 from ..system.stabilization import Baumgarte
 from ..system.state import AbstractState, Energy, Power
 from ..system.structure import Structure
+from ..system.validity import TrainingBox
 
 
 class Projected(AbstractFormulation):

@@ -17,7 +17,7 @@ from ..reduction.formulation.base import AbstractFormulation
 from ..reduction.reduce import reduce
 from ..system.base import AbstractSystem
 from ..system.reduced import AbstractReducedSystem
-from .compare import compare
+from .compare import apart, compare
 
 # The next rank shows the error of this one up to a factor of two.
 SAFETY = 2.0
@@ -117,8 +117,9 @@ def _change(truths: list[Trajectory], coarse: Candidate, fine: Candidate) -> flo
     sizes = []
     for truth, one, other in zip(truths, coarse.runs, fine.runs, strict=True):
         root = jnp.linalg.cholesky(truth.metric)
-        size = jnp.linalg.norm((truth.q - truth.q[:1]) @ root)
-        sizes.append(float(jnp.linalg.norm((one.q - other.q) @ root) / size))
+        pairs = (truth.q, truth.q[:1]), (one.q, other.q)
+        size, change = (jnp.linalg.norm(apart(*x, truth.quaternions) @ root) for x in pairs)
+        sizes.append(float(change / size))
     return _finite(sizes)
 
 

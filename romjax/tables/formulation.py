@@ -16,8 +16,8 @@ from ..errors import InputError
 from ..program import program_once
 from ..reduction.formulation.base import AbstractFormulation, start
 from ..reduction.system import ReducedSystem
-from ..reduction.validity import TrainingBox
 from ..system.base import AbstractSystem
+from ..system.validity import TrainingBox
 from .curve import trace
 from .frames import Frames
 from .lift import TableLift

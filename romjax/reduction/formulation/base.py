@@ -48,4 +48,7 @@ def start(
     snapshots = basis.snapshots
     if basis.decomposition is None:
         return system.q0, system.v0, snapshots.t[0]
-    return snapshots.q[0], snapshots.v[0], snapshots.t[0]
+    q, v = snapshots.q[0], snapshots.v[0]
+    if snapshots.turns is not None:
+        q, v = snapshots.turns.of_unit_length(q, v)
+    return q, v, snapshots.t[0]

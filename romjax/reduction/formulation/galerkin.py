@@ -9,6 +9,7 @@ from ...arrays import concrete
 from ...basis.basis import Basis
 from ...errors import ReductionError
 from ...system.base import AbstractSystem
+from ...system.validity import TrainingBox
 from ..constraints import (
     LOOSE,
     ReducedConstraints,
@@ -19,8 +20,11 @@ from ..constraints import (
 )
 from ..lift.affine import AffineLift
 from ..system import ReducedSystem
-from ..validity import TrainingBox
 from .base import AbstractFormulation, start
+
+# In a subspace quaternions change their lengths as bodies turn, 6° about their mean at this share
+# of the kinetic energy, and the motion errs by as much.
+STRETCHED = 1e-3
 
 
 class Galerkin(AbstractFormulation):
@@ -41,8 +45,9 @@ class Galerkin(AbstractFormulation):
 
     def reduce(self, system: AbstractSystem, basis: Basis) -> ReducedSystem:
         """Raises ReductionError if the constraints that are kept lock the mechanism, or those that
-        are not free its joints.
+        are not free its joints, or if bodies in space turn too far for a subspace.
         """
+        _check_turns(basis)
         count, r = self.constraints, basis.rank
         # Words and settings are static: with them, each basis would compile a program of its own.
         bare = dataclasses.replace(basis, summary="", decomposition=None)
@@ -59,7 +64,19 @@ class Galerkin(AbstractFormulation):
         validity = TrainingBox.of_basis(system, basis, basis.modes, dual)
         summary = f"{r} modes, {kept} of {system.m} constraints kept, {r - kept} degrees of freedom"
         combinations = candidates.combinations(kept)
-        return ReducedSystem.of(system, lift, start(system, basis), combinations, validity, summary)
+        given = combinations, validity, summary, basis.snapshots.turns
+        return ReducedSystem.of(system, lift, start(system, basis), *given)
+
+
+def _check_turns(basis: Basis) -> None:
+    """Refuse a subspace in which the lengths of quaternions are much of the motion."""
+    share = concrete(basis.stretching)
+    if share is not None and share > STRETCHED:
+        raise ReductionError(
+            "reduce: bodies turn too far in space for a subspace of their quaternions, whose "
+            f"lengths would take {100 * share:.1g} % of the kinetic energy; use "
+            "formulation=romjax.Minimal() of rigid mechanisms, romjax.Local() of flexible ones."
+        )
 
 
 def _count(system: AbstractSystem, candidates: ReducedConstraints, r: int) -> int:

@@ -16,14 +16,15 @@ from ...basis.subspace import span
 from ...charts.atlas import Atlas, choose_atlas
 from ...charts.chart import Chart
 from ...charts.choose import WORST_CONDITION, choose_chart
+from ...charts.survey import mass
 from ...errors import ReductionError
 from ...linalg.branches import inverted
 from ...system.base import AbstractSystem
+from ...system.validity import TrainingBox
 from ..lift.atlas import AtlasLift
 from ..lift.closed_form import ClosedFormLift
 from ..lift.implicit import ImplicitLift
 from ..system import ReducedSystem
-from ..validity import TrainingBox
 from .base import AbstractFormulation, start
 
 # Snapshots that Newton's method may start from.
@@ -55,7 +56,7 @@ class Minimal(AbstractFormulation):
         """The decomposition of the independent coordinates s alone, since the others follow: of
         q₀ + T s with the tangent T at the first snapshot, without the curvature of the mechanism.
         """
-        snapshots = SnapshotSet.of(motion)
+        snapshots = SnapshotSet.of(motion).of_unit_length(system.structure.quaternions)
         chart = _choose(system, snapshots) if self.chart is None else self.chart
         if isinstance(chart, Atlas):
             return decomposition(snapshots)
@@ -67,10 +68,11 @@ class Minimal(AbstractFormulation):
         """Raises ReductionError if the mechanism passes a singular position, or if a subspace would
         have to change charts.
         """
-        chart = _choose(system, basis.snapshots) if self.chart is None else self.chart
+        basis = basis.of_unit_length(system.structure.quaternions)
+        snapshots = basis.snapshots
+        chart = _choose(system, snapshots) if self.chart is None else self.chart
         if isinstance(chart, Atlas):
             return _in_atlas(system, basis, chart)
-        snapshots = basis.snapshots
         metric = chart.metric(system, snapshots.t[0], snapshots.q[0])
         inner = span(jnp.asarray(chart.read, metric.dtype) @ basis.modes, metric)
         count = 1 if chart.affine else _GUESSES
@@ -82,7 +84,8 @@ class Minimal(AbstractFormulation):
         summary = f"{r} modes of {len(metric)} minimal coordinates, no constraints"
         if r < basis.rank:
             summary += f"; {basis.rank} modes were asked for"
-        return ReducedSystem.of(system, lift, start(system, basis), None, validity, summary)
+        given = None, validity, summary, snapshots.turns
+        return ReducedSystem.of(system, lift, start(system, basis), *given)
 
 
 def _in_atlas(system: AbstractSystem, basis: Basis, atlas: Atlas) -> ReducedSystem:
@@ -100,11 +103,12 @@ def _in_atlas(system: AbstractSystem, basis: Basis, atlas: Atlas) -> ReducedSyst
         assert isinstance(one, ImplicitLift)  # a chart in closed form needs no others
         lifts.append(one)
     snapshots = basis.snapshots
-    root = jnp.linalg.cholesky(snapshots.metric).T
+    root = jnp.linalg.cholesky(mass(system, snapshots.q[0])).T
     lift = AtlasLift.of(lifts, snapshots.q, root, atlas)
     validity = TrainingBox.of(lift.seen, root=root)
     summary = f"{freedoms} minimal coordinates in {len(lifts)} charts, no constraints"
-    return ReducedSystem.of(system, lift, start(system, basis), None, validity, summary)
+    given = None, validity, summary, snapshots.turns
+    return ReducedSystem.of(system, lift, start(system, basis), *given)
 
 
 def _choose(system: AbstractSystem, snapshots: SnapshotSet) -> Chart | Atlas:

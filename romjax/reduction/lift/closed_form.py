@@ -52,4 +52,4 @@ class ClosedFormLift(AbstractLift):
         if not self.chart.rows:
             return jnp.zeros(0, z.dtype)
         q = self.offset + self.chart.ordered(multiply(self.inner, z), self.guess)
-        return self.chart.regular(full.constraint(t, q))
+        return self.chart.constraint(full, t, q)

@@ -1,6 +1,7 @@
 """Minimal coordinates from which Newton's method finds the others."""
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -14,7 +15,6 @@ from ...charts.chart import Chart
 from ...linalg.dense import improve_inverse, multiply, solve_by_inverse
 from ...system.base import AbstractSystem
 from ...system.constraints import differentiate
-from ...system.dynamics import jacobian
 from .base import AbstractLift, Motion, Physical, Reduced
 
 # Most matrices of Newton's method, and most steps with each.
@@ -52,9 +52,9 @@ class ImplicitLift(AbstractLift):
         chart = self.chart
         q, inverse = self._solve(full, t, z)
         dependent = jnp.asarray(chart.dependent, z.dtype)
-        rows = chart.regular(jacobian(full, t, q))
-        _, driven = jax.jvp(lambda t: full.constraint(t, q), (t,), (jnp.ones_like(t),))
-        right = [multiply(rows, self.modes), chart.regular(driven)[:, None]]
+        rows = chart.jacobian(full, t, q)
+        _, driven = jax.jvp(lambda t: chart.constraint(full, t, q), (t,), (jnp.ones_like(t),))
+        right = [multiply(rows, self.modes), driven[:, None]]
         matrix = multiply(rows, dependent)
         inverse = improve_inverse(inverse, jax.lax.stop_gradient(matrix))
 
@@ -62,7 +62,8 @@ class ImplicitLift(AbstractLift):
         follow = -multiply(dependent, solved)
         tangent = self.modes + follow[:, :-1]
         v = multiply(tangent, w) + follow[:, -1]
-        curvature = chart.regular(differentiate(full.constraint, t, q, v).curvature)
+        constraint = functools.partial(chart.constraint, full)
+        curvature = differentiate(constraint, t, q, v).curvature
         bias = -multiply(dependent, solve_by_inverse(matrix, inverse, curvature))
         return Motion(q, v, tangent, bias)
 
@@ -86,7 +87,7 @@ class ImplicitLift(AbstractLift):
         limits = precision.of(z.dtype)
 
         def violation(d: Array) -> Array:
-            return chart.regular(full.constraint(t, origin + multiply(dependent, d)))
+            return chart.constraint(full, t, origin + multiply(dependent, d))
 
         def newton(_: Any, start: Array) -> tuple[Array, Array]:
             enough = limits.newton_converged * jnp.maximum(1, jnp.max(jnp.abs(origin)))
@@ -97,7 +98,7 @@ class ImplicitLift(AbstractLift):
             def renew(carry: Any) -> Any:
                 # A matrix costs as much as many steps.
                 d, step, inverse, count = carry
-                rows = chart.regular(jacobian(full, t, origin + multiply(dependent, d)))
+                rows = chart.jacobian(full, t, origin + multiply(dependent, d))
                 inverse = improve_inverse(inverse, multiply(rows, dependent))
 
                 def chord(carry: Any) -> Any:

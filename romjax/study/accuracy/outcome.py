@@ -11,7 +11,7 @@ import numpy as np
 from ...integrate.rodas5p import Rodas5P
 from ...integrate.status import Status
 from ...integrate.trajectory import Trajectory
-from ..compare import compare
+from ..compare import apart, compare
 
 
 class Outcome(NamedTuple):
@@ -41,10 +41,11 @@ def outcome_of(motion: Trajectory, reference: Trajectory) -> Outcome:
 def _history(motion: Trajectory, reference: Trajectory) -> np.ndarray:
     """‖M₀^½ (q̃ − q)(t)‖ of the first lane over the largest ‖M₀^½ (q − q₀)‖."""
     root = np.linalg.cholesky(reference.metric)
-    first = np.reshape(motion.q, (-1, *reference.q.shape))[0]
-    apart = np.linalg.norm((first - reference.q) @ root, axis=1)
-    reach = np.linalg.norm((reference.q - reference.q[:1]) @ root, axis=1)
-    history: np.ndarray = apart / (np.max(reach) or 1.0)
+    first = jnp.reshape(motion.q, (-1, *reference.q.shape))[0]
+    columns = reference.quaternions
+    errors, motions = (apart(reference.q, q, columns) for q in (first, reference.q[:1]))
+    error, reach = (np.linalg.norm(x @ root, axis=1) for x in (errors, motions))
+    history: np.ndarray = error / (np.max(reach) or 1.0)
     return history
 
 

@@ -8,8 +8,8 @@ from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..basis.basis import Basis
 from ..program import program_once
-from ..system.base import AbstractSystem, AbstractValidity, Run
-from ..system.flags import Flag
+from .base import AbstractSystem, AbstractValidity, Run
+from .flags import Flag
 
 # By how much of its width a motion may leave the training box on each side. Directions much
 # narrower than the widest one are allowed a thousandth of that.

@@ -1,0 +1,99 @@
+"""Of the quaternions of any length that turn a body alike, the one that a snapshot holds."""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from .subspace import leading
+
+# Cosine of half the angle from the mean turn up to which bodies are said to turn about it: 150°.
+# Farther away quaternions with p·p̄ = 1 grow without bounds.
+_FARTHEST = float(np.cos(np.radians(75)))
+
+
+class Turns(eqx.Module):
+    """The scale of quaternions, which means nothing to a mechanism in space, and much to a basis.
+
+    With p·p̄ = 1 the snapshots span just what a body turns by: one direction for a hinge whose axis
+    is fixed, where quaternions of unit length fill two. Bodies that turn farther than 150° from
+    their mean have quaternions of unit length instead, as all have that are not `affine`.
+
+    - `means` p̄ (bodies, 4): the mean turn of each body, zero for one that turns too far.
+    - `columns`: at which coordinate the quaternion of each body begins.
+    """
+
+    means: Float[Array, "bodies 4"]
+    columns: tuple[int, ...] = eqx.field(static=True)
+    affine: bool = eqx.field(static=True, default=True)
+
+    @classmethod
+    def of(
+        cls, q: Float[Array, "h n"], weights: Float[Array, " h"], columns: Sequence[int]
+    ) -> "Turns":
+        """About the mean turns of snapshots `q` with `weights`: p̄ is the eigenvector of Σ w p pᵀ
+        (Markley et al. 2007, doi:10.2514/1.28949), with the sign of the first snapshot.
+        """
+        means = jax.vmap(lambda p: _mean(p, weights), 1)(q[:, _table(columns)])
+        return cls(means, tuple(columns))
+
+    @property
+    def of_unit_length(self) -> "Turns":
+        """The same turns by quaternions of unit length, with the signs of their means."""
+        return Turns(self.means, self.columns, affine=False)
+
+    def __call__(
+        self, q: Float[Array, " n"], v: Float[Array, " n"]
+    ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+        """A configuration and its velocities, by the quaternions of this scale."""
+        scaled, rate = jax.jvp(self._scaled, (q,), (v,))
+        return scaled, rate
+
+    def stretching(
+        self, q: Float[Array, "h n"], v: Float[Array, "h n"], metric: Float[Array, "n n"]
+    ) -> Float[Array, ""]:
+        """The share of the square of the velocities, in the energy norm, by which quaternions
+        become longer: that of the kinetic energy which the equations of motion give to lengths.
+        """
+        table = _table(self.columns)
+        p, rate = q[:, table], v[:, table]
+        relative = jnp.sum(p * rate, axis=2) / jnp.sum(p**2, axis=2)
+        inertia = jnp.diagonal(metric)[table[:, 0]]
+        total = jnp.sum(v * (v @ metric))
+        return jnp.sum(inertia[None] * relative**2) / jnp.where(total > 0, total, 1)
+
+    def without_length(self, change: Float[Array, " n"]) -> Float[Array, " n"]:
+        """A change of coordinates that leaves p·p̄ as it is."""
+        table = _table(self.columns)
+        along = jnp.sum(change[table] * self.means, axis=1, keepdims=True)
+        return change.at[table].add(-along * self.means)
+
+    def _scaled(self, q: Float[Array, " n"]) -> Float[Array, " n"]:
+        table = _table(self.columns)
+        p = q[table]
+        along, length = jnp.sum(p * self.means, axis=1), jnp.sqrt(jnp.sum(p**2, axis=1))
+        if self.affine:
+            scale = jnp.where(self._too_far, length, along)
+        else:
+            scale = jnp.where(along < 0, -length, length)
+        return q.at[table].set(p / scale[:, None])
+
+    @property
+    def _too_far(self) -> Bool[Array, " bodies"]:
+        return jnp.all(self.means == 0, axis=1)
+
+
+def _mean(p: Float[Array, "h 4"], weights: Float[Array, " h"]) -> Float[Array, "4"]:
+    unit = p / jnp.linalg.norm(p, axis=1, keepdims=True)
+    vectors, _ = leading((unit * weights[:, None]).T, 1)
+    mean = vectors[:, 0]
+    cosine = unit @ mean
+    near = jnp.min(jnp.abs(cosine)) >= _FARTHEST
+    return jnp.where(near, jnp.where(cosine[0] < 0, -mean, mean), jnp.zeros_like(mean))
+
+
+def _table(columns: Sequence[int]) -> np.ndarray:
+    return np.array(columns)[:, None] + np.arange(4)
