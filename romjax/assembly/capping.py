@@ -81,7 +81,7 @@ def _following_rates(system: AssembledSystem) -> Float[Array, " n"]:
         unit = jnp.eye(len(own), dtype=q.dtype)
         # Nothing pushes the modes below the cap.
         matrix = jnp.where(share[:, None] > 0, slopes(impulses), unit)
-        step = jnp.linalg.solve(matrix, jnp.where(share > 0, jerk(impulses), impulses))
+        step: Array = jnp.linalg.solve(matrix, jnp.where(share > 0, jerk(impulses), impulses))
         return impulses - step
 
     impulses = jax.lax.fori_loop(0, _SWEEPS, better, jnp.zeros_like(share))
