@@ -11,6 +11,7 @@ from .analysis.linearization import linearize as linearize
 from .analysis.modes import Modes as Modes
 from .analysis.modes import modes as modes
 from .assembly.assemble import assemble as assemble
+from .assembly.capping import cap as cap
 from .assembly.closing import consistent_scene as consistent_scene
 from .basis.basis import Basis as Basis
 from .basis.decomposition.base import AbstractDecomposition as AbstractDecomposition
@@ -73,7 +74,6 @@ from .scene.body import sections as sections
 from .scene.body.base import AbstractBody as AbstractBody
 from .scene.body.beam import Beam as Beam
 from .scene.body.capped import CappedBody as CappedBody
-from .scene.body.capped import cap as cap
 from .scene.body.component_modes import craig_bampton as craig_bampton
 from .scene.body.component_modes import free_interface as free_interface
 from .scene.body.inertia import Inertia as Inertia

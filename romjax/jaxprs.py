@@ -25,8 +25,8 @@ _NAMES = (
     "population_count pow reduce_and reduce_max reduce_min reduce_or reduce_prod reduce_sum rem "
     "remat reshape rev round rsqrt scan scatter scatter-add select_if_vmap select_n shift_left "
     "shift_right_arithmetic shift_right_logical sign sin sinh slice split sqrt square squeeze "
-    "stack stop_gradient sub tan tanh transpose unstack unvmap_all unvmap_any unvmap_max while "
-    "xor "
+    "stack stop_gradient sub tan tanh tile transpose unstack unvmap_all unvmap_any unvmap_max "
+    "while xor "
 )
 _WRITTEN_OUT = frozenset(_NAMES.split())
 

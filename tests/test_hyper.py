@@ -12,6 +12,8 @@ from conftest import TIGHT
 from tolerances import DIFFERENCED, IDENTITY
 
 import romjax as rj
+from romjax import jaxprs
+from romjax.charts import choose
 from romjax.linalg.branches import Branches, Forest, inverted
 
 TS = jnp.linspace(0.0, 0.5, 41)
@@ -111,18 +113,20 @@ def test_energy_changes_by_the_power_of_the_dampers(rom):
 
 
 def test_other_numbers_need_no_new_sample(system, rom):
-    """And derivatives by a mass and a stiffness are right: reverse, forward and differences."""
+    """And derivatives of a run by a mass and a stiffness are right: reverse, forward and
+    differences.
+    """
 
     def tip(numbers):
-        full = rj.assemble(chain(numbers[0], numbers[1]))
-        other = rom.with_full(full)
-        z = jnp.array(rom.validity.upper)
-        return jnp.sum(other.acceleration(0.0, z, 0.3 * z)[0] * jnp.arange(1.0, 4.0))
+        other = rom.with_full(rj.assemble(chain(numbers[0], numbers[1])))
+        run = rj.simulate(other, TS[:9], solver=diffrax.Dopri8(), dt=5e-3)
+        return run.q[-1, -2] + run.v[-1, -1]
 
     numbers = jnp.array([1.1, 2.2])
     reverse = jax.jit(jax.grad(tip))(numbers)
-    forward = jax.jit(jax.jacfwd(tip))(numbers)
-    value, step = jax.jit(tip), 1e-4
+    with rj.forward_mode():
+        forward = jax.jit(jax.jacfwd(tip))(numbers)
+        value, step = jax.jit(tip), 1e-4
     differences = [
         (value(numbers + step * unit) - value(numbers - step * unit)) / (2 * step)
         for unit in np.eye(2)
@@ -132,6 +136,21 @@ def test_other_numbers_need_no_new_sample(system, rom):
     assert_close(differences, reverse, DIFFERENCED, scale)
     heavier = rom.with_full(rj.assemble(chain(1.1, 2.2)))
     np.testing.assert_array_equal(heavier.sample.weights[0], rom.sample.weights[0])
+
+
+def test_its_runs_are_functions_without_calls_of_a_library(rom):
+    """Each call would cost as much as a right-hand side."""
+    with rj.forward_mode():
+        run = jax.make_jaxpr(lambda ts: rj.simulate(rom, ts, **EXACT).q)(TS)
+    steps = [e for e in jaxprs.equations(run.jaxpr) if e.primitive.name == "while"]
+    inner = [e for loop in steps for e in jaxprs.equations(loop.params["body_jaxpr"].jaxpr)]
+    assert {e.primitive.name for e in inner if not jaxprs.is_written_out(e)} == set()
+    assert len(inner) > 100
+
+
+def test_a_chart_is_chosen_once(system, basis, monkeypatch):
+    monkeypatch.setattr(choose, "_best", None)
+    rj.reduce(system, basis, "minimal")
 
 
 def test_what_it_is_not_for_is_refused(system, basis, rom):

@@ -1,5 +1,7 @@
 """Scenes whose joints hold at the start."""
 
+from jaxtyping import Array, Float
+
 from ..scene.scene import Scene
 from ..system.consistent import consistent
 from .assemble import assemble
@@ -16,6 +18,11 @@ def consistent_scene(scene: Scene) -> Scene:
     """
     system = assemble(scene)
     q, v = consistent(system)
+    return started(scene, q, v)
+
+
+def started(scene: Scene, q: Float[Array, " n"], v: Float[Array, " n"]) -> Scene:
+    """The scene with another start."""
     columns, _ = columns_of(scene.bodies)
     own = [slice(columns[b.name][0], columns[b.name][-1] + 1) for b in scene.bodies]
     bodies = [body.started(q[at], v[at]) for body, at in zip(scene.bodies, own, strict=True)]

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Float
 
+from ..identity import Remembered
 from ..system.base import AbstractSystem
 from . import unit_length
 from .chart import Chart
@@ -31,14 +32,26 @@ class Candidate(NamedTuple):
     condition: float
 
 
+# By snapshots, since a basis and the models made with it ask for the same chart.
+_chosen = Remembered()
+
+
 def choose_chart(
     system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"]
 ) -> Candidate:
-    """The chart that suits all snapshots t, q of a motion best.
+    """The chart that suits all snapshots t, q of a motion best; remembered with them.
 
     One in closed form, where the columns of C_q that never change determine enough coordinates.
     Else the best of two kinds: single coordinates, and directions averaged over the motion.
     """
+    known = _chosen.get(q)
+    if known is None or known[0] is not system or known[1] is not t:
+        known = _chosen.put(q, (system, t, _best(system, t, q)))
+    best: Candidate = known[2]
+    return best
+
+
+def _best(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"]) -> Candidate:
     n = system.n
     total = unit_length.count(system)
     if total == 0:

@@ -53,36 +53,28 @@ class Rotations(eqx.Module):
 
 
 class SampledKinematics(eqx.Module):
-    """q_B(z) of some bodies: x + iy = c + L z + A e^{iθ_K}, θ_K and all else affine in z.
+    """q_B(z) = c + L z + C cos θ_K + S sin θ_K of some bodies, with angles θ_K affine in z.
 
-    - `affine`, `affine_slope` (a, r): of the affine coordinates. `offset`, `slope` (p, r): c and L
-      of positions. `coefficients` (p, 2 K): A, on cosines and sines. `angles` (K,), `turning`
-      (K, r): θ_K. `order`: affine coordinates and positions in the order of q_B.
+    - `offset` (p,), `slope` (p, r): c and L. `cosines`, `sines` (p, K): C and S, zero in the rows
+      of what is affine in z. `angles` (K,), `turning` (K, r): of θ_K.
     """
 
-    affine: Float[Array, " a"]
-    affine_slope: Float[Array, "a r"]
     offset: Float[Array, " p"]
     slope: Float[Array, "p r"]
-    coefficients: Float[Array, "p waves"]
+    cosines: Float[Array, "p K"]
+    sines: Float[Array, "p K"]
     angles: Float[Array, " K"]
     turning: Float[Array, "K r"]
-    order: tuple[int, ...] = eqx.field(static=True)
 
     def motion(self, z: Reduced, w: Reduced) -> Motion:
         """The motion of the sampled coordinates; see `AbstractLift.motion`."""
         angles, rates = self.angles + multiply(self.turning, z), multiply(self.turning, w)
-        c, s = jnp.cos(angles), jnp.sin(angles)
-        waves, squares = jnp.concatenate([c, s]), jnp.tile(rates**2, 2)
-        slopes = jnp.concatenate([-s[:, None] * self.turning, c[:, None] * self.turning])
-        columns = jnp.concatenate([waves[:, None], slopes, -(waves * squares)[:, None]], axis=1)
-        turned = multiply(self.coefficients, columns)
-        order, none = np.array(self.order, int), jnp.zeros_like(self.affine)
-        position = turned[:, 0] + self.offset + multiply(self.slope, z)
-        q = jnp.concatenate([self.affine + multiply(self.affine_slope, z), position])
-        tangent = jnp.concatenate([self.affine_slope, self.slope + turned[:, 1:-1]])[order]
-        bias = jnp.concatenate([none, turned[:, -1]])
-        return Motion(q[order], multiply(tangent, w), tangent, bias[order])
+        c, s, squares = jnp.cos(angles)[None], jnp.sin(angles)[None], (rates**2)[None]
+        # Sums over the angles: XLA would compute cosines again for each column of one product.
+        waves, slopes = self.cosines * c + self.sines * s, self.sines * c - self.cosines * s
+        q = self.offset + multiply(self.slope, z) + jnp.sum(waves, axis=1)
+        tangent = self.slope + multiply(slopes, self.turning)
+        return Motion(q, multiply(tangent, w), tangent, -jnp.sum(waves * squares, axis=1))
 
 
 @program_once
@@ -99,7 +91,6 @@ def sample_kinematics(
     zero, i h, hold all there is to know of them: A = h T.
     """
     pairs = np.array(turned, int).reshape(-1, 2)
-    affine = np.array([i for i in columns if i not in set(pairs.reshape(-1))], int)
     r, own = lift.inner.shape[1], np.array(rotations.angles, int)
     turns = np.isin(np.arange(len(lift.inner)), own)
     numbers = independent(lift)
@@ -118,27 +109,25 @@ def sample_kinematics(
     real = by_imaginary[:, 0] + by_real[:, 1]
     imaginary = by_imaginary[:, 1] - by_real[:, 0]
     centre = point - jnp.stack([all_turn[:, 1], -all_turn[:, 0]], axis=1)
-    rows = jnp.stack(
-        [jnp.concatenate([real, -imaginary], 1), jnp.concatenate([imaginary, real], 1)], axis=1
-    )
+    zero, sampled = jnp.zeros(r, level.dtype), np.array(rotations.sampled, int)
     others = jnp.where(turns[:, None], 0, lift.inner)
+    none = jnp.zeros((len(columns), len(sampled)), level.dtype)
+    at = np.array([columns.index(i) for i in pairs.reshape(-1)], int)
 
     def position(z: Array) -> Array:
-        return lift.position(system, lift.time, z)[affine]
+        return lift.position(system, lift.time, z)[np.array(columns, int)]
 
-    zero, sampled = jnp.zeros(r, level.dtype), np.array(rotations.sampled, int)
+    def placed(affine: Array, turning: Array) -> Array:
+        return affine.at[at].set(turning.reshape(at.size, *affine.shape[1:]))
+
     slope: Any = jax.jacfwd(position)
-    known = np.concatenate([affine, pairs.reshape(-1)])
-    order = tuple(int(np.flatnonzero(known == i)[0]) for i in columns)
     return SampledKinematics(
-        position(zero),
-        slope(zero),
-        centre.reshape(-1),
-        along(others.T).reshape(-1, r),
-        rows.reshape(pairs.size, -1),
+        placed(position(zero), centre),
+        placed(slope(zero), along(others.T)),
+        placed(none, jnp.stack([real, imaginary], axis=1)),
+        placed(none, jnp.stack([-imaginary, real], axis=1)),
         lift.offset[numbers[sampled]],
         lift.inner[sampled],
-        order,
     )
 
 

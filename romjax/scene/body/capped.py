@@ -13,7 +13,7 @@ from ..marker import Marker
 from ..scene import Scene
 from .base import AbstractBody, nameless
 
-__all__ = ["CappedBody", "cap"]
+__all__ = ["CappedBody", "with_caps"]
 
 
 class CappedBody(AbstractBody):
@@ -53,6 +53,11 @@ class CappedBody(AbstractBody):
     def foreshortens(self) -> bool:
         return self.body.foreshortens
 
+    @property
+    def excess(self) -> Float[Array, " modes"]:
+        """ω_i/ω_cap, one for modes below the cap."""
+        return jnp.maximum(self.body.natural_frequencies() / (2 * jnp.pi * self.cap), 1)
+
     def natural_frequencies(self) -> Float[Array, " modes"]:
         """Angular frequencies ω [rad/s] of the modes, none above the cap."""
         return jnp.minimum(self.body.natural_frequencies(), 2 * jnp.pi * self.cap)
@@ -67,8 +72,7 @@ class CappedBody(AbstractBody):
 
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         own = self.body.mass_matrix(q)
-        ratio = self.body.natural_frequencies() / (2 * jnp.pi * self.cap)
-        added = jnp.concatenate([jnp.zeros(self.frame_size, q.dtype), jnp.maximum(ratio**2 - 1, 0)])
+        added = jnp.concatenate([jnp.zeros(self.frame_size, q.dtype), self.excess**2 - 1])
         return own + (added if own.ndim == 1 else jnp.diag(added))
 
     def quadratic_velocity_force(
@@ -107,23 +111,8 @@ class CappedBody(AbstractBody):
         check_positive(owner, "cap", self.cap, "Give it in hertz.", SceneError)
 
 
-def cap(scene: Scene, hertz: Number) -> Scene:
-    """The scene with no mode of a body above `hertz` [Hz]: those that are faster get more mass.
-
-    What moves slowly keeps its motion, since stiffness and statics are exact; its error is that of
-    the inertia of deflections which follow their loads, (driving frequency / cap)². It needs no
-    training, and the time of a run no longer depends on how fast the fastest modes are. With two
-    caps, `extrapolate` gives a more accurate run and an estimate of the error. Not for impacts, nor
-    for vibrations above the cap that are wanted.
-
-    Known as selective mass scaling in explicit finite elements (Olovsson, Simonsson, Unosson, Int.
-    J. Numer. Meth. Engng 63, 1436, 2005); here by the modes of each body. Differentiable.
-
-    **Arguments:** a `scene` with bodies that deform; `hertz`, one cap for all.
-
-    Raises InputError for a scene without modes, and SceneError for a cap that is not positive or a
-    body whose modes are not orthonormal.
-    """
+def with_caps(scene: Scene, hertz: Number) -> Scene:
+    """The scene, from the same start, with no mode of a body above `hertz` [Hz]; see `cap`."""
     if not any(body.modes for body in scene.bodies):
         raise InputError("cap: no body of the scene deforms; there are no modes to cap.")
     bodies = [_capped(body, hertz) if body.modes else body for body in scene.bodies]

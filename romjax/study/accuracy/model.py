@@ -5,11 +5,12 @@ import functools
 from typing import Any
 
 from ...assembly.assemble import assemble
+from ...assembly.capping import following
 from ...assembly.disassemble import disassemble
 from ...assembly.locate import assembled
 from ...basis.basis import Basis
 from ...reduction.formulation.base import AbstractFormulation
-from ...scene.body.capped import cap
+from ...scene.body.capped import with_caps
 from ...system.base import AbstractSystem
 from ...system.reduced import AbstractReducedSystem
 from ..projected import ProjectedSystem
@@ -90,5 +91,5 @@ def capped(system: AbstractSystem, hertz: float) -> AbstractSystem:
 
     Raises InputError for a system without bodies, or without modes.
     """
-    slow = assemble(cap(disassemble(assembled("cap", system)), hertz))
-    return dataclasses.replace(slow, q0=system.q0, v0=system.v0)
+    slow = assemble(with_caps(disassemble(assembled("cap", system)), hertz))
+    return following(dataclasses.replace(slow, q0=system.q0, v0=system.v0))

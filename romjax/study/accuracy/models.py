@@ -16,7 +16,7 @@ from ...errors import InputError, RankError, ReductionError
 from ...integrate.trajectory import Trajectory
 from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.reduce import reduce
-from ...scene.body.capped import cap
+from ...scene.body.capped import with_caps
 from ...system.base import AbstractSystem
 from ...system.reduced import AbstractReducedSystem
 from ..projected import ProjectedSystem
@@ -93,7 +93,7 @@ def default_caps(system: AbstractSystem) -> list[float]:
     """
     try:
         scene = disassemble(assembled("accuracy", system))
-        cap(scene, 1.0)
+        with_caps(scene, 1.0)
     except InputError:  # no bodies, no modes, modes that are not orthonormal or capped already
         return []
     modes = [body.natural_frequencies() for body in scene.bodies if body.modes]
