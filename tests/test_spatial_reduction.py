@@ -1,4 +1,4 @@
-"""Reduction in space: bases of quaternions, minimal coordinates, local bases, and errors of turns."""
+"""Reduction in space: bases of quaternions, minimal coordinates, local bases, errors of turns."""
 
 import dataclasses
 
