@@ -35,7 +35,7 @@ class Turns(eqx.Module):
         cls, q: Float[Array, "h n"], weights: Float[Array, " h"], columns: Sequence[int]
     ) -> "Turns":
         """About the mean turns of snapshots `q` with `weights`: p̄ is the eigenvector of Σ w p pᵀ
-        (Markley et al. 2007, doi:10.2514/1.28949), with the sign of the first snapshot.
+        (Markley et al. 2007, doi:10.2514/1.28949), with its largest component positive.
         """
         means = jax.vmap(lambda p: _mean(p, weights), 1)(q[:, _table(columns)])
         return cls(means, tuple(columns))
@@ -90,9 +90,9 @@ def _mean(p: Float[Array, "h 4"], weights: Float[Array, " h"]) -> Float[Array, "
     unit = p / jnp.linalg.norm(p, axis=1, keepdims=True)
     vectors, _ = leading((unit * weights[:, None]).T, 1)
     mean = vectors[:, 0]
-    cosine = unit @ mean
-    near = jnp.min(jnp.abs(cosine)) >= _FARTHEST
-    return jnp.where(near, jnp.where(cosine[0] < 0, -mean, mean), jnp.zeros_like(mean))
+    near = jnp.min(jnp.abs(unit @ mean)) >= _FARTHEST
+    sign = jnp.sign(mean[jnp.argmax(jnp.abs(mean))])
+    return jnp.where(near, sign * mean, jnp.zeros_like(mean))
 
 
 def _table(columns: Sequence[int]) -> np.ndarray:

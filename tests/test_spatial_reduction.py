@@ -1,0 +1,194 @@
+"""Reduction in space: bases of quaternions, minimal coordinates, local bases, errors of turns."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tolerances import SOLVED
+
+import romjax as rj
+from romjax import spatial as r
+from romjax.basis.snapshots import SnapshotSet
+from romjax.linalg import quaternions
+
+TS = jnp.linspace(0.0, 1.0, 201)
+# The slider of Haug's spatial slider crank ("Computer-Aided Kinematics and Dynamics of Mechanical
+# Systems", 1989, pp. 396-401) after one second, from two integrations in 40 digits.
+SLIDER = 0.211721661393443778
+# Required of one minimal coordinate over several turns, and of an arm on starts held out.
+MINIMAL, HELD_OUT, FASTER = 1e-7, 1e-4, 5
+
+
+def bars(turn=(1.0, 0.0, 0.0, 0.0), own=(1.0, 0.0, 0.0, 0.0), length=1.0):
+    """Two bars on ball joints: the scene turned, other axes of the bodies, other quaternions."""
+    turn, own = (np.asarray(x) / np.linalg.norm(x) for x in (turn, own))
+    axes, spin = quaternions.matrix(own), np.array([2.0, 0.0, 1.0])
+
+    def moved(x):
+        return quaternions.rotate(turn, np.asarray(x, float))
+
+    links = [
+        r.RigidBody(
+            f"bar {i}",
+            1.0,
+            axes.T @ np.diag([0.02, 0.08, 0.09]) @ axes,
+            position=moved((0.5 + i, 0, 0)),
+            orientation=length * quaternions.product(turn, own),
+            velocity=moved(np.cross(spin, (0.5 + i, 0, 0))),
+            angular_velocity=moved(spin),
+        )
+        for i in range(2)
+    ]
+    low, high = axes.T @ (-0.5, 0, 0), axes.T @ (0.5, 0, 0)
+    joints = [
+        r.Spherical(links[0].at(low), rj.ground.at((0, 0, 0))),
+        r.Spherical(links[1].at(low), links[0].at(high)),
+    ]
+    return rj.assemble(rj.Scene(links, joints, [rj.Gravity(moved((0, 0, -9.81)))]))
+
+
+def swung(system):
+    return rj.simulate(system, TS, rtol=1e-11, atol=1e-13)
+
+
+@pytest.fixture(scope="module")
+def swing():
+    """Two bars that turn up to 121° from their mean."""
+    return swung(bars())
+
+
+def ranks(snapshots):
+    values = np.asarray(rj.pod(snapshots).values)
+    return [int(np.sum(values > tol * values[0])) for tol in (1e-2, 1e-6, 1e-8)]
+
+
+def test_bases_hold_the_freedoms_of_bodies(swing):
+    """Six for each body, where quaternions of unit length fill seven directions."""
+    scaled = SnapshotSet.of(swing)
+    unit = dataclasses.replace(scaled, q=swing.q, v=swing.v, turns=None)
+    turns = np.r_[3:7, 10:14]
+    assert ranks(scaled)[1:] == [12, 12]
+    assert ranks(unit)[1:] == [14, 14]
+    assert ranks(scaled.of_coordinates(turns)) == [5, 6, 6]
+    assert ranks(unit.of_coordinates(turns)) == [5, 8, 8]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"turn": (0.3, -0.5, 0.7, 0.2)},
+        {"own": (0.2, 0.9, -0.4, 0.1)},
+        {"length": 0.1},
+        {"length": -10.0},
+    ],
+)
+def test_a_basis_knows_neither_axes_nor_lengths(swing, change):
+    run = swung(bars(**change))
+    for decompose in (rj.pod, rj.sod):
+        wanted, found = (decompose(motion, rank=6).spectrum for motion in (swing, run))
+        assert np.max(np.abs(found - wanted)) <= SOLVED * wanted[0]
+    if "length" in change:
+        assert rj.compare(swing, run).error <= SOLVED
+        modes = (rj.pod(motion, rank=6).modes for motion in (swing, run))
+        assert np.max(np.abs(np.subtract(*modes))) <= 1e3 * SOLVED
+
+
+def test_errors_are_angles_between_turns(swing):
+    """By 0.01 rad, whatever the lengths and signs."""
+    off = quaternions.product(swing.q[:, 3:7], jnp.array([[np.cos(0.005), np.sin(0.005), 0, 0]]))
+    other = dataclasses.replace(swing, q=swing.q.at[:, 3:7].set(-3 * off))
+    comparison = rj.compare(swing, other)
+    cosine = np.abs(np.sum(np.asarray(swing.q[:, 3:7] * swing.q[:1, 3:7]), axis=1))
+    wanted = 0.01 / np.max(2 * np.arccos(np.minimum(cosine, 1)))
+    assert np.allclose(comparison.per_coordinate[3:7], wanted, rtol=1e-6)
+    assert np.all(comparison.per_coordinate[7:] == 0)
+
+
+def test_subspaces_of_far_turns_are_refused(swing):
+    with pytest.raises(rj.ReductionError, match=r"turn too far.*Minimal.*Local"):
+        rj.reduce(bars(), rj.pod(swing, rank=6))
+
+
+def slider_crank():
+    """Haug's: a hinge, a ball, a universal joint and a slide."""
+    pivot, tip, slider = np.array([0, 0.1, 0.12]), np.array([0, 0.1, 0.2]), np.array([0.2, 0, 0])
+    spin, slide, x = np.array([6.0, 0, 0]), np.array([0.24, 0, 0]), (1.0, 0, 0)
+    along = (tip - slider) / 0.3
+    across = np.cross(along, x) / np.linalg.norm(np.cross(along, x))
+    turn = np.stack([along, np.cross(across, along), across], axis=1)
+    fast = np.cross(spin, tip - pivot)
+    crank = r.RigidBody(
+        "crank",
+        0.12,
+        (1e-4, 1e-4, 1e-5),
+        position=(pivot + tip) / 2,
+        velocity=fast / 2,
+        angular_velocity=spin,
+    )
+    rod = r.RigidBody(
+        "rod",
+        0.5,
+        (4e-4, 4e-3, 4e-3),
+        position=(tip + slider) / 2,
+        orientation=turn,
+        velocity=(fast + slide) / 2,
+        angular_velocity=(1.92, -0.96, 0.48),
+    )
+    block = r.RigidBody("slider", 2.0, (1e-4,) * 3, position=slider, velocity=slide)
+    joints = [
+        r.Revolute(crank.at((0, 0, -0.04), axis=x), rj.ground.at(pivot, axis=x)),
+        r.Spherical(rod.at((0.15, 0, 0)), crank.at((0, 0, 0.04))),
+        r.Universal(block.at((0, 0, 0), axis=x), rod.at((-0.15, 0, 0), axis=(0, 0, 1))),
+        r.Prismatic(block.at((0, 0, 0), axis=x), rj.ground.at((0, 0, 0), axis=x)),
+    ]
+    return rj.assemble(rj.Scene([crank, rod, block], joints, [rj.Gravity((0, 0, -9.81))]))
+
+
+@pytest.mark.slow
+def test_a_slider_crank_has_one_minimal_coordinate():
+    """Over nearly two turns of the crank, in several charts."""
+    system = slider_crank()
+    motion = rj.simulate(system, TS, rtol=1e-10)
+    rom = rj.reduce(system, rj.pod(motion), "minimal")
+    assert (rom.n, rom.m) == (1, 0)
+    run = rj.simulate(rom, TS, rtol=1e-10)
+    assert rj.compare(motion, run).error <= MINIMAL
+    assert abs(run.q[-1, 14] - SLIDER) <= MINIMAL
+    assert run.is_valid
+
+
+def arm(tilt=0.0, spin=0.0):
+    """Two beams on hinges that are not parallel, about to fall."""
+    turn = np.array([np.cos(tilt / 2), 0, np.sin(tilt / 2), 0])
+    links = []
+    for i in range(2):
+        position = quaternions.rotate(turn, np.array([0.5 + i, 0, 0]))
+        start = {"velocity": np.cross((0, spin, 0), position), "angular_velocity": (0, spin, 0)}
+        inertia = (1e-3, 1 / 12, 1 / 12)
+        elastic = {"EI": 20.0, "bending": 6, "GJ": 8.0, "torsion": 2}
+        place = {"position": position, "orientation": turn}
+        links.append(r.Beam(f"link {i}", 1.0, 1.0, inertia, **elastic, **place, **start))
+    y, skew = (0, 1.0, 0), (0, 1.0, 1.0)
+    low, high = (-0.5, 0, 0), (0.5, 0, 0)
+    joints = [
+        r.Revolute(links[0].at(low, axis=y), rj.ground.at((0, 0, 0), axis=y)),
+        r.Revolute(links[1].at(low, axis=skew), links[0].at(high, axis=skew)),
+    ]
+    return rj.assemble(rj.Scene(links, joints, [rj.Gravity((0, 0, -9.81))]))
+
+
+@pytest.mark.slow
+def test_an_arm_in_local_bases_on_starts_held_out():
+    system, ts = arm(), TS[:101]
+    rom = rj.reduce(system, rj.pod(rj.simulate(system, ts, rtol=1e-8)), rj.Local(ranks=(9, 8)))
+    others = [arm(0.4, -0.5), arm(-0.3, 1.0)]
+    starts = [rom.restrict(other.q0, other.v0) for other in others]
+    q0, v0 = (jnp.stack(x) for x in zip(*starts, strict=True))
+    batch = jax.vmap(lambda q, v: rj.simulate(rom, ts, q0=q, v0=v, rtol=1e-6, throw=False))(q0, v0)
+    for lane, other in enumerate(others):
+        truth = rj.simulate(other, ts, rtol=1e-8)
+        run = jax.tree.map(lambda x, i=lane: x[i], batch)
+        assert rj.compare(truth, run).error <= HELD_OUT
+        assert FASTER * run.stats.num_steps <= truth.stats.num_steps
