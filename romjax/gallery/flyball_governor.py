@@ -34,7 +34,9 @@ def flyball_governor(
     momentum stays.
     """
     top, down = np.array([0.0, 0.0, 1.0]), math.radians(30)
-    shaft = rod("shaft", (0, 0, 0), top, _DENSITY * _EDGE**2, _EDGE, angular_velocity=speed * top)
+    shaft = rod(
+        "shaft", (0.0, 0.0, 0.0), top, _DENSITY * _EDGE**2, _EDGE, angular_velocity=speed * top
+    )
     cube = 1000 * _DENSITY * 1e-6
     slider = RigidBody(
         "slider",
