@@ -2,7 +2,9 @@
 
 import math
 
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from ..arrays import Number
 from ..scene.body.spatial.rigid import RigidBody
@@ -91,8 +93,8 @@ def _arm(name: str, top: np.ndarray, tip: np.ndarray, ball: Number, speed: Numbe
     )
 
 
-def _with_ball(line: np.ndarray, radius: float) -> np.ndarray:
+def _with_ball(line: Float[Array, "2 3"], radius: float) -> Float[Array, "points 3"]:
     """A line with circles in two planes around its end."""
     angle = np.linspace(0.0, 2 * np.pi, 25)
     around = radius * np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
-    return np.concatenate([line, line[1:] + around, line[1:] + around[:, [1, 0, 2]], line[1:]])
+    return jnp.concatenate([line, line[1:] + around, line[1:] + around[:, [1, 0, 2]], line[1:]])
