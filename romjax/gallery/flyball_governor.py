@@ -79,7 +79,7 @@ def _arm(name: str, top: np.ndarray, tip: np.ndarray, ball: Number, speed: Numbe
     across = bare.mass * (centre - 0.5) ** 2 + ball * (1 - centre) ** 2
     position = top + centre * (tip - top)
     spin = np.array([0.0, 0.0, 1.0]) * speed
-    line = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) - centre * np.array([[0.0, 0.0, 1.0]])
+    line = jnp.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) - centre * np.array([[0.0, 0.0, 1.0]])
     return RigidBody(
         name,
         mass,
