@@ -197,6 +197,15 @@ def test_a_page_of_ten_seconds_is_small():
     assert len(page.encode()) < SIZE
 
 
+def test_a_page_of_space_is_small_too():
+    """Three coordinates of each point, of bodies that turn freely."""
+    many = rj.gallery.ball_chain(16)
+    page = rj.animate(many, motion(many, 0.3, end=10.0, count=1001), view=(0.1, 0.2)).html()
+    told = data(page)
+    assert (told["dimension"], told["frames"], told["view"]) == (3, 600, [0.1, 0.2])
+    assert len(page.encode()) < SIZE
+
+
 def test_the_page_needs_nothing_else(moving):
     """No address of anything, and names cannot end what they stand in."""
     page = moving.html()

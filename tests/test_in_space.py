@@ -80,7 +80,9 @@ def four_bar() -> rj.Scene:
 SCENES = {"all parts": all_parts, "driven": driven, "four bar": four_bar}
 GALLERY = {e.name: e for e in rj.gallery.catalogue.EXAMPLES}
 RIGID = [
-    name for name, example in GALLERY.items() if all(b.modes == 0 for b in example.make().bodies)
+    name
+    for name, example in GALLERY.items()
+    if all(b.dimension == 2 and b.modes == 0 for b in example.make().bodies)
 ]
 
 

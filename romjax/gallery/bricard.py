@@ -2,6 +2,8 @@
 
 import itertools
 
+import numpy as np
+
 from ..arrays import Number
 from ..scene.effect.gravity import Gravity
 from ..scene.joint.spatial.revolute import Revolute
@@ -27,7 +29,7 @@ def bricard(
     A04 of the IFToMM library of computational benchmark problems (González, Dopico, Lugrís and
     Cuadrado, "A benchmarking system for MBS simulation software", Multibody Syst. Dyn. 16, 2006).
     """
-    corners = [tuple(edge * x for x in corner) for corner in _CORNERS]
+    corners = edge * np.array(_CORNERS)
     rods = [
         rod(f"rod{i + 1}", a, b, mass, thickness)
         for i, (a, b) in enumerate(itertools.pairwise(corners))

@@ -65,7 +65,7 @@ class Example:
 EXAMPLES = (
     Example(
         "cart-pendulum",
-        "the chapter's cart on a rail with a flexible pendulum",
+        "the chapter's cart with a flexible pendulum",
         cart_pendulum,
         freedoms=4,
         pod_rank=6,
@@ -73,16 +73,16 @@ EXAMPLES = (
         published_savings={"POD": 0.12, "SOD": 0.30},  # section 39.4.2, by six and by five modes
         published_ranks=(5, 6),
     ),
-    Example("chain", "eight bars hinged end to end, falling from the level", chain, freedoms=8),
+    Example("chain", "eight hinged bars, falling from the level", chain, freedoms=8),
     Example(
         "double-pendulum", "two bars from high up: chaos", double_pendulum, 10.0, 50.0, freedoms=2
     ),
     Example(
-        "four-bar", "driven crank, coupler and rocker with dead points", four_bar, 3.0, freedoms=0
+        "four-bar", "driven crank, coupler, rocker with dead points", four_bar, 3.0, freedoms=0
     ),
     Example(
         "slider-crank",
-        "Simeon's published slider crank with a flexible rod",
+        "Simeon's slider crank with a flexible rod",
         slider_crank,
         0.1,
         2000.0,
@@ -136,7 +136,7 @@ EXAMPLES = (
     Example("wing-nut", "a free body flips over and over", wing_nut, 10.0, 20.0, freedoms=6),
     Example(
         "spatial-slider-crank",
-        "Haug's crank, ball joint, rod, universal joint and slider",
+        "Haug's slider crank on four kinds of joints",
         spatial_slider_crank,
         freedoms=1,
     ),

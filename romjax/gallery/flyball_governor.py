@@ -2,7 +2,9 @@
 
 import math
 
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from ..arrays import Number
 from ..scene.body.spatial.rigid import RigidBody
@@ -34,7 +36,9 @@ def flyball_governor(
     momentum stays.
     """
     top, down = np.array([0.0, 0.0, 1.0]), math.radians(30)
-    shaft = rod("shaft", (0, 0, 0), top, _DENSITY * _EDGE**2, _EDGE, angular_velocity=speed * top)
+    shaft = rod(
+        "shaft", (0.0, 0.0, 0.0), top, _DENSITY * _EDGE**2, _EDGE, angular_velocity=speed * top
+    )
     cube = 1000 * _DENSITY * 1e-6
     slider = RigidBody(
         "slider",
@@ -75,7 +79,7 @@ def _arm(name: str, top: np.ndarray, tip: np.ndarray, ball: Number, speed: Numbe
     across = bare.mass * (centre - 0.5) ** 2 + ball * (1 - centre) ** 2
     position = top + centre * (tip - top)
     spin = np.array([0.0, 0.0, 1.0]) * speed
-    line = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) - centre * np.array([0.0, 0.0, 1.0])
+    line = jnp.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) - centre * np.array([[0.0, 0.0, 1.0]])
     return RigidBody(
         name,
         mass,
@@ -89,8 +93,8 @@ def _arm(name: str, top: np.ndarray, tip: np.ndarray, ball: Number, speed: Numbe
     )
 
 
-def _with_ball(line: np.ndarray, radius: float) -> np.ndarray:
+def _with_ball(line: Float[Array, "2 3"], radius: float) -> Float[Array, "points 3"]:
     """A line with circles in two planes around its end."""
     angle = np.linspace(0.0, 2 * np.pi, 25)
     around = radius * np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
-    return np.concatenate([line, line[1:] + around, line[1:] + around[:, [1, 0, 2]], line[1:]])
+    return jnp.concatenate([line, line[1:] + around, line[1:] + around[:, [1, 0, 2]], line[1:]])

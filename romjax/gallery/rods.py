@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Number, Vector
+from ..arrays import Number, Vector, as_array, untraced
 from ..linalg import quaternions
 from ..scene.body.base import AbstractBody
 from ..scene.body.spatial.rigid import RigidBody
@@ -36,7 +36,5 @@ def rod(
 
 def towards(body: AbstractBody, point: Vector | str, axis: Vector) -> Marker:
     """The marker of a body whose z axis is along an `axis` of space at the start."""
-    turn = np.asarray(body.start()[0][3:7])
-    return body.at(
-        point, axis=quaternions.rotate(quaternions.conjugate(turn), np.array(axis, float))
-    )
+    turn, along = untraced(body.start()[0][3:7], as_array(axis))
+    return body.at(point, axis=quaternions.rotate(quaternions.conjugate(turn), along))

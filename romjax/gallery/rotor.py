@@ -61,4 +61,5 @@ def _disc(span: float, radius: float, unbalance: float) -> np.ndarray:
     centre = np.zeros((1, 3))
     spokes = [np.concatenate([centre, rim[k : k + 9], centre]) for k in (0, 8, 16, 24)]
     shaft = np.array([[0.0, 0.0, -span / 2], [0.0, 0.0, span / 2], [0.0, 0.0, 0.0]])
-    return np.concatenate([shaft, *spokes]) - np.array([unbalance, 0.0, 0.0])
+    path: np.ndarray = np.concatenate([shaft, *spokes]) - np.array([unbalance, 0.0, 0.0])
+    return path

@@ -22,9 +22,8 @@ def satellite(
 ) -> Scene:
     """A cube in free flight with two panels along y, which thrusters set in rotation about z.
 
-    The panels are upright, so that the rotation bends them where they are soft. While they swing,
-    the angular momentum is the torque times its time, 1 s; once they have come to rest by their
-    damping, all turns as one body at the rate (torque · time) / (sum of the moments of inertia).
+    The panels are upright, so that the rotation bends them where they are soft, and they swing on
+    against the hub. The angular momentum stays at the torque times its time, 1 s.
     """
     hub = RigidBody("hub", mass, (mass / 6,) * 3, extent=(1.0, 1.0, 1.0))
     panels, joints = list[Beam](), list[Weld]()

@@ -36,7 +36,7 @@ def spatial_arm(
     foot, yaw = column.at((0.0, 0.0, -0.2)), ground.at((0.0, 0.0, 0.0))
     joints: list[Revolute | Weld] = [Revolute(foot, yaw, name="yaw")]
     drives = [Motor(foot, yaw, Step(1.2, 0.0, 1.0), proportional, derivative)]
-    carrier, reached = (column, (0.0, 0.0, 0.2)), column.pose((0.0, 0.0, 0.2))
+    wrist, reached = column.at((0.0, 0.0, 0.2), axis=_LIFT), column.pose((0.0, 0.0, 0.2))
     for i, (length, mass) in enumerate(zip(lengths, masses, strict=True)):
         section = np.array([0.05**2 / 6, 0.05**2 / 12, 0.05**2 / 12])
         link = Beam(
@@ -50,15 +50,14 @@ def spatial_arm(
             torsion=1,
             damping=0.02,
         ).placed("start", reached)
-        a, b = link.at("start", axis=_LIFT), carrier[0].at(carrier[1], axis=_LIFT)
-        joints.append(Revolute(a, b, name=("shoulder", "elbow")[i]))
+        foot = link.at("start", axis=_LIFT)
+        joints.append(Revolute(foot, wrist, name=("shoulder", "elbow")[i]))
         share = 1 / (1 + 2 * i)
-        drives.append(
-            Motor(a, b, Step((0.6, 0.5)[i], 0.2, 1.0), proportional * share, derivative * share)
-        )
+        target = Step((0.6, 0.5)[i], 0.2, 1.0)
+        drives.append(Motor(foot, wrist, target, proportional * share, derivative * share))
         bodies.append(link)
-        carrier, reached = (link, "end"), link.pose("end")
+        wrist, reached = link.at("end", axis=_LIFT), link.pose("end")
     grip = RigidBody("load", load, (2e-3,) * 3, extent=(0.1,) * 3).placed((0.0, 0.0, 0.0), reached)
-    joints.append(Weld(grip.at((0.0, 0.0, 0.0)), bodies[-1].at("end"), name="grip"))
+    joints.append(Weld(grip.at((0.0, 0.0, 0.0), axis=_LIFT), wrist, name="grip"))
     effects = [Gravity((0.0, 0.0, -9.81)), *drives]
     return Scene(bodies=[*bodies, grip], joints=joints, effects=effects)

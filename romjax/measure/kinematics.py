@@ -29,7 +29,7 @@ class Measurement(eqx.Module):
     located: Located
 
     @property
-    def position(self) -> Float[Array, "k 2"]:
+    def position(self) -> Float[Array, "k d"]:
         """Position [m], in the inertial frame or in that of the second marker."""
         return self._pose().position
 
@@ -41,7 +41,7 @@ class Measurement(eqx.Module):
         return self._pose().angle
 
     @property
-    def velocity(self) -> Float[Array, "k 2"]:
+    def velocity(self) -> Float[Array, "k d"]:
         """Rate of the position [m/s]."""
         return self._rate().position
 
@@ -51,7 +51,7 @@ class Measurement(eqx.Module):
         return self._rate().angle
 
     @property
-    def acceleration(self) -> Float[Array, "k 2"]:
+    def acceleration(self) -> Float[Array, "k d"]:
         """Rate of the velocity [m/s²], by the equations of motion without stabilisation."""
         return self._second_rate().position
 

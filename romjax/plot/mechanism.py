@@ -108,6 +108,5 @@ def stage(axes: Axes, box: np.ndarray, view: View | None = None) -> None:
     for name, way in zip("xyz", picture_axes(view).T, strict=True):
         tip = foot + length * way
         axes.plot(*np.stack([foot, tip], axis=1), color=GREY, linewidth=0.8)
-        axes.text(
-            *(foot + 1.4 * length * way), name, color=GREY, ha="center", va="center", fontsize=SMALL
-        )
+        x, y = foot + 1.4 * length * way
+        axes.text(x, y, name, color=GREY, ha="center", va="center", fontsize=SMALL)

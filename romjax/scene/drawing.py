@@ -55,7 +55,8 @@ def normals(along: Float[Array, " d"]) -> Float[Array, "less d"]:
     oblique, *others = jnp.asarray(_OBLIQUE, along.dtype)
     units, cosine = jnp.stack(others), 1 + oblique @ along
     share = units @ along / jnp.where(cosine > 0, cosine, 1.0)
-    return units - share[:, None] * (oblique + along)[None]
+    across: Float[Array, "less d"] = units - share[:, None] * (oblique + along)[None]
+    return across
 
 
 def hatched(origin: tuple[float, ...], size: float) -> Float[np.ndarray, "points d"]:
@@ -140,7 +141,7 @@ def turning_arrow(size: Float[Array, ""], sense: Float[Array, ""]) -> Float[Arra
 def box(pose: Pose, size: Float[Array, ""]) -> Points:
     """A slider that is longer along the axis on which markers slide: x in the plane, z in space."""
     if pose.dimension == 3:
-        return placed(pose, cuboid(np.array([1.2, 1.2, 2.0]) * size))
+        return placed(pose, cuboid(jnp.array([1.2, 1.2, 2.0], size.dtype) * size))
     corners = np.array([(-1, -0.6), (1, -0.6), (1, 0.6), (-1, 0.6), (-1, -0.6)])
     return placed(pose, corners * size)
 

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ...analysis.modes import Modes
+from ...assembly.counting import bodies_coordinates
 from ...assembly.disassemble import disassemble
 from ...assembly.locate import assembled
 from ...errors import InputError
@@ -133,7 +134,10 @@ def _check(scene: Scene, first: Trajectory, name: str, run: Trajectory) -> None:
         raise InputError(_batch(owner, run))
     wanted = [c.label for body in scene.bodies for c in body.coordinates()]
     given = list(run.labels)
-    if given != wanted:
+    # Behind those of the bodies there may be counters of turns.
+    parts = (*scene.joints, *scene.effects)
+    shown = bodies_coordinates(parts, np.asarray(run.q), len(wanted)).shape[1]
+    if given[:shown] != wanted:
         alien = next((x for x in given if x not in wanted), f"{len(given)} of them")
         raise InputError(
             f"{owner} has other coordinates than the scene, {alien}: the bodies of the scene "

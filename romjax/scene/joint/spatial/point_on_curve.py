@@ -41,10 +41,14 @@ class PointOnCurve(AbstractJoint):
         del t
         a, b = poses
         point = b.local(a.position)
-        flat = isinstance(self.curve, AbstractCurve)
-        track = placed(b, self.curve.outline(point[:2] if flat else point, size))
-        endless = not flat or self.curve.endless
-        return Outline(track, "track", endless=endless), Outline(a.position[None], "hinge")
+        if isinstance(self.curve, AbstractCurve):
+            track, endless = self.curve.outline(point[:2], size), self.curve.endless
+        else:
+            track, endless = self.curve.outline(point, size), True
+        return (
+            Outline(placed(b, track), "track", endless=endless),
+            Outline(a.position[None], "hinge"),
+        )
 
     def check(self) -> None:
         super().check()
