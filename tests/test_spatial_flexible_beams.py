@@ -272,8 +272,8 @@ def test_fewer_modes_and_capped_ones():
     assert np.all(capped.natural_frequencies() <= 2 * np.pi * hertz * (1 + IDENTITY))
 
 
-def test_jacobian_of_stiffened_beams():
-    """Joints see bending, turns of sections and foreshortening: C_q is the derivative of C."""
+def arm(effects=()):
+    """Two stiffened beams on hinges that are not parallel."""
     size = {"bending": 2, "GJ": 1.0, "torsion": 1, "stiffening": True}
     first, second = (
         dataclasses.replace(beam(**size, position=(x, 0.0, 0.0)), name=name)
@@ -284,7 +284,21 @@ def test_jacobian_of_stiffened_beams():
         spatial.Revolute(first.at("start", axis=up), rj.ground.at((0.0, 0.0, 0.0), axis=up)),
         spatial.Revolute(second.at("start", axis=aslant), first.at("end", axis=aslant)),
     ]
-    system = rj.assemble(rj.Scene([first, second], joints))
+    return rj.assemble(rj.Scene([first, second], joints, effects))
+
+
+@pytest.mark.slow
+def test_an_arm_that_falls_keeps_its_energy():
+    system = arm([rj.Gravity((0.0, 0.0, -9.81))])
+    run = rj.simulate(system, np.linspace(0.0, 0.2, 5), rtol=1e-10, atol=1e-12)
+    energy = rj.energy(system, run)
+    assert_close(energy.balance, np.zeros(5), SOLVED, np.max(energy.kinetic))
+    assert np.max(energy.elastic) > 1e-3 * np.max(energy.kinetic)
+
+
+def test_jacobian_of_stiffened_beams():
+    """Joints see bending, turns of sections and foreshortening: C_q is the derivative of C."""
+    system = arm()
     q = system.q0 + 0.1 * jax.random.normal(jax.random.key(1), (system.n,))
 
     @jax.jit
@@ -294,6 +308,62 @@ def test_jacobian_of_stiffened_beams():
     found, wanted = both(q)
     assert np.max(np.abs(system.constraint(0.0, system.q0))) <= IDENTITY
     assert_close(found, wanted, 10 * IDENTITY, np.max(np.abs(wanted)))
+
+
+@pytest.mark.parametrize(
+    ("section", "turned"),
+    [
+        (rj.sections.Rectangle(0.02, 0.03), rj.sections.Rectangle(0.03, 0.02)),
+        (rj.sections.Box(0.02, 0.03, 0.002), rj.sections.Box(0.03, 0.02, 0.002)),
+        (rj.sections.Rod(0.02), rj.sections.Rod(0.02)),
+        (rj.sections.Tube(0.02, 0.003), rj.sections.Tube(0.02, 0.003)),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_sections_that_are_turned(section, turned):
+    """A quarter turn swaps the second moments and leaves torsion as it is."""
+    assert_close(section.second_moment_y, turned.second_moment, IDENTITY, turned.second_moment)
+    assert_close(
+        section.torsion_constant, turned.torsion_constant, IDENTITY, turned.torsion_constant
+    )
+
+
+def test_torsion_constants():
+    """Of a square 0.1406 a⁴ (Timoshenko and Goodier, section 109), of a strip b t³ / 3 less
+    0.21 t⁴; of a thin ring what Bredt says; of an I two flanges and a web.
+    """
+    assert_close(rj.sections.Rectangle(1.0, 1.0).torsion_constant, 0.140577, 1e-6)
+    strip = rj.sections.Rectangle(20.0, 1.0).torsion_constant
+    assert_close(strip, (20 - 0.63025) / 3, 1e-5, strip)
+    ring = rj.sections.Tube(1.0, 1e-4).torsion_constant
+    assert_close(ring, np.pi * 1e-4 / 4, 1e-3, ring)
+    profile = rj.sections.IProfile(0.02, 0.03, flange=0.004, web=0.003)
+    assert_close(profile.torsion_constant, (0.04 * 0.004**3 + 0.022 * 0.003**3) / 3, IDENTITY)
+    own = (2 * 0.004 * 0.02**3 + 0.022 * 0.003**3) / 12
+    assert_close(profile.second_moment_y, own, IDENTITY)
+
+
+def test_a_section_by_its_numbers():
+    section = rj.sections.Section(A=2e-4, I_y=3e-9, I_z=4e-9, J=1e-9)
+    material = {"density": 7800.0, "modulus": 2e11}
+    body = spatial.Beam.of_section(
+        "beam", 0.5, section, **material, shear_modulus=8e10, bending=1, torsion=1, extension=1
+    )
+    assert_close(body.EI, [600.0, 800.0], IDENTITY, 800.0)
+    assert_close(body.GJ, 80.0, IDENTITY, 80.0)
+    assert_close(body.EA, 4e7, IDENTITY, 4e7)
+    thin = 7800 * 0.5 * (2e-4 * 0.5**2 / 12 + np.array([3e-9, 4e-9]))
+    assert_close(body.inertia, [7800 * 0.5 * 7e-9, *thin], IDENTITY, thin[0])
+    with pytest.raises(rj.SceneError, match="torsion needs the shear_modulus"):
+        spatial.Beam.of_section("beam", 0.5, section, **material, torsion=1)
+
+
+def test_a_section_of_the_plane_is_refused():
+    class Own(rj.sections.AbstractSection):
+        area = second_moment = 1.0
+
+    with pytest.raises(rj.SceneError, match="'Own' has no second_moment_y; beams in space need it"):
+        spatial.Beam.of_section("beam", 0.5, Own(), density=1.0, modulus=1.0)
 
 
 # The Princeton beam (Dowell and Traybar 1975): aluminium, on edge, with a load at its tip.
