@@ -107,7 +107,10 @@ def test_what_is_absent_is_zero():
     [
         ({"mass": np.nan}, "'x': inertia.mass is nan"),
         ({"moment": np.eye(2)}, "'x': inertia.moment has shape"),
-        ({"moment": np.eye(3) + np.eye(3, k=1)}, "'x': inertia.moment is not symmetric.*by 1"),
+        (
+            {"moment": np.eye(3) + np.eye(3, k=1)},
+            "'x': inertia.moment, or modal, is not symmetric.*by 1",
+        ),
         ({"moment": -np.eye(3)}, "'x': its mass matrix is not positive definite"),
         ({"shift": np.full((3, 2), 9.0)}, "'x': its mass matrix is not positive definite"),
         ({"gyration": np.zeros((2, 2))}, "'x': inertia.gyration has shape"),

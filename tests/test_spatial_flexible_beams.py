@@ -15,7 +15,9 @@ from tolerances import DIFFERENCED, IDENTITY, SOLVED
 import romjax as rj
 from romjax import spatial
 from romjax.linalg import quaternions
+from romjax.scene.body.capped import CappedBody
 from romjax.scene.body.modes import bending_roots
+from romjax.scene.body.reduced import ReducedBody
 from romjax.scene.body.spatial.free_modes import free_modes
 
 LENGTH, MASS, EI = 1.3, 0.7, 3.0
@@ -231,3 +233,40 @@ def test_critical_speeds_of_an_overhung_disc():
 def test_impossible_beams_are_refused(change, words):
     with pytest.raises(rj.SceneError, match=words):
         beam(**change)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    """A robot arm of two stiffened beams on hinges, which falls."""
+    size = {"EI": 2.0, "bending": 3, "GJ": 1.0, "torsion": 1, "stiffening": True}
+    first, second = (
+        spatial.Beam(
+            name, 0.5, 1.0, (1e-3, 0.06, 0.06), position=(x, 0.0, 0.0), damping=0.01, **size
+        )
+        for name, x in (("first", 0.5), ("second", 1.5))
+    )
+    joints = [
+        spatial.Revolute(
+            first.at("start", axis=(0, 1, 0)), rj.ground.at((0, 0, 0), axis=(0, 1, 0))
+        ),
+        spatial.Revolute(second.at("start", axis=(0, 1, 1)), first.at("end", axis=(0, 1, 1))),
+    ]
+    return rj.Scene([first, second], joints, [rj.Gravity((0.0, 0.0, -9.81))])
+
+
+def test_fewer_modes_and_capped_ones(arm):
+    """With all modes a local basis changes nothing; neither does a cap above all frequencies."""
+    q, v = 0.05 * jax.random.normal(jax.random.key(0), (2, 28))
+    scenes = [
+        rj.Scene([change(body) for body in arm.bodies], arm.joints, arm.effects)
+        for change in (
+            lambda body: body,
+            lambda body: CappedBody(body, 1e6),
+            lambda body: ReducedBody(body, jnp.eye(7)),
+        )
+    ]
+    systems = [rj.assemble(scene) for scene in scenes]
+    q, v = systems[0].q0 + q, systems[0].v0 + v
+    wanted, *others = (jax.jit(system.acceleration)(0.0, q, v)[0] for system in systems)
+    for other in others:
+        assert_close(other, wanted, SOLVED, np.max(np.abs(wanted)))

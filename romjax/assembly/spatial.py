@@ -54,6 +54,7 @@ def gradient(
     if shapes.shape[2]:
         position.append(multiply(quaternions.matrix(p), shapes[:, :3]))
         vectors = quaternions.from_vector(0.5 * jnp.swapaxes(shapes[:, 3:], 1, 2))
-        around = quaternions.product(p[:, None], quaternions.product(vectors, turns[:, None]))
+        p, turns = (jnp.broadcast_to(x[:, None], vectors.shape) for x in (p, turns))
+        around = quaternions.product(p, quaternions.product(vectors, turns))
         turn.append(jnp.swapaxes(around, 1, 2))
     return PoseGradient(jnp.concatenate(position, axis=2), jnp.concatenate(turn, axis=2))

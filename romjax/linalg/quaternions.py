@@ -62,7 +62,7 @@ def matrix(p: Quaternion) -> Float[Numbers, "... 3 3"]:
 
 def squared(p: Quaternion) -> Float[Numbers, "..."]:
     """S = pᵀp."""
-    total: Float[Numbers, "..."] = _namespace(p).asarray((p * p).sum(axis=-1))
+    total: Float[Numbers, ...] = _namespace(p).asarray((p * p).sum(axis=-1))
     return total
 
 
@@ -108,9 +108,7 @@ def generalized(p: Quaternion, torque: Triple) -> Quaternion:
     return 2 * apply_transposed(space_matrix(p), torque) / squared(p)[..., None]
 
 
-def apply(
-    a: Float[Numbers, "... p c"], x: Float[Numbers, "... c"]
-) -> Float[Numbers, "... p"]:
+def apply(a: Float[Numbers, "... p c"], x: Float[Numbers, "... c"]) -> Float[Numbers, "... p"]:
     """A x."""
     return (a * x[..., None, :]).sum(axis=-1)
 

@@ -38,8 +38,9 @@ class BodyBases(eqx.Module):
         narrow = []
         for i, basis in enumerate(modes):
             shapes.setdefault(basis.shape, []).append(i)
-            narrow.append(range(n, n + 3 + basis.shape[1]))
-            n += 3 + basis.shape[1]
+            size = len(columns[i]) - basis.shape[0] + basis.shape[1]
+            narrow.append(range(n, n + size))
+            n += size
         groups = list(shapes.values())
         stacked = [jnp.stack([modes[i] for i in group]) for group in groups]
         metric = [jnp.stack([metrics[i] for i in group]) for group in groups]
@@ -73,8 +74,8 @@ def _mapped(
 ) -> Array:
     blocks = []
     for matrix, index in zip(matrices, source, strict=True):
-        own = index.take(x)
-        amplitudes = jnp.einsum("bij,bj->bi", matrix, own[:, 3:])
-        blocks.append(jnp.concatenate([own[:, :3], amplitudes], axis=1))
+        own, frame = index.take(x), index.width - matrix.shape[2]
+        amplitudes = jnp.einsum("bij,bj->bi", matrix, own[:, frame:])
+        blocks.append(jnp.concatenate([own[:, :frame], amplitudes], axis=1))
     tables = [index.array for index in target]
     return spread(blocks, tables, (sum(table.size for table in tables),))

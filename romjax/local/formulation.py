@@ -71,8 +71,13 @@ class Local(AbstractFormulation):
         if full is not system or not full.structure.flexible:
             why = "is reduced already" if full is not system else "has no body that deforms"
             raise ReductionError(f"reduce: Local is for flexible bodies, but the system {why}.")
-        columns = sorted(row for group in full.bodies for row in group.coordinates.rows)
-        amplitudes = [np.array(own[3:], int) for own in columns]
+        owned = sorted(
+            (row, group.bodies.frame_size)
+            for group in full.bodies
+            for row in group.coordinates.rows
+        )
+        columns = [row for row, _ in owned]
+        amplitudes = [np.array(row[frame:], int) for row, frame in owned]
         bodies = [basis.snapshots.of_coordinates(own) for own in amplitudes]
         if basis.decomposition is None:
             modes = [

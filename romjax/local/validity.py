@@ -29,8 +29,8 @@ class LargestDeflections(AbstractValidity):
         """Of snapshots."""
         z = jax.vmap(bases.project)(q)
         largest = jnp.full(z.shape[1], jnp.inf, z.dtype)
-        for index in bases.narrow:
-            own = index.array[:, 3:]
+        for modes, index in zip(bases.modes, bases.narrow, strict=True):
+            own = index.array[:, index.width - modes.shape[2] :]
             size = jnp.max(jnp.linalg.norm(z[:, own], axis=2), axis=0)
             largest = largest.at[own].set(size[:, None])
         return cls(largest, jnp.full((), jnp.nan, z.dtype))

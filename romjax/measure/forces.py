@@ -37,13 +37,13 @@ class Forces(eqx.Module):
     wrenches: tuple[Wrench, ...]
 
     @property
-    def force(self) -> Float[Array, "*k 2"]:
-        """On the first marker [N], by the inertial axes."""
+    def force(self) -> Float[Array, "*k d"]:
+        """On the first marker [N], by the inertial axes; (*k, 3) in space."""
         return self.wrenches[0].force
 
     @property
-    def torque(self) -> Float[Array, "*k"]:
-        """On the first marker [N m], about it."""
+    def torque(self) -> Float[Array, "..."]:
+        """On the first marker [N m], about it; (*k, 3) in space."""
         return self.wrenches[0].torque
 
     @property
@@ -51,10 +51,7 @@ class Forces(eqx.Module):
         """What it puts into the mechanism [W], at all its markers together. For a joint that
         prescribes a motion this is the power of the drive; all other joints have none.
         """
-        terms = [
-            jnp.sum(w.force * v.velocity, axis=-1) + w.torque * v.angular_velocity
-            for w, v in zip(self.wrenches, self.twists, strict=True)
-        ]
+        terms = [w.power(twist) for w, twist in zip(self.wrenches, self.twists, strict=True)]
         return sum(terms[1:], terms[0])
 
     def on(self, side: str = "a", frame: str = "inertial") -> Wrench:
@@ -132,9 +129,13 @@ def _is_pair(x: Any) -> bool:
 
 
 def _part(i: int, x: Any) -> Any:
-    """One of several parts: a Pose, a Twist or a Wrench, each a vector and a number."""
-    vector, number = x
-    return type(x)(vector[..., i, :], number[..., i])
+    """One of several parts: a Pose, a Twist or a Wrench, each a vector, and a number in the plane,
+    another vector in space.
+    """
+    vector, other = x
+    return type(x)(
+        vector[..., i, :], other[..., i, :] if other.ndim == vector.ndim else other[..., i]
+    )
 
 
 def joint_forces(system: AbstractSystem, run: Trajectory) -> ForceTable:

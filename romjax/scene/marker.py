@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Number, Vector, as_array
+from ..arrays import Number, Numbers, Vector, as_array
 from ..errors import SceneError
 from ..linalg import quaternions
 from .fields import Converted, check_finite, check_shape, number, radians
@@ -65,7 +65,7 @@ class Pose(NamedTuple):
             return quaternions.rotate(quaternions.conjugate(self.turn), point - self.position)
         return jnp.stack([self.along(point), self.across(point)])
 
-    def turned(self, vector: Float[Array | np.ndarray, " d"]) -> Float[Array, " d"]:
+    def turned(self, vector: Float[Numbers, " d"]) -> Float[Array, " d"]:
         """A vector of the marker's frame in the inertial one."""
         if self.dimension == 3:
             return quaternions.rotate(self.turn, vector)
@@ -168,10 +168,11 @@ class Wrench(NamedTuple):
     def __neg__(self) -> "Wrench":
         return Wrench(-self.force, -self.torque)
 
-    def power(self, twist: Twist) -> Float[Array, ""]:
+    def power(self, twist: Twist) -> Float[Array, "*k"]:
         """The power on a moving marker [W]."""
-        turning = self.torque * twist.angular_velocity
-        return self.force @ twist.velocity + (jnp.sum(turning) if turning.ndim else turning)
+        moving, turning = self.force * twist.velocity, self.torque * twist.angular_velocity
+        in_space = turning.ndim == moving.ndim
+        return jnp.sum(moving, axis=-1) + (jnp.sum(turning, axis=-1) if in_space else turning)
 
 
 class Marker(eqx.Module):

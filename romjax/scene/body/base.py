@@ -20,6 +20,7 @@ from ..marker import GROUND, Marker, Pose
 from ..placing import brought, start_pose, started
 from ..points import point_of
 from .inertia import Inertia
+from .spatial.inertia import SpatialInertia
 
 T = TypeVar("T", bound="AbstractBody")
 
@@ -119,7 +120,7 @@ class AbstractBody(eqx.Module):
             "ModalBody.of_mesh, whose modes are orthonormal."
         )
 
-    def invariants(self) -> Inertia | None:
+    def invariants(self) -> Inertia | SpatialInertia | None:
         """What the mass matrix is made of; None where it is made of something else."""
         return None
 

@@ -38,6 +38,10 @@ class CappedBody(AbstractBody):
         return self.body.mode_kind
 
     @property
+    def dimension(self) -> int:  # type: ignore[override]
+        return self.body.dimension
+
+    @property
     def constant_mass(self) -> bool:
         return self.body.constant_mass
 
@@ -64,8 +68,13 @@ class CappedBody(AbstractBody):
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         own = self.body.mass_matrix(q)
         ratio = self.body.natural_frequencies() / (2 * jnp.pi * self.cap)
-        added = jnp.concatenate([jnp.zeros(3, q.dtype), jnp.maximum(ratio**2 - 1, 0)])
+        added = jnp.concatenate([jnp.zeros(self.frame_size, q.dtype), jnp.maximum(ratio**2 - 1, 0)])
         return own + (added if own.ndim == 1 else jnp.diag(added))
+
+    def quadratic_velocity_force(
+        self, q: Float[Array, " size"], v: Float[Array, " size"]
+    ) -> Float[Array, " size"] | None:
+        return self.body.quadratic_velocity_force(q, v)  # what is added is constant
 
     def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
         return self.body.elastic_energy(q)
@@ -73,19 +82,19 @@ class CappedBody(AbstractBody):
     def damping_force(self, v: Float[Array, " size"]) -> Float[Array, " size"]:
         return self.body.damping_force(v)
 
-    def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "2"]:
+    def first_moment(self, q: Float[Array, " size"]) -> Float[Array, " d"]:
         return self.body.first_moment(q)
 
-    def mode_shapes(self, point: Float[Array, "2"]) -> Float[Array, "3 modes"]:
+    def mode_shapes(self, point: Float[Array, " d"]) -> Float[Array, "motions modes"]:
         return self.body.mode_shapes(point)
 
-    def foreshortening(self, point: Float[Array, "2"]) -> Float[Array, "2 modes modes"]:
+    def foreshortening(self, point: Float[Array, " d"]) -> Float[Array, "d modes modes"]:
         return self.body.foreshortening(point)
 
-    def named_points(self) -> Mapping[str, Float[Array, "2"]]:
+    def named_points(self) -> Mapping[str, Float[Array, " d"]]:
         return self.body.named_points()
 
-    def outline(self) -> Float[Array, "points 2"]:
+    def outline(self) -> Float[Array, "points d"]:
         return self.body.outline()
 
     def check_marker(self, owner: str, marker: Marker) -> None:

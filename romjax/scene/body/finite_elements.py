@@ -13,7 +13,8 @@ from .component_modes import Matrix, checked, craig_bampton, free_interface, rit
 from .inertia import Inertia
 from .mesh_inertia import planar_inertia, spatial_inertia
 from .mesh_outline import outline
-from .spatial.inertia import SpatialInertia, turned
+from .spatial.inertia import SpatialInertia
+from .spatial.products import turned
 
 # Rigid motions have the frequencies that rounding of their stiffness leaves; up to this share of
 # the first elastic frequency is accepted.

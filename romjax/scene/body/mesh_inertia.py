@@ -13,7 +13,8 @@ import numpy as np
 
 from .component_modes import Matrix
 from .inertia import Inertia
-from .spatial.inertia import SpatialInertia, products, turned
+from .spatial.inertia import SpatialInertia
+from .spatial.products import products, turned
 
 # Inertia terms smaller than this share of their natural size are rounding; the program of the
 # dynamics has no code for them.

@@ -11,6 +11,7 @@ from ...errors import SceneError
 from ..marker import Marker
 from .base import AbstractBody, nameless
 from .inertia import Inertia
+from .spatial.inertia import SpatialInertia
 
 __all__ = ["ReducedBody"]
 
@@ -33,7 +34,7 @@ class ReducedBody(AbstractBody):
     name: str = eqx.field(static=True)
     body: AbstractBody
     basis: Float[Array, "modes k"]
-    inertia: Inertia | None
+    inertia: Inertia | SpatialInertia | None
     modes: int = eqx.field(static=True)
 
     def __init__(self, body: AbstractBody, basis: Float[Array, "modes k"]):
@@ -44,8 +45,16 @@ class ReducedBody(AbstractBody):
         self.modes = basis.shape[1]
 
     @property
+    def dimension(self) -> int:  # type: ignore[override]
+        return self.body.dimension
+
+    @property
     def constant_mass(self) -> bool:
-        return self.modes == 0 and self.inertia is not None and self.inertia.diagonal
+        return self.modes == 0 and isinstance(self.inertia, Inertia) and self.inertia.diagonal
+
+    @property
+    def inverts_mass(self) -> bool:
+        return isinstance(self.inertia, SpatialInertia) and self.inertia.inverts
 
     @property
     def damped(self) -> bool:
@@ -57,16 +66,18 @@ class ReducedBody(AbstractBody):
 
     def expand(self, q: Float[Array, " size"]) -> Float[Array, " full"]:
         """The coordinates of the body, or velocities, for its own here."""
-        return jnp.concatenate([q[:3], self.basis @ q[3:]])
+        frame = self.frame_size
+        return jnp.concatenate([q[:frame], self.basis @ q[frame:]])
 
     def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
         q, v = self.body.start()
         mass = self.body.mass_matrix(q)
-        modal = jnp.diag(mass[3:]) if mass.ndim == 1 else mass[3:, 3:]
+        frame = self.frame_size
+        modal = jnp.diag(mass[frame:]) if mass.ndim == 1 else mass[frame:, frame:]
         read = self.basis.T @ modal
         return (
-            jnp.concatenate([q[:3], read @ q[3:]]),
-            jnp.concatenate([v[:3], read @ v[3:]]),
+            jnp.concatenate([q[:frame], read @ q[frame:]]),
+            jnp.concatenate([v[:frame], read @ v[frame:]]),
         )
 
     def started(self, q: Float[Array, " size"], v: Float[Array, " size"]) -> "ReducedBody":
@@ -79,35 +90,47 @@ class ReducedBody(AbstractBody):
             return self.inertia.matrix(q)
         full = self.body.mass_matrix(self.expand(q))
         full = jnp.diag(full) if full.ndim == 1 else full
-        coupling = full[:3, 3:] @ self.basis
-        modal = self.basis.T @ full[3:, 3:] @ self.basis
-        return jnp.block([[full[:3, :3], coupling], [coupling.T, modal]])
+        frame = self.frame_size
+        coupling = full[:frame, frame:] @ self.basis
+        modal = self.basis.T @ full[frame:, frame:] @ self.basis
+        return jnp.block([[full[:frame, :frame], coupling], [coupling.T, modal]])
+
+    def inverse_mass(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
+        assert isinstance(self.inertia, SpatialInertia)
+        return self.inertia.inverse(q)
+
+    def quadratic_velocity_force(
+        self, q: Float[Array, " size"], v: Float[Array, " size"]
+    ) -> Float[Array, " size"] | None:
+        if isinstance(self.inertia, SpatialInertia):
+            return self.inertia.quadratic_velocity_force(q, v)
+        return None
 
     def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
         return self.body.elastic_energy(self.expand(q))
 
-    def invariants(self) -> Inertia | None:
+    def invariants(self) -> Inertia | SpatialInertia | None:
         return self.inertia
 
     def damping_force(self, v: Float[Array, " size"]) -> Float[Array, " size"]:
         full = self.body.damping_force(self.expand(v))
-        return jnp.concatenate([full[:3], full[3:] @ self.basis])
+        return jnp.concatenate([full[: self.frame_size], full[self.frame_size :] @ self.basis])
 
-    def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "2"]:
+    def first_moment(self, q: Float[Array, " size"]) -> Float[Array, " d"]:
         if self.inertia is not None:
             return self.inertia.first_moment_at(q)
         return self.body.first_moment(self.expand(q))
 
-    def mode_shapes(self, point: Float[Array, "2"]) -> Float[Array, "3 k"]:
+    def mode_shapes(self, point: Float[Array, " d"]) -> Float[Array, "motions k"]:
         return self.body.mode_shapes(point) @ self.basis
 
-    def foreshortening(self, point: Float[Array, "2"]) -> Float[Array, "2 k k"]:
+    def foreshortening(self, point: Float[Array, " d"]) -> Float[Array, "d k k"]:
         return self.basis.T @ self.body.foreshortening(point) @ self.basis
 
-    def named_points(self) -> Mapping[str, Float[Array, "2"]]:
+    def named_points(self) -> Mapping[str, Float[Array, " d"]]:
         return self.body.named_points()
 
-    def outline(self) -> Float[Array, "points 2"]:
+    def outline(self) -> Float[Array, "points d"]:
         return self.body.outline()
 
     def check_marker(self, owner: str, marker: Marker) -> None:

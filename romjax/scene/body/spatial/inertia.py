@@ -1,19 +1,16 @@
 """The inertia of a flexible body in space, by integrals that are taken once."""
 
-from collections.abc import Callable
-from typing import Any
-
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ....arrays import Vector, as_array, concrete
-from ....errors import SceneError
+from ....arrays import Vector, as_array
 from ....linalg import quaternions
 from ....linalg.dense import invert, multiply, multiply_transposed
-from ...fields import Converted, check_numbers, number
-from .rigid import length_inertia
+from ...fields import Converted, number
+from .check_invariants import check_invariants
+from .products import products, turned
 
 
 class SpatialInertia(eqx.Module):
@@ -105,7 +102,7 @@ class SpatialInertia(eqx.Module):
         return self.modal is None
 
     def inverse(self, q: Float[Array, " size"]) -> Float[Array, "size size"]:
-        """Inverse of the mass matrix at the coordinates x, y, z, p, q_f, where M_ff is the identity.
+        """Inverse of the mass matrix at x, y, z, p, q_f, where M_ff is the identity.
 
         With R the block of ω (and V where it couples) and Y that of the same rows and q_f, the
         inverse of [[R, Y], [Yᵀ, I]] needs that of R − Y Yᵀ only. From rates by the axes of the body
@@ -253,35 +250,7 @@ class SpatialInertia(eqx.Module):
 
     def check(self, owner: str, modes: int) -> None:
         """Raise a SceneError that names owner, field, value and remedy."""
-        shapes: dict[str, tuple[int, ...]] = {
-            "mass": (),
-            "moment": (3, 3),
-            "modal": (modes, modes),
-            "first_moment": (3,),
-            "shift": (3, modes),
-            "swing": (3, modes),
-            "stretch": (3, 3, modes),
-            "spread": (3, 3, modes, modes),
-            "gyration": (3, modes, modes),
-            "foreshortening": (3, modes, modes),
-        }
-        for field, shape in shapes.items():
-            check_numbers(owner, self, field, shape=shape, prefix="inertia.")
-        moment = concrete(self.moment)
-        if moment is None:
-            return
-        skew = np.max(abs(moment - moment.T))
-        if skew > 1e-9 * np.max(abs(moment)):
-            raise SceneError(
-                f"{owner}: inertia.moment is not symmetric: entries differ by {skew:g}."
-            )
-        matrix = concrete(self.matrix(jnp.zeros(7 + modes).at[3].set(1.0)))
-        least = np.inf if matrix is None else np.min(np.linalg.eigvalsh(matrix))
-        if not least > 0:
-            raise SceneError(
-                f"{owner}: its mass matrix is not positive definite, with an eigenvalue of "
-                f"{least:g}; check the signs of the invariants, and that modes are independent."
-            )
+        check_invariants(owner, self, modes)
 
     def _spinning(self, bent: Float[Array, " modes"]) -> Float[Array, "3 modes"]:
         """H: the angular momentum by the axes of the frame, per unit rate of the amplitudes."""
@@ -296,6 +265,11 @@ class SpatialInertia(eqx.Module):
         return total if self.foreshortening is None else total - _times(self.foreshortening, bent)
 
 
+def length_inertia(tensor: Float[Array, "3 3"]) -> Float[Array, ""]:
+    """μ = ⁴⁄₃ tr J, which makes M_pp of a body with three equal moments j the matrix 4 j I / s."""
+    return 4.0 / 3.0 * jnp.trace(tensor)
+
+
 def _times(x: Float[Array, "*axes modes"], bent: Float[Array, " modes"]) -> Float[Array, "*axes"]:
     """Σ_l x[…, l] q_l."""
     return jnp.sum(x * bent.reshape(*[1] * (x.ndim - 1), -1), axis=-1)
@@ -304,47 +278,3 @@ def _times(x: Float[Array, "*axes modes"], bent: Float[Array, " modes"]) -> Floa
 def _square(x: Float[Array, "*axes modes modes"], bent: Array) -> Float[Array, "*axes"]:
     """Σ_kl q_k x[…, k, l] q_l."""
     return _times(_times(x, bent), bent)
-
-
-def turned(vectors: Any) -> Any:
-    """e_a × u for each axis a of vectors u (points, 3, *k), as (points, 3, a, *k)."""
-    xp = np if isinstance(vectors, np.ndarray) else jnp
-    x, y, z = (vectors[:, i] for i in range(3))
-    none = xp.zeros_like(x)
-    columns = ([none, -z, y], [z, none, -x], [-y, x, none])
-    return xp.stack([xp.stack(column, axis=1) for column in columns], axis=2)
-
-
-def products(weigh: Callable[[Any], Any], rigid: Any, shapes: Any, around: Any) -> dict[str, Any]:
-    """The invariants by their names in SpatialInertia, as products of fields with a mass matrix.
-
-    By the axes of the body, the field of velocities is V + ω × (X + S q_f) + S q̇_f: a polynomial in
-    q_f whose coefficients are the fields here.
-
-    **Arguments:**
-
-    - `weigh`: a mass matrix times fields (rows, k).
-    - `rigid` (rows, 6): fields of unit velocities and of unit angular velocities about the origin.
-    - `shapes` (rows, modes): S, and `around` (rows, 3, modes): e_a × S for each axis a.
-    """
-    rows, modes = shapes.shape
-    weighted = weigh(rigid)
-    turning, bending = weighted[:, 3:], weigh(shapes)
-    around = around.reshape(rows, 3 * modes)
-    linear = (turning.T @ around).reshape(3, 3, modes)
-    # The kinetic energy has the sum of both orders of axes, and of both orders of modes.
-    square = (around.T @ weigh(around)).reshape(3, modes, 3, modes)
-    square = (square.transpose(0, 2, 1, 3) + square.transpose(0, 2, 3, 1)) / 2
-    aside = weighted[:, :3].T @ rigid[:, 3:]  # e_i · (e_a × c)
-    aside = (aside - aside.T) / 2
-    return {
-        "mass": rigid[:, 0] @ weighted[:, 0],
-        "moment": rigid[:, 3:].T @ turning,
-        "modal": shapes.T @ bending,
-        "first_moment": aside[np.array([1, 2, 0]), np.array([2, 0, 1])],
-        "shift": weighted[:, :3].T @ shapes,
-        "swing": turning.T @ shapes,
-        "stretch": linear + linear.transpose(1, 0, 2),
-        "spread": square,
-        "gyration": (around.T @ bending).reshape(3, modes, modes),
-    }

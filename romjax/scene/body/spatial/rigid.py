@@ -16,6 +16,7 @@ from ...fields import Converted, check_finite, check_numbers, number
 from ...orientation import orientation_field
 from ...points import NamedPoints, by_name
 from ..base import AbstractBody, check_name, check_start, frame_start
+from .inertia import length_inertia
 
 
 class RigidBody(AbstractBody):
@@ -135,11 +136,6 @@ class RigidBody(AbstractBody):
 def _blocks(moving: Float[Array, "3 3"], turning: Float[Array, "4 4"]) -> Float[Array, "7 7"]:
     """The matrix with two blocks on its diagonal."""
     return jnp.pad(moving, ((0, 4), (0, 4))) + jnp.pad(turning, ((3, 0), (3, 0)))
-
-
-def length_inertia(tensor: Float[Array, "3 3"]) -> Float[Array, ""]:
-    """μ = ⁴⁄₃ tr J, which makes M_pp of a body with three equal moments j the matrix 4 j I / s."""
-    return 4.0 / 3.0 * jnp.trace(tensor)
 
 
 def box(edges: Float[Array, "3"]) -> Float[Array, "16 3"]:
