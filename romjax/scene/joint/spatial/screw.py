@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ....arrays import Time
+from ...counted_angle import counted_angle
 from ...fields import Converted, check_numbers, number
-from ...marker import Marker, Pose, counted_angle
+from ...marker import Marker, Pose
 from ..base import AbstractJoint
 from .directions import tilt
 
