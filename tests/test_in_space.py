@@ -125,7 +125,7 @@ def test_moves_as_its_planar_twin(name):
     run = rj.simulate(planar, ts, **settings)
     other = rj.simulate(rj.assemble(twin.scene), ts, **settings)
     found = twin.coordinates(other.q)
-    turns = 2 * np.pi * np.round((found - run.q) / (2 * np.pi))
+    turns = 2 * np.pi * np.round((found - np.asarray(run.q)) / (2 * np.pi))
     turns[:, np.arange(found.shape[1]) % 3 != 2] = 0
     assert_close(found - turns, run.q, SOLVED, 1 + np.max(np.abs(run.q)))
     for k, q in enumerate(run.q):

@@ -147,6 +147,7 @@ def test_a_planetary_gear(planets):
     assert_close(energy.balance, 0, SOLVED, np.max(energy.total))
 
 
+@pytest.mark.slow
 def test_a_screw():
     """A bolt that falls: m g = (m + J (2π/p)²) z̈, over ten turns."""
     pitch = 1.0
@@ -162,6 +163,7 @@ def test_a_screw():
     assert_close(along, fall, SOLVED, fall[-1])
 
 
+@pytest.mark.slow
 def test_constant_velocity():
     """Shafts at 40° turn by equal angles, through a turn and more."""
     angle, speed = np.radians(40.0), 3.0
@@ -186,6 +188,7 @@ def test_constant_velocity():
         assert_close(np.sin(0.5 * (found - wanted)), 0, SOLVED, 10.0)
 
 
+@pytest.mark.slow
 def test_a_bead_on_a_helix():
     """Slides down with g sin² of the slope's angle, over several turns."""
     bead = body("bead", position=(0.5, 0.0, 0.0))
@@ -237,6 +240,7 @@ def test_what_a_joint_refuses(make, words):
         make()
 
 
+@pytest.mark.slow
 def test_gradients_through_turns():
     """Of a wheel on a torsion spring after three turns, by its stiffness: forward and central."""
     ends = (0, 0, 0), (0, 0, 0)

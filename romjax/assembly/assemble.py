@@ -1,6 +1,7 @@
 """From a scene to its system."""
 
 import itertools
+from collections.abc import Sequence
 
 import jax.tree_util as jtu
 
@@ -9,6 +10,7 @@ from ..errors import SceneError
 from ..linalg.indexing import Index
 from ..linalg.pattern import Pattern
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect
+from ..scene.joint.base import AbstractJoint
 from ..scene.marker import GROUND
 from ..scene.scene import Scene
 from ..system.mobility import check_mobility
@@ -46,26 +48,15 @@ def assemble(scene: Scene) -> AssembledSystem:
         names = [every_body[i].name for i in members]
         bodies.append(BodyGroup(stacked, Index.of([columns[name] for name in names])))
         order += names
-
     named = {body.name: body for body in every_body}
-
-    first_row = [0]
-    for joint in every_joint:
-        first_row.append(first_row[-1] + joint.rows)
-    joined = [
-        (
-            sorted({order.index(m.body) for m in joint.markers if m.body != GROUND}),
-            range(*rows),
-        )
-        for joint, rows in zip(every_joint, itertools.pairwise(first_row), strict=True)
-    ]
+    rows, joined = _connections(every_joint, order)
     joints, joint_markers = arrange(every_joint, joined_sides, named, columns, n)
     effects, effect_markers = arrange(acting, sides[len(scene.joints) :], named, columns, n)
     starts = [body.start() for body in every_body]
     system = AssembledSystem(
         bodies=tuple(bodies),
         joints=tuple(
-            JointGroup(stacked, markers, Index.of([range(*first_row[i : i + 2]) for i in members]))
+            JointGroup(stacked, markers, Index.of([rows[i] for i in members]))
             for stacked, markers, members in joints
         ),
         joint_markers=joint_markers,
@@ -82,18 +73,27 @@ def assemble(scene: Scene) -> AssembledSystem:
             loops=_close_loops(scene),
             contacts=any(effect.begins for effect in acting),
             quaternions=tuple(columns[b.name][3] for b in scene.bodies if b.dimension == 3),
-            joints=tuple(
-                keys[0][i] for _, _, members in joints for i in members if i < len(keys[0])
-            ),
-            effects=tuple(keys[1][i] for _, _, members in effects for i in members),
+            joints=tuple(keys[0][i] for *_, members in joints for i in members if i < len(keys[0])),
+            effects=tuple(keys[1][i] for *_, members in effects for i in members),
         ),
         pattern=Pattern.of([columns[name] for name in order], joined),
     )
-    if counters:
-        system = started(system)
+    system = started(system) if counters else system
     remedy = "Take out the joints that lock the mechanism."
     check_mobility("assemble", system, remedy, SceneError)
     return system
+
+
+def _connections(
+    joints: Sequence[AbstractJoint], order: list[str]
+) -> tuple[list[range], list[tuple[list[int], range]]]:
+    """The rows of each joint; and the bodies that it connects, by their place in `order`, with
+    them.
+    """
+    ends = itertools.accumulate((joint.rows for joint in joints), initial=0)
+    rows = [range(*pair) for pair in itertools.pairwise(ends)]
+    held = [{order.index(m.body) for m in joint.markers if m.body != GROUND} for joint in joints]
+    return rows, [(sorted(bodies), own) for bodies, own in zip(held, rows, strict=True)]
 
 
 def _close_loops(scene: Scene) -> bool:

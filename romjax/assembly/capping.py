@@ -60,7 +60,7 @@ def _following_rates(system: AssembledSystem) -> Float[Array, " n"]:
     columns, shares = list[np.ndarray](), list[Array]()
     for group in system.bodies:
         if isinstance(group.bodies, CappedBody):
-            columns.append(group.coordinates.array[:, 3:].reshape(-1))
+            columns.append(group.coordinates.array[:, group.bodies.frame_size :].reshape(-1))
             shares.append(1 - 1 / jax.vmap(lambda body: body.excess)(group.bodies).reshape(-1))
     own, share = np.concatenate(columns), jnp.concatenate(shares)
     kkt, none = system.state(zero, q, v).kkt(), jnp.zeros(system.m, q.dtype)

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -102,7 +101,7 @@ class Pose(NamedTuple):
         return strength if self.dimension == 2 else strength * self._axis()
 
     def _axis(self) -> Float[Array, "3"]:
-        return self.turned(np.array([0, 0, 1], self.position.dtype))
+        return self.turned(np.eye(3, dtype=self.position.dtype)[2])
 
     # Between rates of poses and twists, and by virtual work between slopes by poses and wrenches.
     # In the plane they are the same numbers.
@@ -130,18 +129,6 @@ class Pose(NamedTuple):
         if self.dimension == 3:
             return Pose(wrench.force, quaternions.generalized(self.turn, wrench.torque))
         return Pose(*wrench)
-
-
-def counted_angle(a: Pose, b: Pose, *counter: Pose) -> Float[Array, ""]:
-    """The angle of `a` against `b` that counts full turns [rad].
-
-    In space no pose knows how often it has turned. A `counter` follows the angle from the start on,
-    a coordinate of its own; only the number of turns is taken of it, all else of the poses.
-    """
-    if a.dimension == 2:
-        return a.angle - b.angle
-    turned = jax.lax.stop_gradient(counter[0].position[0])
-    return turned + a.angle_against(b, turned)
 
 
 class Twist(NamedTuple):

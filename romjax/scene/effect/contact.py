@@ -113,7 +113,7 @@ class AbstractContact(AbstractMarkerEffect):
         normal: Float[Array, " d"],
         rate: Callable[[], Float[Array, " d"]],
     ) -> Float[Array, " d"]:
-        """On `a` in the frame of `b` [N], from its `depth` and the `rate` of the point that touches."""
+        """On `a` in the frame of `b` [N], from its depth and the rate of the touching point."""
         push = self.stiffness * depth**1.5
         if self.dissipation is not None:
             push *= jnp.maximum(1 - self.dissipation * (normal @ rate()), 0)

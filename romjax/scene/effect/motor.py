@@ -7,9 +7,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
+from ..counted_angle import counted_angle
 from ..drawing import placed, turning_arrow
 from ..fields import Converted, check_numbers, number
-from ..marker import Marker, Pose, Twist, Wrench, counted_angle
+from ..marker import Marker, Pose, Twist, Wrench
 from ..outline import Outline
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractMarkerEffect, check_markers

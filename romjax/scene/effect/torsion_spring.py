@@ -7,9 +7,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...arrays import Time
+from ..counted_angle import counted_angle
 from ..drawing import arc, placed
 from ..fields import Converted, check_numbers, number, radians
-from ..marker import Marker, Pose, counted_angle
+from ..marker import Marker, Pose
 from ..outline import Outline
 from .base import AbstractPotential, check_markers
 

@@ -8,9 +8,10 @@ from jaxtyping import Array, Float
 
 from ....arrays import Time
 from ....errors import SceneError
+from ...counted_angle import counted_angle
 from ...drawing import length_between, wheel
 from ...fields import Converted, check_numbers, number, radians
-from ...marker import Marker, Pose, check_distinct, counted_angle
+from ...marker import Marker, Pose, check_distinct
 from ...outline import Outline
 from ..base import AbstractJoint
 

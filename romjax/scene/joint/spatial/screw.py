@@ -8,9 +8,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ....arrays import Time
+from ...counted_angle import counted_angle
 from ...drawing import box, rail
 from ...fields import Converted, check_numbers, number
-from ...marker import Marker, Pose, counted_angle
+from ...marker import Marker, Pose
 from ...outline import Outline
 from ..base import AbstractJoint
 from .directions import tilt

@@ -1,0 +1,127 @@
+"""Effects in space: the power of all at once, and laws against closed forms."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from comparison import assert_close
+from tolerances import DIFFERENCED, IDENTITY, SOLVED
+
+import romjax as rj
+from romjax.scene.marker import Pose, Twist
+
+r = rj.spatial
+CHANCE = np.random.default_rng(5)
+BALL = r.RigidBody("ball", 2.0, (0.08, 0.08, 0.08))
+ENDS = BALL.at((0, 0, 0)), rj.ground.at((0, 0, 0))
+SWING = rj.Sine(0.3, 2.0, phase=0.4)
+ROOT = CHANCE.normal(size=(6, 6))
+STIFF, DAMP = ROOT @ ROOT.T, 0.1 * ROOT.T @ ROOT
+
+
+def every_effect() -> list[rj.AbstractMarkerEffect]:
+    rubbing = {"dissipation": 0.1, "friction": rj.Friction(0.3, creep=0.1)}
+    return [
+        rj.TorsionSpring(*ENDS, stiffness=3.0, rest_angle=0.1),
+        rj.TorsionDamper(*ENDS, damping=0.8),
+        rj.Motor(*ENDS, SWING, proportional=5.0, derivative=0.4),
+        r.Bushing(*ENDS, STIFF, DAMP),
+        r.Bushing(*ENDS, np.diag(STIFF)),
+        rj.Drag(ENDS[0], coefficient=0.5, area=0.3),
+        *(
+            r.Contact(*ENDS, surface, stiffness=50.0, radius=radius, **law)
+            for surface in (r.Plane(), r.Cylinder(3.0), r.Sphere(9.0), r.Sphere(0.1, hollow=True))
+            for radius, law in ((None, {}), (0.3, rubbing))
+        ),
+    ]
+
+
+def test_power():
+    """Of the wrenches of each: what its energy loses, and the power it says it puts in."""
+    q, v = (jnp.asarray(CHANCE.normal(size=(3, 7))) for _ in range(2))
+    effects = every_effect()
+
+    @jax.jit
+    def powers(q, v):
+        poses = tuple(Pose(row[:3], row[3:]) for row in q)
+        twists = tuple(Twist(row[:3], row[4:]) for row in v)
+        rates = tuple(pose.rate(twist) for pose, twist in zip(poses, twists, strict=True))
+        found = []
+        for effect in effects:
+            count = len(effect.markers) + len(effect.counted)
+            now, moving, changing = poses[:count], twists[:count], rates[:count]
+            terms = jnp.stack(
+                [
+                    wrench.power(twist)
+                    for wrench, twist in zip(effect.wrenches(0.3, now, moving), moving, strict=True)
+                ]
+            )
+            lost = jax.jvp(lambda *x, e=effect: e.energy(0.3, *x), now, changing)[1]
+            found.append((jnp.sum(terms), effect.power(0.3, now, moving) - lost, terms))
+        return found
+
+    for total, said, terms in powers(q, v):
+        assert_close(total, said, 10 * IDENTITY, 1 + np.sum(np.abs(terms)))
+
+
+def test_damping_and_friction_take():
+    """Rayleigh's function of drag is a sixth of a cube, and friction is opposite to sliding."""
+    twist = Twist(jnp.array([0.3, -0.4, 1.2]), jnp.zeros(3))
+    drag = rj.Drag(ENDS[0], coefficient=0.5, area=0.3, density=1.2)
+    (wrench,) = drag.wrenches(0.0, (), (twist,))
+    assert_close(wrench.force, -0.5 * 1.2 * 0.5 * 0.3 * 1.3 * twist.velocity, IDENTITY)
+    still = rj.Friction(0.3, creep=0.1)
+    slope = jax.jacfwd(lambda v: still.against(jnp.array([0.0, 0.0, 1.0]), v))(jnp.zeros(3))
+    assert_close(slope, 3.0 * np.diag([1.0, 1.0, 0.0]), IDENTITY, 10.0)
+
+
+def test_ten_turns_of_a_torsion_spring():
+    wheel = r.RigidBody("wheel", 1.0, (0.1, 0.2, 0.3), angular_velocity=(0, 0, 65.0))
+    ends = wheel.at((0, 0, 0)), rj.ground.at((0, 0, 0))
+    spring = rj.TorsionSpring(*ends, stiffness=0.3, rest_angle=0.5)
+    system = rj.assemble(rj.Scene([wheel], [r.Revolute(*ends)], [spring]))
+    ts = jnp.linspace(0.0, 2.0, 5)
+    run = rj.simulate(
+        system, ts, solver=diffrax.Dopri8(), rtol=1e-12, stabilization=rj.Projection()
+    )
+    wanted = 0.5 - 0.5 * np.cos(ts) + 65.0 * np.sin(ts)
+    assert np.max(wanted) > 10 * 2 * np.pi
+    assert_close(run.q[:, -1], wanted, SOLVED, 65.0)
+
+
+@pytest.mark.slow
+def test_a_ball_comes_to_roll():
+    """One that slides at first rolls at 5/7 of its speed, whatever rubs."""
+    ball = r.RigidBody(
+        "ball", 2.0, np.full(3, 0.4 * 2.0 * 0.3**2), (0, 0, 0.3), velocity=(1.0, 0.5, 0.0)
+    )
+    floor = r.Contact(
+        ball.at((0, 0, 0)),
+        rj.ground.at((0, 0, 0)),
+        r.Plane(),
+        stiffness=1e5,
+        radius=0.3,
+        dissipation=1.0,
+        friction=rj.Friction(0.4, creep=1e-2),
+    )
+    system = rj.assemble(rj.Scene([ball], [], [floor, rj.Gravity((0, 0, -9.81))]))
+    run = rj.simulate(system, jnp.array([0.0, 1.0]), rtol=1e-8)
+    speed = np.array([1.0, 0.5]) * 5 / 7
+    # Sliding that is left decays at 7/2 μ g / creep, and the floor gives by micrometres.
+    assert_close(run.v[-1, :2], speed, DIFFERENCED, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: r.Bushing(*ENDS, np.ones(5)), "six numbers"),
+        (lambda: r.Bushing(*ENDS, np.triu(STIFF)), "not symmetric"),
+        (lambda: r.Bushing(*ENDS, -STIFF), "may be negative"),
+        (lambda: r.Contact(*ENDS, r.Sphere(-1.0), stiffness=1.0), "Sphere.radius"),
+        (lambda: rj.Drag(ENDS[0], coefficient=-1.0, area=1.0), "coefficient"),
+    ],
+)
+def test_what_an_effect_refuses(make, words):
+    with pytest.raises(rj.SceneError, match=words):
+        make()
