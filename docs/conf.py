@@ -38,6 +38,7 @@ suppress_warnings = ["toc.empty_glob"]
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "amsmath", "attrs_inline"]
 myst_heading_anchors = 4
+smartquotes = False
 copybutton_prompt_text = "$ "
 copybutton_only_copy_prompt_lines = True
 
@@ -53,6 +54,7 @@ autodoc_inherit_docstrings = False
 autodoc_member_order = "bysource"
 python_maximum_signature_line_length = 72
 add_module_names = False
+python_use_unqualified_type_names = True
 
 # Where the network is out of reach, names of others are text instead of links.
 without_network = executed.FOLDER / "none.inv"

@@ -4,11 +4,12 @@ import inspect
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
-from typing import Any
-
-from sphinx.application import Sphinx
+from typing import TYPE_CHECKING, Any
 
 import romjax
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 FOLDER = Path(__file__).parents[1] / "reference" / "api"
 
@@ -102,7 +103,7 @@ def _first_sentence(part: Any) -> str:
     return " ".join(text.split("\n\n")[0].split())
 
 
-def _pages() -> dict[str, str]:
+def pages() -> dict[str, str]:
     """The text of each page by its name."""
     texts: dict[str, str] = {}
     for name, part in everything().items():
@@ -130,17 +131,15 @@ def _list() -> str:
         short = module.__name__.rpartition(".")[2]
         words = inspect.cleandoc(module.__doc__ or "")
         blocks.append(f"## rj.{short}\n\n{words}\n\n" + "\n".join(of_modules.get(short, [])))
-    tree = "```{toctree}\n:hidden:\n\n" + "\n".join(sorted(_pages())) + "\n```\n"
-    return "\n".join([INTRODUCTION, *blocks, tree])
+    tree = "```{toctree}\n:hidden:\n\n" + "\n".join(sorted(pages())) + "\n```\n"
+    introduction = (FOLDER.parent / "api_introduction.md").read_text()
+    return "\n".join([introduction, *blocks, tree])
 
 
-INTRODUCTION = (FOLDER.parent / "api_introduction.md").read_text()
-
-
-def write(app: Sphinx) -> None:
+def write(app: "Sphinx") -> None:
     """All pages; those that did not change keep their time, so that Sphinx need not read them."""
     FOLDER.mkdir(exist_ok=True)
-    texts = {"index": _list(), **_pages()}
+    texts = {"index": _list(), **pages()}
     for old in FOLDER.glob("*.md"):
         if old.stem not in texts:
             old.unlink()
@@ -150,6 +149,6 @@ def write(app: Sphinx) -> None:
             path.write_text(text)
 
 
-def setup(app: Sphinx) -> dict[str, Any]:
+def setup(app: "Sphinx") -> dict[str, Any]:
     app.connect("builder-inited", write)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

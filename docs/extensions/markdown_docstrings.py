@@ -1,13 +1,18 @@
 """Docstrings in Markdown, and signatures with the names of types, for autodoc."""
 
+import inspect
 from typing import Any
 
+import api
 from docutils import nodes
 from docutils.utils import new_document
 from myst_parser.parsers.sphinx_ import MystParser
 from signatures import signature_text
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
+
+
+PUBLIC = {part: name for name, part in api.everything().items() if inspect.isclass(part)}
 
 
 class Markdown(SphinxDirective):
@@ -32,7 +37,7 @@ def sign(
     app: Sphinx, what: str, name: str, part: Any, options: Any, arguments: str, result: str
 ) -> tuple[str, str | None] | None:
     """A signature as the source has it."""
-    return signature_text(part, bound=what == "method") if callable(part) else None
+    return signature_text(part, PUBLIC, bound=what == "method") if callable(part) else None
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

@@ -4,22 +4,52 @@ import ast
 import dataclasses
 import inspect
 import re
+import sys
 import textwrap
+from collections.abc import Callable, Mapping
 from typing import Any
 
 
-def signature_text(part: Any, *, bound: bool = False) -> tuple[str, str | None] | None:
+def signature_text(
+    part: Any, public: Mapping[type, str], *, bound: bool = False
+) -> tuple[str, str | None] | None:
     """Arguments, in brackets, and result of a function or class; None where no source has them.
 
-    `bound`: without the first argument.
+    **Arguments:**
+
+    - `part`: the function or class.
+    - `public`: names by which classes are documented, and so take the place of others.
+    - `bound`: without the first argument.
     """
+    owner = inspect.unwrap(getattr(part, "__func__", part))
+    known = vars(sys.modules[owner.__module__])
+
+    def text(node: ast.AST) -> str:
+        return _text(_Named(known, public).visit(node))
+
     if not inspect.isclass(part):
-        node = _definition(inspect.unwrap(getattr(part, "__func__", part)))
-        return None if node is None else _of_function(node, bound or hasattr(part, "__func__"))
+        node = _definition(owner)
+        bound = bound or hasattr(part, "__func__")
+        return None if node is None else _of_function(node, text, bound)
     constructor = _definition(inspect.unwrap(part.__init__))
     if constructor is not None:
-        return _of_function(constructor, bound=True)[0], None
-    return (_of_fields(part), None) if dataclasses.is_dataclass(part) else None
+        return _of_function(constructor, text, bound=True)[0], None
+    return (_of_fields(part, text), None) if dataclasses.is_dataclass(part) else None
+
+
+class _Named(ast.NodeTransformer):
+    """Names of classes become those by which they are documented."""
+
+    def __init__(self, known: Mapping[str, Any], public: Mapping[type, str]):
+        self.known, self.public = known, public
+
+    def visit_Name(self, node: ast.Name) -> ast.Name:
+        part = self.known.get(node.id)
+        return ast.Name(self.public[part]) if inspect.isclass(part) and part in self.public else node
+
+    def visit_Constant(self, node: ast.Constant) -> ast.AST:
+        part = self.known.get(node.value) if isinstance(node.value, str) else None
+        return self.visit_Name(ast.Name(node.value)) if inspect.isclass(part) else node
 
 
 def _definition(function: Any) -> ast.FunctionDef | None:
@@ -31,7 +61,9 @@ def _definition(function: Any) -> ast.FunctionDef | None:
     return node if isinstance(node, ast.FunctionDef) else None
 
 
-def _of_function(node: ast.FunctionDef, bound: bool) -> tuple[str, str | None]:
+def _of_function(
+    node: ast.FunctionDef, text: Callable[[ast.AST], str], bound: bool
+) -> tuple[str, str | None]:
     arguments = node.args
     positional = arguments.posonlyargs or arguments.args
     if bound and positional:
@@ -40,10 +72,10 @@ def _of_function(node: ast.FunctionDef, bound: bool) -> tuple[str, str | None]:
     for several in (arguments.vararg, arguments.kwarg):
         if several is not None and several.annotation is not None:
             several.annotation = None if _text(several.annotation) == "Any" else several.annotation
-    return f"({_text(arguments)})", _text(node.returns) if node.returns else None
+    return f"({text(arguments)})", text(node.returns) if node.returns else None
 
 
-def _of_fields(cls: type) -> str:
+def _of_fields(cls: type, text: Callable[[ast.AST], str]) -> str:
     declared = {}
     for base in reversed(cls.__mro__):
         if dataclasses.is_dataclass(base):
@@ -54,7 +86,7 @@ def _of_fields(cls: type) -> str:
         if not field.init or node is None:
             continue
         default = _default(node.value)
-        words.append(f"{field.name}: {_text(_without_converter(node.annotation))}{default}")
+        words.append(f"{field.name}: {text(_without_converter(node.annotation))}{default}")
     return f"({', '.join(words)})"
 
 
