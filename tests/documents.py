@@ -18,10 +18,11 @@ README = (ROOT / "README.md").read_text()
 GENERATED = tuple(
     line for line in (ROOT / ".gitignore").read_text().splitlines() if line.startswith("docs/")
 )
+# Of changes, old names are a part.
 PAGES = {
     name: path.read_text()
     for path in sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
-    if not (name := str(path.relative_to(ROOT))).startswith(GENERATED)
+    if not (name := str(path.relative_to(ROOT))).startswith((*GENERATED, "CHANGELOG.md"))
 }
 
 BLOCK = re.compile(r"^```([^`\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)  # language, content

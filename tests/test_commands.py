@@ -50,10 +50,17 @@ scene = rj.Scene([bar], [hinge], [rj.Gravity()])
 """
 
 
+# Verbs by themselves, where they cannot be typed like that: the documents speak of them.
+VERBS = {
+    f"romjax {name}"
+    for name, parser in verbs().items()
+    if any(action.required for action in parser._actions)
+}
 SAID = {  # the documents' commands, and where they stand
     command.removeprefix(".venv/bin/"): place
     for place, text in DOCUMENTS.items()
     for command in commands(text)
+    if command not in VERBS
 }
 ROMJAX = [shlex.split(command)[1:] for command in SAID if command.startswith("romjax ")]
 BENCHMARKS = [command for command in SAID if BENCHMARK.fullmatch(command)]
