@@ -65,7 +65,7 @@ def test_names():
         (place, span, mistake)
         for place, text in DOCUMENTS.items()
         for span in spans(text)
-        if not PATH.fullmatch(span)
+        if not PATH.fullmatch(span) and not (ROOT / span).is_file()
         for mistake in mistakes(span)
     ]
     assert wrong == []
