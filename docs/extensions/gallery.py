@@ -21,15 +21,13 @@ MOVING.mkdir(parents=True, exist_ok=True)
 INTRODUCTION = """# Gallery
 
 `rj.gallery` has {count} ready scenes, each a function, with a scene file beside it. The pictures
-below are what `scene` and its run with the default settings give to `rj.animate`: space plays and
-stops, the arrows go from frame to frame, dragging moves the picture.
+below are what `rj.animate(scene, run)` makes of a run: space plays and stops, the arrows go from
+frame to frame, dragging moves the picture.
 """
 SCENE = """
 ## {example.name}
 
-{words}
-
-{example.freedoms} degrees of freedom; {example.end:g} s, sampled at {example.rate:g} Hz.
+{title}. {example.freedoms} degrees of freedom; {example.end:g} s, sampled at {example.rate:g} Hz.
 [`rj.gallery.{function}`](api/romjax.gallery.{function}.md), or from the shell:
 
 ```console
@@ -59,8 +57,8 @@ def _simulate(number: int) -> None:
 
 def _text(example: Example) -> str:
     function = example.name.replace("-", "_")
-    first, _, _ = (example.make.__doc__ or "").partition("\n\n")
-    return SCENE.format(example=example, function=function, words=first)
+    title = example.title[0].upper() + example.title[1:]
+    return SCENE.format(example=example, function=function, title=title)
 
 
 def write(app: "Sphinx") -> None:
