@@ -12,8 +12,8 @@ HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE / "extensions")]
 
 import executed  # noqa: E402
-import notebooks  # noqa: E402
 
+import notebooks  # noqa: E402
 import romjax  # noqa: E402
 
 project = "romjax"

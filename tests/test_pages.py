@@ -12,7 +12,9 @@ from names import public
 from romjax.gallery import EXAMPLES
 
 # The blocks of Python of a page are one script.
-SCRIPTS = {name: "\n".join(code) for name, text in PAGES.items() if (code := blocks(text, "python"))}
+SCRIPTS = {
+    name: "\n".join(code) for name, text in PAGES.items() if (code := blocks(text, "python"))
+}
 LINK = re.compile(r"\]\((?!https?:|#|mailto:)([^)#\s]+)")
 NOTEBOOKS = "docs/tutorials/notebooks/"
 

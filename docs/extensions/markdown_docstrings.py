@@ -11,7 +11,6 @@ from signatures import signature_text
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-
 PUBLIC = {part: name for name, part in api.everything().items() if inspect.isclass(part)}
 
 

@@ -43,13 +43,18 @@ class _Named(ast.NodeTransformer):
     def __init__(self, known: Mapping[str, Any], public: Mapping[type, str]):
         self.known, self.public = known, public
 
-    def visit_Name(self, node: ast.Name) -> ast.Name:
-        part = self.known.get(node.id)
-        return ast.Name(self.public[part]) if inspect.isclass(part) and part in self.public else node
+    def visit_Name(self, node: ast.Name) -> ast.AST:
+        return self._name(node.id) or node
 
     def visit_Constant(self, node: ast.Constant) -> ast.AST:
-        part = self.known.get(node.value) if isinstance(node.value, str) else None
-        return self.visit_Name(ast.Name(node.value)) if inspect.isclass(part) else node
+        """Of a class that is not defined yet, the name is a string."""
+        return (self._name(node.value) if isinstance(node.value, str) else None) or node
+
+    def _name(self, name: str) -> ast.Name | None:
+        part = self.known.get(name)
+        return (
+            ast.Name(self.public[part]) if inspect.isclass(part) and part in self.public else None
+        )
 
 
 def _definition(function: Any) -> ast.FunctionDef | None:
