@@ -13,6 +13,8 @@ import romjax as rj
 from romjax import deprecated
 
 CHANGES = (ROOT / "CHANGELOG.md").read_text()
+# The README's pictures, by the scripts that draw them, and how large they may be [bytes].
+LARGEST = {"cart_pendulum.gif": 300_000, "what_accuracy_costs.png": 100_000}
 HOOKS = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"][0]["hooks"]
 
 
@@ -46,3 +48,18 @@ def test_pre_commit_knows_the_hooks(tmp_path):
     for arguments in (["validate-config"], ["install"]):
         subprocess.run([sys.executable, "-m", "pre_commit", *arguments], cwd=tmp_path, check=True)
     assert (tmp_path / ".git" / "hooks" / "pre-commit").exists()
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 120
+    for name, size in LARGEST.items():
+        assert (ROOT / "docs" / "images" / name).stat().st_size < size
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LARGEST)
+def test_pictures_are_drawn(name, tmp_path):
+    """By the script beside each; they fit the README."""
+    script = (ROOT / "docs" / "images" / name).with_suffix(".py")
+    subprocess.run([sys.executable, "-W", "error", script, tmp_path / name], check=True)
+    assert 0 < (tmp_path / name).stat().st_size < LARGEST[name]

@@ -1,5 +1,6 @@
-"""Draws the README's moving picture: `python docs/images/cart_pendulum.py` writes the GIF."""
+"""Draws the README's moving picture: `python docs/images/cart_pendulum.py [FILE]`."""
 
+import sys
 from pathlib import Path
 
 import jax
@@ -18,4 +19,5 @@ if __name__ == "__main__":
     moving = rj.animate(
         scene, full, reduced, labels=["full: 8 coordinates", "reduced: 3 coordinates"]
     )
-    moving.save(Path(__file__).with_suffix(".gif"), fps=12, seconds=4)
+    target = sys.argv[1] if sys.argv[1:] else Path(__file__).with_suffix(".gif")
+    moving.save(target, fps=12, seconds=4)
