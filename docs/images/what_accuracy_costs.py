@@ -1,6 +1,6 @@
 """Draws what accuracy costs: `python docs/images/what_accuracy_costs.py [FILE]`.
 
-The numbers are those that `benchmarks/work_precision.py` and `benchmarks/accuracy.py` have recorded.
+The numbers are those that `benchmarks/work_precision.py` and `benchmarks/accuracy.py` recorded.
 """
 
 import re
