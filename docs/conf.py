@@ -45,7 +45,7 @@ notebooks.copy(HERE.parent / "notebooks", HERE / "tutorials" / "notebooks")
 nb_execution_mode = "cache"
 nb_execution_cache_path = str(executed.FOLDER / "notebooks")
 nb_execution_in_temp = True
-nb_execution_timeout = 400
+nb_execution_timeout = notebooks.TIMEOUT
 nb_execution_raise_on_error = True
 nb_merge_streams = True
 
