@@ -43,7 +43,7 @@ copybutton_only_copy_prompt_lines = True
 
 notebooks.copy(HERE.parent / "notebooks", HERE / "tutorials" / "notebooks")
 nb_execution_mode = "cache"
-nb_execution_cache_path = str(executed.FOLDER / "notebooks")
+nb_execution_cache_path = str(notebooks.CACHE)
 nb_execution_in_temp = True
 nb_execution_timeout = notebooks.TIMEOUT
 nb_execution_raise_on_error = True

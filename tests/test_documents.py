@@ -27,6 +27,7 @@ def test_notebook(path, tmp_path):
     The outputs are kept: they are those of the site.
     """
     notebooks.execute(path, tmp_path)
+    assert notebooks.is_kept(path)
 
 
 def test_first_steps_runs_the_readme_example():

@@ -6,9 +6,10 @@ from pathlib import Path
 import executed
 import nbformat
 from jupyter_cache import get_cache
-from jupyter_cache.base import CacheBundleIn
+from jupyter_cache.base import CacheBundleIn, JupyterCacheAbstract
 from nbclient import NotebookClient
 
+CACHE = executed.FOLDER / "notebooks"
 TIMEOUT = 400  # [s] of a cell
 
 
@@ -32,8 +33,21 @@ def execute(path: Path, folder: Path) -> None:
     """
     notebook = nbformat.read(path, as_version=4)
     resources = {"metadata": {"path": str(folder)}}
-    NotebookClient(notebook, timeout=TIMEOUT, resources=resources).execute()
-    cache = get_cache(executed.FOLDER / "notebooks")
-    cache.cache_notebook_bundle(
+    # Without times in the cells: the cache would take them for another notebook.
+    NotebookClient(notebook, timeout=TIMEOUT, resources=resources, record_timing=False).execute()
+    _cache().cache_notebook_bundle(
         CacheBundleIn(notebook, str(path)), check_validity=False, overwrite=True
     )
+
+
+def is_kept(path: Path) -> bool:
+    """Whether the site finds the outputs of a notebook."""
+    try:
+        _cache().match_cache_notebook(nbformat.read(path, as_version=4))
+    except KeyError:
+        return False
+    return True
+
+
+def _cache() -> JupyterCacheAbstract:
+    return get_cache(CACHE)
