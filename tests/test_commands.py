@@ -34,7 +34,6 @@ COMMANDS = {
     "romjax tune chain": "romjax tune chain",
     "romjax accuracy cart-pendulum --budget 60": "romjax accuracy cart-pendulum --budget 60",
     "romjax accuracy cart-pendulum": "romjax accuracy cart-pendulum --budget 60",
-    "romjax accuracy FILE": "romjax accuracy mine.py --end 0.1 --budget 5",
     "python -m romjax": "python -m romjax --help",
     "python3 -m venv .venv": CI,
     "pip install -q --no-compile .": SET_UP,
