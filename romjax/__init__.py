@@ -160,6 +160,8 @@ from .system.stabilization import Projection as Projection
 from .tables.formulation import Tabulated as Tabulated
 from .xla import speed_up_xla as speed_up_xla
 
+__version__ = "0.2.0"
+
 if not TYPE_CHECKING:
     # Finds names of the release before. Type checkers would take any name for one of them.
     from .deprecated import __getattr__ as __getattr__

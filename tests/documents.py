@@ -14,7 +14,18 @@ ROOT = Path(__file__).parent.parent
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 README = (ROOT / "README.md").read_text()
 
-BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)  # language, content
+# Pages of the site that its build writes are ignored by git.
+GENERATED = tuple(
+    line for line in (ROOT / ".gitignore").read_text().splitlines() if line.startswith("docs/")
+)
+# Of changes, old names are a part.
+PAGES = {
+    name: path.read_text()
+    for path in sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
+    if not (name := str(path.relative_to(ROOT))).startswith((*GENERATED, "CHANGELOG.md"))
+}
+
+BLOCK = re.compile(r"^```([^`\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)  # language, content
 SPAN = re.compile(r"`([^`]+)`")
 INDENTED = re.compile(r"(?:^ {4}.*\n?)+", re.MULTILINE)  # a block of code in a docstring
 COMMAND = re.compile(r"(?:\.venv/bin/)?(?:romjax|python3?|pip|pytest) \S.*")
@@ -26,10 +37,15 @@ def spans(text: str) -> list[str]:
 
 
 def commands(text: str) -> list[str]:
-    """What one would type into a shell: blocks that are no Python, spans, and indented lines."""
+    """What one would type into a shell: in blocks, after a `$` or without a language; spans, and
+    indented lines.
+    """
     found = BLOCK.findall(text)
-    blocks = [content for language, content in found if language not in ("python", "toml")]
-    typed = [part for block in blocks for part in re.split(r" && |\n", block.strip())]
+    lines = [line for language, block in found if not language for line in block.splitlines()]
+    for language, block in found:
+        if language == "console":
+            lines += [line[2:] for line in block.splitlines() if line.startswith("$ ")]
+    typed = [part for line in lines for part in line.split(" && ")]
     indented = "".join(INDENTED.findall(BLOCK.sub("", text))).splitlines()
     quoted = [line.strip() for line in spans(text) + indented]
     return typed + [line for line in quoted if COMMAND.fullmatch(line)]
@@ -38,6 +54,11 @@ def commands(text: str) -> list[str]:
 def marked(name: str) -> str:
     """The README's block that follows the comment <!-- name -->."""
     return re.search(rf"<!-- {name} -->\n```\w*\n(.*?)```", README, re.DOTALL)[1]
+
+
+def blocks(text: str, language: str) -> list[str]:
+    """The contents of all blocks of a language."""
+    return [content for own, content in BLOCK.findall(text) if own == language]
 
 
 def verbs() -> dict[str, argparse.ArgumentParser]:
@@ -77,7 +98,7 @@ def _help_texts() -> dict[str, str]:
 
 DOCSTRINGS = _docstrings()
 DOCUMENTS = {
-    "README.md": README,
+    **PAGES,
     **{str(path.relative_to(ROOT)): _markdown(path) for path in NOTEBOOKS},
     **DOCSTRINGS,
     **_help_texts(),

@@ -16,6 +16,7 @@ import optax
 import xarray
 
 import romjax as rj
+from romjax import arrays
 
 CLASS = re.compile(r"[A-Z]\w*[a-z]\w*")
 KEYWORD = re.compile(r"(\w+)=(?:\S.*)?")
@@ -51,7 +52,7 @@ INSTANCES = {
     "system": rj.AbstractSystem,
     "trajectory": rj.Trajectory,
 }
-CLASSES = {*PARTS, *vars(builtins), *vars(diffrax)}
+CLASSES = {*PARTS, *vars(arrays), *vars(builtins), *vars(diffrax)}
 KNOWN = PARTS | INSTANCES | ROOTS
 LABELS = {"beam", "cart", "pendulum"}  # bodies, in names of coordinates such as `cart.x`
 

@@ -18,6 +18,7 @@ CI = "by .ci/run"
 SET_UP = "as the first line of the tests, with less installed"
 FILES = "by test_files.py"
 TEST_CLI = "by test_run_cart_pendulum in test_cli.py"
+RELEASE = "by test_release.py"
 
 # How each command is executed: as it stands, with names filled in, or elsewhere.
 COMMANDS = {
@@ -25,10 +26,12 @@ COMMANDS = {
     "romjax run cart-pendulum": TEST_CLI,
     "romjax run FILE.py": "romjax run mine.py --end 0.5",
     "romjax new crank.toml": FILES,
+    "romjax check FILE": FILES,
     "romjax check crank.toml": FILES,
     "romjax run crank.toml": FILES,
     "romjax schema": FILES,
     "romjax tune NAME": "romjax tune chain",
+    "romjax tune chain": "romjax tune chain",
     "romjax accuracy cart-pendulum --budget 60": "romjax accuracy cart-pendulum --budget 60",
     "romjax accuracy cart-pendulum": "romjax accuracy cart-pendulum --budget 60",
     "python -m romjax": "python -m romjax --help",
@@ -37,8 +40,15 @@ COMMANDS = {
     'pip install -q --no-compile -e ".[test]"': CI,
     "python -m pytest -q": CI,
     "python -m pytest -q -m slow": CI,
+    'pip install -q --no-compile -e ".[dev]"': CI,
+    "ruff format --check .": CI,
+    "ruff check .": CI,
+    "mypy": CI,
+    "python -m sphinx -W docs build/site": CI,
+    "pre-commit install": RELEASE,
 }
-EXECUTED = sorted({line for line in COMMANDS.values() if line not in (CI, FILES, SET_UP, TEST_CLI)})
+ELSEWHERE = (CI, FILES, RELEASE, SET_UP, TEST_CLI)
+EXECUTED = sorted({line for line in COMMANDS.values() if line not in ELSEWHERE})
 
 # "A mechanism of your own is a `Scene` of bodies, joints and effects connected by markers."
 MINE = """
@@ -50,10 +60,17 @@ scene = rj.Scene([bar], [hinge], [rj.Gravity()])
 """
 
 
+# Verbs by themselves, where they cannot be typed like that: the documents speak of them.
+VERBS = {
+    f"romjax {name}"
+    for name, parser in verbs().items()
+    if any(action.required for action in parser._actions)
+}
 SAID = {  # the documents' commands, and where they stand
     command.removeprefix(".venv/bin/"): place
     for place, text in DOCUMENTS.items()
     for command in commands(text)
+    if command not in VERBS
 }
 ROMJAX = [shlex.split(command)[1:] for command in SAID if command.startswith("romjax ")]
 BENCHMARKS = [command for command in SAID if BENCHMARK.fullmatch(command)]
@@ -79,6 +96,15 @@ def test_every_command_is_known():
     others = {c: place for c, place in SAID.items() if c not in BENCHMARKS}
     assert {c: place for c, place in others.items() if c not in COMMANDS} == {}
     assert set(COMMANDS) - set(others) == set()
+
+
+def test_ci_runs_what_it_is_said_to():
+    """All of it in `.ci/run`, but for the line of the tests, which it takes from the README."""
+    script = (ROOT / ".ci" / "run").read_text()
+    theirs = [part.removeprefix(".venv/bin/") for part in marked("tests").strip().split(" && ")]
+    said = [command for command, by in COMMANDS.items() if by == CI and command not in theirs]
+    assert len(said) >= 5
+    assert [command for command in said if f".venv/bin/{command}\n" not in script] == []
 
 
 def test_verbs():

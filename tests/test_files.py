@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from comparison import assert_close
-from documents import marked
+from documents import PAGES, blocks
 from jaxtyping import Array, Float
 from meshes import beam
 from random_scenes import random_scene
@@ -329,9 +329,10 @@ def test_new_check_and_schema(tmp_path, capsys):
     for words in ("freedoms     2", "no joint", "Dopri8, since the outputs can show"):
         assert words in said
 
-    # What the README says to change.
+    # What the page of scene files says to change.
     text, crank = path.read_text(), path
-    top, drive, slider, joints = re.split(r"^# .*\n", marked("slider crank"), flags=re.MULTILINE)
+    (changes,) = blocks(PAGES["docs/howto/scene_files.md"], "toml")
+    top, drive, slider, joints = re.split(r"^# .*\n", changes, flags=re.MULTILINE)
     lines = [line for part in (top, drive, slider, joints) for line in part.splitlines() if line]
     assert len(lines) == 10
     for before, after in (

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import scipy.special
 from comparison import assert_close
+from gallery import keep
 from mechanisms import GRAVITY
 
 import romjax as rj
@@ -392,7 +393,10 @@ def test_every_scene_has_a_fact():
 
 
 def shown(name, **settings):
-    """From Python and from its file a scene is the same, to the bit, and shows its fact."""
+    """From Python and from its file a scene is the same, to the bit, and shows its fact.
+
+    Its moving picture is kept, for the site.
+    """
     example = find(name)
     scene = example.make()
     same(rj.load_scene(FILES / f"{name}.toml"), scene)
@@ -407,6 +411,7 @@ def shown(name, **settings):
     run = rj.simulate(system, outputs(example), **settings)
     assert run.is_valid, run.warnings()
     FACTS[name](system, run)
+    keep(example, scene, run)
 
 
 def same(a, b):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import equinox as eqx
 import pytest
-from documents import BLOCK, README, ROOT
+from documents import README, ROOT, blocks
 from mypy import api
 
 import romjax as rj
@@ -55,8 +55,10 @@ BEGINNING = "import romjax as rj\n\nhere, there = rj.ground.at(), rj.ground.at()
 def errors(tmp_path_factory) -> dict[str, list[tuple[int, str, str]]]:
     """Line, code and words of all errors, by the name of the file; one run of mypy for them all."""
     folder = tmp_path_factory.mktemp("types")
-    blocks = [block for language, block in BLOCK.findall(README) if language == "python"]
-    files = {"readme.py": "\n".join(blocks), "mistakes.py": BEGINNING + "\n".join(MISTAKES)}
+    files = {
+        "readme.py": "\n".join(blocks(README, "python")),
+        "mistakes.py": BEGINNING + "\n".join(MISTAKES),
+    }
     for name, text in files.items():
         (folder / name).write_text(text)
     checked = [str(folder / name) for name in files] + [str(PARTS), *map(str, GALLERY)]

@@ -1,0 +1,80 @@
+"""The page of the ready scenes, each with a moving picture of its run."""
+
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import executed
+import numpy as np
+
+import romjax as rj
+from romjax.gallery import EXAMPLES, Example
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+
+PAGE = Path(__file__).parents[1] / "reference" / "gallery.md"
+MOVING = executed.FOLDER / "extra" / "gallery"
+MOVING.mkdir(parents=True, exist_ok=True)
+
+INTRODUCTION = """# Gallery
+
+`rj.gallery` has {count} ready scenes, each a function, with a scene file beside it. The pictures
+below are what `rj.animate(scene, run)` makes of a run: space plays and stops, the arrows go from
+frame to frame, dragging moves the picture.
+"""
+SCENE = """
+## {example.name}
+
+{title}. {example.freedoms} degrees of freedom; {example.end:g} s, sampled at {example.rate:g} Hz.
+[`rj.gallery.{function}`](api/romjax.gallery.{function}.md), or from the shell:
+
+```console
+$ romjax run {example.name}
+```
+
+<iframe class="moving" src="../gallery/{example.name}.html" title="{example.title}" loading="lazy">
+</iframe>
+"""
+
+
+def keep(example: Example, scene: rj.Scene, run: rj.Trajectory) -> None:
+    """Keep the moving picture of a run for the site."""
+    rj.animate(scene, run, title=example.title).save(MOVING / f"{example.name}.html")
+
+
+def _simulate(number: int) -> None:
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    example = EXAMPLES[number]
+    ts = np.linspace(0.0, example.end, round(example.end * example.rate) + 1)
+    scene = example.make()
+    run = rj.simulate(rj.assemble(scene), ts, rtol=example.rtol, solver=example.solver)
+    keep(example, scene, run)
+
+
+def _text(example: Example) -> str:
+    function = example.name.replace("-", "_")
+    title = example.title[0].upper() + example.title[1:]
+    return SCENE.format(example=example, function=function, title=title)
+
+
+def write(app: "Sphinx") -> None:
+    """The page, and what its pictures lack."""
+    missing = [i for i, x in enumerate(EXAMPLES) if not (MOVING / f"{x.name}.html").exists()]
+    if missing:
+        # Other processes, since Sphinx forks its own and JAX must not be forked.
+        with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as pool:
+            list(pool.map(_simulate, missing))
+    text = INTRODUCTION.format(count=len(EXAMPLES)) + "".join(map(_text, EXAMPLES))
+    if not PAGE.exists() or PAGE.read_text() != text:
+        PAGE.write_text(text)
+
+
+def setup(app: "Sphinx") -> dict[str, Any]:
+    app.connect("builder-inited", write)
+    # Beside the page's folder; copied as they are.
+    app.config.html_extra_path = [str(MOVING.parent)]
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,53 @@
+"""The notebooks as pages of the site, and their outputs in the cache from which it is built."""
+
+import shutil
+from pathlib import Path
+
+import executed
+import nbformat
+from jupyter_cache import get_cache
+from jupyter_cache.base import CacheBundleIn, JupyterCacheAbstract
+from nbclient import NotebookClient
+
+CACHE = executed.FOLDER / "notebooks"
+TIMEOUT = 400  # [s] of a cell
+
+
+def copy(source: Path, target: Path) -> None:
+    """All notebooks into a folder of the site; those that did not change keep their time."""
+    target.mkdir(parents=True, exist_ok=True)
+    wanted = {path.name: path for path in source.glob("*.ipynb")}
+    for old in target.glob("*.ipynb"):
+        if old.name not in wanted:
+            old.unlink()
+    for name, path in wanted.items():
+        own = target / name
+        if not own.exists() or own.read_bytes() != path.read_bytes():
+            shutil.copyfile(path, own)
+
+
+def execute(path: Path, folder: Path) -> None:
+    """Execute a notebook in a folder, and keep its outputs for the site.
+
+    Raises nbclient's CellExecutionError at a cell that fails.
+    """
+    notebook = nbformat.read(path, as_version=4)
+    resources = {"metadata": {"path": str(folder)}}
+    # Without times in the cells: the cache would take them for another notebook.
+    NotebookClient(notebook, timeout=TIMEOUT, resources=resources, record_timing=False).execute()
+    _cache().cache_notebook_bundle(
+        CacheBundleIn(notebook, str(path)), check_validity=False, overwrite=True
+    )
+
+
+def is_kept(path: Path) -> bool:
+    """Whether the site finds the outputs of a notebook."""
+    try:
+        _cache().match_cache_notebook(nbformat.read(path, as_version=4))
+    except KeyError:
+        return False
+    return True
+
+
+def _cache() -> JupyterCacheAbstract:
+    return get_cache(CACHE)

@@ -1,0 +1,90 @@
+"""The pages of the site: their code runs, their links lead somewhere, and every name has one."""
+
+import re
+from pathlib import PurePosixPath
+
+import api
+import pytest
+import scripts
+from documents import GENERATED, PAGES, ROOT, blocks
+from names import public
+
+from romjax.gallery import EXAMPLES
+
+# The blocks of Python of a page are one script.
+SCRIPTS = {
+    name: "\n".join(code) for name, text in PAGES.items() if (code := blocks(text, "python"))
+}
+LINK = re.compile(r"\]\((?!https?:|#|mailto:)([^)#\s]+)")
+CARD = re.compile(r"^:link: (\S+)$", re.MULTILINE)
+NOTEBOOKS = "docs/tutorials/notebooks/"
+# Pages that another one includes.
+PARTS = {"docs/reference/api_introduction.md"}
+
+
+@pytest.fixture(scope="module")
+def process():
+    with scripts.processes() as pool:
+        yield pool
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_code_runs(process, tmp_path, name):
+    """From top to bottom, without a warning, where nothing else does."""
+    process.submit(scripts.run, SCRIPTS[name], str(tmp_path)).result(timeout=600)
+
+
+def target_of(page: str, link: str) -> PurePosixPath:
+    """The file that a link of a page names, from the root of the project."""
+    target = PurePosixPath(page).parent
+    for part in PurePosixPath(link).parts:
+        target = target.parent if part == ".." else target / part
+    return target
+
+
+def leads_somewhere(page: str, link: str) -> bool:
+    """Whether there is a file, or the build of the site writes it."""
+    target = target_of(page, link)
+    name = str(target)
+    if name.startswith(NOTEBOOKS):
+        return (ROOT / "notebooks" / target.name).exists()
+    if name.startswith("docs/reference/api/"):
+        return target.stem in {"index", *map(api.page, api.everything())}
+    return name in GENERATED or (ROOT / name).exists()
+
+
+def test_links():
+    links = [(page, link) for page, text in PAGES.items() for link in LINK.findall(text)]
+    assert len(links) > 5
+    assert [(page, link) for page, link in links if not leads_somewhere(page, link)] == []
+
+
+@pytest.mark.parametrize("link", ["nowhere.md", "../notebooks/none.ipynb", "reference/api/no.md"])
+def test_links_to_nothing_are_seen(link):
+    assert not leads_somewhere("docs/index.md", link)
+
+
+def leads_to(page: str) -> set[str]:
+    """The pages that a page has links, cards, or entries in the navigation for."""
+    text = PAGES.get(page, "")
+    trees = "\n".join(blocks(text, "{toctree}")).splitlines()
+    named = [*CARD.findall(text), *(line for line in trees if line and line[0] != ":")]
+    return {
+        str(target_of(page, link)) for link in [*LINK.findall(text), *(f"{x}.md" for x in named)]
+    }
+
+
+def test_every_page_is_two_clicks_from_the_start():
+    near = {"docs/index.md"}
+    for _ in range(2):
+        near = near.union(*map(leads_to, near))
+    assert {page for page in PAGES if page.startswith("docs/")} - PARTS - near == set()
+
+
+def test_every_public_name_has_a_page():
+    """Those of `romjax`, of what it exports as modules, and all scenes of the gallery."""
+    exported = {f"romjax.{name}" for name in public() if "." not in name}
+    scenes = {f"romjax.gallery.{example.make.__name__}" for example in EXAMPLES}
+    assert exported | scenes <= set(api.everything())
+    assert {api.page(name) for name in api.everything()} == set(api.pages())
