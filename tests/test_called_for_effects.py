@@ -37,6 +37,7 @@ def effect(kind, **options):
             "derivative": 1.0,
         },
         rj.Contact: {"a": a, "b": b, "curve": rj.Line(), "stiffness": 1.0},
+        rj.Drag: {"at": a, "coefficient": 0.5, "area": 0.1},
     }
     return kind(**next(given for base, given in needed.items() if issubclass(kind, base)) | options)
 
@@ -52,8 +53,10 @@ EFFECTS = (
     rj.Torque,
     rj.Motor,
     rj.Contact,
+    rj.Drag,
 )
-DISSIPATIVE = (rj.Damper, rj.TorsionDamper, rj.Motor)
+DISSIPATIVE = (rj.Damper, rj.TorsionDamper, rj.Motor, rj.Drag)
+WITH_ROOTS = (rj.Force, rj.Contact, rj.Drag)
 every_effect = pytest.mark.parametrize("kind", EFFECTS, ids=lambda kind: kind.__name__)
 
 
@@ -173,7 +176,7 @@ def test_an_option_that_is_not_taken_is_not_traced(option):
 
 @pytest.mark.parametrize(("kind", "telling"), [(rj.Force, "sqrt"), (rj.Contact, "pow")])
 def test_roots_and_powers_come_with_their_effects(kind, telling):
-    others = [effect(other) for other in EFFECTS if other not in (rj.Force, rj.Contact)]
+    others = [effect(other) for other in EFFECTS if other not in WITH_ROOTS]
     assert telling not in force(rigid(*others))
     assert telling in force(rigid(*others, effect(kind)))
 

@@ -128,7 +128,7 @@ BELOW = {
     "linalg": set(),
     "scene": {"linalg"},
     "basis": set(),
-    "system": {"linalg", "scene"},
+    "system": {"linalg", "scene", "basis"},
     "assembly": {"linalg", "scene", "system"},
     "charts": {"linalg", "system"},
     "reduction": {"linalg", "scene", "basis", "system", "charts"},
@@ -139,7 +139,7 @@ BELOW = {
     "analysis": {"linalg", "scene", "system", "assembly", "measure"},
     "study": {"linalg", "scene", "basis", "system", "assembly", "reduction", "integrate"},
     "files": {"scene", "system", "assembly", "integrate", "measure", "study", "events"},
-    "gallery": {"scene"},
+    "gallery": {"linalg", "scene", "spatial"},
     "spatial": {"scene"},
     "plot": {"scene", "basis", "system", "assembly", "reduction", "integrate", "study"}
     | {"analysis"},
@@ -193,7 +193,8 @@ NO_EXPORTS = {
 def test_every_public_name_is_exported_once():
     names = []
     for node in ast.parse((PACKAGE / "__init__.py").read_text()).body:
-        if isinstance(node, ast.Expr) or ast.unparse(node) in NO_EXPORTS:
+        words = ast.unparse(node)
+        if isinstance(node, ast.Expr) or words in NO_EXPORTS or words.startswith("__version__ = "):
             continue
         assert isinstance(node, ast.ImportFrom), "romjax/__init__.py holds exports and no code"
         for alias in node.names:

@@ -137,6 +137,8 @@ def _checked(system: AbstractSystem, basis: Basis) -> AssembledSystem:
     full = assembled("reduce", system)
     if full is not system:
         raise _refusal("the system is reduced already")
+    if full.structure.quaternions:
+        raise _refusal("bodies move in space")
     if full.structure.flexible:
         raise _refusal("there are bodies that deform")
     if basis.decomposition is None:

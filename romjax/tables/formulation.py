@@ -12,7 +12,7 @@ from ..basis.basis import Basis
 from ..basis.build import modes_of
 from ..basis.snapshots import weigh
 from ..basis.subspace import span
-from ..errors import InputError
+from ..errors import InputError, ReductionError
 from ..program import program_once
 from ..reduction.formulation.base import AbstractFormulation, start
 from ..reduction.system import ReducedSystem
@@ -54,9 +54,14 @@ class Tabulated(AbstractFormulation):
             raise InputError(f"Tabulated: tol={self.tol}, but it must be positive.")
 
     def reduce(self, system: AbstractSystem, basis: Basis) -> ReducedSystem:
-        """Raises ReductionError for another number of freedoms, for constraints that change with
-        time, and at singular positions.
+        """Raises ReductionError for bodies in space, for another number of freedoms, for
+        constraints that change with time, and at singular positions.
         """
+        if system.full.structure.quaternions:
+            raise ReductionError(
+                "Tabulated: tables are made of mechanisms in the plane; in space use romjax.Minimal, "
+                "which has one coordinate for one freedom."
+            )
         q, v, t = start(system, basis)
         frames = Frames.of(system, t, q)
         amplitudes = np.setdiff1d(np.arange(system.n), frames.numbers)
