@@ -59,8 +59,8 @@ class Tabulated(AbstractFormulation):
         """
         if system.full.structure.quaternions:
             raise ReductionError(
-                "Tabulated: tables are made of mechanisms in the plane; in space use romjax.Minimal, "
-                "which has one coordinate for one freedom."
+                "Tabulated: tables are made of mechanisms in the plane; in space use "
+                "romjax.Minimal, which has one coordinate for one freedom."
             )
         q, v, t = start(system, basis)
         frames = Frames.of(system, t, q)
