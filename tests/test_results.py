@@ -110,7 +110,7 @@ print("romjax" in sys.modules)
         "['cart.x', 'cart.y', 'cart.phi'] ['m', 'm', 'rad']",
         "[\"joint 'rail'\", \"joint 'cart angle'\", \"joint 'hinge' 1\", \"joint 'hinge' 2\"]",
         f"{run.solver_name} success none success",
-        "J ('time', 'tip_1') m 1e-06 0.1.0",
+        f"J ('time', 'tip_1') m 1e-06 {rj.__version__}",
         "False",
     ]
 
