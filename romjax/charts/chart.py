@@ -57,7 +57,7 @@ class Chart(eqx.Module):
         self, system: AbstractSystem, t: Time, q: Float[Array, " n"]
     ) -> Float[Array, " m"]:
         """The constraints that do not repeat others."""
-        return self._regular(unit_length.constraint(system, t, q))
+        return self._regular(unit_length.extended(system, t, q))
 
     def jacobian(
         self, system: AbstractSystem, t: Time, q: Float[Array, " n"]

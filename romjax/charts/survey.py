@@ -54,11 +54,11 @@ def survey(
 
 def mass_root(system: AbstractSystem, q: Float[Array, " n"]) -> np.ndarray:
     """R with RᵀR = M at a configuration."""
-    return np.linalg.cholesky(np.asarray(mass(system, q))).T
+    return np.linalg.cholesky(np.asarray(mass_at(system, q))).T
 
 
 @program_once
-def mass(system: AbstractSystem, q: Float[Array, " n"]) -> Float[Array, "n n"]:
+def mass_at(system: AbstractSystem, q: Float[Array, " n"]) -> Float[Array, "n n"]:
     """The mass matrix at a configuration."""
     return system.mass(q)
 

@@ -18,7 +18,7 @@ def count(system: AbstractSystem) -> int:
     return system.m + len(system.structure.quaternions)
 
 
-def constraint(system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Array, " M"]:
+def extended(system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Array, " M"]:
     """C(t, q), then ½ (|p|² − 1) of each body in space."""
     own = system.constraint(t, q)
     if not system.structure.quaternions:

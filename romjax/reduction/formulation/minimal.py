@@ -16,7 +16,7 @@ from ...basis.subspace import span
 from ...charts.atlas import Atlas, choose_atlas
 from ...charts.chart import Chart
 from ...charts.choose import WORST_CONDITION, choose_chart
-from ...charts.survey import mass
+from ...charts.survey import mass_at
 from ...errors import ReductionError
 from ...linalg.branches import inverted
 from ...system.base import AbstractSystem
@@ -103,7 +103,7 @@ def _in_atlas(system: AbstractSystem, basis: Basis, atlas: Atlas) -> ReducedSyst
         assert isinstance(one, ImplicitLift)  # a chart in closed form needs no others
         lifts.append(one)
     snapshots = basis.snapshots
-    root = jnp.linalg.cholesky(mass(system, snapshots.q[0])).T
+    root = jnp.linalg.cholesky(mass_at(system, snapshots.q[0])).T
     lift = AtlasLift.of(lifts, snapshots.q, root, atlas)
     validity = TrainingBox.of(lift.seen, root=root)
     summary = f"{freedoms} minimal coordinates in {len(lifts)} charts, no constraints"

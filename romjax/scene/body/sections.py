@@ -202,7 +202,7 @@ class IProfile(AbstractSection):
 
 
 class Section(AbstractSection):
-    """A section by its numbers: area `A` [m²], second moments `I_y` and `I_z` about local y and z
+    """A section by its numbers: area `A` [m²], second moments I_y and I_z about local y and z
     and torsion constant `J` [m⁴]. Local y and z are its principal axes, and its shear centre is its
     centroid; romjax has no beams that twist where they bend.
     """
