@@ -23,9 +23,6 @@ MOST_MAPS = 30_000
 TIGHT = 1e-10
 
 
-# Folders of compiled programs, romjax's own and those of every `jit` and call by call, by the
-# variables that name them.
-CACHES = ("ROMJAX_CACHE_DIR", "JAX_COMPILATION_CACHE_DIR")
 # Objects after which Python looks for cycles among the youngest. Tracing makes millions of objects
 # and hardly a cycle: looking after every 700 takes a tenth of all time.
 COLLECT_AFTER = 50_000
@@ -34,15 +31,10 @@ COLLECT_AFTER = 50_000
 def pytest_configure(config):
     """Keep compiled programs for these tests alone, unless told where: all processes share them."""
     gc.set_threshold(COLLECT_AFTER, 20, 100)
-    for name in CACHES:
-        if name not in os.environ:
-            folder = tempfile.TemporaryDirectory(prefix="romjax-programs-")
-            os.environ[name] = folder.name
-            config.add_cleanup(folder.cleanup)
-    # The environment is for the processes that tests start; JAX has read it here already.
-    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
-    jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
+    if "ROMJAX_CACHE_DIR" not in os.environ:
+        folder = tempfile.TemporaryDirectory(prefix="romjax-programs-")
+        os.environ["ROMJAX_CACHE_DIR"] = folder.name
+        config.add_cleanup(folder.cleanup)
     # What the tests compile by JAX alone, with the options of romjax's own programs, and everything
     # without the passes that make a program fast: most programs of tests run once, and compile in
     # half the time. XLA reads the flags when it computes for the first time.
