@@ -115,9 +115,11 @@ def test_the_gallery_in_space(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["all parts", "driven", "four bar", *RIGID])
+@pytest.mark.parametrize("name", ["all parts", "driven", "four bar", "chain", "squeezer"])
 def test_moves_as_its_planar_twin(name):
-    """Motion and multipliers, from runs of their own."""
+    """Motion and multipliers, from runs of their own; the others would compile for minutes, and
+    their accelerations are the same.
+    """
     scene = make(name)
     twin, planar = InSpace(scene, TURN), rj.assemble(scene)
     ts = jnp.linspace(0.0, 0.05 * (GALLERY[name].end if name in GALLERY else 4.0), 6)
