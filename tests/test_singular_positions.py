@@ -37,36 +37,27 @@ def lot(seed: int) -> dict[str, np.ndarray]:
     }
 
 
-@jax.jit
-@jax.vmap
-def angles(angle, speed, crank):
+def angles(numbers) -> jax.Array:
     """The angle of the bars over time, in minimal coordinates: both masses move on equal circles,
     like one pendulum.
     """
-    swing = rj.CustomSystem(
-        lambda q: jnp.ones((1, 1)),
-        lambda t, q, v: -GRAVITY / crank * jnp.cos(q),
-        q0=angle[None],
-        v0=(speed / crank)[None],
-    )
-    run = rj.simulate(swing, TS, solver=diffrax.Dopri8(), rtol=1e-12, audit=False, throw=False)
-    return jnp.where(run.success, run.q[:, 0], jnp.nan)
 
+    def motion(angle, speed, crank):
+        swing = rj.CustomSystem(
+            lambda q: jnp.ones((1, 1)),
+            lambda t, q, v: -GRAVITY / crank * jnp.cos(q),
+            q0=angle[None],
+            v0=(speed / crank)[None],
+        )
+        return rj.simulate(swing, TS, solver=diffrax.Dopri8(), rtol=1e-12, audit=False).q[:, 0]
 
-CASES = [
-    *((solver, name, False) for solver in SOLVERS for name in STABILIZATIONS),
-    # What repeats is resolved in the acceleration, of which solvers know nothing.
-    *((diffrax.Tsit5(), name, True) for name in STABILIZATIONS),
-    (rj.Rodas5P(), "projected", True),
-]
+    return jax.vmap(motion)(*(jnp.asarray(numbers[x]) for x in ("angle", "speed", "crank")))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("solver", "name", "twice"),
-    CASES,
-    ids=[f"{type(x).__name__}-{name}{'-twice' * twice}" for x, name, twice in CASES],
-)
+@pytest.mark.parametrize("twice", [False, True], ids=["once", "twice"])
+@pytest.mark.parametrize("name", STABILIZATIONS)
+@pytest.mark.parametrize("solver", SOLVERS, ids=lambda x: type(x).__name__)
 def test_no_run_is_silently_wrong(solver, name, twice):
     """With `twice`, the middle bar is made twice: constraints that repeat each other everywhere."""
     numbers = lot(len(name) + 10 * twice)
@@ -79,9 +70,7 @@ def test_no_run_is_silently_wrong(solver, name, twice):
         return rj.simulate(rj.assemble(scene), TS, rtol=rtol, **settings)
 
     runs = jax.jit(jax.vmap(motion))(*map(jnp.asarray, numbers.values()))
-    truth = np.asarray(angles(*(numbers[name] for name in ("angle", "speed", "crank"))))
-    assert np.all(np.isfinite(truth))
-    q, v = np.asarray(runs.q), np.asarray(runs.v)
+    truth, q, v = np.asarray(angles(numbers)), np.asarray(runs.q), np.asarray(runs.v)
     first, second = numbers["masses"].T[:, :, None]
     energy = GRAVITY * (first * q[:, :, 1] + second * q[:, :, 4])
     energy += 0.5 * (first * np.sum(v[:, :, :2] ** 2, 2) + second * np.sum(v[:, :, 3:5] ** 2, 2))

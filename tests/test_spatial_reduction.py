@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ TS = jnp.linspace(0.0, 1.0, 201)
 # Systems", 1989, pp. 396-401) after one second, from two integrations in 40 digits.
 SLIDER = 0.211721661393443778
 # Required of one minimal coordinate over several turns, and of an arm on starts held out.
-MINIMAL, HELD_OUT, FASTER = 1e-7, 1e-4, 5
+MINIMAL = 1e-7
 
 
 def bars(turn=(1.0, 0.0, 0.0, 0.0), own=(1.0, 0.0, 0.0, 0.0), length=1.0):
@@ -157,38 +156,3 @@ def test_a_slider_crank_has_one_minimal_coordinate():
     assert rj.compare(motion, run).error <= MINIMAL
     assert abs(run.q[-1, 14] - SLIDER) <= MINIMAL
     assert run.is_valid
-
-
-def arm(tilt=0.0, spin=0.0):
-    """Two beams on hinges that are not parallel, about to fall."""
-    turn = np.array([np.cos(tilt / 2), 0, np.sin(tilt / 2), 0])
-    links = []
-    for i in range(2):
-        position = quaternions.rotate(turn, np.array([0.5 + i, 0, 0]))
-        start = {"velocity": np.cross((0, spin, 0), position), "angular_velocity": (0, spin, 0)}
-        inertia = (1e-3, 1 / 12, 1 / 12)
-        elastic = {"EI": 20.0, "bending": 6, "GJ": 8.0, "torsion": 2}
-        place = {"position": position, "orientation": turn}
-        links.append(r.Beam(f"link {i}", 1.0, 1.0, inertia, **elastic, **place, **start))
-    y, skew = (0, 1.0, 0), (0, 1.0, 1.0)
-    low, high = (-0.5, 0, 0), (0.5, 0, 0)
-    joints = [
-        r.Revolute(links[0].at(low, axis=y), rj.ground.at((0, 0, 0), axis=y)),
-        r.Revolute(links[1].at(low, axis=skew), links[0].at(high, axis=skew)),
-    ]
-    return rj.assemble(rj.Scene(links, joints, [rj.Gravity((0, 0, -9.81))]))
-
-
-@pytest.mark.slow
-def test_an_arm_in_local_bases_on_starts_held_out():
-    system, ts = arm(), TS[:101]
-    rom = rj.reduce(system, rj.pod(rj.simulate(system, ts, rtol=1e-8)), rj.Local(ranks=(9, 8)))
-    others = [arm(0.4, -0.5), arm(-0.3, 1.0)]
-    starts = [rom.restrict(other.q0, other.v0) for other in others]
-    q0, v0 = (jnp.stack(x) for x in zip(*starts, strict=True))
-    batch = jax.vmap(lambda q, v: rj.simulate(rom, ts, q0=q, v0=v, rtol=1e-6, throw=False))(q0, v0)
-    for lane, other in enumerate(others):
-        truth = rj.simulate(other, ts, rtol=1e-8)
-        run = jax.tree.map(lambda x, i=lane: x[i], batch)
-        assert rj.compare(truth, run).error <= HELD_OUT
-        assert FASTER * run.stats.num_steps <= truth.stats.num_steps

@@ -41,6 +41,7 @@ profiles = (
     rj.sections.Tube(0.1, wall=0.01),
     rj.sections.Box(0.1, 0.1, 0.01),
     rj.sections.IProfile(width=0.1, height=0.2, flange=0.01, web=0.01),
+    rj.sections.Section(0.01, I_y=1e-6, I_z=2e-6, J=3e-6),
 )
 
 frame = rj.Ground({"pivot": (0.0, 1.0)})
@@ -75,6 +76,7 @@ effects = (
     rj.Damper(here, there, damping=0.1, along_line=True),
     rj.TorsionSpring(here, there, 1.0, rest_angle=0.1),
     rj.TorsionDamper(here, there, 0.1),
+    rj.Drag(here, coefficient=0.5, area=0.1),
     rj.Bushing(here, there, (1.0, 1.0, 0.1), damping=[0.1, 0.1, 0.0]),
     rj.Force(here, (1.0, 1.0), rj.Sine(10.0, frequency=2.0), frame="body"),
     rj.Torque(here, signal=rj.Constant(2.0)),
