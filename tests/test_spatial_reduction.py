@@ -16,7 +16,7 @@ TS = jnp.linspace(0.0, 1.0, 201)
 # The slider of Haug's spatial slider crank ("Computer-Aided Kinematics and Dynamics of Mechanical
 # Systems", 1989, pp. 396-401) after one second, from two integrations in 40 digits.
 SLIDER = 0.211721661393443778
-# Required of one minimal coordinate over several turns, and of an arm on starts held out.
+# Required of one minimal coordinate over several turns.
 MINIMAL = 1e-7
 
 
