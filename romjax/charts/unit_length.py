@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import Time
+from ..linalg import quaternions
 from ..system import dynamics
 from ..system.base import AbstractSystem
 
@@ -23,7 +24,7 @@ def extended(system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Ar
     own = system.constraint(t, q)
     if not system.structure.quaternions:
         return own
-    lengths = 0.5 * (jnp.sum(q[_table(system)] ** 2, axis=1) - 1)
+    lengths = 0.5 * (jnp.sum(q[quaternions.columns(system.structure.quaternions)] ** 2, axis=1) - 1)
     return jnp.concatenate([own, lengths])
 
 
@@ -32,11 +33,7 @@ def jacobian(system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Ar
     own = dynamics.jacobian(system, t, q)
     if not system.structure.quaternions:
         return own
-    table = _table(system)
+    table = quaternions.columns(system.structure.quaternions)
     rows = jnp.zeros((len(table), system.n), q.dtype)
     rows = rows.at[np.arange(len(table))[:, None], table].set(q[table])
     return jnp.concatenate([own, rows])
-
-
-def _table(system: AbstractSystem) -> np.ndarray:
-    return np.array(system.structure.quaternions)[:, None] + np.arange(4)

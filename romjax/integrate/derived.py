@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..linalg import quaternions
 from ..program import program, program_once
 from ..reduction.system import has_charts
 from ..system.base import AbstractSystem
@@ -136,7 +137,7 @@ def metric_of(system: AbstractSystem) -> Float[Array, "n n"]:
     metric = full.mass(full.q0)
     if not full.structure.quaternions:
         return metric
-    table = np.array(full.structure.quaternions)[:, None] + np.arange(4)
+    table = quaternions.columns(full.structure.quaternions)
     others = np.ones(full.n)
     others[table] = 0
     means = jnp.mean(jnp.diagonal(metric)[table], axis=1) * jnp.sum(full.q0[table] ** 2, axis=1)

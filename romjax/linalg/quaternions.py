@@ -9,6 +9,7 @@ velocity is 2 G ṗ / s by the axes of the body and 2 E ṗ / s by those of spac
 All functions take leading axes, and compute by NumPy what is given as its arrays.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import jax.numpy as jnp
@@ -19,6 +20,11 @@ from ..arrays import Numbers
 
 Quaternion = Float[Numbers, "... 4"]
 Triple = Float[Numbers, "... 3"]
+
+
+def columns(starts: Sequence[int]) -> np.ndarray:
+    """The columns (bodies, 4) of quaternions that begin at some coordinates."""
+    return np.array(starts)[:, None] + np.arange(4)
 
 
 def product(a: Quaternion, b: Quaternion) -> Quaternion:

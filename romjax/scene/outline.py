@@ -50,6 +50,11 @@ class Outline(eqx.Module):
             raise SceneError(f"Outline: style is {self.style!r}; it must be one of {STYLES}.")
 
 
+def marks(poses: tuple[Pose, ...], style: Style = "hinge") -> Outline:
+    """Marks at the markers of a joint: at one position, unless the joint is torn."""
+    return Outline(jnp.stack([pose.position for pose in poses]), style)
+
+
 def linked(poses: tuple[Pose, ...], style: Style = "link") -> tuple[Outline, ...]:
     """Dots at the markers and a line from each to the next, the plain sign of any part."""
     points = jnp.stack([pose.position for pose in poses])

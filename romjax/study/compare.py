@@ -14,6 +14,7 @@ from ..arrays import concrete
 from ..extras import frame
 from ..identity import Remembered
 from ..integrate.trajectory import Trajectory
+from ..linalg.quaternions import columns as quaternion_columns
 from ..pictures import animated, inline
 from ..program import program
 
@@ -128,7 +129,7 @@ def apart(
     difference = q - other
     if not quaternions:
         return difference
-    table = np.array(quaternions)[:, None] + np.arange(4)
+    table = quaternion_columns(quaternions)
     p, opposed = (
         x / jnp.sqrt(jnp.sum(x**2, axis=2, keepdims=True)) for x in (q[:, table], other[:, table])
     )
@@ -140,7 +141,7 @@ def _single(difference: Float[Array, "k n"], quaternions: Sequence[int]) -> Floa
     """Of each coordinate; of a quaternion the angle [rad] of the turn between, in all four."""
     if not quaternions:
         return difference
-    table = np.array(quaternions)[:, None] + np.arange(4)
+    table = quaternion_columns(quaternions)
     chord = _norm(difference[:, table], axis=2, keepdims=True)
     # Quaternions lie apart by half the angle; rounding must not put a half turn beyond ½ √2.
     angle = 4 * jnp.arcsin(jnp.minimum(0.5 * chord, np.sin(np.pi / 4)))

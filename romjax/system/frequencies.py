@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import Time
+from ..linalg import quaternions
 from .base import AbstractSystem
 from .dynamics import acceleration
 from .stabilization import Baumgarte
@@ -33,23 +34,23 @@ def frequencies(
     stabilisation, and reduced coordinates know no bodies.
     """
     rigid, fastest = _estimate(system, t, q, v)
-    quaternions = system.full.structure.quaternions
+    starts = system.full.structure.quaternions
     constrained = system.m > 0 and system.full is not system
-    if not constrained and not quaternions:
+    if not constrained and not starts:
         return Frequencies(rigid, fastest, jnp.zeros_like(fastest))
     state = system.state(t, q, v)
     if constrained:
         rigid, _ = _estimate(system.full, t, state.q, state.v)
-    return Frequencies(rigid, fastest, _spin(quaternions, state.q, state.v))
+    return Frequencies(rigid, fastest, _spin(starts, state.q, state.v))
 
 
 def _spin(
-    quaternions: tuple[int, ...], q: Float[Array, " N"], v: Float[Array, " N"]
+    starts: tuple[int, ...], q: Float[Array, " N"], v: Float[Array, " N"]
 ) -> Float[Array, ""]:
     """The fastest angular velocity [rad/s], 2 |ṗ| / |p| where |p| is constant."""
-    if not quaternions:
+    if not starts:
         return jnp.zeros((), q.dtype)
-    columns = np.array(quaternions)[:, None] + np.arange(4)
+    columns = quaternions.columns(starts)
     squared = jnp.sum(v[columns] ** 2, axis=1) / jnp.sum(q[columns] ** 2, axis=1)
     return 2 * jnp.sqrt(jnp.max(squared))
 

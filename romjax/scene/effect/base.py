@@ -4,16 +4,19 @@ import abc
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Time
+from ...arrays import Time, concrete
+from ...errors import SceneError
 from .. import marker
 from ..body.base import AbstractBody
+from ..fields import check_numbers
 from ..marker import Marker, Pose, Twist, Wrench
 from ..outline import Outline, linked
 
@@ -205,6 +208,21 @@ def displacement(
         return tuple(p.wrench(slope) for p, slope in zip(poses, pull_back(force), strict=True))
 
     return value, rate, wrenches
+
+
+def directed(direction: Float[Array, " d"], frame: str, pose: Pose) -> Float[Array, " d"]:
+    """A direction that is fixed to the "world", or to the "body" of a marker, by inertial axes."""
+    return pose.turned(direction) if frame == "body" else direction
+
+
+def check_direction(owner: str, effect: Any, dimension: int) -> None:
+    """Check a `direction` of the `dimension` of the scene, and the `frame` that it is fixed to."""
+    check_numbers(owner, effect, "direction", shape=(dimension,))
+    direction = concrete(effect.direction)
+    if direction is not None and not np.any(direction):
+        raise SceneError(f"{owner}: direction is {direction}; give a vector that is not zero.")
+    if effect.frame not in ("world", "body"):
+        raise SceneError(f"{owner}: frame is {effect.frame!r}, but it must be 'world' or 'body'.")
 
 
 def check_markers(effect: AbstractEffect) -> str:

@@ -4,17 +4,15 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Time, Vector, concrete
-from ...errors import SceneError
+from ...arrays import Time, Vector
 from ..drawing import arrow
-from ..fields import Converted, check_numbers, number
+from ..fields import Converted, number
 from ..marker import Marker, Pose, Twist, Wrench
 from ..outline import Outline
 from ..signal import AbstractSignal, signal_field
-from .base import AbstractMarkerEffect, check_markers
+from .base import AbstractMarkerEffect, check_direction, check_markers, directed
 
 
 class Force(AbstractMarkerEffect):
@@ -40,8 +38,7 @@ class Force(AbstractMarkerEffect):
     ) -> tuple[Wrench, ...]:
         del twists
         force = self.signal(t) * self.direction / jnp.linalg.norm(self.direction)
-        if self.frame == "body":
-            force = poses[0].turned(force)
+        force = directed(force, self.frame, poses[0])
         return (Wrench(force, jnp.zeros_like(force[0] if force.shape == (2,) else force)),)
 
     def outline(
@@ -52,17 +49,12 @@ class Force(AbstractMarkerEffect):
         (pose,) = poses
         strength = jnp.sqrt(wrench.force @ wrench.force)
         given = self.direction / jnp.sqrt(self.direction @ self.direction)
-        ahead = pose.turned(given) if self.frame == "body" else given
+        ahead = directed(given, self.frame, pose)
         strong = strength > 0
         ahead = jnp.where(strong, wrench.force / jnp.where(strong, strength, 1.0), ahead)
         return (Outline(arrow(pose.position, pose.position + 4 * size * ahead, size), "load"),)
 
     def check(self) -> None:
         owner = check_markers(self)
-        check_numbers(owner, self, "direction", shape=(self.at.dimension,))
-        direction = concrete(self.direction)
-        if direction is not None and not np.any(direction):
-            raise SceneError(f"{owner}: direction is {direction}; give a vector that is not zero.")
-        if self.frame not in ("world", "body"):
-            raise SceneError(f"{owner}: frame is {self.frame!r}, but it must be 'world' or 'body'.")
+        check_direction(owner, self, self.at.dimension)
         self.signal.check(owner)

@@ -7,11 +7,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
-from ..drawing import box, rail
 from ..fields import Converted, check_numbers, radians
 from ..marker import Marker, Pose
 from ..outline import Outline
 from .base import AbstractJoint
+from .sliding import sliding
 
 
 class Prismatic(AbstractJoint):
@@ -33,11 +33,7 @@ class Prismatic(AbstractJoint):
     ) -> tuple[Outline, ...]:
         del t
         a, b = poses
-        slider = box(Pose(a.position, a.angle - self.value), size)
-        return (
-            Outline(rail(b, a.position, size), "track", endless=True),
-            Outline(slider, "link"),
-        )
+        return sliding(Pose(a.position, a.angle - self.value), b, size)
 
     def check(self) -> None:
         super().check()

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from ...arrays import Time
 from ..fields import Converted, check_numbers, radians
 from ..marker import Marker, Pose
-from ..outline import Outline
+from ..outline import Outline, marks
 from .base import AbstractJoint
 
 
@@ -31,7 +31,7 @@ class Weld(AbstractJoint):
     ) -> tuple[Outline, ...]:
         """Two marks at one position, unless the joint is torn."""
         del t, size
-        return (Outline(jnp.stack([pose.position for pose in poses]), "weld"),)
+        return (marks(poses, "weld"),)
 
     def check(self) -> None:
         super().check()

@@ -82,18 +82,7 @@ class SpatialInertia(eqx.Module):
             arm = quaternions.skew(self.arm(bent))
             own = jnp.concatenate([-multiply(arm, onto), self._sliding(bent)], axis=1)
             aside = multiply(quaternions.matrix(p), own)
-        inner = jnp.concatenate(
-            [
-                jnp.concatenate([turning, around], axis=1),
-                jnp.concatenate([around.T, modal], axis=1),
-            ]
-        )
-        return jnp.concatenate(
-            [
-                jnp.concatenate([moving, aside], axis=1),
-                jnp.concatenate([aside.T, inner], axis=1),
-            ]
-        )
+        return _symmetric(moving, aside, _symmetric(turning, around, modal))
 
     @property
     def inverts(self) -> bool:
@@ -113,12 +102,7 @@ class SpatialInertia(eqx.Module):
         if not self.centred:
             arm, slide = quaternions.skew(self.arm(bent)), self._sliding(bent)
             moving = self.mass * jnp.eye(3, dtype=q.dtype)
-            own = jnp.concatenate(
-                [
-                    jnp.concatenate([moving, -arm], axis=1),
-                    jnp.concatenate([arm, own], axis=1),
-                ]
-            )
+            own = _symmetric(moving, -arm, own)
             beside = jnp.concatenate([slide, beside])
             turn = jnp.pad(quaternions.matrix(p), ((0, 0), (0, 3)))
             back = jnp.concatenate([turn, jnp.pad(back, ((0, 0), (3, 0)))])
@@ -133,12 +117,7 @@ class SpatialInertia(eqx.Module):
         length = jnp.pad(p, (3, 0))
         turned += length[:, None] * length[None] / length_inertia(self.moment)
         aside = -multiply(back, across)
-        return jnp.concatenate(
-            [
-                jnp.concatenate([turned, aside], axis=1),
-                jnp.concatenate([aside.T, modal], axis=1),
-            ]
-        )
+        return _symmetric(turned, aside, modal)
 
     def quadratic_velocity_force(
         self, q: Float[Array, " size"], v: Float[Array, " size"]
@@ -267,6 +246,11 @@ class SpatialInertia(eqx.Module):
 def length_inertia(tensor: Float[Array, "3 3"]) -> Float[Array, ""]:
     """μ = ⁴⁄₃ tr J, which makes M_pp of a body with three equal moments j the matrix 4 j I / s."""
     return 4.0 / 3.0 * jnp.trace(tensor)
+
+
+def _symmetric(a: Array, b: Array, c: Array) -> Float[Array, "size size"]:
+    """[[a, b], [bᵀ, c]]."""
+    return jnp.concatenate([jnp.concatenate([a, b], axis=1), jnp.concatenate([b.T, c], axis=1)])
 
 
 def _times(x: Float[Array, "*axes modes"], bent: Float[Array, " modes"]) -> Float[Array, "*axes"]:

@@ -4,17 +4,15 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from ....arrays import Time, Vector, concrete
-from ....errors import SceneError
+from ....arrays import Time, Vector
 from ...drawing import arrow, normals, turning_arrow
-from ...fields import Converted, check_numbers, number
+from ...fields import Converted, number
 from ...marker import Marker, Pose, Twist, Wrench
 from ...outline import Outline
 from ...signal import AbstractSignal, signal_field
-from ..base import AbstractMarkerEffect, check_markers
+from ..base import AbstractMarkerEffect, check_direction, check_markers, directed
 
 
 class Torque(AbstractMarkerEffect):
@@ -40,8 +38,7 @@ class Torque(AbstractMarkerEffect):
     ) -> tuple[Wrench, ...]:
         del twists
         torque = self.signal(t) * self.direction / jnp.linalg.norm(self.direction)
-        if self.frame == "body":
-            torque = poses[0].turned(torque)
+        torque = directed(torque, self.frame, poses[0])
         return (Wrench(jnp.zeros_like(torque), torque),)
 
     def outline(
@@ -50,7 +47,7 @@ class Torque(AbstractMarkerEffect):
         """An arrow along the direction of the torque, and one around it in its sense."""
         (pose,) = poses
         given = self.direction / jnp.sqrt(self.direction @ self.direction)
-        ahead = pose.turned(given) if self.frame == "body" else given
+        ahead = directed(given, self.frame, pose)
         strength = jnp.where(self.signal(t) < 0, -1.0, 1.0)
         way = turning_arrow(size, strength) @ normals(ahead)
         axis = arrow(pose.position, pose.position + 3 * size * strength * ahead, size)
@@ -58,10 +55,5 @@ class Torque(AbstractMarkerEffect):
 
     def check(self) -> None:
         owner = check_markers(self)
-        check_numbers(owner, self, "direction", shape=(3,))
-        direction = concrete(self.direction)
-        if direction is not None and not np.any(direction):
-            raise SceneError(f"{owner}: direction is {direction}; give a vector that is not zero.")
-        if self.frame not in ("world", "body"):
-            raise SceneError(f"{owner}: frame is {self.frame!r}, but it must be 'world' or 'body'.")
+        check_direction(owner, self, 3)
         self.signal.check(owner)

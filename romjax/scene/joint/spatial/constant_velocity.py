@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from ....arrays import Time
 from ...drawing import axis_line
 from ...marker import Marker, Pose
-from ...outline import Outline
+from ...outline import Outline, marks
 from ..base import AbstractJoint
 
 
@@ -38,4 +38,4 @@ class ConstantVelocity(AbstractJoint):
     ) -> tuple[Outline, ...]:
         del t
         shafts = [Outline(axis_line(pose, size), "link") for pose in poses]
-        return *shafts, Outline(jnp.stack([pose.position for pose in poses]), "hinge")
+        return *shafts, marks(poses)

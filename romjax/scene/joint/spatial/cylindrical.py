@@ -7,10 +7,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ....arrays import Time
-from ...drawing import box, rail
 from ...marker import Marker, Pose
 from ...outline import Outline
 from ..base import AbstractJoint
+from ..sliding import sliding
 from .directions import tilt
 
 
@@ -33,7 +33,4 @@ class Cylindrical(AbstractJoint):
     ) -> tuple[Outline, ...]:
         del t
         a, b = poses
-        return (
-            Outline(rail(b, a.position, size), "track", endless=True),
-            Outline(box(Pose(a.position, b.turn), size), "link"),
-        )
+        return sliding(Pose(a.position, b.turn), b, size)

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from ....arrays import Time
 from ...drawing import axis_line
 from ...marker import Marker, Pose
-from ...outline import Outline
+from ...outline import Outline, marks
 from ..base import AbstractJoint
 from .directions import tilt
 
@@ -32,5 +32,4 @@ class Revolute(AbstractJoint):
     ) -> tuple[Outline, ...]:
         """The axis; two marks at one position, unless the joint is torn."""
         del t
-        marks = jnp.stack([pose.position for pose in poses])
-        return Outline(axis_line(poses[1], size), "link"), Outline(marks, "hinge")
+        return Outline(axis_line(poses[1], size), "link"), marks(poses)

@@ -9,11 +9,11 @@ from jaxtyping import Array, Float
 
 from ....arrays import Time
 from ...counted_angle import counted_angle
-from ...drawing import box, rail
 from ...fields import Converted, check_numbers, number
 from ...marker import Marker, Pose
 from ...outline import Outline
 from ..base import AbstractJoint
+from ..sliding import sliding
 from .directions import tilt
 
 
@@ -51,10 +51,7 @@ class Screw(AbstractJoint):
     ) -> tuple[Outline, ...]:
         del t
         a, b, *_ = poses
-        return (
-            Outline(rail(b, a.position, size), "track", endless=True),
-            Outline(box(a, size), "link"),
-        )
+        return sliding(a, b, size)
 
     def check(self) -> None:
         super().check()

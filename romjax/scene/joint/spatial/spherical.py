@@ -3,12 +3,11 @@
 from typing import ClassVar
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ....arrays import Time
 from ...marker import Marker, Pose
-from ...outline import Outline
+from ...outline import Outline, marks
 from ..base import AbstractJoint
 
 
@@ -30,5 +29,4 @@ class Spherical(AbstractJoint):
     ) -> tuple[Outline, ...]:
         """Two marks at one position, unless the joint is torn."""
         del t, size
-        marks = jnp.stack([pose.position for pose in poses])
-        return (Outline(marks, "hinge"),)
+        return (marks(poses),)

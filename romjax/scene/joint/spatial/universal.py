@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from ....arrays import Time
 from ...drawing import axis_line
 from ...marker import Marker, Pose
-from ...outline import Outline
+from ...outline import Outline, marks
 from ..base import AbstractJoint
 from .directions import axis
 
@@ -34,6 +34,5 @@ class Universal(AbstractJoint):
     ) -> tuple[Outline, ...]:
         """The cross of both axes."""
         del t
-        marks = jnp.stack([pose.position for pose in poses])
         cross = [Outline(axis_line(pose, size), "link") for pose in poses]
-        return *cross, Outline(marks, "hinge")
+        return *cross, marks(poses)

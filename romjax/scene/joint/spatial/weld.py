@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ....arrays import Time
 from ...marker import Marker, Pose
-from ...outline import Outline
+from ...outline import Outline, marks
 from ..base import AbstractJoint
 from .directions import turned
 
@@ -31,5 +31,4 @@ class Weld(AbstractJoint):
     ) -> tuple[Outline, ...]:
         """Two marks at one position, unless the joint is torn."""
         del t, size
-        marks = jnp.stack([pose.position for pose in poses])
-        return (Outline(marks, "weld"),)
+        return (marks(poses, "weld"),)
