@@ -54,6 +54,16 @@ def test_heavy_top(spun):
     assert np.max(np.abs(balance)) < PUBLISHED * float(rj.energy(system, run).total[0])
 
 
+def test_measured_motion(spun):
+    """The tip of the axis moves with the body's position and rotation."""
+    system, run = spun
+    tip = rj.measure(system, run, rj.Marker("top", (0.0, 0.5, 0.0), (1.0, 0.0, 0.0, 0.0)))
+    rotation = quaternions.matrix(np.asarray(run.q[:, 3:]))
+    assert np.max(np.abs(tip.rotation - rotation)) < IDENTITY
+    assert np.max(np.abs(tip.position - run.q[:, :3] - 0.5 * rotation[:, :, 1])) < IDENTITY
+    assert tip.angular_velocity.shape == (11, 3)
+
+
 @pytest.mark.parametrize("length", [0.1, 10.0])
 def test_the_length_of_quaternions_means_nothing(spun, length):
     run = rj.simulate(

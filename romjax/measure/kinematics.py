@@ -41,12 +41,19 @@ class Measurement(eqx.Module):
         return self._pose().angle
 
     @property
+    def rotation(self) -> Float[Array, "k 3 3"]:
+        """In space: the rotation matrix, against the inertial frame or against the second marker;
+        its columns are the marker's axes.
+        """
+        return self._pose().rotation
+
+    @property
     def velocity(self) -> Float[Array, "k d"]:
         """Rate of the position [m/s]."""
         return self._rate().position
 
     @property
-    def angular_velocity(self) -> Float[Array, " k"]:
+    def angular_velocity(self) -> Float[Array, "k *axes"]:
         """Rate of the angle [rad/s]."""
         return self._rate().angle
 
@@ -56,7 +63,7 @@ class Measurement(eqx.Module):
         return self._second_rate().position
 
     @property
-    def angular_acceleration(self) -> Float[Array, " k"]:
+    def angular_acceleration(self) -> Float[Array, "k *axes"]:
         """Rate of the angular velocity [rad/s²], by the equations of motion without
         stabilisation.
         """
@@ -96,7 +103,8 @@ def measure(
     system: AbstractSystem, run: Trajectory, marker: Marker, against: Marker | None = None
 ) -> Measurement:
     """The motion of a `marker` along a run: `.position` [m], `.velocity`, `.acceleration` (k, 2),
-    `.angle` [rad], `.angular_velocity`, `.angular_acceleration` (k,).
+    `.angle` [rad], `.angular_velocity`, `.angular_acceleration` (k,); in space (k, 3) each, and
+    `.rotation` (k, 3, 3) in place of the angle.
 
     `against` another marker all of them are as an observer sees them who moves and turns with that
     one, along its axes; and `.distance` [m], `.distance_rate` are between both.
