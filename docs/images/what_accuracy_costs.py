@@ -46,7 +46,9 @@ if __name__ == "__main__":
         point = error, (1 - saved) * time
         axes.plot(*point, "C3D", label="reduced models as the chapter has them" * (name == "POD"))
         words = f"{name}, −{saved:.0%}"
-        axes.annotate(words, point, (-8, -4), textcoords="offset points", ha="right")
+        # On the side where no curve passes.
+        side, align = (8, "left") if name == "POD" else (-8, "right")
+        axes.annotate(words, point, (side, -4), textcoords="offset points", ha=align)
     axes.invert_xaxis()
     axes.set_yticks([1, 2, 5, 10, 20], ["1", "2", "5", "10", "20"])
     axes.minorticks_off()
