@@ -292,6 +292,9 @@ EFFECTS = (
         frame=lot.one_of(["world", "body"]),
     ),
     lambda lot, bodies: rj.Torque(random_marker(lot, lot.one_of(bodies)), random_signal(lot, 3.0)),
+    lambda lot, bodies: rj.Drag(
+        random_marker(lot, lot.one_of(bodies)), lot.between(0.3, 1.2), lot.between(0.1, 1.0)
+    ),
     lambda lot, bodies: rj.Motor(
         *ends(lot, bodies), random_signal(lot, 1.0), lot.between(0.0, 10.0), lot.between(0.0, 1.0)
     ),
