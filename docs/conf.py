@@ -48,6 +48,7 @@ nb_execution_in_temp = True
 nb_execution_timeout = notebooks.TIMEOUT
 nb_execution_raise_on_error = True
 nb_merge_streams = True
+nb_output_stderr = "remove"  # warnings have paths of the machine that built the site
 
 autodoc_inherit_docstrings = False
 autodoc_member_order = "bysource"

@@ -43,11 +43,11 @@ def names(module: ModuleType = romjax) -> dict[str, Any]:
 
 
 def _is_own(module: ModuleType, part: Any) -> bool:
-    """Whether it is public by its module: exported by it if that is a package, else made there."""
+    """Whether it is public by its module: exported by it if that only exports, else made there."""
     if inspect.ismodule(part):
         return module is romjax and part.__name__.startswith("romjax.") and part in MODULES
     home = getattr(part, "__module__", None) or type(part).__module__
-    if hasattr(module, "__path__"):
+    if hasattr(module, "__path__") or module is romjax.spatial:
         return str(home).startswith("romjax.") and not home.startswith("romjax.deprecated")
     return home == module.__name__
 

@@ -27,7 +27,7 @@ frame to frame, dragging moves the picture.
 SCENE = """
 ## {example.name}
 
-{title}. {example.freedoms} degrees of freedom; {example.end:g} s, sampled at {example.rate:g} Hz.
+{title}. {freedom}; {example.end:g} s, sampled at {example.rate:g} Hz.
 [`rj.gallery.{function}`](api/romjax.gallery.{function}.md), or from the shell:
 
 ```console
@@ -58,7 +58,10 @@ def _simulate(number: int) -> None:
 def _text(example: Example) -> str:
     function = example.name.replace("-", "_")
     title = example.title[0].upper() + example.title[1:]
-    return SCENE.format(example=example, function=function, title=title)
+    freedom = {0: "Its drive prescribes the motion", 1: "One degree of freedom"}.get(
+        example.freedoms, f"{example.freedoms} degrees of freedom"
+    )
+    return SCENE.format(example=example, function=function, title=title, freedom=freedom)
 
 
 def write(app: "Sphinx") -> None:
