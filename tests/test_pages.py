@@ -6,9 +6,10 @@ from pathlib import PurePosixPath
 import api
 import pytest
 import scripts
-from documents import GENERATED, PAGES, ROOT, blocks
+from documents import BLOCK, GENERATED, PAGES, ROOT, blocks
 from names import public
 
+import romjax as rj
 from romjax.gallery import EXAMPLES
 
 # The blocks of Python of a page are one script.
@@ -17,6 +18,9 @@ SCRIPTS = {
 }
 LINK = re.compile(r"\]\((?!https?:|#|mailto:)([^)#\s]+)")
 CARD = re.compile(r"^:link: (\S+)$", re.MULTILINE)
+HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
+FIND = "docs/howto/find.md"
+TASK = re.compile(r"^\| .* \| \[.*\]\(([^)#]+)#?([^)]*)\) \|$", re.MULTILINE)
 NOTEBOOKS = "docs/tutorials/notebooks/"
 # Pages that another one includes.
 PARTS = {"docs/reference/api_introduction.md"}
@@ -82,9 +86,32 @@ def test_every_page_is_two_clicks_from_the_start():
     assert {page for page in PAGES if page.startswith("docs/")} - PARTS - near == set()
 
 
+def anchors(page: str) -> set[str]:
+    """The names by which links lead to the headings of a page."""
+    titles = HEADING.findall(BLOCK.sub("", PAGES[page]))
+    return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+def test_tasks_are_two_clicks_from_the_start():
+    """From the start page to the list of tasks, and from there to a page, or to a heading on it."""
+    assert FIND in leads_to("docs/index.md")
+    tasks = TASK.findall(PAGES[FIND])
+    assert len(tasks) == PAGES[FIND].count("\n|") - 2 >= 20
+    wrong = [link for link, _ in tasks if not leads_somewhere(FIND, link)]
+    for link, anchor in tasks:
+        if anchor and anchor not in anchors(str(target_of(FIND, link))):
+            wrong.append(f"{link}#{anchor}")
+    assert wrong == []
+
+
+def is_public(part: object) -> bool:
+    return str(getattr(part, "__module__", "")).startswith("romjax.")
+
+
 def test_every_public_name_has_a_page():
-    """Those of `romjax`, of what it exports as modules, and all scenes of the gallery."""
+    """Those of `romjax`, of `romjax.spatial` and all scenes of the gallery."""
     exported = {f"romjax.{name}" for name in public() if "." not in name}
+    exported |= {f"romjax.spatial.{name}" for name, x in vars(rj.spatial).items() if is_public(x)}
     scenes = {f"romjax.gallery.{example.make.__name__}" for example in EXAMPLES}
     assert exported | scenes <= set(api.everything())
     assert {api.page(name) for name in api.everything()} == set(api.pages())

@@ -34,6 +34,17 @@ SECTIONS = {
 }
 OTHERS = "Others"
 
+# Pages are not in the navigation, which every page repeats: the list leads to them.
+PAGE = """---
+orphan: true
+---
+
+# {title}
+
+One of the names of the [API](index.md).
+
+{block}"""
+
 
 def names(module: ModuleType = romjax) -> dict[str, Any]:
     """The public names of a module of the package, and what they are."""
@@ -110,7 +121,7 @@ def pages() -> dict[str, str]:
         short = name.removeprefix("romjax.")
         block = "\n".join(["```{eval-rst}", *_directive(name, part), "```", ""])
         old = texts.get(page(name))
-        texts[page(name)] = f"{old}\n{block}" if old else f"# {short}\n\n{block}"
+        texts[page(name)] = f"{old}\n{block}" if old else PAGE.format(title=short, block=block)
     return texts
 
 
@@ -131,9 +142,8 @@ def _list() -> str:
         short = module.__name__.rpartition(".")[2]
         words = inspect.cleandoc(module.__doc__ or "")
         blocks.append(f"## rj.{short}\n\n{words}\n\n" + "\n".join(of_modules.get(short, [])))
-    tree = "```{toctree}\n:hidden:\n\n" + "\n".join(sorted(pages())) + "\n```\n"
     introduction = (FOLDER.parent / "api_introduction.md").read_text()
-    return "\n".join([introduction, *blocks, tree])
+    return "\n".join([introduction, *blocks])
 
 
 def write(app: "Sphinx") -> None:
