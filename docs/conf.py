@@ -8,6 +8,8 @@ import sys
 import zlib
 from pathlib import Path
 
+from sphinx.application import Sphinx
+
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE / "extensions")]
 
@@ -75,3 +77,8 @@ html_theme = "furo"
 html_title = f"romjax {release}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+
+
+def setup(app: Sphinx) -> None:
+    # All at once, since MyST-NB executes one notebook after the other.
+    app.connect("builder-inited", lambda app: notebooks.execute_missing(HERE.parent / "notebooks"))

@@ -1,6 +1,9 @@
 """The notebooks as pages of the site, and their outputs in the cache from which it is built."""
 
+import multiprocessing
 import shutil
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import executed
@@ -38,6 +41,19 @@ def execute(path: Path, folder: Path) -> None:
     _cache().cache_notebook_bundle(
         CacheBundleIn(notebook, str(path)), check_validity=False, overwrite=True
     )
+
+
+def execute_missing(source: Path) -> None:
+    """Execute the notebooks of a folder whose outputs are not kept, one on each core at a time."""
+    missing = [path for path in sorted(source.glob("*.ipynb")) if not is_kept(path)]
+    if missing:
+        with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as pool:
+            list(pool.map(_execute_apart, missing))
+
+
+def _execute_apart(path: Path) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        execute(path, Path(folder))
 
 
 def is_kept(path: Path) -> bool:
