@@ -45,7 +45,9 @@ def execute(path: Path, folder: Path) -> None:
 
 def execute_missing(source: Path) -> None:
     """Execute the notebooks of a folder whose outputs are not kept, one on each core at a time."""
-    missing = [path for path in sorted(source.glob("*.ipynb")) if not is_kept(path)]
+    missing = [path for path in source.glob("*.ipynb") if not is_kept(path)]
+    # Long ones first, so that none keeps one core busy alone at the end.
+    missing.sort(key=lambda path: path.stat().st_size, reverse=True)
     if missing:
         with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as pool:
             list(pool.map(_execute_apart, missing))
