@@ -15,6 +15,7 @@ from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
 from romjax.assembly.disassemble import disassemble
+from romjax.local.bases import BodyBases
 
 TS = jnp.linspace(0.0, 1.0, 101)
 # Required of eight beams with eight modes: the error on the training, and how many times that on
@@ -266,3 +267,15 @@ def test_what_was_never_trained_is_predicted():
         errors.append(rj.compare(other, run).error)
     assert errors[0] <= TRAINED, f"{errors[0]:.1e}"
     assert max(errors) <= PREDICTED * errors[0], f"{[f'{x:.1e}' for x in errors]}"
+
+
+def test_counters_of_angles_beside_rigid_bodies():
+    """Neither has modes, but they have different numbers of coordinates."""
+    none, beam = jnp.zeros((0, 0)), jnp.array([[0.6], [0.8]])
+    columns = [tuple(range(7)), (7,), tuple(range(8, 17)), tuple(range(17, 24))]
+    bases = BodyBases.of([none, none, beam, none], [none, none, jnp.eye(2), none], columns)
+    z = jnp.arange(1.0, 24.0)
+    q = bases.expand(z)
+    wanted = jnp.concatenate([z[:15], beam[:, 0] * z[15], z[16:]])
+    assert_close(q, wanted, IDENTITY, z[-1])
+    assert_close(bases.project(q), z, IDENTITY, z[-1])

@@ -11,7 +11,7 @@ from ..system.reduced import Physical, Reduced
 
 
 class BodyBases(eqx.Module):
-    """q_f = Φ z of all bodies, stacked where Φ is of one shape; frames are the same in q and z.
+    """q_f = Φ z of all bodies, stacked where they are of one size; frames are the same in q and z.
 
     - `modes` Φ (count, K, k), and `duals` ΦᵀM_ff (count, k, K), with the modal mass M_ff in which
       modes are orthonormal. Rigid bodies have none, K = k = 0.
@@ -37,7 +37,8 @@ class BodyBases(eqx.Module):
         n, shapes = 0, dict[tuple[int, ...], list[int]]()
         narrow = []
         for i, basis in enumerate(modes):
-            shapes.setdefault(basis.shape, []).append(i)
+            # Counters of angles have neither modes nor the frame of a rigid body.
+            shapes.setdefault((len(columns[i]), *basis.shape), []).append(i)
             size = len(columns[i]) - basis.shape[0] + basis.shape[1]
             narrow.append(range(n, n + size))
             n += size
