@@ -16,44 +16,56 @@ from jaxlib.cpu import _lapack
 
 M = TypeVar("M")
 
-# Options of a program. The newer way of compiling fusions takes twice as long, and a function that
-# holds its results cannot be compiled. Sums over small axes stay in the loops around them: a
-# library for large ones would take them out, one call for each. Products stay on their thread:
-# handing one of a few thousand terms to another takes longer than computing it, and waits where
-# other programs run.
-OPTIONS: dict[str, Any] = {
-    "xla_cpu_multi_thread_eigen": False,
-    "xla_cpu_use_fusion_emitters": False,
-    "xla_cpu_experimental_ynn_fusion_type": "",
-}
+# Versions of JAX whose compiler is known, from the first to before the last; and the first one
+# that has lost the older way of compiling fusions.
+_FIRST, _AFTER = (0, 9), (0, 13)
+_NEWER_FUSIONS = (0, 11)
+
 # For a program that runs once or twice: it compiles in a third of the time.
 QUICK: dict[str, Any] = {
     "xla_backend_optimization_level": 0,
     "xla_llvm_disable_expensive_passes": True,
 }
 
-# Versions of JAX whose compiler is known to know the flags below.
-_FIRST, _AFTER = (0, 9), (0, 11)
 
-_FLAGS = (
-    # The newer way of compiling fusions takes twice as long, and loops that hold its results
-    # cannot be compiled as one.
-    "--xla_cpu_use_fusion_emitters=false",
-    # Loops of less than 16 MiB become one function instead of a list of kernels, each of which
-    # costs more to start than to run: chains of hundreds of bars, and batches of a thousand lanes.
-    "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=16777216",
-    # Sums over small axes stay in the loops around them. A library for large ones would take them
-    # out, one call for each: that halves the rate of batches.
-    "--xla_cpu_experimental_ynn_fusion_type=",
-)
+
+def compiler_options() -> dict[str, Any]:
+    """Options of XLA for one program of a small mechanism on a CPU.
+
+    Products stay on their thread: handing one of a few thousand terms to another takes longer than
+    computing it, and waits where other programs run. Sums over small axes stay in the loops around
+    them: a library for large ones would take them out, one call for each. The newer way of
+    compiling fusions takes twice as long.
+    """
+    options = {"xla_cpu_multi_thread_eigen": False, "xla_cpu_experimental_ynn_fusion_type": ""}
+    older = {"xla_cpu_use_fusion_emitters": False}
+    return options | older if compiles_functions() else options
+
+
+def compiles_functions() -> bool:
+    """Whether XLA compiles a part of a program as one function that holds fusions.
+
+    The newer way of compiling these cannot, and the older one has left JAX with version 0.11.
+    """
+    return jax.__version_info__ < _NEWER_FUSIONS
 
 
 def compiler_flags() -> tuple[str, ...]:
     """Flags of XLA for small mechanisms on a CPU; none for versions of JAX that may not know them.
 
-    XLA ends the process at a flag that it does not know.
+    XLA ends the process at a flag that it does not know. Loops of less than 16 MiB become one
+    function instead of a list of kernels, each of which costs more to start than to run: chains of
+    hundreds of bars, and batches of a thousand lanes. The others are as in `compiler_options`; sums
+    that a library takes out of their loops halve the rate of batches.
     """
-    return _FLAGS if _FIRST <= jax.__version_info__ < _AFTER else ()
+    if not _FIRST <= jax.__version_info__ < _AFTER:
+        return ()
+    flags = (
+        "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=16777216",
+        "--xla_cpu_experimental_ynn_fusion_type=",
+    )
+    older = ("--xla_cpu_use_fusion_emitters=false",)
+    return flags + older if compiles_functions() else flags
 
 
 def compiler_is_set_up() -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 from jax._src import core
 from jax._src.interpreters import partial_eval
 from jax.experimental.xla_metadata import set_xla_metadata
+from jax.extend.core import ClosedJaxpr
 
 # Primitives that XLA's CPU backend writes out itself, without calls of a library or of Python.
 _NAMES = (
@@ -95,7 +96,7 @@ def _merged(closed: Any, done: dict[int, tuple[Any, Any]]) -> Any:
         else:
             equal.update(zip(equation.outvars, same.outvars, strict=True))
     jaxpr = jaxpr.replace(eqns=different, outvars=[original(x) for x in jaxpr.outvars])
-    new = core.ClosedJaxpr(jaxpr, closed.consts)
+    new = ClosedJaxpr(jaxpr, closed.consts)
     done[id(closed)] = closed, new
     return new
 
@@ -112,7 +113,7 @@ def _with_inner(equation: Any, change: Callable[[Any], Any]) -> Any:
     def inside(x: Any) -> Any:
         if isinstance(x, tuple):
             return tuple(inside(each) for each in x)
-        return change(x) if isinstance(x, core.ClosedJaxpr) else x
+        return change(x) if isinstance(x, ClosedJaxpr) else x
 
     params = {name: inside(value) for name, value in equation.params.items()}
     return equation.replace(params=params)
@@ -154,12 +155,12 @@ def as_functions(closed: Any, fits: Callable[[Any], bool], few: int) -> Any:
         )
         live = [i for i, x in enumerate(equation.outvars) if x in asked and x.aval.size]
         if live and fits(alone):
-            (call,) = _one_function(core.ClosedJaxpr(alone, ()), live).jaxpr.eqns
+            (call,) = _one_function(ClosedJaxpr(alone, ()), live).jaxpr.eqns
             return call.replace(invars=[x for x in read if x.aval.size], outvars=equation.outvars)
         return _with_inner(equation, lambda inner: as_functions(inner, fits, few))
 
     split = jaxpr.replace(eqns=[replaced(equation) for equation in jaxpr.eqns])
-    return core.ClosedJaxpr(split, closed.consts)
+    return ClosedJaxpr(split, closed.consts)
 
 
 def _one_function(closed: Any, live: Sequence[int]) -> Any:

@@ -9,6 +9,7 @@ change that and nothing else in the process:
 - A call that carries the attribute `xla_cpu_small_call` becomes one function instead of kernels. It
   may contain no call of a library (LAPACK, a callback to Python) and no large product; loops
   around such calls stay loops, and what is inside of them and free of calls becomes a function.
+  From JAX 0.11 on, XLA compiles no such function that holds fusions, and programs stay as they are.
 
 Both hold only for a program that nothing surrounds: within a transformation of JAX (`jit`, `vmap`,
 `grad`) of the user, the function is part of the user's program.
@@ -89,6 +90,8 @@ class Program:
             return stored
         if self._runs == "one":
             return _read_or_compile(flat, forms, options | compat.QUICK, key)
+        if not compat.compiles_functions():
+            return _read_or_compile(flat, forms, options, key)
         try:
             most = _MOST if self._runs == "some" else _MOST_OFTEN
             functions = functools.partial(_as_functions, flat, most)
@@ -239,7 +242,7 @@ def _options() -> dict[str, Any] | None:
     if jax.default_backend() != "cpu":
         return None
     try:
-        jax.jit(lambda x: x, compiler_options=compat.OPTIONS)(np.zeros(1))
+        jax.jit(lambda x: x, compiler_options=compat.compiler_options())(np.zeros(1))
     except jax.errors.JaxRuntimeError as error:
         warnings.warn(
             f"romjax does not know the compiler of JAX {jax.__version__} ({error}): simulations "
@@ -247,7 +250,7 @@ def _options() -> dict[str, Any] | None:
             stacklevel=2,
         )
         return None
-    return compat.OPTIONS
+    return compat.compiler_options()
 
 
 def _as_functions(flat: Callable[..., Any], most: int, *arrays: Any) -> Any:

@@ -173,7 +173,7 @@ def test_an_unknown_compiler_is_said(monkeypatch):
     from romjax import program as module
 
     module._options.cache_clear()
-    monkeypatch.setattr(compat, "OPTIONS", {"xla_cpu_no_such_option": True})
+    monkeypatch.setattr(compat, "compiler_options", lambda: {"xla_cpu_no_such_option": True})
     try:
         with pytest.warns(UserWarning, match="does not know the compiler of JAX"):
             assert program(lambda x: 3 * x)(X)[0] == 3 * X[0]
