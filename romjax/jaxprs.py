@@ -107,7 +107,7 @@ def _literal(x: Any) -> tuple[Any, ...]:
 
 def _with_inner(equation: Any, change: Callable[[Any], Any]) -> Any:
     """A loop, branch or call with its jaxprs changed; any other equation as it is."""
-    if equation.primitive.name not in ("while", "scan", "cond", "jit", "pjit"):
+    if equation.primitive.name not in ("while", "scan", "cond", "jit", "pjit", "custom_jvp_call"):
         return equation
 
     def inside(x: Any) -> Any:

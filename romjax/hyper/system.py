@@ -188,9 +188,6 @@ class HyperReducedState(AbstractState):
         none = jnp.zeros((0, 0, self.z.size), self.z.dtype)
         return KKT(Pattern.dense(self.z.size, 0), self.inner.mass()[None], none)
 
-    def solve(self, gamma: Float[Array, " m"]) -> tuple[Reduced, Float[Array, " m"]]:
-        return self.kkt().solve(self.force(), gamma)
-
     def physical_acceleration(self, a: Reduced) -> Physical:
         pushed: Array = multiply(self._motion.tangent, a)
         return pushed if self._motion.bias is None else pushed + self._motion.bias

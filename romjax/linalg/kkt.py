@@ -1,10 +1,13 @@
 """The KKT system of index one (chapter equation 39.2), solved by its Schur complement."""
 
+import functools
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from .. import precision
@@ -104,29 +107,9 @@ class KKT(eqx.Module):
         if force.ndim == 1:
             a, multipliers = self.solve(force[:, None], gamma[:, None])
             return a[:, 0], multipliers[:, 0]
-        layout = self.pattern
         if self.factor is None:
             return self.solve_mass(force), gamma
-        size = layout.n
-
-        # One vector, not a pair: a pair of which only one half is differentiated has no transpose.
-        def matvec(x: Array) -> Array:
-            a, multipliers = layout.split(x[:size]), layout.split_rows(x[size:])
-            forces = _apply(self.mass, a) + self._apply_jacobian_transpose(self.sides, multipliers)
-            rows = self._apply_jacobian(self.sides, a)
-            return jnp.concatenate([layout.join(forces), layout.join_rows(rows)])
-
-        def solve(_: Callable[[Array], Array], b: Array, project: bool = False) -> Array:
-            return self._solve(layout.split(b[:size]), layout.split_rows(b[size:]), project)
-
-        solution = jax.lax.custom_linear_solve(
-            matvec,
-            jnp.concatenate([force, gamma]),
-            solve,
-            # What a derivative asks for need not fit redundant rows: its best approximation does.
-            transpose_solve=lambda _, b: solve(_, b, project=True),
-        )
-        return solution[:size], solution[size:]
+        return _solution(self, force, gamma)
 
     def pivots(self) -> Float[Array, " rows"]:
         """Of the scaled Schur complement, one for each row and padded row: with a row that nearly
@@ -146,9 +129,48 @@ class KKT(eqx.Module):
         )
         return self.pattern.join(free)
 
-    def _solve(self, force: Blocks, gamma: Blocks, project: bool) -> Float[Array, "n_plus_m k"]:
-        factor = self.factor
+    def _multiply(
+        self, mass: Any, sides: Any, a: Float[Array, "n k"], multipliers: Float[Array, "m k"]
+    ) -> tuple[Float[Array, "n k"], Float[Array, "m k"]]:
+        """(M a + Cᵀ λ, C a) with the blocks of an M and a C of this pattern, either one zero."""
+        layout = self.pattern
+        blocks, rows = layout.split(a), layout.split_rows(multipliers)
+        forces, along = jnp.zeros_like(blocks), jnp.zeros_like(rows)
+        if not isinstance(mass, SymbolicZero):
+            forces += _apply(mass, blocks)
+        if not isinstance(sides, SymbolicZero):
+            forces += self._apply_jacobian_transpose(sides, rows)
+            along = self._apply_jacobian(sides, blocks)
+        return layout.join(forces), layout.join_rows(along)
+
+    def _solve_linear(
+        self, force: Float[Array, "n k"], gamma: Float[Array, "m k"]
+    ) -> tuple[Float[Array, "n k"], Float[Array, "m k"]]:
+        """`solve`, with a transpose."""
+        size = self.pattern.n
+
+        # One vector, not a pair: a pair of which only one half is differentiated has no transpose.
+        def multiply_by(x: Array) -> Array:
+            return jnp.concatenate(self._multiply(self.mass, self.sides, x[:size], x[size:]))
+
+        def solve(_: Callable[[Array], Array], b: Array, project: bool = False) -> Array:
+            return jnp.concatenate(self._solve(b[:size], b[size:], project))
+
+        solution = jax.lax.custom_linear_solve(
+            multiply_by,
+            jnp.concatenate([force, gamma]),
+            solve,
+            # What a derivative asks for need not fit redundant rows: its best approximation does.
+            transpose_solve=lambda _, b: solve(_, b, project=True),
+        )
+        return solution[:size], solution[size:]
+
+    def _solve(
+        self, force: Float[Array, "n k"], gamma: Float[Array, "m k"], project: bool = False
+    ) -> tuple[Float[Array, "n k"], Float[Array, "m k"]]:
+        factor, layout = self.factor, self.pattern
         assert factor is not None
+        force, gamma = layout.split(force), layout.split_rows(gamma)
         free, gamma = _apply(self.inverse_mass, force), self.scale[:, :, None] * gamma
         rows = self._apply_jacobian(self.scaled, free)  # B M⁻¹ f
         target = rows - gamma
@@ -176,7 +198,7 @@ class KKT(eqx.Module):
         start: Carry = (jnp.zeros_like(target), free, target, jnp.full_like(terms, jnp.inf), 0)
         multipliers, a, *_ = jax.lax.while_loop(unfinished, sweep, start)
         multipliers = self.scale[:, :, None] * self._without_null(multipliers)
-        return jnp.concatenate([self.pattern.join(a), self.pattern.join_rows(multipliers)])
+        return layout.join(a), layout.join_rows(multipliers)
 
     def _without_null(self, x: Blocks) -> Blocks:
         """The part of x in the range of S, which is orthogonal to the null space of S.
@@ -210,6 +232,27 @@ class KKT(eqx.Module):
         """Cᵀ λ."""
         each = multiply_transposed(sides, take(multipliers, self.pattern.nodes))
         return jnp.sum(take(each, self.pattern.sides_of_bodies), axis=1)
+
+
+@jax.custom_jvp
+def _solution(
+    kkt: KKT, force: Float[Array, "n k"], gamma: Float[Array, "m k"]
+) -> tuple[Float[Array, "n k"], Float[Array, "m k"]]:
+    """`KKT.solve` with constraints. JAX's own linear solve would trace its transpose each time."""
+    return kkt._solve(force, gamma)
+
+
+@functools.partial(_solution.defjvp, symbolic_zeros=True)
+def _change_of_solution(primals: Any, tangents: Any) -> Any:
+    """K dx = db − dK x, by the factors that solve K x = b."""
+    kkt, change = primals[0], tangents[0]
+    solution = _solution(*primals)
+    by_matrix = kkt._multiply(change.mass, change.sides, *solution)
+    right = [
+        -moved if isinstance(given, SymbolicZero) else given - moved
+        for given, moved in zip(tangents[1:], by_matrix, strict=True)
+    ]
+    return solution, kkt._solve_linear(*right)
 
 
 def _apply(mass: Float[Array, "count size *size"], x: Blocks) -> Blocks:

@@ -163,8 +163,5 @@ class LocalState(AbstractState):
     def kkt(self) -> KKT:
         return self.inner.kkt()
 
-    def solve(self, gamma: Float[Array, " m"]) -> tuple[Reduced, Float[Array, " m"]]:
-        return self.inner.solve(gamma)
-
     def physical_acceleration(self, a: Reduced) -> Physical:
         return self.bases.expand(a)

@@ -187,9 +187,6 @@ class ReducedState(AbstractState):
         m, r = rows.shape
         return KKT(Pattern.dense(r, m), self.mass()[None], rows[None][: min(m, 1)])
 
-    def solve(self, gamma: Float[Array, " m"]) -> tuple[Reduced, Float[Array, " m"]]:
-        return self.kkt().solve(self.force(), gamma)
-
     def physical_acceleration(self, a: Reduced) -> Physical:
         _, _, tangent, bias = self.motion
         pushed = multiply(tangent, a)

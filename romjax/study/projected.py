@@ -137,11 +137,8 @@ class ProjectedState(AbstractState):
         return a - self.force()
 
     def kkt(self) -> KKT:
-        n = self.system.n
-        return KKT(Pattern.dense(n, 0), self.system.mass(self.z)[None], self.jacobian()[None][:0])
-
-    def solve(self, gamma: Float[Array, " 0"]) -> tuple[Float[Array, " r"], Float[Array, " 0"]]:
-        return self.force(), gamma
+        ones = jnp.ones((1, self.system.n), self.z.dtype)
+        return KKT(Pattern.dense(self.system.n, 0), ones, self.jacobian()[None][:0], ones)
 
     def energy(self) -> Energy:
         return self._full.energy().by_coordinates(self.system.modes)

@@ -106,4 +106,5 @@ class AbstractSystem(eqx.Module):
     ) -> tuple[Float[Array, " n"], Float[Array, " m"]]:
         """Accelerations [in units of q per s²] and Lagrange multipliers (chapter equation 39.3)."""
         gamma = right_hand_side(self.constraint, self.m, t, q, v, stabilization)
-        return self.state(t, q, v).solve(gamma)
+        a, multipliers, _ = self.state(t, q, v).solve(gamma)
+        return a, multipliers

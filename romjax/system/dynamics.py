@@ -13,6 +13,7 @@ from ..linalg.dense import multiply
 from .base import AbstractSystem
 from .constraints import ConstraintState, differentiate, right_hand_side
 from .stabilization import Baumgarte
+from .state import Solved
 
 
 class Linearization(NamedTuple):
@@ -25,6 +26,17 @@ class Linearization(NamedTuple):
 
 
 @eqx.filter_jit
+def solve(
+    system: AbstractSystem,
+    t: Time,
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    stabilization: Baumgarte | None,
+) -> Solved:
+    """The equations of motion at one state, jitted so that all that ask for it share one trace."""
+    return system.state(t, q, v).solve(gamma(system, t, q, v, stabilization))
+
+
 def acceleration(
     system: AbstractSystem,
     t: Time,
@@ -32,8 +44,9 @@ def acceleration(
     v: Float[Array, " n"],
     stabilization: Baumgarte | None,
 ) -> tuple[Float[Array, " n"], Float[Array, " m"]]:
-    """`system.acceleration`, jitted so that all that ask for it share one trace."""
-    return system.acceleration(t, q, v, stabilization)
+    """Accelerations and Lagrange multipliers, as `system.acceleration` gives them."""
+    a, multipliers, _ = solve(system, t, q, v, stabilization)
+    return a, multipliers
 
 
 def apply_mass(
@@ -112,9 +125,8 @@ def linearize(
     through the solve.
     """
     t = jnp.asarray(t, q.dtype)
-    n, state = system.n, system.state(t, q, v)
-    kkt = state.kkt()
-    a, multipliers = kkt.solve(state.force(), gamma(system, t, q, v, stabilization))
+    n = system.n
+    a, multipliers, kkt = solve(system, t, q, v, stabilization)
 
     def residual(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         unbalanced = system.state(t, q, v).residual(a)

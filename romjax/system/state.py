@@ -54,6 +54,14 @@ class Power(NamedTuple):
         return self.dissipation + self.supply
 
 
+class Solved(NamedTuple):
+    """The solution of the equations of motion at one state."""
+
+    acceleration: Float[Array, " n"]
+    multipliers: Float[Array, " m"]
+    kkt: KKT  # the extended mass matrix, for more right-hand sides
+
+
 class AbstractState(abc.ABC):
     """M, C_q and Q at one (t, q, v), and the physical motion that the state stands for.
 
@@ -94,9 +102,10 @@ class AbstractState(abc.ABC):
     def kkt(self) -> KKT:
         """The extended mass matrix [[M, C_qᵀ], [C_q, 0]], factored."""
 
-    @abc.abstractmethod
-    def solve(self, gamma: Float[Array, " m"]) -> tuple[Float[Array, " n"], Float[Array, " m"]]:
-        """(a, λ) with M a + C_qᵀ λ = Q and C_q a = γ."""
+    def solve(self, gamma: Float[Array, " m"]) -> Solved:
+        """M a + C_qᵀ λ = Q and C_q a = γ."""
+        kkt = self.kkt()
+        return Solved(*kkt.solve(self.force(), gamma), kkt)
 
     @abc.abstractmethod
     def physical_acceleration(self, a: Float[Array, " n"]) -> Float[Array, " N"]:
@@ -156,9 +165,6 @@ class FullState(AbstractState):
     def kkt(self) -> KKT:
         sides = self.jacobian_blocks()
         return KKT(self.pattern, self._mass, sides, self.inverse_mass_blocks())
-
-    def solve(self, gamma: Float[Array, " m"]) -> tuple[Float[Array, " n"], Float[Array, " m"]]:
-        return self.kkt().solve(self.force(), gamma)
 
     def physical_acceleration(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
         return a
