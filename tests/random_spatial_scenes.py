@@ -80,7 +80,7 @@ def smooth(lot: Lot) -> rj.AbstractSignal:
 
 
 def curve(lot: Lot) -> Any:
-    return lot.one_of([r.Helix(0.5, 0.3), r.SpacePolynomial(lot.around(0.5, (3, 3)))])
+    return lot.one_of([r.Helix(0.5, 0.3), r.SpacePolynomial(lot.around(0.5, (3, 2)))])
 
 
 def surface(lot: Lot) -> r.AbstractSurface:
