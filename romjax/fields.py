@@ -12,10 +12,10 @@ from jaxtyping import Array
 
 from .arrays import Number, as_array
 
-__all__ = ["ANGLE", "Converted", "number", "parts", "radians"]
+__all__ = ["ANGLE", "ROTATION", "Converted", "number", "parts", "radians"]
 
-# What marks a field as an angle, in its metadata.
-ANGLE = "angle"
+# What marks a field as an angle, or as a rotation in space, in its metadata.
+ANGLE, ROTATION = "angle", "rotation"
 
 if TYPE_CHECKING:
     # Checkers know a field, and whether it has a default, by the function that declares it, here

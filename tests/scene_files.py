@@ -56,6 +56,41 @@ end = 0.1
 rate = 100.0
 """
 
+SPACE = """\
+format = 1
+dimension = 3
+
+[parameters]
+tilt = 30.0
+
+[bodies.top]
+type = "spatial.RigidBody"
+mass = 1.0
+inertia = [0.1, 0.2, 0.3]
+orientation = { axis = [0.0, 2.0, 0.0], angle_deg = "=tilt" }
+
+[joints]
+hinge.type = "spatial.Revolute"
+hinge.a = { body = "top", rotation = { euler = "ZXZ", angles_deg = [10.0, 20.0, 30.0] } }
+hinge.b = { body = "ground", rotation = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]] }
+"""
+
+# Of rotations, as MISTAKES below.
+WRONG_ROTATIONS: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "no axis": ("axis = [0.0, 2.0, 0.0], ", "", (":11: [bodies.top] orientation.axis", "missing")),
+    "an axis of zeros": ("2.0, 0.0]", "0.0, 0.0]", (":11:", "orientation.axis", "not all zero")),
+    "no angle": (', angle_deg = "=tilt"', "", (":11:", "`angle` is missing", "`angle_deg`")),
+    "both angles": ("angle_deg =", "angle = 1.0, angle_deg =", ("angle_deg", "one of both")),
+    "convention": ('"ZXZ"', '"ZXx"', (":15: [joints.hinge] a.rotation.euler", "three letters")),
+    "one axis twice": ('"ZXZ"', '"ZZX"', ("a.rotation.euler", "no two alike")),
+    "no Euler angles": (", angles_deg = [10.0, 20.0, 30.0]", "", (":15:", "`angles` is missing")),
+    "two Euler angles": ("[10.0, 20.0,", "[10.0,", ("a.rotation.angles_deg", "a list of 2")),
+    "unknown key": ("axis =", "axes =", ("orientation.axes", "mean 'axis'")),
+    "no matrix": ("-1.0, 0.0], [1.0", "-1.0, 0.0], [2.0", (":16:", "b", "not one")),
+    "five numbers": ('{ axis = [0.0, 2.0, 0.0], angle_deg = "=tilt" }', "[1, 0, 0, 0, 0]",
+                     (":11: [bodies.top] orientation", "a list of 5")),
+}  # fmt: skip
+
 # What replaces what, and what the message says, with the line and the key where one is to blame.
 MISTAKES: dict[str, tuple[str, str, tuple[str, ...]]] = {
     # The file.

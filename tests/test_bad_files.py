@@ -8,7 +8,7 @@ import time
 
 import pytest
 from random_scenes import random_scene
-from scene_files import CRANK, IMPOSSIBLE, MISTAKES
+from scene_files import CRANK, IMPOSSIBLE, MISTAKES, SPACE, WRONG_ROTATIONS
 from test_bad_input import _as_users_run as _as_users_run
 
 import romjax as rj
@@ -45,6 +45,15 @@ def test_a_mistake(mistake, path):
     before, after, words = MISTAKES[mistake]
     assert before in CRANK
     path.write_text(CRANK.replace(before, after, 1))
+    said = "\n".join(refused(path))
+    assert [word for word in words if word not in said] == [], said
+
+
+@pytest.mark.parametrize("mistake", WRONG_ROTATIONS)
+def test_a_wrong_rotation(mistake, path):
+    before, after, words = WRONG_ROTATIONS[mistake]
+    assert before in SPACE
+    path.write_text(SPACE.replace(before, after, 1))
     said = "\n".join(refused(path))
     assert [word for word in words if word not in said] == [], said
 

@@ -61,6 +61,22 @@ def test_every_parameter_of_a_scene(scene, kind):
     assert found.error <= DIFFERENCED, str(found)
 
 
+IN_SPACE = {"slider crank": rj.gallery.spatial_slider_crank}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", IN_SPACE)
+def test_every_parameter_of_a_scene_in_space(scene):
+    values, rest = eqx.partition(IN_SPACE[scene](), eqx.is_inexact_array)
+
+    def f(values):
+        system = rj.assemble(eqx.combine(values, rest))
+        return last(rj.simulate(system, TIMES[:4], **FIXED))
+
+    found = rj.check_gradient(f, values)
+    assert found.error <= DIFFERENCED, str(found)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("scene", "kind"), [("cart", "galerkin"), ("chain", "minimal")])
 def test_every_parameter_through_the_basis(scene, kind):

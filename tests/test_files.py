@@ -16,7 +16,7 @@ from documents import PAGES, blocks
 from jaxtyping import Array, Float
 from meshes import beam
 from random_scenes import random_scene
-from scene_files import CRANK
+from scene_files import CRANK, SPACE
 from test_types import PARTS
 from tolerances import DIFFERENCED, IDENTITY
 
@@ -69,6 +69,18 @@ def test_every_part_is_read_as_it_was_written(tmp_path):
     found = through_a_file(scene, tmp_path)
     assert_same(found, scene)
     assert text_of(found) == text_of(scene)
+
+
+def test_rotations_in_every_way(tmp_path):
+    """Of an axis and an angle, of Euler angles and of a matrix, as in Python; and back."""
+    (tmp_path / "scene.toml").write_text(SPACE)
+    scene = rj.load_scene(tmp_path / "scene.toml")
+    r, hinge = rj.spatial, scene.joints[0]
+    tilted = r.rotation((0, 2, 0), np.radians(30.0))
+    assert_close(scene.bodies[0].orientation, tilted, IDENTITY)
+    assert_close(hinge.a.turn, r.euler("ZXZ", np.radians([10.0, 20.0, 30.0])), IDENTITY)
+    assert_close(hinge.b.turn, r.rotation((0, 0, 1), 0.5 * np.pi), IDENTITY)
+    assert_same(through_a_file(scene, tmp_path), scene)
 
 
 def test_the_system_is_the_same(tmp_path):

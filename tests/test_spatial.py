@@ -62,6 +62,8 @@ def test_measured_motion(spun):
     assert np.max(np.abs(tip.rotation - rotation)) < IDENTITY
     assert np.max(np.abs(tip.position - run.q[:, :3] - 0.5 * rotation[:, :, 1])) < IDENTITY
     assert tip.angular_velocity.shape == (11, 3)
+    with pytest.raises(rj.InputError, match=r"no angle; take its \.rotation"):
+        _ = tip.angle
 
 
 @pytest.mark.parametrize("length", [0.1, 10.0])

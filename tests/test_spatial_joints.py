@@ -9,6 +9,7 @@ from comparison import assert_close
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
+from romjax.assembly.part import part
 from romjax.linalg import quaternions
 from romjax.system import dynamics
 
@@ -211,6 +212,15 @@ def test_no_counter_where_nothing_counts():
     counts = rj.assemble(rj.Scene([ONE], [], [rj.TorsionSpring(*ends, stiffness=1.0)]))
     assert (counts.n, counts.m) == (8, 1)
     assert counts.structure.labels[-1] == "counter of TorsionSpring(one, ground).angle"
+
+
+def test_a_part_of_a_system_counts_nothing():
+    """Without the joint that holds it, a counter would be free; no reduction samples it."""
+    ends = ONE.at((0, 0, 0)), rj.ground.at((0, 0, 0))
+    system = rj.assemble(rj.Scene([ONE], [], [rj.TorsionSpring(*ends, stiffness=1.0)]))
+    rows = [range(len(group.coordinates.rows)) for group in system.bodies]
+    with pytest.raises(rj.ReductionError, match=r"counter of TorsionSpring\(one, ground\)"):
+        part(system, rows, [jnp.ones(1)] * len(rows), [0])
 
 
 def test_counters_start_at_the_angle():

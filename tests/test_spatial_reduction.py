@@ -145,6 +145,12 @@ def slider_crank():
     return rj.assemble(rj.Scene([crank, rod, block], joints, [rj.Gravity((0, 0, -9.81))]))
 
 
+@pytest.mark.parametrize("formulation", [rj.Tabulated(), rj.HyperReduced()], ids=str)
+def test_formulations_of_the_plane_say_what_to_take(swing, formulation):
+    with pytest.raises(rj.ReductionError, match=r"space.* romjax\.Minimal"):
+        rj.reduce(bars(), rj.pod(swing, rank=4), formulation)
+
+
 @pytest.mark.slow
 def test_a_slider_crank_has_one_minimal_coordinate():
     """Over nearly two turns of the crank, in several charts."""

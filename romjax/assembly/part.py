@@ -7,10 +7,12 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..errors import ReductionError
 from ..linalg.indexing import Index
 from ..linalg.pattern import Pattern
 from ..system.structure import Structure
 from .assembled import AssembledSystem
+from .counting import Counter
 from .groups import BodyGroup, EffectGroup
 from .kinematics import MarkerBlocks, Markers
 
@@ -24,8 +26,16 @@ def part(
     """The bodies `rows` of each group of a system, with the `weights` of their Lagrangians, and the
     groups of `effects` by their numbers, whose markers must be on these bodies or the ground.
 
-    Its coordinates are those of the bodies, in the order of the groups.
+    Its coordinates are those of the bodies, in the order of the groups. Raises ReductionError where
+    angles in space count full turns: joints hold their counters, and a part has no joints.
     """
+    counters = [g.coordinates for g in system.bodies if isinstance(g.bodies, Counter)]
+    if counters:
+        labels = [system.structure.labels[i] for c in counters for row in c.rows for i in row]
+        raise ReductionError(
+            f"part: {', '.join(labels)} counts full turns by a constraint, which a part of a "
+            "system has not; reduce all of it, by romjax.Minimal() or romjax.Galerkin()."
+        )
     tables = [
         g.coordinates.array[np.array(r, int)] for g, r in zip(system.bodies, rows, strict=True)
     ]

@@ -14,11 +14,12 @@ from ..scene.body.base import AbstractBody
 from ..scene.effect.base import AbstractEffect
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import GROUND, Ground, Marker
+from ..scene.orientation import euler, rotation
 from ..scene.scene import Scene
 from .arrays import read_array
-from .forms import ANY, VECTOR, Form, ListOf, MarkerForm, Numbers, PartOf, TableOf, is_body
+from .forms import VECTOR, Form, ListOf, MarkerForm, Numbers, PartOf, RotationForm, TableOf, is_body
 from .markers import TURNS, split_marker
-from .numbers import PARAMETER
+from .numbers import PARAMETER, ROTATION_NUMBERS, is_turning
 from .parameters import is_reference
 from .parts import DEGREES, EMPTY, TYPE, Maker, makers
 from .problems import Place, Problems, unknown
@@ -159,7 +160,8 @@ class Builder:
             return owner, self._point(place, owner, point or self._origin()), {}
         owner = self._owner((*place, "body"), value["body"])
         point = self._point((*place, "point"), owner, value.get("point", self._origin()))
-        turn = {key: self._numbers((*place, key), ANY, value[key]) for key in TURNS if key in value}
+        given = [key for key in TURNS if key in value]
+        turn = {key: self._value((*place, key), TURNS[key], value[key], {}) for key in given}
         return owner, point, turn | {"angle": self._angle(place, value, "angle", 0.0)}
 
     def _origin(self) -> list[float]:
@@ -173,6 +175,18 @@ class Builder:
         if value not in known:
             self._fail(place, unknown("point", value, list(known)))
         return known[value]
+
+    def _rotation(self, place: Place, value: Any) -> Any:
+        if not is_turning(value):
+            return self._numbers(place, ROTATION_NUMBERS, value)
+        name = "angles" if "euler" in value else "angle"
+        angle = self._angle(place, value, name, None)
+        if angle is None:
+            self._fail(place, f"The key `{name}` is missing; add it, or `{name}{DEGREES}`.")
+        if "euler" in value:
+            return self._try(place, value, lambda: euler(value["euler"], angle))
+        axis = self._numbers((*place, "axis"), Numbers((3,)), value["axis"])
+        return self._try(place, value, lambda: rotation(axis, angle))
 
     # Parts and what they hold.
 
@@ -210,6 +224,8 @@ class Builder:
                 return self._numbers(place, form, value)
             case MarkerForm():
                 return self._marker(place, value)
+            case RotationForm():
+                return self._rotation(place, value)
             case TableOf():
                 return self._table(place, form, value)
             case ListOf(item):

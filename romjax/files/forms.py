@@ -50,6 +50,13 @@ class MarkerForm:
 
 
 @dataclasses.dataclass(frozen=True)
+class RotationForm:
+    """A rotation in space: a quaternion, a matrix, or a table of an axis and an angle or of Euler
+    angles.
+    """
+
+
+@dataclasses.dataclass(frozen=True)
 class PartOf:
     """A table of another part: a subclass of `base`, or `base` itself."""
 
@@ -70,7 +77,7 @@ class TableOf:
     item: "Form"
 
 
-Form = Numbers | Plain | MarkerForm | PartOf | ListOf | TableOf
+Form = Numbers | Plain | MarkerForm | RotationForm | PartOf | ListOf | TableOf
 ANY = Numbers(ANY_AXES, loose=True)
 
 

@@ -3,9 +3,10 @@
 from collections.abc import Collection
 
 from ..scene.marker import GROUND
+from .forms import Form, Numbers, RotationForm
 
 # How a marker in space may be turned: to an axis, or by a rotation.
-TURNS = ("axis", "rotation")
+TURNS: dict[str, Form] = {"axis": Numbers((3,)), "rotation": RotationForm()}
 
 
 def split_marker(text: str, bodies: Collection[str]) -> tuple[str, str]:

@@ -8,6 +8,8 @@ from .problems import shown
 
 # What begins the name of a parameter that stands for a number.
 PARAMETER = "="
+# Of a rotation that is no table: a quaternion, or a matrix.
+ROTATION_NUMBERS = Numbers(((3, 4), None), loose=True)
 # Where arrays are that are too large for the file.
 ARRAY_KEYS = ("file", "array")
 
@@ -55,6 +57,11 @@ def _lists(form: Numbers) -> str:
         return "a number, or a list of numbers"
     size = "a list of numbers" if length is None else f"a list of {_size(length)} numbers"
     return size if len(form.axes) == 1 else f"a list of lists of numbers, {len(form.axes)} deep"
+
+
+def is_turning(value: Any) -> bool:
+    """Whether a rotation is a table, of an axis and an angle or of Euler angles."""
+    return isinstance(value, dict) and "file" not in value
 
 
 def lengths(length: int | tuple[int, ...]) -> tuple[int, ...]:

@@ -7,8 +7,8 @@ import typing
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from ..fields import ANGLE
-from .forms import Form, form_of, refined
+from ..fields import ANGLE, ROTATION
+from .forms import Form, RotationForm, form_of, refined
 
 # What a table says of its kind, and of degrees.
 TYPE, DEGREES = "type", "_deg"
@@ -121,7 +121,8 @@ def _fields(part: type) -> dict[str, Argument]:
     for field in dataclasses.fields(part):
         hint = hints.get(field.name, field.type)
         optional, angle = type(None) in typing.get_args(hint), bool(field.metadata.get(ANGLE))
-        found[field.name] = Argument(field.name, form_of(hint), angle=angle, optional=optional)
+        form = RotationForm() if field.metadata.get(ROTATION) else form_of(hint)
+        found[field.name] = Argument(field.name, form, angle=angle, optional=optional)
     return found
 
 

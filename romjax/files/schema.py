@@ -22,10 +22,10 @@ from pydantic_core import PydanticCustomError
 from ..scene.body.base import AbstractBody
 from ..scene.effect.base import AbstractEffect
 from ..scene.joint.base import AbstractJoint
-from .forms import VECTOR, Form, ListOf, MarkerForm, Numbers, PartOf, Plain, TableOf
+from .forms import VECTOR, Form, ListOf, MarkerForm, Numbers, PartOf, Plain, RotationForm, TableOf
 from .markers import TURNS
-from .numbers import number_schema, wrong_numbers
-from .parts import TYPE, Argument, Maker, classes, makers
+from .numbers import ROTATION_NUMBERS, is_turning, number_schema, wrong_numbers
+from .parts import DEGREES, TYPE, Argument, Maker, classes, makers
 from .problems import Place, Problems, shown, unknown
 from .settings import Settings
 from .versions import DIMENSIONS, FORMAT
@@ -38,7 +38,9 @@ SECTIONS: dict[str, type] = {
 # Of whole numbers, which count modes and the like: more would not fit into memory.
 _LARGEST = 10_000
 _STRICT = ConfigDict(extra="forbid", strict=True)
-_POINT = Numbers((VECTOR,))
+_NUMBER, _POINT = Numbers(), Numbers((VECTOR,))
+# Models of rotations; no key has the name of one.
+_AXIS, _EULER = "axis and angle", "Euler angles"
 
 
 class Schema:
@@ -132,6 +134,8 @@ class Schema:
                 return Annotated[int, Field(le=_LARGEST)] if kind is int else kind
             case MarkerForm():
                 return self._marker()
+            case RotationForm():
+                return self._rotation()
             case ListOf(item):
                 return list[self._type(item)]  # type: ignore[misc]
             case TableOf(item):
@@ -144,8 +148,19 @@ class Schema:
         return _text_or(self.models["marker"], f'a marker, such as "crank.pin" or {table}')
 
     def _turns(self) -> dict[str, tuple[Any, Any]]:
-        forms = {"axis": Numbers((3,)), "rotation": Numbers((None,), loose=True)}
-        return {key: (self._type(forms[key]), None) for key in TURNS}
+        return {key: (self._type(form), None) for key, form in TURNS.items()}
+
+    def _rotation(self) -> Any:
+        """A quaternion or a matrix, or one of two tables."""
+        if _AXIS not in self.models:
+            self._table(_AXIS, {"axis": (self._type(Numbers((3,))), ...)} | _angle())
+            self._table(_EULER, {"euler": (str, ...)} | _angle("angles", Numbers((3,))))
+        choose = Discriminator(
+            lambda x: "numbers" if not is_turning(x) else _EULER if "euler" in x else _AXIS
+        )
+        options = [Annotated[self._type(ROTATION_NUMBERS), Tag("numbers")]]
+        options += [Annotated[self.models[name], Tag(name)] for name in (_AXIS, _EULER)]
+        return Annotated[typing.Union[tuple(options)], choose]  # noqa: UP007
 
     def _point(self) -> Any:
         def check(value: Any) -> Any:
@@ -175,13 +190,13 @@ def _reference(base: type) -> Any:
     return typing.ForwardRef(f"of_{base.__module__}_{base.__qualname__}".replace(".", "_"))
 
 
-def _angle() -> dict[str, tuple[Any, Any]]:
+def _angle(name: str = "angle", form: Numbers = _NUMBER) -> dict[str, tuple[Any, Any]]:
     number = Annotated[
         Any,
-        PlainValidator(functools.partial(_validate, Numbers())),
-        WithJsonSchema(number_schema(Numbers())),
+        PlainValidator(functools.partial(_validate, form)),
+        WithJsonSchema(number_schema(form)),
     ]
-    return {"angle": (number, None), "angle_deg": (number, None)}
+    return {name: (number, None), name + DEGREES: (number, None)}
 
 
 def _default(argument: Argument) -> Any:

@@ -17,7 +17,7 @@ from ..scene.joint.base import AbstractJoint
 from ..scene.marker import GROUND, Marker
 from ..scene.points import NamedPoints
 from ..scene.scene import Scene
-from .forms import Form, ListOf, MarkerForm, Numbers, PartOf, TableOf, is_body
+from .forms import Form, ListOf, MarkerForm, Numbers, PartOf, RotationForm, TableOf, is_body
 from .markers import split_marker
 from .parts import EMPTY, TYPE, Argument, maker_of
 from .versions import FORMAT
@@ -152,7 +152,7 @@ class _Writer:
 
     def _value(self, form: Form, value: Any) -> Any:
         match form:
-            case Numbers():
+            case Numbers() | RotationForm():
                 return _numbers(value)
             case MarkerForm():
                 return self._marker(value)

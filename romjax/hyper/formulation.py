@@ -154,7 +154,7 @@ def _checked(system: AbstractSystem, basis: Basis) -> AssembledSystem:
 def _refusal(why: str) -> ReductionError:
     return ReductionError(
         f"reduce: hyper-reduction is for trees of rigid bodies on hinges, but here {why}; take "
-        " formulation=romjax.Minimal() or romjax.Local()."
+        "formulation=romjax.Minimal() or romjax.Local()."
     )
 
 

@@ -36,7 +36,7 @@ class Measurement(eqx.Module):
     @property
     def angle(self) -> Float[Array, " k"]:
         """Angle [rad], against the inertial frame or against the second marker, full turns
-        counted.
+        counted. Raises InputError in space, where `rotation` is in its place.
         """
         return self._pose().angle
 
@@ -55,7 +55,7 @@ class Measurement(eqx.Module):
     @property
     def angular_velocity(self) -> Float[Array, "k *axes"]:
         """Rate of the angle [rad/s]."""
-        return self._rate().angle
+        return self._rate().turn
 
     @property
     def acceleration(self) -> Float[Array, "k d"]:
@@ -67,7 +67,7 @@ class Measurement(eqx.Module):
         """Rate of the angular velocity [rad/s²], by the equations of motion without
         stabilisation.
         """
-        return self._second_rate().angle
+        return self._second_rate().turn
 
     @property
     def distance(self) -> Float[Array, " k"]:

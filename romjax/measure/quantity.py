@@ -93,7 +93,10 @@ class Travel(AbstractMarkerQuantity):
 
 
 class Turn(AbstractMarkerQuantity):
-    """The angle of the marker `a` against the marker `b` [rad], full turns counted."""
+    """The angle of the marker `a` against the marker `b` [rad], full turns counted.
+
+    Raises InputError in space, where there is no one angle.
+    """
 
     a: Marker
     b: Marker

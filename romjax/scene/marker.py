@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import Number, Numbers, Vector, as_array
-from ..errors import SceneError
+from ..errors import InputError, SceneError
 from ..linalg import quaternions
 from .fields import Converted, check_finite, check_shape, number, radians
 from .orientation import quaternion_of
@@ -36,7 +36,12 @@ class Pose(NamedTuple):
 
     @property
     def angle(self) -> Float[Array, "*k"]:
-        """The angle in the plane [rad]."""
+        """The angle in the plane [rad]; raises InputError in space, where no one angle says it."""
+        if self.dimension == 3:
+            raise InputError(
+                "angle: in space a marker has no angle; take its .rotation (3, 3), or its angle "
+                "about the z axis of another pose, .angle_against."
+            )
         return self.turn
 
     @property

@@ -1,5 +1,6 @@
 """Orientations in space as users have them, and the quaternions that stand for them."""
 
+import re
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
@@ -9,7 +10,10 @@ from jaxtyping import Array, Float
 
 from ..arrays import Number, Vector, as_array, concrete, untraced
 from ..errors import SceneError
+from ..fields import ROTATION
 from ..linalg import quaternions
+
+_CONVENTION = re.compile(r"(?!.*(.)\1)([XYZ]{3}|[xyz]{3})")
 
 __all__ = ["euler", "orientation_field", "quaternion_of", "rotation"]
 
@@ -19,7 +23,11 @@ else:
 
     def orientation_field(**kwargs: Any) -> Any:
         """A field that holds a quaternion, of all that `quaternion_of` takes; none unless given."""
-        return eqx.field(converter=lambda x: quaternion_of("orientation", None, x), **kwargs)
+        return eqx.field(
+            converter=lambda x: quaternion_of("orientation", None, x),
+            metadata={ROTATION: True},
+            **kwargs,
+        )
 
 
 def rotation(axis: Vector, angle: Number) -> Float[Array, "4"]:
@@ -34,7 +42,16 @@ def rotation(axis: Vector, angle: Number) -> Float[Array, "4"]:
 def euler(convention: str, angles: Vector) -> Float[Array, "4"]:
     """The rotation by Euler `angles` (3,) [rad] about the axes that the `convention` names, such as
     "ZXZ" for axes that turn with the body, "xyz" in small letters for those of space.
+
+    Raises SceneError for another convention, and for another number of angles.
     """
+    if not _CONVENTION.fullmatch(convention):
+        raise SceneError(
+            f"euler: the convention is {convention!r}; give three letters, of XYZ for axes that "
+            "turn with the body or of xyz for those of space, no two alike in a row."
+        )
+    if as_array(angles).shape != (3,):
+        raise SceneError(f"euler: angles has the shape {as_array(angles).shape}; give three [rad].")
     # Here, since importing romjax must not load scipy.spatial.
     from jax.scipy.spatial.transform import Rotation
 
