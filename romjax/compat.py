@@ -47,7 +47,7 @@ def compiles_functions() -> bool:
 
     The newer way of compiling these cannot, and the older one has left JAX with version 0.11.
     """
-    return jax.__version_info__ < _NEWER_FUSIONS
+    return bool(jax.__version_info__ < _NEWER_FUSIONS)
 
 
 def compiler_flags() -> tuple[str, ...]:

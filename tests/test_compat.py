@@ -215,8 +215,8 @@ def test_functions_of_a_program_carry_the_attribute():
         return all(map(jaxprs.is_written_out, jaxprs.equations(jaxpr)))
 
     closed = jaxprs.as_functions(whole, fits, 2)
-    lowered = jax.jit(lambda x: jaxprs.evaluate(closed, [x]), compiler_options=compat.compiler_options())
-    lowered = lowered.lower(jnp.ones(3))
+    evaluate = lambda x: jaxprs.evaluate(closed, [x])  # noqa: E731
+    lowered = jax.jit(evaluate, compiler_options=compat.compiler_options()).lower(jnp.ones(3))
     marked = [line for line in lowered.as_text().splitlines() if "xla_cpu_small_call" in line]
     assert any("call @" in line for line in marked)
     assert "xla_cpu_small_call" in lowered.compile().as_text()
