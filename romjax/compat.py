@@ -28,7 +28,6 @@ QUICK: dict[str, Any] = {
 }
 
 
-
 def compiler_options() -> dict[str, Any]:
     """Options of XLA for one program of a small mechanism on a CPU.
 
