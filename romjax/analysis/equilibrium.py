@@ -116,8 +116,7 @@ def _solve(
     system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]
 ) -> tuple[_Reached, Float[Array, " n"]]:
     n, none = system.n, jnp.zeros(system.m, q0.dtype)
-    held = system.state(t, q0, jnp.zeros_like(q0)).solve(jnp.zeros(system.m, q0.dtype))
-    multipliers = held[1]
+    multipliers = system.state(t, q0, jnp.zeros_like(q0)).solve(none).multipliers
     start = _residual(system, t, q0, multipliers)
     forces = jnp.concatenate([start[:n], none])  # that the start needs to be in balance
     size = jnp.max(jnp.abs(system.force(t, q0, jnp.zeros_like(q0))), initial=0.0)

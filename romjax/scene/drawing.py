@@ -18,8 +18,9 @@ from .marker import Pose
 Points = Float[Array, "points d"]
 # In sizes of a sign: the reach of endless lines, which must cross every picture.
 REACH = 200.0
-# An axis in space, and two at right angles. Little lies along the opposite of the first.
-_OBLIQUE = np.array([(2, 3, 6), (3, -6, 2), (6, 2, -3)]) / 7
+# An axis in space, and two at right angles, of length seven. Little lies along the opposite of the
+# first.
+_OBLIQUE = (2, 3, 6), (3, -6, 2), (6, 2, -3)
 
 
 def placed(pose: Pose, points: Float[Array | np.ndarray, "points given"]) -> Points:
@@ -52,7 +53,7 @@ def normals(along: Float[Array, " d"]) -> Float[Array, "less d"]:
     """
     if along.shape[0] == 2:
         return jnp.stack([-along[1], along[0]])[None]
-    oblique, *others = jnp.asarray(_OBLIQUE, along.dtype)
+    oblique, *others = jnp.array(_OBLIQUE, along.dtype) / 7
     units, cosine = jnp.stack(others), 1 + oblique @ along
     share = units @ along / jnp.where(cosine > 0, cosine, 1.0)
     across: Float[Array, "less d"] = units - share[:, None] * (oblique + along)[None]
