@@ -4,7 +4,9 @@ Every function has a test in tests/test_compat.py that fails when the interface 
 The upper bound of jax in pyproject.toml stands for the newest version these tests have passed with.
 """
 
-from collections.abc import Callable
+import contextlib
+import math
+from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
 import diffrax
@@ -80,6 +82,20 @@ def is_outermost() -> bool:
 def trace_settings() -> tuple[Any, ...]:
     """JAX's settings in this thread that programs depend on, outside of its transformations."""
     return tuple(x for x in config.trace_context() if not isinstance(x, core.AxisEnv))
+
+
+@contextlib.contextmanager
+def without_cache_of_jax() -> Iterator[None]:
+    """Nothing that this thread compiles inside comes from JAX's own cache on disk or goes there.
+
+    What comes from there cannot be dumped: the copy lacks its functions. Whether JAX has a cache is
+    decided once for the process, so programs get keys here under which none is ever written.
+    """
+    with (
+        config.compilation_cache_include_metadata_in_key(True),
+        config.persistent_cache_min_compile_time_secs(math.inf),
+    ):
+        yield
 
 
 def dump_executable(compiled: Any) -> tuple[Any, ...]:

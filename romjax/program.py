@@ -113,10 +113,11 @@ def _read_or_compile(
     if text is None:
         return lowered.compile()
     compiled = program_cache.load(text) if key is None else None
-    if compiled is None:
-        compiled = lowered.compile()
+    if compiled is None and program_cache.keeps(key or text):
+        with compat.without_cache_of_jax():
+            compiled = lowered.compile()
         program_cache.store(key or text, compiled)
-    return compiled
+    return lowered.compile() if compiled is None else compiled
 
 
 def _without_collecting(function: F) -> F:

@@ -59,6 +59,11 @@ def key_of_text(text: str, *options: Any) -> str | None:
     return None if "callback" in text else _digest(text.encode(), repr(options).encode())
 
 
+def keeps(key: str | None) -> bool:
+    """Whether there is a folder for the program of a key."""
+    return _file(key) is not None
+
+
 def load(key: str | None) -> Any:
     """The program of a key; None if there is none, or none that can be read."""
     file = _file(key)

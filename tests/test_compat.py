@@ -68,6 +68,22 @@ def test_a_trace_context_is_part_of_the_key_of_compiled_functions():
     assert function(2.0) == 2
 
 
+def test_programs_are_compiled_without_the_cache_of_jax(tmp_path):
+    words = (
+        "import os, jax\n"
+        "from romjax.compat import without_cache_of_jax\n"
+        f"jax.config.update('jax_compilation_cache_dir', {str(tmp_path)!r})\n"
+        "jax.config.update('jax_persistent_cache_min_compile_time_secs', 0)\n"
+        "lowered = jax.jit(lambda x: x + 1).lower(1.0)\n"
+        "with without_cache_of_jax():\n"
+        "    lowered.compile()\n"
+        f"print(len(os.listdir({str(tmp_path)!r})))\n"
+        "jax.jit(lambda x: x + 1).lower(1.0).compile()\n"
+        f"print(len(os.listdir({str(tmp_path)!r})) > 0)"
+    )
+    assert run(words) == ["0", "True"]
+
+
 class Probe(diffrax.Euler):
     """Notes the terms that diffrax hands to a solver."""
 

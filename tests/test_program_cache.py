@@ -207,3 +207,22 @@ def test_the_oldest_programs_go_first(folder, monkeypatch):
     left = list(folder.iterdir())
     assert len(left) == 2
     assert newest in left
+
+
+OWN_CACHE_OF_JAX = """
+    from romjax.program import program
+    jax.config.update("jax_compilation_cache_dir", {!r})
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
+    print(float(program(lambda x: jax.numpy.sin(x).sum())(np.ones(3))))
+"""
+
+
+def test_a_program_that_jax_keeps_too_is_kept_by_romjax(tmp_path):
+    """What comes from JAX's cache on disk could not be kept: a copy of it fails when it runs."""
+    code = OWN_CACHE_OF_JAX.format(str(tmp_path / "jax"))
+    # The first fills JAX's cache, as it would before romjax had one; the last reads romjax's.
+    for name in ("", "romjax", "romjax"):
+        folder = str(tmp_path / name) if name else ""
+        assert_close(float(in_a_process(code, ROMJAX_CACHE_DIR=folder)), 3 * np.sin(1.0), IDENTITY)
+    assert list((tmp_path / "jax").iterdir())
+    assert len(list((tmp_path / "romjax").iterdir())) == 1
