@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from ..arrays import put
 from ..compat import is_traced
+from ..linalg.dense import multiply
 from ..linalg.indexing import Index
 from ..scene.body.base import AbstractBody
 from ..scene.marker import GROUND, Marker, Pose, Twist, Wrench
@@ -54,7 +55,7 @@ class Markers(eqx.Module):
         local, shapes = self._local(extended), self.shapes
         if self.foreshortening is not None:
             amplitudes = extended[self.amplitudes.array]
-            slide = jnp.einsum("cikl,cl->cik", self.foreshortening, amplitudes)
+            slide = multiply(self.foreshortening, amplitudes[:, None, :, None])[..., 0]
             more = shapes.shape[1] - slide.shape[1]
             shapes = shapes - jnp.pad(slide, ((0, 0), (0, more), (0, 0)))
         turns = self._turns(extended)
@@ -93,12 +94,12 @@ class Markers(eqx.Module):
         if not self.amplitudes.width:
             return Pose(self.points, self.turns)
         amplitudes, d = extended[self.amplitudes.array], self.points.shape[1]
-        displacement = jnp.einsum("cik,ck->ci", self.shapes, amplitudes)
+        column = amplitudes[:, :, None]
+        displacement = multiply(self.shapes, column)[:, :, 0]
         points = self.points + displacement[:, :d]
         if self.foreshortening is not None:
-            points -= 0.5 * jnp.einsum(
-                "cikl,ck,cl->ci", self.foreshortening, amplitudes, amplitudes
-            )
+            slide = multiply(self.foreshortening, column[:, None])[..., 0]
+            points -= 0.5 * multiply(slide, column)[:, :, 0]
         return Pose(points, self._space.bend(self.turns, displacement[:, d:]))
 
 

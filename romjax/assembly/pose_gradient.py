@@ -16,7 +16,7 @@ class PoseGradient(NamedTuple):
 
     def chain(self, slope: Pose) -> Float[Array, "count rows size"]:
         """The derivatives of residuals whose `slope` by the poses has a row for each of them."""
+        moving = multiply(slope.position, self.position)
         if self.position.shape[-2] == 2:
-            turning = slope.turn[:, :, None] * self.turn[:, None]
-            return slope.position @ self.position + turning
-        return multiply(slope.position, self.position) + multiply(slope.turn, self.turn)
+            return moving + slope.turn[:, :, None] * self.turn[:, None]
+        return moving + multiply(slope.turn, self.turn)

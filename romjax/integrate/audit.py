@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .. import compat
+from ..linalg.dense import multiply
 from ..system.base import AbstractSystem
 from ..system.dynamics import acceleration, constraint_state
 from ..system.stabilization import Baumgarte
@@ -166,7 +167,7 @@ class Auditor(eqx.Module):
         q, v, *_ = y
         a, multipliers = acceleration(system, t, q, v, self.stabilization)
         full = system.full.state(t, state.q, state.v)
-        power: Array = state.v @ full.residual(state.physical_acceleration(a))
+        power: Array = multiply(state.v, full.residual(state.physical_acceleration(a)))
         if system.m:
-            power += multipliers @ constraint_state(system, t, q, v).rate
+            power += multiply(multipliers, constraint_state(system, t, q, v).rate)
         return power

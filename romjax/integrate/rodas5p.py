@@ -49,7 +49,8 @@ class RodasInterpolation(diffrax.AbstractLocalInterpolation):
 
         def leaf(y0: Array, y1: Array, k: Array) -> Array:
             x = theta.astype(y0.dtype)
-            h1, h2, h3 = jnp.tensordot(jnp.asarray(DENSE, k.dtype), k, axes=1)
+            flat = multiply(jnp.asarray(DENSE, k.dtype), k.reshape(len(k), -1))
+            h1, h2, h3 = flat.reshape(3, *y0.shape)
             y: Array = (1 - x) * y0 + x * (y1 + (1 - x) * (h1 + x * (h2 + x * h3)))
             return y
 

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from ..arrays import Number, Numbers, Vector, as_array
 from ..errors import InputError, SceneError
 from ..linalg import quaternions
+from ..linalg.dense import multiply
 from .fields import Converted, check_finite, check_shape, number, radians
 from .orientation import quaternion_of
 from .points import NamedPoints, by_name, point_of
@@ -55,13 +56,17 @@ class Pose(NamedTuple):
         """
         if self.dimension == 3:
             return self.local(point)[2]
-        return jnp.stack([jnp.cos(self.angle), jnp.sin(self.angle)]) @ (point - self.position)
+        return multiply(
+            jnp.stack([jnp.cos(self.angle), jnp.sin(self.angle)]), point - self.position
+        )
 
     def across(self, point: Float[Array, " d"]) -> Float[Array, "*more"]:
         """How far a point is from that axis [m]: local y in the plane, x and y (2,) in space."""
         if self.dimension == 3:
             return self.local(point)[:2]
-        return jnp.stack([-jnp.sin(self.angle), jnp.cos(self.angle)]) @ (point - self.position)
+        return multiply(
+            jnp.stack([-jnp.sin(self.angle), jnp.cos(self.angle)]), point - self.position
+        )
 
     def local(self, point: Float[Array, " d"]) -> Float[Array, " d"]:
         """A point of the inertial frame in the marker's own [m]."""

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 from ...arrays import Vector, concrete
 from ...deprecated import renamed, renamed_keywords
 from ...errors import SceneError
+from ...linalg.dense import multiply
 from ..fields import Converted, check_numbers, number
 
 
@@ -65,12 +66,12 @@ class Inertia(eqx.Module):
         turn, across = jnp.array([[c, -s], [s, c]]), jnp.array([[-s, -c], [c, -s]])
         around = jnp.zeros_like(bent) if self.swing is None else self.swing
         if self.gyration is not None:
-            around = around + self.gyration @ bent
+            around = around + multiply(self.gyration, bent)
         top = jnp.concatenate(
             [
                 self.mass * jnp.eye(2, dtype=q.dtype),
-                (across @ self._arm(bent))[:, None],
-                turn @ self._slide(bent),
+                multiply(across, self._arm(bent))[:, None],
+                multiply(turn, self._slide(bent)),
             ],
             axis=1,
         )
@@ -85,7 +86,7 @@ class Inertia(eqx.Module):
         if all(term is None for term in still):
             return self.mass * q[:2]
         c, s = jnp.cos(q[2]), jnp.sin(q[2])
-        return self.mass * q[:2] + jnp.array([[c, -s], [s, c]]) @ self._arm(q[3:])
+        return self.mass * q[:2] + multiply(jnp.array([[c, -s], [s, c]]), self._arm(q[3:]))
 
     def in_span(self, basis: Float[Array, "modes k"]) -> "Inertia":
         """The inertia of the motions q_f = Φ z, exactly: all terms are polynomials in q_f.
@@ -141,23 +142,25 @@ class Inertia(eqx.Module):
         """Moment of inertia about the origin of the frame."""
         total = jnp.zeros((), bent.dtype) if self.moment is None else self.moment
         if bent.shape[0]:
-            total = total + bent @ (bent if self.modal is None else self.modal @ bent)
+            total = total + multiply(
+                bent, bent if self.modal is None else multiply(self.modal, bent)
+            )
         if self.stretch is not None:
-            total = total + 2 * self.stretch @ bent
+            total = total + 2 * multiply(self.stretch, bent)
         if self.spin is not None:
-            total = total - bent @ self.spin @ bent
+            total = total - multiply(bent, multiply(self.spin, bent))
         return total
 
     def _arm(self, bent: Float[Array, " modes"]) -> Float[Array, "2"]:
         """First moment in the body frame."""
         total = jnp.zeros(2, bent.dtype) if self.first_moment is None else self.first_moment
         if self.shift is not None:
-            total = total + self.shift @ bent
+            total = total + multiply(self.shift, bent)
         if self.foreshortening is not None:
-            total = total - 0.5 * (self.foreshortening @ bent) @ bent
+            total = total - 0.5 * multiply(multiply(self.foreshortening, bent), bent)
         return total
 
     def _slide(self, bent: Float[Array, " modes"]) -> Float[Array, "2 modes"]:
         """Derivative of the first moment by the amplitudes."""
         total = jnp.zeros((2, bent.shape[0]), bent.dtype) if self.shift is None else self.shift
-        return total if self.foreshortening is None else total - self.foreshortening @ bent
+        return total if self.foreshortening is None else total - multiply(self.foreshortening, bent)

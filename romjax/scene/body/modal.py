@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from ...arrays import Number, Vector, as_array, concrete
 from ...errors import SceneError
+from ...linalg.dense import multiply
 from ..fields import check_numbers, number, radians
 from ..marker import Marker
 from .base import AbstractBody, check_name, check_start, flexible_start
@@ -110,7 +111,7 @@ class AbstractModalBody(AbstractBody):
         return self.inertia.matrix(q)
 
     def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
-        return 0.5 * q[self.frame_size :] @ _times(self.stiffness, q[self.frame_size :])
+        return 0.5 * multiply(q[self.frame_size :], _times(self.stiffness, q[self.frame_size :]))
 
     def damping_force(self, v: Float[Array, " size"]) -> Float[Array, " size"]:
         if self.damping is None:
@@ -227,4 +228,4 @@ class ModalBody(AbstractModalBody):
 
 def _times(matrix: Array, vector: Array) -> Array:
     """A matrix, or a diagonal one by its diagonal, times a vector."""
-    return matrix * vector if matrix.ndim == 1 else matrix @ vector
+    return matrix * vector if matrix.ndim == 1 else multiply(matrix, vector)
