@@ -195,10 +195,12 @@ def _as_if_it_used(result: Any, arrays: Sequence[Any]) -> Any:
 
     XLA ends the process at a function that does not use one of its arguments.
     """
-    first = [x.ravel()[0].astype(jnp.float32) for x in arrays if x.size]
+    first = [x.ravel()[0] if x.ndim else x for x in arrays if x.size]
+    numbers = [x for x in first if jnp.issubdtype(x.dtype, jnp.floating)]
+    others = [x.astype(jnp.float32) for x in first if not jnp.issubdtype(x.dtype, jnp.floating)]
     # Weights, since the compiler knows that no truth value, as a number, is the one compared with.
-    total = sum(x * np.float32(0.7391 + 0.01 * i) for i, x in enumerate(first))
-    never = total == np.float32(1.2345678e-30)
+    total = sum(x * np.float32(0.7391 + 0.01 * i) for i, x in enumerate(others))
+    never = sum(numbers, total) == np.float32(1.2345678e-30)
     # Of the first number alone: XLA would split a sum over all of a large array over threads.
     start = (0,) * result.ndim
     one = jax.lax.dynamic_slice(result, start, (1,) * result.ndim)
