@@ -61,7 +61,34 @@ def test_every_parameter_of_a_scene(scene, kind):
     assert found.error <= DIFFERENCED, str(found)
 
 
-IN_SPACE = {"slider crank": rj.gallery.spatial_slider_crank}
+def flexible_rotor() -> rj.Scene:
+    """A motor turns a shaft in a bearing, which bends and twists under a disc out of balance."""
+    r, along_x = rj.spatial, (1.0, 0.0, 0.0)
+    shaft = r.Beam(
+        "shaft",
+        1.0,
+        0.5,
+        (2e-3, 0.03, 0.03),
+        EI=(20.0, 25.0),
+        GJ=30.0,
+        bending=1,
+        torsion=1,
+        damping=0.02,
+        position=(0.25, 0.0, 0.0),
+        angular_velocity=(20.0, 0.0, 0.0),
+        amplitudes=(1e-3, -2e-3, 1e-3),
+        rates=(0.1, 0.2, 0.1),
+    )
+    disc = r.RigidBody(
+        "disc", 2.0, (0.02, 0.012, 0.012), (0.5, 1e-3, 0.0), angular_velocity=(20.0, 0.0, 0.0)
+    )
+    bearing = shaft.at("start", axis=along_x), rj.ground.at((0.0, 0.0, 0.0), axis=along_x)
+    joints = [r.Revolute(*bearing), r.Weld(disc.at((0.0, -1e-3, 0.0)), shaft.at("end"))]
+    motor = rj.Motor(*bearing, rj.Ramp(0.1, 20.0), 5.0, 0.3)
+    return rj.Scene([shaft, disc], joints, [rj.Gravity((0.0, 0.0, -9.81)), motor])
+
+
+IN_SPACE = {"slider crank": rj.gallery.spatial_slider_crank, "flexible rotor": flexible_rotor}
 
 
 @pytest.mark.slow
