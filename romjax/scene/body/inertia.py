@@ -157,10 +157,10 @@ class Inertia(eqx.Module):
         if self.shift is not None:
             total = total + multiply(self.shift, bent)
         if self.foreshortening is not None:
-            total = total - 0.5 * multiply(multiply(self.foreshortening, bent), bent)
+            total = total - 0.5 * multiply(self.foreshortening @ bent, bent)
         return total
 
     def _slide(self, bent: Float[Array, " modes"]) -> Float[Array, "2 modes"]:
         """Derivative of the first moment by the amplitudes."""
         total = jnp.zeros((2, bent.shape[0]), bent.dtype) if self.shift is None else self.shift
-        return total if self.foreshortening is None else total - multiply(self.foreshortening, bent)
+        return total if self.foreshortening is None else total - self.foreshortening @ bent
