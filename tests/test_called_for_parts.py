@@ -12,6 +12,7 @@ import pytest
 from programs import force, mass, primitives, uses_time
 
 import romjax as rj
+from romjax.linalg.dense import multiply
 from romjax.system import dynamics
 
 ON_GROUND = rj.ground.at((0.1, 0.2), 0.3)
@@ -115,7 +116,7 @@ class OnlyBeam(rj.Beam):
     foreshortens: ClassVar[bool] = False
 
     def mass_matrix(self, q):
-        turning = self.mass * self.length**2 / 12 + q[3:] @ q[3:]
+        turning = self.mass * self.length**2 / 12 + multiply(q[3:], q[3:])
         return jnp.concatenate([jnp.stack([self.mass, self.mass, turning]), jnp.ones_like(q[3:])])
 
     def first_moment(self, q):
@@ -126,7 +127,7 @@ class OnlyModalBody(rj.ModalBody):
     damped: ClassVar[bool] = False
 
     def mass_matrix(self, q):
-        mass, turning = self.inertia.mass, self.inertia.moment + q[3:] @ q[3:]
+        mass, turning = self.inertia.mass, self.inertia.moment + multiply(q[3:], q[3:])
         return jnp.concatenate([jnp.stack([mass, mass, turning]), jnp.ones_like(q[3:])])
 
     def first_moment(self, q):
