@@ -59,6 +59,14 @@ def room_for_programs():
         gc.collect()
 
 
+@pytest.fixture(scope="module")
+def without_optimisation():
+    """For programs that run a few times: optimising them takes longer than they run."""
+    jax.config.update("jax_disable_most_optimizations", True)
+    yield
+    jax.config.update("jax_disable_most_optimizations", False)
+
+
 @pytest.fixture(scope="session")
 def cart_pendulum() -> rj.AbstractSystem:
     """The chapter's example."""

@@ -21,12 +21,7 @@ TS = jnp.linspace(0.0, 2.0, 41)
 MASS, LENGTH, STIFFNESS, DAMPING = 1.3, 0.8, 30.0, 0.4
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _compile_fast():
-    """Programs that run once: optimising them takes longer than they run."""
-    jax.config.update("jax_disable_most_optimizations", True)
-    yield
-    jax.config.update("jax_disable_most_optimizations", False)
+pytestmark = pytest.mark.usefixtures("without_optimisation")
 
 
 def swing(*effects, joint=None) -> rj.Scene:

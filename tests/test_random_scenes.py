@@ -40,12 +40,7 @@ MOST_STEPS = 4000
 ACROSS = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _compile_fast():
-    """Programs that run a few times: optimising them takes longer than they run."""
-    jax.config.update("jax_disable_most_optimizations", True)
-    yield
-    jax.config.update("jax_disable_most_optimizations", False)
+pytestmark = pytest.mark.usefixtures("without_optimisation")
 
 
 def marked(structure: int):

@@ -24,12 +24,7 @@ UNIT = 1.0  # [m/s², rad/s²]
 TURN, SHIFT = np.array([0.3, -0.5, 0.7, 0.2]), np.array([0.4, -0.9, 0.3])
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _compile_fast():
-    """Programs that run a few times: optimising them takes longer than they run."""
-    jax.config.update("jax_disable_most_optimizations", True)
-    yield
-    jax.config.update("jax_disable_most_optimizations", False)
+pytestmark = pytest.mark.usefixtures("without_optimisation")
 
 
 def scenes(structure: int) -> list[rj.Scene]:
