@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..system.base import AbstractSystem
-from ..system.dynamics import acceleration
+from ..system.dynamics import solve
 from ..system.stabilization import Baumgarte
 from .base import AbstractEvent
 from .impact import collide
@@ -54,7 +54,8 @@ class Watch(eqx.Module):
         system, (q, v, *_) = self._local(y), y
         values, transpose = jax.vjp(lambda t, q, v: self._values(system, t, q, v), t, q, v)
         by_t, by_q, by_v = jax.vmap(transpose)(jnp.eye(len(values), dtype=q.dtype))
-        rates = by_t + by_q @ v + by_v @ acceleration(system, t, q, v, self.stabilization)[0]
+        a = solve(system, t, q, v, self.stabilization).acceleration
+        rates = by_t + by_q @ v + by_v @ a
         tolerance, speed = (_FLOOR * (self.atol + self.rtol * jnp.abs(x)) for x in (q, v))
         floor = jnp.abs(by_q) @ tolerance + jnp.abs(by_v) @ speed
         least = jnp.abs(by_q) @ speed
@@ -237,7 +238,7 @@ class Watch(eqx.Module):
     ) -> tuple[Array, Array, Array]:
         """The quantities, their rates along the motion, and the acceleration."""
         t = jnp.asarray(t, q.dtype)
-        a = acceleration(system, t, q, v, self.stabilization)[0]
+        a = solve(system, t, q, v, self.stabilization).acceleration
         values, rates = jax.jvp(
             lambda t, q, v: self._values(system, t, q, v), (t, q, v), (jnp.ones_like(t), v, a)
         )

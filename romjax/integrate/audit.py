@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Int
 from .. import compat
 from ..linalg.dense import multiply
 from ..system.base import AbstractSystem
-from ..system.dynamics import acceleration, constraint_state
+from ..system.dynamics import constraint_state, solve
 from ..system.stabilization import Baumgarte
 from ..system.state import AbstractState, Power
 from .branching import Branching
@@ -165,7 +165,7 @@ class Auditor(eqx.Module):
         which drift, −λᵀĊ, which no joint has that holds.
         """
         q, v, *_ = y
-        a, multipliers = acceleration(system, t, q, v, self.stabilization)
+        a, multipliers, _ = solve(system, t, q, v, self.stabilization)
         full = system.full.state(t, state.q, state.v)
         power: Array = multiply(state.v, full.residual(state.physical_acceleration(a)))
         if system.m:

@@ -13,7 +13,7 @@ from ..linalg import quaternions
 from ..program import program, program_once
 from ..reduction.system import has_charts
 from ..system.base import AbstractSystem
-from ..system.dynamics import acceleration
+from ..system.dynamics import solve
 from ..system.stabilization import Baumgarte
 from ..system.structure import without_names
 from .chart_change import ChartChange
@@ -121,7 +121,7 @@ def multipliers_at(
     """The multipliers at one state."""
     if has_charts(system):
         system = ChartChange.of(system).in_chart(system, chart)
-    return acceleration(system, t, q, v, stabilization)[1]
+    return solve(system, t, q, v, stabilization).multipliers
 
 
 @program_once

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..system.base import AbstractSystem
-from ..system.dynamics import Linearization, acceleration, linearize
+from ..system.dynamics import Linearization, linearize, solve
 from ..system.stabilization import Baumgarte
 
 State = tuple[Float[Array, " n"], Float[Array, " n"]]
@@ -25,7 +25,7 @@ class MotionTerm(diffrax.AbstractTerm[State, Any]):
         del args
         q, v = y
         t = jnp.asarray(t, q.dtype)
-        return v, acceleration(self.system, t, q, v, self.stabilization)[0]
+        return v, solve(self.system, t, q, v, self.stabilization).acceleration
 
     def contr(self, t0: Any, t1: Any, **kwargs: Any) -> Any:
         return t1 - t0

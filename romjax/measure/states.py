@@ -16,7 +16,7 @@ from ..integrate.reactions import balancing_multipliers, lifted_acceleration
 from ..integrate.trajectory import Trajectory
 from ..program import program
 from ..system.base import AbstractSystem
-from ..system.dynamics import acceleration
+from ..system.dynamics import solve
 from ..system.reduced import AbstractReducedSystem
 
 
@@ -90,7 +90,8 @@ def solved(
     `system`, without stabilisation.
     """
     if system.full is system:
-        return acceleration(system, t, q, v, None)
+        a, multipliers, _ = solve(system, t, q, v, None)
+        return a, multipliers
     rom = cast(AbstractReducedSystem, system)
     a = lifted_acceleration(rom, t, q, v)
     return a, balancing_multipliers(rom, t, q, v, a)

@@ -37,18 +37,6 @@ def solve(
     return system.state(t, q, v).solve(gamma(system, t, q, v, stabilization))
 
 
-def acceleration(
-    system: AbstractSystem,
-    t: Time,
-    q: Float[Array, " n"],
-    v: Float[Array, " n"],
-    stabilization: Baumgarte | None,
-) -> tuple[Float[Array, " n"], Float[Array, " m"]]:
-    """Accelerations and Lagrange multipliers, as `system.acceleration` gives them."""
-    a, multipliers, _ = solve(system, t, q, v, stabilization)
-    return a, multipliers
-
-
 def apply_mass(
     system: AbstractSystem, q: Float[Array, " n"], x: Float[Array, "n *k"]
 ) -> Float[Array, "n *k"]:

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from ..arrays import Time
 from ..linalg import quaternions
 from .base import AbstractSystem
-from .dynamics import acceleration
+from .dynamics import solve
 from .stabilization import Baumgarte
 
 # Of the power iteration; the estimate settles a choice, not a result.
@@ -81,7 +81,7 @@ def _estimate(
         positions = jnp.concatenate([x[:2], jnp.zeros_like(x[:2])])
         rates = jnp.concatenate([jnp.zeros_like(x), x[2:]])
         pushed = jax.vmap(
-            lambda x, w: acceleration(system, t, q + step * x, v + step * w, unstabilized)[0]
+            lambda x, w: solve(system, t, q + step * x, v + step * w, unstabilized).acceleration
         )(positions, rates)
         change = jnp.where(among, (pushed[np.array([0, 1, 3])] - pushed[2][None]) / step, 0)
         size = sizes(change)
