@@ -47,7 +47,7 @@ class Tabulated(AbstractFormulation):
     name: ClassVar[str] = "table"
     in_subspace: ClassVar[bool] = False
 
-    tol: float = eqx.field(static=True, default=1e-8)
+    tol: float = eqx.field(static=True, default=1e-9)
 
     def __check_init__(self) -> None:
         if not self.tol > 0:

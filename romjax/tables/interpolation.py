@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 # A node's derivatives are those of the polynomial through so many nodes on each side of it.
-_SIDE = 5
+_SIDE = 6
 # Derivatives that polynomials on either side of a node have in common.
 _SMOOTH = 3
 # Nodes before the first interval and after the last one.
@@ -17,7 +17,7 @@ _DEGREE = 2 * _SMOOTH + 1
 
 @functools.cache
 def _stencil() -> np.ndarray:
-    """Coefficients (8, 12), highest power first, on one interval from the values around it.
+    """Coefficients (8, 14), highest power first, on one interval from the values around it.
 
     Hermite's polynomial of degree seven: it has the values and three derivatives of both ends.
     """
@@ -63,10 +63,14 @@ def midpoints(values: np.ndarray, step: float) -> tuple[np.ndarray, ...]:
     """The polynomials and their first two derivatives halfway between nodes (N, c), from the values
     (P, c) at nodes that are a `step` apart.
     """
+    # As above, since weights that are rounded do not sum to zero and would be divided by step².
+    origin = values[BEFORE : len(values) - AFTER - 1]
     windows = np.lib.stride_tricks.sliding_window_view(values, BEFORE + AFTER + 2, axis=0)
+    windows = windows - origin[..., None]
     powers = np.polynomial.Polynomial.basis
     weights = [
         [powers(k).deriv(order)(0.5) if order else 0.5**k for k in range(_DEGREE, -1, -1)]
         for order in range(3)
     ]
-    return tuple(windows @ (w @ _stencil()) / step**k for k, w in enumerate(np.array(weights)))
+    value, *rates = (windows @ (w @ _stencil()) / step**k for k, w in enumerate(np.array(weights)))
+    return origin + value, *rates
