@@ -13,7 +13,7 @@ from ..charts.survey import jacobians
 from ..errors import ReductionError
 from ..system.base import AbstractSystem
 from .frames import BLOCK, Frames, Point, advance, curvature_errors, start, violations
-from .interpolation import AFTER, BEFORE, midpoints
+from .interpolation import AFTER, BEFORE
 
 # Blocks of steps after which a curve that has not closed is left open.
 _MOST = 64
@@ -214,8 +214,9 @@ class _Walk(NamedTuple):
 
     def error(self, curve: Curve) -> float:
         """Largest |C̈| halfway between the nodes, of a motion at unit speed."""
-        points = map(jnp.asarray, midpoints(curve.nodes.q, curve.step))
-        return float(np.max(np.abs(curvature_errors(self.system, self.frames.time, *points))))
+        nodes, step = map(jnp.asarray, (curve.nodes.q, curve.step))
+        errors = curvature_errors(self.system, self.frames.time, nodes, step)
+        return float(np.max(np.abs(errors)))
 
     def check(self, points: Points) -> None:
         """Raise ReductionError for points of a curve that a table cannot hold."""

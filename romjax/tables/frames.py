@@ -16,6 +16,7 @@ from ..program import program_once
 from ..system.base import AbstractSystem
 from ..system.constraints import differentiate
 from ..system.dynamics import jacobian
+from .interpolation import evaluate, polynomials
 
 # Steps of Newton's method, each of which doubles the number of correct digits.
 _NEWTON = 4
@@ -134,16 +135,16 @@ def advance(system: AbstractSystem, frames: Frames, point: Point, step: Array) -
 def curvature_errors(
     system: AbstractSystem,
     t: Float[Array, ""],
-    q: Float[Array, "K n"],
-    slope: Float[Array, "K n"],
-    bend: Float[Array, "K n"],
-) -> Float[Array, "K M"]:
-    """C̈ where a motion at unit speed has the velocities `slope` and the accelerations `bend`."""
+    nodes: Float[Array, "P n"],
+    step: Float[Array, ""],
+) -> Float[Array, "N M"]:
+    """C̈ halfway between nodes that are a `step` apart, of a motion at unit speed along them."""
 
-    def one(q: Array, v: Array, a: Array) -> Array:
-        return differentiate(system.constraint, t, q, v, a).curvature
+    def one(coefficients: Array) -> Array:
+        q, slope, bend = evaluate(coefficients, jnp.full_like(step, 0.5))
+        return differentiate(system.constraint, t, q, slope / step, bend / step**2).curvature
 
-    return jax.vmap(one)(q, slope, bend)
+    return jax.vmap(one)(polynomials(nodes))
 
 
 @program_once

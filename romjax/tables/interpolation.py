@@ -12,7 +12,6 @@ _SIDE = 6
 _SMOOTH = 3
 # Nodes before the first interval and after the last one.
 BEFORE, AFTER = _SIDE, _SIDE
-_DEGREE = 2 * _SMOOTH + 1
 
 
 @functools.cache
@@ -57,20 +56,3 @@ def evaluate(
         slope = slope * u + value
         value = value * u + row
     return value, slope, 2 * half
-
-
-def midpoints(values: np.ndarray, step: float) -> tuple[np.ndarray, ...]:
-    """The polynomials and their first two derivatives halfway between nodes (N, c), from the values
-    (P, c) at nodes that are a `step` apart.
-    """
-    # As above, since weights that are rounded do not sum to zero and would be divided by step².
-    origin = values[BEFORE : len(values) - AFTER - 1]
-    windows = np.lib.stride_tricks.sliding_window_view(values, BEFORE + AFTER + 2, axis=0)
-    windows = windows - origin[..., None]
-    powers = np.polynomial.Polynomial.basis
-    weights = [
-        [powers(k).deriv(order)(0.5) if order else 0.5**k for k in range(_DEGREE, -1, -1)]
-        for order in range(3)
-    ]
-    value, *rates = (windows @ (w @ _stencil()) / step**k for k, w in enumerate(np.array(weights)))
-    return origin + value, *rates
