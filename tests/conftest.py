@@ -8,6 +8,7 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import pytest
+from scene_files import CRANK
 
 import romjax as rj
 from romjax import compat
@@ -77,3 +78,11 @@ def cart_pendulum() -> rj.AbstractSystem:
 def truth(cart_pendulum) -> rj.Trajectory:
     """One second of the chapter's example at 300 Hz, at a tight tolerance."""
     return rj.simulate(cart_pendulum, jnp.linspace(0.0, 1.0, 301), rtol=TIGHT)
+
+
+@pytest.fixture
+def crank(tmp_path) -> Path:
+    """The file of a slider crank."""
+    path = tmp_path / "crank.toml"
+    path.write_text(CRANK)
+    return path

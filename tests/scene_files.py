@@ -1,4 +1,8 @@
-"""Scene files for tests: a slider crank, and what is written wrong in it."""
+"""Scene files for tests: a slider crank, what is written wrong in it, and what is read the same."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
 
 CRANK = """\
 format = 1
@@ -206,3 +210,13 @@ IMPOSSIBLE: dict[str, tuple[str, str, tuple[str, ...]]] = {
         (":40: [joints.one]", "cannot all hold"),
     ),
 }
+
+
+def bits(scene):
+    leaves, structure = jax.tree.flatten(scene)
+    return structure, [(np.asarray(x).tobytes(), np.shape(x), jnp.result_type(x)) for x in leaves]
+
+
+def assert_same(scene, other):
+    """The same parts with the same numbers, to the bit: then the same system, too."""
+    assert bits(scene) == bits(other)

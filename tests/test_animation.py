@@ -1,10 +1,8 @@
 """Pictures that move: pages hold what the outlines are, and everything that they need."""
 
-import base64
 import dataclasses
 import gc
 import html
-import json
 import re
 import sys
 from importlib import resources
@@ -15,19 +13,18 @@ import numpy as np
 import pytest
 from mechanics import marker_place
 from motions import cart_and_beam, motion
+from page_data import apart, data, decode, decoded
 from PIL import Image
 from tolerances import IDENTITY
 
 import romjax as rj
 from romjax import deprecated, plot
 from romjax.assembly.outlines import MovingOutline, outlines
-from romjax.plot.motion.coding import encode
 from romjax.plot.motion.frames import Clock, Model, playing_rate
 from romjax.scene.outline import STYLES
 
 # Required: of a page of 10 s [bytes], and of a point in a picture of 1000 pixels [pixels].
 SIZE, PIXELS = 500_000, 0.25
-DATA = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
 
 
 @pytest.fixture(scope="module")
@@ -60,96 +57,6 @@ def hanging() -> rj.AbstractSystem:
 @pytest.fixture(scope="module")
 def falling(hanging) -> rj.Trajectory:
     return rj.simulate(hanging, jnp.linspace(0.0, 0.3, 31))
-
-
-def data(page: str) -> dict:
-    """What the page is told."""
-    (found,) = DATA.findall(page)
-    return json.loads(found)
-
-
-def integers(text: str) -> list[int]:
-    """As the page reads them: seven bits in each byte, the lowest first, the sign in the lowest."""
-    numbers, value, place = [], 0, 0
-    for byte in base64.b64decode(text):
-        value |= (byte & 127) << place
-        place += 7
-        if byte < 128:
-            numbers.append(-(value + 1) // 2 if value % 2 else value // 2)
-            value = place = 0
-    return numbers
-
-
-def decode(block: dict, frames: int) -> np.ndarray:
-    """(frames, columns), as the page sums them up."""
-    base = np.array(integers(block["base"]), float)
-    rank = len(block["reach"])
-    shapes = np.reshape(integers(block["shapes"]), (rank, len(base)))
-    weights = np.reshape(integers(block["weights"]), (rank, frames if rank else 0))
-    weights = np.cumsum(np.cumsum(weights, axis=1), axis=1) / np.reshape(block["reach"], (-1, 1))
-    moved = weights.T @ shapes if rank else 0
-    return block["quantum"] * (np.tile(base, (frames, 1)) + moved)
-
-
-def decoded(told: dict, model: int, scale: float = 1.0) -> list[MovingOutline]:
-    """The outlines of a page."""
-    found, d = [], told["dimension"]
-    for part in told["models"][model]["parts"]:
-        values = decode(part["move"], told["frames"])
-        if part["bend"]:
-            values = values + scale * decode(part["bend"], told["frames"])
-        first = 0
-        for own in part["outlines"]:
-            points = values[:, first : first + d * own["points"]]
-            first += d * own["points"]
-            points = points.reshape(len(values), -1, d)
-            found.append(MovingOutline(part["name"], points, own["style"], own["endless"]))
-        assert first == values.shape[1]
-    return found
-
-
-def apart(found: list[MovingOutline], wanted: list[MovingOutline]) -> float:
-    """The largest distance of points, in pixels of a picture whose diagonal has a thousand."""
-    corner = np.concatenate(
-        [o.points.reshape(-1, o.points.shape[2]) for o in wanted if not o.endless]
-    )
-    diagonal = np.linalg.norm(np.ptp(corner, axis=0))
-    for one, other in zip(found, wanted, strict=True):
-        assert (one.part, one.style, one.endless) == (other.part, other.style, other.endless)
-    errors = [
-        np.max(np.abs(one.points - other.points)) for one, other in zip(found, wanted, strict=True)
-    ]
-    return 1000 * max(errors) / diagonal
-
-
-# The coding.
-
-
-@pytest.mark.parametrize("shape", [(40, 7), (7, 40), (1, 6), (5, 1)])
-def test_any_numbers_survive_the_coding(shape):
-    """Also those without fewer shapes than columns."""
-    values = np.random.default_rng(3).normal(size=shape) * 1e3
-    block = encode(values, 0.5)
-    error = np.max(np.abs(decode(block, shape[0]) - values))
-    # Half a quantum is left out, half of one is the mean's, and a whole one each shape's.
-    assert error <= 0.5 * (1 + len(block["reach"]))
-
-
-def test_what_rests_is_sent_once():
-    block = encode(np.tile([1.25, -3.0, 1e4], (50, 1)), 1e-3)
-    assert (block["weights"], block["shapes"], block["reach"]) == ("", "", [])
-    np.testing.assert_allclose(decode(block, 50), np.tile([1.25, -3.0, 1e4], (50, 1)))
-
-
-def test_what_moves_as_one_is_a_few_shapes():
-    """A rigid outline in the plane: two of its place, two of its angle."""
-    angle = np.linspace(0, 3, 60)
-    points = np.random.default_rng(1).normal(size=(30, 2))
-    turned = [np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in angle]
-    values = np.array(
-        [(points @ r.T + [a, a**2]).ravel() for a, r in zip(angle, turned, strict=True)]
-    )
-    assert len(encode(values, 1e-3)["reach"]) == 4
 
 
 # The page.

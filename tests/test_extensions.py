@@ -9,7 +9,7 @@ from comparison import assert_close
 from conftest import TIGHT
 from mechanisms import bar, ends
 from test_bases import VelocityPOD
-from test_outlines import Belt
+from test_own_outlines import Belt
 from tolerances import SOLVED
 
 import romjax as rj

@@ -1,52 +1,30 @@
 """Scene files: what is written is read again to the bit, parts of one's own and parameters too."""
 
-import json
 import math
-import re
 import runpy
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from comparison import assert_close
-from documents import PAGES, blocks
 from jaxtyping import Array, Float
 from meshes import beam
 from random_scenes import random_scene
-from scene_files import CRANK, SPACE
+from scene_files import SPACE, assert_same, bits
 from test_types import PARTS
-from tolerances import DIFFERENCED, IDENTITY
+from tolerances import IDENTITY
 
 import romjax as rj
-from romjax.cli import main
 from romjax.files.write import text_of
 
 SEEDS = 12  # random scenes that are written and read; hundreds have been tried
 
 
-def bits(scene):
-    leaves, structure = jax.tree.flatten(scene)
-    return structure, [(np.asarray(x).tobytes(), np.shape(x), jnp.result_type(x)) for x in leaves]
-
-
-def assert_same(scene, other):
-    """The same parts with the same numbers, to the bit: then the same system, too."""
-    assert bits(scene) == bits(other)
-
-
 def through_a_file(scene, folder):
     scene.save(folder / "scene.toml")
     return rj.load_scene(folder / "scene.toml")
-
-
-@pytest.fixture
-def crank(tmp_path):
-    path = tmp_path / "crank.toml"
-    path.write_text(CRANK)
-    return path
 
 
 # There and back.
@@ -279,123 +257,3 @@ def test_unknown_points_name_the_nearest():
     with pytest.raises(rj.SceneError, match="ground: there is no point 'x'"):
         rj.ground.at("x")
     assert bits(rj.Ground({"p": (1.0, 2.0)}).at("p")) == bits(rj.ground.at((1.0, 2.0)))
-
-
-# Parameters.
-
-
-def test_parameters_are_arguments(crank):
-    """Of a function that Box, grad and vmap take."""
-    make = rj.scene_file(crank)
-    assert make.parameters == {"speed": 5.0, "length": 0.4}
-    assert_same(make(**make.parameters), make())
-    assert float(make(length=0.5).bodies[1].length) == 0.5
-    box = rj.Box(make, length=(0.35, 0.5))
-    assert_close(box.system(length=0.4).q0, rj.assemble(make()).q0, IDENTITY)
-
-    def reach(parameters):
-        return make(**parameters).bodies[2].position[0]
-
-    slope = jax.grad(reach)(make.parameters)
-    assert set(slope) == set(make.parameters)
-    assert float(slope["speed"]) == 0.0
-    steps = [reach({"speed": 5.0, "length": 0.4 + h}) for h in (-1e-6, 1e-6)]
-    assert_close(slope["length"], (steps[1] - steps[0]) / 2e-6, DIFFERENCED)
-    lanes = jax.vmap(lambda x: make(length=x).bodies[2].position)(jnp.array([0.4, 0.5]))
-    assert lanes.shape == (2, 2)
-
-
-def test_parameters_stand_for_others_and_for_lists(tmp_path):
-    path = tmp_path / "a.toml"
-    path.write_text(
-        'format = 1\n[parameters]\nx = 1\ny = "=x"\n"my point" = [1, 2]\n[bodies.a]\n'
-        'type = "RigidBody"\nmass = "=y"\ninertia = 1\nposition = ["=x", 0]\nangle_deg = "=y"\n'
-        'velocity = "=my point"\n'
-    )
-    make = rj.scene_file(path)
-    assert list(make.parameters) == ["x", "my point"]
-    body = make(x=3.0).bodies[0]
-    wanted = rj.RigidBody("a", 3.0, 1.0, (3.0, 0.0), math.radians(3.0), velocity=(1.0, 2.0))
-    assert_same(body, wanted)
-    for given, words in (
-        ({"z": 1.0}, "no parameter 'z'"),
-        ({"x": [1.0]}, r"x has shape \(1,\)"),
-        ({"x": math.nan}, "must be finite"),
-    ):
-        with pytest.raises(rj.InputError, match=words):
-            make(**given)
-    with pytest.raises(rj.SceneFileError, match=r"a\.toml:8: \[bodies\.a\] mass: .*positive"):
-        make(x=-1.0)
-
-
-# The command line.
-
-
-def test_new_check_and_schema(tmp_path, capsys):
-    path = tmp_path / "new.toml"
-    assert main(["new", str(path)]) == 0
-    assert main(["new", str(path)]) == 2
-    assert "is there already" in capsys.readouterr().err
-    assert main(["check", str(path)]) == 0
-    said = capsys.readouterr().out
-    for words in ("freedoms     2", "no joint", "Dopri8, since the outputs can show"):
-        assert words in said
-
-    # What the page of scene files says to change.
-    text, crank = path.read_text(), path
-    (changes,) = blocks(PAGES["docs/howto/scene_files.md"], "toml")
-    top, drive, slider, joints = re.split(r"^# .*\n", changes, flags=re.MULTILINE)
-    lines = [line for part in (top, drive, slider, joints) for line in part.splitlines() if line]
-    assert len(lines) == 10
-    for before, after in (
-        ('title = "two bars on a hinge"\n', top),
-        ("[bodies.crank]\n", "[bodies.crank]\n" + drive),
-        ("[joints]", slider + "[joints]"),
-        ("bearing = {", joints + "bearing = {"),
-    ):
-        assert before in text
-        text = text.replace(before, after, 1)
-    crank.write_text(text)
-    assert main(["check", str(crank)]) == 0
-    said = capsys.readouterr().out
-    for words in ("slider crank", "1 RigidBody", "freedoms     1", "all joints hold"):
-        assert words in said
-    assert main(["schema"]) == 0
-    schema = json.loads(capsys.readouterr().out)
-    assert schema["$defs"]["Beam"]["required"] == ["type", "mass", "length"]
-    assert "angle_deg" in schema["$defs"]["RigidBody"]["properties"]
-
-
-def test_redundant_joints_are_named(crank, capsys):
-    """A loop that is held twice."""
-    text = 'again = { type = "PointOnLine", a = "slider", b = "ground" }\n\n[effects.gravity]'
-    crank.write_text(crank.read_text().replace("\n[effects.gravity]", text))
-    assert main(["check", str(crank)]) == 0
-    said = capsys.readouterr().out
-    assert "redundant    again (1 of its constraints)" in said
-    assert "freedoms     2, 1 of them modes" in said
-
-
-@pytest.mark.slow
-def test_a_file_runs(crank, tmp_path, capsys):
-    out = tmp_path / "out"
-    assert main(["run", str(crank), "--out", str(out), "--no-animation"]) == 0
-    assert "slider crank" in capsys.readouterr().out
-    assert (out / "trajectory_full.csv").exists()
-
-
-@pytest.mark.slow
-def test_fit_finds_a_parameter_by_its_name(tmp_path):
-    path = tmp_path / "spring.toml"
-    path.write_text(
-        'format = 1\n[parameters]\nstiffness = 50.0\n[bodies.a]\ntype = "RigidBody"\nmass = 1\n'
-        'inertia = 1\nposition = [0.1, 0]\n[effects.spring]\ntype = "Spring"\na = "a"\n'
-        'b = "ground"\nstiffness = "=stiffness"\n'
-    )
-    make, ts = rj.scene_file(path), jnp.linspace(0.0, 1.0, 21)
-
-    def predict(parameters):
-        return rj.simulate(rj.assemble(make(**parameters)), ts, throw=False)["a.x"]
-
-    found = rj.fit(predict, make.parameters, predict({"stiffness": 70.0}))
-    assert_close(found.parameters["stiffness"], 70.0, DIFFERENCED, scale=70.0)

@@ -2,21 +2,17 @@
 
 import inspect
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from mechanics import marker_place
+from outlined import ENDS, ONE, TWO, ends, scene_of, signs, some
 from tolerances import IDENTITY
 
 import romjax as rj
-from romjax import plot
-from romjax.assembly.outlines import SIGN, MovingOutline, outlines
+from romjax.assembly.outlines import SIGN, outlines
 
-ONE = rj.RigidBody("one", 2.0, 0.3, position=(0.4, 0.1), angle=0.3)
-TWO = rj.Beam("two", 0.7, 1.1, EI=4.0, modes=2, position=(1.1, -0.2), angle=-0.5)
-ENDS = ONE.at((0.2, 0.1), 0.2), TWO.at((-0.1, 0.0), -0.4)
 SWING = rj.Sine(0.3, 2.0, phase=0.4)
 
 
@@ -56,22 +52,6 @@ PARTS = [
     rj.TorsionSpring(*ENDS, stiffness=3.0),
     rj.Torque(ENDS[0], SWING),
 ]
-
-
-def scene_of(*parts, bodies=(ONE, TWO)) -> rj.Scene:
-    joints = [part for part in parts if isinstance(part, rj.AbstractJoint)]
-    return rj.Scene(bodies, joints, [part for part in parts if part not in joints])
-
-
-def some(scene: rj.Scene, frames: int = 3) -> np.ndarray:
-    """Configurations around the start; joints need not hold."""
-    start = np.concatenate([body.start()[0] for body in scene.bodies])
-    return start + 0.2 * np.random.default_rng(4).normal(size=(frames, len(start)))
-
-
-def signs(scene: rj.Scene, q: np.ndarray, t=0.3) -> list[MovingOutline]:
-    """Outlines of all but bodies."""
-    return [outline for outline in outlines(scene, t, q) if outline.style != "body"]
 
 
 def size_of(scene: rj.Scene, q: np.ndarray) -> float:
@@ -121,11 +101,6 @@ def test_every_kind_is_drawn_at_its_markers(part):
     for frame, x in enumerate(q):
         place = np.array(marker_place(scene, part.markers[0], x))
         assert np.min(np.linalg.norm(points[frame] - place, axis=1)) <= near
-
-
-def ends(scene, part, q):
-    """Places of both markers over time."""
-    return [np.array([marker_place(scene, m, x) for x in q]) for m in part.markers]
 
 
 @pytest.mark.parametrize("kind", [rj.Spring, rj.Damper])
@@ -233,109 +208,9 @@ def test_outline_of_a_bent_beam():
         np.testing.assert_allclose(drawn.points[0, end], place, atol=IDENTITY)
 
 
-# Parts that the package does not know.
-
-
-class Belt(rj.AbstractJoint):
-    """Without an outline of its own."""
-
-    a: rj.Marker
-    b: rj.Marker
-    name: str = eqx.field(static=True, default="belt")
-    rows = 1
-
-    def residual(self, t, a, b):
-        return (a.position[0] - 0.25 * b.angle)[None]
-
-
-class Lamp(rj.AbstractMarkerEffect):
-    """With an outline of its own: two short rays from its marker."""
-
-    at: rj.Marker
-    needs_twists = False
-
-    def wrenches(self, t, poses, twists):
-        (pose,) = poses
-        return (rj.Wrench(0 * pose.position, 0 * pose.angle),)
-
-    def outline(self, t, poses, size):
-        (pose,) = poses
-        rays = [jnp.stack([size, side * size]) for side in (-1, 1)]
-        tips = [pose.position + pose.turned(ray) for ray in rays]
-        return (rj.Outline(jnp.stack([tips[0], pose.position, tips[1]]), "load"),)
-
-    def check(self):
-        pass
-
-
-class Wind(rj.AbstractField):
-    """A field with a sign, though it has neither marker nor number."""
-
-    def energy(self, body, q):
-        return -q[0]
-
-    def outline(self, t, poses, size):
-        del poses
-        return (rj.Outline(jnp.stack([jnp.zeros(2), jnp.stack([size, 0 * size])]), "load"),)
-
-    def check(self):
-        pass
-
-
-def test_parts_of_ones_own_are_drawn():
-    belt, lamp = Belt(*ENDS), Lamp(ENDS[0])
-    scene = scene_of(belt, lamp, Wind())
-    q = some(scene)
-    line, dots, rays, wind = signs(scene, q)
-    a, b = ends(scene, belt, q)
-    for drawn in (line, dots):
-        np.testing.assert_allclose(drawn.points, np.stack([a, b], axis=1), atol=IDENTITY)
-    assert (line.part, line.style, dots.style) == ("belt", "link", "point")
-    np.testing.assert_allclose(rays.points[:, 1], a, atol=IDENTITY)
-    assert wind.points.shape == (3, 2, 2)
-
-
-def test_parts_of_ones_own_are_in_the_figures(tmp_path):
-    """The same points, as lines of a matplotlib figure."""
-    scene = scene_of(Belt(*ENDS), Lamp(ENDS[0]))
-    q = np.asarray(rj.assemble(scene).q0)
-    basis = rj.Basis.from_modes(jnp.eye(len(q))[:, :1], jnp.asarray(q))
-    drawn = [line.get_xydata() for line in plot.modes(scene, basis).axes[0].lines]
-    a, b = (np.array(marker_place(scene, marker, q)) for marker in ENDS)
-    wanted = np.stack([a, b])
-    lines = [x for x in drawn if len(x) == 3 and np.all(np.isnan(x[2]))]
-    assert any(np.allclose(x[:2], wanted, rtol=0, atol=IDENTITY) for x in lines)
-
-
 def test_gravity_has_no_sign():
     scene = scene_of(rj.Gravity())
     assert not signs(scene, some(scene))
-
-
-def test_equal_parts_are_traced_once():
-    """Outlines of a longer chain take the same program, with longer arrays."""
-    traced = []
-
-    class Hinge(rj.AbstractJoint):
-        a: rj.Marker
-        b: rj.Marker
-        name: str = eqx.field(static=True, default="")
-        rows = 2
-
-        def residual(self, t, a, b):
-            return a.position - b.position
-
-        def outline(self, t, poses, size):
-            traced.append(1)
-            return super().outline(t, poses, size)
-
-    chain = rj.gallery.chain(6)
-    scene = rj.Scene(chain.bodies, [Hinge(j.a, j.b, name=str(j.a.body)) for j in chain.joints])
-    q = some(scene, 5)
-    outlines(scene, 0.0, q)
-    assert len(traced) == 1
-    outlines(scene, np.linspace(0, 1, 3), q[:3])
-    assert len(traced) == 1
 
 
 def test_what_outlines_refuse():
