@@ -119,7 +119,7 @@ def test_kinetic_energy_and_gyroscopic_force():
         return (
             kinetic - 0.5 * jnp.sum(velocities**2) - radial,
             kinetic,
-            body.inverse_mass(q) @ mass - jnp.eye(7),
+            body.inverse_mass(q).apply(mass) - jnp.eye(7),
             body.quadratic_velocity_force(q, v) - force,
             jnp.max(jnp.abs(force)),
         )

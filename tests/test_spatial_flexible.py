@@ -163,7 +163,7 @@ def test_the_inverse_mass(inertia):
     q, _ = states(20, 7 + MODES, seed=5)
     q = q.at[:, 7:].multiply(0.3)
     assert inertia.inverts
-    products = jax.jit(jax.vmap(lambda q: inertia.inverse(q) @ inertia.matrix(q)))(q)
+    products = jax.jit(jax.vmap(lambda q: inertia.inverse(q).apply(inertia.matrix(q))))(q)
     # Rows of quaternions and columns of theirs have their lengths.
     size = np.maximum(np.linalg.norm(q[:, 3:7], axis=1), 1)[:, None, None] ** 2
     wanted = np.broadcast_to(np.eye(7 + MODES), products.shape)

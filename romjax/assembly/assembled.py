@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from ..arrays import Time
 from ..linalg.indexing import spread
+from ..linalg.inverse_mass import InverseMass
 from ..linalg.pattern import Pattern
 from ..scene.effect.base import AbstractField
 from ..system.base import AbstractSystem
@@ -54,7 +55,7 @@ class AssembledSystem(AbstractSystem):
             lambda: self.force(t, q, v),
             lambda q: self.stored(t, q),
             lambda: self.power(t, q, v),
-            lambda: self.inverse_mass_blocks(q),
+            lambda: self.inverse_mass(q),
         )
 
     def stored(self, t: Time, q: Float[Array, " n"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
@@ -87,17 +88,7 @@ class AssembledSystem(AbstractSystem):
         """Mass matrices of the bodies, padded to one size by ones on the diagonal; the diagonals
         alone where all are diagonal.
         """
-        return self._padded([group.mass(q) for group in self.bodies])
-
-    def inverse_mass_blocks(
-        self, q: Float[Array, " n"]
-    ) -> Float[Array, "bodies size *size"] | None:
-        """Inverses of `mass_blocks`; None where not all bodies know theirs."""
-        blocks = [group.inverse_mass(q) for group in self.bodies]
-        known = [block for block in blocks if block is not None]
-        return self._padded(known) if len(known) == len(blocks) else None
-
-    def _padded(self, blocks: list[Float[Array, "..."]]) -> Float[Array, "bodies size *size"]:
+        blocks = [group.mass(q) for group in self.bodies]
         size, dtype = self.pattern.coordinates.width, blocks[0].dtype
         diagonal = all(block.ndim == 2 for block in blocks)
         padded = []
@@ -110,6 +101,14 @@ class AssembledSystem(AbstractSystem):
                 ones = np.diag(np.arange(size) >= block.shape[1]).astype(dtype)
                 padded.append(jnp.pad(full, ((0, 0), (0, more), (0, more))) + ones[None])
         return jnp.concatenate(padded)
+
+    def inverse_mass(self, q: Float[Array, " n"]) -> InverseMass | None:
+        """Inverse of `mass_blocks`; None where not all bodies know theirs."""
+        inverses = [group.inverse_mass(q) for group in self.bodies]
+        known = tuple(inverse for inverse in inverses if inverse is not None)
+        if len(known) < len(inverses):
+            return None
+        return InverseMass(known, tuple(len(group.coordinates.rows) for group in self.bodies))
 
     def mass(self, q: Float[Array, " n"]) -> Float[Array, "n n"]:
         """Mass matrix M, block-diagonal by body."""

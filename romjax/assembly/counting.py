@@ -18,8 +18,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import Time
-from ..linalg.dense import invert, multiply
 from ..linalg.indexing import take
+from ..linalg.inverse_mass import InverseMass, PlainInverse
 from ..scene.body.base import AbstractBody
 from ..scene.coordinate import Coordinate
 from ..scene.joint.base import AbstractJoint
@@ -58,9 +58,9 @@ class Counter(AbstractBody):
     def inverts_mass(self) -> bool:
         return True
 
-    def inverse_mass(self, q: Float[Array, "1"]) -> Float[Array, "1"]:
+    def inverse_mass(self, q: Float[Array, "1"]) -> PlainInverse:
         del q
-        return 1 / self.inertia[None]
+        return PlainInverse(1 / self.inertia[None])
 
     def elastic_energy(self, q: Float[Array, "1"]) -> Float[Array, ""]:
         return jnp.zeros((), q.dtype)
@@ -151,10 +151,9 @@ def started(system: Any) -> Any:
     own, rows = group.coordinates.array[:, 0], holding.rows.array[:, 0]
     zero = jnp.zeros((), system.q0.dtype)
     angle, speed = jax.jvp(lambda q: system.constraint(zero, q), (system.q0,), (system.v0,))
-    inverse, sides = system.inverse_mass_blocks(system.q0), system.jacobian_blocks(zero, system.q0)
-    inverse = invert(system.mass_blocks(system.q0)) if inverse is None else inverse
-    free = multiply(take(inverse, system.pattern.bodies), jnp.swapaxes(sides, 1, 2))
-    mobility = jnp.sum(jnp.swapaxes(free, 1, 2) * sides, axis=2)
+    inverse, sides = system.inverse_mass(system.q0), system.jacobian_blocks(zero, system.q0)
+    inverse = InverseMass.of(system.mass_blocks(system.q0)) if inverse is None else inverse
+    mobility = jnp.sum(inverse.apply(sides, system.pattern.bodies) * sides, axis=2)
     mobility = jnp.sum(take(mobility, system.pattern.sides_of_nodes), axis=1)
     mobility = system.pattern.join_rows(mobility)
     return eqx.tree_at(

@@ -13,6 +13,7 @@ from .. import compat
 from ..arrays import Time
 from ..linalg.dense import multiply
 from ..linalg.indexing import Index
+from ..linalg.inverse_mass import AbstractBodyInverse
 from ..scene.body.base import AbstractBody
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect
 from ..scene.joint.base import AbstractJoint
@@ -38,15 +39,14 @@ class BodyGroup(eqx.Module):
         )
         return self._weighted(masses)
 
-    def inverse_mass(self, q: Float[Array, " n"]) -> Float[Array, "count size *size"] | None:
-        """Inverses of the mass matrices, or of the diagonals; None where bodies know none."""
-        if not self.bodies.inverts_mass:
+    def inverse_mass(self, q: Float[Array, " n"]) -> AbstractBodyInverse | None:
+        """Inverses of the mass matrices; None where bodies know none."""
+        if not self.bodies.inverts_mass or self.weights is not None:
             return None
-        own = self.coordinates.take(q)
-        inverses: Array = jax.vmap(lambda body, q: body.inverse_mass(q))(self.bodies, own)
-        if self.weights is None:
-            return inverses
-        return inverses / self.weights.reshape(self.weights.shape + (1,) * (inverses.ndim - 1))
+        inverses: AbstractBodyInverse = jax.vmap(lambda body, q: body.inverse_mass(q))(
+            self.bodies, self.coordinates.take(q)
+        )
+        return inverses
 
     def force(
         self, fields: tuple[AbstractField, ...], q: Float[Array, " n"], v: Float[Array, " n"]
@@ -148,14 +148,23 @@ class JointGroup(eqx.Module):
             return sides
 
         sides = jax.vmap(slopes)(self.joints, self.markers.take(poses))
+        turns = self._depends_on_turns(t, poses)
         return jnp.stack(
             [
-                gradient.chain(side)
+                gradient.chain(side, turns)
                 for side, gradient in zip(
                     sides, self.bodies_of(self.markers.take(motion)), strict=True
                 )
             ]
         )
+
+    def _depends_on_turns(self, t: Time, poses: Pose) -> bool:
+        """Whether the residuals depend on how the markers are turned, not only on where."""
+
+        def residual(turns: Array, positions: Array) -> Array:
+            return self.residual(t, Pose(positions, turns))
+
+        return compat.depends_on_first(residual, poses.turn, poses.position)
 
     def bodies_of(self, sides: tuple[T, ...]) -> tuple[T, ...]:
         """The sides without those of counters, on which the residual does not depend."""

@@ -34,12 +34,10 @@ def gradient(
     turns: Float[Array, " count"],
     shapes: Float[Numbers, "count 3 modes"],
 ) -> PoseGradient:
-    """The derivatives of `compose` by x, y, φ and amplitudes, for bodies at an `angle`."""
+    """The derivatives of `compose` by φ and amplitudes, for bodies at an `angle`."""
     del turns
-    count, dtype = shapes.shape[0], shapes.dtype
-    unit = jnp.broadcast_to(jnp.eye(2, dtype=dtype), (count, 2, 2))
-    position = [unit, _perpendicular(_turn(angle, local.position))[:, :, None]]
-    turning = [jnp.broadcast_to(jnp.array([0, 0, 1], dtype), (count, 3))]
+    position = [_perpendicular(_turn(angle, local.position))[:, :, None]]
+    turning = [jnp.ones((shapes.shape[0], 1), shapes.dtype)]
     if shapes.shape[2]:
         turned = jax.vmap(_turn, in_axes=(None, 2), out_axes=2)(angle, shapes[:, :2])
         position.append(turned)

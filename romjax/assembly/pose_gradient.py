@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..linalg.dense import multiply
@@ -9,14 +10,23 @@ from ..scene.marker import Pose
 
 
 class PoseGradient(NamedTuple):
-    """Of one pose, or of several with a leading axis."""
+    """Of one pose, or of several with a leading axis, by all coordinates after x, y (and z).
 
-    position: Float[Array, "... d size"]
-    turn: Float[Array, "... size"]
+    A frame that moves without turning takes its markers along: by its x, y and z the derivative of
+    a position is the unit matrix, that of a turn zero.
+    """
 
-    def chain(self, slope: Pose) -> Float[Array, "count rows size"]:
-        """The derivatives of residuals whose `slope` by the poses has a row for each of them."""
-        moving = multiply(slope.position, self.position)
-        if self.position.shape[-2] == 2:
-            return moving + slope.turn[:, :, None] * self.turn[:, None]
-        return moving + multiply(slope.turn, self.turn)
+    position: Float[Array, "... d others"]
+    turn: Float[Array, "... others"]
+
+    def chain(self, slope: Pose, turns: bool = True) -> Float[Array, "count rows size"]:
+        """The derivatives of residuals whose `slope` by the poses has a row for each of them.
+
+        `turns`: whether they depend on the turns of the poses.
+        """
+        others = multiply(slope.position, self.position)
+        if turns and self.position.shape[-2] == 2:
+            others += slope.turn[:, :, None] * self.turn[:, None]
+        elif turns:
+            others += multiply(slope.turn, self.turn)
+        return jnp.concatenate([slope.position, others], axis=2)

@@ -37,20 +37,17 @@ def gradient(
     turns: Float[Array, "count 4"],
     shapes: Float[Numbers, "count 6 modes"],
 ) -> PoseGradient:
-    """The derivatives of `compose` by x, y, z, the quaternion p and amplitudes.
+    """The derivatives of `compose` by the quaternion p and amplitudes.
 
     A turn of the frame δϑ = 2 E δp / s moves the arm a by δϑ × a. The quaternion p ⊗ b ⊗ c of a
     marker is linear in p, and in the turn ½ s q_f of its point, which is the vector of b.
     """
-    count, dtype = shapes.shape[0], shapes.dtype
     arm = quaternions.skew(quaternions.rotate(p, local.position))
     turning = 2 * quaternions.space_matrix(p) / quaternions.squared(p)[:, None, None]
-    unit = jnp.broadcast_to(jnp.eye(3, dtype=dtype), (count, 3, 3))
-    position = [unit, -multiply(arm, turning)]
+    position = [-multiply(arm, turning)]
     # The matrix of p ⊗ b in p is (b, Eᵀ(b)).
     columns = [local.turn[:, None], quaternions.space_matrix(local.turn)]
-    onto = jnp.swapaxes(jnp.concatenate(columns, axis=1), 1, 2)
-    turn = [jnp.zeros((count, 4, 3), dtype), onto]
+    turn = [jnp.swapaxes(jnp.concatenate(columns, axis=1), 1, 2)]
     if shapes.shape[2]:
         position.append(multiply(quaternions.matrix(p), shapes[:, :3]))
         vectors = quaternions.from_vector(0.5 * jnp.swapaxes(shapes[:, 3:], 1, 2))

@@ -7,13 +7,15 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from .. import precision
 from .block_cholesky import Factor
-from .dense import invert, multiply, multiply_transposed
+from .dense import multiply, multiply_transposed
 from .indexing import take
+from .inverse_mass import InverseMass
 from .pattern import Pattern
 
 # Two are the rule, a mass ratio of 1e8 takes a few. One that does not halve the residual is the
@@ -55,15 +57,15 @@ class KKT(eqx.Module):
     - `pattern`: where the blocks sit.
     - `mass`: (bodies, size, size), or (bodies, size) if all are diagonal.
     - `sides`: the blocks of C_q, (sides, height, size).
-    - `inverse_mass`: M⁻¹ as `mass`, where it is known; else it is computed.
+    - `inverse_mass`: M⁻¹, where it is known in closed form; else it is computed.
     """
 
     pattern: Pattern = eqx.field(static=True)
     mass: Float[Array, "bodies size *size"]
     sides: Float[Array, "sides height size"]
-    inverse_mass: Float[Array, "bodies size *size"]
+    inverse_mass: InverseMass  # T W Tᵀ
     scale: Float[Array, "nodes height"]  # D
-    scaled: Float[Array, "sides height size"]  # B
+    scaled: Float[Array, "sides height size"]  # B T
     factor: Factor | None  # of S + ε I; None without constraints
 
     def __init__(
@@ -71,25 +73,26 @@ class KKT(eqx.Module):
         pattern: Pattern,
         mass: Float[Array, "bodies size *size"],
         sides: Float[Array, "sides height size"],
-        inverse_mass: Float[Array, "bodies size *size"] | None = None,
+        inverse_mass: InverseMass | None = None,
     ):
         self.pattern, self.mass, self.sides = pattern, mass, sides
         # Derivatives go through `solve` as a whole (implicit function), never through the factors.
         mass, sides, inverse_mass = jax.lax.stop_gradient((mass, sides, inverse_mass))
-        if inverse_mass is None:
-            inverse_mass = 1 / mass if mass.ndim == 2 else invert(mass)
+        inverse_mass = InverseMass.of(mass) if inverse_mass is None else inverse_mass
         self.inverse_mass = inverse_mass
         if pattern.m == 0:
             self.scale, self.scaled, self.factor = jnp.ones((0, 0), mass.dtype), sides, None
             return
         nodes, bodies, pairs = pattern.nodes, pattern.bodies, pattern.pairs
-        free = _apply(take(self.inverse_mass, bodies), jnp.swapaxes(sides, 1, 2))  # M⁻¹ Cᵀ
-        lengths = jnp.sum(jnp.swapaxes(free, 1, 2) * sides, axis=2)
+        sides = inverse_mass.to_rates(sides, bodies)
+        weighed = inverse_mass.weigh(sides, bodies)
+        lengths = jnp.sum(weighed * sides, axis=2)
         lengths = jnp.sum(take(lengths, pattern.sides_of_nodes), axis=1)
         self.scale = 1 / jnp.sqrt(jnp.where(lengths > 0, lengths, 1))
         scale = take(self.scale, nodes)
         self.scaled = scale[:, :, None] * sides
-        products = multiply(take(self.scaled, pairs.left), take(free, pairs.right))
+        right = jnp.swapaxes(take(weighed, pairs.right), 1, 2)  # W Tᵀ Cᵀ
+        products = multiply(take(self.scaled, pairs.left), right)
         products *= take(scale, pairs.right)[:, None]
         diagonal = jnp.sum(take(products, pairs.onto_nodes), axis=1)
         unit = precision.of(mass.dtype).proximal * jnp.eye(diagonal.shape[1], dtype=mass.dtype)
@@ -124,7 +127,7 @@ class KKT(eqx.Module):
         free = jax.lax.custom_linear_solve(
             lambda a: _apply(self.mass, a),
             self.pattern.split(force),
-            lambda _, force: _apply(self.inverse_mass, force),
+            lambda _, force: self._by_rows(self.inverse_mass.apply, force),
             symmetric=True,
         )
         return self.pattern.join(free)
@@ -171,7 +174,8 @@ class KKT(eqx.Module):
         factor, layout = self.factor, self.pattern
         assert factor is not None
         force, gamma = layout.split(force), layout.split_rows(gamma)
-        free, gamma = _apply(self.inverse_mass, force), self.scale[:, :, None] * gamma
+        gamma = self.scale[:, :, None] * gamma
+        free = self._weighed(self._by_rows(self.inverse_mass.to_rates, force))
         rows = self._apply_jacobian(self.scaled, free)  # B M⁻¹ f
         target = rows - gamma
         if project:
@@ -189,16 +193,24 @@ class KKT(eqx.Module):
         def sweep(carry: Carry) -> Carry:
             multipliers, _, residual, _, count = carry
             multipliers += factor.solve(residual)
-            reaction = _apply(
-                self.inverse_mass, self._apply_jacobian_transpose(self.scaled, multipliers)
-            )
+            reaction = self._weighed(self._apply_jacobian_transpose(self.scaled, multipliers))
             remaining = target - self._apply_jacobian(self.scaled, reaction)
             return multipliers, free - reaction, remaining, _largest(residual), count + 1
 
         start: Carry = (jnp.zeros_like(target), free, target, jnp.full_like(terms, jnp.inf), 0)
         multipliers, a, *_ = jax.lax.while_loop(unfinished, sweep, start)
         multipliers = self.scale[:, :, None] * self._without_null(multipliers)
+        a = self._by_rows(self.inverse_mass.from_rates, a)
         return layout.join(a), layout.join_rows(multipliers)
+
+    def _weighed(self, x: Blocks) -> Blocks:
+        """Rates of the momenta x."""
+        return self._by_rows(self.inverse_mass.weigh, x)
+
+    def _by_rows(self, function: Callable[[Blocks, np.ndarray], Blocks], x: Blocks) -> Blocks:
+        """A function of rows, of columns of all bodies."""
+        bodies = np.arange(len(x))
+        return jnp.swapaxes(function(jnp.swapaxes(x, 1, 2), bodies), 1, 2)
 
     def _without_null(self, x: Blocks) -> Blocks:
         """The part of x in the range of S, which is orthogonal to the null space of S.

@@ -138,7 +138,7 @@ class ProjectedState(AbstractState):
 
     def kkt(self) -> KKT:
         ones = jnp.ones((1, self.system.n), self.z.dtype)
-        return KKT(Pattern.dense(self.system.n, 0), ones, self.jacobian()[None][:0], ones)
+        return KKT(Pattern.dense(self.system.n, 0), ones, self.jacobian()[None][:0])
 
     def energy(self) -> Energy:
         return self._full.energy().by_coordinates(self.system.modes)

@@ -10,6 +10,7 @@ import jax
 from jaxtyping import Array, Float
 
 from ..linalg.dense import multiply
+from ..linalg.inverse_mass import InverseMass
 from ..linalg.kkt import KKT
 from ..linalg.pattern import Pattern
 
@@ -118,7 +119,7 @@ class FullState(AbstractState):
 
     - `pattern`: where the blocks sit; `mass_blocks`, `jacobian_blocks`: those of M and of C_q, as
       `KKT` takes them; `force_vector`: Q. Functions, so that only what is asked for is traced.
-    - `inverse_mass_blocks`: those of M⁻¹; gives None where they are not known.
+    - `inverse_mass`: M⁻¹; gives None where it is not known in closed form.
     - `stored`: the elastic and the potential energy as a function of q; `work_rate`: the power of
       the other forces.
     """
@@ -131,7 +132,7 @@ class FullState(AbstractState):
     force_vector: Callable[[], Float[Array, " n"]]
     stored: Callable[[Float[Array, " n"]], tuple[Float[Array, ""], Float[Array, ""]]]
     work_rate: Callable[[], Power | None]
-    inverse_mass_blocks: Callable[[], Float[Array, "bodies size *size"] | None] = lambda: None
+    inverse_mass: Callable[[], InverseMass | None] = lambda: None
 
     @functools.cached_property
     def _mass(self) -> Float[Array, "bodies size *size"]:
@@ -164,7 +165,7 @@ class FullState(AbstractState):
 
     def kkt(self) -> KKT:
         sides = self.jacobian_blocks()
-        return KKT(self.pattern, self._mass, sides, self.inverse_mass_blocks())
+        return KKT(self.pattern, self._mass, sides, self.inverse_mass())
 
     def physical_acceleration(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
         return a

@@ -14,6 +14,7 @@ from ...arrays import Number, Vector, concatenate, untraced
 from ...deprecated import adopt, renamed
 from ...errors import SceneError
 from ...linalg import quaternions
+from ...linalg.inverse_mass import AbstractBodyInverse
 from ..coordinate import Coordinate, frame_coordinates, frame_size
 from ..fields import check_finite, check_shape
 from ..marker import GROUND, Marker, Pose
@@ -94,10 +95,8 @@ class AbstractBody(eqx.Module):
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         """Mass matrix of the body's own coordinates; a diagonal one as its diagonal, (size,)."""
 
-    def inverse_mass(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
-        """Inverse of the mass matrix, in its form; asked only of bodies that have one in closed
-        form.
-        """
+    def inverse_mass(self, q: Float[Array, " size"]) -> AbstractBodyInverse:
+        """Inverse of the mass matrix; asked only of bodies that have one in closed form."""
         raise NotImplementedError
 
     def quadratic_velocity_force(

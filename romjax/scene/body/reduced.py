@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from ...checks import check_shape
 from ...errors import SceneError
+from ...linalg.inverse_mass import AbstractBodyInverse
 from ..marker import Marker
 from .base import AbstractBody, nameless
 from .inertia import Inertia
@@ -95,7 +96,7 @@ class ReducedBody(AbstractBody):
         modal = self.basis.T @ full[frame:, frame:] @ self.basis
         return jnp.block([[full[:frame, :frame], coupling], [coupling.T, modal]])
 
-    def inverse_mass(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
+    def inverse_mass(self, q: Float[Array, " size"]) -> AbstractBodyInverse:
         assert isinstance(self.inertia, SpatialInertia)
         return self.inertia.inverse(q)
 

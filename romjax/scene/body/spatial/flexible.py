@@ -5,6 +5,7 @@ import abc
 from jaxtyping import Array, Float
 
 from ..base import AbstractBody, flexible_start
+from .frame_inverse import FrameInverse
 from .inertia import SpatialInertia
 
 
@@ -25,7 +26,7 @@ class AbstractFlexibleBody(AbstractBody):
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size size"]:
         return self.invariants().matrix(q)
 
-    def inverse_mass(self, q: Float[Array, " size"]) -> Float[Array, "size size"]:
+    def inverse_mass(self, q: Float[Array, " size"]) -> FrameInverse:
         return self.invariants().inverse(q)
 
     def quadratic_velocity_force(

@@ -9,6 +9,7 @@ from ....linalg import quaternions
 from ....linalg.dense import invert, multiply, multiply_transposed
 from ...fields import Converted, number
 from .check_invariants import check_invariants
+from .frame_inverse import FrameInverse, spin_of
 from .products import products, turned
 
 
@@ -89,35 +90,22 @@ class SpatialInertia(eqx.Module):
         """Whether the inverse of the mass matrix is known in closed form."""
         return self.modal is None
 
-    def inverse(self, q: Float[Array, " size"]) -> Float[Array, "size size"]:
-        """Inverse of the mass matrix at x, y, z, p, q_f, where M_ff is the identity.
-
-        With R the block of ω (and V where it couples) and Y that of the same rows and q_f, the
-        inverse of [[R, Y], [Yᵀ, I]] needs that of R − Y Yᵀ only. From rates by the axes of the body
-        to ṗ it is ½ Gᵀ, since G Gᵀ = s I; and p pᵀ / μ is that of the length.
-        """
+    def inverse(self, q: Float[Array, " size"]) -> FrameInverse:
+        """Inverse of the mass matrix at x, y, z, p, q_f, where M_ff is the identity."""
         p, bent = q[3:7], q[7:]
-        back = 0.5 * quaternions.body_matrix(p).T  # ṗ = back ω
         own, beside = self.turning(bent), self._spinning(bent)
+        turn = None
         if not self.centred:
             arm, slide = quaternions.skew(self.arm(bent)), self._sliding(bent)
             moving = self.mass * jnp.eye(3, dtype=q.dtype)
-            own = _symmetric(moving, -arm, own)
-            beside = jnp.concatenate([slide, beside])
-            turn = jnp.pad(quaternions.matrix(p), ((0, 0), (0, 3)))
-            back = jnp.concatenate([turn, jnp.pad(back, ((0, 0), (3, 0)))])
-        frame = invert(own - multiply(beside, beside.T))
-        across = multiply(frame, beside)
-        modal = jnp.eye(len(bent), dtype=q.dtype) + multiply_transposed(beside, across)
-        turned = multiply(multiply(back, frame), back.T)
-        if self.centred:
-            turned = jnp.pad(turned, ((3, 0), (3, 0)))
-            turned += jnp.diag(jnp.array([1, 1, 1, 0, 0, 0, 0], q.dtype)) / self.mass
-            back = jnp.pad(back, ((3, 0), (0, 0)))
-        length = jnp.pad(p, (3, 0))
-        turned += length[:, None] * length[None] / length_inertia(self.moment)
-        aside = -multiply(back, across)
-        return _symmetric(turned, aside, modal)
+            own, beside = _symmetric(moving, -arm, own), jnp.concatenate([slide, beside])
+            turn = quaternions.matrix(p)
+        size, length = len(own), jnp.diag(1 / length_inertia(self.moment)[None])
+        core = _symmetric(
+            invert(own - multiply(beside, beside.T)), jnp.zeros((size, 1), q.dtype), length
+        )
+        coupling = jnp.pad(beside.T, ((0, 0), (0, 1)))
+        return FrameInverse(1 / self.mass, core, spin_of(p), turn, coupling)
 
     def quadratic_velocity_force(
         self, q: Float[Array, " size"], v: Float[Array, " size"]

@@ -17,6 +17,7 @@ from ...fields import Converted, check_finite, check_numbers, number
 from ...orientation import orientation_field
 from ...points import NamedPoints, by_name
 from ..base import AbstractBody, check_name, check_start, frame_start
+from .frame_inverse import FrameInverse, spin_of
 from .inertia import length_inertia
 
 
@@ -80,13 +81,14 @@ class RigidBody(AbstractBody):
         turning = 4 * multiply_transposed(body, multiply(tensor, body)) + along
         return _blocks(self.mass * jnp.eye(3, dtype=q.dtype), turning / s**2)
 
-    def inverse_mass(self, q: Float[Array, "7"]) -> Float[Array, "7 7"]:
-        """diag(I/m, ¼ Gᵀ J⁻¹ G + p pᵀ/μ), since G Gᵀ = s I and G p = 0."""
-        p, tensor = q[3:], self._tensor()
-        body = quaternions.body_matrix(p)
-        along = p[:, None] * p[None] / length_inertia(tensor)
-        turning = 0.25 * multiply_transposed(body, multiply(invert(tensor), body)) + along
-        return _blocks(jnp.eye(3, dtype=q.dtype) / self.mass, turning)
+    def inverse_mass(self, q: Float[Array, "7"]) -> FrameInverse:
+        p, tensor = q[3:], self.inertia
+        length = 1 / length_inertia(self._tensor())
+        if tensor.ndim == 1:
+            core = jnp.append(1 / tensor, length)
+        else:
+            core = _blocks(invert(tensor), length[None, None])
+        return FrameInverse(1 / self.mass, core, spin_of(p))
 
     def quadratic_velocity_force(
         self, q: Float[Array, "7"], v: Float[Array, "7"]
@@ -134,9 +136,10 @@ class RigidBody(AbstractBody):
         self.points.check(owner, dimension=3)
 
 
-def _blocks(moving: Float[Array, "3 3"], turning: Float[Array, "4 4"]) -> Float[Array, "7 7"]:
+def _blocks(first: Float[Array, "a a"], second: Float[Array, "b b"]) -> Float[Array, "size size"]:
     """The matrix with two blocks on its diagonal."""
-    return jnp.pad(moving, ((0, 4), (0, 4))) + jnp.pad(turning, ((3, 0), (3, 0)))
+    a, b = len(first), len(second)
+    return jnp.pad(first, ((0, b), (0, b))) + jnp.pad(second, ((a, 0), (a, 0)))
 
 
 def check_inertia(owner: str, inertia: Array) -> None:
