@@ -67,7 +67,7 @@ class Auditor(eqx.Module):
         balance = EnergyBalance(self._energies(start.t, start.y).energy, *[zero] * 10)
         branching = None
         if self.watches_branches:
-            branching = Branching.start(start.t, self._at(start.t, start.y)[1].kkt())
+            branching = Branching.start(start.t, self.system.m)
         return Findings(balance, branching)
 
     @property

@@ -36,9 +36,13 @@ class Branching(NamedTuple):
     repeated: Int[Array, ""]
 
     @classmethod
-    def start(cls, t: Float[Array, ""], kkt: KKT) -> "Branching":
-        """At the time `t` [s] at which a run starts, from its `kkt` system there."""
-        return cls(jnp.zeros_like(t), t, _count_tiny(kkt.pivots()))
+    def start(cls, t: Float[Array, ""], m: int) -> "Branching":
+        """At the time `t` [s] at which a run of a system with `m` constraints starts.
+
+        The first step, a short one, tells how many repeat others: the same once more for the start
+        would make the program longer by a tenth.
+        """
+        return cls(jnp.zeros_like(t), t, jnp.asarray(m))
 
     def follow(
         self,
@@ -49,7 +53,7 @@ class Branching(NamedTuple):
     ) -> "Branching":
         """With the state at the end of a step."""
         pivots = kkt.pivots()
-        # A start at a singular position has more than there are elsewhere.
+        # Near a singular position there are more than elsewhere.
         repeated = jnp.minimum(self.repeated, _count_tiny(pivots))
         squared = _least_but(pivots, repeated)
         size = jnp.maximum(1.0, jnp.max(jnp.abs(q)))
