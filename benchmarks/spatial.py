@@ -1,4 +1,5 @@
-"""Three dimensions beside MuJoCo: chains of ball joints and a heavy top, at equal errors.
+"""Three dimensions beside MuJoCo: chains of ball joints and a heavy top, at equal errors; and what
+a right-hand side of a flexible rotor costs.
 
 Each mechanism moves for one second; errors are the largest of the positions of all centres of mass
 at the end, against MuJoCo's finest run, and for the top against its published position. romjax is
@@ -15,6 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 import peers
 import record
+from effects import STEPS as EULER
+from effects import run
 from equal_error import at_error
 from timing import Timed, least
 from tqdm import tqdm
@@ -31,6 +34,8 @@ FINEST = 20_000
 # Bruls, Cardona, Arnold 2012: the position at 1 s, and what it is compared at.
 TOP = np.array([0.17334396409838604, 0.6400885920705688, -0.7484907911335813])
 TOP_STEPS, TOP_ERROR = (1000, 2000, 4000, 8000), 1e-6
+MODES, MASSES = 12, 40  # of the rotor
+LIMIT = 6.0  # [us] for its right-hand side on a hinge
 
 
 def chain(bars: int) -> rj.Scene:
@@ -67,6 +72,47 @@ def top() -> rj.Scene:
     )
     pivot = r.Spherical(body.at((0, -1, 0)), rj.ground.at((0, 0, 0)))
     return rj.Scene([body], [pivot], [rj.Gravity((0, 0, -9.81))])
+
+
+def rotor(hinged: bool) -> rj.Scene:
+    """A shaft of point masses with elastic modes from 20 to 200 Hz, orthogonal to rigid motion."""
+    random, r = np.random.default_rng(3), rj.spatial
+    masses, points = random.uniform(0.5, 1.5, MASSES), random.normal(size=(MASSES, 3))
+    points = (points - masses @ points / masses.sum()) * [0.1, 0.1, 0.5]
+    around = [np.cross(axis, points) for axis in np.eye(3)]
+    rigid = np.stack([*np.broadcast_to(np.eye(3)[:, None], (3, MASSES, 3)), *around], axis=2)
+    root = np.sqrt(np.repeat(masses, 3))[:, None]
+    across = np.concatenate([rigid.reshape(-1, 6), random.normal(size=(3 * MASSES, MODES))], 1)
+    shapes = (np.linalg.qr(root * across)[0][:, 6:] / root).reshape(MASSES, 3, MODES)
+    all_ = r.SpatialInertia.of_points(masses, points, shapes)
+    # The others are zero, and the modal mass the identity.
+    parts = {"stretch": all_.stretch, "spread": all_.spread, "gyration": all_.gyration}
+    inertia = r.SpatialInertia(all_.mass, all_.moment, **parts)
+    turned = np.concatenate([shapes[:1], random.normal(size=(1, 3, MODES))], axis=1)
+    stiffness = (2 * np.pi * np.linspace(20, 200, MODES)) ** 2
+    body = r.ModalBody(
+        "rotor",
+        inertia,
+        stiffness,
+        points[:1],
+        turned,
+        damping=0.01 * np.sqrt(stiffness),
+        ports=("bearing",),
+        position=-points[0],
+    )
+    joints = [r.Revolute(rj.ground.at((0, 0, 0)), body.at("bearing"))] if hinged else []
+    return rj.Scene([body], joints, [rj.Gravity((0, 0, -9.81))])
+
+
+def rotors() -> tuple[list[list[str]], dict[str, float]]:
+    """The table of the rotor and its ratio."""
+    runs = [run(rotor(hinged), 1e-5) for hinged in (False, True)]
+    timed: list[Timed] = least([call for call, *_ in runs], REPEATS, name="rotor")
+    us = [1e6 * one.least / EULER for one in timed]
+    rows = [["rotor", "modes", "equations", "rhs us"]]
+    for name, (_, count, _), one in zip(("free", "hinged"), runs, us, strict=True):
+        rows.append([name, f"{MODES}", f"{count}", f"{one:.2f}"])
+    return rows, {f"{LIMIT:g} us / right-hand side of a hinged rotor": LIMIT / us[1]}
 
 
 def romjax_runs(scene: rj.Scene) -> dict[str, Callable[[float], np.ndarray]]:
@@ -144,6 +190,13 @@ def measure() -> Iterator[record.Section]:
         rows,
         ratios,
         peers.missing(),
+    )
+    rows, ratios = rotors()
+    yield record.Section(
+        f"A rotor with {MODES} modes, free and on a hinge: time of a right-hand side in a\n"
+        f"compiled run of {EULER} steps. Least of {REPEATS} interleaved runs.",
+        rows,
+        ratios,
     )
 
 

@@ -11,7 +11,7 @@ import pytest
 from scene_files import CRANK
 
 import romjax as rj
-from romjax import compat
+from romjax import compat, program
 from romjax.program import Program
 
 jax.config.update("jax_enable_x64", True)
@@ -66,6 +66,15 @@ def without_optimisation():
     jax.config.update("jax_disable_most_optimizations", True)
     yield
     jax.config.update("jax_disable_most_optimizations", False)
+
+
+@pytest.fixture
+def with_optimisation(monkeypatch):
+    """For programs of romjax that run for minutes: those of tests are compiled without."""
+    options = compat.compiler_options()
+    monkeypatch.setattr(
+        program, "_options", lambda: options | {"xla_backend_optimization_level": 1}
+    )
 
 
 @pytest.fixture(scope="session")

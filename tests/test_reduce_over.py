@@ -138,6 +138,7 @@ def test_bad_boxes():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("with_optimisation")
 def test_the_chapters_example_over_a_box():
     """Three tolerances with at most four training runs, on 64 held-out points each."""
     ts = jnp.linspace(0.0, 1.0, 101)

@@ -11,11 +11,11 @@ from jaxtyping import Array, Float
 
 from .dense import invert, multiply, multiply_transposed
 from .indexing import take
-from .ordering import Edge, Schedule, order
+from .ordering import Edge, Front, Schedule, order
 
 Carry = TypeVar("Carry")
 Block = Float[Array, "_ _"]
-# What a step reads and writes: an array, or, of few blocks, each by itself.
+# Slots of a front: an array, or, where steps are written out, each by itself.
 Blocks = Float[Array, "_ _ _"] | tuple[Block, ...]
 
 _WRITTEN_OUT = 4  # steps
@@ -30,9 +30,10 @@ class Factor(eqx.Module):
     Pivots are inverted, not factored again: they are small, and products with an inverse are fused
     where triangular solves are not.
 
-    One step follows the other, in a loop. Cyclic reduction would eliminate at once what are no
-    neighbours, in fewer steps, but it fills a chain up: on a CPU it takes half as long again to
-    run, and three to five times as long to compile.
+    One step follows the other, in a loop. What it subtracts is gathered in slots that are few: XLA
+    copies what a loop reads and writes in each step. Cyclic reduction would eliminate at once what
+    are no neighbours, in fewer steps, but it fills a chain up: on a CPU it takes two to four times
+    as long to run, and three to five times as long to compile.
 
     **Arguments:**
 
@@ -51,28 +52,30 @@ class Factor(eqx.Module):
     ):
         self.edges = edges
         schedule = order(len(diagonal), edges)
-        degree = schedule.neighbours.shape[1]
+        shape, degree = diagonal.shape[1:], schedule.degree
 
-        def step(carry: tuple[Blocks, Blocks], at: Any) -> tuple[tuple[Blocks, Blocks], Any]:
-            (diagonal, couplings), (i, now) = carry, at
-            inverse = invert(_read(diagonal, i))
-            own = [_read(couplings, now.couplings[p]) for p in range(degree)]
-            rows = [multiply(inverse, one) for one in own]
+        def step(fronts: tuple[Blocks, Blocks], at: Any) -> tuple[tuple[Blocks, Blocks], Any]:
+            (nodes, between), (node, edge, own, couplings) = fronts, at
+            inverse = invert(own - _read(nodes, node.own))
+            coupled = [couplings[p] - _read(between, edge.own[p]) for p in range(degree)]
+            rows = [multiply(inverse, one) for one in coupled]
             for p in range(degree):
-                change = multiply_transposed(own[p], rows[p])
-                diagonal = _subtract(diagonal, now.neighbours[p], change)
-            for pair, (p, q) in enumerate(schedule.pairs):
-                change = multiply_transposed(own[p], rows[q])
-                couplings = _subtract(couplings, now.fill[pair], change)
-            stacked = jnp.stack(rows) if rows else jnp.zeros((0, *inverse.shape), inverse.dtype)
-            return (diagonal, couplings), (inverse, stacked)
+                nodes = _add(nodes, node, p, multiply_transposed(coupled[p], rows[p]))
+            for at_pair, (p, q) in enumerate(schedule.pairs):
+                between = _add(between, edge, at_pair, multiply_transposed(coupled[p], rows[q]))
+            return (nodes, between), (inverse, _stacked(rows, inverse))
 
-        nodes = np.array(schedule.nodes)
-        start = (
-            _blocks(take(diagonal, nodes), schedule),
-            _blocks(_oriented(couplings, edges, schedule), schedule),
+        node_slots, edge_slots = (
+            _empty(slots, shape, diagonal.dtype, schedule) for slots in schedule.slots
         )
-        _, (self.inverses, self.rows) = _each(step, start, schedule)
+        _, (self.inverses, self.rows) = _each(
+            step,
+            (node_slots, edge_slots),
+            schedule.node_front,
+            schedule.edge_front,
+            take(diagonal, np.array(schedule.nodes)),
+            _oriented(couplings, edges, schedule),
+        )
 
     def pivots(self) -> Float[Array, " rows"]:
         """What elimination leaves of each diagonal element, given all others of its block."""
@@ -86,64 +89,65 @@ class Factor(eqx.Module):
         Lᵀ x = Δ⁻¹ y from the last to the first.
         """
         schedule = order(len(right), self.edges)
-        degree = schedule.neighbours.shape[1]
+        front, degree = schedule.node_front, schedule.degree
 
-        def forward(right: Blocks, at: Any) -> tuple[Blocks, Block]:
-            i, now, rows = at
-            own = _read(right, i)
+        def forward(parts: Blocks, at: Any) -> tuple[Blocks, Block]:
+            node, right, rows = at
+            own = right - _read(parts, node.own)
             for p in range(degree):
-                right = _subtract(right, now.neighbours[p], multiply_transposed(rows[p], own))
-            return right, own
+                parts = _add(parts, node, p, multiply_transposed(rows[p], own))
+            return parts, own
 
         def backward(x: Blocks, at: Any) -> tuple[Blocks, Block]:
-            i, now, inverse, rows, own = at
+            node, inverse, rows, own = at
             value = multiply(inverse, own)
             for p in range(degree):
-                value -= multiply(rows[p], _read(x, now.neighbours[p]))
-            return _write(x, i, value), value
+                value -= multiply(rows[p], _read(x, node.onto[p]))
+            return _write(x, node.own, value), value
 
-        start = _blocks(take(right, np.array(schedule.nodes)), schedule)
-        _, own = _each(forward, start, schedule, self.rows)
-        nothing, factors = jax.tree.map(jnp.zeros_like, start), (self.inverses, self.rows)
-        _, x = _each(backward, nothing, schedule, *factors, own, reverse=True)
+        start = _empty(schedule.slots[0], right.shape[1:], right.dtype, schedule)
+        own = take(right, np.array(schedule.nodes))
+        _, own = _each(forward, start, front, own, self.rows)
+        # Where a node gathers what earlier steps give to it, these find it on the way back.
+        _, x = _each(backward, start, front, self.inverses, self.rows, own, reverse=True)
         return take(x, np.argsort(schedule.nodes))
 
 
 def _each(
-    step: Callable[[Carry, Any], tuple[Carry, Any]],
-    start: Carry,
-    schedule: Schedule,
-    *xs: Array,
-    reverse: bool = False,
+    step: Callable[[Carry, Any], tuple[Carry, Any]], start: Carry, *xs: Any, reverse: bool = False
 ) -> tuple[Carry, Any]:
-    """All steps of a schedule, each given its number, its tables and its part of `xs`."""
-    count = len(schedule.nodes)
-    tables = schedule._replace(nodes=(), edges=())
-    each = (np.arange(count, dtype=np.uint32), tables, *xs)
+    """All steps of a schedule, each given its part of `xs`."""
+    count = len(jax.tree.leaves(xs)[0])
     if count > _WRITTEN_OUT:
-        return jax.lax.scan(step, start, each, reverse=reverse)
+        return jax.lax.scan(step, start, xs, reverse=reverse)
     carry, results = start, [None] * count
     for i in reversed(range(count)) if reverse else range(count):
-        carry, results[i] = step(carry, jax.tree.map(lambda x, i=i: x[i], each))
+        carry, results[i] = step(carry, jax.tree.map(lambda x, i=i: x[i], xs))
     return carry, jax.tree.map(lambda *own: jnp.stack(own), *results)
 
 
 def _oriented(
     couplings: Float[Array, "edges b b"], edges: tuple[Edge, ...], schedule: Schedule
-) -> Float[Array, "filled b b"]:
-    """The blocks of all edges of a schedule, from its earlier to its later step; zero for fill."""
+) -> Float[Array, "steps degree b b"]:
+    """The blocks of the edges of each step to later ones; zero where there is none, or fill."""
     both = jnp.concatenate([couplings, jnp.swapaxes(couplings, 1, 2)])
     number = {edge: at for at, edge in enumerate(edges)}
     number |= {(j, i): len(edges) + at for at, (i, j) in enumerate(edges)}
-    nodes = schedule.nodes
-    table = [number.get((nodes[i], nodes[j]), len(both)) for i, j in schedule.edges]
-    return take(both, np.array(table, np.uint32))
+    nodes, none = schedule.nodes, len(both)
+    table = np.full((len(nodes), schedule.degree), none, np.uint32)
+    for i, row, own in zip(nodes, table, schedule.later, strict=True):
+        row[: len(own)] = [number.get((i, nodes[j]), none) for j in own]
+    return take(both, table)
 
 
-def _blocks(x: Float[Array, "_ _ _"], schedule: Schedule) -> Blocks:
-    """With one block more, for what is not there: it is zero, and stays so."""
-    more = jnp.concatenate([x, jnp.zeros((1, *x.shape[1:]), x.dtype)])
-    return tuple(more) if len(schedule.nodes) <= _WRITTEN_OUT else more
+def _stacked(blocks: list[Block], like: Block) -> Float[Array, "_ _ _"]:
+    return jnp.stack(blocks) if blocks else jnp.zeros((0, *like.shape), like.dtype)
+
+
+def _empty(slots: int, shape: tuple[int, ...], dtype: Any, schedule: Schedule) -> Blocks:
+    """The slots of a front before the first step."""
+    zeros = jnp.zeros((slots, *shape), dtype)
+    return tuple(zeros) if len(schedule.nodes) <= _WRITTEN_OUT else zeros
 
 
 def _read(x: Blocks, i: Any) -> Block:
@@ -160,5 +164,9 @@ def _write(x: Blocks, i: Any, block: Block) -> Blocks:
     return written
 
 
-def _subtract(x: Blocks, i: Any, change: Block) -> Blocks:
-    return _write(x, i, _read(x, i) - change)
+def _add(x: Blocks, front: Front, p: int, change: Block) -> Blocks:
+    """With a change added to the slot of target p of a step, or alone where it is the first."""
+    i, first = front.onto[p], front.first[p]
+    if isinstance(x, tuple):
+        return _write(x, i, change if first else _read(x, i) + change)
+    return _write(x, i, jnp.where(first, change, _read(x, i) + change))

@@ -1,37 +1,48 @@
 """The order in which the nodes of a graph are eliminated, as static tables."""
 
 import functools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import UInt32
+from jaxtyping import Bool, UInt32
 
 Edge = tuple[int, int]
+
+
+class Front(NamedTuple):
+    """Where what earlier steps give to nodes, or to edges, is gathered until its own step.
+
+    Slots are used again: a chain needs one. The last one is for what is not there, and stays zero.
+    """
+
+    own: UInt32[np.ndarray, "steps *count"]  # what a step takes
+    onto: UInt32[np.ndarray, "steps targets"]  # what it adds to
+    first: Bool[np.ndarray, "steps targets"]  # whether nothing has been added to it before
 
 
 class Schedule(NamedTuple):
     """In what order nodes are eliminated: a step for each node.
 
-    Nodes are numbered by their steps, so that all neighbours that a node still has come later. A
-    number one past the end stands for one that is not there.
+    Nodes are numbered by their steps, so that all neighbours that a node still has come later.
     """
 
-    neighbours: UInt32[np.ndarray, "steps degree"]  # of the node, in order
-    couplings: UInt32[np.ndarray, "steps degree"]  # the edges to them
-    fill: UInt32[np.ndarray, "steps pairs"]  # the edges between them, in the order of `pairs`
     nodes: tuple[int, ...]  # that the steps eliminate
-    edges: tuple[Edge, ...]  # from the earlier to the later step, with fill
+    later: tuple[tuple[int, ...], ...]  # the neighbours of each step
+    node_front: Front  # a step takes its node, and adds to its neighbours
+    edge_front: Front  # a step takes its edges, and adds to those between its neighbours
+    slots: tuple[int, int]  # of both fronts
+    degree: int  # the most neighbours that a node has when it is eliminated
 
     @property
     def pairs(self) -> tuple[Edge, ...]:
-        """All pairs of neighbours, the first before the second."""
-        degree = self.neighbours.shape[1]
-        return tuple((p, q) for q in range(degree) for p in range(q))
+        """All pairs of neighbours by their positions, the first before the second."""
+        return _pairs(self.degree)
 
 
 @functools.lru_cache(maxsize=64)
 def order(nodes: int, edges: tuple[Edge, ...]) -> Schedule:
-    """The schedule of a graph: nodes of least degree first.
+    """The schedule of a graph: nodes of least degree first, and of these one that was a neighbour.
 
     Eliminating a node couples all its neighbours with each other. A chain or a tree gains no edge:
     there is always a node with one neighbour at most.
@@ -40,31 +51,64 @@ def order(nodes: int, edges: tuple[Edge, ...]) -> Schedule:
     for i, j in edges:
         neighbours[i].add(j)
         neighbours[j].add(i)
-    sequence, adjacent = list[int](), list[set[int]]()
+    sequence, adjacent, touched = list[int](), list[set[int]](), set[int]()
     while neighbours:
-        i = min(neighbours, key=lambda i: (len(neighbours[i]), i))
+        i = min(neighbours, key=lambda i: (len(neighbours[i]), i not in touched, i))
         own = neighbours.pop(i)
         for j in own:
             neighbours[j] |= own
             neighbours[j] -= {i, j}
+        touched |= own
         sequence.append(i)
         adjacent.append(own)
     step = {node: at for at, node in enumerate(sequence)}
     later = [sorted(step[j] for j in own) for own in adjacent]
-    filled = [(i, j) for i, own in enumerate(later) for j in own]
-    number = {edge: at for at, edge in enumerate(filled)}
     degree = max(map(len, later), default=0)
-    none = len(filled)
-
-    def between(i: int, j: int) -> int:
-        return number.get((i, j), none)
-
-    table = np.array([own + [nodes] * (degree - len(own)) for own in later], np.uint32)
-    table = table.reshape(nodes, degree)
-    schedule = Schedule(table, table, table, tuple(sequence), tuple(filled))
-    couplings = [[between(i, int(j)) for j in own] for i, own in enumerate(table)]
-    fill = [[between(int(own[p]), int(own[q])) for p, q in schedule.pairs] for own in table]
-    return schedule._replace(
-        couplings=np.array(couplings, np.uint32).reshape(nodes, degree),
-        fill=np.array(fill, np.uint32).reshape(nodes, len(schedule.pairs)),
+    own_edges = [[(i, j) for j in own] for i, own in enumerate(later)]
+    between = [
+        [(own[p], own[q]) if q < len(own) else None for p, q in _pairs(degree)] for own in later
+    ]
+    padded = [[(j, j) for j in own] + [None] * (degree - len(own)) for own in later]
+    node_front, node_slots = _front([[(i, i)] for i in range(nodes)], padded, 1)
+    edge_front, edge_slots = _front(own_edges, between, degree)
+    return Schedule(
+        tuple(sequence),
+        tuple(map(tuple, later)),
+        node_front._replace(own=node_front.own[:, 0]),
+        edge_front,
+        (node_slots, edge_slots),
+        degree,
     )
+
+
+def _pairs(degree: int) -> tuple[Edge, ...]:
+    return tuple((p, q) for q in range(degree) for p in range(q))
+
+
+def _front(
+    taken: Sequence[Sequence[Edge]], given: Sequence[Sequence[Edge | None]], width: int
+) -> tuple[Front, int]:
+    """The slots of what each step takes, at most `width`, and of what it gives to, and how many
+    there are; a node is an edge from itself to itself.
+    """
+    slots, free, size = dict[Edge, int](), list[int](), 0
+    own = np.full((len(taken), width), -1)
+    onto = np.full((len(given), max(map(len, given), default=0)), -1)
+    first = np.zeros(onto.shape, bool)
+    for i, (takes, gives) in enumerate(zip(taken, given, strict=True)):
+        for p, target in enumerate(takes):
+            if target in slots:
+                own[i, p] = slots.pop(target)
+                free.append(int(own[i, p]))
+        for p, receiver in enumerate(gives):
+            if receiver is None:
+                continue
+            if receiver not in slots:
+                first[i, p] = True
+                if not free:
+                    free.append(size)
+                    size += 1
+                slots[receiver] = free.pop()
+            onto[i, p] = slots[receiver]
+    table, targets = (np.where(x < 0, size, x).astype(np.uint32) for x in (own, onto))
+    return Front(table, targets, first), size + 1
