@@ -61,8 +61,8 @@ class Factor(eqx.Module):
             rows = [multiply(inverse, one) for one in coupled]
             for p in range(degree):
                 nodes = _add(nodes, node, p, multiply_transposed(coupled[p], rows[p]))
-            for at_pair, (p, q) in enumerate(schedule.pairs):
-                between = _add(between, edge, at_pair, multiply_transposed(coupled[p], rows[q]))
+            for pair, (p, q) in enumerate(schedule.pairs):
+                between = _add(between, edge, pair, multiply_transposed(coupled[p], rows[q]))
             return (nodes, between), (inverse, _stacked(rows, inverse))
 
         node_slots, edge_slots = (

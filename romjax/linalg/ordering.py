@@ -1,6 +1,7 @@
 """The order in which the nodes of a graph are eliminated, as static tables."""
 
 import functools
+import heapq
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -13,7 +14,7 @@ Edge = tuple[int, int]
 class Front(NamedTuple):
     """Where what earlier steps give to nodes, or to edges, is gathered until its own step.
 
-    Slots are used again: a chain needs one. The last one is for what is not there, and stays zero.
+    Slots are used again: a chain needs one. The last one is for what is not there.
     """
 
     own: UInt32[np.ndarray, "steps *count"]  # what a step takes
@@ -52,13 +53,18 @@ def order(nodes: int, edges: tuple[Edge, ...]) -> Schedule:
         neighbours[i].add(j)
         neighbours[j].add(i)
     sequence, adjacent, touched = list[int](), list[set[int]](), set[int]()
-    while neighbours:
-        i = min(neighbours, key=lambda i: (len(neighbours[i]), i not in touched, i))
+    waiting = [(len(own), True, i) for i, own in neighbours.items()]
+    heapq.heapify(waiting)
+    while waiting:
+        degree, untouched, i = heapq.heappop(waiting)
+        if i not in neighbours or (degree, untouched) != (len(neighbours[i]), i not in touched):
+            continue
         own = neighbours.pop(i)
+        touched |= own
         for j in own:
             neighbours[j] |= own
             neighbours[j] -= {i, j}
-        touched |= own
+            heapq.heappush(waiting, (len(neighbours[j]), False, j))
         sequence.append(i)
         adjacent.append(own)
     step = {node: at for at, node in enumerate(sequence)}
