@@ -98,7 +98,8 @@ def test_every_parameter_of_a_scene_in_space(scene):
 
     def f(values):
         system = rj.assemble(eqx.combine(values, rest))
-        return last(rj.simulate(system, TIMES[:4], **FIXED))
+        # Differences of a longer run see its rounding, some ten units in the last place.
+        return last(rj.simulate(system, TIMES[:3], **FIXED))
 
     found = rj.check_gradient(f, values)
     assert found.error <= DIFFERENCED, str(found)
