@@ -43,7 +43,7 @@ class Schedule(NamedTuple):
 
 @functools.lru_cache(maxsize=64)
 def order(nodes: int, edges: tuple[Edge, ...]) -> Schedule:
-    """The schedule of a graph: nodes of least degree first, and of these one that was a neighbour.
+    """The schedule of a graph: nodes of least degree first, and of these the first.
 
     Eliminating a node couples all its neighbours with each other. A chain or a tree gains no edge:
     there is always a node with one neighbour at most.
@@ -52,19 +52,18 @@ def order(nodes: int, edges: tuple[Edge, ...]) -> Schedule:
     for i, j in edges:
         neighbours[i].add(j)
         neighbours[j].add(i)
-    sequence, adjacent, touched = list[int](), list[set[int]](), set[int]()
-    waiting = [(len(own), True, i) for i, own in neighbours.items()]
+    sequence, adjacent = list[int](), list[set[int]]()
+    waiting = [(len(own), i) for i, own in neighbours.items()]
     heapq.heapify(waiting)
     while waiting:
-        degree, untouched, i = heapq.heappop(waiting)
-        if i not in neighbours or (degree, untouched) != (len(neighbours[i]), i not in touched):
-            continue
+        degree, i = heapq.heappop(waiting)
+        if i not in neighbours or degree != len(neighbours[i]):
+            continue  # it is gone, or has other neighbours by now
         own = neighbours.pop(i)
-        touched |= own
         for j in own:
             neighbours[j] |= own
             neighbours[j] -= {i, j}
-            heapq.heappush(waiting, (len(neighbours[j]), False, j))
+            heapq.heappush(waiting, (len(neighbours[j]), j))
         sequence.append(i)
         adjacent.append(own)
     step = {node: at for at, node in enumerate(sequence)}
