@@ -106,9 +106,7 @@ class AssembledSystem(AbstractSystem):
         """Inverse of `mass_blocks`; None where not all bodies know theirs."""
         inverses = [group.inverse_mass(q) for group in self.bodies]
         known = tuple(inverse for inverse in inverses if inverse is not None)
-        if len(known) < len(inverses):
-            return None
-        return InverseMass(known, tuple(len(group.coordinates.rows) for group in self.bodies))
+        return InverseMass(known) if len(known) == len(inverses) else None
 
     def mass(self, q: Float[Array, " n"]) -> Float[Array, "n n"]:
         """Mass matrix M, block-diagonal by body."""

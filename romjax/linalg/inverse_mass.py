@@ -65,12 +65,11 @@ class InverseMass(eqx.Module):
     """
 
     groups: tuple[AbstractBodyInverse, ...]  # each stacked
-    counts: tuple[int, ...] = eqx.field(static=True)
 
     @classmethod
     def of(cls, mass: Float[Array, "bodies size *size"]) -> "InverseMass":
         """Of mass matrices, or of their diagonals (bodies, size)."""
-        return cls((PlainInverse(1 / mass if mass.ndim == 2 else invert(mass)),), (len(mass),))
+        return cls((PlainInverse(1 / mass if mass.ndim == 2 else invert(mass)),))
 
     def to_rates(self, x: Blocks, bodies: np.ndarray) -> Blocks:
         """X T."""
@@ -95,7 +94,7 @@ class InverseMass(eqx.Module):
         bodies: np.ndarray,
     ) -> Blocks:
         """A function of the inverse of each body and its rows."""
-        ends = np.cumsum([0, *self.counts])
+        ends = np.cumsum([0, *(len(jax.tree.leaves(group)[0]) for group in self.groups)])
         results, order = [], []
         for group, first, end in zip(self.groups, ends[:-1], ends[1:], strict=True):
             own = np.flatnonzero((first <= bodies) & (bodies < end))

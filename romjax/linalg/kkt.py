@@ -25,8 +25,8 @@ _SWEEPS = 20
 _NULL_SWEEPS = 2
 
 Blocks = Float[Array, "_ _ _"]
-# Of the iteration: multipliers, accelerations, the residual, its size one sweep before, and the
-# count of sweeps.
+# Of the iteration: multipliers, accelerations by rates, the residual, its size one sweep before,
+# and the count of sweeps.
 Carry = tuple[Blocks, Blocks, Blocks, Float[Array, " k"], Array | int]
 
 

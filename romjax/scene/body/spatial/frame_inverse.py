@@ -22,14 +22,15 @@ class FrameInverse(AbstractBodyInverse):
     **Arguments:**
 
     - `lightness`: 1/m, of x, y, z where they do not couple.
-    - `core`: inverse inertia of u and r, (c, c) or its diagonal (c,); c is 4, or 7 where x, y, z
-      couple.
+    - `core`: inverse inertia of u, (c, c) or its diagonal (c,); c is 3, or 6 where x, y, z couple.
+    - `length`: 1/μ, of r.
     - `spin`: ṗ by ω and r.
-    - `turn`: A(p) where x, y, z couple; `coupling`: Yᵀ of a flexible body, with zeros for r.
+    - `turn`: A(p) where x, y, z couple; `coupling`: Yᵀ of a flexible body.
     """
 
     lightness: Float[Array, ""]
     core: Float[Array, "c *c"]
+    length: Float[Array, ""]
     spin: Float[Array, "4 4"]
     turn: Float[Array, "3 3"] | None = None
     coupling: Float[Array, "modes c"] | None = None
@@ -38,33 +39,37 @@ class FrameInverse(AbstractBodyInverse):
         moving, turning, bent = self._parts(x)
         if self.turn is not None:
             moving = multiply(moving, self.turn)
-        frame = jnp.concatenate([moving, multiply(turning, self.spin)], axis=1)
+        rates = jnp.concatenate([moving, multiply(turning, self.spin), bent], axis=1)
         if self.coupling is None:
-            return jnp.concatenate([frame, bent], axis=1)
-        modes, c = self.coupling.shape
-        beside = multiply(bent[:, :modes], self.coupling)
-        return jnp.concatenate(
-            [frame[:, : _FRAME - c], frame[:, _FRAME - c :] - beside, bent], axis=1
-        )
+            return rates
+        before, own, after = self._around(rates)
+        own -= multiply(bent[:, : len(self.coupling)], self.coupling)
+        return jnp.concatenate([before, own, after], axis=1)
 
     def weigh(self, x: Rows) -> Rows:
-        first = _FRAME - self.core.shape[0]
-        own = x[:, first:_FRAME]
+        before, own, after = self._around(x)
         own = own * self.core[None] if self.core.ndim == 1 else multiply(own, self.core)
-        return jnp.concatenate([x[:, :first] * self.lightness, own, x[:, _FRAME:]], axis=1)
+        weighed = [before * self.lightness, own, after[:, :1] * self.length, after[:, 1:]]
+        return jnp.concatenate(weighed, axis=1)
 
     def from_rates(self, x: Rows) -> Rows:
         moving, turning, bent = self._parts(x)
         if self.coupling is not None:
-            modes, c = self.coupling.shape
-            across = multiply(x[:, _FRAME - c : _FRAME], self.coupling.T)
-            bent = bent - jnp.pad(across, ((0, 0), (0, bent.shape[1] - modes)))
+            across = multiply(self._around(x)[1], self.coupling.T)
+            bent -= jnp.pad(across, ((0, 0), (0, bent.shape[1] - across.shape[1])))
         if self.turn is not None:
             moving = multiply(moving, self.turn.T)
         return jnp.concatenate([moving, multiply(turning, self.spin.T), bent], axis=1)
 
     def _parts(self, x: Rows) -> tuple[Rows, Rows, Rows]:
+        """Columns of x, y, z, of p, and of q_f."""
         return x[:, :3], x[:, 3:_FRAME], x[:, _FRAME:]
+
+    def _around(self, x: Rows) -> tuple[Rows, Rows, Rows]:
+        """Columns before the rates u, theirs, and those after, from r on."""
+        end = _FRAME - 1
+        first = end - self.core.shape[0]
+        return x[:, :first], x[:, first:end], x[:, end:]
 
 
 def spin_of(p: Float[Array, "4"]) -> Float[Array, "4 4"]:

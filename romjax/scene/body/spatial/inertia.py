@@ -100,12 +100,8 @@ class SpatialInertia(eqx.Module):
             moving = self.mass * jnp.eye(3, dtype=q.dtype)
             own, beside = _symmetric(moving, -arm, own), jnp.concatenate([slide, beside])
             turn = quaternions.matrix(p)
-        size, length = len(own), jnp.diag(1 / length_inertia(self.moment)[None])
-        core = _symmetric(
-            invert(own - multiply(beside, beside.T)), jnp.zeros((size, 1), q.dtype), length
-        )
-        coupling = jnp.pad(beside.T, ((0, 0), (0, 1)))
-        return FrameInverse(1 / self.mass, core, spin_of(p), turn, coupling)
+        core, length = invert(own - multiply(beside, beside.T)), length_inertia(self.moment)
+        return FrameInverse(1 / self.mass, core, 1 / length, spin_of(p), turn, beside.T)
 
     def quadratic_velocity_force(
         self, q: Float[Array, " size"], v: Float[Array, " size"]

@@ -82,13 +82,9 @@ class RigidBody(AbstractBody):
         return _blocks(self.mass * jnp.eye(3, dtype=q.dtype), turning / s**2)
 
     def inverse_mass(self, q: Float[Array, "7"]) -> FrameInverse:
-        p, tensor = q[3:], self.inertia
-        length = 1 / length_inertia(self._tensor())
-        if tensor.ndim == 1:
-            core = jnp.append(1 / tensor, length)
-        else:
-            core = _blocks(invert(tensor), length[None, None])
-        return FrameInverse(1 / self.mass, core, spin_of(p))
+        core = 1 / self.inertia if self.inertia.ndim == 1 else invert(self.inertia)
+        length = length_inertia(self._tensor())
+        return FrameInverse(1 / self.mass, core, 1 / length, spin_of(q[3:]))
 
     def quadratic_velocity_force(
         self, q: Float[Array, "7"], v: Float[Array, "7"]
@@ -136,10 +132,9 @@ class RigidBody(AbstractBody):
         self.points.check(owner, dimension=3)
 
 
-def _blocks(first: Float[Array, "a a"], second: Float[Array, "b b"]) -> Float[Array, "size size"]:
+def _blocks(moving: Float[Array, "3 3"], turning: Float[Array, "4 4"]) -> Float[Array, "7 7"]:
     """The matrix with two blocks on its diagonal."""
-    a, b = len(first), len(second)
-    return jnp.pad(first, ((0, b), (0, b))) + jnp.pad(second, ((a, 0), (a, 0)))
+    return jnp.pad(moving, ((0, 4), (0, 4))) + jnp.pad(turning, ((3, 0), (3, 0)))
 
 
 def check_inertia(owner: str, inertia: Array) -> None:
