@@ -50,17 +50,18 @@ def mujoco_chain(links: int) -> Run:
     return run
 
 
-def mujoco_balls(scene: rj.Scene, bars: int) -> Run:
-    """A chain of `bars` on ball joints along x, or a top on one (no bars), that spins as the first
-    body of the scene; returns the positions of all centres of mass.
+def mujoco_in_space(scene: rj.Scene, bars: int, hinges: bool = False) -> Run:
+    """A chain of `bars` along x on ball joints, or on hinges along y, or a top on a ball joint (no
+    bars), that spins as the first body of the scene; returns the positions of all centres of mass.
     """
     import mujoco
 
     first = scene.bodies[0]
     arm = np.asarray(first.position if bars else -scene.joints[0].a.point)
     moments = " ".join(f"{x}" for x in np.asarray(first.inertia))
+    joint = '<joint type="hinge" axis="0 1 0"/>' if hinges else '<joint type="ball"/>'
     body = (
-        '<body pos="{x} 0 0"><joint type="ball"/>'
+        f'<body pos="{{x}} 0 0">{joint}'
         f'<inertial pos="{arm[0]} {arm[1]} {arm[2]}" mass="{float(first.mass)}" '
         f'diaginertia="{moments}"/>'
     )
@@ -71,11 +72,13 @@ def mujoco_balls(scene: rj.Scene, bars: int) -> Run:
         '<flag contact="disable" constraint="disable"/></option>'
         f"<worldbody>{bodies}{'</body>' * count}</worldbody></mujoco>"
     )
+    spin = np.asarray(first.angular_velocity)
+    spin = spin[1:2] if hinges else spin
 
     def run(steps: float) -> Timed:
         model.opt.timestep = 1.0 / steps
         data = mujoco.MjData(model)
-        data.qvel[:3] = np.asarray(first.angular_velocity)
+        data.qvel[: len(spin)] = spin
         start = time.perf_counter()
         mujoco.mj_step(model, data, nstep=int(steps))
         taken = time.perf_counter() - start
@@ -83,6 +86,93 @@ def mujoco_balls(scene: rj.Scene, bars: int) -> Run:
         return Timed((data.xipos[1:].copy(), int(steps)), taken)
 
     return run
+
+
+def exudyn_in_space(scene: rj.Scene, hinges: bool = False) -> Run:
+    """The bodies of a scene, each on a ball joint or a hinge along y on the one before, by Euler
+    parameters; the time is that of the solver alone.
+    """
+    import exudyn
+    from exudyn.itemInterface import (
+        LoadMassProportional,
+        MarkerBodyMass,
+        MarkerBodyRigid,
+        NodeRigidBodyEP,
+        ObjectGround,
+        ObjectJointGeneric,
+        ObjectJointSpherical,
+        ObjectRigidBody,
+    )
+
+    def build():  # type: ignore[no-untyped-def]
+        system = exudyn.SystemContainer().AddSystem()
+        ground = system.AddObject(ObjectGround(referencePosition=[0, 0, 0]))
+        end = system.AddMarker(MarkerBodyRigid(bodyNumber=ground))
+        nodes = []
+        for bar, joint in zip(scene.bodies, scene.joints, strict=True):
+            spin, velocity = np.asarray(bar.angular_velocity), np.asarray(bar.velocity)
+            node = system.AddNode(
+                NodeRigidBodyEP(
+                    referenceCoordinates=[*np.asarray(bar.position), 1, 0, 0, 0],
+                    initialVelocities=[*velocity, 0, *(spin / 2)],
+                )
+            )
+            body = system.AddObject(
+                ObjectRigidBody(
+                    physicsMass=float(bar.mass),
+                    physicsInertia=[*np.asarray(bar.inertia), 0, 0, 0],
+                    nodeNumber=node,
+                )
+            )
+            start = np.asarray(joint.a.point)
+            left, right = (
+                system.AddMarker(MarkerBodyRigid(bodyNumber=body, localPosition=list(point)))
+                for point in (start, -start)
+            )
+            if hinges:
+                axes = [1, 1, 1, 1, 0, 1]
+                system.AddObject(
+                    ObjectJointGeneric(markerNumbers=[end, left], constrainedAxes=axes)
+                )
+            else:
+                system.AddObject(ObjectJointSpherical(markerNumbers=[end, left]))
+            whole = system.AddMarker(MarkerBodyMass(bodyNumber=body))
+            system.AddLoad(LoadMassProportional(markerNumber=whole, loadVector=[0, 0, -9.81]))
+            nodes.append(node)
+            end = right
+        system.Assemble()
+        return system, nodes
+
+    settings = _exudyn_settings(len(scene.bodies))
+
+    def run(steps: float) -> Timed:
+        system, nodes = build()
+        settings.timeIntegration.numberOfSteps = int(steps)
+        start = time.perf_counter()
+        system.SolveDynamic(settings)
+        taken = time.perf_counter() - start
+        kind = exudyn.OutputVariableType.Position
+        places = np.array([system.GetNodeOutput(node, kind) for node in nodes])
+        return Timed((places, int(steps)), taken)
+
+    return run
+
+
+def _exudyn_settings(bodies: int):  # type: ignore[no-untyped-def]
+    """Of one second by the generalised-alpha method, with the solver that is faster for so many."""
+    import exudyn
+
+    settings = exudyn.SimulationSettings()
+    settings.timeIntegration.endTime = 1.0
+    settings.timeIntegration.verboseMode = 0
+    settings.timeIntegration.newton.relativeTolerance = 1e-10
+    settings.timeIntegration.newton.absoluteTolerance = 1e-12
+    settings.timeIntegration.newton.useModifiedNewton = True
+    settings.timeIntegration.generalizedAlpha.spectralRadius = 0.9
+    settings.solution.file.write = False
+    sparse = exudyn.LinearSolverType.EigenSparse
+    settings.linearSolver.solverType = sparse if bodies > 4 else exudyn.LinearSolverType.EXUdense
+    return settings
 
 
 def exudyn_chain(links: int) -> Run:
@@ -121,16 +211,7 @@ def exudyn_chain(links: int) -> Run:
         system.Assemble()
         return system, nodes
 
-    settings = exudyn.SimulationSettings()
-    settings.timeIntegration.endTime = 1.0
-    settings.timeIntegration.verboseMode = 0
-    settings.timeIntegration.newton.relativeTolerance = 1e-10
-    settings.timeIntegration.newton.absoluteTolerance = 1e-12
-    settings.timeIntegration.newton.useModifiedNewton = True
-    settings.timeIntegration.generalizedAlpha.spectralRadius = 0.9
-    settings.solution.file.write = False
-    sparse = exudyn.LinearSolverType.EigenSparse
-    settings.linearSolver.solverType = sparse if links > 4 else exudyn.LinearSolverType.EXUdense
+    settings = _exudyn_settings(links)
 
     def run(steps: float) -> Timed:
         system, nodes = build()

@@ -1,10 +1,11 @@
-"""Three dimensions beside MuJoCo: chains of ball joints and a heavy top, at equal errors; and what
-a right-hand side of a flexible rotor costs.
+"""Three dimensions beside MuJoCo and Exudyn: chains of ball joints and of hinges and a heavy top at
+equal errors, and what a right-hand side of a flexible rotor costs.
 
 Each mechanism moves for one second; errors are the largest of the positions of all centres of mass
 at the end, against MuJoCo's finest run, and for the top against its published position. romjax is
 called as a user calls it, `rj.simulate` with nothing set but the tolerance, and as `jax.jit` of it
-without stabilisation; MuJoCo by its RK4 in minimal coordinates. Least of interleaved second calls.
+without stabilisation; MuJoCo by its RK4 in minimal coordinates, Exudyn by its generalised-alpha
+method. Least of interleaved second calls.
 Writes `spatial.txt` beside this file.
 """
 
@@ -28,9 +29,12 @@ REPEATS = 9
 SPIN = np.array([2.0, 0.0, 1.0])  # [rad/s] of the straight chain
 MOMENTS = (0.02, 0.08, 0.09)  # [kg m²] of a bar
 CHAINS = {1: 1e-6, 8: 1e-6, 32: 4e-7}  # bars, and the error at which they are compared
+HINGED = {8: 1e-6, 32: 1e-6}
 RTOLS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 STEPS = (50, 100, 200, 400, 800, 1600)  # of MuJoCo
 FINEST = 20_000
+EXUDYN_STEPS, EXUDYN_TOP = (1000, 4000, 8000), (16_000, 64_000)
+SLOW = 1.0  # what takes longer is measured once [s]
 # Bruls, Cardona, Arnold 2012: the position at 1 s, and what it is compared at.
 TOP = np.array([0.17334396409838604, 0.6400885920705688, -0.7484907911335813])
 TOP_STEPS, TOP_ERROR = (1000, 2000, 4000, 8000), 1e-6
@@ -38,24 +42,28 @@ MODES, MASSES = 12, 40  # of the rotor
 LIMIT = 6.0  # [us] for its right-hand side on a hinge
 
 
-def chain(bars: int) -> rj.Scene:
-    """Bars of 1 m and 1 kg on ball joints along x, which spin as one about the first."""
-    r = rj.spatial
+def chain(bars: int, hinges: bool = False) -> rj.Scene:
+    """Bars of 1 m and 1 kg along x, on ball joints, spinning as one about the first, or on hinges
+    along y, at rest.
+    """
+    r, turning, axis = rj.spatial, SPIN * (not hinges), (0, 1, 0)
     bodies = [
         r.RigidBody(
             f"bar{i}",
             1.0,
             MOMENTS,
             position=(i + 0.5, 0, 0),
-            velocity=np.cross(SPIN, [i + 0.5, 0, 0]),
-            angular_velocity=SPIN,
+            velocity=np.cross(turning, [i + 0.5, 0, 0]),
+            angular_velocity=turning,
         )
         for i in range(bars)
     ]
-    ends = [rj.ground.at((0, 0, 0)), *[body.at((0.5, 0, 0)) for body in bodies]]
-    joints = [
-        r.Spherical(body.at((-0.5, 0, 0)), end) for body, end in zip(bodies, ends, strict=False)
+    ends = [
+        x.at(p, axis=axis) for x, p in [(rj.ground, (0, 0, 0)), *[(b, (0.5, 0, 0)) for b in bodies]]
     ]
+    starts = [body.at((-0.5, 0, 0), axis=axis) for body in bodies]
+    joint = r.Revolute if hinges else r.Spherical
+    joints = [joint(start, end) for start, end in zip(starts, ends, strict=False)]
     return rj.Scene(bodies, joints, [rj.Gravity((0, 0, -9.81))])
 
 
@@ -140,17 +148,20 @@ def romjax_runs(scene: rj.Scene) -> dict[str, Callable[[float], np.ndarray]]:
 
 
 def rows_of(
-    scene: rj.Scene, mujoco: peers.Run | None, truth: np.ndarray, steps: tuple[int, ...], name: str
+    scene: rj.Scene,
+    others: dict[str, tuple[peers.Run, tuple[int, ...]]],
+    truth: np.ndarray,
+    name: str,
 ) -> dict[str, list[tuple[float, float]]]:
     """Of each method, errors and times [s] at all of its settings."""
     runs = [(kind, run, rtol) for kind, run in romjax_runs(scene).items() for rtol in RTOLS]
     calls = [lambda run=run, rtol=rtol: run(rtol) for _, run, rtol in runs]
     kinds = [kind for kind, *_ in runs]
-    if mujoco is not None:
-        calls += [lambda count=count: mujoco(count) for count in steps]
-        kinds += ["MuJoCo"] * len(steps)
+    for kind, (other, steps) in others.items():
+        calls += [lambda run=other, count=count: run(count) for count in steps]
+        kinds += [kind] * len(steps)
     found: dict[str, list[tuple[float, float]]] = {}
-    for kind, one in zip(kinds, least(calls, REPEATS, name=name), strict=True):
+    for kind, one in zip(kinds, least(calls, REPEATS, SLOW, name), strict=True):
         result = one.result[0] if isinstance(one.result, tuple) else one.result
         error = float(np.max(np.abs(np.asarray(result).reshape(truth.shape) - truth)))
         found.setdefault(kind, []).append((error, one.least))
@@ -159,37 +170,45 @@ def rows_of(
 
 def measure() -> Iterator[record.Section]:
     """A table of times at equal error, and its ratios."""
-    here = "MuJoCo" not in peers.missing()
-    rows = [["mechanism", "error", "simulate ms", "bare ms", "MuJoCo ms"]]
+    missing = peers.missing()
+    names = ["simulate", "bare", "MuJoCo", "Exudyn"]
+    rows = [["mechanism", "error", *(f"{name} ms" for name in names)]]
     ratios: dict[str, float] = {}
-    cases = {f"chain of {bars}": (chain(bars), error, bars) for bars, error in CHAINS.items()}
-    cases["heavy top"] = (top(), TOP_ERROR, 0)
-    for name, (scene, error, bars) in tqdm(cases.items(), "spatial", leave=False, disable=None):
-        mujoco = peers.mujoco_balls(scene, bars) if here else None
+    cases = {f"chain of {n}": (chain(n), error, n, False) for n, error in CHAINS.items()}
+    cases |= {f"hinges, {n}": (chain(n, True), error, n, True) for n, error in HINGED.items()}
+    cases["heavy top"] = (top(), TOP_ERROR, 0, False)
+    for name, case in tqdm(cases.items(), "spatial", leave=False, disable=None):
+        scene, error, bars, hinges = case
+        others = dict[str, tuple[peers.Run, tuple[int, ...]]]()
+        if "MuJoCo" not in missing:
+            steps = STEPS if bars else TOP_STEPS
+            others["MuJoCo"] = peers.mujoco_in_space(scene, bars, hinges), steps
+        if "Exudyn" not in missing:
+            steps = EXUDYN_STEPS if bars else EXUDYN_TOP
+            others["Exudyn"] = peers.exudyn_in_space(scene, hinges), steps
         truth = TOP[None]
-        if bars:
-            if mujoco is None:
-                truth = romjax_runs(scene)["bare"](1e-12)
-            else:
-                fine: Timed = mujoco(FINEST)
-                truth = fine.result[0]
-        found = rows_of(scene, mujoco, truth, STEPS if bars else TOP_STEPS, name)
+        if bars and "MuJoCo" in others:
+            fine: Timed = others["MuJoCo"][0](FINEST)
+            truth = fine.result[0]
+        elif bars:
+            truth = romjax_runs(scene)["bare"](1e-12)
+        found = rows_of(scene, others, truth, name)
         times = {kind: at_error(points, error) for kind, points in found.items()}
-        cells = [
-            f"{1e3 * times[kind]:.2f}" if times.get(kind) else "-"
-            for kind in ("simulate", "bare", "MuJoCo")
-        ]
+        cells = [f"{1e3 * times[kind]:.2f}" if times.get(kind) else "-" for kind in names]
         rows.append([name, f"{error:.0e}", *cells])
         for kind in ("simulate", "bare"):
-            if times.get("MuJoCo") and times.get(kind):
-                ratios[f"{name} at {error:.0e}: MuJoCo / {kind}"] = times["MuJoCo"] / times[kind]
+            for other in others:
+                if times.get(other) and times.get(kind):
+                    ratio = times[other] / times[kind]
+                    ratios[f"{name} at {error:.0e}: {other} / {kind}"] = ratio
     yield record.Section(
-        "One second of chains of ball joints and of the heavy top: times at an error of the\n"
-        "positions [m]: `rj.simulate` with a tolerance and nothing else set, the same under\n"
-        f"`jax.jit` without stabilisation, and MuJoCo's RK4. Least of {REPEATS} interleaved calls.",
+        "One second of chains of ball joints, of chains of hinges and of the heavy top: times at\n"
+        "an error of the positions [m]: `rj.simulate` with a tolerance and nothing else set, the\n"
+        "same under `jax.jit` without stabilisation, MuJoCo's RK4 and Exudyn's generalised-alpha\n"
+        f"method. Least of {REPEATS} interleaved calls; a dash: no run is that good.",
         rows,
         ratios,
-        peers.missing(),
+        missing,
     )
     rows, ratios = rotors()
     yield record.Section(
