@@ -157,13 +157,15 @@ def warn_of_fast_stabilization(
     numbers = (baumgarte.alpha, baumgarte.beta, trajectory.stats.num_accepted_steps)
     if any(concrete(x) is None for x in (*numbers, trajectory.t, q0, system.q0)):
         return
+    # By NumPy: each operation of JAX on its own would take as long as a short run.
     alpha, beta, steps = (np.asarray(x, float) for x in numbers)
+    times = np.asarray(trajectory.t)
     # |s| of s² + α s + β = 0
     rate = float(np.max(np.abs(alpha / 2 + np.sqrt(alpha**2 / 4 - beta + 0j))))
-    step = float(trajectory.t[-1] - trajectory.t[0]) / max(float(steps), 1.0)
+    step = float(times[-1] - times[0]) / max(float(steps), 1.0)
     if steps < _STEPS or rate * step < _COMPARABLE:
         return
-    fastest = float(start_frequencies(system, trajectory.t[0], q0, v0).fastest)
+    fastest = float(start_frequencies(system, times[0], q0, v0).fastest)
     if rate > _FASTER * fastest:
         warnings.warn(
             f"The stabilisation and not the mechanism sets the step: Baumgarte's terms decay at "
