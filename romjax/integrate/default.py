@@ -165,7 +165,7 @@ def warn_of_fast_stabilization(
     step = float(times[-1] - times[0]) / max(float(steps), 1.0)
     if steps < _STEPS or rate * step < _COMPARABLE:
         return
-    fastest = float(start_frequencies(system, times[0], q0, v0).fastest)
+    fastest = float(start_frequencies(system, trajectory.t[0], q0, v0).fastest)
     if rate > _FASTER * fastest:
         warnings.warn(
             f"The stabilisation and not the mechanism sets the step: Baumgarte's terms decay at "
