@@ -3,9 +3,11 @@
 Both clock themselves, since building the model is not part of the work.
 """
 
+import functools
 import importlib.util
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from timing import Timed
@@ -50,14 +52,19 @@ def mujoco_chain(links: int) -> Run:
     return run
 
 
-def mujoco_in_space(scene: rj.Scene, bars: int, hinges: bool = False) -> Run:
-    """A chain of `bars` along x on ball joints, or on hinges along y, or a top on a ball joint (no
-    bars), that spins as the first body of the scene; returns the positions of all centres of mass.
+def is_hinged(scene: rj.Scene) -> bool:
+    """Whether a chain in space is one of hinges along y, and not of ball joints."""
+    return isinstance(scene.joints[0], rj.spatial.Revolute)
+
+
+def mujoco_in_space(scene: rj.Scene) -> Run:
+    """Equal bodies, each on a ball joint or a hinge along y on the one before, that spin as the
+    first one; returns the positions of all centres of mass.
     """
     import mujoco
 
-    first = scene.bodies[0]
-    arm = np.asarray(first.position if bars else -scene.joints[0].a.point)
+    first, hinges = scene.bodies[0], is_hinged(scene)
+    arm = -np.asarray(scene.joints[0].a.point)
     moments = " ".join(f"{x}" for x in np.asarray(first.inertia))
     joint = '<joint type="hinge" axis="0 1 0"/>' if hinges else '<joint type="ball"/>'
     body = (
@@ -65,15 +72,14 @@ def mujoco_in_space(scene: rj.Scene, bars: int, hinges: bool = False) -> Run:
         f'<inertial pos="{arm[0]} {arm[1]} {arm[2]}" mass="{float(first.mass)}" '
         f'diaginertia="{moments}"/>'
     )
-    count = max(bars, 1)
+    count = len(scene.bodies)
     bodies = "".join(body.format(x=min(i, 1)) for i in range(count))
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><option gravity="0 0 -9.81" integrator="RK4">'
         '<flag contact="disable" constraint="disable"/></option>'
         f"<worldbody>{bodies}{'</body>' * count}</worldbody></mujoco>"
     )
-    spin = np.asarray(first.angular_velocity)
-    spin = spin[1:2] if hinges else spin
+    spin = np.asarray(first.angular_velocity)[1:2] if hinges else np.asarray(first.angular_velocity)
 
     def run(steps: float) -> Timed:
         model.opt.timestep = 1.0 / steps
@@ -88,7 +94,7 @@ def mujoco_in_space(scene: rj.Scene, bars: int, hinges: bool = False) -> Run:
     return run
 
 
-def exudyn_in_space(scene: rj.Scene, hinges: bool = False) -> Run:
+def exudyn_in_space(scene: rj.Scene) -> Run:
     """The bodies of a scene, each on a ball joint or a hinge along y on the one before, by Euler
     parameters; the time is that of the solver alone.
     """
@@ -98,15 +104,16 @@ def exudyn_in_space(scene: rj.Scene, hinges: bool = False) -> Run:
         MarkerBodyMass,
         MarkerBodyRigid,
         NodeRigidBodyEP,
-        ObjectGround,
         ObjectJointGeneric,
         ObjectJointSpherical,
         ObjectRigidBody,
     )
 
-    def build():  # type: ignore[no-untyped-def]
-        system = exudyn.SystemContainer().AddSystem()
-        ground = system.AddObject(ObjectGround(referencePosition=[0, 0, 0]))
+    joined = ObjectJointSpherical
+    if is_hinged(scene):
+        joined = functools.partial(ObjectJointGeneric, constrainedAxes=[1, 1, 1, 1, 0, 1])
+
+    def build(system: Any, ground: Any) -> list[Any]:
         end = system.AddMarker(MarkerBodyRigid(bodyNumber=ground))
         nodes = []
         for bar, joint in zip(scene.bodies, scene.joints, strict=True):
@@ -129,38 +136,32 @@ def exudyn_in_space(scene: rj.Scene, hinges: bool = False) -> Run:
                 system.AddMarker(MarkerBodyRigid(bodyNumber=body, localPosition=list(point)))
                 for point in (start, -start)
             )
-            if hinges:
-                axes = [1, 1, 1, 1, 0, 1]
-                system.AddObject(
-                    ObjectJointGeneric(markerNumbers=[end, left], constrainedAxes=axes)
-                )
-            else:
-                system.AddObject(ObjectJointSpherical(markerNumbers=[end, left]))
+            system.AddObject(joined(markerNumbers=[end, left]))
             whole = system.AddMarker(MarkerBodyMass(bodyNumber=body))
             system.AddLoad(LoadMassProportional(markerNumber=whole, loadVector=[0, 0, -9.81]))
             nodes.append(node)
             end = right
-        system.Assemble()
-        return system, nodes
+        return nodes
 
-    settings = _exudyn_settings(len(scene.bodies))
-
-    def run(steps: float) -> Timed:
-        system, nodes = build()
-        settings.timeIntegration.numberOfSteps = int(steps)
-        start = time.perf_counter()
-        system.SolveDynamic(settings)
-        taken = time.perf_counter() - start
+    def places(system: Any, nodes: list[Any]) -> np.ndarray:
         kind = exudyn.OutputVariableType.Position
-        places = np.array([system.GetNodeOutput(node, kind) for node in nodes])
-        return Timed((places, int(steps)), taken)
+        return np.array([system.GetNodeOutput(node, kind) for node in nodes])
 
-    return run
+    return _exudyn_run(build, places, len(scene.bodies))
 
 
-def _exudyn_settings(bodies: int):  # type: ignore[no-untyped-def]
-    """Of one second by the generalised-alpha method, with the solver that is faster for so many."""
+def _exudyn_run(
+    build: Callable[[Any, Any], list[Any]],
+    places: Callable[[Any, list[Any]], np.ndarray],
+    bodies: int,
+) -> Run:
+    """One second by the generalised-alpha method, with the solver that is faster for so many.
+
+    `build(system, ground)` adds the bodies and returns their nodes; `places(system, nodes)` is the
+    result.
+    """
     import exudyn
+    from exudyn.itemInterface import ObjectGround
 
     settings = exudyn.SimulationSettings()
     settings.timeIntegration.endTime = 1.0
@@ -172,7 +173,18 @@ def _exudyn_settings(bodies: int):  # type: ignore[no-untyped-def]
     settings.solution.file.write = False
     sparse = exudyn.LinearSolverType.EigenSparse
     settings.linearSolver.solverType = sparse if bodies > 4 else exudyn.LinearSolverType.EXUdense
-    return settings
+
+    def run(steps: float) -> Timed:
+        system = exudyn.SystemContainer().AddSystem()
+        nodes = build(system, system.AddObject(ObjectGround(referencePosition=[0, 0, 0])))
+        system.Assemble()
+        settings.timeIntegration.numberOfSteps = int(steps)
+        start = time.perf_counter()
+        system.SolveDynamic(settings)
+        taken = time.perf_counter() - start
+        return Timed((places(system, nodes), int(steps)), taken)
+
+    return run
 
 
 def exudyn_chain(links: int) -> Run:
@@ -183,14 +195,11 @@ def exudyn_chain(links: int) -> Run:
         MarkerBodyMass,
         MarkerBodyPosition,
         NodeRigidBody2D,
-        ObjectGround,
         ObjectJointRevolute2D,
         ObjectRigidBody2D,
     )
 
-    def build():  # type: ignore[no-untyped-def]
-        system = exudyn.SystemContainer().AddSystem()
-        ground = system.AddObject(ObjectGround(referencePosition=[0, 0, 0]))
+    def build(system: Any, ground: Any) -> list[Any]:
         end = system.AddMarker(MarkerBodyPosition(bodyNumber=ground))
         nodes = []
         for i in range(links):
@@ -208,20 +217,12 @@ def exudyn_chain(links: int) -> Run:
             system.AddLoad(weight)
             nodes.append(node)
             end = right
-        system.Assemble()
-        return system, nodes
+        return nodes
 
-    settings = _exudyn_settings(links)
-
-    def run(steps: float) -> Timed:
-        system, nodes = build()
-        settings.timeIntegration.numberOfSteps = int(steps)
-        start = time.perf_counter()
-        system.SolveDynamic(settings)
-        taken = time.perf_counter() - start
+    def places(system: Any, nodes: list[Any]) -> np.ndarray:
         kind = exudyn.OutputVariableType.Coordinates
-        places = np.array([system.GetNodeOutput(node, kind) for node in nodes])
-        places[:, 0] += np.arange(links) + 0.5
-        return Timed((places.ravel(), int(steps)), taken)
+        found = np.array([system.GetNodeOutput(node, kind) for node in nodes])
+        found[:, 0] += np.arange(links) + 0.5
+        return found.ravel()
 
-    return run
+    return _exudyn_run(build, places, links)

@@ -58,9 +58,8 @@ def chain(bars: int, hinges: bool = False) -> rj.Scene:
         )
         for i in range(bars)
     ]
-    ends = [
-        x.at(p, axis=axis) for x, p in [(rj.ground, (0, 0, 0)), *[(b, (0.5, 0, 0)) for b in bodies]]
-    ]
+    ends = [rj.ground.at((0, 0, 0), axis=axis)]
+    ends += [body.at((0.5, 0, 0), axis=axis) for body in bodies]
     starts = [body.at((-0.5, 0, 0), axis=axis) for body in bodies]
     joint = r.Revolute if hinges else r.Spherical
     joints = [joint(start, end) for start, end in zip(starts, ends, strict=False)]
@@ -174,23 +173,22 @@ def measure() -> Iterator[record.Section]:
     names = ["simulate", "bare", "MuJoCo", "Exudyn"]
     rows = [["mechanism", "error", *(f"{name} ms" for name in names)]]
     ratios: dict[str, float] = {}
-    cases = {f"chain of {n}": (chain(n), error, n, False) for n, error in CHAINS.items()}
-    cases |= {f"hinges, {n}": (chain(n, True), error, n, True) for n, error in HINGED.items()}
-    cases["heavy top"] = (top(), TOP_ERROR, 0, False)
-    for name, case in tqdm(cases.items(), "spatial", leave=False, disable=None):
-        scene, error, bars, hinges = case
+    cases = {f"chain of {n}": (chain(n), error) for n, error in CHAINS.items()}
+    cases |= {f"{n} hinges": (chain(n, True), error) for n, error in HINGED.items()}
+    cases["heavy top"] = (top(), TOP_ERROR)
+    for name, (scene, error) in tqdm(cases.items(), "spatial", leave=False, disable=None):
+        published = name == "heavy top"
         others = dict[str, tuple[peers.Run, tuple[int, ...]]]()
         if "MuJoCo" not in missing:
-            steps = STEPS if bars else TOP_STEPS
-            others["MuJoCo"] = peers.mujoco_in_space(scene, bars, hinges), steps
+            others["MuJoCo"] = peers.mujoco_in_space(scene), TOP_STEPS if published else STEPS
         if "Exudyn" not in missing:
-            steps = EXUDYN_STEPS if bars else EXUDYN_TOP
-            others["Exudyn"] = peers.exudyn_in_space(scene, hinges), steps
+            steps = EXUDYN_TOP if published else EXUDYN_STEPS
+            others["Exudyn"] = peers.exudyn_in_space(scene), steps
         truth = TOP[None]
-        if bars and "MuJoCo" in others:
+        if not published and "MuJoCo" in others:
             fine: Timed = others["MuJoCo"][0](FINEST)
             truth = fine.result[0]
-        elif bars:
+        elif not published:
             truth = romjax_runs(scene)["bare"](1e-12)
         found = rows_of(scene, others, truth, name)
         times = {kind: at_error(points, error) for kind, points in found.items()}
