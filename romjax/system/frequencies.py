@@ -80,9 +80,11 @@ def _estimate(
         # The third row is the state itself, from which the quotients are taken.
         positions = jnp.concatenate([x[:2], jnp.zeros_like(x[:2])])
         rates = jnp.concatenate([jnp.zeros_like(x), x[2:]])
-        pushed = jax.vmap(
-            lambda x, w: solve(system, t, q + step * x, v + step * w, unstabilized).acceleration
-        )(positions, rates)
+        # A loop, not a batch: as a batch, the acceleration would be traced and compiled once more.
+        pushed = jax.lax.map(
+            lambda x: solve(system, t, q + step * x[0], v + step * x[1], unstabilized).acceleration,
+            (positions, rates),
+        )
         change = jnp.where(among, (pushed[np.array([0, 1, 3])] - pushed[2][None]) / step, 0)
         size = sizes(change)
         return change / jnp.where(size > 0, size, 1)[:, None], size
