@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Real
 
-from .compat import is_traced
+from .compat import is_outermost, is_traced
 
 Number = ArrayLike
 # Sequences of sequences, three deep, as lists of matrices are. Not Sequence[Any], nor a type that
@@ -28,7 +28,29 @@ def as_array(value: Any) -> Array:
     """`value` as a floating-point array of the precision that JAX is set to."""
     if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jnp.inexact):
         return value
-    return jnp.asarray(value, dtype=jnp.result_type(float))
+    dtype = jnp.result_type(float)
+    numbers = value if isinstance(value, tuple | list) else (value,)
+    if all(isinstance(x, float | int) for x in numbers):
+        return as_jax(np.asarray(value, dtype))
+    return jnp.asarray(value, dtype=dtype)
+
+
+def as_jax(array: Array | np.ndarray) -> Array:
+    """An array of NumPy as one of JAX, of the precision that JAX is set to.
+
+    Where JAX does not trace it is copied: `jnp.asarray` compiles a program for each new shape.
+    """
+    if isinstance(array, jax.Array) or not is_outermost():
+        return jnp.asarray(array)
+    return jax.device_put(array)
+
+
+def each(value: Vector, count: int) -> Array:
+    """One number for each of so many, from these or from one that stands for all."""
+    array = as_array(value)
+    if array.ndim or is_traced(array):
+        return array if array.ndim else jnp.broadcast_to(array, (count,))
+    return as_jax(np.full(count, np.asarray(array)))
 
 
 def as_number(value: ArrayLike, dtype: Any) -> Array | np.ndarray:
@@ -49,7 +71,7 @@ def concatenate(parts: Sequence[ArrayLike]) -> Array:
     """
     if any(is_traced(part) for part in parts):
         return jnp.concatenate([jnp.atleast_1d(part) for part in parts])
-    return jnp.asarray(np.concatenate([np.atleast_1d(part) for part in parts]))
+    return as_jax(np.concatenate([np.atleast_1d(part) for part in parts]))
 
 
 def put(target: ArrayLike, index: Any, value: ArrayLike) -> Array | np.ndarray:

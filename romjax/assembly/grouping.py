@@ -8,6 +8,7 @@ import jax.tree_util as jtu
 import numpy as np
 from jaxtyping import Array
 
+from ..arrays import as_jax
 from ..compat import is_traced
 from ..scene.marker import Marker
 from ..scene.points import NamedPoints
@@ -25,7 +26,7 @@ def stack(elements: Sequence[T]) -> T:
     def join(*leaves: Any) -> Array:
         if any(is_traced(leaf) for leaf in leaves):
             return jnp.stack([jnp.asarray(leaf) for leaf in leaves])
-        return jnp.asarray(np.stack([np.asarray(leaf) for leaf in leaves]))
+        return as_jax(np.stack([np.asarray(leaf) for leaf in leaves]))
 
     stacked: T = jtu.tree_map(join, *elements)
     return stacked

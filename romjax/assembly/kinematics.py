@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import put
+from ..arrays import as_jax, put
 from ..compat import is_traced
 from ..linalg.dense import multiply
 from ..linalg.indexing import Index
@@ -177,8 +177,8 @@ def prepare_points(
                 foreshortening = np.zeros((len(names), d, most, most), points.dtype)
             second = _foreshortening(carriers, given[rows])
             foreshortening = put(foreshortening, np.s_[rows, :, :modes, :modes], second)
-    shapes = jnp.asarray(shapes)
-    foreshortening = None if foreshortening is None else jnp.asarray(foreshortening)
+    shapes = as_jax(shapes)
+    foreshortening = None if foreshortening is None else as_jax(foreshortening)
     ground = (planar if d == 2 else spatial).ground(n)
     # A counter has the first coordinate of a frame, and stands still in the others.
     own = [columns.get(name, ()) for name in names]

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..arrays import as_jax
 from ..checks import unknown_name
 from ..compat import is_traced
 from ..errors import InputError
@@ -35,7 +36,7 @@ class Located(eqx.Module):
         """The bodies' own entries of coordinates or of their rates."""
         columns = np.array(self.columns, int)
         # By NumPy where JAX does not trace: without a program for each number of rows.
-        return x[..., columns] if is_traced(x) else jnp.asarray(np.asarray(x)[..., columns])
+        return x[..., columns] if is_traced(x) else as_jax(np.asarray(x)[..., columns])
 
     def poses(self, q: Float[Array, " n"]) -> Pose:
         """Where the markers are, at the coordinates `q` of the whole system."""

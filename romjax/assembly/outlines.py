@@ -9,7 +9,7 @@ import jax.tree_util as jtu
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Vector, as_array
+from ..arrays import Vector, as_array, as_jax
 from ..checks import unknown_name
 from ..errors import InputError
 from ..program import program_once
@@ -79,15 +79,15 @@ def outlines(
         lines.append(np.asarray(marker.point, lines[0].dtype)[None])
         owners.append((marker.body, "trace"))
     names = [name for (name, _), line in zip(owners, lines, strict=True) for _ in line]
-    points = jnp.asarray(np.concatenate(lines))
-    unturned = ground.at((0.0,) * scene.dimension).turn
-    unturned = jnp.broadcast_to(unturned, (len(points), *unturned.shape))
-    material = prepare_points(names, points, unturned, bodies, columns, n)
+    points = as_jax(np.concatenate(lines))
+    unturned = np.asarray(ground.at((0.0,) * scene.dimension).turn)
+    turns = as_jax(np.broadcast_to(unturned, (len(points), *unturned.shape)))
+    material = prepare_points(names, points, turns, bodies, columns, n)
     parts: tuple[AbstractJoint | AbstractEffect, ...] = (*scene.joints, *scene.effects)
     groups, markers = arrange(parts, [part.markers for part in parts], bodies, columns, n)
     elements = [(stacked, blocks) for stacked, blocks, _ in groups]
     placed, drawn, size = jax.device_get(
-        _evaluate(material, markers, elements, *map(jnp.asarray, (t, q, largest)))
+        _evaluate(material, markers, elements, *map(as_jax, (t, q, np.asarray(largest))))
     )
 
     shown = [

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Number, Vector, as_array, concrete
+from ...arrays import Number, Vector, as_array, as_jax, concrete, each, untraced
 from ...errors import SceneError
 from ..fields import check_numbers, number, radians
 from ..points import NamedPoints, by_name
@@ -104,7 +104,7 @@ class Beam(AbstractBody):
             raise SceneError(f"body '{name}': {modes} modes need EI or frequencies.")
         if EI is not None and modes is None:
             raise SceneError(f"body '{name}': with EI, say how many modes, such as modes=2.")
-        given = None if frequencies is None else jnp.atleast_1d(as_array(frequencies))
+        given = None if frequencies is None else each(frequencies, 1)
         if given is not None and modes not in (None, len(given)):
             raise SceneError(
                 f"body '{name}': modes={modes}, but {len(given)} frequencies are given."
@@ -114,14 +114,10 @@ class Beam(AbstractBody):
         self.mass, self.length, self.frequencies = as_array(mass), as_array(length), given
         self.EI = None if EI is None else as_array(EI)
         self.inertia = None if inertia is None else as_array(inertia)
-        self.damping = None
-        if damping is not None:
-            self.damping = as_array(damping)
-            if self.damping.ndim == 0:
-                self.damping = jnp.broadcast_to(self.damping, (self.modes,))
+        self.damping = None if damping is None else each(damping, self.modes)
         self.position, self.angle = as_array(position), as_array(angle)
         self.velocity, self.angular_velocity = as_array(velocity), as_array(angular_velocity)
-        zero = jnp.zeros(self.modes)
+        zero = as_array((0.0,) * self.modes)
         self.amplitudes = zero if amplitudes is None else as_array(amplitudes)
         self.rates = zero if rates is None else as_array(rates)
         self.points = NamedPoints.of(points or {})
@@ -186,8 +182,8 @@ class Beam(AbstractBody):
         return self._inertia(moment)
 
     def named_points(self) -> Mapping[str, Float[Array, "2"]]:
-        half = self.length * np.array([0.5, 0.0] if self.axis == "x" else [0.0, 0.5])
-        return {"start": -half, "end": half, **self.points.mapping()}
+        half = untraced(self.length)[0] * np.array([0.5, 0.0] if self.axis == "x" else [0.0, 0.5])
+        return {"start": as_jax(-half), "end": as_jax(half), **self.points.mapping()}
 
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         return self.invariants().matrix(q)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import legendre
 
-from ....arrays import Number, Vector, as_array, concrete
+from ....arrays import Number, Vector, as_array, as_jax, concrete, each, untraced
 from ....errors import SceneError
 from ...fields import check_numbers, number
 from ...orientation import orientation_field, quaternion_of
@@ -111,14 +111,14 @@ class Beam(AbstractFlexibleBody):
             )
         self.bending, self.torsion, self.extension = (planes[0], planes[1]), torsion, extension
         self.mass, self.length, self.inertia = as_array(mass), as_array(length), as_array(inertia)
-        self.EI = None if EI is None else _each(EI, 2)
+        self.EI = None if EI is None else each(EI, 2)
         self.GJ = None if GJ is None else as_array(GJ)
         self.EA = None if EA is None else as_array(EA)
-        self.damping = None if damping is None else _each(damping, self.modes)
+        self.damping = None if damping is None else each(damping, self.modes)
         self.position = as_array(position)
         self.orientation = quaternion_of(f"body '{name}'", None, orientation)
         self.velocity, self.angular_velocity = as_array(velocity), as_array(angular_velocity)
-        zero = jnp.zeros(self.modes)
+        zero = as_array((0.0,) * self.modes)
         self.amplitudes = zero if amplitudes is None else as_array(amplitudes)
         self.rates = zero if rates is None else as_array(rates)
         self.points = NamedPoints.of(points or {})
@@ -214,8 +214,8 @@ class Beam(AbstractFlexibleBody):
         )
 
     def named_points(self) -> Mapping[str, Float[Array, "3"]]:
-        half = self.length * np.array([0.5, 0.0, 0.0])
-        return {"start": -half, "end": half, **self.points.mapping()}
+        half = untraced(self.length)[0] * np.array([0.5, 0.0, 0.0])
+        return {"start": as_jax(-half), "end": as_jax(half), **self.points.mapping()}
 
     def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
         return 0.5 * jnp.sum((self._frequencies() * q[7:]) ** 2)
@@ -263,15 +263,10 @@ class Beam(AbstractFlexibleBody):
 
     def _check_inertia(self, owner: str) -> None:
         """The axis has the inertia of a thin bar, at least, and its sections what is left."""
-        excess = concrete(self.inertia[1:] - self.mass * self.length**2 / 12)
+        inertia, mass, length = untraced(self.inertia, self.mass, self.length)
+        excess = concrete(inertia[1:] - mass * length**2 / 12)
         if excess is not None and np.min(excess) < -1e-9 * np.max(np.abs(self.inertia)):
             raise SceneError(
                 f"{owner}: inertia is {self.inertia}, {-np.min(excess):g} less than that of a thin "
                 "bar, m L²/12, about local y and z."
             )
-
-
-def _each(value: Vector | Number, count: int) -> Array:
-    """One number for each of so many, from these or one for all."""
-    array = as_array(value)
-    return jnp.broadcast_to(array, (count,)) if array.ndim == 0 else array
