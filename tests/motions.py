@@ -12,6 +12,31 @@ from romjax.integrate.statistics import Statistics
 COUNT = 21
 
 
+def through(system: rj.AbstractSystem, t=(0.0,), q=None, v=None) -> rj.Trajectory:
+    """The run of a system through these states, the start if none are given, that nobody
+    integrated.
+    """
+    t = jnp.asarray(t)
+    q, v = (
+        jnp.broadcast_to(start if x is None else jnp.asarray(x), (len(t), system.n))
+        for x, start in ((q, system.q0), (v, system.v0))
+    )
+    return rj.Trajectory(
+        t=t,
+        q=q,
+        v=v,
+        derived=Derived(
+            multipliers=jnp.zeros((len(t), system.m)),
+            metric=jnp.diag(jnp.arange(1.0, system.n + 1)),
+        ),
+        violation=jnp.zeros(len(t)),
+        stats=Statistics(len(t), len(t), 0),
+        status=jnp.asarray(0),
+        coordinates=system.structure.coordinates,
+        solver_parts=Parts.of(diffrax.Tsit5()),
+    )
+
+
 def motion(
     scene: rj.Scene, amplitude: float = 0.1, end: float = 1.0, count: int = COUNT
 ) -> rj.Trajectory:
@@ -21,19 +46,8 @@ def motion(
     t = np.linspace(0.0, end, count)
     omega = np.arange(1, n + 1)
     size = amplitude * np.where(np.arange(n) == 2, 0.0, 1.0 / np.arange(1, n + 1))
-    return rj.Trajectory(
-        t=jnp.asarray(t),
-        q=jnp.asarray(np.asarray(system.q0) + size * np.sin(omega * t[:, None])),
-        v=jnp.asarray(size * omega * np.cos(omega * t[:, None])),
-        derived=Derived(
-            multipliers=jnp.zeros((count, system.m)), metric=jnp.diag(jnp.arange(1.0, n + 1))
-        ),
-        violation=jnp.zeros(count),
-        stats=Statistics(count, count, 0),
-        status=jnp.asarray(0),
-        coordinates=system.structure.coordinates,
-        solver_parts=Parts.of(diffrax.Tsit5()),
-    )
+    q = np.asarray(system.q0) + size * np.sin(omega * t[:, None])
+    return through(system, t, q, size * omega * np.cos(omega * t[:, None]))
 
 
 def cart_and_beam() -> rj.Scene:

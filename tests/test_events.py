@@ -177,12 +177,11 @@ def test_derivatives_after_impacts_and_at_a_stop():
     """Of states beyond events, which move with their times."""
 
     def ends(g):
-        impact = rj.Impact(HEIGHT_OF_BALL, restitution=0.8)
         stop = rj.Stop(rj.quantity.Rate(HEIGHT_OF_BALL), level=-2.0, direction="falling")
-        bounced = thrown(impact, g=g)
         # After the first impact the ball is slower than 2 m/s, until it falls again.
-        stopped = thrown(rj.Impact(HEIGHT_OF_BALL, restitution=0.8), stop, g=g)
-        return jnp.stack([bounced.q[-1, 1], bounced.v[-1, 1], stopped.t[-1], stopped.q[-1, 1]])
+        run = thrown(rj.Impact(HEIGHT_OF_BALL, restitution=0.8), stop, g=g)
+        between = 7  # of the output times, after the impact and before the stop
+        return jnp.stack([run.q[between, 1], run.v[between, 1], run.t[-1], run.q[-1, 1]])
 
     slope = jax.jit(jax.jacrev(ends))(G)
     step = 1e-5

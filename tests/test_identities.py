@@ -16,7 +16,6 @@ from romjax.system.constraints import right_hand_side
 
 SCENES = {
     "cart_pendulum": rj.gallery.cart_pendulum,
-    "chain": lambda: rj.gallery.chain(5),
     "mixed": mechanics.mixed_scene,
 }
 STATES = 6

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from comparison import assert_close
 from in_space import InSpace
-from mechanisms import linkage
 from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
@@ -70,14 +69,7 @@ def driven() -> rj.Scene:
     return rj.Scene([cart], joints, [rj.Gravity()])
 
 
-def four_bar() -> rj.Scene:
-    """A parallelogram of three bars, a published one of mass points' kind."""
-    points = {"A": (0.0, 0.0), "b": (0.3, 1.0), "c": (1.7, 1.2), "D": (2.0, 0.0)}
-    scene = linkage(points, ["Ab", "bc", "cD"], {}, gravity=True)
-    return rj.consistent_scene(scene)
-
-
-SCENES = {"all parts": all_parts, "driven": driven, "four bar": four_bar}
+SCENES = {"all parts": all_parts, "driven": driven}
 GALLERY = {e.name: e for e in rj.gallery.catalogue.EXAMPLES}
 RIGID = [
     name
@@ -115,7 +107,7 @@ def test_the_gallery_in_space(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["all parts", "driven", "four bar", "chain", "squeezer"])
+@pytest.mark.parametrize("name", ["all parts", "driven", "squeezer"])
 def test_moves_as_its_planar_twin(name):
     """Motion and multipliers, from runs of their own; the others would compile for minutes, and
     their accelerations are the same.

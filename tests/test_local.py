@@ -60,12 +60,10 @@ def bodies(kind):
         return rj.ModalBody("body", inertia, [30.0, 80.0, 200.0], points, shapes, **start, **bent)
     if kind == "capped":
         return rj.CappedBody(rj.Beam("body", 1.0, 1.0, EI=5.0, modes=3, **start, **bent), 8.0)
-    settings = {"EI": 5.0, "modes": 3, "damping": 0.02, **start, **bent}
-    if kind == "beam":
-        return rj.Beam("body", 1.0, 1.0, **settings)
-    beam = Turned if kind == "own" else rj.Beam
+    settings = {"EI": 5.0, "modes": 3, "damping": 0.02, "shapes": "clamped-free"}
+    kind_of_beam = Turned if kind == "own" else rj.Beam
     stiffening = kind == "stiffened"
-    return beam("body", 1.0, 1.0, shapes="clamped-free", stiffening=stiffening, **settings)
+    return kind_of_beam("body", 1.0, 1.0, stiffening=stiffening, **settings, **start, **bent)
 
 
 def hinged(kind):
@@ -76,7 +74,7 @@ def hinged(kind):
     return rj.assemble(rj.Scene([body], [hinge], [rj.Gravity(), spring]))
 
 
-@pytest.mark.parametrize("kind", ["beam", "stiffened", "modal", "capped", "own"])
+@pytest.mark.parametrize("kind", ["stiffened", "modal", "capped", "own"])
 def test_the_principle_of_dalembert_on_the_lift(kind):
     """T of full size, on the full equations at random states: Tᵀ(M T ẇ + C_qᵀλ − Q) = 0."""
     system, lot = hinged(kind), np.random.default_rng(1)
@@ -111,7 +109,7 @@ def test_the_principle_of_dalembert_on_the_lift(kind):
         assert error <= IDENTITY, f"{what}: {error:.1e}"
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_system_is_its_scene(seed):
     """Taken apart and assembled again, it is the same to the last digit, with all names."""
     system = rj.assemble(disassemble(rj.assemble(random_scene(seed))))

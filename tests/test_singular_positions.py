@@ -16,7 +16,7 @@ GRAVITY = 9.81
 ENERGY, BRANCH = 100.0, 1e-2
 # Required: the least share of right runs with projection.
 PROJECTED = 0.9
-SOLVERS = [diffrax.Dopri8(), diffrax.Tsit5(), rj.Rodas5P()]
+SOLVERS = [diffrax.Dopri8(), rj.Rodas5P()]
 # Without projection some lanes take all steps there are: worth compiling longer than tests do.
 LONG = {"xla_backend_optimization_level": 1}
 STABILIZATIONS = {"default": "default", "terms": (10.0, 100.0), "projected": rj.Projection()}
@@ -95,7 +95,7 @@ def test_no_run_is_silently_wrong(solver, name, twice):
 @pytest.mark.slow
 def test_the_default_passes_a_change_point():
     """By projection, where the terms of the default lose energy."""
-    for solver in SOLVERS[1:]:
+    for solver in (diffrax.Tsit5(), rj.Rodas5P()):
         run = rj.simulate(rj.assemble(parallelogram()), TS, solver=solver, rtol=1e-9)
         assert run.is_valid
         assert float(run.balance.largest) <= 1e-7 * float(run.balance.extent)
