@@ -74,6 +74,11 @@ def concatenate(parts: Sequence[ArrayLike]) -> Array:
     return as_jax(np.concatenate([np.atleast_1d(part) for part in parts]))
 
 
+def pick(array: Array, index: Any) -> Array:
+    """`array[index]`; by NumPy where JAX does not trace, which compiles nothing."""
+    return array[index] if is_traced(array) else as_jax(np.asarray(array)[index])
+
+
 def put(target: ArrayLike, index: Any, value: ArrayLike) -> Array | np.ndarray:
     """`target` with `value` at an index; by NumPy where JAX does not trace."""
     if is_traced(target) or is_traced(value):

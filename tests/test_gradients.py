@@ -18,11 +18,8 @@ POINTS = {"A": (0, 0), "b": (0.3, 0.9), "c": (1.8, 1.3), "D": (2.0, 0)}
 DOPRI = diffrax.Dopri8()
 FIXED = {"dt": 0.02, "throw": False}
 NEWTON = optimistix.Chord(rtol=1e-10, atol=1e-10, norm=optimistix.max_norm)
-SOLVERS = [
-    diffrax.Tsit5(),
-    rj.Rodas5P(),
-    diffrax.Kvaerno5(root_finder=NEWTON),
-]
+# Explicit methods are in all other tests of gradients.
+SOLVERS = [rj.Rodas5P(), diffrax.Kvaerno5(root_finder=NEWTON)]
 
 
 def doubled(parameters) -> rj.AbstractSystem:

@@ -6,7 +6,7 @@ from typing import Any
 
 import jax.tree_util as jtu
 
-from ..arrays import as_array
+from ..arrays import as_array, pick
 from ..scene.marker import GROUND, Marker
 from ..scene.scene import Scene
 from .assembled import AssembledSystem
@@ -66,7 +66,7 @@ def _marking(
                 return leaf
             number = next(numbers)
             owner = owners[known.frames.rows[number][0]]
-            return Marker(owner, known.points[number], known.turns[number])
+            return Marker(owner, pick(known.points, number), pick(known.turns, number))
 
         return jtu.tree_map(put, element, is_leaf=lambda x: isinstance(x, Marker))
 

@@ -8,9 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import as_jax
+from ..arrays import pick
 from ..checks import unknown_name
-from ..compat import is_traced
 from ..errors import InputError
 from ..scene.body.base import AbstractBody
 from ..scene.marker import GROUND, Marker, Pose, Twist, Wrench
@@ -34,9 +33,8 @@ class Located(eqx.Module):
 
     def own(self, x: Float[Array, "*k n"]) -> Float[Array, "*k own"]:
         """The bodies' own entries of coordinates or of their rates."""
-        columns = np.array(self.columns, int)
-        # By NumPy where JAX does not trace: without a program for each number of rows.
-        return x[..., columns] if is_traced(x) else as_jax(np.asarray(x)[..., columns])
+        own: Float[Array, "*k own"] = pick(x, np.s_[..., np.array(self.columns, int)])
+        return own
 
     def poses(self, q: Float[Array, " n"]) -> Pose:
         """Where the markers are, at the coordinates `q` of the whole system."""

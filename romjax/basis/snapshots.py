@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..arrays import pick
 from ..errors import InputError
 from ..program import program
 from .turns import Turns
@@ -156,12 +157,13 @@ class SnapshotSet(eqx.Module):
         """Those of some coordinates only, by their numbers, without names."""
         changes = self.changes
         if changes is not None:
-            changes = Changes(changes.q[:, numbers], changes.v[:, numbers], changes.weights)
+            q, v = (pick(x, np.s_[:, numbers]) for x in (changes.q, changes.v))
+            changes = Changes(q, v, changes.weights)
         return dataclasses.replace(
             self,
-            q=self.q[:, numbers],
-            v=self.v[:, numbers],
-            metric=self.metric[np.ix_(numbers, numbers)],
+            q=pick(self.q, np.s_[:, numbers]),
+            v=pick(self.v, np.s_[:, numbers]),
+            metric=pick(self.metric, np.ix_(numbers, numbers)),
             labels=(),
             descriptions=(),
             changes=changes,

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from ..program import program_once
 from ..system.base import AbstractSystem, AbstractValidity, Run
 from ..system.flags import Flag
 from .bases import BodyBases
@@ -27,13 +28,7 @@ class LargestDeflections(AbstractValidity):
     @classmethod
     def of(cls, bases: BodyBases, q: Float[Array, "K n"]) -> "LargestDeflections":
         """Of snapshots."""
-        z = jax.vmap(bases.project)(q)
-        largest = jnp.full(z.shape[1], jnp.inf, z.dtype)
-        for modes, index in zip(bases.modes, bases.narrow, strict=True):
-            own = index.array[:, index.width - modes.shape[2] :]
-            size = jnp.max(jnp.linalg.norm(z[:, own], axis=2), axis=0)
-            largest = largest.at[own].set(size[:, None])
-        return cls(largest, jnp.full((), jnp.nan, z.dtype))
+        return cls(*_largest(bases, q))
 
     def including(self, run: Run) -> "LargestDeflections":
         largest = jnp.maximum(self.largest, jnp.max(jnp.abs(run.q), axis=0))
@@ -43,3 +38,17 @@ class LargestDeflections(AbstractValidity):
         del system
         outside: Array = jnp.any(jnp.abs(run.q) > _TIMES * self.largest[None])
         return outside * int(Flag.OUTSIDE_TRAINING)
+
+
+@program_once
+def _largest(
+    bases: BodyBases, q: Float[Array, "K n"]
+) -> tuple[Float[Array, " r"], Float[Array, ""]]:
+    """The largest deflections of snapshots, and an error that nobody estimated."""
+    z = jax.vmap(bases.project)(q)
+    largest = jnp.full(z.shape[1], jnp.inf, z.dtype)
+    for modes, index in zip(bases.modes, bases.narrow, strict=True):
+        own = index.array[:, index.width - modes.shape[2] :]
+        size = jnp.max(jnp.linalg.norm(z[:, own], axis=2), axis=0)
+        largest = largest.at[own].set(size[:, None])
+    return largest, jnp.full((), jnp.nan, z.dtype)
