@@ -42,15 +42,16 @@ def as_jax(array: Array | np.ndarray) -> Array:
     """
     if isinstance(array, jax.Array) or not is_outermost():
         return jnp.asarray(array)
-    return jax.device_put(array)
+    copied: Array = jax.device_put(array)
+    return copied
 
 
 def each(value: Vector, count: int) -> Array:
     """One number for each of so many, from these or from one that stands for all."""
     array = as_array(value)
-    if array.ndim or is_traced(array):
-        return array if array.ndim else jnp.broadcast_to(array, (count,))
-    return as_jax(np.full(count, np.asarray(array)))
+    if array.ndim:
+        return array
+    return jnp.full(count, array) if is_traced(array) else as_jax(np.full(count, array))
 
 
 def as_number(value: ArrayLike, dtype: Any) -> Array | np.ndarray:

@@ -1,6 +1,6 @@
-"""Properties of 208 scenes by lot: power, rigid motions of the whole, and no silent NaN.
+"""Properties of 207 scenes by lot: power, rigid motions of the whole, and no silent NaN.
 
-Compiling a structure takes seconds, so there are eight of them, with 26 sets of numbers.
+Compiling a structure takes seconds, so there are nine of them, with 23 sets of numbers.
 """
 
 import functools
@@ -19,8 +19,9 @@ from rigid_motion import moved_coordinates, moved_scene, turned
 import romjax as rj
 from romjax.system import dynamics
 
-STRUCTURES, SETS = 8, 26
-QUICK = 1  # structures that are looked at in every run of the tests
+# Structures that draw every kind of part; joints of the last do not fit each other.
+STRUCTURES, SETS = (*range(8), 9), 23
+QUICK = 0  # the structure that is looked at in every run of the tests
 
 # Required: relative to the size of the terms.
 BALANCE = 1e-10
@@ -43,10 +44,10 @@ pytestmark = pytest.mark.usefixtures("without_optimisation")
 
 
 def marked(structure: int):
-    return pytest.param(structure, marks=() if structure < QUICK else pytest.mark.slow)
+    return pytest.param(structure, marks=() if structure == QUICK else pytest.mark.slow)
 
 
-@pytest.fixture(scope="module", params=[marked(structure) for structure in range(STRUCTURES)])
+@pytest.fixture(scope="module", params=[marked(structure) for structure in STRUCTURES])
 def structure(request) -> int:
     """The number of a structure."""
     return request.param
@@ -238,7 +239,7 @@ def test_runs_or_is_refused_with_a_reason(structure):
 @pytest.mark.slow
 def test_most_scenes_run():
     """And some are refused."""
-    ran = [outcome(seed) == "success" for seed in range(STRUCTURES * SETS)]
+    ran = [outcome(seed) == "success" for structure in STRUCTURES for seed in seeds(structure)]
     assert RUNNING <= np.mean(ran) < 1
 
 
@@ -250,7 +251,7 @@ def test_every_kind_is_drawn():
         below = jax.tree.leaves(x, is_leaf=lambda y: y is not x)
         return {type(x)}.union(*(parts(y) for y in below if isinstance(y, eqx.Module | tuple)))
 
-    drawn = parts(tuple(scene_of(seed) for seed in range(0, STRUCTURES * SETS, SETS)))
+    drawn = parts(tuple(scene_of(seeds(structure)[0]) for structure in STRUCTURES))
     families = rj.AbstractJoint, rj.AbstractMarkerEffect, rj.AbstractCurve, rj.AbstractSignal
     kinds = {x for x in vars(rj).values() if isinstance(x, type) and issubclass(x, families)}
     plain = {kind for kind in kinds if not kind.__name__.startswith("Abstract")}

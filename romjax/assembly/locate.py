@@ -33,8 +33,7 @@ class Located(eqx.Module):
 
     def own(self, x: Float[Array, "*k n"]) -> Float[Array, "*k own"]:
         """The bodies' own entries of coordinates or of their rates."""
-        own: Float[Array, "*k own"] = pick(x, np.s_[..., np.array(self.columns, int)])
-        return own
+        return pick(x, np.s_[..., np.array(self.columns, int)])
 
     def poses(self, q: Float[Array, " n"]) -> Pose:
         """Where the markers are, at the coordinates `q` of the whole system."""
