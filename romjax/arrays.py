@@ -77,7 +77,8 @@ def concatenate(parts: Sequence[ArrayLike]) -> Array:
 
 def pick(array: Array, index: Any) -> Array:
     """`array[index]`; by NumPy where JAX does not trace, which compiles nothing."""
-    return array[index] if is_traced(array) else as_jax(np.asarray(array)[index])
+    # A single number that is picked is no array of NumPy's.
+    return array[index] if is_traced(array) else as_jax(np.asarray(np.asarray(array)[index]))
 
 
 def put(target: ArrayLike, index: Any, value: ArrayLike) -> Array | np.ndarray:

@@ -107,7 +107,7 @@ def test_the_gallery_in_space(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["all parts", "driven", "squeezer"])
+@pytest.mark.parametrize("name", ["all parts", "squeezer"])
 def test_moves_as_its_planar_twin(name):
     """Motion and multipliers, from runs of their own; the others would compile for minutes, and
     their accelerations are the same.

@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..arrays import Numbers
 from ..linalg.indexing import Index, spread
 from ..system.reduced import Physical, Reduced
 
@@ -71,7 +72,7 @@ class BodyBases(eqx.Module):
 
 
 def _mapped(
-    matrices: tuple[Array, ...], x: Array, source: tuple[Index, ...], target: tuple[Index, ...]
+    matrices: tuple[Numbers, ...], x: Array, source: tuple[Index, ...], target: tuple[Index, ...]
 ) -> Array:
     blocks = []
     for matrix, index in zip(matrices, source, strict=True):
