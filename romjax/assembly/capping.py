@@ -12,12 +12,13 @@ from ..arrays import Number
 from ..program import program_once
 from ..scene.body.capped import CappedBody, with_caps
 from ..scene.scene import Scene
+from ..system.dynamics import linearize
 from .assemble import assemble
 from .assembled import AssembledSystem
 from .closing import started
 
-# Of Newton's method; jerks are quadratic in the rates, by forces of inertia that hardly matter.
-_SWEEPS = 2
+# Of Newton's method with a derivative that lacks forces of inertia, which hardly matter.
+_SWEEPS = 4
 
 
 def cap(scene: Scene, hertz: Number) -> Scene:
@@ -67,21 +68,18 @@ def _following_rates(system: AssembledSystem) -> Float[Array, " n"]:
     units = jnp.eye(system.n, dtype=q.dtype)[own]
     pushes = jax.vmap(lambda impulse: kkt.solve(impulse, none)[0])(units)
 
-    def acceleration(t: Array, q: Array, v: Array) -> Array:
-        return system.acceleration(t, q, v)[0]
-
-    def jerk(impulses: Array) -> Array:
-        moved = v + impulses @ pushes
-        along = jnp.ones_like(zero), moved, acceleration(zero, q, moved)
-        change: Array = jax.jvp(acceleration, (zero, q, moved), along)[1][own]
-        return change
-
     def better(_: Any, impulses: Array) -> Array:
-        slopes: Any = jax.jacfwd(jerk)
-        unit = jnp.eye(len(own), dtype=q.dtype)
+        # With a as a function of t, q and v: d/dt a = a_t + a_q v + a_v a.
+        moved = v + impulses @ pushes
+        slopes = linearize(system, zero, q, moved)
+        of_time = slopes.by_time + slopes.by_position @ moved
+        jerk = (of_time + slopes.by_velocity @ slopes.acceleration)[own]
+        # Its derivative by v without those of a_q and a_v, which are forces of inertia.
+        by_rates = slopes.by_position + slopes.by_velocity @ slopes.by_velocity
         # Nothing pushes the modes below the cap.
-        matrix = jnp.where(share[:, None] > 0, slopes(impulses), unit)
-        step: Array = jnp.linalg.solve(matrix, jnp.where(share > 0, jerk(impulses), impulses))
+        unit = jnp.eye(len(own), dtype=q.dtype)
+        matrix = jnp.where(share[:, None] > 0, (by_rates @ pushes.T)[own], unit)
+        step: Array = jnp.linalg.solve(matrix, jnp.where(share > 0, jerk, impulses))
         return impulses - step
 
     impulses = jax.lax.fori_loop(0, _SWEEPS, better, jnp.zeros_like(share))
