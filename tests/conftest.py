@@ -40,7 +40,8 @@ def pytest_configure(config):
     # without the passes that make a program fast: most programs of tests run once, and compile in
     # half the time. XLA reads the flags when it computes for the first time.
     flags = [flag for flag in compat.compiler_flags() if not flag.startswith("--xla_backend")]
-    flags.append("--xla_backend_optimization_level=0")
+    # And in one part instead of up to 32 at once, since two processes keep both cores busy.
+    flags += ["--xla_backend_optimization_level=0", "--xla_cpu_parallel_codegen_split_count=1"]
     os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *flags]).strip()
 
 

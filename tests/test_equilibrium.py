@@ -132,13 +132,3 @@ def test_no_equilibrium_is_told():
     falling = rj.assemble(rj.Scene([rj.RigidBody("mass", 1.0, 0.1)], [], [rj.Gravity()]))
     with pytest.raises(rj.SimulationError, match=r"followed to 0 of the load.*mass\.y.*by 9\.81"):
         rj.equilibrium(falling)
-
-
-def test_a_reduced_model_hangs_like_the_full_one():
-    system = rj.assemble(rj.gallery.chain(3))
-    motion = rj.simulate(system, jnp.linspace(0.0, 2.0, 101), rtol=1e-10)
-    rom = rj.reduce(system, rj.pod(motion, rank=3), "minimal")
-    z = rj.equilibrium(rom, rom.starting_at(motion.q[40], motion.v[40]).q0)
-    q, _ = rom.reconstruct(0.0, z, jnp.zeros_like(z))
-    hanging = [[0.0, -0.5 - i, -np.pi / 2] for i in range(3)]
-    assert_close(np.asarray(q).reshape(3, 3), hanging, EXACT)

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from comparison import assert_close
 from programs import compilations
-from tolerances import DIFFERENCED, IDENTITY, PUBLISHED
+from tolerances import DIFFERENCED, IDENTITY
 
 import romjax as rj
 from romjax import compat, jaxprs
@@ -95,21 +96,19 @@ def test_inside_of_a_transformation_it_is_a_part_of_it():
     assert_close(jax.vmap(doubled)(X), 2 * X, IDENTITY)
 
 
-@pytest.mark.parametrize("scene", ["chain", "cart_pendulum"])
-def test_the_plain_loop_takes_the_steps_of_diffrax(scene):
+@pytest.mark.parametrize("solver", [diffrax.Dopri8(), rj.Rodas5P()], ids=["Dopri8", "Rodas5P"])
+def test_the_plain_loop_takes_the_steps_of_diffrax(solver):
     """The run that nobody differentiates, and the same as a part of the user's program."""
-    system = rj.assemble(rj.gallery.chain(2) if scene == "chain" else rj.gallery.cart_pendulum())
     ts = jnp.linspace(0.0, 0.3, 31)
-    # Numbers are unknown while JAX traces, so that its default may be another.
-    run = functools.partial(rj.simulate, system, solver=rj.simulate(system, ts).solver)
+    run = functools.partial(rj.simulate, rj.assemble(rj.gallery.chain(2)), solver=solver)
     one, other = run(ts), jax.jit(run)(ts)
     for count in ("num_steps", "num_accepted_steps", "num_rejected_steps"):
         assert getattr(one.stats, count) == getattr(other.stats, count)
     assert_close(one.q, other.q, 10 * IDENTITY)
     assert_close(one.v, other.v, 1000 * IDENTITY)
     assert_close(one.violation, other.violation, IDENTITY)
-    # Rounding of forces of some hundred newtons, with the stiffest mode.
-    assert_close(one.multipliers, other.multipliers, PUBLISHED)
+    # Rounding of forces of some ten newtons.
+    assert_close(one.multipliers, other.multipliers, 1000 * IDENTITY)
     assert_close(one.metric, other.metric, IDENTITY)
     assert np.array_equal(one.every(3).multipliers, one.multipliers[::3])
 
