@@ -7,6 +7,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
+from ..arrays import as_jax
 from ..errors import InputError, RankError
 
 Rank = int | str  # a number of modes, or "drop"
@@ -51,14 +52,13 @@ def choose_rank(
             f"{name}: rank={rank}, but the snapshots allow 1 to {len(values)}: no more than there "
             "are coordinates, and no more than there are snapshots."
         )
-    floor = jnp.maximum(rounding, noise / values[0])
     if any(isinstance(x, Tracer) for x in (values, noise)):
         if not isinstance(rank, int):
             raise InputError(
                 f"{name}: under jit, grad or vmap the rank must be a number, such as rank=5; "
                 "find it first, outside."
             )
-        return Choice(rank, f"rank {rank}: as asked", floor)
+        return Choice(rank, f"rank {rank}: as asked", jnp.maximum(rounding, noise / values[0]))
     spectrum = np.asarray(values)
     if not np.all(np.isfinite(spectrum)):
         raise InputError(f"{name}: the snapshots are not finite; did the simulation succeed?")
@@ -66,7 +66,8 @@ def choose_rank(
         raise InputError(
             f"{name}: the snapshots do not move, so no direction stands out; simulate a motion."
         )
-    levels = _Levels(spectrum / spectrum[0], rounding, float(floor))
+    level = max(rounding, float(noise) / float(spectrum[0]))
+    levels = _Levels(spectrum / spectrum[0], rounding, level)
     if isinstance(rank, int):
         count, why = rank, _as_asked(name, levels, rank)
     elif tol is not None:
@@ -75,7 +76,7 @@ def choose_rank(
         count, why = _by_drop(levels)
     else:
         raise InputError(f'{name}: rank={rank!r}; give a whole number or "drop".')
-    return Choice(count, f"rank {count}: {why}", floor)
+    return Choice(count, f"rank {count}: {why}", as_jax(np.asarray(level, spectrum.dtype)))
 
 
 class _Levels(NamedTuple):

@@ -118,7 +118,7 @@ class SnapshotSet(eqx.Module):
             jnp.concatenate([jnp.asarray(run.v, dtype) for run in runs]),
             jnp.concatenate([time_weights(jnp.asarray(run.t, dtype)) for run in runs]),
             jnp.asarray(runs[0].metric, dtype),
-            jax.tree.map(lambda *x: jnp.max(jnp.stack(x)), *noises),
+            noises[0] if len(noises) == 1 else jax.tree.map(_largest, *noises),
             tuple(runs[0].labels),
             tuple(getattr(runs[0], "descriptions", runs[0].labels)),
             _changes([one for one in given if isinstance(one, Sensitivity)], dtype),
@@ -201,29 +201,30 @@ def weigh(snapshots: SnapshotSet, offset: Any) -> WeightedSnapshots:
     """The weighted snapshots about `offset` (n,), the first configuration if that is None."""
     q = snapshots.q
     weighted: WeightedSnapshots
-    offset = q[0] if offset is None else jnp.asarray(offset, q.dtype)
+    offset = pick(q, 0) if offset is None else jnp.asarray(offset, q.dtype)
     if snapshots.turns is not None:
         offset, _ = snapshots.turns(offset, offset)
     # Arrays alone, so that new names of coordinates do not compile it again.
-    displacements, v, weights = q - offset[None], snapshots.v, snapshots.weights
-    if (changes := snapshots.changes) is not None:
-        displacements = jnp.concatenate([displacements, changes.q])
-        v = jnp.concatenate([v, changes.v])
-        weights = jnp.concatenate([weights, changes.weights])
-    arrays = displacements, v, weights, snapshots.metric
-    weighted = _weigh(*arrays, offset, snapshots.noise)
+    arrays = snapshots.v, snapshots.weights, snapshots.changes, snapshots.metric
+    weighted = _weigh(q, *arrays, offset, snapshots.noise)
     return weighted
 
 
 @program
 def _weigh(
-    displacements: Float[Array, "h n"],
+    q: Float[Array, "h n"],
     v: Float[Array, "h n"],
     weights: Float[Array, " h"],
+    changes: Changes | None,
     metric: Float[Array, "n n"],
     offset: Float[Array, " n"],
     noise: Noise,
 ) -> WeightedSnapshots:
+    displacements = q - offset[None]
+    if changes is not None:
+        displacements = jnp.concatenate([displacements, changes.q])
+        v = jnp.concatenate([v, changes.v])
+        weights = jnp.concatenate([weights, changes.weights])
     root = jnp.linalg.cholesky(metric).T
     positions = root @ displacements.T * weights[None]
     velocities = root @ v.T * weights[None]
@@ -245,6 +246,10 @@ def _changes(sensitivities: Sequence[Sensitivity], dtype: Any) -> Changes | None
         jnp.concatenate([jnp.asarray(one.v, dtype) for one in sensitivities]),
         jnp.concatenate([time_weights(jnp.asarray(one.t, dtype)) for one in sensitivities]),
     )
+
+
+def _largest(*sizes: Array) -> Array:
+    return jnp.max(jnp.stack(sizes))
 
 
 def _noise(motion: Motion, dtype: Any) -> Noise:

@@ -94,7 +94,8 @@ def span(vectors: Float[Array, "n r"], metric: Float[Array, "n n"]) -> Float[Arr
     """
     values, rank = _values_of_span(vectors, metric), min(vectors.shape)
     if not compat.is_traced(values):
-        rank = int(np.sum(np.asarray(values) > DEPENDENT * float(values[0])))
+        sizes = np.asarray(values)
+        rank = int(np.sum(sizes > DEPENDENT * sizes[0]))
     return _span(vectors, metric, rank)
 
 

@@ -63,8 +63,9 @@ def _best(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"])
     root = mass_root(system, q[0]) if seen is None else seen.root
 
     # Any configuration is as good as another for telling which columns are constant.
-    anywhere = np.asarray(q[:1]) + np.cos(np.arange(3 * n).reshape(3, n) ** 1.5)
-    varied = np.asarray(jacobians(system, t[0] + np.arange(3.0), anywhere))[:, rows]
+    anywhere = np.asarray(q)[:1] + np.cos(np.arange(3 * n).reshape(3, n) ** 1.5)
+    times = np.asarray(t)[0] + np.arange(3.0)
+    varied = np.asarray(jacobians(system, times, anywhere))[:, rows]
     steady = np.ptp(varied, axis=0).max(axis=0) <= _CONSTANT * np.abs(varied).max()
     scaled, rank = varied[0] * steady / np.diagonal(root), len(rows)
     r, pivots = scipy.linalg.qr(scaled, mode="r", pivoting=True)

@@ -3,11 +3,11 @@
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Float
 
+from ..arrays import as_jax
 from ..program import program_once
 from ..system.base import AbstractSystem
 from . import unit_length
@@ -39,7 +39,7 @@ def survey(
     """The constraints at `count` of the snapshots t, q, spread evenly."""
     numbers = np.linspace(0, len(t) - 1, min(count, len(t))).astype(int)
     t, q = np.asarray(t)[numbers], np.asarray(q)[numbers]
-    root = mass_root(system, jnp.asarray(q[0]))
+    root = mass_root(system, as_jax(q[0]))
     scaled = np.asarray(jacobians(system, t, q)) @ np.linalg.inv(root)
     # The snapshot farthest from a singular position tells which constraints repeat others.
     typical = scaled[np.argmax([np.linalg.svd(x, compute_uv=False)[-1] for x in scaled])]

@@ -1,13 +1,14 @@
 """Which constraints a reduced model still needs, and which freedom the snapshots use."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..arrays import Numbers
 from ..basis.basis import Basis
 from ..basis.subspace import leading
 from ..program import program_once
@@ -37,15 +38,23 @@ class ReducedConstraints(NamedTuple):
     speeds: Float[Array, "K r"]  # velocities of the snapshots, in the basis
     missed: Float[Array, ""]  # the share of them that the basis misses
 
-    @property
-    def side_by_side(self) -> Float[Array, "m rK"]:
-        count, m, r = self.rows.shape
-        return jnp.moveaxis(self.rows, 0, 1).reshape(m, count * r) / jnp.sqrt(count)
-
     def combinations(self, count: int) -> Float[Array, "m count"]:
         """The principal ones: columns U, so that UᵀC are combinations of the constraints."""
-        vectors, _ = leading(self.side_by_side, count)
-        return self.scale[:, None] * vectors
+        return _combinations(self.rows, self.scale, count)
+
+
+@program_once
+def _combinations(
+    rows: Float[Numbers, "K m r"], scale: Float[Numbers, " m"], count: int
+) -> Float[Array, "m count"]:
+    vectors, _ = leading(jnp.asarray(_side_by_side(rows)), count)
+    return scale[:, None] * vectors
+
+
+def _side_by_side(rows: Any) -> Any:
+    """The rows (K, m, r) of all snapshots as one matrix (m, K r)."""
+    count, m, r = rows.shape
+    return rows.transpose(1, 0, 2).reshape(m, count * r) / count**0.5
 
 
 @program_once
@@ -78,8 +87,9 @@ def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstrai
 
 def most_kept(candidates: ReducedConstraints) -> int:
     """How many combinations the basis can move along, and does at any one snapshot."""
-    shares = np.linalg.svd(np.asarray(candidates.side_by_side), compute_uv=False)
-    ranks = [np.linalg.matrix_rank(jacobian, tol=_ZERO) for jacobian in np.asarray(candidates.rows)]
+    rows = np.asarray(candidates.rows)
+    shares = np.linalg.svd(_side_by_side(rows), compute_uv=False)
+    ranks = [np.linalg.matrix_rank(jacobian, tol=_ZERO) for jacobian in rows]
     return min(int(np.sum(shares > THRESHOLD)), max(ranks, default=0))
 
 
@@ -113,7 +123,8 @@ def _directions(
     candidates: ReducedConstraints, count: int
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """At each snapshot, the directions that the kept combinations stop, and those left free."""
-    combinations = np.asarray(candidates.combinations(count) / candidates.scale[:, None])
+    scale = np.asarray(candidates.scale)
+    combinations = np.asarray(candidates.combinations(count)) / scale[:, None]
     for jacobian in np.asarray(candidates.rows):
         _, values, right = np.linalg.svd(combinations.T @ jacobian)
         rank = int(np.sum(values > _ZERO))

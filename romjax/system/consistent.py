@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +11,7 @@ from .. import precision
 from ..arrays import Vector, as_array, concrete
 from ..checks import check_shape
 from ..errors import InputError
+from ..program import program_once
 from .base import AbstractSystem
 from .dynamics import constraint_state
 
@@ -69,32 +69,36 @@ def project(
     q: Float[Array, " n"],
     v: Float[Array, " n"],
     sweeps: int,
+    solves: int = 1,
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-    """The nearest state on C = 0 and Ċ = 0 in the mass metric: Gauss–Newton, then one solve."""
+    """The nearest state on C = 0 and Ċ = 0 in the mass metric: Gauss–Newton, then linear solves."""
 
     def sweep(q: Array, _: Any) -> tuple[Array, None]:
         kkt = system.state(t, q, v).kkt()
         step, _ = kkt.solve(jnp.zeros_like(q), -system.constraint(t, q))
         return q + step, None
 
+    def solve(v: Array, _: Any) -> tuple[Array, None]:
+        # Subtracting the part that violates Ċ = 0, not solving for what remains of M v: a velocity
+        # that is already right keeps its last digit.
+        excess = constraint_state(system, t, q, v).rate
+        step, _ = system.state(t, q, v).kkt().solve(jnp.zeros_like(v), -excess)
+        return v + step, None
+
     q, _ = jax.lax.scan(sweep, q, None, length=sweeps)
-    # Subtracting the part that violates Ċ = 0, not solving for what remains of M v: a velocity
-    # that is already right keeps its last digit.
-    excess = constraint_state(system, t, q, v).rate
-    step, _ = system.state(t, q, v).kkt().solve(jnp.zeros_like(v), -excess)
-    return q, v + step
+    v, _ = jax.lax.scan(solve, v, None, length=solves, unroll=solves == 1)
+    return q, v
 
 
 def project_start(
     system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"], v: Float[Array, " n"]
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
     """A projection from any distance, of velocities too."""
-    q, v = project(system, t, q, v, START_SWEEPS)
     # The first solve leaves 1e-12 of what a far velocity violates, the second nothing.
-    return project(system, t, q, v, 0)
+    return project(system, t, q, v, START_SWEEPS, solves=2)
 
 
-@eqx.filter_jit
+@program_once
 def _project_start(
     system: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"], t: Float[Array, ""]
 ) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " m"], Float[Array, " m"]]:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ... import compat
+from ...arrays import as_jax, pick, untraced
 from ...basis.basis import Basis
 from ...basis.decomposition.base import AbstractDecomposition
 from ...basis.snapshots import Motions, SnapshotSet
@@ -19,6 +20,7 @@ from ...charts.choose import WORST_CONDITION, choose_chart
 from ...charts.survey import mass_at
 from ...errors import ReductionError
 from ...linalg.branches import inverted
+from ...program import program_once
 from ...system.base import AbstractSystem
 from ...system.validity import TrainingBox
 from ..lift.atlas import AtlasLift
@@ -73,13 +75,15 @@ class Minimal(AbstractFormulation):
         chart = _choose(system, snapshots) if self.chart is None else self.chart
         if isinstance(chart, Atlas):
             return _in_atlas(system, basis, chart)
-        metric = chart.metric(system, snapshots.t[0], snapshots.q[0])
-        inner = span(jnp.asarray(chart.read, metric.dtype) @ basis.modes, metric)
+        metric = chart.metric(system, pick(snapshots.t, 0), pick(snapshots.q, 0))
+        read, modes = untraced(chart.read, basis.modes)
+        inner = span(as_jax(read.astype(metric.dtype) @ modes), metric)
         count = 1 if chart.affine else _GUESSES
         domain = np.linspace(0, len(snapshots.t) - 1, count).astype(int)
         lift = _lift(system, basis, chart, inner, metric, np.unique(domain))
-        z = (snapshots.q - basis.offset[None]) @ lift.dual.T
-        validity = None if basis.decomposition is None else TrainingBox.of(z)
+        validity = None
+        if basis.decomposition is not None:
+            validity = _box(snapshots.q, basis.offset, lift.dual)
         r = inner.shape[1]
         summary = f"{r} modes of {len(metric)} minimal coordinates, no constraints"
         if r < basis.rank:
@@ -131,16 +135,45 @@ def _lift(
     domain: np.ndarray,
 ) -> ClosedFormLift | ImplicitLift:
     """The lift on one chart; Newton's method starts from the snapshots of the `domain`."""
-    dtype, t, q = metric.dtype, basis.snapshots.t[domain], basis.snapshots.q[domain]
+    t, q = pick(basis.snapshots.t, domain), pick(basis.snapshots.q, domain)
+    others = None
+    if not chart.affine:
+        # The dependent coordinates of a displacement.
+        rest = np.eye(system.n) - chart.independent @ chart.read
+        others = as_jax(np.linalg.pinv(chart.dependent) @ rest)
+    lift = _lift_from(system, t, q, basis.offset, chart, inner, metric, others)
+    # Its own arrays, which no transformation traces.
+    return dataclasses.replace(lift, chart=chart)
+
+
+@program_once
+def _lift_from(
+    system: AbstractSystem,
+    t: Float[Array, " K"],
+    q: Float[Array, "K n"],
+    offset: Float[Array, " n"],
+    chart: Chart,
+    inner: Float[Array, "d r"],
+    metric: Float[Array, "d d"],
+    others: Float[Array, "m n"] | None,
+) -> ClosedFormLift | ImplicitLift:
+    dtype = metric.dtype
     dual = inner.T @ metric @ jnp.asarray(chart.read, dtype)
-    displacements = q - basis.offset[None]
+    displacements = q - offset[None]
     if chart.affine:
         guess = displacements[0] @ jnp.asarray(chart.dependent, dtype)
         inverse = inverted(chart.dependent_matrix(system, t[0], q[0]), chart.forest)
-        return ClosedFormLift(basis.offset, inner, dual, guess, inverse, t[0], chart)
-    others = np.eye(system.n) - chart.independent @ chart.read
-    read_others = jnp.asarray(np.linalg.pinv(chart.dependent) @ others, dtype)
+        return ClosedFormLift(offset, inner, dual, guess, inverse, t[0], chart)
+    assert others is not None
     modes = jnp.asarray(chart.independent, dtype) @ inner
-    z, guesses = displacements @ dual.T, displacements @ read_others.T
+    z, guesses = displacements @ dual.T, displacements @ others.astype(dtype).T
     inverses = chart.dependent_inverses(system, t, q)
-    return ImplicitLift(basis.offset, modes, dual, z, guesses, t, inverses, chart)
+    return ImplicitLift(offset, modes, dual, z, guesses, t, inverses, chart)
+
+
+@program_once
+def _box(
+    q: Float[Array, "h n"], offset: Float[Array, " n"], dual: Float[Array, "r n"]
+) -> TrainingBox:
+    """The box of snapshots in the minimal coordinates."""
+    return TrainingBox.of((q - offset[None]) @ dual.T)
