@@ -5,6 +5,7 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from comparison import assert_close
 from tolerances import SOLVED
 
 import romjax as rj
@@ -162,3 +163,18 @@ def test_a_slider_crank_has_one_minimal_coordinate():
     assert rj.compare(motion, run).error <= MINIMAL
     assert abs(run.q[-1, 14] - SLIDER) <= MINIMAL
     assert run.is_valid
+
+
+def test_counters_of_angles_are_coordinates_as_others():
+    """A wheel on a torsion spring, φ = 30 sin t: over four turns, in the one angle that it has."""
+    wheel = r.RigidBody("wheel", 2.0, (0.3, 0.4, 0.5), angular_velocity=(0, 0, 30.0))
+    ends = wheel.at((0, 0, 0)), rj.ground.at((0, 0, 0))
+    spring = rj.TorsionSpring(*ends, stiffness=0.5)
+    system = rj.assemble(rj.Scene([wheel], [r.Revolute(*ends)], [spring]))
+    motion = rj.simulate(system, TS, rtol=1e-10)
+    rom = rj.reduce(system, rj.pod(motion, rank=1), "minimal")
+    run = rj.simulate(rom, TS, rtol=1e-10)
+    assert run.is_valid, run.warnings()
+    counted = run["counter of TorsionSpring(wheel, ground).angle"]
+    assert_close(counted, 30.0 * np.sin(TS), SOLVED, 30.0)
+    assert rj.compare(motion, run).error <= MINIMAL

@@ -73,6 +73,7 @@ def assemble(scene: Scene) -> AssembledSystem:
             loops=_close_loops(scene),
             contacts=any(effect.begins for effect in acting),
             quaternions=tuple(columns[b.name][3] for b in scene.bodies if b.dimension == 3),
+            counters=tuple(columns[counter.name][0] for counter in counters),
             joints=tuple(keys[0][i] for *_, members in joints for i in members if i < len(keys[0])),
             effects=tuple(keys[1][i] for *_, members in effects for i in members),
         ),

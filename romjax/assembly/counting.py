@@ -24,11 +24,10 @@ from ..scene.body.base import AbstractBody
 from ..scene.coordinate import Coordinate
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import Marker, Pose
+from ..system.structure import COUNTER_INERTIA
 
 G = TypeVar("G")
 
-# Of a counter, relative to what the angle that it counts feels of the bodies' inertia.
-_INERTIA = 1e-12
 # While that is looked for: of a counter that adds nothing to it [kg m²].
 _ENDLESS = 1e30
 
@@ -163,7 +162,9 @@ def started(system: Any) -> Any:
             system.q0.at[own].set(angle[rows]),
             system.v0.at[own].set(speed[rows]),
             eqx.tree_at(
-                lambda c: c.inertia, group.bodies, _INERTIA / jax.lax.stop_gradient(mobility[rows])
+                lambda c: c.inertia,
+                group.bodies,
+                COUNTER_INERTIA / jax.lax.stop_gradient(mobility[rows]),
             ),
         ),
     )

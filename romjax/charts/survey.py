@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Float
@@ -10,6 +11,7 @@ from jaxtyping import Array, Float
 from ..arrays import as_jax
 from ..program import program_once
 from ..system.base import AbstractSystem
+from ..system.structure import COUNTER_INERTIA
 from . import unit_length
 from .chart import Chart
 
@@ -18,7 +20,11 @@ _REDUNDANT = 1e-9
 
 
 class Survey(NamedTuple):
-    """The constraints at some snapshots of a motion, in coordinates R q with RᵀR = M."""
+    """The constraints at some snapshots of a motion, in coordinates R q with RᵀR = M.
+
+    Each is divided by the length of its row at one snapshot, so that no unit makes some of them
+    large beside others.
+    """
 
     snapshots: np.ndarray  # numbers of the snapshots
     rows: tuple[int, ...]  # constraints that do not repeat others
@@ -42,7 +48,10 @@ def survey(
     root = mass_root(system, as_jax(q[0]))
     scaled = np.asarray(jacobians(system, t, q)) @ np.linalg.inv(root)
     # The snapshot farthest from a singular position tells which constraints repeat others.
-    typical = scaled[np.argmax([np.linalg.svd(x, compute_uv=False)[-1] for x in scaled])]
+    typical = np.argmax([np.linalg.svd(x, compute_uv=False)[-1] for x in scaled])
+    lengths = np.linalg.norm(scaled[typical], axis=1)
+    scaled /= np.where(lengths > 0, lengths, 1)[:, None]
+    typical = scaled[typical]
     tol = _REDUNDANT * np.linalg.norm(typical, 2)
     rank = int(np.linalg.matrix_rank(typical, tol=tol))
     _, _, order = scipy.linalg.qr(typical.T, pivoting=True)
@@ -59,8 +68,10 @@ def mass_root(system: AbstractSystem, q: Float[Array, " n"]) -> np.ndarray:
 
 @program_once
 def mass_at(system: AbstractSystem, q: Float[Array, " n"]) -> Float[Array, "n n"]:
-    """The mass matrix at a configuration."""
-    return system.mass(q)
+    """The mass matrix at a configuration, with counters as heavy as the angles that they count."""
+    counters = np.array(system.structure.counters, int)
+    sizes = jnp.ones(system.n, q.dtype).at[counters].set(COUNTER_INERTIA**-0.5)
+    return sizes[:, None] * system.mass(q) * sizes[None]
 
 
 @program_once

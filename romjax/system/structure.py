@@ -9,6 +9,9 @@ import jax
 from ..identity import Remembered
 from ..scene.coordinate import Coordinate
 
+# So small that a counter adds nothing to what it counts.
+COUNTER_INERTIA = 1e-12
+
 
 @dataclasses.dataclass(frozen=True)
 class Structure:
@@ -21,6 +24,8 @@ class Structure:
       of joints none depends on the others. True, where it is unknown.
     - `contacts`: whether effects may begin on the way, of which the start shows nothing.
     - `quaternions`: at which coordinate the quaternion of each body in space begins.
+    - `counters`: coordinates that count the turns of an angle, with `COUNTER_INERTIA` of the
+      inertia that this angle feels.
     - `joints`, `effects`: by which keys results name them, each key once, in the order in which the
       system holds them; none, where there are no such parts.
     """
@@ -32,6 +37,7 @@ class Structure:
     loops: bool
     contacts: bool = False
     quaternions: tuple[int, ...] = ()
+    counters: tuple[int, ...] = ()
     joints: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
 
@@ -58,6 +64,7 @@ class Structure:
             loops=self.loops,
             contacts=self.contacts,
             quaternions=self.quaternions,
+            counters=self.counters,
         )
 
     def __hash__(self) -> int:
@@ -66,8 +73,8 @@ class Structure:
     @functools.cached_property
     def _hash(self) -> int:
         # Every call of a compiled program asks for it.
-        kinds = self.rigid, self.flexible, self.loops, self.contacts, self.quaternions
-        return hash((self.coordinates, self.constraints, kinds))
+        kinds = self.rigid, self.flexible, self.loops, self.contacts
+        return hash((self.coordinates, self.constraints, kinds, self.quaternions, self.counters))
 
 
 _nameless = Remembered()
