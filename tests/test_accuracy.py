@@ -318,7 +318,13 @@ def test_capped_modes_are_tried():
     assert [row.formulation for row in slower] == ["capped"] * 2
     assert all(row.steps < full.steps / 3 for row in slower)
     assert all(full.error < row.error < 1e-4 for row in slower)
-    assert found.recommend(1e-4).row.formulation == "capped"
+    best = found.recommend(1e-4)
+    assert best.row.formulation == "capped"
+    heavier = dataclasses.replace(beam, mass=jnp.asarray(2.0))
+    other = rj.assemble(dataclasses.replace(scene, bodies=(heavier,)))
+    run = best.simulate(other, TS[:31])
+    truth = rj.simulate(other, TS[:31], rtol=1e-9)
+    assert rj.compare(truth, run).error <= HELD_OUT * best.error
     assert default_caps(rj.assemble(rj.cap(scene, 20.0))) == []
     with pytest.raises(rj.InputError, match=r"caps=\(-1\.0,\); give them in hertz"):
         rj.accuracy(scene, TS, caps=[-1.0])

@@ -66,7 +66,7 @@ def choose_rank(
         raise InputError(
             f"{name}: the snapshots do not move, so no direction stands out; simulate a motion."
         )
-    level = max(rounding, float(noise) / float(spectrum[0]))
+    level = float(np.maximum(rounding, np.asarray(noise) / spectrum[0]))
     levels = _Levels(spectrum / spectrum[0], rounding, level)
     if isinstance(rank, int):
         count, why = rank, _as_asked(name, levels, rank)

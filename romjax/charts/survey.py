@@ -48,10 +48,10 @@ def survey(
     root = mass_root(system, as_jax(q[0]))
     scaled = np.asarray(jacobians(system, t, q)) @ np.linalg.inv(root)
     # The snapshot farthest from a singular position tells which constraints repeat others.
-    typical = np.argmax([np.linalg.svd(x, compute_uv=False)[-1] for x in scaled])
-    lengths = np.linalg.norm(scaled[typical], axis=1)
+    farthest = np.argmax([np.linalg.svd(x, compute_uv=False)[-1] for x in scaled])
+    lengths = np.linalg.norm(scaled[farthest], axis=1)
     scaled /= np.where(lengths > 0, lengths, 1)[:, None]
-    typical = scaled[typical]
+    typical = scaled[farthest]
     tol = _REDUNDANT * np.linalg.norm(typical, 2)
     rank = int(np.linalg.matrix_rank(typical, tol=tol))
     _, _, order = scipy.linalg.qr(typical.T, pivoting=True)

@@ -21,8 +21,8 @@ from ..arrays import Numbers
 Quaternion = Float[Numbers, "... 4"]
 Triple = Float[Numbers, "... 3"]
 
-# Of the entries of p in the matrices G and E.
-_OTHERS = [[1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]]
+# Of the entries of p in the matrix of a product; its last rows are those of G and E.
+_ORDER = [[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]]
 
 
 def columns(starts: Sequence[int]) -> np.ndarray:
@@ -32,9 +32,8 @@ def columns(starts: Sequence[int]) -> np.ndarray:
 
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
     """A ⊗ b: first the rotation b, then a; by the matrix [a, Gᵀ] of a."""
-    order = [[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]]
     signs = [[1, -1, -1, -1], [1, 1, -1, 1], [1, 1, 1, -1], [1, -1, 1, 1]]
-    return apply(_signed(a, order, signs), b)
+    return apply(_signed(a, signs), b)
 
 
 def conjugate(p: Quaternion) -> Quaternion:
@@ -78,12 +77,12 @@ def squared(p: Quaternion) -> Float[Numbers, "..."]:
 
 def body_matrix(p: Quaternion) -> Float[Numbers, "... 3 4"]:
     """G = [−e, w I − ẽ]."""
-    return _signed(p, _OTHERS, [[-1, 1, 1, -1], [-1, -1, 1, 1], [-1, 1, -1, 1]])
+    return _signed(p, [[-1, 1, 1, -1], [-1, -1, 1, 1], [-1, 1, -1, 1]])
 
 
 def space_matrix(p: Quaternion) -> Float[Numbers, "... 3 4"]:
     """E = [−e, w I + ẽ]."""
-    return _signed(p, _OTHERS, [[-1, 1, -1, 1], [-1, 1, 1, -1], [-1, -1, 1, 1]])
+    return _signed(p, [[-1, 1, -1, 1], [-1, 1, 1, -1], [-1, -1, 1, 1]])
 
 
 def skew(x: Triple) -> Float[Numbers, "... 3 3"]:
@@ -146,10 +145,9 @@ def _namespace(x: Any) -> Any:
     return np if isinstance(x, np.ndarray) else jnp
 
 
-def _signed(
-    p: Quaternion, order: list[list[int]], signs: list[list[int]]
-) -> Float[Numbers, "... rows 4"]:
-    return p[..., np.array(order, np.uint32)] * _constant(signs, p)
+def _signed(p: Quaternion, signs: list[list[int]]) -> Float[Numbers, "... rows 4"]:
+    order = np.array(_ORDER[-len(signs) :], np.uint32)
+    return p[..., order] * _constant(signs, p)
 
 
 def _constant(values: Any, x: Float[Numbers, "... k"]) -> np.ndarray:

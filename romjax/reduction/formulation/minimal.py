@@ -139,8 +139,8 @@ def _lift(
     others = None
     if not chart.affine:
         # The dependent coordinates of a displacement.
-        rest = np.eye(system.n) - chart.independent @ chart.read
-        others = as_jax(np.linalg.pinv(chart.dependent) @ rest)
+        left_out = np.eye(system.n) - chart.independent @ chart.read
+        others = as_jax(np.linalg.pinv(chart.dependent) @ left_out)
     lift = _lift_from(system, t, q, basis.offset, chart, inner, metric, others)
     # Its own arrays, which no transformation traces.
     return dataclasses.replace(lift, chart=chart)
