@@ -62,12 +62,12 @@ def uses_velocities(scene) -> bool:
     return uses(system.force, system, 2)
 
 
-def compilations(action, least=0.1):
-    """How many programs XLA compiles in an action, that it takes more than `least` seconds for."""
+def compilations(action):
+    """How many programs XLA compiles in an action."""
     count = []
 
     def listen(event, seconds, **_):
-        if event.endswith("backend_compile_duration") and seconds > least:
+        if event.endswith("backend_compile_duration"):
             count.append(seconds)
 
     jax.monitoring.register_event_duration_secs_listener(listen)
