@@ -1,4 +1,4 @@
-"""Tables: a mechanism with one freedom in one coordinate, against its redundant coordinates."""
+"""Tables: one or two freedoms in as many coordinates, against redundant ones."""
 
 import dataclasses
 
@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from conftest import TIGHT
-from mechanisms import linkage
+from mechanisms import ends, linkage
 from tolerances import DIFFERENCED, IDENTITY, PUBLISHED, SOLVED
 
 import romjax as rj
@@ -54,6 +54,20 @@ def slider_crank(slider=0.7, length=1.0, turning=9.0, bends=False) -> rj.Scene:
     return rj.Scene([crank, rod, piston], joints, [rj.Gravity(), pull])
 
 
+def five_bar(spring=60.0, mass=1.0) -> rj.Scene:
+    """Two cranks, and two rods between them whose common pin hangs on a spring."""
+    points = {"A": (0, 0), "b": (-0.6, 1.0), "c": (0.6, 1.9), "d": (1.7, 1.0), "E": (1.0, 0)}
+    bars = [("A", "b"), ("b", "c"), ("c", "d"), ("E", "d")]
+    scene = linkage(points, bars, {}, gravity=True, masses=[1.0, mass, 1.0, 1.0])
+    left, rod, _, right = scene.bodies
+    springs = [
+        rj.Spring(ends(rod)[1], rj.ground.at((0.5, 2.6)), spring, 0.5),
+        rj.Spring(left.at(), rj.ground.at((-1.5, 1.0)), 50.0, 1.0),
+        rj.Spring(right.at(), rj.ground.at((2.5, 1.0)), 50.0, 1.0),
+    ]
+    return rj.Scene(scene.bodies, scene.joints, [*scene.effects, *springs])
+
+
 def of_one(system) -> rj.Basis:
     """A basis that says nothing but where the system starts."""
     return rj.Basis.from_modes(np.eye(system.n)[:, :1], system.q0)
@@ -74,6 +88,17 @@ def exact(full) -> rj.Trajectory:
     return rj.simulate(full, TS, **EXACT)
 
 
+@pytest.fixture(scope="module")
+def two() -> rj.Trajectory:
+    """A run of the five-bar linkage."""
+    return rj.simulate(rj.assemble(five_bar()), TS, **EXACT)
+
+
+@pytest.fixture(scope="module")
+def surface(two) -> rj.AbstractSystem:
+    return rj.reduce(two.system, rj.pod(two, rank=2), "table")
+
+
 def test_one_coordinate_moves_as_all_do(rom, exact):
     """More than one round of the crank, both dead points passed; energy balances in the audit."""
     run = rj.simulate(rom, TS, **EXACT)
@@ -85,25 +110,60 @@ def test_one_coordinate_moves_as_all_do(rom, exact):
     assert np.max(run.violation) <= SOLVED
 
 
-def test_configurations_lie_on_the_constraints(full, rom):
-    """C = 0, C_q G = 0 and C_q β = γ at random points of several rounds, to the table's `tol`."""
-    lot = np.random.default_rng(2)
-    length = rom.lift.step * len(rom.lift.coefficients)
+def test_two_coordinates_move_as_all_do(surface, two):
+    """And with another mass and spring, on a motion that the table was not made of."""
+    run = rj.simulate(surface, TS, **EXACT)
+    assert (surface.n, surface.m) == (2, 0)
+    assert run.is_valid
+    assert rj.compare(two, run).error <= PUBLISHED
+    assert np.max(run.violation) <= SOLVED
+    other = rj.assemble(five_bar(spring=64.0, mass=1.1))
+    right = rj.simulate(other, TS, **EXACT)
+    assert np.max(np.abs(right.q - two.q)) > 1e-2
+    moved = rj.simulate(surface.with_full(other), TS, **EXACT)
+    assert rj.compare(right, moved).error <= PUBLISHED
+
+
+@pytest.mark.parametrize("freedoms", [1, 2])
+def test_configurations_lie_on_the_constraints(freedoms, rom, surface):
+    """C = 0, C_q G = 0 and C_q β = γ at random points, of several rounds where the curve is closed,
+    to the table's `tol`.
+    """
+    model = (rom, surface)[freedoms - 1]
+    full, lot = model.full, np.random.default_rng(2)
+    lengths = model.lift.grid.steps * np.array(model.lift.coefficients.shape[:freedoms])
+    low, high = (-2, 3) if freedoms == 1 else (0.1, 0.9)
 
     @jax.jit
     def violations(z, w):
-        motion = rom.lift.motion(full, 0.0, z, w)
+        motion = model.lift.motion(full, 0.0, z, w)
         state = full.state(0.0, motion.q, motion.v)
         rows = state.jacobian()
         gamma = rj.system.dynamics.gamma(full, 0.0, motion.q, motion.v)
         return full.constraint(0.0, motion.q), rows @ motion.tangent, rows @ motion.bias - gamma
 
-    for place, speed in zip(lot.uniform(-2, 3, 20), lot.uniform(-1, 1, 20), strict=True):
-        z, w = jnp.array([place * length]), jnp.array([speed])
+    for _ in range(20):
+        z, w = lot.uniform(low, high, freedoms) * lengths, lot.uniform(-1, 1, freedoms)
         position, velocity, acceleration = map(np.asarray, violations(z, w))
         assert np.max(np.abs(position)) <= IDENTITY
         assert np.max(np.abs(velocity)) <= SOLVED
         assert np.max(np.abs(acceleration)) <= 10 * rj.Tabulated().tol
+
+
+def test_derivatives_of_two_coordinates_are_those_of_the_table(surface):
+    """G and β against JAX's derivatives of the positions, at a random state."""
+    lift, full = surface.lift, surface.full
+    z, w = surface.q0 + 0.01, jnp.array([0.3, -0.7])
+
+    @jax.jit
+    def both():
+        motion = lift.motion(full, 0.0, z, w)
+        slope = jax.jacfwd(lambda z: lift.position(full, 0.0, z))
+        _, bias = jax.jvp(lambda z: slope(z) @ w, (z,), (w,))
+        return (motion.tangent, motion.bias), (slope(z), bias)
+
+    for own, right in zip(*both(), strict=True):
+        np.testing.assert_allclose(own, right, atol=SOLVED)
 
 
 def test_a_start_is_met_in_any_round(full, rom, exact):
@@ -131,8 +191,8 @@ def test_other_masses_need_no_new_table(full, rom):
     right = jax.jacfwd(end)(heavier, False, forward)
     np.testing.assert_allclose(jax.jacfwd(end)(heavier, True, forward), right, rtol=DIFFERENCED)
     np.testing.assert_allclose(jax.grad(end)(heavier, True), right, rtol=DIFFERENCED)
-    nodes = rom.with_full(rj.assemble(slider_crank(slider=1.3))).lift.nodes
-    np.testing.assert_array_equal(nodes, rom.lift.nodes)
+    nodes = rom.with_full(rj.assemble(slider_crank(slider=1.3))).lift.grid.nodes
+    np.testing.assert_array_equal(nodes, rom.lift.grid.nodes)
 
 
 @pytest.mark.slow
@@ -144,7 +204,7 @@ def test_other_lengths_move_the_table(full, rom):
     assert rj.compare(rj.simulate(other, TS, **EXACT), run).error <= PUBLISHED
 
     def node(length):
-        return rom.lift.with_full(rj.assemble(slider_crank(length=length))).nodes[40]
+        return rom.lift.with_full(rj.assemble(slider_crank(length=length))).grid.nodes[40]
 
     step = 1e-4
     differences = (node(1.1 + step) - node(1.1 - step)) / (2 * step)
@@ -169,6 +229,36 @@ def test_small_deflections_are_added_to_second_order():
 
     order = np.log10(violation(1e-1) / violation(1e-2))
     assert order == pytest.approx(3.0, abs=0.1)
+
+
+@pytest.mark.slow
+def test_deflections_of_two_freedoms_are_added_to_second_order():
+    """Two links that bend by some thousandths of their length."""
+    links = [
+        rj.Beam(f"link{i}", mass=0.5, length=0.5, EI=50.0, modes=1, position=(0.25 + 0.5 * i, 0.0))
+        for i in range(2)
+    ]
+    hinges = [rj.ground.at(), links[0].at("end")]
+    joints = [rj.Revolute(link.at("start"), at) for link, at in zip(links, hinges, strict=True)]
+    system = rj.assemble(rj.Scene(links, joints, [rj.Gravity()]))
+    run = rj.simulate(system, TS, **EXACT)
+    rom = rj.reduce(system, rj.pod(run, rank=4), "table")
+    assert rom.n == 4
+    assert rj.compare(run, rj.simulate(rom, TS, **EXACT)).error <= DIFFERENCED
+
+
+def test_a_surface_reaches_as_far_as_the_snapshots(surface, two):
+    """Beyond them and a margin there is no result, and a motion that takes the mechanism through a
+    singular position of every pair of coordinates is refused.
+    """
+    faster = dataclasses.replace(surface, v0=jnp.array([5.0, 5.0]))
+    assert not rj.simulate(faster, TS, throw=False).success
+    scene = five_bar()
+    push = rj.Force(scene.bodies[1].at(), (1.0, 0.4), rj.Sine(80.0, 1.5))
+    system = rj.assemble(rj.Scene(scene.bodies, scene.joints, [*scene.effects, push]))
+    run = rj.simulate(system, jnp.linspace(0.0, 4.0, 201))
+    with pytest.raises(rj.ReductionError, match="no two coordinates"):
+        rj.reduce(system, rj.pod(run, rank=2), "table")
 
 
 @pytest.mark.slow
@@ -213,11 +303,12 @@ def driven() -> rj.Scene:
 @pytest.mark.parametrize(
     ("scene", "message"),
     [
-        (lambda: rj.gallery.chain(2), "have 2 freedoms"),
+        (lambda: rj.gallery.chain(3), "have 3 freedoms"),
+        (lambda: rj.gallery.chain(2), "give a basis, whose snapshots"),
         (parallelogram, "configurations branch"),
         (driven, "change with time"),
     ],
-    ids=["two freedoms", "branches", "driven"],
+    ids=["three freedoms", "two without snapshots", "branches", "driven"],
 )
 def test_what_a_table_cannot_hold_is_refused(scene, message):
     system = rj.assemble(scene())

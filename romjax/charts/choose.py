@@ -32,6 +32,16 @@ class Candidate(NamedTuple):
     condition: float
 
 
+class Directions(NamedTuple):
+    """Orthonormal directions of independent (n, d) and dependent (n, m) coordinates of a survey,
+    and the worst condition of the dependent ones over the snapshots.
+    """
+
+    independent: np.ndarray
+    dependent: np.ndarray
+    condition: float
+
+
 # By snapshots, since a basis and the models made with it ask for the same chart.
 _chosen = Remembered()
 
@@ -75,12 +85,18 @@ def _best(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"])
         return Candidate(chart, float(np.linalg.cond(varied[0][:, dependent])))
 
     seen = seen or survey(system, t, q, _SNAPSHOTS)
-    rank = len(seen.rows)
-    candidates = []
-    for directions in (_coordinates(seen.null_spaces), *_means(seen.null_spaces)):
-        independent, dependent = directions[:, rank:], directions[:, :rank]
+    directions = best_directions(seen)
+    chart = seen.chart(directions.independent, directions.dependent)
+    return Candidate(chart, directions.condition)
+
+
+def best_directions(seen: Survey) -> Directions:
+    """Those whose worst snapshot is best: single coordinates, or averages over the motion."""
+    rank, candidates = len(seen.rows), []
+    for vectors in (_coordinates(seen.null_spaces), *_means(seen.null_spaces)):
+        independent, dependent = vectors[:, rank:], vectors[:, :rank]
         condition = _worst_condition(independent, dependent, seen)
-        candidates.append(Candidate(seen.chart(independent, dependent), condition))
+        candidates.append(Directions(independent, dependent, condition))
     return min(candidates, key=lambda candidate: candidate.condition)
 
 

@@ -22,8 +22,8 @@ _REDUNDANT = 1e-9
 class Survey(NamedTuple):
     """The constraints at some snapshots of a motion, in coordinates R q with RᵀR = M.
 
-    Each is divided by the length of its row at one snapshot, so that no unit makes some of them
-    large beside others.
+    q may be some of the coordinates alone. Each constraint is divided by the length of its row at
+    one snapshot, so that no unit makes some of them large beside others.
     """
 
     snapshots: np.ndarray  # numbers of the snapshots
@@ -40,13 +40,20 @@ class Survey(NamedTuple):
 
 
 def survey(
-    system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"], count: int
+    system: AbstractSystem,
+    t: Float[Array, " h"],
+    q: Float[Array, "h n"],
+    count: int,
+    of: np.ndarray | None = None,
 ) -> Survey:
-    """The constraints at `count` of the snapshots t, q, spread evenly."""
+    """The constraints at `count` of the snapshots t, q, spread evenly, as functions of all
+    coordinates, or `of` those with these numbers.
+    """
     numbers = np.linspace(0, len(t) - 1, min(count, len(t))).astype(int)
     t, q = np.asarray(t)[numbers], np.asarray(q)[numbers]
-    root = mass_root(system, as_jax(q[0]))
-    scaled = np.asarray(jacobians(system, t, q)) @ np.linalg.inv(root)
+    own = np.arange(system.n) if of is None else of
+    root = mass_root(system, as_jax(q[0]), own)
+    scaled = np.asarray(jacobians(system, t, q))[:, :, own] @ np.linalg.inv(root)
     # The snapshot farthest from a singular position tells which constraints repeat others.
     farthest = np.argmax([np.linalg.svd(x, compute_uv=False)[-1] for x in scaled])
     lengths = np.linalg.norm(scaled[farthest], axis=1)
@@ -61,9 +68,11 @@ def survey(
     return Survey(numbers, rows, scaled, null_spaces, root)
 
 
-def mass_root(system: AbstractSystem, q: Float[Array, " n"]) -> np.ndarray:
-    """R with RᵀR = M at a configuration."""
-    return np.linalg.cholesky(np.asarray(mass_at(system, q))).T
+def mass_root(
+    system: AbstractSystem, q: Float[Array, " n"], of: np.ndarray | slice = np.s_[:]
+) -> np.ndarray:
+    """R with RᵀR = M at a configuration, `of` some of the coordinates or of all."""
+    return np.linalg.cholesky(np.asarray(mass_at(system, q))[of][:, of]).T
 
 
 @program_once

@@ -46,8 +46,8 @@ def reduce(
       constraints that it can violate. `Minimal()`, "minimal": in minimal coordinates, of which the
       modes of the basis span a subspace, with all constraints satisfied exactly, best of a basis
       by `Minimal.basis`. `Local()`, "local": few modes for each flexible body, with all joints.
-      `Tabulated()`, "table": one coordinate along all configurations of a mechanism with one
-      freedom. `HyperReduced()`, "hyper": a few of many hinged rigid bodies stand for all.
+      `Tabulated()`, "table": the configurations of a mechanism with one or two freedoms, looked
+      up. `HyperReduced()`, "hyper": a few of many hinged rigid bodies stand for all.
       `Projected()`, "projected": the chapter's equation 39.6, unstable, for reference only.
 
     Raises ReductionError if the basis does not fit the system, if it would lock the mechanism or

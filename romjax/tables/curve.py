@@ -1,6 +1,5 @@
 """The curve of all configurations of a mechanism with one freedom, node by node."""
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -8,24 +7,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..charts.choose import WORST_CONDITION
+from ..arrays import as_jax
 from ..charts.survey import jacobians
 from ..errors import ReductionError
 from ..system.base import AbstractSystem
-from .frames import BLOCK, Frames, Point, advance, curvature_errors, start, violations
-from .interpolation import AFTER, BEFORE
+from .frames import BLOCK, Frames, Point, advance, start, violations
+from .grid import CLOSED, Grid, check, refined
+from .interpolation import SIDE
 
 # Blocks of steps after which a curve that has not closed is left open.
 _MOST = 64
 # Largest change of the unit tangent over one step while the curve is surveyed.
 _TURN = 0.2
-# The order in which the error of accelerations between the nodes falls. Where twice as many nodes
-# do not halve it, rounding is what is left.
-_ORDER, _MOST_NODES = 6, 2**14
 # Corrections of the length of a closed curve, and its share at which they end.
 _CORRECTIONS, _CLOSED = 8, 1e-13
-# How near a closed curve comes to its start, as a share of the coordinates.
-_RETURNED = 1e-9
 # Share of an open curve that is added at both ends of what the snapshots need.
 _MARGIN = 0.1
 
@@ -37,27 +32,13 @@ class Points(NamedTuple):
     tangent: np.ndarray
 
 
-class Curve(NamedTuple):
-    """Nodes at equal steps along a curve, with those before and after that polynomials need.
-
-    - `nodes`: configurations. `step`: of the coordinate s, which is close
-      to the arc length in the mass metric; it is zero at the node `BEFORE`.
-    - `turn` (n,): what one round of a closed curve adds to q, multiples of 2π for the angles of
-      parts that go round; None if the curve is open.
-    """
-
-    nodes: Points
-    step: float
-    turn: np.ndarray | None
-
-
-def trace(
+def trace_curve(
     system: AbstractSystem,
     frames: Frames,
     q: Float[Array, " n"],
     snapshots: Float[Array, "K n"] | None,
     tol: float,
-) -> Curve:
+) -> Grid:
     """The whole curve through q if it closes, else as much of it as the snapshots need.
 
     Halfway between the nodes the constraints hold to `tol`. Raises ReductionError for constraints
@@ -69,7 +50,7 @@ def trace(
     begin = start(system, frames, q, jnp.asarray(direction, q.dtype))
     walk = _Walk(system, frames)
     step, closing = walk.survey(begin)
-    make: Callable[[int], Curve]
+    make: Callable[[int], Grid]
     if closing is not None:
         length, turn = closing
         make = lambda count: walk.around(begin, length, turn, count)  # noqa: E731
@@ -82,22 +63,7 @@ def trace(
             "its configurations has no end; give a basis, whose snapshots say how far it goes."
         )
     count = BLOCK * max(1, round(length / step / BLOCK))
-    tried, error = 0, np.inf
-    while count <= _MOST_NODES:
-        curve = make(count)
-        last, error = error, walk.error(curve)
-        if error <= tol:
-            walk.check(curve.nodes)
-            return curve
-        doubled, tried = count >= 2 * tried > 0, count
-        if doubled and error > last / 2:
-            break
-        more = min(2.0, 1.1 * (error / tol) ** (1 / _ORDER))
-        count = BLOCK * math.ceil(more * count / BLOCK)
-    raise ReductionError(
-        f"reduce: a table of {tried} nodes violates the constraints by {error:.1e}, more than "
-        f"tol={tol:g}; take a larger tol, or formulation=romjax.Minimal()."
-    )
+    return refined(system, frames, make, count, tol, BLOCK)
 
 
 class _Walk(NamedTuple):
@@ -145,7 +111,7 @@ class _Walk(NamedTuple):
                 return (passed + share) * step, turns[i]
         return None
 
-    def around(self, begin: Point, length: float, turn: np.ndarray, count: int) -> Curve:
+    def around(self, begin: Point, length: float, turn: np.ndarray, count: int) -> Grid:
         """`count` nodes of a closed curve of about this length; the last step ends at the first."""
         metric = np.asarray(self.frames.metric)
         step = length / count
@@ -156,17 +122,18 @@ class _Walk(NamedTuple):
                 break
             step -= gap / count
         left = np.max(np.abs(points.q[count] - points.q[0] - turn))
-        violated = np.abs(self.constraints(points.q + turn))
-        if left > _RETURNED * (1 + np.max(np.abs(points.q))) or np.max(violated) > _RETURNED:
-            self.check(points)
+        violated = np.abs(violations(self.system, self.frames.time, as_jax(points.q + turn)))
+        if left > CLOSED * (1 + np.max(np.abs(points.q))) or np.max(violated) > CLOSED:
+            grid = _grid(points, step, turn)
+            check(self.system, self.frames, grid.nodes, grid.along)
             raise ReductionError(
                 f"reduce: after one round the mechanism is {left:.1e} beside where it started, so "
                 "that no table holds all of its rounds; take formulation=romjax.Minimal()."
             )
-        before, after = slice(count - BEFORE, count), slice(AFTER + 1)
+        before, after = slice(count - SIDE, count), slice(SIDE + 1)
         q = np.concatenate([points.q[before] - turn, points.q[:count], points.q[after] + turn])
         tangents = [points.tangent[part] for part in (before, slice(count), after)]
-        return Curve(Points(q, np.concatenate(tangents)), step, turn)
+        return _grid(Points(q, np.concatenate(tangents)), step, turn)
 
     def ends(self, begin: Point, step: float, snapshots: np.ndarray) -> tuple[Point, float]:
         """The lower end of what the snapshots need of an open curve, and the length from there."""
@@ -176,16 +143,16 @@ class _Walk(NamedTuple):
         root = np.linalg.cholesky(np.asarray(self.frames.metric))
         far = np.sum((q @ root) ** 2, 1)[:, None] - 2 * (q @ root) @ (snapshots @ root).T
         nearest = np.argmin(far, axis=0)
-        margin = BEFORE + int(np.ceil(_MARGIN * np.ptp(nearest)))
+        margin = 1 + int(np.ceil(_MARGIN * np.ptp(nearest)))
         low = int(np.clip(np.min(nearest) - margin, 0, len(q) - 1))
         high = int(np.clip(np.max(nearest) + margin, 0, len(q) - 1))
         tangents = np.concatenate([-back.tangent[:0:-1], forth.tangent])
         return Point(jnp.asarray(q[low]), jnp.asarray(tangents[low])), (high - low) * step
 
-    def along(self, begin: Point, length: float, count: int) -> Curve:
+    def along(self, begin: Point, length: float, count: int) -> Grid:
         """`count` steps of an open curve."""
         step = length / count
-        return Curve(self.points(begin, step, count + BEFORE + AFTER), step, None)
+        return _grid(self.points(begin, step, count), step, None)
 
     def points(self, begin: Point, step: float, count: int) -> Points:
         """The first point, and `count` or some more after it."""
@@ -208,40 +175,14 @@ class _Walk(NamedTuple):
         metric = np.asarray(self.frames.metric)
         return np.asarray(np.sqrt(np.einsum("ki,ij,kj->k", x, metric, x)))
 
-    def constraints(self, q: np.ndarray, later: float = 0.0) -> np.ndarray:
-        """C (K, M) at configurations, `later` [s] than where the table is made."""
-        return np.asarray(violations(self.system, self.frames.time + later, jnp.asarray(q)))
-
-    def error(self, curve: Curve) -> float:
-        """Largest |C̈| halfway between the nodes, of a motion at unit speed."""
-        nodes, step = map(jnp.asarray, (curve.nodes.q, curve.step))
-        errors = curvature_errors(self.system, self.frames.time, nodes, step)
-        return float(np.max(np.abs(errors)))
-
-    def check(self, points: Points) -> None:
-        """Raise ReductionError for points of a curve that a table cannot hold."""
-        q, tangents = points
-        for later in (1.0, np.e):
-            if np.max(np.abs(self.constraints(q, later) - self.constraints(q))) > _RETURNED:
-                raise ReductionError(
-                    "reduce: the constraints change with time, so that a table of configurations "
-                    "does not hold; take formulation=romjax.Minimal()."
-                )
-        free, rows = np.array(self.frames.numbers), np.array(self.frames.rows)
-        times = jnp.full(len(q), self.frames.time)
-        block = np.asarray(jacobians(self.system, times, jnp.asarray(q)))[:, rows][:, :, free]
-        root = np.linalg.cholesky(np.asarray(self.frames.metric)[np.ix_(free, free)])
-        scaled = block @ np.linalg.inv(root).T
-        worst = float(np.max(np.linalg.cond(scaled)))
-        # Where two branches of configurations cross, the orientation changes.
-        square = np.concatenate([scaled, (tangents[:, free] @ root)[:, None]], axis=1)
-        signs = np.sign(np.linalg.det(square))
-        if worst > WORST_CONDITION or np.any(signs != signs[0]):
-            raise ReductionError(
-                "reduce: the mechanism passes a singular position, where its configurations branch "
-                "and no table leads on; take formulation=romjax.Galerkin()."
-            )
-
 
 def _first(point: Point) -> Points:
     return Points(np.asarray(point.q)[None], np.asarray(point.tangent)[None])
+
+
+def _grid(points: Points, step: float, turn: np.ndarray | None) -> Grid:
+    q, tangents = (as_jax(x) for x in points)
+    steps = jnp.full(1, step, q.dtype)
+    return Grid(
+        q, tangents[:, :, None], steps, None if turn is None else jnp.asarray(turn, q.dtype)
+    )

@@ -1,4 +1,4 @@
-"""The amplitudes of flexible bodies beside a curve: what they add to configurations."""
+"""The amplitudes of flexible bodies: what they add to the configurations of a table."""
 
 import itertools
 from typing import Any
@@ -13,7 +13,7 @@ from ..program import program_once
 from ..system.base import AbstractSystem
 from ..system.constraints import differentiate
 from .frames import Frames
-from .interpolation import polynomials
+from .grid import Grid
 
 
 def _pairs(k: int) -> list[tuple[int, int]]:
@@ -44,17 +44,16 @@ def along_motion(x: Float[Array, " k"], v: Float[Array, " k"]) -> tuple[Array, A
 def tabulate(
     system: AbstractSystem,
     frames: Frames,
-    nodes: Float[Array, "P n"],
-    tangents: Float[Array, "P n"],
+    grid: Grid,
     modes: Any,
-) -> Float[Array, "N p columns"]:
+) -> Float[Array, "..."]:
     """Polynomials of T, where the amplitudes have the `modes` (n, k)."""
 
-    def expand(q: Array, tangent: Array) -> Array:
+    def expand(q: Array, along: Array) -> Array:
         k = modes.shape[1]
         if not k:
             return q
-        (correction, _), rows = frames.slice(system, q, tangent), np.array(frames.rows)
+        (correction, _), rows = frames.slice(system, q, along), np.array(frames.rows)
 
         def first(q: Array, direction: Array) -> Array:
             _, violated = jax.jvp(lambda q: frames.violation(system, q), (q,), (direction,))
@@ -73,4 +72,6 @@ def tabulate(
         bends = [own[a] if a == b else mixed[numbers[a, b]] for a, b in _pairs(k)]
         return jnp.concatenate([q, slopes.reshape(-1), *bends])
 
-    return polynomials(jax.vmap(expand)(nodes, tangents))
+    n, d = grid.along.shape[-2:]
+    q, along = grid.nodes.reshape(-1, n), grid.along.reshape(-1, n, d)
+    return grid.polynomials(jax.vmap(expand)(q, along))

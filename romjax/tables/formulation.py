@@ -1,4 +1,4 @@
-"""Tables: mechanisms with one freedom whose configurations are looked up."""
+"""Tables: mechanisms with one or two freedoms whose configurations are looked up."""
 
 from typing import ClassVar
 
@@ -18,19 +18,24 @@ from ..reduction.formulation.base import AbstractFormulation, start
 from ..reduction.system import ReducedSystem
 from ..system.base import AbstractSystem
 from ..system.validity import TrainingBox
-from .curve import trace
+from .curve import trace_curve
 from .frames import Frames
 from .lift import TableLift
+from .surface import trace_surface
 
 
 class Tabulated(AbstractFormulation):
-    """One coordinate along all configurations of a mechanism with one freedom, from a table.
+    """As many coordinates as freedoms, one or two, which look up the configurations in a table.
 
-    The joints leave the frames of the bodies one curve, which is traced once; a step then solves no
-    constraints. Its coordinate singles out no body, so that cranks go round and dead points are
-    passed. Masses, stiffnesses and effects need no new table. Where bodies deform, a basis of rank
-    r gives r − 1 modes of their amplitudes, decomposed as the basis was; small amplitudes are added
-    to second order. Constraints that do not hold to that order are flagged.
+    With one freedom the joints leave the frames of the bodies a curve, which is traced once; a step
+    then solves no constraints. Its coordinate singles out no body, so that cranks go round and dead
+    points are passed. With two freedoms they leave a surface, of which the table holds what the
+    snapshots of the basis reach and a tenth more on each side, away from singular positions.
+    Beyond the ends of a table a run fails.
+
+    Masses, stiffnesses and effects need no new table. Where bodies deform, a basis of rank r gives
+    r − 1 or r − 2 modes of their amplitudes, decomposed as the basis was; small amplitudes are
+    added to second order. Constraints that do not hold to that order are flagged.
 
     Global modal parametrization: Brüls, Duysinx, Golinval, "The global modal parameterization for
     non-linear model-order reduction in flexible multibody dynamics", IJNME 69, 948 (2007),
@@ -54,8 +59,9 @@ class Tabulated(AbstractFormulation):
             raise InputError(f"Tabulated: tol={self.tol}, but it must be positive.")
 
     def reduce(self, system: AbstractSystem, basis: Basis) -> ReducedSystem:
-        """Raises ReductionError for bodies in space, for another number of freedoms, for
-        constraints that change with time, and at singular positions.
+        """Raises ReductionError for bodies in space, for other numbers of freedoms, for
+        constraints that change with time, at singular positions, and without snapshots for two
+        freedoms or an open curve.
         """
         if system.full.structure.quaternions:
             raise ReductionError(
@@ -67,28 +73,30 @@ class Tabulated(AbstractFormulation):
         amplitudes = np.setdiff1d(np.arange(system.n), frames.numbers)
         undeformed, trained = q.at[amplitudes].set(0.0), basis.decomposition is not None
         snapshots = basis.snapshots.q.at[:, amplitudes].set(0.0) if trained else None
-        curve = trace(system, frames, undeformed, snapshots, self.tol)
-        own = _modes(basis, amplitudes)
+        if frames.freedoms == 1:
+            grid = trace_curve(system, frames, undeformed, snapshots, self.tol)
+        else:
+            grid = trace_surface(system, frames, snapshots, self.tol)
+        own = _modes(basis, amplitudes, basis.rank - frames.freedoms)
         modes = jnp.zeros((system.n, own.shape[1]), q.dtype).at[amplitudes].set(own)
-        lift = TableLift.of(system, frames, curve, modes)
-        kind = "an open" if curve.turn is None else "a closed"
-        summary = f"one freedom along {kind} curve of {len(lift.coefficients)} nodes"
+        lift = TableLift.of(system, frames, grid, modes)
+        summary = grid.summary
         if amplitudes.size:
             summary += f", {own.shape[1]} of {amplitudes.size} modes of flexible bodies"
         # Undeformed bodies leave the constraints nowhere.
         violation = _violation(system, lift, basis.snapshots.q) if trained else 0.0
-        everywhere = jnp.full((2, 1 + own.shape[1]), jnp.inf).at[0].multiply(-1)
+        everywhere = jnp.full((2, frames.freedoms + own.shape[1]), jnp.inf).at[0].multiply(-1)
         validity = TrainingBox.of(everywhere, violation)
         return ReducedSystem.of(
             system, lift, (q, v, t), None, validity, f"{summary}, no constraints"
         )
 
 
-def _modes(basis: Basis, amplitudes: np.ndarray) -> Float[Array, "a k"]:
+def _modes(basis: Basis, amplitudes: np.ndarray, most: int) -> Float[Array, "a k"]:
     """Modes of the amplitudes of all bodies, orthonormal in their metric."""
     own = basis.snapshots.of_coordinates(amplitudes)
-    count = min(basis.rank - 1, amplitudes.size)
-    if not count:
+    count = min(most, amplitudes.size)
+    if count <= 0:
         return jnp.zeros((amplitudes.size, 0), own.q.dtype)
     if basis.decomposition is None:
         return span(basis.modes[amplitudes], own.metric)

@@ -1,5 +1,6 @@
-"""The curve on which the frames of a mechanism with one freedom move, its bodies undeformed."""
+"""Where the frames of a mechanism with one or two freedoms can move, its bodies undeformed."""
 
+import functools
 from typing import NamedTuple
 
 import equinox as eqx
@@ -14,9 +15,7 @@ from ..errors import ReductionError
 from ..linalg.dense import multiply
 from ..program import program_once
 from ..system.base import AbstractSystem
-from ..system.constraints import differentiate
 from ..system.dynamics import jacobian
-from .interpolation import evaluate, polynomials
 
 # Steps of Newton's method, each of which doubles the number of correct digits.
 _NEWTON = 4
@@ -25,13 +24,14 @@ BLOCK = 64
 
 
 class Frames(eqx.Module):
-    """The coordinates that the constraints determine up to one freedom.
+    """The coordinates that the constraints determine up to one or two freedoms.
 
     - `numbers`: of these coordinates in q; `rows`: of the constraints that do not repeat others.
     - `metric` (n, n): the mass matrix M₀ at the start.
-    - `time` [s]: at which constraints are evaluated.
+    - `freedoms`: one or two. `time` [s]: at which constraints are evaluated.
     """
 
+    freedoms: int = eqx.field(static=True)
     numbers: tuple[int, ...] = eqx.field(static=True)
     rows: tuple[int, ...] = eqx.field(static=True)
     metric: Float[Array, "n n"]
@@ -39,7 +39,7 @@ class Frames(eqx.Module):
 
     @classmethod
     def of(cls, system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]) -> "Frames":
-        """Of a system near q (n,); raises ReductionError unless these have one freedom."""
+        """Of a system near q (n,); raises ReductionError for other numbers of freedoms."""
         if concrete(q) is None:
             raise ValueError(
                 "reduce: a table is made outside of jit, grad and vmap; inside, take the same one "
@@ -50,44 +50,49 @@ class Frames(eqx.Module):
         full = seen.jacobians[0] @ seen.root
         rank = np.linalg.matrix_rank(full[:, numbers]) if system.m else 0
         freedoms = len(numbers) - rank
-        if rank < len(seen.rows) or freedoms != 1:
+        if rank < len(seen.rows) or freedoms not in (1, 2):
             why = f"the frames of its undeformed bodies have {freedoms} freedoms"
             if rank < len(seen.rows):
                 why = f"{len(seen.rows) - rank} of its constraints hold by deformation alone"
             raise ReductionError(
-                f"reduce: a table is for mechanisms of one freedom, but {why}; take "
+                f"reduce: a table is for mechanisms of one or two freedoms, but {why}; take "
                 "formulation=romjax.Minimal()."
             )
         metric = np.asarray(seen.root.T @ seen.root)
         names = tuple(int(i) for i in numbers)
-        return cls(names, seen.rows, jnp.asarray(metric), t)
+        return cls(int(freedoms), names, seen.rows, jnp.asarray(metric), t)
 
     def violation(self, system: AbstractSystem, q: Float[Array, " n"]) -> Float[Array, " m"]:
         """C of the constraints that do not repeat others."""
         return system.constraint(self.time, q)[np.array(self.rows)]
 
     def slice(
-        self, system: AbstractSystem, q: Float[Array, " n"], along: Float[Array, " n"]
-    ) -> tuple[Float[Array, "n m"], Float[Array, " n"]]:
-        """X such that Δq = X c has C_q Δq = c and no part `along` a direction, in the mass metric;
-        and the unit vector that the constraints allow next to that direction.
+        self, system: AbstractSystem, q: Float[Array, " n"], along: Float[Array, "n d"]
+    ) -> tuple[Float[Array, "n m"], Float[Array, "n d"]]:
+        """X such that Δq = X c has C_q Δq = c and no part `along` the directions A, in the mass
+        metric; and the tangents T that the constraints allow, with Aᵀ M₀ T = 1.
         """
         own = np.array(self.numbers)
         rows = jacobian(system, self.time, q)[np.array(self.rows)][:, own]
-        normal = multiply(self.metric, along)[own]
-        inverse = jnp.linalg.inv(jnp.concatenate([rows, normal[None]]))
+        normals = multiply(along.T, self.metric)[:, own]
+        inverse = jnp.linalg.inv(jnp.concatenate([rows, normals]))
         columns = jnp.zeros((q.size, own.size), q.dtype).at[own].set(inverse)
-        tangent = columns[:, -1]
-        size = jnp.sqrt(multiply(tangent, multiply(self.metric, tangent)))
-        return columns[:, :-1], tangent / size
+        return columns[:, : len(rows)], columns[:, len(rows) :]
 
-    def project(
+    def tangent(
         self, system: AbstractSystem, q: Float[Array, " n"], along: Float[Array, " n"]
     ) -> Float[Array, " n"]:
-        """The configuration on the constraints by Newton's method from q, across a direction."""
+        """The unit vector that one freedom allows next to a direction."""
+        tangent = self.slice(system, q, along[:, None])[1][:, 0]
+        return tangent / jnp.sqrt(multiply(tangent, multiply(self.metric, tangent)))
+
+    def project(
+        self, system: AbstractSystem, q: Float[Array, " n"], along: Float[Array, "n d"]
+    ) -> Float[Array, " n"]:
+        """The configuration on the constraints by Newton's method from q, across directions."""
 
         def newton(q: Array, _: None) -> tuple[Array, None]:
-            correction, _tangent = self.slice(system, q, along)
+            correction, _tangents = self.slice(system, q, along)
             return q - multiply(correction, self.violation(system, q)), None
 
         return jax.lax.scan(newton, q, None, length=_NEWTON)[0]
@@ -103,8 +108,8 @@ class Point(NamedTuple):
 @program_once
 def start(system: AbstractSystem, frames: Frames, q: Array, before: Array) -> Point:
     """The point of the curve next to q whose tangent is next to `before`."""
-    q = frames.project(system, q, before)
-    return Point(q, frames.slice(system, q, before)[1])
+    q = frames.project(system, q, before[:, None])
+    return Point(q, frames.tangent(system, q, before))
 
 
 @program_once
@@ -114,9 +119,7 @@ def advance(system: AbstractSystem, frames: Frames, point: Point, step: Array) -
     Equal steps of a one-step method are points of one smooth motion along the curve, whose speed
     differs from one by O(h⁴): as good a coordinate as the arc length, which need not be known.
     """
-
-    def slope(q: Array, before: Array) -> Array:
-        return frames.slice(system, q, before)[1]
+    slope = functools.partial(frames.tangent, system)
 
     def one(point: Point, _: None) -> tuple[Point, Point]:
         q, first = point
@@ -124,27 +127,11 @@ def advance(system: AbstractSystem, frames: Frames, point: Point, step: Array) -
         third = slope(q + step / 2 * second, first)
         fourth = slope(q + step * third, first)
         mean = (first + 2 * second + 2 * third + fourth) / 6
-        q = frames.project(system, q + step * mean, mean)
+        q = frames.project(system, q + step * mean, mean[:, None])
         new = Point(q, slope(q, first))
         return new, new
 
     return jax.lax.scan(one, point, None, length=BLOCK)[1]
-
-
-@program_once
-def curvature_errors(
-    system: AbstractSystem,
-    t: Float[Array, ""],
-    nodes: Float[Array, "P n"],
-    step: Float[Array, ""],
-) -> Float[Array, "N M"]:
-    """C̈ halfway between nodes that are a `step` apart, of a motion at unit speed along them."""
-
-    def one(coefficients: Array) -> Array:
-        q, slope, bend = evaluate(coefficients, jnp.full_like(step, 0.5))
-        return differentiate(system.constraint, t, q, slope / step, bend / step**2).curvature
-
-    return jax.vmap(one)(polynomials(nodes))
 
 
 @program_once

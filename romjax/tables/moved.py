@@ -11,6 +11,7 @@ from ..linalg.dense import multiply
 from ..program import program_once
 from ..system.base import AbstractSystem
 from .frames import Frames
+from .grid import Grid
 
 # Most steps of Newton's method, and the violation at which they end, in units in the last place.
 _NEWTON, _ROUNDING = 20, 100
@@ -20,20 +21,21 @@ _NEWTON, _ROUNDING = 20, 100
 def moved_nodes(
     system: AbstractSystem,
     frames: Frames,
-    nodes: Float[Array, "P n"],
-    tangents: Float[Array, "P n"],
-) -> Float[Array, "P n"]:
-    """The nodes on the constraints of a system with other numbers, moved across the `tangents`."""
-    moved: Array = _on_constraints(system, frames, nodes, tangents)
-    return moved
+    grid: Grid,
+) -> Float[Array, "*P n"]:
+    """The nodes on the constraints of a system with other numbers, moved across the directions."""
+    n, d = grid.along.shape[-2:]
+    q, along = grid.nodes.reshape(-1, n), grid.along.reshape(-1, n, d)
+    moved: Array = _on_constraints(system, frames, q, along)
+    return moved.reshape(grid.nodes.shape)
 
 
-def _solve(system: AbstractSystem, frames: Frames, nodes: Array, tangents: Array) -> Array:
+def _solve(system: AbstractSystem, frames: Frames, nodes: Array, along: Array) -> Array:
     """NaN if Newton's method does not converge."""
 
     def newton(carry: Any) -> Any:
         q, violation, count = carry
-        corrections, _ = jax.vmap(frames.slice, (None, 0, 0))(system, q, tangents)
+        corrections, _ = jax.vmap(frames.slice, (None, 0, 0))(system, q, along)
         q = q - jnp.einsum("pnm,pm->pn", corrections, violation)
         return q, violate(q), count + 1
 
@@ -54,20 +56,20 @@ def _by_numbers(
     primals: tuple[AbstractSystem, Frames, Array, Array], changes: tuple[Any, Any, Any, Any]
 ) -> tuple[Array, Array]:
     """By the implicit function theorem: dq = −X dC at the same q."""
-    system, frames, _, tangents = primals
+    system, frames, _, along = primals
     q = _on_constraints(*primals)
 
-    def change(q: Array, tangent: Array) -> Array:
+    def change(q: Array, along: Array) -> Array:
         def violation(system: AbstractSystem) -> Array:
             return frames.violation(system, q)
 
         _, violated = eqx.filter_jvp(violation, (system,), changes[:1])
         if violated is None:  # of numbers that no constraint depends on
             return jnp.zeros_like(q)
-        correction, _ = frames.slice(system, q, tangent)
+        correction, _ = frames.slice(system, q, along)
         return -multiply(correction, violated)
 
-    return q, jax.vmap(change)(q, tangents)
+    return q, jax.vmap(change)(q, along)
 
 
 _on_constraints = cast(Any, eqx.filter_custom_jvp)(_solve)
