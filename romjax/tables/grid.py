@@ -72,7 +72,7 @@ def curvature_errors(
     """C̈ halfway between the nodes, of motions along and across the coordinates at unit speed."""
     d, dtype = grid.steps.size, grid.nodes.dtype
     coefficients = grid.polynomials(grid.nodes)
-    ways = jnp.asarray([[1.0], [0.0]][:1] if d == 1 else [[1, 0], [0, 1], [1, 1]], dtype)
+    ways = jnp.asarray([[1]] if d == 1 else [[1, 0], [0, 1], [1, 1]], dtype)
 
     def one(coefficients: Array, way: Array) -> Array:
         q, slopes, bends = evaluate(coefficients, jnp.full(d, 0.5, dtype))
