@@ -1,7 +1,9 @@
-"""Mechanisms of rigid bodies in the plane, put into space: each must move as its planar twin."""
+"""Planar mechanisms, put into space: each must move as its planar twin."""
 
 import dataclasses
+import itertools
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from mechanics import coordinates
@@ -28,7 +30,7 @@ class Extruded(r.AbstractSurface):
 
 
 class InSpace:
-    """A planar `scene` of rigid bodies in the plane that a quaternion `turn` makes of z = 0.
+    """A planar `scene` in the plane that a quaternion `turn` makes of z = 0.
 
     - `scene`: its twin, whose bodies are held in that plane. Of angles that count, the twin knows
       nothing before the start, where they are between −π and π: their zeros are moved accordingly.
@@ -61,16 +63,69 @@ class InSpace:
 
     def _body(self, body) -> rj.AbstractBody:
         q, v = (np.asarray(x) for x in body.start())
+        moving = {
+            "position": self.vector(q[:2]),
+            "orientation": quaternions.product(self.turn, about_z(q[2])),
+            "velocity": self.vector(v[:2]),
+            "angular_velocity": rotated(self.turn, np.array([0.0, 0.0, v[2]])),
+        }
+        if body.modes:
+            return self._flexible(body, moving)
         mass = np.asarray(body.mass_matrix(jnp.asarray(q)))
-        assert body.modes == 0
-        return r.RigidBody(
+        return r.RigidBody(body.name, mass[0], mass[2] * np.array([0.6, 0.7, 1.0]), **moving)
+
+    def _flexible(self, body, moving) -> r.ModalBody:
+        """A body with the same modes, whose points move in its plane alone."""
+        own, modes = body.invariants(), body.modes
+        assert own.foreshortening is None
+        assert own.spin is None
+
+        def about_z_alone(rank, value):
+            """A tensor over the axes of space, of which the plane knows one entry."""
+            if value is None:
+                return None
+            value = np.asarray(value)
+            tensor = np.zeros((*(3,) * rank, *value.shape))
+            tensor[(2,) * rank] = value
+            return tensor
+
+        def padded(value):
+            return None if value is None else np.append(value, 0 * np.asarray(value)[:1], axis=0)
+
+        quadratic = np.eye(modes) if own.modal is None else own.modal
+        inertia = r.SpatialInertia(
+            own.mass,
+            float(own.moment) * np.eye(3),
+            own.modal,
+            padded(own.first_moment),
+            padded(own.shift),
+            about_z_alone(1, own.swing),
+            about_z_alone(2, None if own.stretch is None else 2 * own.stretch),
+            about_z_alone(2, quadratic),
+            about_z_alone(1, None if own.gyration is None else own.gyration.T),
+        )
+        markers = [
+            marker.point
+            for part in (*self.planar.joints, *self.planar.effects)
+            for marker in vars(part).values()
+            if isinstance(marker, rj.Marker) and marker.body == body.name
+        ]
+        points = np.stack([np.zeros(2), *markers])
+        shapes = np.zeros((len(points), 6, modes))
+        shapes[:, [0, 1, 5]] = [body.mode_shapes(jnp.asarray(point)) for point in points]
+        q, v = body.start()
+        stiffness = jax.hessian(body.elastic_energy)(q)[3:, 3:]
+        damping = -jax.jacfwd(body.damping_force)(v)[3:, 3:] if body.damped else None
+        return r.ModalBody(
             body.name,
-            mass[0],
-            mass[2] * np.array([0.6, 0.7, 1.0]),
-            self.vector(q[:2]),
-            quaternions.product(self.turn, about_z(q[2])),
-            self.vector(v[:2]),
-            rotated(self.turn, np.array([0.0, 0.0, v[2]])),
+            inertia,
+            stiffness,
+            np.pad(points, ((0, 0), (0, 1))),
+            shapes,
+            damping=damping,
+            amplitudes=q[3:],
+            rates=v[3:],
+            **moving,
         )
 
     def marker(self, marker: rj.Marker, then=(1.0, 0.0, 0.0, 0.0)) -> rj.Marker:
@@ -102,38 +157,50 @@ class InSpace:
         for rows, frame in zip(self.rows, self.frames, strict=True):
             part = np.array(values[rows.start : rows.stop])
             if frame is not None:
-                angle = float(frame.angle) + (
-                    0.0 if frame.body == "ground" else float(own[frame.body][2])
-                )
+                angle = self._angle(frame, own)
                 c, s = np.cos(angle), np.sin(angle)
                 part[:2] = np.array([[c, -s], [s, c]]) @ part[:2]
             found.append(part)
         return np.concatenate(found) if found else np.zeros(0)
 
+    def _angle(self, marker: rj.Marker, own) -> float:
+        """Of a marker of the planar scene, at coordinates by body."""
+        for body in self.planar.bodies:
+            if body.name == marker.body:
+                q = own[body.name]
+                tilt = body.mode_shapes(jnp.asarray(marker.point))[2] @ q[3:] if body.modes else 0
+                return float(marker.angle + q[2] + tilt)
+        return float(marker.angle)
+
     def accelerations(self, q, a) -> tuple[np.ndarray, float]:
         """Of the planar coordinates, and the largest part out of the plane."""
         found, out = [], 0.0
-        for k, _ in enumerate(self.planar.bodies):
-            own = slice(7 * k, 7 * k + 7)
-            p, ddp = (np.asarray(x[own])[3:] for x in (q, a))
+        for own in self._slices():
+            p, ddp = (np.asarray(x[own])[3:7] for x in (q, a))
             # The rate of 2 E ṗ / s, as E(ṗ) ṗ = 0 and the length is constant.
             turning = 2 * quaternions.apply(quaternions.space_matrix(p), ddp) / (p @ p)
             back = quaternions.conjugate(self.turn)
             line = rotated(back, np.asarray(a[own])[:3])
             turning = rotated(back, turning)
-            found += [line[0], line[1], turning[2]]
+            found += [line[0], line[1], turning[2], *np.asarray(a[own])[7:]]
             out = max(out, abs(line[2]), abs(turning[0]), abs(turning[1]))
         return np.array(found), out
 
     def coordinates(self, q) -> np.ndarray:
-        """Of the plane, (k, 3 bodies), of those of the twin; angles up to full turns."""
+        """Of the plane, (k, n), of those of the twin; angles up to full turns."""
         found, back = [], quaternions.conjugate(self.turn)
-        for k, _ in enumerate(self.planar.bodies):
-            own = np.asarray(q)[:, 7 * k : 7 * k + 7]
-            line = quaternions.rotate(np.broadcast_to(back, own[:, 3:].shape), own[:, :3])
-            turn = quaternions.product(np.broadcast_to(back, own[:, 3:].shape), own[:, 3:])
-            found += [line[:, 0], line[:, 1], 2 * np.arctan2(turn[:, 3], turn[:, 0])]
+        for columns in self._slices():
+            own = np.asarray(q)[:, columns]
+            turned = np.broadcast_to(back, own[:, 3:7].shape)
+            line = quaternions.rotate(turned, own[:, :3])
+            turn = quaternions.product(turned, own[:, 3:7])
+            found += [line[:, 0], line[:, 1], 2 * np.arctan2(turn[:, 3], turn[:, 0]), *own[:, 7:].T]
         return np.stack(found, axis=1)
+
+    def _slices(self) -> list[slice]:
+        """Of the coordinates of each body of the twin."""
+        ends = np.cumsum([0] + [7 + body.modes for body in self.planar.bodies])
+        return [slice(*pair) for pair in itertools.pairwise(ends)]
 
 
 def rotated(turn: np.ndarray, vector: np.ndarray) -> np.ndarray:
