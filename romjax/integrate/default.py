@@ -30,6 +30,8 @@ _RESOLVED = 1.0
 # A spinning body has no frequency above this many times its angular velocity of its own: that of
 # nutation is up to the ratio of two moments of inertia.
 _SPINS = 2.0
+# Share of the fastest frequency at which Baumgarte's terms leave the step to the mechanism.
+_UNRESOLVED = 0.25
 # Baumgarte's terms set the step if their rate is this many times the mechanism's, and comparable
 # with the steps that were taken.
 _FASTER, _COMPARABLE = 3.0, 0.25
@@ -130,18 +132,21 @@ def default_stabilization(
     dt: Float[Array | np.ndarray, ""] | None,
     start: Frequencies,
 ) -> Baumgarte | None:
-    """Critical damping at the fastest rigid frequency ω: α = 2ω, β = ω².
+    """Critical damping at ω: α = 2ω, β = ω², with the fastest rigid frequency in fixed steps, and a
+    quarter of it with step size control.
 
     Faster stabilisation buys no accuracy: it limits the step and lowers the order of explicit
-    methods, so ω dt stays below 0.1. ω is at least one turn in the simulated time, so that a
+    methods, so ω dt stays below 0.1. The fastest frequency may be one that nothing excites, which
+    step size control need not resolve: at the whole of it a chain of 32 ball joints takes 108 steps
+    instead of 57, at no smaller an error. ω is at least one turn in the simulated time, so that a
     mechanism that nothing drives at the start is stabilised too.
     """
     if system.m == 0:
         return None
-    omega = jnp.maximum(start.rigid, 2 * jnp.pi / (ts[-1] - ts[0]))
-    if dt is not None:
-        omega = jnp.minimum(omega, 0.1 / dt)
-    return Baumgarte.critical(omega)
+    slowest = 2 * jnp.pi / (ts[-1] - ts[0])
+    if dt is None:
+        return Baumgarte.critical(jnp.maximum(_UNRESOLVED * start.rigid, slowest))
+    return Baumgarte.critical(jnp.minimum(jnp.maximum(start.rigid, slowest), 0.1 / dt))
 
 
 def warn_of_fast_stabilization(

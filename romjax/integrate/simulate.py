@@ -73,9 +73,9 @@ def simulate(
     - `rtol`, `atol`: tolerances of the step size control; `atol` equals `rtol` unless given.
     - `dt`: a fixed step [s] instead of step size control.
     - `stabilization`: `Baumgarte(alpha, beta)`, `Projection()` or None; unless given, critical
-      damping at the mechanism's fastest rigid frequency, and where energy does not balance with
-      it, as it may at singular positions, the run is repeated with projection (not while JAX
-      traces).
+      damping at a quarter of the mechanism's fastest rigid frequency, at all of it in fixed
+      steps, and where energy does not balance with it, as it may at singular positions, the run
+      is repeated with projection (not while JAX traces).
     - `adjoint`: how derivatives are taken, where the run is part of a transformation; reverse mode
       with checkpoints unless given, or inside `with romjax.forward_mode():`.
     - `max_steps`: most steps before giving up.

@@ -35,8 +35,8 @@ class Tuning:
     - `best`: the parameters of the smallest loss met; `start`: those it began with.
     - `loss`, `drift` (steps,): the loss, and the largest |C| of each run.
     - `alpha`, `beta` (steps,) or (steps, m): the path.
-    - `frequency`: fastest rigid frequency ω of the mechanism [rad/s]; the default is
-      `Baumgarte.critical(frequency)`.
+    - `frequency`: fastest rigid frequency ω of the mechanism [rad/s]; the default in
+      fixed steps is `Baumgarte.critical(frequency)`.
     """
 
     best: Baumgarte
