@@ -147,7 +147,7 @@ CASES = {
         meshed_arm.meshed_arm,
         0.5,
         tuple(meshed_arm.moves(HELD_OUT)),
-        (("local", 6), ("local", 12)),
+        (("local", 6), ("local", 10)),
         # Explicit methods would need far too many steps for its fastest modes.
         truth=(rj.Rodas5P(), 1e-9),
         full=(rj.Rodas5P(),),
