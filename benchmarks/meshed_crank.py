@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import skfem
-from skfem.helpers import ddot, dot, eye, sym_grad, trace
+from finite_elements import meshed
 
 import romjax as rj
 
@@ -24,34 +24,23 @@ def rod() -> rj.ModalBody:
     heights = np.linspace(-HEIGHT / 2, HEIGHT / 2, ELEMENTS[1] + 1)
     mesh = skfem.MeshQuad.init_tensor(lengths, heights)
     basis = skfem.Basis(mesh, skfem.ElementVector(skfem.ElementQuad2()), intorder=4)
-    shear, lame = YOUNG / (2 * (1 + POISSON)), YOUNG * POISSON / (1 - POISSON**2)
-
-    @skfem.BilinearForm
-    def stretching(u, v, _):
-        strain = sym_grad(u)
-        return THICKNESS * ddot(lame * eye(trace(strain), 2) + 2 * shear * strain, sym_grad(v))
-
-    @skfem.BilinearForm
-    def inertia(u, v, _):
-        return THICKNESS * DENSITY * dot(u, v)
-
-    rows = np.hstack([basis.nodal_dofs, basis.facet_dofs, basis.interior_dofs]).T
-    nodes = basis.doflocs[:, rows[:, 0]].T
+    stiff = THICKNESS * YOUNG
+    part = meshed(
+        basis,
+        stiff * POISSON / (1 - POISSON**2),
+        stiff / (2 * (1 + POISSON)),
+        THICKNESS * DENSITY,
+    )
+    ports = {"crank": part.end(0.0), "slider": part.end(LENGTH)}
     return rj.ModalBody.of_mesh(
         "rod",
-        stretching.assemble(basis),
-        inertia.assemble(basis),
-        nodes,
-        {"crank": _edge(nodes, 0.0), "slider": _edge(nodes, LENGTH)},
+        *part[:3],
+        ports,
         modes=VIBRATION,
-        dofs=rows,
+        dofs=part.rows,
         damping=DAMPING,
         position=(CRANK, 0.0),
     )
-
-
-def _edge(nodes: np.ndarray, x: float) -> np.ndarray:
-    return np.flatnonzero(abs(nodes[:, 0] - x) < 1e-9)
 
 
 def meshed_crank(speed: float = 80.0, load: float = 0.5) -> rj.Scene:

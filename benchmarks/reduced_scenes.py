@@ -5,7 +5,9 @@ import itertools
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
+import diffrax
 import jax.numpy as jnp
+import meshed_arm
 import meshed_crank
 import numpy as np
 from linkages import four_bar
@@ -13,6 +15,7 @@ from linkages import four_bar
 import romjax as rj
 
 HELD_OUT = 10  # starts or sets of numbers that no snapshot is from
+EXPLICIT = (diffrax.Tsit5(), diffrax.Dopri8())
 
 
 class Case(NamedTuple):
@@ -21,18 +24,25 @@ class Case(NamedTuple):
     - `others`: what is held out, numbers for `scene`, with "spin" [rad/s] and "tilt" [rad] about
       the origin.
     - `models`: a formulation with its rank, as (name, rank), or ("cap", hertz).
+    - `truth`: method and relative tolerance of the runs that errors are measured by.
+    - `full`, `reduced`: the methods that are tried on the full model and on the reduced ones.
     """
 
     scene: Callable[..., rj.Scene]
     end: float
     others: tuple[dict[str, float], ...]
     models: tuple[tuple[str, int], ...]
+    truth: tuple[diffrax.AbstractSolver, float] = (diffrax.Dopri8(), 1e-10)
+    full: tuple[diffrax.AbstractSolver, ...] = (rj.Rodas5P(), *EXPLICIT)
+    reduced: tuple[diffrax.AbstractSolver, ...] = EXPLICIT
 
     def system(self, cap: float | None = None, **numbers: float) -> rj.AbstractSystem:
         """The full system, or with capped modes, at the start of these numbers."""
         spin, tilt = numbers.pop("spin", 0.0), numbers.pop("tilt", 0.0)
         scene = self.scene(**numbers)
         system = rj.assemble(scene if cap is None else rj.cap(scene, cap))
+        if not (spin or tilt):
+            return system
         q, v = moved(system, spin, tilt)
         return dataclasses.replace(system, q0=q, v0=v)
 
@@ -95,40 +105,6 @@ def segments(count: int) -> rj.Scene:
     return rj.Scene(bodies, _hinges(bodies, size / 2), [rj.Gravity(), *bending])
 
 
-def arm(stiffness: float = 1.0, swing: float = 1.0, load: float = 0.5) -> rj.Scene:
-    """A robot arm of three flexible links on motors that follow smooth angles, with a load."""
-    links = [
-        rj.Beam(
-            f"link{i}",
-            mass=2.0 - 0.5 * i,
-            length=0.5,
-            EI=stiffness * 60.0 / (i + 1),
-            modes=3,
-            shapes="clamped-free",
-            damping=0.01,
-            position=(0.25 + 0.5 * i, 0.0),
-        )
-        for i in range(3)
-    ]
-    grip = rj.RigidBody("load", load, 1e-3, position=(1.5, 0.0))
-    ends = [rj.ground.at(), *(link.at((0.25, 0.0)) for link in links)]
-    joints: list[rj.AbstractJoint] = [
-        rj.Revolute(link.at((-0.25, 0.0)), end) for link, end in zip(links, ends, strict=False)
-    ]
-    joints.append(rj.Weld(grip.at(), ends[3]))
-    motors = [
-        rj.Motor(
-            link.at((-0.25, 0.0)),
-            end,
-            rj.Sine(swing * (0.8 - 0.5 * i), 1.5 + i),
-            proportional=200.0 / (i + 1) ** 2,
-            derivative=5.0 / (i + 1) ** 2,
-        )
-        for i, (link, end) in enumerate(zip(links, ends, strict=False))
-    ]
-    return rj.Scene([*links, grip], joints, [rj.Gravity(), *motors])
-
-
 def _hinges(bodies: list[Any], half: float) -> list[rj.Revolute]:
     """The first body on the ground, each other one on the one before."""
     hinges = [rj.ground.at(), *(body.at((half, 0.0)) for body in bodies)]
@@ -136,13 +112,6 @@ def _hinges(bodies: list[Any], half: float) -> list[rj.Revolute]:
         rj.Revolute(body.at((-half, 0.0)), hinge)
         for body, hinge in zip(bodies, hinges, strict=False)
     ]
-
-
-def _arms() -> Iterator[dict[str, float]]:
-    lot = np.random.default_rng(1)
-    for _ in range(HELD_OUT):
-        stiffness, swing, load = lot.uniform((0.8, 0.5, 0.2), (1.25, 1.3, 0.8))
-        yield {"stiffness": stiffness, "swing": swing, "load": load}
 
 
 CASES = {
@@ -175,7 +144,14 @@ CASES = {
         (("minimal", 4), ("minimal", 6), ("hyper", 4), ("hyper", 6)),
     ),
     "robot arm": Case(
-        arm, 0.5, tuple(_arms()), (("minimal", 5), ("local", 3), ("local", 6), ("cap", 60))
+        meshed_arm.meshed_arm,
+        0.5,
+        tuple(meshed_arm.moves(HELD_OUT)),
+        (("local", 6), ("local", 10)),
+        # Explicit methods would need far too many steps for its fastest modes.
+        truth=(rj.Rodas5P(), 1e-9),
+        full=(rj.Rodas5P(),),
+        reduced=(rj.Rodas5P(), diffrax.Dopri8()),
     ),
     "meshed slider crank": Case(
         meshed_crank.meshed_crank,

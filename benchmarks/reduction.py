@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-import diffrax
 import jax.numpy as jnp
 import record
 from reduced_scenes import CASES, Case
@@ -20,8 +19,7 @@ import romjax as rj
 from romjax.reduction.formulation.parse import as_formulation
 
 REPEATS = 6
-RTOL, TRUTH = 1e-8, 1e-10
-EXPLICIT = (diffrax.Tsit5(), diffrax.Dopri8())
+RTOL = 1e-8
 MAX_STEPS = 100_000
 SLOW = 2.0  # [s] what takes longer is measured once
 USEFUL = 1e-3  # largest error, held out too, of a model whose ratio is worth following
@@ -72,7 +70,7 @@ def compared(name: str) -> Iterator[record.Section]:
     case = CASES[name]
     ts = jnp.linspace(0.0, case.end, 101)
     system = case.system()
-    exact = runs(ts, diffrax.Dopri8(), TRUTH)
+    exact = runs(ts, *case.truth)
     truth = exact(system)
     others = [(numbers, case.system(**numbers)) for numbers in case.others]
     truths = [exact(full) for _, full in others]
@@ -81,7 +79,7 @@ def compared(name: str) -> Iterator[record.Section]:
     configurations = [
         (model, runs(ts, solver))
         for model in made
-        for solver in ((rj.Rodas5P(), *EXPLICIT) if model.name == "full" else EXPLICIT)
+        for solver in (case.full if model.name == "full" else case.reduced)
     ]
     calls = [lambda m=model, run=run: run(m.system) for model, run in configurations]
     timed = list(zip(configurations, least(calls, REPEATS, SLOW, name), strict=True))
