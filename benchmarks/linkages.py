@@ -1,4 +1,4 @@
-"""Bars between points: a four-bar and a slider crank, for several comparisons."""
+"""Bars between points: a four-bar, a five-bar and a slider crank, for several comparisons."""
 
 from collections.abc import Sequence
 
@@ -62,6 +62,29 @@ def four_bar(
     ]
     more = joints[:1] if twice else []
     return rj.Scene(bodies, joints + more, [rj.Gravity()] if gravity else [])
+
+
+def five_bar(rod: float = 1.0, spring: float = 60.0) -> rj.Scene:
+    """Two cranks and between them two rods, one of a given mass [kg], whose common pin hangs on a
+    spring [N/m]; two freedoms.
+    """
+    points = ((0.0, 0.0), (-0.6, 1.0), (0.6, 1.9), (1.7, 1.0), (1.0, 0.0))
+    a, b, c, d, e = points
+    bodies = [bar("left", a, b), bar("rod", b, c, rod), bar("other", c, d), bar("right", e, d)]
+    (foot, knee), (start, pin), (top, end), (base, elbow) = (ends(body) for body in bodies)
+    joints = [
+        rj.Revolute(foot, rj.ground.at(a)),
+        rj.Revolute(knee, start),
+        rj.Revolute(pin, top),
+        rj.Revolute(end, elbow),
+        rj.Revolute(base, rj.ground.at(e)),
+    ]
+    springs = [
+        rj.Spring(pin, rj.ground.at((0.5, 2.6)), spring, 0.5),
+        rj.Spring(bodies[0].at(), rj.ground.at((-1.5, 1.0)), 50.0, 1.0),
+        rj.Spring(bodies[3].at(), rj.ground.at((2.5, 1.0)), 50.0, 1.0),
+    ]
+    return rj.Scene(bodies, joints, [rj.Gravity(), *springs])
 
 
 def slider_crank(

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import meshed_arm
 import meshed_crank
 import numpy as np
-from linkages import four_bar
+from linkages import five_bar, four_bar
 
 import romjax as rj
 
@@ -82,6 +82,14 @@ def heavier() -> Iterator[dict[str, float]]:
         yield {"coupler": float(coupler)}
 
 
+def hanging() -> Iterator[dict[str, float]]:
+    """A five-bar with other masses [kg] and springs [N/m], by a seed."""
+    lot = np.random.default_rng(2)
+    for _ in range(HELD_OUT):
+        rod, spring = lot.uniform((0.8, 54.0), (1.2, 66.0))
+        yield {"rod": rod, "spring": spring}
+
+
 def beams(count: int) -> rj.Scene:
     """Beams of 1 m and 1 kg with three modes, hinged end to end, falling from the level."""
     bodies = [
@@ -124,6 +132,7 @@ CASES = {
     "four-bar": Case(
         four_bar, 5.0, tuple(heavier()), (("galerkin", 7), ("minimal", 1), ("table", 1))
     ),
+    "five-bar": Case(five_bar, 5.0, tuple(hanging()), (("minimal", 2), ("table", 2))),
     "8 beams": Case(
         lambda: beams(8),
         1.0,
