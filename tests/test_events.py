@@ -125,11 +125,13 @@ def test_all_events_of_a_chaotic_motion():
     labels = [rng.choice(system.structure.labels) + rng.choice(["", "'"]) for _ in range(8)]
     quantities = [rj.quantity.Coordinate(label) for label in labels]
     ts = jnp.linspace(0.0, 3.0, 61)
-    free = rj.simulate(system, ts, rtol=TIGHT)
+    # Steps that end at events are others, and the motion amplifies what they err by.
+    settings = {"rtol": TIGHT / 10}
+    free = rj.simulate(system, ts, **settings)
     levels = [float(rng.choice(free[label][1:-1])) for label in labels]
     crossings = [rj.Crossing(of, level) for of, level in zip(quantities, levels, strict=True)]
-    run = rj.simulate(system, ts, rtol=TIGHT, events=crossings, dense=True)
-    assert_close(run.q, free.q, SOLVED, np.max(np.abs(free.q)))
+    run = rj.simulate(system, ts, events=crossings, dense=True, **settings)
+    assert_close(run.q, free.q, SOLVED)
     fine = np.linspace(0.0, 3.0, 20_001)[1:-1]
     between = run.at(fine)
     total = 0
