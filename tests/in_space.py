@@ -3,10 +3,10 @@
 import dataclasses
 import itertools
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from mechanics import coordinates
+from modal_twins import modal_twin
 
 import romjax as rj
 from romjax.linalg import quaternions
@@ -70,63 +70,9 @@ class InSpace:
             "angular_velocity": rotated(self.turn, np.array([0.0, 0.0, v[2]])),
         }
         if body.modes:
-            return self._flexible(body, moving)
+            return modal_twin(self.planar, body, moving)
         mass = np.asarray(body.mass_matrix(jnp.asarray(q)))
         return r.RigidBody(body.name, mass[0], mass[2] * np.array([0.6, 0.7, 1.0]), **moving)
-
-    def _flexible(self, body, moving) -> r.ModalBody:
-        """A body with the same modes, whose points move in its plane alone."""
-        own, modes = body.invariants(), body.modes
-        assert own.foreshortening is None
-        assert own.spin is None
-
-        def about_z_alone(rank, value):
-            """A tensor over the axes of space, of which the plane knows one entry."""
-            if value is None:
-                return None
-            value = np.asarray(value)
-            tensor = np.zeros((*(3,) * rank, *value.shape))
-            tensor[(2,) * rank] = value
-            return tensor
-
-        def padded(value):
-            return None if value is None else np.append(value, 0 * np.asarray(value)[:1], axis=0)
-
-        quadratic = np.eye(modes) if own.modal is None else own.modal
-        inertia = r.SpatialInertia(
-            own.mass,
-            float(own.moment) * np.eye(3),
-            own.modal,
-            padded(own.first_moment),
-            padded(own.shift),
-            about_z_alone(1, own.swing),
-            about_z_alone(2, None if own.stretch is None else 2 * own.stretch),
-            about_z_alone(2, quadratic),
-            about_z_alone(1, None if own.gyration is None else own.gyration.T),
-        )
-        markers = [
-            marker.point
-            for part in (*self.planar.joints, *self.planar.effects)
-            for marker in vars(part).values()
-            if isinstance(marker, rj.Marker) and marker.body == body.name
-        ]
-        points = np.stack([np.zeros(2), *markers])
-        shapes = np.zeros((len(points), 6, modes))
-        shapes[:, [0, 1, 5]] = [body.mode_shapes(jnp.asarray(point)) for point in points]
-        q, v = body.start()
-        stiffness = jax.hessian(body.elastic_energy)(q)[3:, 3:]
-        damping = -jax.jacfwd(body.damping_force)(v)[3:, 3:] if body.damped else None
-        return r.ModalBody(
-            body.name,
-            inertia,
-            stiffness,
-            np.pad(points, ((0, 0), (0, 1))),
-            shapes,
-            damping=damping,
-            amplitudes=q[3:],
-            rates=v[3:],
-            **moving,
-        )
 
     def marker(self, marker: rj.Marker, then=(1.0, 0.0, 0.0, 0.0)) -> rj.Marker:
         """The marker with its z axis normal to the plane, before a rotation of its own."""

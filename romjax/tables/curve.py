@@ -124,8 +124,7 @@ class _Walk(NamedTuple):
         left = np.max(np.abs(points.q[count] - points.q[0] - turn))
         violated = np.abs(violations(self.system, self.frames.time, as_jax(points.q + turn)))
         if left > CLOSED * (1 + np.max(np.abs(points.q))) or np.max(violated) > CLOSED:
-            grid = _grid(points, step, turn)
-            check(self.system, self.frames, grid.nodes, grid.along)
+            check(self.system, self.frames, *_grid(points, step, turn).in_a_row())
             raise ReductionError(
                 f"reduce: after one round the mechanism is {left:.1e} beside where it started, so "
                 "that no table holds all of its rounds; take formulation=romjax.Minimal()."

@@ -72,6 +72,4 @@ def tabulate(
         bends = [own[a] if a == b else mixed[numbers[a, b]] for a, b in _pairs(k)]
         return jnp.concatenate([q, slopes.reshape(-1), *bends])
 
-    n, d = grid.along.shape[-2:]
-    q, along = grid.nodes.reshape(-1, n), grid.along.reshape(-1, n, d)
-    return grid.polynomials(jax.vmap(expand)(q, along))
+    return grid.polynomials(jax.vmap(expand)(*grid.in_a_row()))

@@ -59,6 +59,11 @@ class Grid(NamedTuple):
             return self.nodes[SIDE : -SIDE - 1]
         return self.nodes[(slice(-1),) * self.steps.size]
 
+    def in_a_row(self) -> tuple[Float[Array, "K n"], Float[Array, "K n d"]]:
+        """The nodes and their directions, one after the other."""
+        n, d = self.along.shape[-2:]
+        return self.nodes.reshape(-1, n), self.along.reshape(-1, n, d)
+
     def polynomials(self, values: Float[Array, "P *c"]) -> Float[Array, "..."]:
         """Coefficients (*N, *p, c) on the intervals, of values at the nodes in one row."""
         values = values.reshape(*self.nodes.shape[:-1], -1)
@@ -112,8 +117,7 @@ def refined(
         judged = slice(math.floor(margin * count), count - math.floor(margin * count))
         last, error = error, float(np.max(np.abs(errors[(judged,) * frames.freedoms])))
         if error <= tol:
-            n, d = grid.along.shape[-2:]
-            check(system, frames, grid.nodes.reshape(-1, n), grid.along.reshape(-1, n, d))
+            check(system, frames, *grid.in_a_row())
             return grid
         doubled, tried = count >= 2 * tried > 0, count
         if doubled and error > last / 2:

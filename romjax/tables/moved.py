@@ -24,9 +24,7 @@ def moved_nodes(
     grid: Grid,
 ) -> Float[Array, "*P n"]:
     """The nodes on the constraints of a system with other numbers, moved across the directions."""
-    n, d = grid.along.shape[-2:]
-    q, along = grid.nodes.reshape(-1, n), grid.along.reshape(-1, n, d)
-    moved: Array = _on_constraints(system, frames, q, along)
+    moved: Array = _on_constraints(system, frames, *grid.in_a_row())
     return moved.reshape(grid.nodes.shape)
 
 
