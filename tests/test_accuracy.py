@@ -156,7 +156,7 @@ def test_bad_input(scene, wrong, words):
         rj.accuracy(scene, TS, **wrong)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_recommendations_hold_on_other_scenes():
     """Of other amplitudes, frequencies and starts: the error, or the run is flagged."""
     wanted = 1e-5
@@ -306,6 +306,7 @@ def test_programming_errors_surface(scene):
         rj.accuracy(scene, TS, bases=[Wrong()], tolerances=[1e-3], lanes=[1], repeats=1)
 
 
+@pytest.mark.slow
 def test_capped_modes_are_tried():
     """Unless others are asked for, above the lowest mode of a body and below the highest."""
     beam = rj.Beam("beam", 1.0, 1.0, frequencies=[8.0, 300.0], position=(0.5, 0.0))

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
+from groups import in_groups
 from mechanisms import GRAVITY, RK4, point_pendulum
 from parallelogram import parallelogram
 from tolerances import IDENTITY
@@ -245,10 +246,19 @@ PLANTED = {
     "a torn joint": (torn, {}),
     "a change point": (parallelogram, CHANGE_POINT),
 }
+# One of each kind: forces, bodies, joints, energies, settings and positions.
+SLOW = (
+    "a spring that pulls one end",
+    "a damper that gives",
+    "a mass matrix that is not symmetric",
+    "a joint with a wrong slope",
+    "a wrong energy",
+    "a loose tolerance",
+    "a change point",
+)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", PLANTED)
+@pytest.mark.parametrize("name", in_groups(PLANTED, slow=SLOW))
 @pytest.mark.filterwarnings("ignore:simulate. the motion is doubtful")
 def test_what_is_wrong_is_found(name):
     made, settings = PLANTED[name]
@@ -311,6 +321,7 @@ def test_the_balance_is_that_of_the_states():
     assert energy[-1] < energy[0] - 1
 
 
+@pytest.mark.slow
 def test_energies_of_a_reduced_model_are_those_of_the_mechanism(truth, cart_pendulum):
     rom = rj.reduce(cart_pendulum, rj.pod(truth, rank=5), "minimal")
     motion = rj.simulate(rom, truth.t, rtol=1e-8)

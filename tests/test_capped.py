@@ -57,6 +57,7 @@ def test_no_mode_is_above_the_cap():
     assert system.structure.labels == rj.assemble(scene).structure.labels
 
 
+@pytest.mark.slow
 def test_energy_is_kept():
     """With a stiffened, damped and turning beam, whose mass matrix is not constant."""
     beam = rj.Beam(

@@ -64,7 +64,7 @@ def test_the_published_gradient_of_a_slider_crank():
     assert found.error <= DIFFERENCED
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_the_gradient_of_simeons_slider_crank():
     """By the logarithms of Young's modulus and of the slider's mass: 400 fast periods. The start
     is projected with each mass matrix; 24-digit computation.

@@ -19,6 +19,7 @@ SET_UP = "as the first line of the tests, with less installed"
 FILES = "by test_files.py"
 TEST_CLI = "by test_run_cart_pendulum in test_cli.py"
 RELEASE = "by test_release.py"
+BY_HAND = "before a release"
 
 # How each command is executed: as it stands, with names filled in, or elsewhere.
 COMMANDS = {
@@ -40,6 +41,7 @@ COMMANDS = {
     'pip install -q --no-compile -e ".[test]"': CI,
     "python -m pytest -q": CI,
     "python -m pytest -q -m slow": CI,
+    "python -m pytest -q -m exhaustive": BY_HAND,
     'pip install -q --no-compile -e ".[dev]"': CI,
     "ruff format --check .": CI,
     "ruff check .": CI,
@@ -47,7 +49,7 @@ COMMANDS = {
     "python -m sphinx -W docs build/site": CI,
     "pre-commit install": RELEASE,
 }
-ELSEWHERE = (CI, FILES, RELEASE, SET_UP, TEST_CLI)
+ELSEWHERE = (BY_HAND, CI, FILES, RELEASE, SET_UP, TEST_CLI)
 EXECUTED = sorted({line for line in COMMANDS.values() if line not in ELSEWHERE})
 
 # "A mechanism of your own is a `Scene` of bodies, joints and effects connected by markers."

@@ -21,7 +21,10 @@ def chain():
 
 @pytest.mark.parametrize(
     ("solver", "stabilization"),
-    [(diffrax.Dopri8(), rj.Projection()), (rj.Rodas5P(), "default")],
+    [
+        pytest.param(diffrax.Dopri8(), rj.Projection(), marks=pytest.mark.slow),
+        (rj.Rodas5P(), "default"),
+    ],
     ids=["Dopri8 projected", "Rodas5P"],
 )
 def test_between_the_outputs(chain, solver, stabilization):
@@ -49,6 +52,7 @@ def test_of_a_reduced_model_with_charts(chain):
     assert_close(run.at(ts).q, rj.simulate(rom, ts, rtol=TIGHT).q, SOLVED)
 
 
+@pytest.mark.slow
 def test_derivatives_between_the_outputs(chain):
     """In reverse mode, by the start."""
 

@@ -175,6 +175,7 @@ def test_derivatives_of_the_fifth_impact(mode):
     assert_close(derivatives(mode), wanted, SOLVED)
 
 
+@pytest.mark.slow
 def test_derivatives_after_impacts_and_at_a_stop():
     """Of states beyond events, which move with their times."""
 

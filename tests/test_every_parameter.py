@@ -5,6 +5,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import pytest
+from groups import in_groups
 from jax.tree_util import tree_map_with_path
 from test_minimal import DECIDED
 from tolerances import DIFFERENCED
@@ -33,11 +34,10 @@ def last(run):
     return jnp.sum(run.q[-1] * jnp.cos(jnp.arange(run.q.shape[1]))) + jnp.sum(run.v[-1] ** 2)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("scene", "kind"),
-    [("cart", "full"), ("cart", "galerkin"), ("cart", "minimal"), ("chain", "full")],
-)
+CASES = [("cart", "full"), ("cart", "galerkin"), ("cart", "minimal"), ("chain", "full")]
+
+
+@pytest.mark.parametrize(("scene", "kind"), in_groups(CASES, slow=[("chain", "full")]))
 def test_every_parameter_of_a_scene(scene, kind):
     """Of the full model and of reduced ones of one basis, of two runs in one batch.
 
@@ -91,7 +91,7 @@ def flexible_rotor() -> rj.Scene:
 IN_SPACE = {"slider crank": rj.gallery.spatial_slider_crank, "flexible rotor": flexible_rotor}
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("scene", IN_SPACE)
 def test_every_parameter_of_a_scene_in_space(scene):
     values, rest = eqx.partition(IN_SPACE[scene](), eqx.is_inexact_array)
@@ -105,8 +105,10 @@ def test_every_parameter_of_a_scene_in_space(scene):
     assert found.error <= DIFFERENCED, str(found)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("scene", "kind"), [("cart", "galerkin"), ("chain", "minimal")])
+THROUGH_BASES = [("cart", "galerkin"), ("chain", "minimal")]
+
+
+@pytest.mark.parametrize(("scene", "kind"), in_groups(THROUGH_BASES, slow=[("chain", "minimal")]))
 def test_every_parameter_through_the_basis(scene, kind):
     """Of a reduced run whose basis comes from the run of the same scene.
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from comparison import assert_close
 from conftest import TIGHT
+from groups import in_groups
 from mechanisms import bar, ends
 from test_bases import VelocityPOD
 from test_own_outlines import Belt
@@ -97,7 +98,7 @@ def test_the_run_is_saved(motion, tmp_path):
     assert (again.summary(), again.labels) == (run.summary(), run.labels)
 
 
-@pytest.mark.parametrize("formulation", RANKS)
+@pytest.mark.parametrize("formulation", in_groups(RANKS, fast=["minimal"], slow=["galerkin"]))
 def test_the_scene_is_reduced(motion, formulation):
     system, run = motion
     rom = rj.reduce(system, VelocityPOD(RANKS[formulation])(run), formulation)

@@ -44,6 +44,7 @@ def test_new_check_and_schema(tmp_path, capsys):
     assert "angle_deg" in schema["$defs"]["RigidBody"]["properties"]
 
 
+@pytest.mark.slow
 def test_redundant_joints_are_named(crank, capsys):
     """A loop that is held twice."""
     text = 'again = { type = "PointOnLine", a = "slider", b = "ground" }\n\n[effects.gravity]'

@@ -24,12 +24,13 @@ def test_parameters_are_arguments(crank):
     def reach(parameters):
         return make(**parameters).bodies[2].position[0]
 
-    slope = jax.grad(reach)(make.parameters)
+    slope = jax.jit(jax.grad(reach))(make.parameters)
     assert set(slope) == set(make.parameters)
     assert float(slope["speed"]) == 0.0
     steps = [reach({"speed": 5.0, "length": 0.4 + h}) for h in (-1e-6, 1e-6)]
     assert_close(slope["length"], (steps[1] - steps[0]) / 2e-6, DIFFERENCED)
-    lanes = jax.vmap(lambda x: make(length=x).bodies[2].position)(jnp.array([0.4, 0.5]))
+    place = jax.jit(jax.vmap(lambda x: make(length=x).bodies[2].position))
+    lanes = place(jnp.array([0.4, 0.5]))
     assert lanes.shape == (2, 2)
 
 

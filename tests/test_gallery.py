@@ -9,13 +9,26 @@ import pytest
 from gallery import keep
 from gallery_facts import IN_THE_PLANE, outputs, segmented_beam
 from gallery_facts_in_space import IN_SPACE
+from groups import in_groups
 
 import romjax as rj
 from romjax.gallery import EXAMPLES, find
 from romjax.system.dynamics import jacobian
 
 FILES = Path(rj.__file__).parent / "gallery" / "files"
-SLOW = ("slider-crank", "segmented-beam", "flyball-governor", "spatial-arm")
+# By the method of the catalogue, at its tolerance; all others with the default settings.
+BY_METHOD = ("slider-crank", "segmented-beam", "flyball-governor", "spatial-arm")
+# What compiles for a few seconds.
+FAST = (
+    "cart-pendulum",
+    "double-pendulum",
+    "chain",
+    "four-bar",
+    "bouncing-ball",
+    "spinning-top",
+    "wing-nut",
+    "ball-chain",
+)
 
 
 FACTS = {fact.__name__.replace("_", "-"): fact for fact in (*IN_THE_PLANE, *IN_SPACE)}
@@ -56,17 +69,11 @@ def same(a, b):
         assert np.asarray(x).tobytes() == np.asarray(y).tobytes()
 
 
-@pytest.mark.parametrize("name", [name for name in FACTS if name not in SLOW])
+@pytest.mark.parametrize("name", in_groups(FACTS, fast=FAST, slow=FACTS))
 def test_scene(name):
-    shown(name)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SLOW)
-def test_long_scene(name):
-    """By the method of the catalogue, at its tolerance: amplitudes of the rod are small."""
     example = find(name)
-    shown(name, solver=example.solver, rtol=example.rtol)
+    by_method = {"solver": example.solver, "rtol": example.rtol}
+    shown(name, **(by_method if name in BY_METHOD else {}))
 
 
 def test_a_beam_of_fewer_segments_rolls_up_too():

@@ -7,6 +7,7 @@ import numpy as np
 import optimistix
 import pytest
 from comparison import assert_close
+from groups import in_groups
 from mechanisms import linkage
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
@@ -40,6 +41,7 @@ def agree(function, reverse, forward) -> None:
             assert abs(found[i] - wanted) <= DIFFERENCED * max(1, abs(wanted))
 
 
+@pytest.mark.slow
 def test_redundant_constraints():
     """Of the acceleration, and of the multiplier of one of the two pins."""
     q, v = rj.consistent(doubled((1.0, 9.81)), v0=0.3 * jnp.arange(9.0))
@@ -52,8 +54,9 @@ def test_redundant_constraints():
     agree(jax.jit(point), *gradients)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("solver", SOLVERS, ids=lambda solver: type(solver).__name__)
+@pytest.mark.parametrize(
+    "solver", in_groups(SOLVERS, slow=SOLVERS[:1]), ids=lambda solver: type(solver).__name__
+)
 def test_through_solvers_and_redundant_constraints(solver):
     """A run of the redundant four-bar in fixed steps, by reverse and forward adjoint."""
 

@@ -112,6 +112,7 @@ def test_energy_changes_by_the_power_of_the_dampers(rom):
     assert_close(left, 0.0, 1e3 * IDENTITY, np.max(np.abs(size)))
 
 
+@pytest.mark.slow
 def test_other_numbers_need_no_new_sample(system, rom):
     """And derivatives of a run by a mass and a stiffness are right: reverse, forward and
     differences.

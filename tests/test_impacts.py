@@ -143,6 +143,7 @@ def test_joints_hold_during_impacts(double_pendulum):
         assert_close(energy, 0.5 * rates @ mass @ rates - lost, SOLVED)
 
 
+@pytest.mark.slow
 def test_impacts_of_a_reduced_model(double_pendulum):
     """In minimal coordinates, without joints: the same times and velocities."""
     system, impact = double_pendulum
@@ -157,6 +158,7 @@ def test_impacts_of_a_reduced_model(double_pendulum):
         assert_close(reduced.events.v_after[:1], run.events.v_after[:1], 10 * SOLVED)
 
 
+@pytest.mark.slow
 def test_a_racket_gives_energy():
     """A ball meets a body that moves by a prescribed motion, which its work keeps going."""
     racket = rj.RigidBody("racket", 1.0, 1.0)

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
+from groups import in_groups
 from in_space import InSpace
 from tolerances import IDENTITY, SOLVED
 
@@ -99,6 +100,7 @@ PLANAR = [
     for name, example in GALLERY.items()
     if all(b.dimension == 2 and not b.foreshortens for b in example.make().bodies)
 ]
+SLOW = ("cart-pendulum", "four-bar", "newtons-cradle", "trebuchet", "vehicle-axle")
 
 
 def make(name: str) -> rj.Scene:
@@ -118,13 +120,12 @@ def assert_same_forces(scene: rj.Scene, t: float):
     assert_close(found, multipliers, PASSED_ON, 1 + np.max(np.abs(multipliers), initial=0.0))
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", in_groups(SCENES, fast=("driven", "beams"), slow=["all parts"]))
 def test_every_part_of_the_plane_in_space(name):
     assert_same_forces(make(name), 0.13)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", PLANAR)
+@pytest.mark.parametrize("name", in_groups(PLANAR, slow=SLOW))
 def test_the_gallery_in_space(name):
     assert_same_forces(make(name), 0.0)
 

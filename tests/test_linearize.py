@@ -127,6 +127,7 @@ def test_the_slope_of_a_response():
     assert_close(jax.jacfwd(response)(0.4), slope, DIFFERENCED)
 
 
+@pytest.mark.slow
 def test_full_and_reduced(system):
     """Minimal coordinates of all degrees of freedom: another basis, the same responses."""
     motion = rj.simulate(rj.assemble(cart(push=20.0)), jnp.linspace(0.0, 2.0, 101), rtol=1e-9)

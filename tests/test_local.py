@@ -190,6 +190,7 @@ def test_deflections_beyond_the_training_are_flagged(beams):
     assert rj.simulate(rom, ts).is_valid
 
 
+@pytest.mark.slow
 def test_a_gradient_through_bodies_and_bases(beams):
     """Three ways, of the acceleration: by the mass of the beams, which is in the metric of the
     snapshots too, and by the snapshots themselves.

@@ -263,6 +263,7 @@ def test_wrong_input(cart_pendulum, truth):
         rj.quantity.Coordinate("cart.u")(cart_pendulum, 0.0, truth.q[0], truth.v[0])
 
 
+@pytest.mark.slow
 def test_energies_by_part():
     """The parts add up to the whole, in energy and in power; of one body they are its own."""
     scene = mechanics.mixed_scene()

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
+from groups import in_groups
 from mechanics import marker_place
 from tolerances import DIFFERENCED, IDENTITY
 
@@ -33,7 +34,9 @@ KINEMATIC = (
 )
 
 
-@pytest.fixture(scope="module", params=["galerkin", "minimal"])
+@pytest.fixture(
+    scope="module", params=in_groups(["galerkin", "minimal"], fast=["minimal"], slow=["galerkin"])
+)
 def reduced(request, cart_pendulum, truth):
     rank = 6 if request.param == "galerkin" else 3
     rom = rj.reduce(cart_pendulum, rj.pod(truth, rank=rank), request.param)

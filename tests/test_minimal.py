@@ -180,7 +180,7 @@ def test_reactions(cart_pendulum, truth):
         assert_close(found, wanted, 1e-3, jnp.max(jnp.abs(wanted)))
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_the_gradient_passes_through_full_run_basis_and_reduced_run():
     """d/dp of a reduced run whose basis comes from the full run of the same scene, by forward mode
     and central differences; the chart is chosen once, outside. Subspaces: test_every_parameter.py.

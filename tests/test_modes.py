@@ -181,6 +181,7 @@ def test_the_slope_of_a_frequency():
     assert_close(batch, np.sqrt((stiffness + np.array([0.0, 1.0])) / inertia), EXACT)
 
 
+@pytest.mark.slow
 def test_modes_of_a_reduced_model():
     """With as many as degrees of freedom it hangs as the full model does, and swings about that."""
     system = rj.assemble(rj.gallery.chain(2))

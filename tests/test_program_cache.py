@@ -84,6 +84,7 @@ def test_a_library_is_ready_in_a_process_that_traces_no_call_of_it(folder):
     assert len(list(folder.iterdir())) >= 1
 
 
+@pytest.mark.slow
 def test_constants_are_no_arguments_of_functions():
     """XLA would end the process at a function that is given some."""
     code = f"""

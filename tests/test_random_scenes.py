@@ -1,6 +1,6 @@
-"""Properties of 108 scenes by lot: power, rigid motions of the whole, and no silent NaN.
+"""Properties of 120 scenes by lot: power, rigid motions of the whole, and no silent NaN.
 
-Compiling a structure takes seconds, so there are nine of them, with twelve sets of numbers.
+Compiling a structure takes seconds, so there are ten of them, with twelve sets of numbers.
 """
 
 import functools
@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from groups import in_groups
 from mechanics import coordinates, material_points
 from random_scenes import random_scene
 from rigid_motion import moved_coordinates, moved_scene, turned
@@ -19,9 +20,9 @@ from rigid_motion import moved_coordinates, moved_scene, turned
 import romjax as rj
 from romjax.system import dynamics
 
-# Structures that draw every kind of part; joints of the last do not fit each other.
-STRUCTURES, SETS = (*range(8), 9), 12
-QUICK = 0  # the structure that is looked at in every run of the tests
+# Structures that draw every kind of part; joints of number 9 do not fit each other.
+STRUCTURES, SETS = (*range(8), 9, 11), 12
+FAST, SLOW = (11,), (4, 9)
 
 # Required: relative to the size of the terms.
 BALANCE = 1e-10
@@ -43,11 +44,7 @@ ACROSS = np.array([[0.0, -1.0], [1.0, 0.0]])
 pytestmark = pytest.mark.usefixtures("without_optimisation")
 
 
-def marked(structure: int):
-    return pytest.param(structure, marks=() if structure == QUICK else pytest.mark.slow)
-
-
-@pytest.fixture(scope="module", params=[marked(structure) for structure in STRUCTURES])
+@pytest.fixture(scope="module", params=in_groups(STRUCTURES, fast=FAST, slow=SLOW))
 def structure(request) -> int:
     """The number of a structure."""
     return request.param
@@ -236,7 +233,7 @@ def test_runs_or_is_refused_with_a_reason(structure):
         assert words == "success" or refused or words.split(":")[0] in statuses
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_most_scenes_run():
     """And some are refused."""
     ran = [outcome(seed) == "success" for structure in STRUCTURES for seed in seeds(structure)]
@@ -258,7 +255,11 @@ def test_every_kind_is_drawn():
     assert plain | {rj.RigidBody, rj.Beam, rj.Gravity, rj.Friction} <= drawn
 
 
-@pytest.mark.parametrize("stabilization", [rj.Projection(), "default"], ids=str)
+@pytest.mark.parametrize(
+    "stabilization",
+    [pytest.param(rj.Projection(), marks=pytest.mark.slow), "default"],
+    ids=["Projection", "default"],
+)
 def test_joints_that_part_on_the_way_are_no_success(stabilization):
     """An angle that is held, and turned from 0.05 s on."""
     wheel = rj.RigidBody("wheel", mass=1.0, inertia=0.1)

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from groups import in_groups
 from random_spatial_scenes import random_spatial_scene
 from tolerances import IDENTITY
 
@@ -15,7 +16,7 @@ from romjax.system import dynamics
 
 r = rj.spatial
 STRUCTURES, SETS = 10, 20
-QUICK = 1  # structures that are looked at in every run of the tests
+FAST, SLOW = (0,), (3, 8)
 TIME = 0.13  # [s] amid all signals
 # Required: relative to the size of the terms, and of accelerations to what forces would do to free
 # coordinates.
@@ -62,11 +63,7 @@ def terms(scene: rj.Scene, q, v) -> dict[str, jax.Array]:
     }
 
 
-def marked(structure: int):
-    return pytest.param(structure, marks=() if structure < QUICK else pytest.mark.slow)
-
-
-@pytest.fixture(scope="module", params=[marked(structure) for structure in range(STRUCTURES)])
+@pytest.fixture(scope="module", params=in_groups(range(STRUCTURES), fast=FAST, slow=SLOW))
 def found(request):
     """Each scene with a random state and its terms."""
     made = []

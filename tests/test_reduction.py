@@ -119,6 +119,7 @@ def test_more_modes_miss_less(coarse):
     assert all(less < more for more, less in itertools.pairwise(errors))
 
 
+@pytest.mark.slow
 def test_six_modes(error):
     """Two of the four constraints are kept: the other two hold in the whole subspace."""
     rom, report = error(6, "galerkin")

@@ -253,6 +253,7 @@ def closed_form(xi, ratio):
     return k**2 * (a * (-np.cos(x) - np.cosh(x)) + b * (-np.sin(x) - np.sinh(x)))
 
 
+@pytest.mark.slow
 def test_convergence():
     """With modes, moments by equilibrium converge with the fifth order; by EI w'' with the second.
 
@@ -275,6 +276,7 @@ def test_convergence():
 # Transformations and wrong input.
 
 
+@pytest.mark.slow
 def test_derivative():
     """Of the moment at the root by the length of the beam and by a position, at given states."""
     scene = cantilever(1, lambda end: rj.Gravity())

@@ -76,6 +76,7 @@ def test_damping_and_friction_take():
     assert_close(slope, 3.0 * np.diag([1.0, 1.0, 0.0]), IDENTITY, 10.0)
 
 
+@pytest.mark.slow
 def test_ten_turns_of_a_torsion_spring():
     wheel = r.RigidBody("wheel", 1.0, (0.1, 0.2, 0.3), angular_velocity=(0, 0, 65.0))
     ends = wheel.at((0, 0, 0)), rj.ground.at((0, 0, 0))

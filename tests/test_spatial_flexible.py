@@ -192,6 +192,7 @@ def springs(positions, stiffness):
     return first, second, lengths, stiffness * rows.T @ rows
 
 
+@pytest.mark.slow
 def test_free_flight_against_points_and_springs():
     """Point masses and springs in the inertial frame; the body has all of their modes."""
     rng = np.random.default_rng(7)

@@ -56,6 +56,7 @@ def planets() -> tuple[rj.AbstractSystem, rj.Trajectory]:
     return system, rj.simulate(system, jnp.linspace(0.0, 9.0, 10), **TIGHT)
 
 
+@pytest.mark.slow
 def test_a_planetary_gear(planets):
     """Of one freedom: with teeth 1 : ½ : 2 of sun, planet and ring, the carrier turns a third as
     fast as the sun; the inertia at the sun is that of all, by their speeds.

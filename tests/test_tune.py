@@ -97,6 +97,7 @@ def test_the_figure_shows_landscape_and_path(pendulum):
     assert {"critical damping", "search", "start", "best", "default"} == set(texts)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_tuned(pendulum):
     free = rj.CustomSystem(lambda q: jnp.eye(1), lambda t, q, v: -q, q0=[1.0], v0=[0.0])
     with pytest.raises(ValueError, match="no constraints"):
