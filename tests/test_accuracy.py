@@ -178,7 +178,7 @@ def test_recommendations_hold_on_other_scenes():
         assert rj.compare(truth, run).error <= HELD_OUT * wanted or run.flags
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_runs_that_fail_are_marked():
     """An explicit method on a beam of 100 kHz needs too many steps; the stiff one does not."""
     stiff = rj.gallery.cart_pendulum(f2=1e5)
@@ -236,7 +236,7 @@ def test_one_method_and_a_small_mechanism():
     assert "Of 4 runs at once" in page.summary(found)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_slopes_of_fixed_steps():
     """Error against step has the slope of the method's order; of the model without constraints,
     whose errors are the method's alone.

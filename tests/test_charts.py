@@ -186,7 +186,7 @@ def test_sparse_snapshots_of_one_chart_are_on_one_branch():
         assert np.all(signs == signs[0]), f"snapshots {domain}"
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_forward_and_reverse_mode_agree():
     """Through the changes of charts of a four-bar that goes all the way round, with respect to its
     start.

@@ -96,7 +96,7 @@ def test_a_sweep_falls_back_on_the_full_model(box, reduced):
         rj.sweep_over(reduced, {"mass": 1.0}, TS, len)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_full_runs_of_a_sweep_join_the_training(reduced):
     """Fewer lanes are left to the full model, and the others are as good as its own."""
     strict = dataclasses.replace(reduced, tol=float(np.median(reduced.estimates)))

@@ -154,7 +154,7 @@ def test_other_numbers_are_the_same_program(model):
     assert len(traced) == 2
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_a_gradient_through_another_system(models):
     """By the pendulum's first frequency."""
     _, rom = models["minimal"]

@@ -195,7 +195,7 @@ def test_values_without_a_drop_keep_every_direction():
     assert choose_rank("pod", cliff, "drop", None, 1e-12, jnp.zeros(())).rank == 5
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_energy_of_a_reduced_model():
     """The free pendulum on the sprung cart, 20 s, five modes: Galerkin keeps the energy to
     1e-8 of the kinetic range. The chapter's projection of the solution does not.

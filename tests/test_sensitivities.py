@@ -80,7 +80,7 @@ def test_derivatives_times_half_of_the_range(box):
         rj.sensitivities(box, TS, weight=1.0)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_parameters_by_few_full_runs(box, truth):
     """The optimum of the full model, although the reduced one misses a freedom."""
     measured = angle_and_amplitudes(truth)

@@ -33,7 +33,6 @@ CASES = [
 SLOW = (
     "Dopri8 default once",
     "Dopri8 projected once",
-    "Rodas5P terms once",
     "Rodas5P default twice",
 )
 # Without projection some lanes take all steps there are: worth compiling longer than tests do.

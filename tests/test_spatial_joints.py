@@ -118,7 +118,7 @@ def test_constant_velocity():
         assert_close(np.sin(0.5 * (found - wanted)), 0, SOLVED, 10.0)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_a_bead_on_a_helix():
     """Slides down with g sin² of the slope's angle, over several turns."""
     bead = body("bead", position=(0.5, 0.0, 0.0))
@@ -179,7 +179,7 @@ def test_what_a_joint_refuses(make, words):
         make()
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_gradients_through_turns():
     """Of a wheel on a torsion spring after three turns, by its stiffness: forward and central."""
     ends = (0, 0, 0), (0, 0, 0)

@@ -212,7 +212,7 @@ def test_other_lengths_move_the_table(full, rom):
     np.testing.assert_allclose(slope, differences, atol=DIFFERENCED)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_small_deflections_are_added_to_second_order():
     """A rod that bends by some thousandths of its length: two modes meet all coordinates, and
     deflections that are ten times larger violate the constraints a thousand times more.

@@ -211,7 +211,7 @@ def by_rodas():
 
 @pytest.mark.parametrize(
     "solver",
-    [diffrax.Tsit5(), pytest.param(diffrax.Kvaerno5(), marks=pytest.mark.slow)],
+    [diffrax.Tsit5(), pytest.param(diffrax.Kvaerno5(), marks=pytest.mark.exhaustive)],
     ids=["Tsit5", "Kvaerno5"],
 )
 def test_any_solver(by_rodas, solver):
