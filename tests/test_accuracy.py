@@ -202,7 +202,7 @@ def test_runs_that_fail_are_marked():
     assert found.recommend(1e-2).row.solver == "Rodas5P"
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_one_method_and_a_small_mechanism():
     """A pendulum, whose reduced model is of its one freedom."""
     found = rj.accuracy(

@@ -225,7 +225,7 @@ def read_all(seeds, path):
     return read
 
 
-@pytest.mark.parametrize("count", ["some", pytest.param("many", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", ["some", pytest.param("many", marks=pytest.mark.exhaustive)])
 def test_mutations_are_read_or_refused(count, path):
     seeds = MUTATIONS[count]
     read = read_all(seeds, path)

@@ -26,7 +26,7 @@ def line(p):
     return p["a"] + p["b"] * TS
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_a_cart_pendulum_from_noise():
     """Stiffness, damping and first frequency, within three standard errors for every seed."""
     clean = np.asarray(sensors(TRUE))

@@ -62,14 +62,8 @@ def test_what_is_refused():
         rj.log_likelihood(lambda x: x, jnp.zeros(2), np.zeros(2), 0.0)
 
 
-@pytest.mark.parametrize(
-    "forward",
-    [
-        pytest.param(True, marks=pytest.mark.slow),
-        pytest.param(False, marks=pytest.mark.exhaustive),
-    ],
-    ids=["forward", "reverse"],
-)
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("forward", [True, False], ids=["forward", "reverse"])
 def test_a_posterior(measured, forward):
     """Means, deviations and the correlation of NUTS are those of a grid."""
     numpyro = pytest.importorskip("numpyro")

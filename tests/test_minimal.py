@@ -170,7 +170,7 @@ def test_a_moving_support():
         assert rj.compare(motion, approx).error <= 10 * SOLVED
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_reactions(cart_pendulum, truth):
     """All four multipliers from models that have two and none; the dropped mode's share is 4e-4."""
     for rank, formulation in ((5, "galerkin"), (3, "minimal")):

@@ -153,7 +153,7 @@ def test_a_model_that_cannot_start_is_no_model(falling, monkeypatch):
     assert len(accepted) == 5
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_variations_are_simulated_as_the_training_was(falling, monkeypatch):
     """By the same method, not by the default one."""
     system, training = falling

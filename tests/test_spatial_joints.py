@@ -93,7 +93,7 @@ def test_a_screw():
     assert_close(along, fall, SOLVED, fall[-1])
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_constant_velocity():
     """Shafts at 40° turn by equal angles, through a turn and more."""
     angle, speed = np.radians(40.0), 3.0

@@ -152,7 +152,7 @@ def test_formulations_of_the_plane_say_what_to_take(swing, formulation):
         rj.reduce(bars(), rj.pod(swing, rank=4), formulation)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_a_slider_crank_has_one_minimal_coordinate():
     """Over nearly two turns of the crank, in several charts."""
     system = slider_crank()

@@ -91,7 +91,7 @@ def close(found, wanted, tolerance) -> bool:
     return bool(np.all(np.abs(found - wanted) <= tolerance * np.maximum(1, np.abs(wanted))))
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_jit_changes_nothing(value):
     assert close(value(PARAMETERS), loss(PARAMETERS), IDENTITY)
 
