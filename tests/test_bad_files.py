@@ -7,6 +7,7 @@ import re
 import time
 
 import pytest
+from groups import in_groups
 from random_scenes import random_scene
 from scene_files import CRANK, IMPOSSIBLE, MISTAKES, SPACE, WRONG_ROTATIONS
 from test_bad_input import _as_users_run as _as_users_run
@@ -225,7 +226,7 @@ def read_all(seeds, path):
     return read
 
 
-@pytest.mark.parametrize("count", ["some", pytest.param("many", marks=pytest.mark.exhaustive)])
+@pytest.mark.parametrize("count", in_groups(MUTATIONS, fast=["some"]))
 def test_mutations_are_read_or_refused(count, path):
     seeds = MUTATIONS[count]
     read = read_all(seeds, path)

@@ -41,7 +41,8 @@ def test_every_scene_has_a_fact():
     assert len(FACTS) >= 16
 
 
-def shown(name, **settings):
+@pytest.mark.parametrize("name", in_groups(FACTS, fast=FAST, slow=FACTS))
+def test_scene(name):
     """From Python and from its file a scene is the same, to the bit, and shows its fact.
 
     Its moving picture is kept, for the site.
@@ -57,6 +58,8 @@ def shown(name, **settings):
     assert np.linalg.matrix_rank(rows) == independent
     lengths = len(system.structure.quaternions)
     assert system.n - independent - lengths == example.freedoms
+    by_method = {"solver": example.solver, "rtol": example.rtol}
+    settings = by_method if name in BY_METHOD else {}
     run = rj.simulate(system, outputs(example), **settings)
     assert run.is_valid, run.warnings()
     FACTS[name](system, run)
@@ -67,13 +70,6 @@ def same(a, b):
     assert jax.tree.structure(a) == jax.tree.structure(b)
     for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
         assert np.asarray(x).tobytes() == np.asarray(y).tobytes()
-
-
-@pytest.mark.parametrize("name", in_groups(FACTS, fast=FAST, slow=FACTS))
-def test_scene(name):
-    example = find(name)
-    by_method = {"solver": example.solver, "rtol": example.rtol}
-    shown(name, **(by_method if name in BY_METHOD else {}))
 
 
 def test_a_beam_of_fewer_segments_rolls_up_too():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from comparison import assert_close
 from conftest import TIGHT
+from groups import in_groups
 from mechanisms import linkage
 from test_hard_cases import four_bar, slider_crank
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
@@ -41,10 +42,7 @@ LONG = ("redundant four-bar", "slider crank")
 
 
 @pytest.fixture(
-    scope="module",
-    params=[
-        pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in MECHANISMS
-    ],
+    scope="module", params=in_groups(MECHANISMS, fast=MECHANISMS.keys() - LONG, slow=LONG)
 )
 def mechanism(request):
     """A mechanism, its full run, and its model in as many minimal coordinates as it has."""
