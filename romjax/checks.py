@@ -24,7 +24,9 @@ def check_shape(
     error: type[InputError] = InputError,
 ) -> None:
     """Raise unless `value` has `shape`, where None stands for any length."""
-    actual = jnp.shape(value)
+    actual = value.shape if isinstance(value, np.ndarray | jax.Array) else jnp.shape(value)
+    if actual == shape:
+        return
     fits = len(actual) == len(shape) and all(
         want in (None, got) for want, got in zip(shape, actual, strict=True)
     )

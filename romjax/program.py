@@ -198,6 +198,8 @@ _parts = Remembered()
 
 def _taken_apart(arg: Any) -> tuple[_Kind, list[Any]]:
     """The kind of an argument and its arrays, which are remembered with a module."""
+    if isinstance(arg, jax.Array | np.ndarray) and arg.size:
+        return _kind_of_array(*_form(arg)), [arg]
     known: tuple[_Kind, list[Any]] | None = _parts.get(arg)
     if known is not None:
         return known
@@ -206,6 +208,12 @@ def _taken_apart(arg: Any) -> tuple[_Kind, list[Any]]:
     arrays = [x for x, value in zip(leaves, static, strict=True) if value is None]
     kind = _Kind(tree, static, tuple([_form(x) for x in arrays]))
     return _parts.put(arg, (kind, arrays)) if isinstance(arg, eqx.Module) else (kind, arrays)
+
+
+@functools.lru_cache
+def _kind_of_array(shape: tuple[int, ...], dtype: Any, sharding: Any) -> _Kind:
+    """The kind of an argument that is a single array."""
+    return _Kind(jax.tree.structure(0), (None,), ((shape, dtype, sharding),))
 
 
 class _Empty(NamedTuple):

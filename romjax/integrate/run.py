@@ -3,7 +3,6 @@
 import dataclasses
 from typing import Any, NamedTuple
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -17,6 +16,7 @@ from ..program import program
 from ..system.base import AbstractSystem, Run
 from ..system.constraints import ConstraintState, differentiate
 from ..system.stabilization import Baumgarte, Stabilization
+from .adjoint import has_root_finder
 from .audit import Findings
 from .dense import DenseOutput, Pieces
 from .derived import Derived, OnDemand, metric_of, multipliers_at
@@ -77,7 +77,7 @@ def _run(
     if not compat.is_outermost():
         return _differentiable(bare, ts, q0, v0, settings)
     settings = settings._replace(max_steps=np.asarray(settings.max_steps), adjoint=None)
-    if isinstance(settings.solver, diffrax.AbstractImplicitSolver):
+    if has_root_finder(settings.solver):
         # Its root finder contains functions, which are no part of a stored program.
         result, derived = _differentiable(bare, ts, q0, v0, settings)
         return result, derived._replace(parts=Parts.of(system))

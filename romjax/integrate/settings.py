@@ -1,5 +1,6 @@
 """The settings of a simulation, and checks of what users pass for them."""
 
+import functools
 from typing import Any, Literal, NamedTuple
 
 import diffrax
@@ -76,6 +77,12 @@ class Settings(NamedTuple):
         """Whether a run promises that the constraints hold; in fixed steps, only by projection."""
         controlled = self.baumgarte is not None and self.dt is None
         return self.projection is not None or controlled
+
+
+@functools.cache
+def progress_meter(shown: bool) -> diffrax.AbstractProgressMeter[Any]:
+    """What shows the progress of a run, or does not; made once, since making it takes 7 µs."""
+    return diffrax.TqdmProgressMeter() if shown else diffrax.NoProgressMeter()
 
 
 _increasing = Remembered()  # of arrays of JAX, which never change

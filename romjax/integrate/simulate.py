@@ -19,13 +19,13 @@ from ..system.base import AbstractSystem
 from ..system.consistent import check_start_shapes
 from ..system.stabilization import Baumgarte, Projection, Stabilization
 from ..system.structure import without_names
-from .adjoint import default_adjoint
+from .adjoint import default_adjoint, has_root_finder
 from .default import default_method, start_frequencies, warn_of_fast_stabilization
 from .doubt import is_doubtful, warn_of_doubt
 from .failures import raise_failure
 from .rodas5p import Rodas5P
 from .run import run
-from .settings import Settings, check_times
+from .settings import Settings, check_times, progress_meter
 from .trajectory import Trajectory
 
 # Steps whose motion there is room for, unless told.
@@ -115,7 +115,7 @@ def simulate(
         frequencies=frequencies,
         adjoint=default_adjoint(solver) if adjoint is None else adjoint,
         max_steps=max_steps,
-        meter=diffrax.TqdmProgressMeter() if progress else diffrax.NoProgressMeter(),
+        meter=progress_meter(progress),
         audit=audit,
         events=watched,
         max_events=max_events,
@@ -128,7 +128,7 @@ def simulate(
         other, other_start = run(system, bare, times, q, v, projected)
         if not is_doubtful(other):
             trajectory, start = other, other_start
-    is_stiff = isinstance(solver, Rodas5P | diffrax.AbstractImplicitSolver)
+    is_stiff = isinstance(solver, Rodas5P) or has_root_finder(solver)
     if isinstance(stabilization, Baumgarte) and not is_stiff:
         warn_of_fast_stabilization(bare, trajectory, q, v)
     if throw:

@@ -113,6 +113,7 @@ def check_start_shapes(
     """The start, that of the system unless given; raise InputError on a wrong shape."""
     q = system.q0 if q0 is None else as_array(q0)
     v = system.v0 if v0 is None else as_array(v0)
-    check_shape("start", "q0", q, (system.n,))
-    check_shape("start", "v0", v, (system.n,))
+    n = system.n
+    check_shape("start", "q0", q, (n,))
+    check_shape("start", "v0", v, (n,))
     return q, v

@@ -6,10 +6,14 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 from matplotlib.ticker import MaxNLocator
 
 from ...basis.basis import Basis
 from ..style import COLOURS, DASHES, MARKERS, SMALL, DisplayedFigure
+
+# Decades between two lines whose names do not touch.
+_APART = 1.5
 
 
 def values(*bases: Basis) -> Figure:
@@ -69,17 +73,20 @@ def _colour(index: int) -> str:
 
 
 def _level(axes: Axes, index: int, height: float, text: str, dashes: str, va: str) -> None:
-    """A level line of a basis, named above or below; the names of several stand side by side."""
+    """A level line of a basis, named above or below; names of lines at one height stand side by
+    side.
+    """
     colour = _colour(index)
+    named = [other.xy[1] for other in axes.texts if isinstance(other, Annotation)]
+    beside = sum(1 for other in named if abs(np.log10(other / height)) < _APART)
     axes.axhline(height, color=colour, linestyle=dashes, linewidth=1)
-    axes.text(
-        0.02 + 0.32 * (index % 3),
-        height,
+    axes.annotate(
         text,
+        (0.02 + 0.32 * beside, height),
+        xycoords=axes.get_yaxis_transform(),
         color=colour,
         va=va,
         fontsize=SMALL,
-        transform=axes.get_yaxis_transform(),
     )
 
 
