@@ -16,6 +16,15 @@ from .identity import Remembered
 _LISTED = 20
 
 
+def check_kind(owner: str, field: str, value: Any, kind: Any, remedy: str) -> None:
+    """Raise unless `value` is an object of a class, or of one of some; `remedy`: what to give."""
+    if isinstance(value, kind):
+        return
+    kind_is = "the class" if isinstance(value, type) else "of type"
+    name = (value if isinstance(value, type) else type(value)).__name__
+    raise InputError(f"{owner}: {field} is {kind_is} {name}; give {remedy}.")
+
+
 def check_shape(
     owner: str,
     field: str,
@@ -59,6 +68,8 @@ def check_positive(
     owner: str, field: str, value: Any, remedy: str = "", error: type[InputError] = InputError
 ) -> None:
     """Raise unless all numbers are positive."""
+    if isinstance(value, float) and value > 0:
+        return
     number = concrete(value)
     if number is not None and not np.all(number > 0):
         raise error(f"{owner}: {field} is {number}, but it must be positive. {remedy}".rstrip())

@@ -6,6 +6,7 @@ import jaxtyping
 import pytest
 
 import romjax as rj
+from romjax.assembly.locate import locate
 from romjax.integrate.derived import Derived
 from romjax.integrate.parts import Parts
 from romjax.integrate.statistics import Statistics
@@ -93,6 +94,22 @@ STARTS = {
         r"BacksolveAdjoint\(\) integrates .* backwards .*RecursiveCheckpointAdjoint",
     ),
     "start of a wrong length": ({"q0": [0.0, 1.0]}, r"q0 has shape \(2,\).*\(1\)"),
+    "method as a class": (
+        {"solver": rj.Rodas5P},
+        r"solver is the class Rodas5P; give .* romjax\.Rodas5P\(\)",
+    ),
+    "stabilization in words": (
+        {"stabilization": "baumgarte"},
+        r"stabilization is of type str; give romjax\.Baumgarte\(alpha, beta\)",
+    ),
+    "adjoint in words": ({"adjoint": "forward"}, "adjoint is of type str; give .*ForwardMode"),
+    "no tolerance": ({"rtol": 0.0}, r"rtol is 0\.0, but it must be positive"),
+    "negative tolerance": ({"rtol": jnp.asarray(-1.0)}, r"rtol is -1\.0, .* positive"),
+    "tolerance in words": ({"rtol": "1e-6"}, "rtol is of type str; give a positive number"),
+    "no absolute tolerance": ({"atol": 0}, "atol is 0, but it must be positive"),
+    "step back": ({"dt": -0.1}, r"dt is -0\.1, but it must be positive"),
+    "no steps": ({"max_steps": 0}, "max_steps=0, .* at least one step"),
+    "room for less than nothing": ({"dense": -1}, "dense=-1; .* room"),
 }
 
 
@@ -101,6 +118,49 @@ def test_times_and_starts(changes, words):
     with pytest.raises(ValueError, match=words) as refusal:
         rj.simulate(oscillator(), **({"ts": [0.0, 1.0]} | changes))
     assert not issubclass(refusal.type, rj.SceneError)
+
+
+KINDS = {
+    "scene that is simulated": (
+        lambda: rj.simulate(rj.Scene([bar()], [], []), [0.0, 1.0]),
+        r"simulate: the system is of type Scene; give what romjax\.assemble\(scene\)",
+    ),
+    "scene that vibrates": (lambda: rj.modes(rj.Scene([bar()], [], [])), "modes: .*Scene"),
+    "list of bodies": (lambda: rj.assemble([bar()]), r"the scene is of type list; .*romjax\.Scene"),
+    "basis first": (
+        lambda: rj.reduce(rj.Basis.from_modes(jnp.eye(1), jnp.zeros(1)), oscillator()),
+        "reduce: the system is of type Basis",
+    ),
+    "system as a basis": (
+        lambda: rj.reduce(oscillator(), oscillator()),
+        r"reduce: the basis is of type CustomSystem; .*romjax\.pod",
+    ),
+    "systems that are compared": (
+        lambda: rj.compare(oscillator(), oscillator()),
+        r"compare: a motion is of type CustomSystem; give runs of romjax\.simulate",
+    ),
+    "array as a motion": (lambda: rj.pod(jnp.ones((3, 2))), "a motion is of type ArrayImpl"),
+    "system as a motion": (lambda: rj.sod(oscillator()), "a motion is of type CustomSystem"),
+    "run of another system": (
+        lambda: rj.energy(rj.assemble(rj.Scene([bar()], [], [])), _motion([0.0, 1.0])),
+        r"energy: the run has the coordinates .*, but the system bar\.x",
+    ),
+    "name as a marker": (
+        lambda: locate("measure", rj.assemble(rj.Scene([bar()], [], [])), ["bar"]),
+        r"measure: the marker is of type str; give .* body\.at\(point\)",
+    ),
+    "number as an input": (
+        lambda: rj.linearize(oscillator(), {"push": 1.0}, {}),
+        "linearize: input 'push' is of type float; give an effect or a function",
+    ),
+}
+
+
+@pytest.mark.parametrize(("make", "words"), KINDS.values(), ids=KINDS)
+def test_kinds(make, words):
+    """What is of another kind than its place is for."""
+    with pytest.raises(rj.InputError, match=words):
+        make()
 
 
 RANKS = {

@@ -13,7 +13,7 @@ from ..checks import check_finite, check_shape
 from ..errors import SimulationError
 from ..linalg.dense import multiply
 from ..program import program_once
-from ..system.base import AbstractSystem
+from ..system.base import AbstractSystem, check_system
 
 # Newton steps for one load, and load steps in all.
 _STEPS, _LOADS = 12, 200
@@ -53,6 +53,7 @@ def equilibrium(
     Raises SimulationError if the continuation ends (a snap-through, or no equilibrium at all), with
     the share of the load that was reached and the coordinate that is least balanced.
     """
+    check_system("equilibrium", system)
     q = system.q0 if q0 is None else as_array(q0)
     check_shape("equilibrium", "q0", q, (system.n,))
     check_finite("equilibrium", "q0", q)

@@ -10,11 +10,11 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..arrays import Vector, as_array
 from ..assembly.locate import locate
-from ..checks import check_shape
+from ..checks import check_kind, check_shape
 from ..measure.quantity import AbstractQuantity, Coordinate
 from ..program import program_once
 from ..scene.effect.base import AbstractMarkerEffect
-from ..system.base import AbstractSystem
+from ..system.base import AbstractSystem, check_system
 from .tangent import independent_constraints, tangent_of
 
 # What acts: an effect of unit strength, or generalized forces of physical coordinates.
@@ -77,12 +77,18 @@ def linearize(
 
     Differentiable and batchable. Raises InputError for a wrong shape or an unknown name.
     """
+    check_system("linearize", system)
     q = system.q0 if at is None else as_array(at)
     velocity = jnp.zeros_like(q) if v is None else as_array(v)
     check_shape("linearize", "at", q, (system.n,))
     check_shape("linearize", "v", velocity, (system.n,))
     time = jnp.asarray(t, q.dtype)
     named = outputs if isinstance(outputs, Mapping) else {label: label for label in outputs}
+    for name, what in inputs.items():
+        kinds = AbstractMarkerEffect, Callable
+        check_kind(
+            "linearize", f"input {name!r}", what, kinds, "an effect or a function of t, q, v"
+        )
     independent = independent_constraints("linearize", system, time, q)
     a, b, c, d, shapes = _matrices(
         system, time, q, velocity, independent, tuple(inputs.values()), tuple(named.values())

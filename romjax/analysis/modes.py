@@ -12,7 +12,7 @@ from ..checks import check_shape
 from ..errors import InputError
 from ..extras import frame
 from ..program import program_once
-from ..system.base import AbstractSystem
+from ..system.base import AbstractSystem, check_system
 from .tangent import independent_constraints, tangent_of
 
 # What eigenvalues are rounded by, relative to the largest one: those that are zero twice, of free
@@ -75,6 +75,7 @@ def modes(
 
     Raises InputError for a wrong shape, or for `turning` of a system without bodies.
     """
+    check_system("modes", system)
     q = system.q0 if at is None else as_array(at)
     check_shape("modes", "at", q, (system.n,))
     generator = None

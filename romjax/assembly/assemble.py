@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import jax.tree_util as jtu
 
 from ..arrays import as_array, concatenate
+from ..checks import check_kind
 from ..errors import SceneError
 from ..linalg.indexing import Index
 from ..linalg.pattern import Pattern
@@ -32,6 +33,9 @@ def assemble(scene: Scene) -> AssembledSystem:
     Raises SceneError, naming the part and the remedy, for an empty scene, duplicate names, a
     marker on an unknown body, impossible numbers, or joints that leave no motion.
     """
+    check_kind(
+        "assemble", "the scene", scene, Scene, "a romjax.Scene of bodies, joints and effects"
+    )
     scene.check()
     # A Python number that was put in by hand would be static and recompile at every change.
     scene = jtu.tree_map(as_array, scene)

@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import pick
-from ..checks import unknown_name
+from ..checks import check_kind, unknown_name
 from ..errors import InputError
 from ..scene.body.base import AbstractBody
 from ..scene.marker import GROUND, Marker, Pose, Twist, Wrench
-from ..system.base import AbstractSystem
+from ..system.base import AbstractSystem, check_system
 from .grouping import member, stack, with_name
 from .kinematics import Markers, prepare_points
 
@@ -54,6 +54,7 @@ def assembled(owner: str, system: AbstractSystem) -> "AssembledSystem":
 
     Raises InputError, beginning with `owner`, if there is none.
     """
+    check_system(owner, system)
     if not hasattr(system.full, "joint_markers"):
         raise InputError(
             f"{owner}: a {type(system.full).__name__} has coordinates, but no bodies that carry "
@@ -69,6 +70,9 @@ def locate(owner: str, system: AbstractSystem, markers: Sequence[Marker]) -> Loc
     point that its body does not know.
     """
     for marker in markers:
+        check_kind(
+            owner, "the marker", marker, Marker, "a marker of a body, such as body.at(point)"
+        )
         marker.check(owner)
     names = [marker.body for marker in markers]
     columns, bodies = bodies_of(owner, system, names)

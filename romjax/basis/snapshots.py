@@ -1,7 +1,7 @@
 """Snapshots of motions, weighted so that their singular values mean energy and time."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import pick
+from ..checks import check_kind
 from ..errors import InputError
 from ..program import program
 from .turns import Turns
@@ -100,7 +101,11 @@ class SnapshotSet(eqx.Module):
         """
         if isinstance(motions, SnapshotSet):
             return motions
-        given = [motions] if isinstance(motions, Motion) else list(motions)
+        single = isinstance(motions, Motion) or not isinstance(motions, Iterable)
+        several: Any = [motions] if single else motions
+        given = list(several)
+        for one in given:
+            check_kind("basis", "a motion", one, (Motion, Sensitivity), "runs of romjax.simulate")
         runs = [one for one in given if not isinstance(one, Sensitivity)]
         if not runs:
             raise InputError("basis: no motion given; simulate one.")

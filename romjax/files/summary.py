@@ -107,7 +107,7 @@ def _start(system: AbstractSystem, q: Array, v: Array) -> str:
 def _speed(system: AbstractSystem, settings: Settings, q: Array, v: Array) -> list[list[str]]:
     """The fastest frequency, the method and the reason for it."""
     ts = jnp.linspace(0.0, settings.end, max(2, round(settings.end * settings.rate) + 1))
-    start = start_frequencies(system, np.asarray(0.0), q, v)
+    start = start_frequencies(system, np.zeros(1), q, v)
     fastest = float(start.fastest)
     chosen, reason = default_method(system, ts, None, start)
     if given := solver_of(settings.solver):

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import concrete
-from ..compat import is_outermost
+from ..arrays import as_number, concrete
+from ..compat import is_outermost, is_traced
 from ..identity import Remembered
 from ..program import program_once
 from ..system.base import AbstractSystem
@@ -44,11 +44,12 @@ _known = Remembered()
 
 def start_frequencies(
     system: AbstractSystem,
-    t: Float[Array | np.ndarray, ""],
+    ts: Float[Array | np.ndarray, " k"],
     q: Float[Array, " n"],
     v: Float[Array, " n"],
 ) -> Frequencies:
-    """Of a system at a start; those of its own start are remembered with it."""
+    """Of a system at the first of some times; those of its own start are remembered with it."""
+    t = ts[0] if is_traced(ts) else as_number(np.asarray(ts)[0], q.dtype)
     # What is a part of the user's program is a tracer.
     if not is_outermost() or q is not system.q0 or v is not system.v0:
         return _frequencies(system, t, q, v)
@@ -172,7 +173,7 @@ def warn_of_fast_stabilization(
     step = float(times[-1] - times[0]) / max(float(steps), 1.0)
     if steps < _STEPS or rate * step < _COMPARABLE:
         return
-    fastest = float(start_frequencies(system, trajectory.t[0], q0, v0).fastest)
+    fastest = float(start_frequencies(system, trajectory.t, q0, v0).fastest)
     if rate > _FASTER * fastest:
         warnings.warn(
             f"The stabilisation and not the mechanism sets the step: Baumgarte's terms decay at "

@@ -4,17 +4,22 @@ import functools
 from typing import Any, Literal, NamedTuple
 
 import diffrax
+import jax
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..arrays import Vector, as_array, concrete
-from ..checks import check_finite, check_shape
+from ..checks import check_finite, check_kind, check_positive, check_shape
+from ..errors import InputError
 from ..events.base import AbstractEvent
 from ..identity import Remembered
-from ..system.base import AbstractSystem
+from ..system.base import AbstractSystem, check_system
 from ..system.frequencies import Frequencies
 from ..system.stabilization import Baumgarte, Projection, Stabilization
 from .default import default_stabilization
+
+# What holds a single number.
+_NUMBERS = int, float, jax.Array, np.ndarray, np.number
 
 
 class Settings(NamedTuple):
@@ -85,12 +90,54 @@ def progress_meter(shown: bool) -> diffrax.AbstractProgressMeter[Any]:
     return diffrax.TqdmProgressMeter() if shown else diffrax.NoProgressMeter()
 
 
+def check_choices(
+    system: AbstractSystem,
+    solver: diffrax.AbstractSolver[Any] | None,
+    stabilization: Stabilization | Literal["default"],
+    adjoint: diffrax.AbstractAdjoint | None,
+) -> None:
+    """Raise InputError for what is no system, no method, or no way to hold constraints or to
+    differentiate, and for an adjoint that grows without bounds.
+    """
+    check_system("simulate", system)
+    if adjoint is not None:
+        remedy = "an object such as diffrax.ForwardMode()"
+        check_kind("simulate", "adjoint", adjoint, diffrax.AbstractAdjoint, remedy)
+    if isinstance(adjoint, diffrax.BacksolveAdjoint):
+        raise InputError(
+            "simulate: adjoint=BacksolveAdjoint() integrates the motion backwards in time, where "
+            "dampers and the stabilisation of the constraints make it grow; use "
+            "diffrax.RecursiveCheckpointAdjoint() or diffrax.ForwardMode()."
+        )
+    if solver is not None:
+        remedy = "an object such as romjax.Rodas5P() or diffrax.Tsit5()"
+        check_kind("simulate", "solver", solver, diffrax.AbstractSolver, remedy)
+    if isinstance(stabilization, Baumgarte) or stabilization in ("default", None):
+        return
+    remedy = 'romjax.Baumgarte(alpha, beta), romjax.Projection(), None or "default"'
+    check_kind("simulate", "stabilization", stabilization, Projection, remedy)
+
+
+def check_numbers(max_steps: int, dense: int, **steps: ArrayLike | None) -> None:
+    """Raise InputError for counts below their least, and for `steps` that must be positive."""
+    for name, value in steps.items():
+        if value is not None:
+            check_kind("simulate", name, value, _NUMBERS, "a positive number")
+            check_positive("simulate", name, value)
+    if max_steps < 1 or dense < 0:
+        raise InputError(
+            f"simulate: max_steps={max_steps}, dense={dense}; a run takes at least one step, and "
+            "dense output has room for a number of steps, or is False."
+        )
+
+
 _increasing = Remembered()  # of arrays of JAX, which never change
 
 
-def check_times(ts: Vector) -> Float[Array, " k"]:
+def check_times(ts: Vector, dtype: Any) -> Float[Array, " k"]:
     """The output times as an array; raise ValueError unless they are finite and increase."""
     times = as_array(ts)
+    times = times if times.dtype == dtype else times.astype(dtype)
     if _increasing.get(times):
         return times
     check_shape("simulate", "ts", times, (None,))

@@ -6,13 +6,10 @@ from typing import Any, Literal
 
 import diffrax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from ..arrays import Vector, as_number
 from ..checks import check_finite
-from ..compat import is_traced
-from ..errors import InputError
 from ..events.base import AbstractEvent
 from ..events.check import check_events
 from ..system.base import AbstractSystem
@@ -25,7 +22,7 @@ from .doubt import is_doubtful, warn_of_doubt
 from .failures import raise_failure
 from .rodas5p import Rodas5P
 from .run import run
-from .settings import Settings, check_times, progress_meter
+from .settings import Settings, check_choices, check_numbers, check_times, progress_meter
 from .trajectory import Trajectory
 
 # Steps whose motion there is room for, unless told.
@@ -95,16 +92,15 @@ def simulate(
     joint and the amount); SimulationError if the integration does not reach its end, or not all
     joints hold on the way.
     """
-    times = check_times(ts)
+    check_choices(system, solver, stabilization, adjoint)
+    check_numbers(max_steps, dense, rtol=rtol, atol=atol, dt=dt)
     q, v = _check_start(system, q0, v0)
-    times = times if times.dtype == q.dtype else times.astype(q.dtype)
-    _check_for_doubts(q, adjoint)
+    times = check_times(ts, q.dtype)
     # Events ask for bodies and coordinates by their names.
     bare = system if (watched := check_events(events, max_events)) else without_names(system)
     step, frequencies = None if dt is None else as_number(dt, q.dtype), None
     if solver is None or stabilization == "default":
-        first = times[0] if is_traced(times) else as_number(np.asarray(times)[0], q.dtype)
-        frequencies = start_frequencies(bare, first, q, v)
+        frequencies = start_frequencies(bare, times, q, v)
         solver = solver or default_method(system, times, step, frequencies).solver
     settings = Settings(
         solver=solver,
@@ -140,24 +136,14 @@ def simulate(
 def _check_start(
     system: AbstractSystem, q0: Vector | None, v0: Vector | None
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-    """The start; raise InputError for wrong shapes and numbers."""
+    """The start; raise InputError for wrong shapes and numbers, warn of single precision."""
     q, v = check_start_shapes(system, q0, v0)
     check_finite("simulate", "q0", q)
     check_finite("simulate", "v0", v)
-    return q, v
-
-
-def _check_for_doubts(q0: Float[Array, " n"], adjoint: diffrax.AbstractAdjoint | None) -> None:
-    """Warn of single precision; raise InputError for an adjoint that grows without bounds."""
-    if q0.dtype == jnp.float32:
+    if q.dtype == jnp.float32:
         warnings.warn(
             "Simulating in single precision: expect errors from 1e-5. For double precision, call "
             'jax.config.update("jax_enable_x64", True) before making any array.',
             stacklevel=3,
         )
-    if isinstance(adjoint, diffrax.BacksolveAdjoint):
-        raise InputError(
-            "simulate: adjoint=BacksolveAdjoint() integrates the motion backwards in time, where "
-            "dampers and the stabilisation of the constraints make it grow; use "
-            "diffrax.RecursiveCheckpointAdjoint() or diffrax.ForwardMode()."
-        )
+    return q, v

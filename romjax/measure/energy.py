@@ -12,7 +12,7 @@ from ..integrate.trajectory import Trajectory
 from ..program import program
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
-from .states import along, check_run
+from .states import along, check_origin, check_run
 
 
 class EnergyHistory(NamedTuple):
@@ -38,6 +38,7 @@ def energy(system: AbstractSystem, run: Trajectory) -> EnergyHistory:
 
     Raises InputError for a run without a balance (`audit=False`, or integrated by diffrax).
     """
+    check_origin("energy", system, run)
     if run.imbalance is None:
         raise InputError(
             "energy: the run has no balance of energy; simulate it with audit=True, and without an "

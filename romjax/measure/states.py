@@ -10,12 +10,13 @@ from jaxtyping import Array, Float, Int
 
 from .. import compat
 from ..assembly.locate import assembled
+from ..checks import check_kind
 from ..errors import InputError
 from ..integrate.outputs import capacity, cut, padded
 from ..integrate.reactions import balancing_multipliers, lifted_acceleration
 from ..integrate.trajectory import Trajectory
 from ..program import program
-from ..system.base import AbstractSystem
+from ..system.base import AbstractSystem, check_system
 from ..system.dynamics import solve
 from ..system.reduced import AbstractReducedSystem
 
@@ -63,15 +64,23 @@ def check_run(owner: str, system: AbstractSystem, run: Trajectory) -> None:
             f"{owner}: a {type(system).__name__} follows no equations of motion of the mechanism; "
             "reduce by rj.Galerkin() or rj.Minimal(), or give the full system."
         )
-    if run.labels != full.structure.labels:
-        raise InputError(
-            f"{owner}: the run has the coordinates {', '.join(run.labels)}, but the system "
-            f"{', '.join(full.structure.labels)}; give the system that was simulated."
-        )
+    check_origin(owner, full, run)
     if run.t.ndim != 1:
         raise InputError(
             f"{owner}: the run is a batch of shape {run.t.shape[:-1]}; map over it, as in "
             f"jax.vmap(lambda run: rj.{owner}(system, run, ...))(runs)."
+        )
+
+
+def check_origin(owner: str, system: AbstractSystem, run: Trajectory) -> None:
+    """Raise InputError, beginning with `owner`, unless `run` is one of this `system`."""
+    check_system(owner, system)
+    check_kind(owner, "the run", run, Trajectory, "what romjax.simulate(system, ts) returns")
+    labels = system.full.structure.labels
+    if run.labels != labels:
+        raise InputError(
+            f"{owner}: the run has the coordinates {', '.join(run.labels)}, but the system "
+            f"{', '.join(labels)}; give the system that was simulated."
         )
 
 

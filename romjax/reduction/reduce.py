@@ -4,8 +4,9 @@ from typing import Any, Literal, overload
 
 from .. import deprecated
 from ..basis.basis import Basis
+from ..checks import check_kind
 from ..errors import ReductionError
-from ..system.base import AbstractSystem
+from ..system.base import AbstractSystem, check_system
 from .formulation.base import AbstractFormulation
 from .formulation.galerkin import Galerkin
 from .formulation.minimal import Minimal
@@ -54,6 +55,8 @@ def reduce(
     take it apart (galerkin), or if the mechanism passes a singular position (minimal).
     """
     chosen: AbstractFormulation = deprecated.decided(as_formulation(formulation), old)
+    check_system("reduce", system)
+    check_kind("reduce", "the basis", basis, Basis, "what romjax.pod or romjax.sod returns")
     if basis.modes.shape[0] != system.n:
         raise ReductionError(
             f"reduce: the basis has {basis.modes.shape[0]} coordinates and the system {system.n}; "

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..arrays import concrete
+from ..checks import check_kind
 from ..extras import frame
 from ..identity import Remembered
 from ..integrate.trajectory import Trajectory
@@ -74,6 +75,8 @@ def compare(
 
     Raises ValueError if times or coordinates do not fit.
     """
+    for run in (truth, approx):
+        check_kind("compare", "a motion", run, Trajectory, "runs of romjax.simulate")
     if truth.q.shape != approx.q.shape:
         raise ValueError(
             f"compare: the motions have shapes {truth.q.shape} and {approx.q.shape} (times, "

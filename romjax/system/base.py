@@ -8,6 +8,7 @@ from jaxtyping import Array, Float, Int
 
 from .. import deprecated
 from ..arrays import Time
+from ..checks import check_kind
 from .constraints import right_hand_side
 from .stabilization import Baumgarte
 from .state import AbstractState
@@ -34,6 +35,12 @@ class AbstractValidity(eqx.Module):
     @abc.abstractmethod
     def including(self, run: Run) -> "AbstractValidity":
         """The same where nothing that is in `run` speaks against another one."""
+
+
+def check_system(owner: str, system: "AbstractSystem") -> None:
+    """Raise InputError, beginning with `owner`, for what is no system, such as a scene."""
+    remedy = "what romjax.assemble(scene), romjax.reduce or romjax.CustomSystem returns"
+    check_kind(owner, "the system", system, AbstractSystem, remedy)
 
 
 class AbstractSystem(eqx.Module):

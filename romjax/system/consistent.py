@@ -12,7 +12,7 @@ from ..arrays import Vector, as_array, concrete
 from ..checks import check_shape
 from ..errors import InputError
 from ..program import program_once
-from .base import AbstractSystem
+from .base import AbstractSystem, check_system
 from .dynamics import constraint_state
 
 START_SWEEPS = 10
@@ -34,6 +34,7 @@ def consistent(
     Raises InputError, naming the constraint and what is left of it, if ten sweeps do not get
     |C| below 1e-10, or if no velocity gets |Ċ| below 1e-8: joints that move contradict each other.
     """
+    check_system("consistent", system)
     q, v = check_start_shapes(system, q0, v0)
     time = jnp.asarray(t, q.dtype)
     if system.m == 0:

@@ -20,7 +20,7 @@ def methods_for(
 ) -> list[diffrax.AbstractSolver[Any]]:
     """The methods, with that first which `simulate` would choose."""
     system = model.system
-    fastest = start_frequencies(system, ts[0], system.q0, system.v0)
+    fastest = start_frequencies(system, ts, system.q0, system.v0)
     chosen = type(default_method(system, ts, None, fastest).solver)
     return sorted(methods, key=lambda method: type(method) is not chosen)
 
