@@ -84,11 +84,9 @@ def linearize(
     check_shape("linearize", "v", velocity, (system.n,))
     time = jnp.asarray(t, q.dtype)
     named = outputs if isinstance(outputs, Mapping) else {label: label for label in outputs}
+    kinds, remedy = (AbstractMarkerEffect, Callable), "an effect or a function of t, q, v"
     for name, what in inputs.items():
-        kinds = AbstractMarkerEffect, Callable
-        check_kind(
-            "linearize", f"input {name!r}", what, kinds, "an effect or a function of t, q, v"
-        )
+        check_kind("linearize", f"input {name!r}", what, kinds, remedy)
     independent = independent_constraints("linearize", system, time, q)
     a, b, c, d, shapes = _matrices(
         system, time, q, velocity, independent, tuple(inputs.values()), tuple(named.values())

@@ -101,9 +101,9 @@ class SnapshotSet(eqx.Module):
         """
         if isinstance(motions, SnapshotSet):
             return motions
-        single = isinstance(motions, Motion) or not isinstance(motions, Iterable)
-        several: Any = [motions] if single else motions
-        given = list(several)
+        given: list[Any] = [motions]
+        if isinstance(motions, Iterable) and not isinstance(motions, Motion):
+            given = list(motions)
         for one in given:
             check_kind("basis", "a motion", one, (Motion, Sensitivity), "runs of romjax.simulate")
         runs = [one for one in given if not isinstance(one, Sensitivity)]

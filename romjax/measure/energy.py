@@ -36,7 +36,8 @@ def energy(system: AbstractSystem, run: Trajectory) -> EnergyHistory:
 
     The balance is that at the end of the step before each output. Differentiable but for it.
 
-    Raises InputError for a run without a balance (`audit=False`, or integrated by diffrax).
+    Raises InputError for a run of another system, or without a balance (`audit=False`, or
+    integrated by diffrax).
     """
     check_origin("energy", system, run)
     if run.imbalance is None:
