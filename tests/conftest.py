@@ -1,4 +1,4 @@
-"""Settings of all tests, and the runs that several of them look at."""
+"""Settings of all tests, what each may cost, and the runs that several of them look at."""
 
 import gc
 import os
@@ -7,8 +7,10 @@ from pathlib import Path
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 from scene_files import CRANK
+from zoo import TIGHT
 
 import romjax as rj
 from romjax import compat, program
@@ -20,18 +22,35 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 # Pieces of memory that a process may have mapped before programs are forgotten.
 MOST_MAPS = 30_000
 
-# Step size control of the runs that others are measured against: a hundredth of SOLVED at a step.
-TIGHT = 1e-10
-
+# Required of a fast test with its fixtures: programs that it compiles, and seconds of a processor.
+# What compiles nothing is instant.
+MOST_PROGRAMS, MOST_SECONDS = 30, 10.0
 
 # Objects after which Python looks for cycles among the youngest. Tracing makes millions of objects
 # and hardly a cycle: looking after every 700 takes a tenth of all time.
 COLLECT_AFTER = 50_000
 
 
+SPENT = pytest.StashKey[tuple[int, float]]()
+_compiled = [0]
+
+
+def spent() -> tuple[int, float]:
+    """Programs that this process has compiled, and the time of a processor that it and its children
+    have taken [s].
+    """
+    times = os.times()
+    return _compiled[0], times.user + times.system + times.children_user + times.children_system
+
+
+def _count(event, seconds, **_):
+    _compiled[0] += event.endswith("backend_compile_duration")
+
+
 def pytest_configure(config):
     """Keep compiled programs for these tests alone, unless told where: all processes share them."""
     gc.set_threshold(COLLECT_AFTER, 20, 100)
+    jax.monitoring.register_event_duration_secs_listener(_count)
     if "ROMJAX_CACHE_DIR" not in os.environ:
         folder = tempfile.TemporaryDirectory(prefix="romjax-programs-")
         os.environ["ROMJAX_CACHE_DIR"] = folder.name
@@ -43,6 +62,25 @@ def pytest_configure(config):
     # And in one part instead of up to 32 at once, since two processes keep both cores busy.
     flags += ["--xla_backend_optimization_level=0", "--xla_cpu_parallel_codegen_split_count=1"]
     os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *flags]).strip()
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_setup(item):
+    """Note what was spent before a test and its fixtures."""
+    item.stash[SPENT] = spent()
+    return (yield)
+
+
+@pytest.fixture(autouse=True)
+def cheap(request):
+    """Fail a test that costs more than those of its group may."""
+    yield
+    marks = {mark.name for mark in request.node.iter_markers()}
+    if marks & {"slow", "exhaustive"}:
+        return
+    programs, seconds = np.subtract(spent(), request.node.stash[SPENT])
+    assert programs <= (0 if "instant" in marks else MOST_PROGRAMS), f"{programs:.0f} programs"
+    assert seconds <= MOST_SECONDS, f"{seconds:.1f} s"
 
 
 @pytest.fixture(scope="module", autouse=True)

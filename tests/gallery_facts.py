@@ -5,7 +5,7 @@ import math
 import jax.numpy as jnp
 import numpy as np
 from comparison import assert_close
-from mechanisms import GRAVITY
+from zoo import GRAVITY
 
 import romjax as rj
 from romjax.gallery import find

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.special
 from comparison import assert_close
 from gallery_facts import SHOWN, bodies_of, crossings
-from mechanisms import GRAVITY
+from zoo import GRAVITY
 
 import romjax as rj
 from romjax.linalg import quaternions

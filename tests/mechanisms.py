@@ -6,8 +6,6 @@ import numpy as np
 
 import romjax as rj
 
-GRAVITY = 9.81
-
 
 class RK4(diffrax.AbstractERK):
     """The classical Runge–Kutta method, for steps of a given size."""
@@ -22,17 +20,6 @@ class RK4(diffrax.AbstractERK):
 
     def order(self, terms):
         return 4
-
-
-def point_pendulum() -> rj.CustomSystem:
-    """A point mass of 1 kg on a massless bar of 1 m, level and at rest."""
-    return rj.CustomSystem(
-        lambda q: jnp.eye(2),
-        lambda t, q, v: jnp.array([0.0, -GRAVITY]),
-        lambda t, q: 0.5 * (q @ q - 1)[None],
-        q0=[1.0, 0.0],
-        v0=[0.0, 0.0],
-    )
 
 
 def bar(name, start, end, mass=1.0, velocity=(0.0, 0.0, 0.0)) -> rj.RigidBody:
@@ -78,19 +65,6 @@ def linkage(points, bars, turning, gravity=False, masses=None, extra=()) -> rj.S
         anchor = rj.ground.at(points[name]) if name.isupper() else held.pop(0)
         joints += [rj.Revolute(marker, anchor) for marker in held]
     return rj.Scene(bodies, (*joints, *extra), [rj.Gravity()] if gravity else [])
-
-
-def falling_beams(count, mass=1.0) -> rj.Scene:
-    """Beams of 1 m with three modes, hinged end to end from the origin, level and at rest."""
-    beams = [
-        rj.Beam(f"beam{i}", mass, 1.0, frequencies=[30.0, 80.0, 150.0], position=(i + 0.5, 0.0))
-        for i in range(count)
-    ]
-    hinges = [rj.ground.at(), *(beam.at((0.5, 0.0)) for beam in beams)]
-    joints = [
-        rj.Revolute(beam.at((-0.5, 0.0)), hinge) for beam, hinge in zip(beams, hinges, strict=False)
-    ]
-    return rj.Scene(beams, joints, [rj.Gravity()])
 
 
 def turned_about_the_origin(system, spin, tilt):

@@ -8,8 +8,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from mechanisms import GRAVITY, RK4, point_pendulum
+from mechanisms import RK4
 from parallelogram import parallelogram
+from zoo import GRAVITY, point_pendulum
 
 import romjax as rj
 

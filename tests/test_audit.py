@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from comparison import assert_close
 from groups import in_groups
-from mechanisms import GRAVITY, point_pendulum
 from parallelogram import parallelogram
 from planted_errors import CHANGE_POINT, LENGTH, MASS, PLANTED, STIFFNESS, bead, swing
 from tolerances import IDENTITY
+from zoo import GRAVITY, point_pendulum
 
 import romjax as rj
 

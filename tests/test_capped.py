@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
-from conftest import TIGHT
 from tolerances import IDENTITY, SOLVED
+from zoo import TIGHT
 
 import romjax as rj
 

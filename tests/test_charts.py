@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from test_hard_cases import four_bar
 from tolerances import IDENTITY, SOLVED
+from zoo import four_bar
 
 import romjax as rj
 from romjax.charts.atlas import choose_atlas

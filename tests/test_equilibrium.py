@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
-from mechanisms import GRAVITY, bar, ends
+from mechanisms import bar, ends
+from zoo import GRAVITY
 
 import romjax as rj
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import scipy.special
 from comparison import assert_close
-from conftest import TIGHT
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
+from zoo import TIGHT
 
 import romjax as rj
 

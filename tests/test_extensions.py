@@ -6,12 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
-from conftest import TIGHT
 from groups import in_groups
 from mechanisms import bar, ends
 from test_bases import VelocityPOD
 from test_own_outlines import Belt
 from tolerances import SOLVED
+from zoo import TIGHT
 
 import romjax as rj
 from romjax import plot

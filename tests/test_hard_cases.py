@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from mechanisms import RK4, ends, linkage
 from tolerances import IDENTITY, SOLVED
+from zoo import four_bar
 
 import romjax as rj
 from romjax.system import dynamics
@@ -29,15 +30,6 @@ SINGLE = 1e-5  # in single precision
 def kinetic(motion: rj.Trajectory) -> np.ndarray:
     """½ vᵀ M v, of bodies with constant mass."""
     return 0.5 * np.einsum("ki,ij,kj->k", motion.v, motion.metric, motion.v)
-
-
-def four_bar(coupler=1.0, doubled=False) -> rj.Scene:
-    """A four-bar under gravity; its first hinge may be made twice."""
-    points = {"A": (0, 0), "b": (0.3, 0.9), "c": (1.8, 1.3), "D": (2.0, 0)}
-    bars = [("A", "b"), ("b", "c"), ("D", "c")]
-    scene = linkage(points, bars, {}, gravity=True, masses=[1.0, coupler, 1.0])
-    more = scene.joints[:1] if doubled else ()
-    return rj.Scene(scene.bodies, (*scene.joints, *more), scene.effects)
 
 
 def moving(system):

@@ -7,8 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
-from mechanisms import GRAVITY, bar, ends
+from mechanisms import bar, ends
 from tolerances import IDENTITY
+from zoo import GRAVITY
 
 import romjax as rj
 from romjax.assembly.names import unique

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import scipy.stats
 from comparison import assert_close
-from mechanisms import GRAVITY
 from tolerances import IDENTITY
+from zoo import GRAVITY
 
 import romjax as rj
 

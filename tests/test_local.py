@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
-from conftest import TIGHT
-from mechanisms import falling_beams, turned_about_the_origin
+from mechanisms import turned_about_the_origin
 from random_scenes import random_scene
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
+from zoo import TIGHT, falling_beams
 
 import romjax as rj
 from romjax.assembly.disassemble import disassemble

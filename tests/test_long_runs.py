@@ -9,8 +9,9 @@ import jax.numpy as jnp
 import meshes
 import numpy as np
 import pytest
-from mechanisms import GRAVITY, RK4, linkage, point_pendulum
+from mechanisms import RK4, linkage
 from tolerances import IDENTITY, SOLVED
+from zoo import GRAVITY, point_pendulum
 
 import romjax as rj
 from romjax.system import dynamics

@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
-from conftest import TIGHT
 from groups import in_groups
 from mechanisms import linkage
-from test_hard_cases import four_bar, slider_crank
+from test_hard_cases import slider_crank
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
+from zoo import TIGHT, four_bar
 
 import romjax as rj
 from romjax.system import dynamics

@@ -5,8 +5,8 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from conftest import TIGHT
 from tolerances import IDENTITY
+from zoo import TIGHT
 
 import romjax as rj
 

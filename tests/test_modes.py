@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 from comparison import assert_close
-from mechanisms import GRAVITY
 from tolerances import SOLVED
+from zoo import GRAVITY
 
 import romjax as rj
 

@@ -7,8 +7,8 @@ import pytest
 import scipy.integrate
 import scipy.linalg
 from comparison import assert_close
-from conftest import TIGHT
 from tolerances import IDENTITY, SOLVED
+from zoo import TIGHT
 
 import romjax as rj
 from romjax.system import dynamics

@@ -90,7 +90,7 @@ def test_constants_are_no_arguments_of_functions():
     code = f"""
         import sys
         sys.path.insert(0, {str(Path(__file__).parent)!r})
-        from test_hard_cases import four_bar
+        from zoo import four_bar
         system = rj.assemble(four_bar())
         run = rj.simulate(system, np.linspace(0.0, 2.0, 101), rtol=1e-10)
         rom = rj.reduce(system, rj.pod(run), "minimal")

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import simeon
-from conftest import TIGHT
 from mechanisms import bar, ends
 from tolerances import IDENTITY, PUBLISHED, SOLVED
+from zoo import TIGHT
 
 import romjax as rj
 from romjax.scene.body.modes import bending_roots

@@ -7,9 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import simeon
-from conftest import TIGHT
-from mechanisms import GRAVITY
 from tolerances import IDENTITY, PUBLISHED, SOLVED
+from zoo import GRAVITY, TIGHT
 
 import romjax as rj
 

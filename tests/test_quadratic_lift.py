@@ -4,11 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from conftest import TIGHT
-from mechanisms import GRAVITY
 from quadratic import Quadratic, QuadraticLift
-from test_hard_cases import four_bar
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
+from zoo import GRAVITY, TIGHT, four_bar
 
 import romjax as rj
 from romjax.system import dynamics

@@ -7,8 +7,8 @@ import diffrax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from conftest import TIGHT
 from tolerances import IDENTITY
+from zoo import TIGHT
 
 import romjax as rj
 from romjax.study.rank_study import RankRow

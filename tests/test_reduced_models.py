@@ -8,9 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from conftest import TIGHT
-from test_hard_cases import four_bar
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
+from zoo import TIGHT, four_bar
 
 import romjax as rj
 from romjax import deprecated

@@ -9,8 +9,8 @@ import mechanics
 import numpy as np
 import pytest
 from comparison import assert_close
-from conftest import TIGHT
 from tolerances import IDENTITY, SOLVED
+from zoo import TIGHT
 
 import romjax as rj
 from romjax.basis.rank import choose_rank

@@ -7,65 +7,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from conftest import TIGHT
-from mechanisms import ends, linkage
+from mechanisms import linkage
 from tolerances import DIFFERENCED, IDENTITY, PUBLISHED, SOLVED
+from zoo import TIGHT, five_bar, slider_crank
 
 import romjax as rj
 
 TS = jnp.linspace(0.0, 1.0, 41)
 EXACT = {"rtol": TIGHT, "solver": diffrax.Dopri8()}
-RADIUS = 0.3
-
-
-def slider_crank(slider=0.7, length=1.0, turning=9.0, bends=False) -> rj.Scene:
-    """A crank that goes round from above, a rod that may bend, and a slider on a spring."""
-    reach, along = jnp.sqrt(length**2 - RADIUS**2), jnp.array([-turning * RADIUS, 0.0])
-    crank = rj.RigidBody(
-        "crank",
-        1.0,
-        0.02,
-        position=(0.0, RADIUS / 2),
-        angle=jnp.pi / 2,
-        velocity=along / 2,
-        angular_velocity=turning,
-    )
-    # With the crank upright the rod does not turn, and moves as the slider does.
-    where = {
-        "position": jnp.stack([reach / 2, RADIUS / 2]),
-        "angle": -jnp.arcsin(RADIUS / length),
-        "velocity": along,
-    }
-    if bends:
-        rod = rj.Beam("rod", mass=0.5, length=length, EI=60.0, modes=2, **where)
-    else:
-        rod = rj.RigidBody("rod", 0.5, 0.04, **where)
-    piston = rj.RigidBody(
-        "piston", slider, 0.1, position=jnp.stack([reach, 0.0 * reach]), velocity=along
-    )
-    half = jnp.stack([length / 2, 0.0 * reach])
-    joints = [
-        rj.Revolute(crank.at((-RADIUS / 2, 0.0)), rj.ground.at()),
-        rj.Revolute(rod.at(-half), crank.at((RADIUS / 2, 0.0))),
-        rj.Revolute(piston.at(), rod.at(half)),
-        rj.Prismatic(piston.at(), rj.ground.at()),
-    ]
-    pull = rj.Spring(piston.at(), rj.ground.at((2.0, 0.0)), 20.0, 0.9)
-    return rj.Scene([crank, rod, piston], joints, [rj.Gravity(), pull])
-
-
-def five_bar(spring=60.0, mass=1.0) -> rj.Scene:
-    """Two cranks, and two rods between them whose common pin hangs on a spring."""
-    points = {"A": (0, 0), "b": (-0.6, 1.0), "c": (0.6, 1.9), "d": (1.7, 1.0), "E": (1.0, 0)}
-    bars = [("A", "b"), ("b", "c"), ("c", "d"), ("E", "d")]
-    scene = linkage(points, bars, {}, gravity=True, masses=[1.0, mass, 1.0, 1.0])
-    left, rod, _, right = scene.bodies
-    springs = [
-        rj.Spring(ends(rod)[1], rj.ground.at((0.5, 2.6)), spring, 0.5),
-        rj.Spring(left.at(), rj.ground.at((-1.5, 1.0)), 50.0, 1.0),
-        rj.Spring(right.at(), rj.ground.at((2.5, 1.0)), 50.0, 1.0),
-    ]
-    return rj.Scene(scene.bodies, scene.joints, [*scene.effects, *springs])
 
 
 def of_one(system) -> rj.Basis:

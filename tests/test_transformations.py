@@ -5,8 +5,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from conftest import TIGHT
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
+from zoo import TIGHT
 
 import romjax as rj
 

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from groups import in_groups
-from mechanisms import GRAVITY, RK4, point_pendulum
-from test_hard_cases import four_bar
+from mechanisms import RK4
+from zoo import GRAVITY, four_bar, point_pendulum
 
 import romjax as rj
 
