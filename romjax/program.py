@@ -85,7 +85,7 @@ class Program:
         if options is None:
             return _lower(flat, forms, {}).compile()
         key = program_cache.key_of_call(self._function, kinds, settings)
-        stored = program_cache.load(key)
+        stored = program_cache.load_call(key)
         if stored is not None:
             return stored
         if self._runs == "one":
@@ -106,18 +106,19 @@ def _read_or_compile(
 ) -> Any:
     """A function of arrays of these forms, compiled, or read from disk.
 
-    `key`: under which it was looked for before it was traced; None if it has no such key.
+    `key`: of the call, under which it was looked for before it was traced; None if it has none.
     """
     lowered = _lower(function, forms, options)
     text = program_cache.key_of_text(lowered.as_text(), lowered.out_tree, options)
-    if text is None:
+    if text is None or not program_cache.keeps(text):
         return lowered.compile()
-    compiled = program_cache.load(text) if key is None else None
-    if compiled is None and program_cache.keeps(key or text):
+    compiled = program_cache.load(text)
+    if compiled is None:
         with compat.without_cache_of_jax():
             compiled = lowered.compile()
-        program_cache.store(key or text, compiled)
-    return lowered.compile() if compiled is None else compiled
+        program_cache.store(text, compiled)
+    program_cache.store_call(key, text)
+    return compiled
 
 
 def _without_collecting(function: F) -> F:

@@ -2,15 +2,22 @@
 
 The folder is that of the user's caches, or the one that the environment variable ROMJAX_CACHE_DIR
 names; an empty name turns the cache off. Nothing is lost with the folder.
+
+A program is kept under the text that the compiler is given, whatever sources it was traced from. A
+call has a key of its own, which spares tracing: it leads to that text as long as the sources stay.
+After an edit of them, or in another version of romjax, a call is traced once more, and compiles
+nothing if it leads to a known text.
 """
 
 import dataclasses
 import functools
 import hashlib
 import io
+import math
 import os
 import pickle
 import platform
+import re
 import sys
 import tempfile
 import types
@@ -22,13 +29,15 @@ from typing import Any
 import jax
 from platformdirs import user_cache_path
 
-from . import compat
+from . import compat, sources
 
 # What these packages define changes with their versions only.
 _PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "lineax", "optimistix", "jaxtyping", "numpy")
 _VERSIONED = frozenset({"romjax", *_PACKAGES}) | sys.stdlib_module_names
 # All programs together, in bytes: some hundred structures.
 _LARGEST = 2**30
+# Bytes since the folder was last looked through; more than any number at first.
+_written = [math.inf]
 
 
 def folder() -> Path | None:
@@ -47,11 +56,13 @@ def key_of_call(function: Any, *rest: Any) -> str | None:
     if function.__module__.partition(".")[0] != "romjax" or "<locals>" in function.__qualname__:
         return None
     stream = io.BytesIO()
+    describer = _Describer(stream)
     try:
-        _Describer(stream).dump((function.__module__, function.__qualname__, rest))
+        describer.dump((function.__module__, function.__qualname__, rest))
     except (pickle.PicklingError, TypeError, AttributeError, RecursionError):
         return None
-    return _digest(stream.getvalue())
+    origin = sources.digest({function.__module__, *describer.modules})
+    return _digest(origin.encode(), stream.getvalue())
 
 
 def key_of_text(text: str, *options: Any) -> str | None:
@@ -64,42 +75,75 @@ def keeps(key: str | None) -> bool:
     return _file(key) is not None
 
 
-def load(key: str | None) -> Any:
-    """The program of a key; None if there is none, or none that can be read."""
-    file = _file(key)
-    if file is None or not file.is_file():
+def load_call(key: str | None) -> Any:
+    """The program of a call, by its key; None if it is not known which, or if that is gone."""
+    content = (_read(_file(key, ".call")) or b"").decode(errors="replace")
+    return load(content) if re.fullmatch("[0-9a-f]{64}", content) else None
+
+
+def load(text: str | None) -> Any:
+    """The program of a text, by its key; None if there is none, or none that can be read."""
+    content = _read(_file(text))
+    if content is None:
         return None
     try:
-        program = pickle.loads(zlib.decompress(file.read_bytes()))
-        os.utime(file)
-        return compat.load_executable(*program)
+        return compat.load_executable(*pickle.loads(zlib.decompress(content)))
     except (OSError, zlib.error, jax.errors.JaxRuntimeError):
         return None
 
 
-def store(key: str | None, compiled: Any) -> None:
+def store_call(key: str | None, text: str) -> None:
+    """Keep which text a call leads to, by the keys of both."""
+    file = _file(key, ".call")
+    if file is not None and keeps(text):
+        _write(file, text.encode())
+
+
+def store(text: str, compiled: Any) -> None:
     """Keep a program; without a folder that can be written to, nothing is kept."""
-    file = _file(key)
+    file = _file(text)
     if file is None:
         return
     try:
         content = zlib.compress(pickle.dumps(compat.dump_executable(compiled)), level=1)
     except (pickle.PicklingError, TypeError, AttributeError, ValueError, NotImplementedError):
         return  # results of a class of the user's own, say, that Python finds under no name
+    _write(file, content)
+
+
+def _read(file: Path | None) -> bytes | None:
+    """What a file holds, which is used now; None if there is none."""
+    if file is None or not file.is_file():
+        return None
+    try:
+        content = file.read_bytes()
+        os.utime(file)
+    except OSError:
+        return None
+    return content
+
+
+def _write(file: Path, content: bytes) -> None:
+    """Keep a file, all of it or nothing, and others as far as there is room."""
     try:
         file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=file.parent, delete=False) as temporary:
             temporary.write(content)
         os.replace(temporary.name, file)
-        _forget_oldest(file.parent)
+        _written[0] += len(content)
+        if _written[0] > _LARGEST / 64:  # looking after each would take longer than some programs
+            _written[0] = 0
+            _forget_oldest(file.parent)
     except OSError:
         return
 
 
-def _file(key: str | None) -> Path | None:
+def _file(key: str | None, ending: str = "") -> Path | None:
     here = folder()
     # What is compiled for one of several devices is bound to it.
-    return None if key is None or here is None or jax.local_device_count() > 1 else here / key
+    if key is None or here is None or jax.local_device_count() > 1:
+        return None
+    return here / (key + ending)
 
 
 def _forget_oldest(here: Path) -> None:
@@ -121,10 +165,8 @@ def _digest(*parts: bytes) -> str:
 
 @functools.cache
 def _machine() -> bytes:
-    """What decides on a compiled program beside itself: sources, versions, flags, processor."""
+    """What decides on a compiled program beside itself: versions, flags, processor."""
     digest = hashlib.sha256()
-    for file in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(file.read_bytes())
     versions = [f"{name} {version(name)}" for name in _PACKAGES]
     flags, device = os.environ.get("XLA_FLAGS", ""), jax.local_devices()[0]
     for part in (platform.python_version(), *versions, flags, device.id, *_processor()):
@@ -152,6 +194,7 @@ class _Describer(pickle.Pickler):
     def __init__(self, stream: io.BytesIO):
         super().__init__(stream, protocol=5)
         self.fast = True  # which equal objects are one object is no difference
+        self.modules = set[str]()  # of romjax, whose classes and functions are written
 
     def reducer_override(self, obj: Any) -> Any:
         """How to write an object out that is none of Python's basic types."""
@@ -161,6 +204,8 @@ class _Describer(pickle.Pickler):
         module = (obj if named else type(obj)).__module__ or ""
         if module.partition(".")[0] not in _VERSIONED:
             raise pickle.PicklingError(f"{obj!r} is of {module}")
+        if module.startswith("romjax."):
+            self.modules.add(module)
         if dataclasses.is_dataclass(obj) and not named:
             # The fields only: what properties remember comes and goes.
             values = tuple(getattr(obj, field.name) for field in dataclasses.fields(obj))

@@ -44,6 +44,9 @@ def in_a_process(code, **environment):
 
 
 RUN = """
+    from romjax.basis.subspace import singular_values
+    # Of a library that no call of it has been traced for, where the program is read.
+    assert np.allclose(singular_values(np.diag([3.0, 2.0])), [3.0, 2.0])
     # Programs of romjax are compiled by this; what JAX compiles call by call is not.
     compiled, calls = jax.stages.Lowered.compile, []
 
@@ -52,9 +55,9 @@ RUN = """
         return compiled(*args, **kwargs)
 
     jax.stages.Lowered.compile = counted
-    system = rj.assemble(rj.gallery.cart_pendulum())
-    run = rj.simulate(system, np.linspace(0.0, 0.2, 11))
-    rom = rj.reduce(system, rj.pod(run, rank=3), "minimal")
+    system = rj.assemble(rj.gallery.chain(2))
+    run = rj.simulate(system, np.linspace(0.0, 0.2, 11), audit=False)
+    rom = rj.reduce(system, rj.pod(run, rank=2), "minimal")
     multipliers = np.asarray(run.multipliers)
     numbers = run.q[-1, 4], multipliers[-1, 2], rom.q0[0]
     print(len(calls), *(float(x).hex() for x in numbers))
@@ -69,19 +72,10 @@ def test_another_process_compiles_nothing_and_gets_the_same_bits(folder):
 
     compiled, *first = in_a_process(RUN, PYTHONHASHSEED="1").split()
     written = files()
-    assert int(compiled) >= len(written) > 5
+    texts = [name for name in written if not name.endswith(".call")]
+    assert int(compiled) >= len(texts) - 1 > 5
     assert in_a_process(RUN, PYTHONHASHSEED="2").split() == ["0", *first]
     assert files() == written
-
-
-def test_a_library_is_ready_in_a_process_that_traces_no_call_of_it(folder):
-    """A program that is read instead of traced."""
-    code = """
-        from romjax.basis.subspace import singular_values
-        print(round(float(singular_values(np.diag([3.0, 2.0]))[0]), 9))
-    """
-    assert in_a_process(code) == in_a_process(code) == "3.0"
-    assert len(list(folder.iterdir())) >= 1
 
 
 @pytest.mark.slow
@@ -211,19 +205,24 @@ def test_the_oldest_programs_go_first(folder, monkeypatch):
 
 
 OWN_CACHE_OF_JAX = """
+    import os
     from romjax.program import program
     jax.config.update("jax_compilation_cache_dir", {!r})
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
-    print(float(program(lambda x: jax.numpy.sin(x).sum())(np.ones(3))))
+    for name in {!r}:
+        os.environ["ROMJAX_CACHE_DIR"] = name
+        result = float(program(lambda x: jax.numpy.sin(x).sum())(np.ones(3)))
+        jax.clear_caches()
+    print(result)
 """
 
 
 def test_a_program_that_jax_keeps_too_is_kept_by_romjax(tmp_path):
     """What comes from JAX's cache on disk could not be kept: a copy of it fails when it runs."""
-    code = OWN_CACHE_OF_JAX.format(str(tmp_path / "jax"))
+    folder = str(tmp_path / "romjax")
     # The first fills JAX's cache, as it would before romjax had one; the last reads romjax's.
-    for name in ("", "romjax", "romjax"):
-        folder = str(tmp_path / name) if name else ""
-        assert_close(float(in_a_process(code, ROMJAX_CACHE_DIR=folder)), 3 * np.sin(1.0), IDENTITY)
+    for names in (("", folder), (folder,)):
+        code = OWN_CACHE_OF_JAX.format(str(tmp_path / "jax"), names)
+        assert_close(float(in_a_process(code)), 3 * np.sin(1.0), IDENTITY)
     assert list((tmp_path / "jax").iterdir())
     assert len(list((tmp_path / "romjax").iterdir())) == 1
