@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from ..arrays import as_jax
 from ..deprecated import renamed, warn_once
 from ..errors import InputError
 from .orthonormal import orthonormalize
@@ -65,7 +67,7 @@ class Basis(eqx.Module):
                 "shapes (n, r) and (n,) with r at most n."
             )
         metric = _metric(metric, offset)
-        ones, zero = jnp.ones(modes.shape[1], dtype), jnp.zeros((), dtype)
+        ones, zero = as_jax(np.ones(modes.shape[1], dtype)), as_jax(np.zeros((), dtype))
         snapshots = SnapshotSet.single(offset, metric)
         return cls(orthonormalize(modes, metric), offset, ones, ones, snapshots, zero, zero)
 
@@ -131,7 +133,7 @@ def _metric(metric: Any, offset: Float[Array, " n"]) -> Float[Array, "n n"]:
     """The metric as an array that fits the offset; the identity if it is None."""
     n = len(offset)
     if metric is None:
-        return jnp.eye(n, dtype=offset.dtype)
+        return as_jax(np.eye(n, dtype=offset.dtype))
     array = jnp.asarray(metric, offset.dtype)
     if array.shape != (n, n):
         raise InputError(f"Basis: metric has shape {array.shape}, but it must have ({n}, {n}).")

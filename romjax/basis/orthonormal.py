@@ -7,6 +7,7 @@ from jaxtyping import Array, Float
 
 from ..arrays import concrete
 from ..errors import InputError
+from ..program import program_once
 from .rank import FLOOR
 
 
@@ -19,20 +20,31 @@ def orthonormalize(modes: Float[Array, "n r"], metric: Float[Array, "n n"]) -> F
     Raises InputError for a metric that is not positive definite and for a column that depends on
     those before it, unless JAX traces.
     """
-    root = jnp.linalg.cholesky(metric).T
+    orthonormal, root, lengths, heights = _factors(modes, metric)
     if (entries := concrete(root)) is not None and not np.all(np.isfinite(entries)):
         raise InputError(
             "Basis: the metric is not positive definite; give a mass matrix, such as "
             "Trajectory.metric or system.mass(system.q0)."
         )
+    _refuse_dependent(lengths, heights)
+    return orthonormal
+
+
+@program_once
+def _factors(
+    modes: Float[Array, "n r"], metric: Float[Array, "n n"]
+) -> tuple[Float[Array, "n r"], Float[Array, "n n"], Float[Array, " r"], Float[Array, " r"]]:
+    """The modes that are orthonormal, S, the lengths of the columns of S·modes, and of each of unit
+    length the part that those before it do not span.
+    """
+    root = jnp.linalg.cholesky(metric).T
     columns = root @ modes
     lengths = jnp.linalg.norm(columns, axis=0)
     # Columns of unit length, so that a column of metres and one of radians compare.
     q, r = jnp.linalg.qr(columns / jnp.where(lengths > 0, lengths, 1)[None])
     heights = jnp.diagonal(r)
-    _refuse_dependent(lengths, heights)
     signs = jnp.where(heights < 0, -1.0, 1.0).astype(q.dtype)
-    return jsl.solve_triangular(root, q * signs[None])
+    return jsl.solve_triangular(root, q * signs[None]), root, lengths, heights
 
 
 def _refuse_dependent(lengths: Float[Array, " r"], heights: Float[Array, " r"]) -> None:

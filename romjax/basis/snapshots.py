@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import pick
+from ..arrays import as_jax, pick, untraced
 from ..checks import check_kind
 from ..errors import InputError
 from ..program import program
@@ -155,8 +155,9 @@ class SnapshotSet(eqx.Module):
     @classmethod
     def single(cls, q: Float[Array, " n"], metric: Float[Array, "n n"]) -> "SnapshotSet":
         """One snapshot at rest, of a mechanism of which nothing but its `metric` is given."""
-        zero = jnp.zeros(1, q.dtype)
-        return cls(zero, q[None], 0 * q[None], zero, metric, Noise(zero[0], zero[0]), (), ())
+        zero, (own,) = as_jax(np.zeros(1, q.dtype)), untraced(q)
+        q, rest, least = as_jax(own[None]), as_jax(0 * own[None]), as_jax(np.zeros((), q.dtype))
+        return cls(zero, q, rest, zero, metric, Noise(least, least), (), ())
 
     def of_coordinates(self, numbers: np.ndarray) -> "SnapshotSet":
         """Those of some coordinates only, by their numbers, without names."""

@@ -6,7 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..arrays import Numbers
+from ..arrays import Numbers, as_jax, pick, untraced
+from ..assembly.grouping import stack
 from ..linalg.indexing import Index, spread
 from ..system.reduced import Physical, Reduced
 
@@ -44,11 +45,12 @@ class BodyBases(eqx.Module):
             narrow.append(range(n, n + size))
             n += size
         groups = list(shapes.values())
-        stacked = [jnp.stack([modes[i] for i in group]) for group in groups]
-        metric = [jnp.stack([metrics[i] for i in group]) for group in groups]
+        stacked = [stack([modes[i] for i in group]) for group in groups]
+        metric = [stack([metrics[i] for i in group]) for group in groups]
+        pairs = [untraced(*pair) for pair in zip(stacked, metric, strict=True)]
         return cls(
             tuple(stacked),
-            tuple(jnp.swapaxes(x, 1, 2) @ y for x, y in zip(stacked, metric, strict=True)),
+            tuple(as_jax(x.swapaxes(1, 2) @ y) for x, y in pairs),
             tuple(Index.of([columns[i] for i in group]) for group in groups),
             tuple(Index.of([narrow[i] for i in group]) for group in groups),
         )
@@ -64,7 +66,7 @@ class BodyBases(eqx.Module):
     def by_body(self) -> list[Array]:
         """Φ (K, k) of each body, in the order of their coordinates."""
         modes = {
-            columns[0]: group[row]
+            columns[0]: pick(group, row)
             for group, index in zip(self.modes, self.wide, strict=True)
             for row, columns in enumerate(index.rows)
         }

@@ -14,6 +14,7 @@ from ..assembly.disassemble import disassemble
 from ..assembly.locate import assembled
 from ..errors import ReductionError, SceneError
 from ..linalg.kkt import KKT
+from ..program import program_once
 from ..scene.body.reduced import ReducedBody
 from ..scene.scene import Scene
 from ..system.base import AbstractSystem, AbstractValidity
@@ -91,7 +92,8 @@ class LocalSystem(AbstractReducedSystem):
         return self.bases.expand(q), self.bases.expand(v)
 
     def restrict(self, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
-        return self.bases.project(q), self.bases.project(v)
+        z, w = _projected(self.bases, q, v)
+        return z, w
 
     def in_chart_of(self, q: Physical) -> "LocalSystem":
         del q
@@ -111,6 +113,11 @@ class LocalSystem(AbstractReducedSystem):
         q0, v0 = start_of(self.reduced, z, w, time)
         reduced = dataclasses.replace(self.reduced, q0=q0, v0=v0)
         return dataclasses.replace(self, reduced=reduced, time=time)
+
+
+@program_once
+def _projected(bases: BodyBases, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
+    return bases.project(q), bases.project(v)
 
 
 def _with_bases(full: AssembledSystem, bases: BodyBases) -> AssembledSystem:

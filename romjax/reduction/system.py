@@ -94,7 +94,8 @@ class ReducedSystem(AbstractReducedSystem):
         return motion.q, motion.v
 
     def restrict(self, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
-        return self.lift.restrict(self.full, *self._turned(q, v))
+        z, w = _restrict(self.lift, self.full, *self._turned(q, v))
+        return z, w
 
     def in_chart_of(self, q: Physical) -> "ReducedSystem":
         if not isinstance(self.lift, AtlasLift):

@@ -9,12 +9,12 @@ from jaxtyping import Array, Float
 
 from ..arrays import Time
 from ..basis.basis import Basis
+from ..integrate.default import start_frequencies
 from ..linalg.dense import multiply
 from ..linalg.kkt import KKT
 from ..linalg.pattern import Pattern
 from ..reduction.formulation.base import AbstractFormulation, start
 from ..system.base import AbstractSystem, AbstractValidity
-from ..system.frequencies import frequencies
 from ..system.stabilization import Baumgarte
 from ..system.state import AbstractState, Energy, Power
 from ..system.structure import Structure
@@ -46,7 +46,7 @@ class Projected(AbstractFormulation):
         stabilization, t = self.stabilization, basis.snapshots.t
         if stabilization is None and system.m:
             # As `simulate` chooses it for the full system over the time of the snapshots.
-            rigid = frequencies(system, time, q, v).rigid
+            rigid = start_frequencies(system, time[None], q, v).rigid
             span = jnp.maximum(t[-1] - t[0], jnp.finfo(t.dtype).tiny)
             stabilization = Baumgarte.critical(jnp.maximum(rigid, 2 * jnp.pi / span))
         box = TrainingBox.of_basis(system, basis, modes, modes.T)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..arrays import as_jax, put
 from ..basis.basis import Basis
 from ..basis.build import modes_of
 from ..basis.snapshots import weigh
@@ -71,22 +72,23 @@ class Tabulated(AbstractFormulation):
         q, v, t = start(system, basis)
         frames = Frames.of(system, t, q)
         amplitudes = np.setdiff1d(np.arange(system.n), frames.numbers)
-        undeformed, trained = q.at[amplitudes].set(0.0), basis.decomposition is not None
-        snapshots = basis.snapshots.q.at[:, amplitudes].set(0.0) if trained else None
+        undeformed = as_jax(put(q, amplitudes, 0.0))
+        trained, bent = basis.decomposition is not None, np.s_[:, amplitudes]
+        snapshots = as_jax(put(basis.snapshots.q, bent, 0.0)) if trained else None
         if frames.freedoms == 1:
             grid = trace_curve(system, frames, undeformed, snapshots, self.tol)
         else:
             grid = trace_surface(system, frames, snapshots, self.tol)
         own = _modes(basis, amplitudes, basis.rank - frames.freedoms)
-        modes = jnp.zeros((system.n, own.shape[1]), q.dtype).at[amplitudes].set(own)
+        modes = as_jax(put(np.zeros((system.n, own.shape[1]), q.dtype), amplitudes, own))
         lift = TableLift.of(system, frames, grid, modes)
         summary = grid.summary
         if amplitudes.size:
             summary += f", {own.shape[1]} of {amplitudes.size} modes of flexible bodies"
         # Undeformed bodies leave the constraints nowhere.
         violation = _violation(system, lift, basis.snapshots.q) if trained else 0.0
-        everywhere = jnp.full((2, frames.freedoms + own.shape[1]), jnp.inf).at[0].multiply(-1)
-        validity = TrainingBox.of(everywhere, violation)
+        everywhere = np.outer([-np.inf, np.inf], np.ones(frames.freedoms + own.shape[1]))
+        validity = TrainingBox.of(as_jax(everywhere.astype(q.dtype)), violation)
         return ReducedSystem.of(
             system, lift, (q, v, t), None, validity, f"{summary}, no constraints"
         )
@@ -97,7 +99,7 @@ def _modes(basis: Basis, amplitudes: np.ndarray, most: int) -> Float[Array, "a k
     own = basis.snapshots.of_coordinates(amplitudes)
     count = min(most, amplitudes.size)
     if count <= 0:
-        return jnp.zeros((amplitudes.size, 0), own.q.dtype)
+        return as_jax(np.zeros((amplitudes.size, 0), own.q.dtype))
     if basis.decomposition is None:
         return span(basis.modes[amplitudes], own.metric)
     weighted = weigh(own, jnp.zeros(amplitudes.size, own.q.dtype))

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Time
+from ..arrays import Time, as_jax, put, untraced
 from ..linalg.dense import invert, multiply
 from ..reduction.lift.base import AbstractLift, Motion, Physical, Reduced
 from ..system.base import AbstractSystem
@@ -54,7 +54,8 @@ class TableLift(AbstractLift):
         """With a table of the grid, and `modes` that are orthonormal in the mass metric."""
         coefficients = tabulate(system, frames, grid, modes)
         # In the metric of the amplitudes alone, whatever the frames do.
-        dual = modes.T @ frames.metric.at[:, np.array(frames.numbers)].set(0.0)
+        metric = put(frames.metric, np.s_[:, np.array(frames.numbers)], 0.0)
+        dual = as_jax(untraced(modes)[0].T @ metric)
         return cls(frames, grid, modes, dual, coefficients)
 
     def position(self, full: AbstractSystem, t: Time, z: Reduced) -> Physical:

@@ -6,6 +6,7 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from ...arrays import pick
 from ...basis.basis import Basis
 from ...basis.decomposition.base import AbstractDecomposition
 from ...basis.snapshots import Motions
@@ -47,8 +48,8 @@ def start(
     """
     snapshots = basis.snapshots
     if basis.decomposition is None:
-        return system.q0, system.v0, snapshots.t[0]
-    q, v = snapshots.q[0], snapshots.v[0]
+        return system.q0, system.v0, pick(snapshots.t, 0)
+    q, v = pick(snapshots.q, 0), pick(snapshots.v, 0)
     if snapshots.turns is not None:
         q, v = snapshots.turns.of_unit_length(q, v)
-    return q, v, snapshots.t[0]
+    return q, v, pick(snapshots.t, 0)

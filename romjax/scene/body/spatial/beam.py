@@ -227,10 +227,14 @@ class Beam(AbstractFlexibleBody):
         return jnp.concatenate([jnp.zeros_like(v[:7]), modal])
 
     def mode_shapes(self, point: Float[Array, "3"]) -> Float[Array, "6 modes"]:
-        moved, turned = motion(self._counts, point[0] / self.length + 0.5)
-        turned = turned * rotations(self.mass, self.length, self.inertia, self._counts)[None]
-        arm = jnp.cross(turned.T, point * np.array([0.0, 1.0, 1.0])).T
-        return jnp.concatenate([moved / jnp.sqrt(self.mass) + arm, turned])
+        # By NumPy where JAX does not trace, which compiles nothing where scenes are made.
+        at, *numbers = untraced(point, self.mass, self.length, self.inertia)
+        xp: Any = np if isinstance(at, np.ndarray) else jnp
+        mass, length, inertia = numbers
+        moved, turned = motion(self._counts, at[0] / length + 0.5, xp)
+        turned = turned * rotations(mass, length, inertia, self._counts)[None]
+        arm = xp.cross(turned.T, at * np.array([0.0, 1.0, 1.0])).T
+        return as_jax(xp.concatenate([moved / xp.sqrt(mass) + arm, turned]))
 
     def foreshortening(self, point: Float[Array, "3"]) -> Float[Array, "3 modes modes"]:
         along = legendre.legval(2 * point[0] / self.length, foreshortening(self._counts))

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ....arrays import Numbers
 from .free_modes import Counts, foreshortening, motion, quadrature
 from .inertia import SpatialInertia
 
@@ -55,12 +56,17 @@ def beam_inertia(
 
 
 def rotations(
-    mass: Float[Array, ""], length: Float[Array, ""], moments: Float[Array, "3"], counts: Counts
-) -> Float[Array, " modes"]:
+    mass: Float[Numbers, ""],
+    length: Float[Numbers, ""],
+    moments: Float[Numbers, "3"],
+    counts: Counts,
+) -> Float[Numbers, " modes"]:
     """Rotations per unit amplitude: what those of `motion` are multiplied by."""
-    each = jnp.stack([1 / (jnp.sqrt(mass) * length), 1 / jnp.sqrt(moments[0])])
+    xp: Any = np if isinstance(moments, np.ndarray) else jnp
+    each = xp.stack([1 / (xp.sqrt(mass) * length), 1 / xp.sqrt(moments[0])])
     kinds = np.repeat([0, 0, 1, 0], counts)
-    return each[kinds]
+    scales: Array = each[kinds]
+    return scales
 
 
 def _of_axis(weights: np.ndarray, moved: np.ndarray) -> np.ndarray:
