@@ -1,0 +1,42 @@
+"""The list of planted faults: each has its place in the package, and tests that should see it."""
+
+import ast
+import collections
+from pathlib import Path
+
+import pytest
+from mutations import ROOT, mutations
+
+MUTATIONS = mutations()
+COUNT = 40
+KINDS = {"sign", "factor", "index", "term", "argument"}
+# The folders of the package that compute.
+ROOMS = {
+    *("analysis", "assembly", "basis", "charts", "events", "hyper", "integrate", "linalg"),
+    *("local", "measure", "reduction", "scene", "study", "system", "tables"),
+}
+
+pytestmark = pytest.mark.instant
+
+
+def test_there_are_forty_of_different_names():
+    assert len(MUTATIONS) == COUNT
+    assert len({one.name for one in MUTATIONS}) == COUNT
+
+
+def test_every_room_has_two():
+    rooms = collections.Counter(Path(one.file).parts[1] for one in MUTATIONS)
+    assert rooms.keys() == ROOMS
+    assert min(rooms.values()) >= 2
+
+
+@pytest.mark.parametrize("one", MUTATIONS, ids=lambda one: one.name)
+def test_a_fault_has_its_place_and_its_tests(one):
+    text = (ROOT / one.file).read_text(encoding="utf-8")
+    assert text.count(one.old) == 1
+    assert one.old != one.new
+    planted = text.replace(one.old, one.new)
+    assert ast.dump(ast.parse(planted)) != ast.dump(ast.parse(text))
+    assert one.kind in KINDS
+    assert 1 <= len(one.tests) <= 4
+    assert all((ROOT / file).is_file() for file in one.tests)
