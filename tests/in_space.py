@@ -5,7 +5,6 @@ import itertools
 
 import jax.numpy as jnp
 import numpy as np
-from mechanics import coordinates
 from modal_twins import modal_twin
 
 import romjax as rj
@@ -71,7 +70,7 @@ class InSpace:
         }
         if body.modes:
             return modal_twin(self.planar, body, moving)
-        mass = np.asarray(body.mass_matrix(jnp.asarray(q)))
+        mass = np.asarray(body.mass_matrix(q))
         return r.RigidBody(body.name, mass[0], mass[2] * np.array([0.6, 0.7, 1.0]), **moving)
 
     def marker(self, marker: rj.Marker, then=(1.0, 0.0, 0.0, 0.0)) -> rj.Marker:
@@ -88,7 +87,7 @@ class InSpace:
     def unwound(self, *markers: rj.Marker) -> float:
         """What the angle of a marker, or of one against another, is more in space at the start."""
         q = np.concatenate([body.start()[0] for body in self.planar.bodies])
-        own = coordinates(self.planar, q)
+        own = self._by_body(q)
         angles = [
             float(m.angle) + (0.0 if m.body == "ground" else float(own[m.body][2])) for m in markers
         ]
@@ -99,9 +98,9 @@ class InSpace:
 
     def multipliers(self, values, q) -> np.ndarray:
         """Of the planar scene, from those of its twin, at the planar coordinates q."""
-        own, found = coordinates(self.planar, q), []
+        own, found, values = self._by_body(q), [], np.asarray(values)
         for rows, frame in zip(self.rows, self.frames, strict=True):
-            part = np.array(values[rows.start : rows.stop])
+            part = values[rows.start : rows.stop].copy()
             if frame is not None:
                 angle = self._angle(frame, own)
                 c, s = np.cos(angle), np.sin(angle)
@@ -114,21 +113,22 @@ class InSpace:
         for body in self.planar.bodies:
             if body.name == marker.body:
                 q = own[body.name]
-                tilt = body.mode_shapes(jnp.asarray(marker.point))[2] @ q[3:] if body.modes else 0
-                return float(marker.angle + q[2] + tilt)
+                shapes = np.asarray(body.mode_shapes(jnp.asarray(marker.point)))
+                return float(marker.angle) + q[2] + shapes[2] @ q[3:]
         return float(marker.angle)
 
     def accelerations(self, q, a) -> tuple[np.ndarray, float]:
         """Of the planar coordinates, and the largest part out of the plane."""
         found, out = [], 0.0
+        q, a = np.asarray(q), np.asarray(a)
         for own in self._slices():
-            p, ddp = (np.asarray(x[own])[3:7] for x in (q, a))
+            p, ddp = q[own][3:7], a[own][3:7]
             # The rate of 2 E ṗ / s, as E(ṗ) ṗ = 0 and the length is constant.
             turning = 2 * quaternions.apply(quaternions.space_matrix(p), ddp) / (p @ p)
             back = quaternions.conjugate(self.turn)
-            line = rotated(back, np.asarray(a[own])[:3])
+            line = rotated(back, a[own][:3])
             turning = rotated(back, turning)
-            found += [line[0], line[1], turning[2], *np.asarray(a[own])[7:]]
+            found += [line[0], line[1], turning[2], *a[own][7:]]
             out = max(out, abs(line[2]), abs(turning[0]), abs(turning[1]))
         return np.array(found), out
 
@@ -142,6 +142,12 @@ class InSpace:
             turn = quaternions.product(turned, own[:, 3:7])
             found += [line[:, 0], line[:, 1], 2 * np.arctan2(turn[:, 3], turn[:, 0]), *own[:, 7:].T]
         return np.stack(found, axis=1)
+
+    def _by_body(self, q) -> dict[str, np.ndarray]:
+        """The planar coordinates of each body."""
+        ends = np.cumsum([body.size for body in self.planar.bodies])[:-1]
+        names = (body.name for body in self.planar.bodies)
+        return dict(zip(names, np.split(np.asarray(q), ends), strict=True))
 
     def _slices(self) -> list[slice]:
         """Of the coordinates of each body of the twin."""

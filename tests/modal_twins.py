@@ -1,7 +1,7 @@
 """Flexible bodies of the plane, put into space."""
 
+import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 import romjax as rj
@@ -15,7 +15,9 @@ def modal_twin(scene: rj.Scene, body: rj.AbstractBody, moving: dict) -> r.ModalB
     `scene`: the planar one, whose markers say where the modes are asked for. `moving`: position,
     orientation, and their rates.
     """
-    own, modes = body.invariants(), body.modes
+    points = np.stack([np.zeros(2), *marked(scene, body)])
+    own, shapes, stiffness, damping, q, v = asked(body, points)
+    modes = body.modes
     assert own.foreshortening is None
     assert own.spin is None
     quadratic = np.eye(modes) if own.modal is None else own.modal
@@ -30,27 +32,45 @@ def modal_twin(scene: rj.Scene, body: rj.AbstractBody, moving: dict) -> r.ModalB
         about_z_alone(2, quadratic),
         about_z_alone(1, None if own.gyration is None else own.gyration.T),
     )
-    markers = [
-        marker.point
+    return r.ModalBody(
+        body.name,
+        inertia,
+        np.asarray(stiffness),
+        np.pad(points, ((0, 0), (0, 1))),
+        spatial_shapes(shapes),
+        damping=np.asarray(damping) if body.damped else None,
+        amplitudes=np.asarray(q)[3:],
+        rates=np.asarray(v)[3:],
+        **moving,
+    )
+
+
+def marked(scene: rj.Scene, body: rj.AbstractBody) -> list[np.ndarray]:
+    """The points of a body that joints and effects hold to."""
+    return [
+        np.asarray(marker.point)
         for part in (*scene.joints, *scene.effects)
         for marker in vars(part).values()
         if isinstance(marker, rj.Marker) and marker.body == body.name
     ]
-    points = np.stack([np.zeros(2), *markers])
-    shapes = np.zeros((len(points), 6, modes))
-    shapes[:, [0, 1, 5]] = [body.mode_shapes(jnp.asarray(point)) for point in points]
+
+
+@eqx.filter_jit
+def asked(body: rj.AbstractBody, points):
+    """What the twin takes from a body: invariants, the shapes of modes at points, and stiffness,
+    damping and start.
+    """
     q, v = body.start()
-    return r.ModalBody(
-        body.name,
-        inertia,
-        jax.hessian(body.elastic_energy)(q)[3:, 3:],
-        np.pad(points, ((0, 0), (0, 1))),
-        shapes,
-        damping=-jax.jacfwd(body.damping_force)(v)[3:, 3:] if body.damped else None,
-        amplitudes=q[3:],
-        rates=v[3:],
-        **moving,
-    )
+    stiffness = jax.hessian(body.elastic_energy)(q)[3:, 3:]
+    damping = -jax.jacfwd(body.damping_force)(v)[3:, 3:] if body.damped else None
+    return body.invariants(), [body.mode_shapes(x) for x in points], stiffness, damping, q, v
+
+
+def spatial_shapes(planar) -> np.ndarray:
+    """Displacement along three axes and rotation about them, of modes of the plane."""
+    shapes = np.zeros((len(planar), 6, np.shape(planar)[-1]))
+    shapes[:, [0, 1, 5]] = planar
+    return shapes
 
 
 def about_z_alone(rank: int, value) -> np.ndarray | None:
