@@ -3,12 +3,12 @@
 import warnings
 from typing import Any, ClassVar
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import zoo
 from programs import compilations
 from tolerances import DIFFERENCED, IDENTITY
 
@@ -23,21 +23,28 @@ REDUCED = 1e-3
 
 
 def gram(basis):
-    return basis.modes.T @ basis.snapshots.metric @ basis.modes
+    modes = np.asarray(basis.modes)
+    return modes.T @ np.asarray(basis.snapshots.metric) @ modes
 
 
 def random(*shape, seed=0):
-    return jnp.asarray(np.random.default_rng(seed).normal(size=shape))
+    return np.random.default_rng(seed).normal(size=shape)
 
 
 def positive(n, seed=1):
     root = random(n, n, seed=seed)
-    return root @ root.T + n * jnp.eye(n)
+    return root @ root.T + n * np.eye(n)
 
 
 def projector(modes):
     """Onto the span of the columns, which does not depend on how they are scaled or mixed."""
+    modes = np.asarray(modes)
     return modes @ np.linalg.pinv(modes)
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return zoo.motion(zoo.cart_pendulum)
 
 
 # Given modes.
@@ -45,18 +52,18 @@ def projector(modes):
 
 def test_given_modes_are_made_orthonormal():
     """Of columns twice and three times as long as units, the Gram matrix was diag(4, 9)."""
-    basis = rj.Basis.from_modes(jnp.array([[2.0, 0.0], [0.0, 3.0], [0.0, 0.0]]), jnp.zeros(3))
-    np.testing.assert_allclose(gram(basis), jnp.eye(2), atol=IDENTITY)
+    basis = rj.Basis.from_modes(np.array([[2.0, 0.0], [0.0, 3.0], [0.0, 0.0]]), np.zeros(3))
+    np.testing.assert_allclose(gram(basis), np.eye(2), atol=IDENTITY)
 
 
 @pytest.mark.parametrize("metric", [None, positive(6)], ids=["identity", "metric"])
 def test_given_modes_keep_their_span_and_directions(metric):
     modes, offset = random(6, 3), random(6)
     basis = rj.Basis.from_modes(modes, offset, metric)
-    np.testing.assert_allclose(gram(basis), jnp.eye(3), atol=IDENTITY)
+    np.testing.assert_allclose(gram(basis), np.eye(3), atol=IDENTITY)
     np.testing.assert_allclose(projector(basis.modes), projector(modes), atol=IDENTITY)
     np.testing.assert_allclose(
-        projector(basis.modes[:, :2]), projector(modes[:, :2]), atol=IDENTITY
+        projector(np.asarray(basis.modes)[:, :2]), projector(modes[:, :2]), atol=IDENTITY
     )
     again = rj.Basis.from_modes(basis.modes, offset, metric)
     np.testing.assert_allclose(again.modes, basis.modes, atol=IDENTITY)
@@ -67,13 +74,13 @@ def test_another_metric(truth):
     basis = rj.pod(truth, rank=3)
     metric = positive(8)
     other = basis.orthonormalised(metric)
-    np.testing.assert_allclose(gram(other), jnp.eye(3), atol=IDENTITY)
+    np.testing.assert_allclose(gram(other), np.eye(3), atol=IDENTITY)
     np.testing.assert_allclose(projector(other.modes), projector(basis.modes), atol=IDENTITY)
     np.testing.assert_array_equal(other.snapshots.q, basis.snapshots.q)
     # The coordinates are the nearest ones in the new metric.
     root = np.linalg.cholesky(metric).T
-    displacements = (truth.q - basis.offset[None]) @ root.T
-    wanted = np.linalg.lstsq(root @ other.modes, displacements.T, rcond=None)[0].T
+    displacements = np.subtract(truth.q, basis.offset) @ root.T
+    wanted = np.linalg.lstsq(root @ np.asarray(other.modes), displacements.T, rcond=None)[0].T
     np.testing.assert_allclose(other.coordinates, wanted, atol=IDENTITY)
 
 
@@ -82,13 +89,15 @@ def test_given_modes_differentiate():
     modes, change, metric = random(5, 2), random(5, 2, seed=2), positive(5)
     x = random(5, seed=3)
 
+    @jax.jit
+    @jax.value_and_grad
     def held(s):
         basis = rj.Basis.from_modes(modes + s * change, jnp.zeros(5), (1 + s) * metric)
         return jnp.sum((basis.modes.T @ x) ** 2) + basis.modes[0, 1]
 
     step = 1e-5
-    wanted = (held(0.1 + step) - held(0.1 - step)) / (2 * step)
-    found = jax.jit(jax.grad(held))(0.1)
+    (below, _), (_, found), (above, _) = (held(0.1 + by) for by in (-step, 0.0, step))
+    wanted = (float(above) - float(below)) / (2 * step)
     np.testing.assert_allclose(found, wanted, atol=DIFFERENCED / 100)
 
 
@@ -102,9 +111,9 @@ WRONG = {
         {"modes": [[1.0, 0.0], [0.0, float("nan")], [0.0, 0.0]]},
         "mode 2 of 2 is not finite",
     ),
-    "a metric of another size": ({"metric": jnp.eye(2)}, r"metric has shape \(2, 2\).*\(3, 3\)"),
+    "a metric of another size": ({"metric": np.eye(2)}, r"metric has shape \(2, 2\).*\(3, 3\)"),
     "a metric that is not positive": (
-        {"metric": jnp.diag(jnp.array([1.0, 0.0, -1.0]))},
+        {"metric": np.diag([1.0, 0.0, -1.0])},
         "metric is not positive definite; give a mass matrix",
     ),
 }
@@ -112,16 +121,16 @@ WRONG = {
 
 @pytest.mark.parametrize(("changes", "words"), WRONG.values(), ids=WRONG)
 def test_modes_that_make_no_basis(changes, words):
-    given = {"modes": [[1.0], [1.0], [0.0]], "offset": jnp.zeros(3)} | changes
+    given = {"modes": [[1.0], [1.0], [0.0]], "offset": np.zeros(3)} | changes
     with pytest.raises(rj.InputError, match=words):
         rj.Basis.from_modes(**given)
 
 
 def test_units_do_not_make_columns_dependent():
     """A column of micrometres is as good as one of kilometres."""
-    modes = jnp.array([[1e3, 1.0], [0.0, 1e-6], [0.0, 0.0]])
-    basis = rj.Basis.from_modes(modes, jnp.zeros(3))
-    np.testing.assert_allclose(jnp.abs(basis.modes), jnp.eye(3, 2), atol=IDENTITY)
+    modes = np.array([[1e3, 1.0], [0.0, 1e-6], [0.0, 0.0]])
+    basis = rj.Basis.from_modes(modes, np.zeros(3))
+    np.testing.assert_allclose(np.abs(basis.modes), np.eye(3, 2), atol=IDENTITY)
 
 
 # Decompositions.
@@ -168,37 +177,45 @@ def test_coordinates_are_described_in_words():
         "plate", rj.Inertia(1.0, 0.1), [4.0], [[0.0, 0.0]], np.zeros((1, 3, 1)), amplitudes=[1e-6]
     )
     system = rj.assemble(rj.Scene([beam, plate]))
-    run = rj.simulate(system, jnp.linspace(0.0, 0.1, 21))
+    t = np.linspace(0.0, 0.1, 21)
+    # The second mode of the beam swings, and so does that of the plate, hardly.
+    q, v = (np.tile(x, (len(t), 1)) for x in (system.q0, system.v0))
+    for i, omega, size in ((4, 40 * np.pi, 0.1), (8, 8 * np.pi, 1e-6)):
+        q[:, i], v[:, i] = size * np.cos(omega * t), -size * omega * np.sin(omega * t)
+    words = tuple(x.description or x.label for x in system.structure.coordinates)
+    run = Measured(t, q, v, np.diag(np.arange(1.0, 10.0)), system.structure.labels)
+    run.descriptions = words
     words = rj.describe(rj.pod(run, rank=1))
     assert "of bending mode 2 of beam all but" in words
     assert "Dropped: mode 1 of plate, because" in words
     assert "At rest: position x of beam, " in words
     assert words.endswith("angle of plate.")
-    run = Measured(run, run.labels)
+    del run.descriptions
     assert "Dropped: plate.q1, because" in rj.describe(rj.pod(run, rank=1))
-    unnamed = Measured(run, ())
-    assert "Dropped: coordinate 9, because" in rj.describe(rj.pod(unnamed, rank=1))
+    run.labels = ()
+    assert "Dropped: coordinate 9, because" in rj.describe(rj.pod(run, rank=1))
 
 
 def test_names_of_coordinates_compile_nothing(truth):
     """Snapshots in another coordinates' names are weighted by the program that there is."""
     rj.pod(truth, rank=5)
-    renamed = Measured(truth, tuple(f"u{i}" for i in range(truth.q.shape[1])))
+    names = tuple(f"u{i}" for i in range(truth.q.shape[1]))
+    renamed = Measured(truth.t, truth.q, truth.v, truth.metric, names, truth.noise)
     assert compilations(lambda: rj.pod(renamed, rank=5)) == 0
 
 
 class Measured:
     """What every motion has, and names."""
 
-    def __init__(self, run, labels):
-        self.t, self.q, self.v, self.metric = run.t, run.q, run.v, run.metric
+    def __init__(self, t, q, v, metric, labels, noise=lambda: (0.0, 0.0)):
+        self.t, self.q, self.v, self.metric = t, q, v, metric
         self.labels = labels
-        self.noise = run.noise
+        self.noise = noise
 
 
 def test_a_new_decomposition_is_described_and_drawn(truth):
     basis = VelocityPOD(rank=5)(truth)
-    np.testing.assert_allclose(gram(basis), jnp.eye(5), atol=IDENTITY)
+    np.testing.assert_allclose(gram(basis), np.eye(5), atol=IDENTITY)
     words = rj.describe(basis)
     assert words.startswith("velocity POD, rank 5: as asked")
     assert "of bending mode 2 of pendulum all but" in words
@@ -214,12 +231,14 @@ def test_a_new_decomposition_is_described_and_drawn(truth):
     assert figure.axes[0].get_title() == f"mode 1\n$E$ = {energy} J s"
 
 
-@pytest.mark.parametrize(("formulation", "rank"), [("galerkin", 5), ("minimal", 3)])
-def test_a_new_decomposition_reduces(truth, cart_pendulum, formulation, rank):
-    rom = rj.reduce(cart_pendulum, VelocityPOD(rank)(truth), formulation)
-    run = rj.simulate(rom, truth.t, rtol=1e-8, adjoint=diffrax.ForwardMode())
+def test_a_new_decomposition_reduces(truth):
+    """And nothing speaks against the run."""
+    rom = rj.reduce(truth.system, VelocityPOD(5)(truth))
+    run = rj.simulate(rom, truth.t, rtol=1e-8)
     error = float(rj.compare(truth, run).error)
-    assert error <= REDUCED, f"{formulation}: error {error:.2e}"
+    assert error <= REDUCED, f"error {error:.2e}"
+    assert run.is_valid
+    assert run.warnings() == ""
 
 
 def test_the_rank_that_snapshots_do_not_allow_has_an_error_of_its_own(truth):
@@ -250,7 +269,7 @@ def test_old_names_of_a_basis_warn_once(truth, old, new):
 
 
 def test_the_old_name_of_a_decomposition(truth):
-    bases = rj.pod(truth, 2), rj.sod(truth, 2), rj.Basis.from_modes(jnp.eye(2), jnp.zeros(2))
+    bases = rj.pod(truth, 2), rj.sod(truth, 2), rj.Basis.from_modes(np.eye(2), np.zeros(2))
     deprecated.warn_once.cache_clear()
     with pytest.warns(DeprecationWarning, match=r"Basis\.kind is called Basis\.decomposition"):
         assert [basis.kind for basis in bases] == ["POD", "SOD", "given"]
