@@ -12,6 +12,8 @@ from romjax.cli import _parser
 
 ROOT = Path(__file__).parent.parent
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+# Half of the time of all.
+LONG = ("flexible_robot_arm", "reduction_that_pays", "what_accuracy_costs")
 README = (ROOT / "README.md").read_text()
 
 # Pages of the site that its build writes are ignored by git.

@@ -16,20 +16,20 @@ def through(system: rj.AbstractSystem, t=(0.0,), q=None, v=None) -> rj.Trajector
     """The run of a system through these states, the start if none are given, that nobody
     integrated.
     """
-    t = jnp.asarray(t)
+    t = np.asarray(t, float)
     q, v = (
-        jnp.broadcast_to(start if x is None else jnp.asarray(x), (len(t), system.n))
+        np.broadcast_to(np.asarray(start if x is None else x), (len(t), system.n))
         for x, start in ((q, system.q0), (v, system.v0))
     )
     return rj.Trajectory(
-        t=t,
-        q=q,
-        v=v,
+        t=jnp.asarray(t),
+        q=jnp.asarray(q),
+        v=jnp.asarray(v),
         derived=Derived(
-            multipliers=jnp.zeros((len(t), system.m)),
-            metric=jnp.diag(jnp.arange(1.0, system.n + 1)),
+            multipliers=jnp.asarray(np.zeros((len(t), system.m))),
+            metric=jnp.asarray(np.diag(np.arange(1.0, system.n + 1))),
         ),
-        violation=jnp.zeros(len(t)),
+        violation=jnp.asarray(np.zeros(len(t))),
         stats=Statistics(len(t), len(t), 0),
         status=jnp.asarray(0),
         coordinates=system.structure.coordinates,

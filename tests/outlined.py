@@ -1,5 +1,7 @@
 """Two bodies, parts between them, and their outlines."""
 
+import equinox as eqx
+import jax
 import numpy as np
 from mechanics import marker_place
 
@@ -33,4 +35,9 @@ def signs(scene: rj.Scene, q: np.ndarray, t=0.3) -> list[MovingOutline]:
 
 def ends(scene, part, q):
     """Places of both markers over time."""
-    return [np.array([marker_place(scene, m, x) for x in q]) for m in part.markers]
+    return [np.asarray(x) for x in marker_places(scene, part.markers, q)]
+
+
+@eqx.filter_jit
+def marker_places(scene, markers, q):
+    return [jax.vmap(lambda x, m=m: marker_place(scene, m, x))(q) for m in markers]

@@ -1,16 +1,17 @@
 """What makes no sense is refused at once, in words that name the culprit and the remedy."""
 
+import functools
+
 import diffrax
 import jax.numpy as jnp
 import jaxtyping
+import numpy as np
 import pytest
+import zoo
+from motions import through
 
 import romjax as rj
 from romjax.assembly.locate import locate
-from romjax.integrate.derived import Derived
-from romjax.integrate.parts import Parts
-from romjax.integrate.statistics import Statistics
-from romjax.scene.coordinate import Coordinate
 
 
 @pytest.fixture(autouse=True)
@@ -44,14 +45,14 @@ class Recorded:
 
     def __init__(self, q):
         self.q = jnp.asarray(q)
-        self.v = jnp.gradient(self.q, axis=0)
-        self.t = jnp.arange(float(len(self.q)))
-        self.metric = jnp.eye(self.q.shape[1])
+        self.v = jnp.asarray(np.gradient(q, axis=0))
+        self.t = jnp.asarray(np.arange(float(len(q))))
+        self.metric = jnp.asarray(np.eye(q.shape[1]))
         self.labels = ()
 
 
-RICH = Recorded(jnp.cos(jnp.outer(jnp.arange(9.0), jnp.arange(1.0, 4.0))))
-PLANE = Recorded(jnp.stack([jnp.cos(jnp.arange(9.0)), jnp.sin(jnp.arange(9.0)), jnp.ones(9)], 1))
+RICH = Recorded(np.cos(np.outer(np.arange(9.0), np.arange(1.0, 4.0))))
+PLANE = Recorded(np.stack([np.cos(np.arange(9.0)), np.sin(np.arange(9.0)), np.ones(9)], 1))
 SYSTEMS = {
     "mass of a wrong shape": (
         lambda: oscillator(mass=lambda q: jnp.eye(2)),
@@ -128,7 +129,7 @@ KINDS = {
     "scene that vibrates": (lambda: rj.modes(rj.Scene([bar()], [], [])), "modes: .*Scene"),
     "list of bodies": (lambda: rj.assemble([bar()]), r"the scene is of type list; .*romjax\.Scene"),
     "basis first": (
-        lambda: rj.reduce(rj.Basis.from_modes(jnp.eye(1), jnp.zeros(1)), oscillator()),
+        lambda: rj.reduce(rj.Basis.from_modes(np.eye(1), np.zeros(1)), oscillator()),
         "reduce: the system is of type Basis",
     ),
     "system as a basis": (
@@ -139,7 +140,7 @@ KINDS = {
         lambda: rj.compare(oscillator(), oscillator()),
         r"compare: a motion is of type CustomSystem; give runs of romjax\.simulate",
     ),
-    "array as a motion": (lambda: rj.pod(jnp.ones((3, 2))), "a motion is of type ArrayImpl"),
+    "array as a motion": (lambda: rj.pod(np.ones((3, 2))), "a motion is of type ndarray"),
     "system as a motion": (lambda: rj.sod(oscillator()), "a motion is of type CustomSystem"),
     "run of another system": (
         lambda: rj.energy(rj.assemble(rj.Scene([bar()], [], [])), _motion([0.0, 1.0])),
@@ -174,8 +175,8 @@ RANKS = {
     ),
     "rank in words": (RICH, {"rank": "best"}, "rank='best'; give a whole number or \"drop\""),
     "tolerance of nothing": (RICH, {"tol": 0.0}, r"tol=0\.0, but it must lie between 0 and 1"),
-    "at rest": (Recorded(jnp.ones((4, 2))), {}, "the snapshots do not move.*simulate a motion"),
-    "NaN snapshots": (Recorded(jnp.full((4, 2), NAN)), {}, "snapshots are not finite"),
+    "at rest": (Recorded(np.ones((4, 2))), {}, "the snapshots do not move.*simulate a motion"),
+    "NaN snapshots": (Recorded(np.full((4, 2), NAN)), {}, "snapshots are not finite"),
 }
 
 
@@ -188,16 +189,16 @@ def test_ranks(decompose, motion, choice, words):
 
 def test_bases_of_a_wrong_shape():
     with pytest.raises(ValueError, match=r"modes \(3, 2\) and offset \(2,\) do not fit"):
-        rj.Basis.from_modes(jnp.ones((3, 2)), jnp.zeros(2))
+        rj.Basis.from_modes(np.ones((3, 2)), np.zeros(2))
 
 
 def test_reductions():
     system = oscillator()
-    basis = rj.Basis.from_modes(jnp.eye(1), jnp.zeros(1))
+    basis = rj.Basis.from_modes(np.eye(1), np.zeros(1))
     with pytest.raises(rj.ReductionError, match="formulation='best'; it must be"):
         rj.reduce(system, basis, "best")
     with pytest.raises(rj.ReductionError, match="basis has 2 coordinates and the system 1"):
-        rj.reduce(system, rj.Basis.from_modes(jnp.eye(2), jnp.zeros(2)))
+        rj.reduce(system, rj.Basis.from_modes(np.eye(2), np.zeros(2)))
 
 
 def test_joints_that_cannot_hold():
@@ -222,48 +223,37 @@ def test_motions_that_do_not_compare():
 
 
 def _motion(t):
-    t = jnp.asarray(t)
-    k = len(t)
-    return rj.Trajectory(
-        t=t,
-        q=t[:, None],
-        v=jnp.ones((k, 1)),
-        derived=Derived(multipliers=jnp.zeros((k, 0)), metric=jnp.eye(1)),
-        violation=jnp.zeros(k),
-        stats=Statistics(1, 1, 0),
-        status=jnp.asarray(0),
-        coordinates=(Coordinate("", "q1"),),
-        solver_parts=Parts.of(diffrax.Tsit5()),
-    )
+    t = np.asarray(t)
+    return through(_oscillator(), t, t[:, None], np.ones((len(t), 1)))
 
 
-@pytest.fixture(scope="module")
-def bar_on_a_hinge():
-    return rj.assemble(rj.gallery.chain(1))
+@functools.cache
+def _oscillator():
+    return oscillator()
 
 
-def test_inconsistent_start(bar_on_a_hinge):
+def test_inconsistent_start():
     """The joint and the amount are named, and so is the function that helps."""
-    run = {"ts": [0.0, 0.1], "solver": diffrax.Tsit5()}
+    ts, pendulum = [0.0, 0.1], zoo.system(zoo.bar)
     words = r"violates joint 'Revolute\(bar1, ground\)': {} = {} m.*romjax\.consistent"
     with pytest.raises(ValueError, match=words.format("C", "0.01")):
-        rj.simulate(bar_on_a_hinge, q0=[0.51, 0.0, 0.0], **run)
+        zoo.run(pendulum, ts, q0=[0.51, 0.0, 0.0])
     with pytest.raises(ValueError, match=words.format("its rate", "0.3")):
-        rj.simulate(bar_on_a_hinge, v0=[0.3, 0.0, 0.0], **run)
-    marked = rj.simulate(bar_on_a_hinge, q0=[0.51, 0.0, 0.0], throw=False, **run)
+        zoo.run(pendulum, ts, v0=[0.3, 0.0, 0.0])
+    marked = zoo.run(pendulum, ts, q0=[0.51, 0.0, 0.0], throw=False)
     assert marked.status == rj.Status.INCONSISTENT_START
     assert "romjax.consistent" in marked.summary()
-    q, v = rj.consistent(bar_on_a_hinge, [0.51, 0.0, 0.0], [0.3, 0.0, 0.0])
-    assert rj.simulate(bar_on_a_hinge, q0=q, v0=v, **run).success
+    q, v = rj.consistent(pendulum, [0.51, 0.0, 0.0], [0.3, 0.0, 0.0])
+    assert zoo.run(pendulum, ts, q0=q, v0=v).success
 
 
 def test_too_few_steps():
-    system, run = oscillator(), {"ts": [0.0, 10.0], "max_steps": 4}
+    system, run = zoo.oscillator(), {"ts": [0.0, 10.0], "max_steps": 4}
     with pytest.raises(
         rj.SimulationError, match=r"4 steps.*t = 10 s and failed: MAX_STEPS.*raise max_steps"
     ):
-        rj.simulate(system, **run)
-    trajectory = rj.simulate(system, throw=False, **run)
+        zoo.run(system, **run)
+    trajectory = zoo.run(system, throw=False, **run)
     assert trajectory.status == rj.Status.MAX_STEPS
     assert not trajectory.success
 
@@ -271,17 +261,17 @@ def test_too_few_steps():
 def test_a_motion_without_bounds():
     """q̈ = 6 q² from rest at one leaves every bound at a finite time: raised, or marked."""
     system = oscillator(force=lambda t, q, v: 6 * q**2, v0=[2.0])
-    run = {"ts": [0.0, 5.0], "max_steps": 400}
+    run = {"ts": [0.0, 5.0], "max_steps": 400, "rtol": 1e-6}
     with pytest.raises(rj.SimulationError, match="towards t = 5 s and failed: NOT_FINITE"):
-        rj.simulate(system, **run)
-    assert rj.simulate(system, throw=False, **run).status == rj.Status.NOT_FINITE
+        zoo.run(system, **run)
+    assert zoo.run(system, throw=False, **run).status == rj.Status.NOT_FINITE
 
 
 def test_single_precision_says_so():
     system = oscillator(
-        q0=jnp.ones(1, jnp.float32),
-        v0=jnp.zeros(1, jnp.float32),
+        q0=jnp.asarray(np.ones(1, np.float32)),
+        v0=jnp.asarray(np.zeros(1, np.float32)),
         mass=lambda q: jnp.eye(1, dtype=jnp.float32),
     )
     with pytest.warns(UserWarning, match="single precision.*jax_enable_x64"):
-        rj.simulate(system, jnp.array([0.0, 1.0], jnp.float32))
+        rj.simulate(system, jnp.asarray(np.array([0.0, 1.0], np.float32)), audit=False)

@@ -151,7 +151,14 @@ PARTS = {
 }
 
 
-@pytest.mark.parametrize(("make", "words"), PARTS.values(), ids=PARTS)
+# What only computing finds.
+SLOW = dict.fromkeys(("too many joints", "body of negative mass matrix"), [pytest.mark.slow])
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [pytest.param(*case, id=name, marks=SLOW.get(name, [])) for name, case in PARTS.items()],
+)
 def test_scenes(make, words):
     with pytest.raises(rj.SceneError, match="(?s)" + words):
         make()

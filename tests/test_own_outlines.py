@@ -3,7 +3,6 @@
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from mechanics import marker_place
 from outlined import ENDS, ends, scene_of, signs, some
 from tolerances import IDENTITY
 
@@ -73,12 +72,12 @@ def test_parts_of_ones_own_are_drawn():
 
 def test_parts_of_ones_own_are_in_the_figures(tmp_path):
     """The same points, as lines of a matplotlib figure."""
-    scene = scene_of(Belt(*ENDS), Lamp(ENDS[0]))
+    belt = Belt(*ENDS)
+    scene = scene_of(belt, Lamp(ENDS[0]))
     q = np.asarray(rj.assemble(scene).q0)
-    basis = rj.Basis.from_modes(jnp.eye(len(q))[:, :1], jnp.asarray(q))
+    basis = rj.Basis.from_modes(np.eye(len(q))[:, :1], q)
     drawn = [line.get_xydata() for line in plot.modes(scene, basis).axes[0].lines]
-    a, b = (np.array(marker_place(scene, marker, q)) for marker in ENDS)
-    wanted = np.stack([a, b])
+    wanted = np.concatenate(ends(scene, belt, q[None]))
     lines = [x for x in drawn if len(x) == 3 and np.all(np.isnan(x[2]))]
     assert any(np.allclose(x[:2], wanted, rtol=0, atol=IDENTITY) for x in lines)
 

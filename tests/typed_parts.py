@@ -95,7 +95,7 @@ stabilizations = (
 )
 decompositions = (rj.POD(tol=1e-4), rj.POD(3, method="gram"), rj.SOD("drop", offset=[0.0, 1.0]))
 system = rj.assemble(rj.Scene(bodies=[cart, bar], joints=joints[:1]))
-basis = rj.Basis.from_modes(np.eye(system.n), system.q0, system.mass(system.q0))
+basis = rj.Basis.from_modes(np.eye(system.n), system.q0, np.eye(system.n))
 rom = rj.reduce(system, basis, rj.Galerkin())
 rj.reduce(system, basis).with_full(system)
 rj.reduce(system, basis, "minimal").restrict(system.q0, system.v0)
