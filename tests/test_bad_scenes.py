@@ -152,12 +152,15 @@ PARTS = {
 
 
 # What only computing finds.
-SLOW = dict.fromkeys(("too many joints", "body of negative mass matrix"), [pytest.mark.slow])
+SLOW = ("too many joints", "body of negative mass matrix")
 
 
 @pytest.mark.parametrize(
     ("make", "words"),
-    [pytest.param(*case, id=name, marks=SLOW.get(name, [])) for name, case in PARTS.items()],
+    [
+        pytest.param(*case, id=name, marks=[pytest.mark.slow] if name in SLOW else [])
+        for name, case in PARTS.items()
+    ],
 )
 def test_scenes(make, words):
     with pytest.raises(rj.SceneError, match="(?s)" + words):
