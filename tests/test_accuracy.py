@@ -51,26 +51,6 @@ def scene() -> rj.Scene:
     return rj.gallery.chain(1)
 
 
-def test_interrupt_keeps_what_is_measured(scene, monkeypatch):
-    """Ctrl-C while the second model is compiled: the first is there, the rest is listed."""
-    compiled, made = Configuration.compiled, []
-
-    def interrupted(*arguments):
-        if made:
-            raise KeyboardInterrupt
-        made.append(compiled(*arguments))
-        return made[0]
-
-    monkeypatch.setattr(Configuration, "compiled", interrupted)
-    settings = {"solvers": [rj.Rodas5P()], "tolerances": [1e-3], "lanes": [1], "repeats": 1}
-    found = rj.accuracy(scene, TS, **settings)
-    (row,) = found.rows
-    assert row.model == "full"
-    assert (row.evaluations, row.factorizations) == (8 * row.steps, row.steps)
-    assert found.skipped["the rest"] == "interrupted"
-    assert found.recommend(1e-1).row.least > 0
-
-
 class Wrong(rj.AbstractDecomposition):
     """A decomposition with a programming error."""
 
@@ -320,6 +300,26 @@ def test_slopes_of_fixed_steps():
 
 def figure_legend(found):
     return rj.plot.accuracy(found).legends[0].get_texts()
+
+
+def test_interrupt_keeps_what_is_measured(scene, monkeypatch):
+    """Ctrl-C while the second model is compiled: the first is there, the rest is listed."""
+    compiled, made = Configuration.compiled, []
+
+    def interrupted(*arguments):
+        if made:
+            raise KeyboardInterrupt
+        made.append(compiled(*arguments))
+        return made[0]
+
+    monkeypatch.setattr(Configuration, "compiled", interrupted)
+    settings = {"solvers": [rj.Rodas5P()], "tolerances": [1e-3], "lanes": [1], "repeats": 1}
+    found = rj.accuracy(scene, TS, **settings)
+    (row,) = found.rows
+    assert row.model == "full"
+    assert (row.evaluations, row.factorizations) == (8 * row.steps, row.steps)
+    assert found.skipped["the rest"] == "interrupted"
+    assert found.recommend(1e-1).row.least > 0
 
 
 @pytest.mark.slow
