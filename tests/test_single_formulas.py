@@ -1,0 +1,117 @@
+"""Formulas that no motion of other tests tells from a wrong one, each against a closed form."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from comparison import assert_close
+from tolerances import IDENTITY
+
+import romjax as rj
+from romjax import spatial as r
+from romjax.linalg import quaternions
+from romjax.reduction.lift.base import differentiate
+from romjax.scene.marker import Pose
+
+
+@jax.jit
+def slide(b, along, value, off):
+    """What a slide that keeps an angle says where marker `a` is turned by that and `off` more."""
+    angle = b.angle + value + off
+    position = b.position + along * jnp.stack([jnp.cos(b.angle), jnp.sin(b.angle)])
+    body = rj.RigidBody("body", 1.0, 1.0)
+    joint = rj.Prismatic(body.at(), rj.ground.at(), value)
+    return joint.residual(0.0, Pose(position, angle), b)
+
+
+def test_a_slide_keeps_its_angle():
+    b = Pose(np.array([0.3, -0.4]), np.asarray(0.5))
+    for value, off in ((0.0, 0.0), (0.7, 0.0), (-0.3, 0.2)):
+        assert_close(slide(b, 1.3, value, off), [0.0, off], IDENTITY)
+
+
+@jax.jit
+def torque(stiffness, turn, relative):
+    """Of a bushing on its marker `a`, turned by `relative` in the frame of `b`; axes of space."""
+    body = r.RigidBody("body", 1.0, (1.0, 1.0, 1.0))
+    bushing = r.Bushing(body.at((0, 0, 0)), rj.ground.at((0, 0, 0)), stiffness=stiffness)
+    a = Pose(jnp.zeros(3), quaternions.product(turn, relative))
+    return bushing.wrenches(0.0, (a, Pose(jnp.zeros(3), turn)), ())[0].torque
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_bushing_turns_about_its_own_axes(axis):
+    """About one of them alone the torque is that of one spring, however the bushing lies."""
+    turn = np.array([0.7, 0.3, -0.5, 0.4])
+    turn /= np.linalg.norm(turn)
+    angle, unit = 0.6, np.eye(3)[axis]
+    relative = np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * unit])
+    stiffness = np.array([1.0, 1.0, 1.0, 2.0, 3.0, 5.0])
+    wanted = -stiffness[3 + axis] * angle * quaternions.matrix(turn)[:, axis]
+    assert_close(torque(stiffness, turn, relative), wanted, IDENTITY)
+
+
+def shifting_mass(q):
+    return jnp.array([[2.0, 0.0], [0.0, 1.0]]) + jnp.outer(jnp.cos(q), jnp.cos(q))
+
+
+def push(t, q, v):
+    return jnp.array([1.0, -0.5]) * q + 0.3 * v + t
+
+
+@eqx.filter_jit
+def power_and_rate(system, t, q, v):
+    """The power of all forces, and the rate of ½ vᵀ M v along the motion."""
+    a = jnp.linalg.solve(system.mass(q), system.force(t, q, v))
+    energy = lambda q, v: 0.5 * v @ system.mass(q) @ v  # noqa: E731
+    return system.state(t, q, v).power().total, jax.jvp(energy, (q, v), (v, a))[1]
+
+
+def test_the_power_of_a_system_whose_mass_changes():
+    """Of one that tells no energy, all work goes into its motion."""
+    system = rj.CustomSystem(shifting_mass, push, q0=[0.3, 0.8], v0=[1.0, -2.0])
+    power, rate = power_and_rate(system, 0.2, system.q0, system.v0)
+    assert_close(power, rate, IDENTITY)
+
+
+@jax.jit
+def lifted(t, z, w):
+    """The motion of q = (sin(t) z², t³ z)."""
+    return differentiate(lambda t, z: jnp.append(jnp.sin(t) * z**2, t**3 * z), t, z, w)
+
+
+def test_a_lift_that_changes_with_time():
+    """Its bias is the acceleration where ẇ is zero: (G w)_z w + 2 G_t w + L_tt."""
+    t, z, w = 0.7, 1.3, -0.4
+    s, c = np.sin(t), np.cos(t)
+    motion = lifted(t, jnp.array([z]), jnp.array([w]))
+    assert_close(motion.v, [c * z**2 + 2 * s * z * w, 3 * t**2 * z + t**3 * w], IDENTITY)
+    bias = [2 * s * w**2 + 4 * c * z * w - s * z**2, 6 * t**2 * w + 6 * t * z]
+    assert_close(motion.bias, bias, IDENTITY)
+
+
+@eqx.filter_jit
+def mass_of(system, q):
+    return system.mass(q)
+
+
+def test_bodies_are_projected_in_their_modal_mass():
+    """What a mode misses of a deflection is orthogonal to it in the mass matrix of the body, also
+    where that is not the unit matrix, as by a reduction on modes of a mesh.
+    """
+    mass = np.array([[2.0, 0.5, 0.0], [0.5, 1.0, 0.3], [0.0, 0.3, 1.5]])
+    skew = np.array([[0.0, 0.2, 0.1], [-0.2, 0.0, 0.3], [-0.1, -0.3, 0.0]])
+    inertia = rj.Inertia(2.0, 0.8, modal=mass, gyration=skew)
+    shapes = np.random.default_rng(3).normal(size=(1, 3, 3))
+    body = rj.ModalBody("body", inertia, [30.0, 80.0, 200.0], [(0.5, 0.0)], shapes)
+    system = rj.assemble(rj.Scene([body], [], [rj.Gravity()]))
+    metric = np.asarray(mass_of(system, system.q0))
+    modes = np.linalg.qr(np.random.default_rng(4).normal(size=(6, 1)))[0]
+    rom = rj.reduce(system, rj.Basis.from_modes(modes, system.q0, metric), rj.Local())
+    q = np.array([0.1, 0.2, 0.3, 0.7, -0.4, 0.5])
+    z, _ = (np.asarray(x) for x in rom.restrict(jnp.asarray(q), jnp.asarray(q)))
+    (mode,) = (np.asarray(x) for x in rom.bases.by_body())
+    assert_close(mode.T @ metric[3:, 3:] @ mode, np.eye(1), IDENTITY)
+    missed = q[3:] - mode @ z[3:]
+    assert_close(mode.T @ metric[3:, 3:] @ missed, np.zeros(1), IDENTITY)
