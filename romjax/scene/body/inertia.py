@@ -9,6 +9,7 @@ from ...arrays import Vector, concrete
 from ...deprecated import renamed, renamed_keywords
 from ...errors import SceneError
 from ...linalg.dense import multiply
+from ...program import program_once
 from ..fields import Converted, check_numbers, number
 
 
@@ -129,7 +130,7 @@ class Inertia(eqx.Module):
         }
         for field, shape in shapes.items():
             check_numbers(owner, self, field, shape=shape, prefix="inertia.")
-        matrix = concrete(self.matrix(jnp.zeros(3 + modes)))
+        matrix = concrete(_undeformed(self, modes))
         if matrix is not None:
             least = np.min(np.linalg.eigvalsh(np.diag(matrix) if matrix.ndim == 1 else matrix))
             if not least > 0:
@@ -164,3 +165,9 @@ class Inertia(eqx.Module):
         """Derivative of the first moment by the amplitudes."""
         total = jnp.zeros((2, bent.shape[0]), bent.dtype) if self.shift is None else self.shift
         return total if self.foreshortening is None else total - self.foreshortening @ bent
+
+
+@program_once
+def _undeformed(inertia: Inertia, modes: int) -> Float[Array, "size *size"]:
+    """The mass matrix of the undeformed body: one program, where each operation would be one."""
+    return inertia.matrix(jnp.zeros(3 + modes, inertia.mass.dtype))

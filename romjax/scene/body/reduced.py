@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 from ...checks import check_shape
 from ...errors import SceneError
 from ...linalg.inverse_mass import AbstractBodyInverse
+from ...program import program_once
 from ..marker import Marker
 from .base import AbstractBody, nameless
 from .inertia import Inertia
@@ -71,15 +72,8 @@ class ReducedBody(AbstractBody):
         return jnp.concatenate([q[:frame], self.basis @ q[frame:]])
 
     def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
-        q, v = self.body.start()
-        mass = self.body.mass_matrix(q)
-        frame = self.frame_size
-        modal = jnp.diag(mass[frame:]) if mass.ndim == 1 else mass[frame:, frame:]
-        read = self.basis.T @ modal
-        return (
-            jnp.concatenate([q[:frame], read @ q[frame:]]),
-            jnp.concatenate([v[:frame], read @ v[frame:]]),
-        )
+        z, w = _in_span(self.body, self.basis, *self.body.start())
+        return z, w
 
     def started(self, q: Float[Array, " size"], v: Float[Array, " size"]) -> "ReducedBody":
         body = self.body.started(self.expand(q), self.expand(v))
@@ -139,3 +133,18 @@ class ReducedBody(AbstractBody):
 
     def check(self) -> None:
         """Nothing: it is made of a body and a basis that were checked."""
+
+
+@program_once
+def _in_span(
+    body: AbstractBody,
+    basis: Float[Array, "modes k"],
+    q: Float[Array, " full"],
+    v: Float[Array, " full"],
+) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
+    """Coordinates and velocities whose deflections are the nearest in the modal mass."""
+    mass, frame = body.mass_matrix(q), body.frame_size
+    modal = jnp.diag(mass[frame:]) if mass.ndim == 1 else mass[frame:, frame:]
+    read = basis.T @ modal
+    z, w = (jnp.concatenate([x[:frame], read @ x[frame:]]) for x in (q, v))
+    return z, w
