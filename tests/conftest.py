@@ -2,13 +2,13 @@
 
 import gc
 import os
-import tempfile
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from platformdirs import user_cache_path
 from scene_files import CRANK
 from zoo import TIGHT
 
@@ -31,6 +31,8 @@ MOST_PROGRAMS, MOST_SECONDS = 30, 10.0
 COLLECT_AFTER = 50_000
 
 
+# Seconds of compiling that are worth a file.
+WORTH_KEEPING = 0.05
 SPENT = pytest.StashKey[tuple[int, float]]()
 _compiled = [0]
 
@@ -48,13 +50,17 @@ def _count(event, seconds, **_):
 
 
 def pytest_configure(config):
-    """Keep compiled programs for these tests alone, unless told where: all processes share them."""
+    """Keep compiled programs for the next run, and for the other process of this one."""
     gc.set_threshold(COLLECT_AFTER, 20, 100)
     jax.monitoring.register_event_duration_secs_listener(_count)
-    if "ROMJAX_CACHE_DIR" not in os.environ:
-        folder = tempfile.TemporaryDirectory(prefix="romjax-programs-")
-        os.environ["ROMJAX_CACHE_DIR"] = folder.name
-        config.add_cleanup(folder.cleanup)
+    # Apart from the user's own, which they would push out. Subprocesses of tests have them too.
+    usual = str(user_cache_path("romjax") / "tests")
+    folder = os.environ.setdefault("ROMJAX_CACHE_DIR", usual)
+    if folder:
+        # And what the tests compile by JAX alone; reading a program back takes a few milliseconds.
+        jax.config.update("jax_compilation_cache_dir", f"{folder}-jax")
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", WORTH_KEEPING)
+        jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
     # What the tests compile by JAX alone, with the options of romjax's own programs, and everything
     # without the passes that make a program fast: most programs of tests run once, and compile in
     # half the time. XLA reads the flags when it computes for the first time.

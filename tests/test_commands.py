@@ -20,6 +20,7 @@ FILES = "by test_files.py"
 TEST_CLI = "by test_run_cart_pendulum and test_tune in test_cli.py"
 RELEASE = "by test_release.py"
 BY_HAND = "before a release"
+PART = "a part of the line of the tests"
 
 # How each command is executed: as it stands, with names filled in, or elsewhere.
 COMMANDS = {
@@ -42,6 +43,8 @@ COMMANDS = {
     "python -m pytest -q": CI,
     "python -m pytest -q -m slow": CI,
     "python -m pytest -q -m exhaustive": BY_HAND,
+    "python -m pytest -q -m instant": PART,
+    "python tests/mutations.py": BY_HAND,
     'pip install -q --no-compile -e ".[dev]"': CI,
     "ruff format --check .": CI,
     "ruff check .": CI,
@@ -49,7 +52,7 @@ COMMANDS = {
     "python -m sphinx -W docs build/site": CI,
     "pre-commit install": RELEASE,
 }
-ELSEWHERE = (BY_HAND, CI, FILES, RELEASE, SET_UP, TEST_CLI)
+ELSEWHERE = (BY_HAND, CI, FILES, PART, RELEASE, SET_UP, TEST_CLI)
 EXECUTED = sorted({line for line in COMMANDS.values() if line not in ELSEWHERE})
 
 # "A mechanism of your own is a `Scene` of bodies, joints and effects connected by markers."
