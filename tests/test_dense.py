@@ -1,77 +1,78 @@
 """Dense output: a run between its outputs is what a run with outputs there is."""
 
-import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
-from zoo import TIGHT
+from zoo import DOPRI8, RODAS5P, Stiffness, bar, bars, point_pendulum, run, system, unit_mass
 
 import romjax as rj
 
-TS, FINE = jnp.linspace(0.0, 0.5, 3), jnp.linspace(0.05, 0.45, 17)
-
-
-@pytest.fixture(scope="module")
-def chain():
-    return rj.assemble(rj.gallery.chain(2))
+TS, FINE = np.linspace(0.0, 0.5, 3), np.linspace(0.05, 0.45, 17)
+BAR = rj.assemble(bar())
 
 
 @pytest.mark.parametrize(
-    ("solver", "stabilization"),
+    ("system", "settings"),
     [
-        pytest.param(diffrax.Dopri8(), rj.Projection(), marks=pytest.mark.slow),
-        (rj.Rodas5P(), "default"),
+        pytest.param(BAR, {"stabilization": rj.Projection()}, marks=pytest.mark.slow),
+        (point_pendulum(), {"solver": RODAS5P}),
+        (point_pendulum(), {"solver": DOPRI8}),
     ],
-    ids=["Dopri8 projected", "Rodas5P"],
+    ids=["Dopri8 projected", "Rodas5P", "Dopri8"],
 )
-def test_between_the_outputs(chain, solver, stabilization):
-    settings = {"solver": solver, "stabilization": stabilization}
-    run = rj.simulate(chain, TS, dense=True, **settings)
-    wanted = rj.simulate(chain, jnp.concatenate([TS[:1], FINE, TS[-1:]]), **settings)
-    between = run.at(FINE)
+def test_between_the_outputs(system, settings):
+    made = run(system, TS, dense=True, **settings)
+    ts = np.concatenate([TS[:1], FINE, TS[-1:]])
+    wanted = run(system, ts, **settings)
+    between = made.at(FINE)
     for actual, other in (
         (between.q, wanted.q),
         (between.v, wanted.v),
         (between.multipliers, wanted.multipliers),
     ):
-        assert_close(actual, other[1:-1], IDENTITY, scale=1 + jnp.max(jnp.abs(other)))
-    assert_close(run.at(TS).q, run.q, IDENTITY)
-    tip = rj.gallery.chain(2).bodies[-1].at()
-    assert_close(rj.measure(chain, between, tip).position, between.q[:, 3:5], IDENTITY)
+        other = np.asarray(other)
+        assert_close(actual, other[1:-1], IDENTITY, scale=1 + np.max(np.abs(other)))
+    assert_close(made.at(TS).q, made.q, IDENTITY)
+    if system is BAR:
+        position = rj.measure(BAR, between, bar().bodies[0].at()).position
+        assert_close(position, np.asarray(between.q)[:, :2], IDENTITY)
 
 
-def test_of_a_reduced_model_with_charts(chain):
+def test_of_a_reduced_model_with_charts():
     """Times in several charts, between changes of the chart."""
-    training = rj.simulate(chain, jnp.linspace(0.0, 2.0, 101), rtol=TIGHT)
-    rom = rj.reduce(chain, rj.pod(training, rank=4), rj.Minimal())
-    ts = jnp.linspace(0.0, 2.0, 41)
-    run = rj.simulate(rom, ts[jnp.array([0, 40])], dense=True, rtol=TIGHT)
-    assert_close(run.at(ts).q, rj.simulate(rom, ts, rtol=TIGHT).q, SOLVED)
+    ts = np.linspace(0.0, 2.0, 41)
+    training = run(system(bars), ts)
+    rom = rj.reduce(system(bars), rj.pod(training, rank=4), rj.Minimal())
+    made = run(rom, ts[[0, 40]], dense=True)
+    assert_close(made.at(ts).q, run(rom, ts).q, SOLVED)
 
 
 @pytest.mark.slow
-def test_derivatives_between_the_outputs(chain):
-    """In reverse mode, by the start."""
+def test_derivatives_between_the_outputs():
+    """In reverse mode, by the start and by the frequency: cos ωt and −t sin ωt, times the start."""
 
-    def height(q0):
-        run = rj.simulate(chain, TS, q0=q0, dense=256, rtol=TIGHT, throw=False)
-        return run.at(FINE).q[8, 4]
+    @jax.jit
+    @jax.grad
+    def slopes(numbers):
+        start, stiffness = numbers
+        force = Stiffness(stiffness[None], jnp.zeros(1))
+        free = rj.CustomSystem(unit_mass, force, q0=start[None], v0=[0.0])
+        return run(free, TS, dense=256, throw=False).at(FINE).q[8, 0]
 
-    direction = rj.consistent(chain, chain.q0, jnp.arange(6.0))[1]
-    slope = jax.jit(jax.grad(height))(chain.q0) @ direction
-    step = 1e-4  # the step size control makes the height jump by its tolerance
-    q0 = [rj.consistent(chain, chain.q0 + sign * step * direction)[0] for sign in (1, -1)]
-    assert_close(slope, (height(q0[0]) - height(q0[1])) / (2 * step), 10 * DIFFERENCED)
+    start, omega, t = 0.7, 3.0, FINE[8]
+    wanted = np.cos(omega * t), -start * t * np.sin(omega * t) / (2 * omega)
+    assert_close(slopes((jnp.asarray(start), jnp.asarray(omega**2))), wanted, DIFFERENCED)
 
 
-def test_what_is_refused(chain):
-    run = rj.simulate(chain, TS, dense=True)
+def test_what_is_refused():
+    pendulum = point_pendulum()
+    made = run(pendulum, TS, dense=True)
     with pytest.raises(rj.InputError, match=r"times\[1\] = 0.6 s lies outside of the run, from 0"):
-        run.at(np.array([0.1, 0.6]))
+        made.at(np.array([0.1, 0.6]))
     with pytest.raises(rj.InputError, match="simulate it with dense=True"):
-        rj.simulate(chain, TS).at(FINE)
+        run(pendulum, TS).at(FINE)
     with pytest.raises(rj.SimulationError, match="MAX_STEPS"):
-        rj.simulate(chain, TS, dense=4)
+        run(pendulum, TS, dense=4)
