@@ -101,7 +101,8 @@ def test_errors_are_those_of_compare(truth, approx):
 
 def test_notebooks_show_figures_without_pyplot(truth, approx):
     """As a picture, by themselves: the last line of a cell is enough."""
-    for figure in (plot.response(truth, approx), plot.errors(truth, {"near": approx})):
+    one = {"coordinates": ["cart.x"]}
+    for figure in (plot.response(truth, **one), plot.errors(truth, {"near": approx}, **one)):
         with Image.open(io.BytesIO(figure._repr_png_())) as picture:
             assert picture.format == "PNG"
             assert picture.width > 500
