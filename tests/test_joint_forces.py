@@ -1,24 +1,26 @@
 """Forces of joints and effects: against Newton and Euler's equations written by hand."""
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import zoo
+from at_rest import clamped_beam, hung_twice
 from comparison import assert_close
 from mechanisms import bar, ends
+from motions import through
 from tolerances import IDENTITY
 from zoo import GRAVITY
 
 import romjax as rj
 from romjax.assembly.names import unique
-from romjax.measure.states import accelerations
 from romjax.scene.body.modes import bending_roots, bending_shapes
 
 # Required: forces by hand from the same states differ by this, relative to the largest.
 FORCES = 1e-8
-TIGHT = {"rtol": 1e-11, "solver": diffrax.Dopri8()}
+# States at random, on the constraints, of each mechanism.
+STATES = 11
 
 
 def assert_forces(found, wanted):
@@ -40,11 +42,27 @@ def swept(angle, rate, second):
     return second[:, None] * across(ahead) - rate[:, None] ** 2 * ahead
 
 
+def in_lanes(seed, *sizes):
+    """Numbers of order one for some states, and times."""
+    random = np.random.default_rng(seed)
+    return np.linspace(0.0, 1.0, STATES), *(random.normal(size=(STATES, *size)) for size in sizes)
+
+
+def swinging(system):
+    """Angles and rates of two bars of 1 m, one hung from the other, and the run through them."""
+    t, angles, rates = in_lanes(0, (2,), (2,))
+    tips = direction(angles)
+    moving = rates[..., None] * across(tips)
+    tips, moving = (np.stack([x[:, 0] / 2, x[:, 0] + x[:, 1] / 2], 1) for x in (tips, moving))
+    q = np.concatenate([tips, angles[..., None]], axis=2).reshape(STATES, 6)
+    v = np.concatenate([moving, rates[..., None]], axis=2).reshape(STATES, 6)
+    return angles, rates, through(system, t, q, v)
+
+
 def test_double_pendulum():
     """Two uniform bars of 1 m and 1 kg, by the angles of both against the horizontal."""
-    system = rj.assemble(rj.gallery.chain(2))
-    run = rj.simulate(system, jnp.linspace(0.0, 1.0, 41), **TIGHT)
-    angles, rates = (np.stack([run[f"bar1.phi{p}"], run[f"bar2.phi{p}"]], 1) for p in ("", "'"))
+    system = zoo.system(zoo.bars)
+    angles, rates, run = swinging(system)
     c, s = np.cos(angles[:, 0] - angles[:, 1]), np.sin(angles[:, 0] - angles[:, 1])
     mass = np.moveaxis(np.array([[0 * c + 4 / 3, c / 2], [c / 2, 0 * c + 1 / 3]]), 2, 0)
     weight = GRAVITY * np.cos(angles) * [1.5, 0.5]
@@ -102,14 +120,18 @@ def test_slider_crank_with_friction():
         ],
     )
     system = rj.assemble(scene)
-    run = rj.simulate(system, jnp.linspace(0.0, 1.0, 21), **TIGHT)
-    found = rj.joint_forces(system, run)
-    friction = -1.7 * np.tanh(run["slider.x'"] / 0.05)
-    assert_forces(rj.effect_forces(system, run)["DryFriction(slider)"].force[:, 0], friction)
-
-    theta, omega = np.asarray(run["crank.phi"]), np.asarray(run["crank.phi'"])
+    t, theta, omega = in_lanes(1, (), ())
     beta = np.arcsin(-r * np.sin(theta) / l)
     beta_rate = -r * np.cos(theta) * omega / (l * np.cos(beta))
+    tip, along = r * direction(theta), l * direction(beta)
+    tip_rate = r * omega[:, None] * across(direction(theta))
+    along_rate = l * beta_rate[:, None] * across(direction(beta))
+    q = [tip / 2, theta, tip + along / 2, beta, tip + along, 0 * theta]
+    v = [tip_rate / 2, omega, tip_rate + along_rate / 2, beta_rate, tip_rate + along_rate, 0 * t]
+    run = through(system, t, np.column_stack(q), np.column_stack(v))
+    found = rj.joint_forces(system, run)
+    friction = -1.7 * np.tanh((tip_rate + along_rate)[:, 0] / 0.05)
+    assert_forces(rj.effect_forces(system, run)["DryFriction(slider)"].force[:, 0], friction)
 
     def accelerations(alpha):
         """Of the centres of crank, rod and slider, and the angular one of the rod."""
@@ -154,105 +176,92 @@ def test_slider_crank_with_friction():
 def test_root_of_a_clamped_beam():
     """Shear and moment of the weld from the modal equations and the momentum of the modes."""
     m, length, stiffness, damping = 1.5, 1.2, 8.0, 0.03
-    beam = rj.Beam(
-        "beam",
-        m,
-        length,
-        EI=stiffness,
-        modes=3,
-        shapes="clamped-free",
-        damping=damping,
-        position=(length / 2, 0),
+    scene = clamped_beam(
+        m, length, stiffness, damping, push=0.4, frequency=2.0, phase=0.5, gravity=GRAVITY
     )
-    push = rj.Force(beam.at((length / 2, 0)), (0, 1), rj.Sine(0.4, 2.0, phase=0.5))
-    scene = rj.Scene([beam], [rj.Weld(beam.at((-length / 2, 0)), rj.ground.at())], [push])
-    scene = eqx.tree_at(lambda s: s.effects, scene, (push, rj.Gravity()))
     system = rj.assemble(scene)
-    run = rj.simulate(system, jnp.linspace(0.0, 0.5, 21), **TIGHT)
+    t, q, v = in_lanes(2, (3,), (3,))
+    q, v = 0.1 * q, 3.0 * v
+    still = np.broadcast_to([length / 2, 0.0, 0.0], (STATES, 3))
+    run = through(system, t, np.hstack([still, q]), np.hstack([0 * still, v]))
     nodes, weights = np.polynomial.legendre.leggauss(60)
     shapes = bending_shapes("clamped-free", 3, (nodes + 1)[:, None] / 2, np)[0] / np.sqrt(m)
     tip = bending_shapes("clamped-free", 3, 1.0, np)[0] / np.sqrt(m)
     share = m * weights / 2
     total, lever = share @ shapes, (share * (nodes + 1) / 2 * length) @ shapes
-    force = 0.4 * np.sin(2 * np.pi * 2.0 * np.asarray(run.t) + 0.5)
+    force = 0.4 * np.sin(2 * np.pi * 2.0 * t + 0.5)
     frequency = bending_roots("clamped-free", 3) ** 2 * np.sqrt(stiffness / (m * length**3))
-    q, v = np.asarray(run.q[:, 3:]), np.asarray(run.v[:, 3:])
     load = force[:, None] * tip - GRAVITY * total
     second = load - frequency**2 * q - 2 * damping * frequency * v
-    found = rj.joint_forces(system, run)["Weld(beam, ground)"]
+    found = rj.joint_forces(system, run)["root"]
     assert_forces(found.force[:, 1], second @ total + m * GRAVITY - force)
     moment = second @ lever + m * GRAVITY * length / 2 - force * length
     assert_forces(found.torque, moment)
 
 
-def test_a_drive():
-    """The torque and the power that turn a disc as prescribed: J θ̈ and J θ̈ θ̇."""
+TILT = 0.3
+
+
+def test_drives():
+    """The torque and the power that turn a disc as prescribed, J θ̈ and J θ̈ θ̇; and the force that
+    pushes the pivot of a pendulum along a rail, beside the weight and the inertia of both.
+    """
     disc = rj.RigidBody("disc", 1.0, 0.3)
-    drive = rj.PrescribedAngle(disc.at(), rj.ground.at(), rj.Sine(0.5, 1.0), name="drive")
-    scene = rj.Scene([disc], [rj.Revolute(disc.at(), rj.ground.at()), drive])
-    system = rj.assemble(scene)
-    rate = 2 * np.pi
-    v0 = jnp.array([0.0, 0.0, 0.5 * rate])
-    run = rj.simulate(system, jnp.linspace(0.0, 1.0, 21), v0=v0, **TIGHT)
-    found = rj.joint_forces(system, run)
-    torque = -0.3 * 0.5 * rate**2 * np.sin(rate * np.asarray(run.t))
-    assert_forces(found["drive"].torque, torque)
-    power = torque * 0.5 * rate * np.cos(rate * np.asarray(run.t))
-    assert_forces(found["drive"].power, power)
-    assert_close(found["Revolute(disc, ground)"].power, 0, IDENTITY)
-
-
-def test_a_drive_does_the_work():
-    """Of a slide that is moved on a rail under load: its power is the rate of all energy."""
-    slide = rj.RigidBody("slide", 2.0, 0.1)
+    slide = rj.RigidBody("slide", 2.0, 0.1, angle=TILT)
     bob = rj.RigidBody("bob", 1.0, 0.05, position=(0.0, -0.5))
+    rail, signal = rj.ground.at(angle=TILT), rj.Sine(0.5, 1.0)
     scene = rj.Scene(
-        [slide, bob],
+        [disc, slide, bob],
         [
-            rj.Prismatic(slide.at(), rj.ground.at(angle=0.3)),
+            rj.Revolute(disc.at(), rj.ground.at()),
+            rj.PrescribedAngle(disc.at(), rj.ground.at(), signal, name="drive"),
+            rj.Prismatic(slide.at(), rail),
             rj.Revolute(slide.at(), bob.at((0.0, 0.5))),
-            rj.PrescribedTravel(slide.at(), rj.ground.at(angle=0.3), rj.Step(0.4, 0.0, 1.0)),
+            rj.PrescribedTravel(slide.at(), rail, signal),
         ],
         [rj.Gravity()],
     )
-    scene = eqx.tree_at(lambda s: s.bodies[0].angle, scene, 0.3)
     system = rj.assemble(scene)
-    run = rj.simulate(system, jnp.linspace(0.0, 1.0, 21), **TIGHT)
-    mass = jnp.diagonal(system.mass(system.q0))
-    rate = (run.v * accelerations(system, run)) @ mass
-    rate += GRAVITY * (2.0 * run["slide.y'"] + run["bob.y'"])
+    t, angle, rate = in_lanes(3, (), ())
+    w, none, along = 2 * np.pi, 0 * t, direction(np.array(TILT))
+    place, speed, second = 0.5 * np.sin(w * t), 0.5 * w * np.cos(w * t), -0.5 * w**2 * np.sin(w * t)
+    down = direction(angle - np.pi / 2)
+    pivot, moving = place[:, None] * along, speed[:, None] * along
+    swinging = moving + 0.5 * rate[:, None] * across(down)
+    q = np.column_stack([none, none, place, pivot, none + TILT, pivot + 0.5 * down, angle])
+    v = np.column_stack([none, none, speed, moving, none, swinging, rate])
+    run = through(system, t, q, v)
     found = rj.joint_forces(system, run)
-    assert_forces(found["PrescribedTravel(slide, ground)"].power, rate)
-
-
-def pinned(copies):
-    """A bar on as many equal hinges as asked for."""
-    pendulum = bar("bar", (0, 0), (1, 0), mass=2.0)
-    hinge = rj.Revolute(ends(pendulum)[0], rj.ground.at(), name="hinge")
-    system = rj.assemble(rj.Scene([pendulum], [hinge] * copies, [rj.Gravity()]))
-    run = rj.simulate(system, jnp.linspace(0.0, 0.5, 11), **TIGHT)
-    return system, run, rj.joint_forces(system, run)
+    assert_forces(found["drive"].torque, 0.3 * second)
+    assert_forces(found["drive"].power, 0.3 * second * speed)
+    assert_close(found["Revolute(disc, ground)"].power, 0, IDENTITY)
+    # About the pivot: (J + m l²) φ̈ = l d⊥ · m (g − s̈ e).
+    load = np.array([0.0, -GRAVITY]) - second[:, None] * along
+    turning = np.sum(0.5 * across(down) * load, axis=1) / (0.05 + 0.25)
+    inner = 0.5 * (turning[:, None] * across(down) - rate[:, None] ** 2 * down)
+    push = (inner - 3.0 * load) @ along
+    force = found["PrescribedTravel(slide, ground)"].force
+    assert_forces(force, push[:, None] * along)
+    assert_forces(found["PrescribedTravel(slide, ground)"].power, push * speed)
 
 
 def test_a_joint_made_twice():
-    """The forces of both add up to that of one."""
-    *_, one = pinned(1)
-    *_, two = pinned(2)
-    assert two.keys() == ("hinge 1", "hinge 2")
-    assert one.keys() == ("hinge",)
-    assert_forces(two["hinge 1"].force + two["hinge 2"].force, one["hinge"].force)
-
-
-def test_keys():
-    system, run, one = pinned(1)
-    assert "hinge" in one
-    assert len(one) == 1
-    assert dict(one.items()).keys() == {"hinge"}
-    with pytest.raises(rj.InputError, match="no joint 'hing'. Did you mean 'hinge'"):
-        one["hing"]
-    *_, two = pinned(2)
-    with pytest.raises(rj.InputError, match="no joint 'hinge'.*There are: hinge 1, hinge 2"):
-        two["hinge"]
+    """The forces of both add up to that of one; each has a key."""
+    system, twice = zoo.system(zoo.bars), hung_twice()
+    *_, run = swinging(system)
+    one, two = rj.joint_forces(system, run), rj.joint_forces(twice, run)
+    label, other = "Revolute(bar1, ground)", "Revolute(bar2, bar1)"
+    assert one.keys() == (label, other)
+    assert sorted(two.keys()) == [f"{label} 1", f"{label} 2", other]
+    sum_of_both = np.asarray(two[f"{label} 1"].force) + np.asarray(two[f"{label} 2"].force)
+    assert_forces(sum_of_both, one[label].force)
+    assert label in one
+    assert len(one) == 2
+    assert dict(one.items()).keys() == {label, other}
+    with pytest.raises(rj.InputError, match=r"no joint 'Revolute\(bar1\)'. Did you mean 'Revolute"):
+        one["Revolute(bar1)"]
+    with pytest.raises(rj.InputError, match="no joint 'Revolute.*There are: Revolute.* 1, Revo"):
+        two[label]
     effects = rj.effect_forces(system, run)
     assert len(effects) == 0
     with pytest.raises(rj.InputError, match="no effect 'Gravity'. There are: none"):
@@ -267,7 +276,5 @@ def test_keys_are_distinct():
 
 
 def test_no_joints():
-    disc = rj.RigidBody("disc", 1.0, 1.0)
-    system = rj.assemble(rj.Scene([disc], [], [rj.Gravity()]))
-    run = rj.simulate(system, jnp.linspace(0.0, 0.1, 3))
-    assert list(rj.joint_forces(system, run)) == []
+    system = rj.assemble(rj.Scene([rj.RigidBody("disc", 1.0, 1.0)], [], [rj.Gravity()]))
+    assert list(rj.joint_forces(system, through(system))) == []
