@@ -272,7 +272,7 @@ def driven() -> rj.Scene:
         (lambda: rj.gallery.chain(3), "have 3 freedoms"),
         (lambda: rj.gallery.chain(2), "give a basis, whose snapshots"),
         (parallelogram, "configurations branch"),
-        (driven, "change with time"),
+        pytest.param(driven, "change with time", marks=pytest.mark.slow),
     ],
     ids=["three freedoms", "two without snapshots", "branches", "driven"],
 )
