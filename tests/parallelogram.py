@@ -1,6 +1,8 @@
 """A parallelogram of point masses, which passes its change points."""
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 
 import romjax as rj
 
@@ -9,14 +11,15 @@ CRANK, COUPLER = 1.2, 2.0
 
 
 def parallelogram(
-    masses=(1.3, 0.7), speed=0.9, angle=jnp.pi / 2, crank=CRANK, coupler=COUPLER, twice=False
+    masses=(1.3, 0.7), speed=0.9, angle=np.pi / 2, crank=CRANK, coupler=COUPLER, twice=False
 ) -> rj.Scene:
     """Two masses on bars of equal length, a bar between them, gravity; the bars start at an
     `angle` against the x axis and move with `speed` [m/s]. `twice`: the middle bar is made twice.
     """
-    along = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
-    velocity = speed * jnp.stack([-along[1], along[0]])
-    anchors = jnp.zeros(2), jnp.stack([jnp.asarray(coupler, float), jnp.zeros(())])
+    xp = jnp if isinstance(angle, jax.Array) else np
+    along = xp.stack([xp.cos(angle), xp.sin(angle)])
+    velocity = speed * xp.stack([-along[1], along[0]])
+    anchors = np.zeros(2), xp.stack([xp.asarray(coupler, float), xp.zeros(())])
     a, b = (
         rj.RigidBody(name, mass, 1.0, position=anchor + crank * along, velocity=velocity)
         for name, mass, anchor in zip("ab", masses, anchors, strict=True)
