@@ -6,21 +6,17 @@ import re
 import pytest
 from documents import PAGES, blocks
 
+import romjax as rj
+from romjax import cli
 from romjax.cli import main
 
 
-def test_new_check_and_schema(tmp_path, capsys):
-    path = tmp_path / "new.toml"
+@pytest.fixture
+def new(tmp_path):
+    """The file to begin with, and as what the page of scene files says to change."""
+    path, changed = tmp_path / "new.toml", tmp_path / "changed.toml"
     assert main(["new", str(path)]) == 0
-    assert main(["new", str(path)]) == 2
-    assert "is there already" in capsys.readouterr().err
-    assert main(["check", str(path)]) == 0
-    said = capsys.readouterr().out
-    for words in ("freedoms     2", "no joint", "Dopri8, since the outputs can show"):
-        assert words in said
-
-    # What the page of scene files says to change.
-    text, crank = path.read_text(), path
+    text = path.read_text()
     (changes,) = blocks(PAGES["docs/howto/scene_files.md"], "toml")
     top, drive, slider, joints = re.split(r"^# .*\n", changes, flags=re.MULTILINE)
     lines = [line for part in (top, drive, slider, joints) for line in part.splitlines() if line]
@@ -33,15 +29,51 @@ def test_new_check_and_schema(tmp_path, capsys):
     ):
         assert before in text
         text = text.replace(before, after, 1)
-    crank.write_text(text)
-    assert main(["check", str(crank)]) == 0
-    said = capsys.readouterr().out
-    for words in ("slider crank", "1 RigidBody", "freedoms     1", "all joints hold"):
-        assert words in said
+    changed.write_text(text)
+    return path, changed
+
+
+def test_new_and_schema(new, capsys):
+    path, changed = new
+    assert main(["new", str(path)]) == 2
+    assert "is there already" in capsys.readouterr().err
+    scene = rj.load_scene(path)
+    assert (len(scene.bodies), len(scene.joints)) == (2, 2)
+    file = rj.scene_file(changed)
+    assert file.title == "slider crank"
+    system = rj.assemble(file())
+    assert (system.n, system.m) == (9, 8)
     assert main(["schema"]) == 0
     schema = json.loads(capsys.readouterr().out)
     assert schema["$defs"]["Beam"]["required"] == ["type", "mass", "length"]
     assert "angle_deg" in schema["$defs"]["RigidBody"]["properties"]
+
+
+def test_check(tmp_path, capsys):
+    path = tmp_path / "ball.toml"
+    ball = '[bodies.ball]\ntype = "RigidBody"\nmass = 1\ninertia = 1\n'
+    path.write_text(f'format = 1\ntitle = "a ball"\n{ball}[effects]\ng = {{ type = "Gravity" }}\n')
+    assert main(["check", str(path)]) == 0
+    said = capsys.readouterr().out
+    words = ("a ball", "1 RigidBody", "ball: 3 coordinates", "freedoms     3", "1 Gravity")
+    for word in (*words, "no joint", "all joints hold", "Dopri8, since"):
+        assert word in said
+
+
+@pytest.mark.slow
+def test_check_says_what_a_file_is(new, capsys):
+    for path, wanted in zip(
+        new,
+        (
+            ("freedoms     2", "no joint", "Dopri8, since the outputs can show"),
+            ("slider crank", "1 RigidBody", "freedoms     1", "all joints hold"),
+        ),
+        strict=True,
+    ):
+        assert main(["check", str(path)]) == 0
+        said = capsys.readouterr().out
+        for words in wanted:
+            assert words in said
 
 
 @pytest.mark.slow
@@ -55,9 +87,17 @@ def test_redundant_joints_are_named(crank, capsys):
     assert "freedoms     2, 1 of them modes" in said
 
 
-@pytest.mark.slow
-def test_a_file_runs(crank, tmp_path, capsys):
-    out = tmp_path / "out"
-    assert main(["run", str(crank), "--out", str(out), "--no-animation"]) == 0
-    assert "slider crank" in capsys.readouterr().out
-    assert (out / "trajectory_full.csv").exists()
+def test_a_file_runs(crank, tmp_path, monkeypatch):
+    """By the study of every scene, with the settings of the file; test_cli writes its pictures."""
+
+    class EnoughError(Exception):
+        pass
+
+    def study(system, end, rate, **settings):
+        assert (system.n, system.m, end, rate) == (10, 8, 0.1, 100.0)
+        assert settings.keys() >= {"pod_rank", "sod_rank", "rtol", "solver"}
+        raise EnoughError
+
+    monkeypatch.setattr(cli, "reduction_study", study)
+    with pytest.raises(EnoughError):
+        main(["run", str(crank), "--out", str(tmp_path / "out"), "--no-animation"])
