@@ -4,7 +4,6 @@ import dataclasses
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import mechanics
 import numpy as np
 
@@ -132,10 +131,16 @@ def marker_pose(scene: rj.Scene, marker: rj.Marker, q: Any) -> rj.Pose:
 
 
 def start_pose(bodies: list[rj.AbstractBody], marker: rj.Marker) -> rj.Pose:
-    """Where a marker is at the start."""
-    own = [body for body in bodies if body.name == marker.body]
-    q = own[0].start()[0] if own else jnp.zeros(0)
-    return marker_pose(rj.Scene(own), marker, q)
+    """Where a marker is at the start; by NumPy, which compiles nothing."""
+    position, angle = np.asarray(marker.point), np.asarray(marker.angle)
+    for body in bodies:
+        if body.name == marker.body:
+            q, shapes = np.asarray(body.start()[0]), np.asarray(body.mode_shapes(marker.point))
+            c, s = np.cos(q[2]), np.sin(q[2])
+            arm = position + shapes[:2] @ q[3:]
+            position = q[:2] + np.array([[c, -s], [s, c]]) @ arm
+            angle = angle + q[2] + shapes[2] @ q[3:]
+    return rj.Pose(position, angle)
 
 
 # Joints
@@ -148,7 +153,8 @@ def fitted_joint(lot: Lot, kind: type, a: rj.Marker, b: rj.Marker, bodies: list)
     """
     at, of = start_pose(bodies, a), start_pose(bodies, b)
     twist, local = at.angle - of.angle, of.local(at.position)
-    bearing = jnp.arctan2(local[1], local[0])
+    local = np.asarray(local)
+    bearing = np.arctan2(local[1], local[0])
     aimed = dataclasses.replace(b, turn=b.angle + bearing)  # its x axis passes through a
     ratio, signal = lot.between(-3.0, 3.0), random_signal(lot, 0.2, smooth=True)
     turn, travel = rj.Constant(twist - signal(0.0)), rj.Constant(local[0] - signal(0.0))
@@ -159,7 +165,7 @@ def fitted_joint(lot: Lot, kind: type, a: rj.Marker, b: rj.Marker, bodies: list)
         rj.Prismatic: lambda: {"b": aimed, "value": twist - bearing},
         rj.PointOnLine: lambda: {"b": aimed},
         rj.PointOnCurve: lambda: fitted_curve(lot, local, aimed),
-        rj.Distance: lambda: {"length": jnp.linalg.norm(local)},
+        rj.Distance: lambda: {"length": np.linalg.norm(local)},
         rj.Gear: lambda: {"ratio": ratio, "offset": at.angle - ratio * of.angle},
         rj.PrescribedAngle: lambda: {"signal": rj.Sum((signal, turn))},
         rj.PrescribedTravel: lambda: {"signal": rj.Sum((signal, travel))},
@@ -171,7 +177,7 @@ def fitted_curve(lot: Lot, local: jax.Array, aimed: rj.Marker) -> dict[str, Any]
     """A curve through a point of the frame of marker b, or the x axis turned towards it."""
     bends = lot.around(0.5, 2)
     fits = [
-        {"curve": rj.Circle(jnp.linalg.norm(local))},
+        {"curve": rj.Circle(np.linalg.norm(local))},
         {"curve": rj.Polynomial([local[1] - np.polyval([*bends, 0.0], local[0]), *bends[::-1]])},
         {"curve": rj.Line(), "b": aimed},
     ]

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import concrete
+from ..arrays import concrete, pick
 from ..assembly.locate import assembled
 from ..basis.basis import Basis
 from ..basis.build import modes_of
@@ -81,7 +81,7 @@ class Local(AbstractFormulation):
         bodies = [basis.snapshots.of_coordinates(own) for own in amplitudes]
         if basis.decomposition is None:
             modes = [
-                span(basis.modes[own], body.metric) if own.size else body.metric
+                span(pick(basis.modes, own), body.metric) if own.size else body.metric
                 for own, body in zip(amplitudes, bodies, strict=True)
             ]
         else:

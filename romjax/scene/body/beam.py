@@ -201,12 +201,15 @@ class Beam(AbstractBody):
         return self._inertia().first_moment_at(q)
 
     def mode_shapes(self, point: Float[Array, "2"]) -> Float[Array, "3 modes"]:
-        deflection, slope = bending_shapes(self.shapes, self.modes, self._place(point))
-        slope = slope / self.length
-        none = jnp.zeros_like(deflection)
+        # By NumPy where JAX does not trace, which compiles nothing where scenes are made.
+        at, mass, length = untraced(point, self.mass, self.length)
+        xp: Any = np if isinstance(at, np.ndarray) else jnp
+        along = at[0 if self.axis == "x" else 1] / length + 0.5
+        deflection, slope = bending_shapes(self.shapes, self.modes, along, xp)
+        slope, none = slope / length, xp.zeros_like(deflection)
         # The tangent (1, w') has turned counter-clockwise, the tangent (w', 1) clockwise.
         rows = [none, deflection, slope] if self.axis == "x" else [deflection, none, -slope]
-        return jnp.stack(rows) / jnp.sqrt(self.mass)
+        return as_jax(xp.stack(rows) / xp.sqrt(mass))
 
     def foreshortening(self, point: Float[Array, "2"]) -> Float[Array, "2 modes modes"]:
         along = foreshortening(self.shapes, self.modes, self._place(point))

@@ -211,13 +211,14 @@ class ModalBody(AbstractModalBody):
         rates: Vector | None = None,
     ):
         self.name, self.inertia, self.ports = name, inertia, tuple(ports)
-        self.stiffness = jnp.atleast_1d(as_array(stiffness))
+        given = as_array(stiffness)
+        self.stiffness = given if given.ndim else given[None]
         self.points, self.shapes = as_array(points), as_array(shapes)
         self.modes = len(self.stiffness)
         self.damping = None if damping is None else as_array(damping)
         self.position, self.angle = as_array(position), as_array(angle)
         self.velocity, self.angular_velocity = as_array(velocity), as_array(angular_velocity)
-        zero = jnp.zeros(self.modes)
+        zero = as_array((0.0,) * self.modes)
         self.amplitudes = zero if amplitudes is None else as_array(amplitudes)
         self.rates = zero if rates is None else as_array(rates)
 
