@@ -20,10 +20,14 @@ def programs(jaxpr):
                 yield from programs(value)
 
 
+def primitives_in(traced) -> list[str]:
+    """The primitives of a traced program, in all that are nested in it."""
+    return [e.primitive.name for program in programs(traced) for e in program.eqns]
+
+
 def primitives(function, *arguments) -> list[str]:
     """The primitives of a function, in all nested programs."""
-    traced = jax.make_jaxpr(function)(*arguments).jaxpr
-    return [e.primitive.name for program in programs(traced) for e in program.eqns]
+    return primitives_in(jax.make_jaxpr(function)(*arguments).jaxpr)
 
 
 def force(scene) -> list[str]:
@@ -36,21 +40,29 @@ def mass(scene) -> list[str]:
     return primitives(system.mass, system.q0)
 
 
-def touches(function, system, place) -> bool:
-    """Whether any equation of a function of t, q, v reads the argument at a place."""
-    traced = jax.make_jaxpr(function)(0.0, system.q0, system.v0).jaxpr
+def reads(traced, place) -> bool:
+    """Whether any equation of a traced program reads its argument at a place."""
     used = {id(x) for program in programs(traced) for e in program.eqns for x in e.invars}
     return id(traced.invars[place]) in used
 
 
-def uses(function, system, place) -> bool:
-    """Whether the argument at a place has any effect on what a function of t, q, v computes."""
-    traced = jax.make_jaxpr(function)(0.0, system.q0, system.v0).jaxpr
+def needs(traced, place) -> bool:
+    """Whether the argument at a place has any effect on what a traced program computes."""
     needed = {id(x) for x in traced.outvars}
     for equation in reversed(traced.eqns):
         if any(id(x) in needed for x in equation.outvars):
             needed |= {id(x) for x in equation.invars}
     return id(traced.invars[place]) in needed
+
+
+def touches(function, system, place) -> bool:
+    """Whether any equation of a function of t, q, v reads the argument at a place."""
+    return reads(jax.make_jaxpr(function)(0.0, system.q0, system.v0).jaxpr, place)
+
+
+def uses(function, system, place) -> bool:
+    """Whether the argument at a place has any effect on what a function of t, q, v computes."""
+    return needs(jax.make_jaxpr(function)(0.0, system.q0, system.v0).jaxpr, place)
 
 
 def uses_time(function, system) -> bool:

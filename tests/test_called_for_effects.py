@@ -1,17 +1,22 @@
-"""Effects and options that a scene does not have are not in its program, counted on the jaxpr."""
+"""Effects and options that a scene does not have are not in its program, counted on the jaxpr.
 
+Each kind and option is traced once, into a table that all tests look at.
+"""
+
+import functools
 from collections import Counter
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import pytest
-from programs import force, primitives, touches, uses_velocities
+from programs import needs, primitives, primitives_in, reads
 
 import romjax as rj
 from romjax.scene.effect.base import displacement
 
+CART = rj.RigidBody("cart", 1.0, 0.1)
 ON_GROUND = rj.ground.at((0.1, 0.2), 0.3)
 SMOOTH = rj.Friction(0.3)
 STRIBECK = rj.Friction(0.3, static=0.4, stribeck=0.1)
@@ -19,7 +24,7 @@ STRIBECK = rj.Friction(0.3, static=0.4, stribeck=0.1)
 
 def effect(kind, **options):
     """One of its kind, from the cart to the ground, with nothing that can be left out."""
-    a, b = rj.gallery.cart_pendulum().bodies[0].at((0.1, 0.0)), ON_GROUND
+    a, b = CART.at((0.1, 0.0)), ON_GROUND
     needed = {
         rj.Gravity: {},
         rj.Spring: {"a": a, "b": b, "stiffness": 1.0},
@@ -61,8 +66,35 @@ every_effect = pytest.mark.parametrize("kind", EFFECTS, ids=lambda kind: kind.__
 
 
 def rigid(*effects) -> rj.Scene:
-    """The chapter's cart alone."""
-    return rj.Scene(rj.gallery.cart_pendulum().bodies[:1], [], effects)
+    """The cart alone."""
+    return rj.Scene([CART], [], effects)
+
+
+class Traced(NamedTuple):
+    """The program of a scene's forces."""
+
+    counts: Counter[str]  # of its primitives
+    reads_velocities: bool  # in any equation
+    needs_velocities: bool  # for the result
+
+
+def traced(scene: rj.Scene) -> Traced:
+    system = rj.assemble(scene)
+    program = jax.make_jaxpr(system.force)(0.0, system.q0, system.v0).jaxpr
+    return Traced(Counter(primitives_in(program)), reads(program, 2), needs(program, 2))
+
+
+@functools.cache
+def of(kind) -> Traced:
+    """Of an effect alone."""
+    return traced(rigid(effect(kind)))
+
+
+@functools.cache
+def of_option(option) -> Traced:
+    """With an option of the table below."""
+    kind, _, taken, _ = OPTIONS[option]
+    return traced(rigid(effect(kind, **taken)))
 
 
 # Effects.
@@ -75,20 +107,14 @@ def test_these_are_all_effects():
     assert {kind for kind in effects if not kind.__name__.startswith("Abstract")} == set(EFFECTS)
 
 
-@pytest.mark.parametrize("place", [0, 1, 2], ids=["spring", "damper", "force"])
-def test_an_effect_taken_out_leaves_no_trace(place):
-    scene = rj.gallery.cart_pendulum()
-    fewer = [effect for i, effect in enumerate(scene.effects) if i != place]
-    assert len(force(rj.Scene(scene.bodies, scene.joints, fewer))) < len(force(scene))
-
-
-@every_effect
-def test_a_scene_that_lost_an_effect_is_one_that_never_had_it(kind):
-    plain = rigid()
-    more = rigid(effect(kind))
-    fewer = eqx.tree_at(lambda scene: scene.effects, more, ())
-    assert Counter(force(fewer)) == Counter(force(plain))
-    assert len(force(more)) > len(force(plain))
+def test_a_scene_that_lost_its_effects_is_one_that_never_had_any():
+    """No turning, no products: zeros."""
+    scene = rigid(*(effect(kind) for kind in EFFECTS))
+    found = traced(eqx.tree_at(lambda scene: scene.effects, scene, ())).counts
+    assert found == traced(rigid()).counts
+    assert found.total() <= 1, found
+    for kind in EFFECTS:
+        assert of(kind).counts.total() > found.total(), kind
 
 
 @every_effect
@@ -104,52 +130,38 @@ def test_absent_effects_are_never_asked(kind, monkeypatch):
     system = rj.assemble(rigid(effect(kind)))
     primitives(system.acceleration, 0.0, system.q0, system.v0)
     with pytest.raises(AssertionError, match="asked"):
-        force(rigid(effect(kind), effect(absent[0])))
-
-
-def test_gravity_is_traced_where_it_is():
-    scene = rj.gallery.chain(3)
-    assert len(force(rj.Scene(scene.bodies, scene.joints))) < len(force(scene))
-
-
-def test_rigid_bodies_without_effects_have_no_force():
-    """No turning, no products, no modes: zeros."""
-    found = force(rj.Scene(rj.gallery.chain(3).bodies, rj.gallery.chain(3).joints))
-    assert len(found) <= 1, found
-
-
-def test_velocities_are_traced_for_dampers_only():
-    """Not in any equation, be its result needed or not."""
-    scene = rj.gallery.cart_pendulum()
-    system = rj.assemble(rj.Scene(scene.bodies[:1], [], [scene.effects[0]]))
-    assert not touches(system.force, system, 2)
+        traced(rigid(effect(absent[0])))
 
 
 @every_effect
-def test_rigid_bodies_have_no_forces_of_velocity(kind):
-    """Neither their own, quadratic ones, nor those of effects that do not dissipate."""
-    free_of_it = [effect(other) for other in EFFECTS if other not in DISSIPATIVE]
-    for scene in (rigid(effect(kind)), rigid(*free_of_it, effect(kind))):
-        system = rj.assemble(scene)
-        assert uses_velocities(scene) == (kind in DISSIPATIVE)
-        assert touches(system.force, system, 2) == (kind in DISSIPATIVE)
+def test_velocities_are_traced_for_what_dissipates_only(kind):
+    """Rigid bodies have no quadratic forces; nor is a velocity in any equation for nothing."""
+    found = of(kind)
+    assert found.needs_velocities == (kind in DISSIPATIVE)
+    assert found.reads_velocities == (kind in DISSIPATIVE)
+
+
+def test_effects_that_do_not_dissipate_have_no_velocities_together():
+    found = traced(rigid(*(effect(kind) for kind in EFFECTS if kind not in DISSIPATIVE)))
+    assert not found.needs_velocities
+    assert not found.reads_velocities
 
 
 # Options of effects.
 
-# Without and with; primitives that only it brings in.
+# Another option that it wants, itself, and primitives that only it brings in.
 OPTIONS = {
-    "Spring.rest_length": (rj.Spring, {}, {"rest_length": 0.1}, {"sqrt", "select_n"}),
-    "Spring.cubic": (rj.Spring, {}, {"cubic": 1.0}, set()),
-    "Damper.along_line": (rj.Damper, {}, {"along_line": True}, {"sqrt", "select_n"}),
-    "Bushing.damping": (rj.Bushing, {}, {"damping": [1.0, 1.0, 1.0]}, set()),
-    "Force.frame": (rj.Force, {}, {"frame": "body"}, {"stack"}),
-    "Force.signal": (rj.Force, {}, {"signal": rj.Step(1.0, 0.1, 0.1)}, {"min", "max"}),
-    "Torque.signal": (rj.Torque, {}, {"signal": rj.Step(1.0, 0.1, 0.1)}, {"min", "max"}),
-    "Motor.target": (rj.Motor, {}, {"target": rj.Step(1.0, 0.1, 0.1)}, {"min", "max"}),
-    "Contact.dissipation": (rj.Contact, {}, {"dissipation": 0.5}, {"max"}),
-    "Contact.friction": (rj.Contact, {}, {"friction": SMOOTH}, {"tanh"}),
-    "Friction.static": (rj.Contact, {"friction": SMOOTH}, {"friction": STRIBECK}, {"exp"}),
+    "Spring.rest_length": (rj.Spring, None, {"rest_length": 0.1}, {"sqrt", "select_n"}),
+    "Spring.cubic": (rj.Spring, None, {"cubic": 1.0}, set()),
+    "Damper.along_line": (rj.Damper, None, {"along_line": True}, {"sqrt", "select_n"}),
+    "Bushing.damping": (rj.Bushing, None, {"damping": [1.0, 1.0, 1.0]}, set()),
+    "Force.frame": (rj.Force, None, {"frame": "body"}, {"stack"}),
+    "Force.signal": (rj.Force, None, {"signal": rj.Step(1.0, 0.1, 0.1)}, {"min", "max"}),
+    "Torque.signal": (rj.Torque, None, {"signal": rj.Step(1.0, 0.1, 0.1)}, {"min", "max"}),
+    "Motor.target": (rj.Motor, None, {"target": rj.Step(1.0, 0.1, 0.1)}, {"min", "max"}),
+    "Contact.dissipation": (rj.Contact, None, {"dissipation": 0.5}, {"max"}),
+    "Contact.friction": (rj.Contact, None, {"friction": SMOOTH}, {"tanh"}),
+    "Friction.static": (rj.Contact, "Contact.friction", {"friction": STRIBECK}, {"exp"}),
 }
 # Options that let velocities in.
 MOVING = ("Bushing.damping", "Contact.dissipation", "Contact.friction")
@@ -157,21 +169,21 @@ MOVING = ("Bushing.damping", "Contact.dissipation", "Contact.friction")
 
 @pytest.mark.parametrize("option", OPTIONS)
 def test_an_option_that_is_not_taken_is_not_traced(option):
-    kind, left, taken, telling = OPTIONS[option]
-    without, full = rigid(effect(kind, **left)), rigid(effect(kind, **taken))
-    assert Counter(force(without)) < Counter(force(full))
-    assert not telling & set(force(without))
-    assert telling <= set(force(full))
+    kind, wanted, _, telling = OPTIONS[option]
+    without, full = of_option(wanted) if wanted else of(kind), of_option(option)
+    assert without.counts < full.counts
+    assert not telling & set(without.counts)
+    assert telling <= set(full.counts)
     if option in MOVING:
-        assert not uses_velocities(without)
-        assert uses_velocities(full)
+        assert not without.needs_velocities
+        assert full.needs_velocities
 
 
 @pytest.mark.parametrize(("kind", "telling"), [(rj.Force, "sqrt"), (rj.Contact, "pow")])
 def test_roots_and_powers_come_with_their_effects(kind, telling):
-    others = [effect(other) for other in EFFECTS if other not in WITH_ROOTS]
-    assert telling not in force(rigid(*others))
-    assert telling in force(rigid(*others, effect(kind)))
+    assert telling in of(kind).counts
+    for other in EFFECTS:
+        assert other in WITH_ROOTS or telling not in of(other).counts
 
 
 class OnlySpring(rj.Spring):
@@ -226,13 +238,10 @@ class OnlyFriction(rj.Friction):
 
 @pytest.mark.parametrize("kind", [OnlySpring, OnlyDamper, OnlyForce, OnlyBushing, OnlyContact])
 def test_an_effect_without_options_costs_no_more_than_one_that_knows_none(kind):
-    plain, bare = force(rigid(effect(kind.__base__))), force(rigid(effect(kind)))
-    assert Counter(plain) <= Counter(bare)
+    assert of(kind.__base__).counts <= traced(rigid(effect(kind))).counts
 
 
 def test_friction_without_options_costs_no_more_than_one_that_knows_none():
-    plain, bare = (
-        force(rigid(effect(rj.Contact, friction=law)))
-        for law in (SMOOTH, OnlyFriction(SMOOTH.coefficient))
-    )
-    assert Counter(plain) <= Counter(bare)
+    plain = of_option("Contact.friction")
+    bare = traced(rigid(effect(rj.Contact, friction=OnlyFriction(SMOOTH.coefficient))))
+    assert plain.counts <= bare.counts
