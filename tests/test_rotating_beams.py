@@ -124,16 +124,19 @@ def test_critical_speeds_of_an_overhung_disc():
         about[quaternion, quaternion] = np.kron(np.eye(2), [[0, -0.5], [0.5, 0]])
         scales.append(np.zeros(system.n))
         scales[-1][quaternion] = system.q0[quaternion]
-    mass = np.asarray(system.mass(system.q0))
-    allowed = scipy.linalg.null_space(
-        jax.jit(jax.jacfwd(lambda q: system.constraint(0.0, q)))(system.q0)
-    )
-    aside = np.stack([*scales, about @ system.q0]) @ mass @ allowed
+
+    @jax.jit
+    def at(q, v):
+        slopes = jax.jacfwd(lambda q, v: system.acceleration(0.0, q, v)[0], (0, 1))(q, v)
+        return system.mass(q), jax.jacfwd(lambda q: system.constraint(0.0, q))(q), slopes
+
+    mass, rows, _ = at(system.q0, np.zeros(system.n))
+    mass, allowed = np.asarray(mass), scipy.linalg.null_space(rows)
+    aside = np.stack([*scales, about @ np.asarray(system.q0)]) @ mass @ allowed
     bent = allowed @ scipy.linalg.null_space(aside)
-    slopes = jax.jit(jax.jacfwd(lambda q, v: system.acceleration(0.0, q, v)[0], (0, 1)))
 
     def least_stiffness(speed):
-        by_q, by_v = slopes(system.q0, speed * about @ system.q0)
+        by_q, by_v = map(np.asarray, at(system.q0, speed * about @ np.asarray(system.q0))[2])
         stiffness = -mass @ (by_q + speed * by_v @ about - speed**2 * about @ about)
         return np.linalg.eigvalsh(bent.T @ stiffness @ bent)[0]
 

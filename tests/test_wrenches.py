@@ -9,6 +9,7 @@ import pytest
 from comparison import assert_close
 from mechanics import mixed_scene
 from mechanisms import bar, ends
+from motions import through
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
@@ -18,10 +19,16 @@ from romjax.assembly.wrenches import joint_wrenches
 
 @pytest.fixture(scope="module")
 def moving():
-    """A mechanism with joints and effects of all kinds, in motion."""
+    """A mechanism with joints and effects of all kinds, at random states that fit its joints."""
     system = rj.assemble(mixed_scene())
-    q0, v0 = rj.consistent(system)
-    return system, rj.simulate(system, jnp.linspace(0.0, 0.1, 5), q0=q0, v0=v0, rtol=1e-8)
+    chance = np.random.default_rng(7)
+    at, speeds = np.asarray(system.q0), chance.normal(size=(5, system.n))
+    near = at + 0.1 * chance.normal(size=(5, system.n))
+    states = [rj.consistent(system, *state) for state in zip(near, speeds, strict=True)]
+    run = through(system, np.linspace(0.0, 0.1, 5), *map(np.stack, zip(*states, strict=True)))
+    # The forces of joints are in balance for any multipliers.
+    multipliers = jnp.asarray(chance.normal(size=(5, system.m)))
+    return system, eqx.tree_at(lambda run: run.derived.multipliers, run, multipliers)
 
 
 def test_action_and_reaction(moving):
@@ -40,12 +47,16 @@ def test_action_and_reaction(moving):
 def test_wrenches_are_the_constraint_forces(moving):
     """Their generalized force is −C_qᵀ λ, for any λ."""
     system, run = moving
-    t, q, v = run.t[2], run.q[2], run.v[2]
-    multipliers = jnp.cos(jnp.arange(1.0, system.m + 1))
-    wrenches = joint_wrenches(system.joints, system.joint_markers, t, q, multipliers)
-    jacobian = jax.jit(lambda *state: system.state(*state).jacobian())(t, q, v)
-    found = eqx.filter_jit(system.joint_markers.pull_back)(q, wrenches)
-    assert_close(found, -jacobian.T @ multipliers, IDENTITY)
+    multipliers = np.cos(np.arange(1.0, system.m + 1))
+
+    @jax.jit
+    def both(t, q, v):
+        wrenches = joint_wrenches(system.joints, system.joint_markers, t, q, multipliers)
+        pulled = system.joint_markers.pull_back(q, wrenches)
+        return pulled, system.state(t, q, v).jacobian().T @ multipliers
+
+    found, wanted = both(*(np.asarray(x)[2] for x in (run.t, run.q, run.v)))
+    assert_close(found, -wanted, IDENTITY)
 
 
 def test_the_force_of_a_marker(moving):
@@ -57,15 +68,18 @@ def test_the_force_of_a_marker(moving):
     a, b = scene.bodies[2].at((0.0, -0.1)), scene.bodies[0].at((0.3, 0.2))
     loads = rj.Force(a, (3.0, 4.0), rj.Constant(5.0)), rj.Torque(b, rj.Constant(2.0))
     loaded = rj.assemble(eqx.tree_at(lambda s: s.effects, scene, (*scene.effects, *loads)))
-    state = run.t[2], run.q[2], run.v[2]
     markers = locate("test", system, [a, b])
-    wrenches = rj.Wrench(jnp.array([[3.0, 4.0], [0.0, 0.0]]), jnp.array([0.0, 2.0]))
-    own, both = (jax.jit(x.force)(*state) for x in (system, loaded))
-    scale = jnp.max(jnp.abs(own))
-    found = eqx.filter_jit(markers.pull_back)(run.q[2], wrenches)
-    assert_close(found, both - own, IDENTITY, scale)
-    tip = rj.measure(system, run, a).position[2]
-    assert_close(markers.poses(run.q[2]).position[0], tip, IDENTITY)
+
+    @jax.jit
+    def forces(t, q, v):
+        wrenches = rj.Wrench(jnp.array([[3.0, 4.0], [0.0, 0.0]]), jnp.array([0.0, 2.0]))
+        found = markers.pull_back(q, wrenches), markers.poses(q).position[0]
+        return *found, system.force(t, q, v), loaded.force(t, q, v)
+
+    state = (np.asarray(x)[2] for x in (run.t, run.q, run.v))
+    found, place, own, both = map(np.asarray, forces(*state))
+    assert_close(found, both - own, IDENTITY, np.max(np.abs(own)))
+    assert_close(place, np.asarray(rj.measure(system, run, a).position)[2], IDENTITY)
 
 
 def test_frames(moving):
@@ -91,19 +105,27 @@ def test_a_spring_and_a_damper():
     soft = rj.Spring(left, right, stiffness=3.0)
     scene = rj.Scene([a, b], [], [spring, soft, rj.Damper(left, right, damping=2.0)])
     system = rj.assemble(scene)
-    run = rj.simulate(system, jnp.linspace(0.0, 0.3, 7))
+    chance = np.random.default_rng(9).normal(size=(2, 7, system.n))
+    q = np.asarray(system.q0) + 0.2 * chance[0]
+    run = through(system, np.linspace(0.0, 0.3, 7), q, chance[1])
     found, apart = rj.effect_forces(system, run), rj.measure(system, run, left, right)
     assert set(found) == {"Spring(a, b) 1", "Spring(a, b) 2", "Damper(a, b)"}
-    line = rj.measure(system, run, right).position - rj.measure(system, run, left).position
-    pull = 30.0 * (apart.distance - 0.7)
-    wanted = (pull / apart.distance)[:, None] * line
+    ends = [rj.measure(system, run, marker) for marker in (left, right)]
+    line, speed = (
+        np.asarray(getattr(ends[1], x)) - np.asarray(getattr(ends[0], x))
+        for x in ("position", "velocity")
+    )
+    distance = np.asarray(apart.distance)
+    pull = 30.0 * (distance - 0.7)
+    wanted = (pull / distance)[:, None] * line
     assert_close(found["Spring(a, b) 1"].force, wanted, IDENTITY, 10)
     assert_close(found["Spring(a, b) 1"].on("b").force, -wanted, IDENTITY, 10)
-    assert_close(found["Spring(a, b) 1"].power, -pull * apart.distance_rate, IDENTITY, 10)
+    assert_close(
+        found["Spring(a, b) 1"].power, -pull * np.asarray(apart.distance_rate), IDENTITY, 10
+    )
     assert_close(found["Spring(a, b) 2"].force, 3.0 * line, IDENTITY, 10)
-    speed = rj.measure(system, run, left).velocity - rj.measure(system, run, right).velocity
     damper = found["Damper(a, b)"]
-    assert_close(damper.power, -2.0 * jnp.sum(speed**2, axis=1), IDENTITY, 10)
+    assert_close(damper.power, -2.0 * np.sum(speed**2, axis=1), IDENTITY, 10)
 
 
 def hinged(mass):
@@ -113,6 +135,17 @@ def hinged(mass):
     low, far = ends(pendulum)
     joints = [rj.Revolute(low, rj.ground.at(), name="hinge")]
     return rj.Scene([pendulum], joints, [rj.Gravity(), rj.Spring(far, rj.ground.at((1, 1)), 20.0)])
+
+
+def hanging() -> rj.Trajectory:
+    """Three states that fit the hinge, and any multipliers."""
+    system = rj.assemble(hinged(1.0))
+    speed = np.linspace(0.0, 2.0, 3)[:, None]
+    at = np.asarray(system.q0)
+    v = speed * np.array([-at[1], at[0], 1.0])
+    run = through(system, np.linspace(0.0, 0.1, 3), np.tile(at, (3, 1)), v)
+    multipliers = jnp.asarray(np.random.default_rng(8).normal(size=(3, system.m)))
+    return eqx.tree_at(lambda run: run.derived.multipliers, run, multipliers)
 
 
 def last_force(mass, run=None):
@@ -131,7 +164,7 @@ def assert_derivative(function, at):
 
 def test_derivative_by_a_mass():
     """At given states."""
-    run = rj.simulate(rj.assemble(hinged(1.0)), jnp.linspace(0.0, 0.1, 3))
+    run = hanging()
     assert_derivative(lambda mass: last_force(mass, run), 1.3)
 
 
@@ -145,7 +178,7 @@ def test_derivative_through_the_motion():
 
 def test_tables_pass_through_transformations():
     """The table itself is a result of `jit` and `vmap`."""
-    run = rj.simulate(rj.assemble(hinged(1.0)), jnp.linspace(0.0, 0.1, 3))
+    run = hanging()
     masses = jnp.array([1.0, 2.0])
     tables = jax.jit(jax.vmap(lambda m: rj.joint_forces(rj.assemble(hinged(m)), run)))(masses)
     one = rj.joint_forces(rj.assemble(hinged(2.0)), run)["hinge"]
