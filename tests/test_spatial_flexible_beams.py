@@ -45,13 +45,15 @@ def test_modes_are_orthonormal(order):
 def test_statics_under_loads_at_the_end_are_exact():
     """Tip of a clamped beam of the fewest modes: F L³ / 3EI, M L / EI, T L / GJ, N L / EA."""
     body = beam(EI=(EI, 2 * EI), bending=2, GJ=2.0, torsion=1, EA=1e3, extension=1)
-    frequencies = body.natural_frequencies()
 
     def tip(bent):
         place, turn = marker(body, clamped(body, bent), (LENGTH / 2, 0.0, 0.0))
         return jnp.concatenate([place - jnp.array([LENGTH, 0, 0]), 2 * turn[1:] / turn[0]])
 
-    compliance = jax.jacfwd(tip)(jnp.zeros(6)) / frequencies[None]
+    slopes, frequencies = jax.jit(lambda x: (jax.jacfwd(tip)(x), body.natural_frequencies()))(
+        np.zeros(6)
+    )
+    compliance = np.asarray(slopes) / np.asarray(frequencies)
     y, z = (LENGTH / (x * EI) * np.array([LENGTH**2 / 3, LENGTH / 2, 1.0]) for x in (2, 1))
     wanted = np.diag([LENGTH / 1e3, y[0], z[0], LENGTH / 2.0, z[2], y[2]])
     wanted[1, 5] = wanted[5, 1] = y[1]
@@ -144,14 +146,15 @@ def test_an_arm_that_falls_keeps_its_energy():
 def test_jacobian_of_stiffened_beams():
     """Joints see bending, turns of sections and foreshortening: C_q is the derivative of C."""
     system = arm()
-    q = system.q0 + 0.1 * jax.random.normal(jax.random.key(1), (system.n,))
+    q = np.asarray(system.q0) + 0.1 * np.random.default_rng(1).normal(size=system.n)
 
     @jax.jit
     def both(q):
-        return dynamics.jacobian(system, 0.0, q), jax.jacfwd(system.constraint, 1)(0.0, q)
+        slopes = dynamics.jacobian(system, 0.0, q), jax.jacfwd(system.constraint, 1)(0.0, q)
+        return *slopes, system.constraint(0.0, q)
 
-    found, wanted = both(q)
-    assert np.max(np.abs(system.constraint(0.0, system.q0))) <= IDENTITY
+    found, wanted, _ = both(q)
+    assert np.max(np.abs(both(system.q0)[2])) <= IDENTITY
     assert_close(found, wanted, 10 * IDENTITY, np.max(np.abs(wanted)))
 
 
