@@ -1,5 +1,6 @@
 """Flexible bodies in space: their inertia, against point masses that move with them."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -62,17 +63,22 @@ def energies(cloud, inertia):
 
 def test_kinetic_energy_is_that_of_point_masses(cloud):
     """½ vᵀMv = Σ ½ m |ṙ|², and its derivatives by q: quaternions of any length."""
-    inertia = SpatialInertia.of_points(*cloud)
+    inertia = eqx.filter_jit(SpatialInertia.of_points)(*cloud)
     ours, theirs = (
         jax.jit(jax.vmap(jax.value_and_grad(f, argnums=(0, 1)))) for f in energies(cloud, inertia)
     )
+
+    @jax.jit
+    @jax.vmap
+    def first_moments(q):
+        return inertia.first_moment_at(q), jnp.asarray(cloud[0]) @ places(cloud, q)
+
     q, v = states(200, 7 + MODES)
-    found, wanted = ours(q, v), theirs(q, v)
+    found, wanted = jax.tree.map(np.asarray, (ours(q, v), theirs(q, v)))
     assert_close(found[0], wanted[0], IDENTITY, wanted[0])
     for by, other in zip(found[1], wanted[1], strict=True):
         assert_close(by, other, IDENTITY, np.max(np.abs(other), axis=1, keepdims=True))
-    moments = jax.vmap(inertia.first_moment_at)(q)
-    sums = jax.vmap(lambda q: jnp.asarray(cloud[0]) @ places(cloud, q))(q)
+    moments, sums = first_moments(q)
     assert_close(moments, sums, 10 * IDENTITY, np.max(np.abs(sums)))
 
 
@@ -82,7 +88,7 @@ def test_the_span_of_a_basis(cloud):
     basis = np.random.default_rng(2).standard_normal((MODES, 2))
     small = inertia.in_span(jnp.asarray(basis))
     (q,), (v,) = states(1, 9, seed=3)
-    full = [jnp.concatenate([x[:7], basis @ x[7:]]) for x in (q, v)]
+    full = [np.concatenate([x[:7], basis @ x[7:]]) for x in (q, v)]
     wanted, found = (
         jax.jit(lambda q, v, own=own: v @ own.matrix(q) @ v)(*x)
         for own, x in ((inertia, full), (small, (q, v)))
@@ -97,9 +103,14 @@ def test_what_is_absent_is_zero():
     rigid = spatial.RigidBody("body", 3.0, (1.0, 2.0, 2.5))
     (q,), _ = states(1, 9)
     wanted = np.eye(9)
-    wanted[:7, :7] = rigid.mass_matrix(q[:7])
-    assert_close(inertia.matrix(q), wanted, IDENTITY, np.max(np.abs(wanted)))
-    assert_close(inertia.first_moment_at(q), 3.0 * q[:3], 0.0)
+
+    @jax.jit
+    def of(q):
+        return rigid.mass_matrix(q[:7]), inertia.matrix(q), inertia.first_moment_at(q)
+
+    wanted[:7, :7], found, moment = of(q)
+    assert_close(found, wanted, IDENTITY, np.max(np.abs(wanted)))
+    assert_close(moment, 3.0 * q[:3], 0.0)
 
 
 @pytest.mark.parametrize(
