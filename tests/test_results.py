@@ -6,12 +6,16 @@ import sys
 
 import diffrax
 import jax
+import motions
 import numpy as np
 import pytest
 import xarray
 import zoo
 
 import romjax as rj
+from romjax import compat
+from romjax.integrate.derived import OnDemand
+from romjax.integrate.parts import Parts
 from romjax.integrate.status import REMEDIES, Status
 
 
@@ -35,7 +39,11 @@ def check_same_run(found, run):
 
 @pytest.fixture(scope="module")
 def run():
-    return zoo.motion(zoo.cart_pendulum, 0.1, 11)
+    """A motion of the cart-pendulum that is made up, and knows its system."""
+    run = motions.motion(zoo.cart_pendulum(), end=0.1, count=11)
+    states = {"t": run.t, "q": run.q, "v": run.v, "chart": None, "stabilization": None}
+    parts = Parts.of(zoo.system(zoo.cart_pendulum))
+    return dataclasses.replace(run, derived=compat.make_module(OnDemand, parts=parts, **states))
 
 
 @pytest.fixture(scope="module")
@@ -64,24 +72,20 @@ def test_a_run_is_the_same_to_the_bit(run, tmp_path):
     assert rj.compare(run, found).error == 0
 
 
-def again_by(system, run):
-    return zoo.run(system, run.t, solver=run.solver, rtol=run.stats.rtol)
-
-
-def test_the_scene_of_a_run_is_that_of_its_system(run):
+def test_the_scene_of_a_run_is_that_of_its_system(swung):
     """Assembled again, it makes the same motion to the bit, and recompiles nothing."""
-    system = rj.assemble(run.scene)
-    assert system.structure == run.system.structure
-    again = again_by(system, run)
-    same((again.q, again.v, again.multipliers), (run.q, run.v, run.multipliers))
+    system = rj.assemble(swung.scene)
+    assert system.structure == swung.system.structure
+    again = swing(system)
+    same((again.q, again.v, again.multipliers), (swung.q, swung.v, swung.multipliers))
 
 
-def test_a_file_simulates_the_same_scene_to_the_bit(run, tmp_path):
+def test_a_file_simulates_the_same_scene_to_the_bit(swung, tmp_path):
     """From its text alone, by the same programs."""
-    run.save(tmp_path / "run.nc")
+    swung.save(tmp_path / "run.nc")
     found = rj.load(tmp_path / "run.nc")
-    again = again_by(found.system, found)
-    check_same_run(again, run)
+    again = swing(found.system)
+    check_same_run(again, swung)
     assert again.scene == found.scene
     found.save(tmp_path / "again.nc")
     assert xarray.open_dataset(tmp_path / "again.nc").scene == found.to_xarray().scene
@@ -99,14 +103,9 @@ def test_a_scene_that_cannot_be_made_leaves_the_numbers(run, tmp_path):
         _ = found.scene
 
 
-@pytest.fixture(scope="module")
-def tip(run):
-    return rj.measure(run.system, run, rj.Marker("pendulum", (0.0, -0.4), 0.0))
-
-
-def test_a_file_says_what_it_is_without_romjax(run, tip, tmp_path):
+def test_a_file_says_what_it_is_without_romjax(run, tmp_path):
     """Read by xarray in a process that has not imported romjax."""
-    run.save(tmp_path / "run.nc", tip=(tip.position, "m"))
+    run.save(tmp_path / "run.nc", tip=(np.zeros((11, 2)), "m"))
     code = """
 import sys, xarray
 d = xarray.open_dataset("run.nc")
@@ -114,7 +113,7 @@ print(d["q"].dims, d["q"].units, d["v"].units, d["time"].units, d["multipliers"]
 print(d["coordinate"].values[:3].tolist(), d["coordinate_unit"].values[:3].tolist())
 print(d["constraint"].values.tolist())
 print(d.solver, d.status_words, d.warnings, d["status"].flag_meanings.split()[int(d["status"])])
-print(d["tip"].dims, d["tip"].units, d["rtol"].values, d.romjax_version)
+print(d["tip"].dims, d["tip"].units, d.romjax_version)
 print("romjax" in sys.modules)
 """
     done = subprocess.run(
@@ -126,7 +125,7 @@ print("romjax" in sys.modules)
         "['cart.x', 'cart.y', 'cart.phi'] ['m', 'm', 'rad']",
         "[\"joint 'rail'\", \"joint 'cart angle'\", \"joint 'hinge' 1\", \"joint 'hinge' 2\"]",
         f"{run.solver_name} success none success",
-        f"('time', 'tip_1') m 1e-10 {rj.__version__}",
+        f"('time', 'tip_1') m {rj.__version__}",
         "False",
     ]
 
@@ -134,25 +133,29 @@ print("romjax" in sys.modules)
 def test_values_are_found_by_name(run):
     data = run.to_xarray()
     same(data["q"].sel(coordinate="pendulum.phi").values, run["pendulum.phi"])
-    same(data["multipliers"].sel(constraint="joint 'rail'").values, run.multipliers[:, 0])
+    same(
+        data["multipliers"].sel(constraint="joint 'rail'").values, np.asarray(run.multipliers)[:, 0]
+    )
 
 
-def test_a_measurement_has_all_its_quantities(run, tip, pendulum, swung):
-    data = run.to_xarray(tip=tip, joints=rj.joint_forces(run.system, run))
-    same(data["tip.velocity"].sel(axis="y").values, tip.velocity[:, 1])
+def test_a_measurement_has_all_its_quantities(pendulum, swung):
+    tip = rj.measure(pendulum, swung, rj.Marker("bar1", (0.5, 0.0), 0.0))
+    data = swung.to_xarray(tip=tip, joints=rj.joint_forces(pendulum, swung))
+    same(data["tip.velocity"].sel(axis="y").values, np.asarray(tip.velocity)[:, 1])
     assert data["tip.acceleration"].units == "m/s^2"
     assert data["tip.angular_velocity"].units == "rad/s"
-    assert data["joints.hinge.force"].dims == ("time", "axis")
-    assert data["joints.hinge.torque"].units == "N m"
+    assert data["joints.Revolute(bar1, ground).force"].dims == ("time", "axis")
+    assert data["joints.Revolute(bar1, ground).torque"].units == "N m"
     energy = swung.to_xarray(energy=rj.energy(pendulum, swung))["energy.total"]
     assert (energy.dims, energy.units) == (("time",), "J")
-    with pytest.raises(rj.InputError, match=r"half is an array of shape \(3,\).*11 outputs"):
-        run.to_xarray(half=np.zeros(3))
+    with pytest.raises(rj.InputError, match=r"half is an array of shape \(3,\).*5 outputs"):
+        swung.to_xarray(half=np.zeros(3))
 
 
 def test_reduced_runs_say_so(pendulum, swung, tmp_path):
     """The numbers are physical, the scene is that of the full system."""
-    rom = rj.reduce(pendulum, rj.pod(swung, rank=1), "minimal")
+    turned = rj.Basis.from_modes(np.array([[0.0], [0.5], [1.0]]), pendulum.q0)
+    rom = rj.reduce(pendulum, turned, "minimal")
     approx = zoo.run(rom, swung.t)
     approx.save(tmp_path / "rom.nc")
     found = rj.load(tmp_path / "rom.nc")
@@ -262,7 +265,7 @@ def test_a_sweep_has_its_parameters_as_coordinates(swept, tmp_path):
         twice.to_xarray()
 
 
-def test_tables_of_errors_and_modes(run, pendulum, monkeypatch):
+def test_tables_of_errors_and_modes(run, monkeypatch):
     q = np.asarray(run.q) * [1.001, 1.0, 1.5, *np.ones(5)]
     moved = dataclasses.replace(run, q=q)
     report = rj.compare(run, moved)
@@ -270,8 +273,8 @@ def test_tables_of_errors_and_modes(run, pendulum, monkeypatch):
     assert table["coordinate"][0] == "cart.x"
     assert sorted(table["coordinate"]) == sorted(run.labels)
     assert table["error"][0] == report.per_coordinate[0]
-    found = rj.modes(pendulum)
-    same(found.table()["frequency"].to_numpy(), np.asarray(found.frequencies) / (2 * np.pi))
+    found = rj.Modes(np.array([2.0, 5.0]), np.array([0.1, 0.0]), *4 * [np.zeros(2)])
+    same(found.table()["frequency"].to_numpy(), found.frequencies / (2 * np.pi))
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(ImportError, match=r"Comparison.table needs pandas: pip install .*study"):
         report.table()
