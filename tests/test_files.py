@@ -70,6 +70,7 @@ def test_euler_angles(tmp_path):
     assert_same(through_a_file(scene, tmp_path), scene)
 
 
+@pytest.mark.slow
 def test_axes_and_matrices(tmp_path):
     """As in Python; and back."""
     assert EULER in SPACE
@@ -260,12 +261,18 @@ def test_bodies_are_placed_by_their_points(crank):
     assert_close(v, system.v0, IDENTITY)
 
 
-def test_a_bent_beam_is_placed_by_where_its_end_is():
-    beam = rj.Beam("b", 1.0, 1.0, EI=10.0, modes=2, amplitudes=[0.05, 0.01], stiffening=True)
+@jax.jit
+def gap(amplitudes):
+    """Between the hinge and the end of a beam that is placed there, bent."""
+    beam = rj.Beam("b", 1.0, 1.0, EI=10.0, modes=2, amplitudes=amplitudes, stiffening=True)
     placed = beam.placed("end", rj.ground.pose((0.3, -0.2)), angle=0.7)
     joint = rj.Revolute(placed.at("end"), rj.ground.at((0.3, -0.2)))
     system = rj.assemble(rj.Scene([placed], [joint]))
-    assert_close(violation(system, system.q0), np.zeros(2), IDENTITY)
+    return system.constraint(0.0, system.q0)
+
+
+def test_a_bent_beam_is_placed_by_where_its_end_is():
+    assert_close(gap(np.array([0.05, 0.01])), np.zeros(2), IDENTITY)
 
 
 def test_names_do_not_make_programs():
