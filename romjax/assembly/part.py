@@ -7,6 +7,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..arrays import pick
 from ..errors import ReductionError
 from ..linalg.indexing import Index
 from ..linalg.pattern import Pattern
@@ -44,7 +45,7 @@ def part(
     bodies = []
     for group, own, table, weight in zip(system.bodies, rows, tables, weights, strict=True):
         if len(own):
-            members = jax.tree.map(lambda x, own=own: x[np.array(own, int)], group.bodies)
+            members = jax.tree.map(lambda x, own=own: pick(x, np.array(own, int)), group.bodies)
             bodies.append(BodyGroup(members, _renumbered(table, number), weight))
     acting = [system.effects[i] for i in effects]
     markers, start = None, 0
@@ -65,8 +66,8 @@ def part(
         effects=tuple(groups),
         effect_markers=markers,
         fields=system.fields,
-        q0=system.q0[columns],
-        v0=system.v0[columns],
+        q0=pick(system.q0, columns),
+        v0=pick(system.v0, columns),
         structure=Structure(
             tuple(known.coordinates[i] for i in used),
             (),
@@ -82,10 +83,10 @@ def _some(markers: Markers, rows: np.ndarray, number: dict[int, int]) -> Markers
     """Some of the markers, on other numbers of coordinates."""
     shapes = markers.foreshortening
     return Markers(
-        markers.points[rows],
-        markers.turns[rows],
-        markers.shapes[rows],
-        None if shapes is None else shapes[rows],
+        pick(markers.points, rows),
+        pick(markers.turns, rows),
+        pick(markers.shapes, rows),
+        None if shapes is None else pick(shapes, rows),
         _renumbered(markers.frames.array[rows], number),
         _renumbered(markers.amplitudes.array[rows], number),
     )

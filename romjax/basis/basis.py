@@ -14,6 +14,7 @@ from ..deprecated import renamed, warn_once
 from ..errors import InputError
 from .orthonormal import orthonormalize
 from .snapshots import SnapshotSet
+from .turns import by_turn
 
 if TYPE_CHECKING:
     from .decomposition.base import AbstractDecomposition
@@ -86,7 +87,7 @@ class Basis(eqx.Module):
         """With snapshots and offset by quaternions of unit length, which begin at `columns`."""
         snapshots, offset = self.snapshots.of_unit_length(columns), self.offset
         if snapshots.turns is not None:
-            offset, _ = snapshots.turns(offset, offset)
+            offset = by_turn(snapshots.turns, offset)
         return dataclasses.replace(self, snapshots=snapshots, offset=offset)
 
     @property

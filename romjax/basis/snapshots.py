@@ -14,7 +14,7 @@ from ..arrays import as_jax, pick, untraced
 from ..checks import check_kind
 from ..errors import InputError
 from ..program import program
-from .turns import Turns
+from .turns import Turns, by_turn, by_turns
 
 
 @runtime_checkable
@@ -137,7 +137,7 @@ class SnapshotSet(eqx.Module):
         """The same motion by quaternions of another scale."""
         if turns is None:
             return self
-        q, v = jax.vmap(turns)(self.q, self.v)
+        q, v = by_turns(turns, self.q, self.v)
         changes = self.changes
         if changes is not None and turns.affine:
             # Of each turn on the way: of these directions, those that the scale leaves free.
@@ -209,7 +209,7 @@ def weigh(snapshots: SnapshotSet, offset: Any) -> WeightedSnapshots:
     weighted: WeightedSnapshots
     offset = pick(q, 0) if offset is None else jnp.asarray(offset, q.dtype)
     if snapshots.turns is not None:
-        offset, _ = snapshots.turns(offset, offset)
+        offset = by_turn(snapshots.turns, offset)
     # Arrays alone, so that new names of coordinates do not compile it again.
     arrays = snapshots.v, snapshots.weights, snapshots.changes, snapshots.metric
     weighted = _weigh(q, *arrays, offset, snapshots.noise)

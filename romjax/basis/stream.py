@@ -69,12 +69,13 @@ class PodStream(eqx.Module):
 
     def add(self, t: Any, q: Any, v: Any) -> "PodStream":
         """With the snapshots `q`, `v` (h, n) at the times `t` (h,), which follow those before."""
-        t, q = jnp.asarray(t, self.factor.dtype), jnp.asarray(q, self.factor.dtype)
+        # By NumPy, which compiles nothing for blocks of another length.
+        t, q = np.asarray(t, self.factor.dtype), np.asarray(q, self.factor.dtype)
         block_t, block_q = t, q
         if self.last is not None:
             # The trapezoid between two blocks belongs to the later one.
-            block_t = jnp.concatenate([self.last[0], t])
-            block_q = jnp.concatenate([self.last[1], q])
+            block_t = np.concatenate([self.last[0], t])
+            block_q = np.concatenate([self.last[1], q])
         factor, lost = _merge(self.factor, self.root, self.offset, block_t, block_q)
         first = -self.count % self.stride
         parts = zip(self.sample, (t, q, v), strict=True)

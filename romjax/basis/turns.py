@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..program import program
 from .subspace import leading
 
 # Cosine of half the angle from the mean turn up to which bodies are said to turn about it: 150°.
@@ -37,8 +38,7 @@ class Turns(eqx.Module):
         """About the mean turns of snapshots `q` with `weights`: p̄ is the eigenvector of Σ w p pᵀ
         (Markley et al. 2007, doi:10.2514/1.28949), with its largest component positive.
         """
-        means = jax.vmap(lambda p: _mean(p, weights), 1)(q[:, _table(columns)])
-        return cls(means, tuple(columns))
+        return cls(_means(q, weights, tuple(columns)), tuple(columns))
 
     @property
     def of_unit_length(self) -> "Turns":
@@ -84,6 +84,29 @@ class Turns(eqx.Module):
     @property
     def _too_far(self) -> Bool[Array, " bodies"]:
         return jnp.all(self.means == 0, axis=1)
+
+
+@program
+def by_turns(
+    turns: Turns, q: Float[Array, "h n"], v: Float[Array, "h n"]
+) -> tuple[Float[Array, "h n"], Float[Array, "h n"]]:
+    """Configurations and their velocities, by the quaternions of a scale."""
+    scaled, rates = jax.vmap(turns)(q, v)
+    return scaled, rates
+
+
+@program
+def by_turn(turns: Turns, q: Float[Array, " n"]) -> Float[Array, " n"]:
+    """One configuration by the quaternions of a scale."""
+    scaled: Float[Array, " n"] = turns._scaled(q)
+    return scaled
+
+
+@program
+def _means(
+    q: Float[Array, "h n"], weights: Float[Array, " h"], columns: tuple[int, ...]
+) -> Float[Array, "bodies 4"]:
+    return jax.vmap(lambda p: _mean(p, weights), 1)(q[:, _table(columns)])
 
 
 def _mean(p: Float[Array, "h 4"], weights: Float[Array, " h"]) -> Float[Array, "4"]:
