@@ -4,16 +4,18 @@ from collections import Counter
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 from tabulate import tabulate
 
 from ..assembly.assemble import assemble
 from ..errors import InputError
 from ..integrate.default import default_method, start_frequencies
+from ..program import program_once
 from ..scene.scene import Scene
 from ..system.base import AbstractSystem
 from ..system.consistent import consistent
 from ..system.dynamics import jacobian
+from ..system.structure import without_names
 from .scene_file import SceneFile
 from .settings import Settings, solver_of
 
@@ -76,8 +78,9 @@ def _repeats(scene: Scene, system: AbstractSystem, q: Array) -> dict[str, int]:
     """
     if not system.m:
         return {}
-    half: np.ndarray = np.linalg.inv(np.linalg.cholesky(np.asarray(system.mass(q), float)))
-    rows = np.asarray(jacobian(system, 0.0, q)) @ half.T
+    mass, jacobian = (np.asarray(x, float) for x in _matrices(without_names(system), q))
+    half: np.ndarray = np.linalg.inv(np.linalg.cholesky(mass))
+    rows = jacobian @ half.T
     basis, counts, row = np.zeros((0, system.n)), Counter[str](), 0
     for joint in scene.joints:
         for _ in range(joint.rows):
@@ -91,6 +94,14 @@ def _repeats(scene: Scene, system: AbstractSystem, q: Array) -> dict[str, int]:
                 basis = np.vstack([basis, left / size])
             row += 1
     return counts
+
+
+@program_once
+def _matrices(
+    system: AbstractSystem, q: Float[Array, " n"]
+) -> tuple[Float[Array, "n n"], Float[Array, "m n"]]:
+    """The mass matrix and the constraint Jacobian."""
+    return system.mass(q), jacobian(system, 0.0, q)
 
 
 def _start(system: AbstractSystem, q: Array, v: Array) -> str:

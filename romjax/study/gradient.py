@@ -77,19 +77,20 @@ def check_gradient(f: Callable[[Any], Any], x: Any, *, step: float = _STEP) -> G
     shape = jax.eval_shape(value, start)
     if not isinstance(shape, jax.ShapeDtypeStruct) or shape.shape != ():
         raise ValueError(f"check_gradient: f must return a number, but f(x) is {shape}.")
-    at_start = jax.jit(value)(start)
-    if not jnp.isfinite(at_start):
-        raise ValueError(f"check_gradient: f(x) = {at_start}; check where it is finite.")
-    reverse = jax.jit(jax.grad(value))(start)
     with forward_mode():
+        evaluate = jax.jit(value)
+        at_start = np.asarray(evaluate(start))
+        if not np.isfinite(at_start):
+            raise ValueError(f"check_gradient: f(x) = {at_start}; check where it is finite.")
         forward = jax.jit(jax.jacfwd(value))(start)
-        sizes = jax.tree.map(_size, unravel(start))
-        flat, _ = ravel_pytree(sizes)
-        central = _differences(value, start, step * flat)
-    trees = [unravel(gradient) for gradient in (reverse, forward, central)]
+        sizes = jax.tree.map(_size, dynamic)
+        each = [np.ravel(size) for size in jax.tree.leaves(sizes)]
+        central = _differences(evaluate, np.asarray(start), step * np.concatenate([*each, []]))
+    reverse = jax.jit(jax.grad(value))(start)
+    trees = [_as_tree(gradient, dynamic) for gradient in (reverse, forward, central)]
     # Rounding of f leaves differences an error of some eps / step; changes of f by its root, for a
     # change of a parameter by its own size, are the least that they show to as many digits.
-    least = float(jnp.sqrt(_ROUNDING * jnp.finfo(start.dtype).eps / step) * jnp.abs(at_start))
+    least = float(np.sqrt(_ROUNDING * np.finfo(start.dtype).eps / step) * np.abs(at_start))
     errors = [(_error(least, *values), path) for path, *values in _leaves(sizes, *trees)]
     error, part = max(errors, default=(0.0, ""))
     return GradientCheck(trees[0], trees[1], trees[2], error, part, sizes, least)
@@ -99,20 +100,34 @@ def _size(x: Any) -> Any:
     """How large parameters are; those that are zero, or as good as, are like the largest beside
     them, or like one.
     """
-    largest = jnp.max(jnp.abs(x), initial=0.0)
-    typical = jnp.where(largest > _ZERO, largest, 1.0)
-    return jnp.where(jnp.abs(x) > _SMALL * typical, jnp.abs(x), typical)
+    own = np.abs(np.asarray(x))
+    largest = np.max(own, initial=0.0)
+    typical = largest if largest > _ZERO else 1.0
+    return np.where(own > _SMALL * typical, own, typical)
 
 
-def _differences(value: Callable[[Any], Any], start: Any, steps: Any) -> Any:
-    evaluate = jax.jit(value)
-    slopes = []
-    for unit, step in zip(jnp.eye(len(start)), steps, strict=True):
+def _differences(
+    evaluate: Callable[[Any], Any], start: np.ndarray, steps: np.ndarray
+) -> np.ndarray:
+    """By NumPy but for the function: each operation of JAX on its own would be compiled."""
+    slopes = np.zeros_like(start)
+    for i, step in enumerate(steps):
         quotients = []
         for h in (step, 2 * step):
-            quotients.append((evaluate(start + h * unit) - evaluate(start - h * unit)) / (2 * h))
-        slopes.append((4 * quotients[0] - quotients[1]) / 3)
-    return jnp.stack(slopes)
+            unit = (h * (np.arange(len(start)) == i)).astype(start.dtype)
+            change = np.asarray(evaluate(start + unit)) - np.asarray(evaluate(start - unit))
+            quotients.append(change / (2 * h))
+        slopes[i] = (4 * quotients[0] - quotients[1]) / 3
+    return slopes
+
+
+def _as_tree(flat: Any, like: Any) -> Any:
+    """The numbers of one array, one after the other, in arrays as those of a tree."""
+    leaves, tree = jax.tree.flatten(like)
+    ends = np.cumsum([np.size(leaf) for leaf in leaves])
+    parts = np.split(np.asarray(flat), ends[:-1]) if leaves else []
+    arrays = [part.reshape(np.shape(leaf)) for part, leaf in zip(parts, leaves, strict=True)]
+    return jax.tree.unflatten(tree, arrays)
 
 
 def _leaves(*trees: Any) -> list[tuple[Any, ...]]:

@@ -1,11 +1,14 @@
 """Whether a mechanism can move at all."""
 
 import numpy as np
+from jaxtyping import Array, Float
 
 from ..arrays import concrete
 from ..errors import InputError
+from ..program import program_once
 from .base import AbstractSystem
 from .dynamics import jacobian
+from .structure import without_names
 
 
 def check_mobility(
@@ -21,7 +24,13 @@ def check_mobility(
     """
     if system.m <= system.n:
         return
-    rows = concrete(jacobian(system, 0.0, system.q0))
+    rows = concrete(_at_start(without_names(system)))
     if rows is not None and np.linalg.matrix_rank(rows) == system.n:
         words = f"{system.m} constraints on {system.n} coordinates leave no motion. {remedy}"
         raise error(f"{owner}: {words}".rstrip())
+
+
+@program_once
+def _at_start(system: AbstractSystem) -> Float[Array, "m n"]:
+    """The constraint Jacobian at the start."""
+    return jacobian(system, 0.0, system.q0)

@@ -10,6 +10,7 @@ from ...arrays import pick
 from ...basis.basis import Basis
 from ...basis.decomposition.base import AbstractDecomposition
 from ...basis.snapshots import Motions
+from ...basis.turns import by_turns
 from ...system.base import AbstractSystem
 
 
@@ -51,5 +52,6 @@ def start(
         return system.q0, system.v0, pick(snapshots.t, 0)
     q, v = pick(snapshots.q, 0), pick(snapshots.v, 0)
     if snapshots.turns is not None:
-        q, v = snapshots.turns.of_unit_length(q, v)
+        rows, rates = by_turns(snapshots.turns.of_unit_length, snapshots.q, snapshots.v)
+        q, v = pick(rows, 0), pick(rates, 0)
     return q, v, pick(snapshots.t, 0)
