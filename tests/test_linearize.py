@@ -62,9 +62,14 @@ def model(system):
 
 
 def run(system, change=0.0, rates=0.0):
-    """Outputs at the end of a motion from a changed start."""
-    q, v = rj.consistent(system, system.q0 + change, system.v0 + rates)
-    motion = zoo.run(system, TS, q0=q, v0=v, rtol=1e-12)
+    """Outputs at the end of a motion from a changed start, by the cart's place and the angle."""
+    (x, angle), (speed, rate) = (
+        (np.asarray(start) + by)[[0, 5]] for start, by in ((system.q0, change), (system.v0, rates))
+    )
+    along, up = 0.4 * np.cos(angle), 0.4 * np.sin(angle)
+    q = [x, 0.0, 0.0, x + along, up, angle]
+    v = [speed, 0.0, 0.0, speed - up * rate, along * rate, rate]
+    motion = zoo.run(system, TS, q0=np.array(q), v0=np.array(v), rtol=1e-12)
     q, v = np.asarray(motion.q[-1]), np.asarray(motion.v[-1])
     return np.array([q[0], v[5], q[4] + 0.4 * np.sin(q[5]) + 0.1 * q[3]])
 
