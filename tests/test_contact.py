@@ -1,10 +1,9 @@
 """Contact and friction: restitution by an exact law, and a block on an incline."""
 
-import diffrax
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
+import zoo
 from scipy.optimize import brentq
 from tolerances import IDENTITY, SOLVED
 
@@ -25,32 +24,31 @@ def test_restitution(curve, y):
     """Of m δ'' = −k δ^n (1 + D δ'), by the integral of v / (1 + D v), whatever m, k and n are."""
     speed, loss = 1.0, 0.3
     system = ball(y, -speed, curve, dissipation=loss)
-    run = rj.simulate(system, jnp.array([0.0, 0.15]), solver=diffrax.Dopri8(), rtol=1e-11)
+    run = zoo.run(system, np.array([0.0, 0.15]), rtol=1e-11)
 
     def integral(v):
         return v / loss - np.log1p(loss * v) / loss**2
 
     left = brentq(lambda v: integral(speed) - integral(-v), 0.1, 1.0, xtol=1e-14)
-    assert abs(run.v[-1, 1] - left) <= SOLVED
+    assert abs(np.asarray(run.v)[-1, 1] - left) <= SOLVED
     assert abs(left - (1 - 2 / 3 * loss * speed)) < 0.05
 
 
 def test_energy_comes_back_without_dissipation():
-    system = ball(0.05, -1.0, rj.Line())
-    run = rj.simulate(system, jnp.array([0.0, 0.15]), solver=diffrax.Dopri8(), rtol=1e-11)
-    assert abs(run.v[-1, 1] - 1.0) <= SOLVED
+    run = zoo.run(ball(0.05, -1.0, rj.Line(), dissipation=0.0), np.array([0.0, 0.15]), rtol=1e-11)
+    assert abs(np.asarray(run.v)[-1, 1] - 1.0) <= SOLVED
 
 
 @pytest.fixture(scope="module")
 def slide():
     """The way and the last speed of a block on an incline after a second, by its angle."""
-    angles = jnp.array([0.25, 0.40])  # the friction holds up to arctan 0.3 = 0.291
+    angles = np.array([0.25, 0.40])  # the friction holds up to arctan 0.3 = 0.291
 
     def run(angle):
-        cos, sin = jnp.cos(angle), jnp.sin(angle)
+        cos, sin = np.cos(angle), np.sin(angle)
         normal = MASS * G * cos / 2
         depth = (normal / STIFFNESS) ** (2 / 3)
-        up = jnp.stack([sin, cos])
+        up = np.array([sin, cos])
         block = rj.RigidBody(
             "block", MASS, 0.01, position=-depth * up, angle=-angle, extent=(0.1, 0.04)
         )
@@ -68,11 +66,12 @@ def slide():
             for x in (-0.05, 0.05)
         ]
         system = rj.assemble(rj.Scene([block], [], [*touches, rj.Gravity()]))
-        motion = rj.simulate(system, jnp.array([0.0, 1.0]), solver=rj.Rodas5P(), rtol=1e-8)
-        down = jnp.stack([cos, -sin])
-        return (motion.q[-1, :2] - motion.q[0, :2]) @ down, motion.v[-1, :2] @ down
+        motion = zoo.run(system, np.array([0.0, 1.0]), solver=zoo.RODAS5P, rtol=1e-8)
+        down = np.array([cos, -sin])
+        q, v = np.asarray(motion.q)[:, :2], np.asarray(motion.v)[:, :2]
+        return (q[-1] - q[0]) @ down, v[-1] @ down
 
-    return angles, jax.jit(jax.vmap(run))(angles)
+    return angles, np.transpose([run(angle) for angle in angles])
 
 
 def test_a_block_sticks(slide):
@@ -94,8 +93,8 @@ def test_a_block_slides(slide):
 
 def test_stribeck():
     friction = rj.Friction(0.2, creep=1e-4, static=0.5, stribeck=0.1)
-    assert abs(friction(jnp.asarray(0.01)) - (0.2 + 0.3 * np.exp(-0.01))) <= IDENTITY
-    assert abs(friction(jnp.asarray(-10.0)) + 0.2) <= IDENTITY
+    assert abs(friction(np.float64(0.01)) - (0.2 + 0.3 * np.exp(-0.01))) <= IDENTITY
+    assert abs(friction(np.float64(-10.0)) + 0.2) <= IDENTITY
 
 
 def test_friction_acts_on_both_bodies():
@@ -135,4 +134,4 @@ def test_the_centre_of_a_circle_has_no_direction():
     body = rj.RigidBody("ball", 1.0, 0.1)
     contact = rj.Contact(body.at(), rj.ground.at(), rj.Circle(1.0), 100.0)
     system = rj.assemble(rj.Scene([body], [], [contact]))
-    assert jnp.all(system.force(0.0, system.q0, system.v0) == 0)
+    assert not np.any(jax.jit(system.force)(0.0, system.q0, system.v0))
