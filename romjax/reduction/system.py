@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..arrays import Time, Vector, as_array
-from ..basis.turns import Turns
+from ..basis.turns import Turns, by_turn
 from ..linalg.dense import multiply
 from ..linalg.kkt import KKT
 from ..linalg.pattern import Pattern
@@ -59,7 +59,7 @@ class ReducedSystem(AbstractReducedSystem):
     ) -> "ReducedSystem":
         """From the `start` nearest to physical (q, v, t); the fields are as `ReducedSystem` has."""
         q, v, time = start
-        z, w = _restrict(lift, full, *((q, v) if turns is None else turns(q, v)))
+        z, w = _restrict(lift, full, turns, q, v)
         m = 0 if combinations is None else combinations.shape[1]
         structure = Structure(
             tuple(Coordinate("", f"z{i + 1}") for i in range(z.size)),
@@ -94,13 +94,13 @@ class ReducedSystem(AbstractReducedSystem):
         return motion.q, motion.v
 
     def restrict(self, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
-        z, w = _restrict(self.lift, self.full, *self._turned(q, v))
+        z, w = _restrict(self.lift, self.full, self.turns, q, v)
         return z, w
 
     def in_chart_of(self, q: Physical) -> "ReducedSystem":
         if not isinstance(self.lift, AtlasLift):
             return self
-        q, _ = self._turned(q, q)
+        q = q if self.turns is None else by_turn(self.turns, q)
         lift = eqx.tree_at(lambda atlas: atlas.current, self.lift, self.lift.number(q))
         return dataclasses.replace(self, lift=lift)
 
@@ -113,9 +113,6 @@ class ReducedSystem(AbstractReducedSystem):
         check_alike(self.full, full)
         rom = dataclasses.replace(self, full=full, lift=self.lift.with_full(full))
         return rom._starting_at(self.q0, self.v0, self.time)
-
-    def _turned(self, q: Physical, v: Physical) -> tuple[Physical, Physical]:
-        return (q, v) if self.turns is None else self.turns(q, v)
 
     def _starting_at(self, z: Reduced, w: Reduced, time: Float[Array, ""]) -> "ReducedSystem":
         rom = dataclasses.replace(self, q0=z, v0=w, time=jnp.asarray(time, z.dtype))
@@ -130,9 +127,9 @@ def has_charts(system: AbstractSystem) -> bool:
 
 @program_once
 def _restrict(
-    lift: AbstractLift, full: AbstractSystem, q: Physical, v: Physical
+    lift: AbstractLift, full: AbstractSystem, turns: Turns | None, q: Physical, v: Physical
 ) -> tuple[Reduced, Reduced]:
-    return lift.restrict(full, q, v)
+    return lift.restrict(full, *((q, v) if turns is None else turns(q, v)))
 
 
 @dataclasses.dataclass(frozen=True)
