@@ -53,13 +53,9 @@ def turning(q, v, spin):
 
 def small_motion(lagrangian, count):
     """M, G and K of M a + G v + K x = 0 about the origin of a Lagrangian of x and v."""
-    x = jnp.zeros(count)
-
-    def second(first, other):
-        return jax.jacfwd(jax.grad(lagrangian, first), other)(x, x)
-
-    coupling = second(1, 0)
-    return second(1, 1), coupling - coupling.T, -second(0, 0)
+    slopes = jax.hessian(lambda state: lagrangian(*jnp.split(state, 2)))(jnp.zeros(2 * count))
+    coupling = slopes[count:, :count]
+    return slopes[count:, count:], coupling - coupling.T, -slopes[:count, :count]
 
 
 def rates(mass, gyroscopic, stiffness):
