@@ -2,7 +2,6 @@
 
 from typing import ClassVar
 
-import diffrax
 import jax
 import jax.numpy as jnp
 import meshes
@@ -12,6 +11,7 @@ import scipy.io
 import scipy.linalg
 import scipy.sparse as sp
 import simeon
+import zoo
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
@@ -126,14 +126,14 @@ def test_modes_are_orthogonal_to_rigid_motion(plate):
     body = plate[0]
     assert body.inertia.shift is None
     assert body.inertia.swing is None
-    mass = np.array(body.mass_matrix(jnp.zeros(body.size)))
+    mass = np.asarray(jax.jit(lambda q: body.mass_matrix(q))(np.zeros(body.size)))
     assert np.allclose(mass[:3, 3:], 0, rtol=0, atol=0)
     assert np.allclose(mass[3:, 3:], np.eye(body.modes), rtol=0, atol=0)
 
 
 def test_a_mesh_of_a_beam_is_a_beam():
     """A pendulum of a mesh swings and bends like one of the same natural modes in closed form."""
-    count, ts = 3, jnp.linspace(0.0, 1.0, 21)
+    count, ts = 3, np.linspace(0.0, 1.0, 21)
     bodies = (
         beam_body(24, modes=count, interface="free", position=(LENGTH / 2, 0.0)),
         rj.Beam("beam", MASS, LENGTH, EI=EI, modes=count, position=(LENGTH / 2, 0.0)),
@@ -142,7 +142,7 @@ def test_a_mesh_of_a_beam_is_a_beam():
     for body, start in zip(bodies, ("left", (-LENGTH / 2, 0.0)), strict=True):
         hinge = rj.Revolute(body.at(start), rj.ground.at())
         system = rj.assemble(rj.Scene([body], [hinge], [rj.Gravity()]))
-        places.append(rj.simulate(system, ts, rtol=1e-9, solver=diffrax.Dopri8()).q)
+        places.append(zoo.run(system, ts, rtol=1e-9).q)
     # Modes may point the other way.
     assert np.allclose(np.abs(places[0]), np.abs(places[1]), rtol=0, atol=MESH)
 
