@@ -84,15 +84,17 @@ def test_kinetic_energy_is_that_of_point_masses(cloud):
 
 def test_the_span_of_a_basis(cloud):
     """The inertia of q_f = Φ z has the energy at Φ z."""
-    inertia = SpatialInertia.of_points(*cloud)
     basis = np.random.default_rng(2).standard_normal((MODES, 2))
-    small = inertia.in_span(jnp.asarray(basis))
     (q,), (v,) = states(1, 9, seed=3)
-    full = [np.concatenate([x[:7], basis @ x[7:]]) for x in (q, v)]
-    wanted, found = (
-        jax.jit(lambda q, v, own=own: v @ own.matrix(q) @ v)(*x)
-        for own, x in ((inertia, full), (small, (q, v)))
-    )
+
+    @jax.jit
+    def energies(q, v):
+        inertia = SpatialInertia.of_points(*cloud)
+        full = (jnp.concatenate([x[:7], basis @ x[7:]]) for x in (q, v))
+        pairs = ((inertia, *full), (inertia.in_span(jnp.asarray(basis)), q, v))
+        return [v @ own.matrix(q) @ v for own, q, v in pairs]
+
+    wanted, found = map(np.asarray, energies(q, v))
     assert_close(found, wanted, IDENTITY, abs(wanted))
 
 
@@ -143,7 +145,7 @@ def inertia(request, cloud):
         shapes = without(masses, fields.reshape(-1, 6), shapes.reshape(-1, MODES))
         positions = positions - (masses @ positions / masses.sum())[None]
     shapes = orthonormal(masses, shapes.reshape(-1, MODES)).reshape(POINTS, 3, MODES)
-    full = SpatialInertia.of_points(masses, positions, shapes)
+    full = eqx.filter_jit(SpatialInertia.of_points)(masses, positions, shapes)
     terms = {name: value for name, value in vars(full).items() if name != "modal"}
     if request.param == "centred":
         terms |= {"first_moment": None, "shift": None, "swing": None}
