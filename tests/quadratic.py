@@ -69,12 +69,23 @@ class Quadratic(rj.AbstractFormulation):
     name: ClassVar[str] = "quadratic"
 
     def reduce(self, system, basis):
-        modes, snapshots, z = basis.modes, basis.snapshots, basis.coordinates
-        missed = snapshots.q - basis.offset[None] - z @ modes.T
-        terms = jnp.concatenate([jnp.ones_like(z[:, :1]), z, jax.vmap(products)(z)], axis=1)
-        fitted = jnp.linalg.lstsq(terms, missed)[0].T
-        constant, linear, curvature = jnp.split(fitted, [1, 1 + basis.rank], axis=1)
-        offset = basis.offset + constant[:, 0]
-        lift = QuadraticLift(offset, modes + linear, curvature, snapshots.metric)
-        start = (snapshots.q[0], snapshots.v[0], snapshots.t[0])
+        snapshots = basis.snapshots
+        offset, linear, curvature = _fitted(
+            basis.modes, snapshots.q, basis.offset, snapshots.metric
+        )
+        lift = QuadraticLift(offset, linear, curvature, snapshots.metric)
+        start = tuple(
+            jnp.asarray(np.asarray(x)[0]) for x in (snapshots.q, snapshots.v, snapshots.t)
+        )
         return rj.ReducedSystem.of(system, lift, start, summary=f"quadratic in {basis.rank} modes")
+
+
+@jax.jit
+def _fitted(modes, q, offset, metric):
+    """The offset, Φ and Ψ that fit the snapshots best."""
+    z = (q - offset[None]) @ metric @ modes
+    missed = q - offset[None] - z @ modes.T
+    terms = jnp.concatenate([jnp.ones_like(z[:, :1]), z, jax.vmap(products)(z)], axis=1)
+    fitted = jnp.linalg.lstsq(terms, missed)[0].T
+    constant, linear, curvature = jnp.split(fitted, [1, 1 + modes.shape[1]], axis=1)
+    return offset + constant[:, 0], modes + linear, curvature

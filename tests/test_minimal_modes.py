@@ -1,12 +1,11 @@
 """Minimal coordinates: which subspace the modes span, and how modes are made for it."""
 
-import diffrax
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from tolerances import IDENTITY
-from zoo import TIGHT
+from zoo import run
 
 import romjax as rj
 
@@ -19,8 +18,7 @@ SHARE = 0.5
 
 
 def error_of(rom, motion) -> float:
-    run = rj.simulate(rom, motion.t, rtol=1e-8, solver=diffrax.Dopri8(), throw=False)
-    return float(rj.compare(motion, run).error)
+    return float(rj.compare(motion, run(rom, motion.t, rtol=1e-8, throw=False)).error)
 
 
 @pytest.fixture(scope="module")
@@ -41,17 +39,28 @@ def projector(columns) -> np.ndarray:
 
 
 def largest(x) -> float:
-    return float(jnp.max(jnp.abs(x)))
+    return float(np.max(np.abs(x)))
+
+
+@eqx.filter_jit
+def tangent_of(rom):
+    """G at the start."""
+    return rom.state(0.0, rom.q0, rom.v0).motion.tangent
+
+
+@eqx.filter_jit
+def rows_of(system, q):
+    return system.state(0.0, q, 0 * q).jacobian()
 
 
 @pytest.mark.parametrize("name", ["every", "independent", "random"])
 def test_minimal_coordinates_span_what_the_modes_span(cart_pendulum, bases, name):
     """Read in the independent coordinates, the tangent and the modes are one subspace."""
-    modes = bases[name].modes
+    modes = np.asarray(bases[name].modes)
     rom = rj.reduce(cart_pendulum, bases[name], "minimal")
-    read = rom.lift.chart.read
+    read = np.asarray(rom.lift.chart.read)
     assert rom.n == np.linalg.matrix_rank(read @ modes) == RANK
-    tangent = rom.state(0.0, rom.q0, rom.v0).motion.tangent
+    tangent = np.asarray(tangent_of(rom))
     apart = largest(projector(read @ tangent) - projector(read @ modes))
     assert apart <= IDENTITY * np.linalg.cond(read @ modes), f"subspaces part: {apart}"
 
@@ -72,22 +81,22 @@ def test_modes_of_independent_coordinates(cart_pendulum, bases, truth):
     coordinates those of a singular value decomposition there, by NumPy.
     """
     basis = bases["independent"]
-    q0, chart = truth.q[0], rj.reduce(cart_pendulum, basis, "minimal").lift.chart
-    rows = np.asarray(cart_pendulum.state(0.0, q0, 0 * q0).jacobian())
-    assert largest(rows @ basis.modes) <= IDENTITY * np.max(np.abs(rows)) * largest(basis.modes)
-    gram = basis.modes.T @ truth.metric @ basis.modes
-    assert largest(gram - np.eye(RANK)) <= IDENTITY * np.linalg.cond(truth.metric)
-    assert largest(basis.snapshots.q - truth.q) == 0
+    modes, metric, q = (np.asarray(x) for x in (basis.modes, truth.metric, truth.q))
+    read = np.asarray(rj.reduce(cart_pendulum, basis, "minimal").lift.chart.read)
+    rows = np.asarray(rows_of(cart_pendulum, q[0]))
+    assert largest(rows @ modes) <= IDENTITY * largest(rows) * largest(modes)
+    assert largest(modes.T @ metric @ modes - np.eye(RANK)) <= IDENTITY * np.linalg.cond(metric)
+    assert largest(np.asarray(basis.snapshots.q) - q) == 0
     tangent = np.linalg.svd(rows)[2][len(rows) :].T
-    tangent = tangent @ np.linalg.inv(chart.read @ tangent)  # ∂q/∂s
-    root = np.linalg.cholesky(tangent.T @ truth.metric @ tangent).T
-    s = np.asarray(truth.q - q0[None]) @ chart.read.T
+    tangent = tangent @ np.linalg.inv(read @ tangent)  # ∂q/∂s
+    root = np.linalg.cholesky(tangent.T @ metric @ tangent).T
+    s = (q - q[0]) @ read.T
     weights = np.full(len(s), 1.0)
     weights[[0, -1]] = 0.5  # the trapezoidal rule
     _, sizes, right = np.linalg.svd(np.sqrt(weights)[:, None] * s @ root.T)
     exact = np.linalg.solve(root, right[:RANK].T)
     bound = IDENTITY * sizes[0] / (sizes[RANK - 1] - sizes[RANK])
-    apart = largest(projector(root @ chart.read @ basis.modes) - projector(root @ exact))
+    apart = largest(projector(root @ read @ modes) - projector(root @ exact))
     assert apart <= bound, f"{apart:.1e}, {bound:.1e}"
 
 
@@ -105,7 +114,7 @@ def test_no_mode_is_spent_on_curvature():
     bending = [rj.TorsionSpring(*pair, stiffness=count) for pair in pairs[1:]]
     scene = rj.Scene(bars, [rj.Revolute(*pair) for pair in pairs], [rj.Gravity(), *bending])
     system = rj.assemble(scene)
-    motion = rj.simulate(system, jnp.linspace(0.0, 1.0, 101), rtol=TIGHT)
+    motion = run(system, np.linspace(0.0, 1.0, 101))
     minimal = rj.Minimal()
     every = error_of(rj.reduce(system, rj.pod(motion, rank=3), minimal), motion)
     basis = minimal.basis(system, motion, rj.POD(3))

@@ -169,20 +169,22 @@ def test_a_locked_basis_is_refused(cart_pendulum, coarse):
 
 def test_zero_rows_change_nothing(coarse):
     """Coordinates that rest may be left out: the same modes, and zeros where they were."""
-    keep = jnp.array([0, 1, 3, 4, 5, 6, 7])
+    keep = np.array([0, 1, 3, 4, 5, 6, 7])
     without = _Recorded(coarse, keep)
     for decompose in (rj.pod, rj.sod):
         whole, part = decompose(coarse, rank=5), decompose(without, rank=5)
-        overlap = whole.modes[keep].T @ without.metric @ part.modes
-        assert_close(overlap @ overlap.T, jnp.eye(5), SOLVED)
+        modes, others = np.asarray(whole.modes), np.asarray(part.modes)
+        overlap = modes[keep].T @ without.metric @ others
+        assert_close(overlap @ overlap.T, np.eye(5), SOLVED)
 
 
 class _Recorded:
     """Some coordinates of a motion."""
 
     def __init__(self, motion, keep):
-        self.t, self.q, self.v = motion.t, motion.q[:, keep], motion.v[:, keep]
-        self.metric = motion.metric[jnp.ix_(keep, keep)]
+        q, v, metric = (np.asarray(x) for x in (motion.q, motion.v, motion.metric))
+        self.t, self.q, self.v = motion.t, q[:, keep], v[:, keep]
+        self.metric = metric[np.ix_(keep, keep)]
         self.labels = tuple(motion.labels[i] for i in keep)
 
 
