@@ -75,6 +75,13 @@ def concatenate(parts: Sequence[ArrayLike]) -> Array:
     return as_jax(np.concatenate([np.atleast_1d(part) for part in parts]))
 
 
+def stack(parts: Sequence[ArrayLike]) -> Array:
+    """The parts side by side on a new first axis; by NumPy where JAX does not trace."""
+    if any(is_traced(part) for part in parts):
+        return jnp.stack([jnp.asarray(part) for part in parts])
+    return as_jax(np.stack([np.asarray(part) for part in parts]))
+
+
 def pick(array: Array, index: Any) -> Array:
     """`array[index]`; by NumPy where JAX does not trace, which compiles nothing."""
     # A single number that is picked is no array of NumPy's.

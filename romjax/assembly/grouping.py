@@ -6,9 +6,8 @@ from typing import Any, TypeVar
 import jax.numpy as jnp
 import jax.tree_util as jtu
 import numpy as np
-from jaxtyping import Array
 
-from ..arrays import as_jax
+from .. import arrays
 from ..compat import is_traced
 from ..scene.marker import Marker
 from ..scene.points import NamedPoints
@@ -22,13 +21,7 @@ def stack(elements: Sequence[T]) -> T:
     Numbers that are not traced are stacked by NumPy: a long chain then adds nothing to a traced
     program.
     """
-
-    def join(*leaves: Any) -> Array:
-        if any(is_traced(leaf) for leaf in leaves):
-            return jnp.stack([jnp.asarray(leaf) for leaf in leaves])
-        return as_jax(np.stack([np.asarray(leaf) for leaf in leaves]))
-
-    stacked: T = jtu.tree_map(join, *elements)
+    stacked: T = jtu.tree_map(lambda *leaves: arrays.stack(leaves), *elements)
     return stacked
 
 

@@ -100,14 +100,16 @@ def _in_atlas(system: AbstractSystem, basis: Basis, atlas: Atlas) -> ReducedSyst
             f"several only all {freedoms} of them carry over, not {basis.rank} modes; take "
             f"rank={freedoms} or more, or formulation=romjax.Galerkin()."
         )
-    unit = jnp.eye(freedoms, dtype=basis.modes.dtype)
+    unit = as_jax(np.eye(freedoms, dtype=basis.modes.dtype))
     lifts = []
     for chart, domain in zip(atlas.charts, atlas.domains, strict=True):
         one = _lift(system, basis, chart, unit, unit, domain)
         assert isinstance(one, ImplicitLift)  # a chart in closed form needs no others
         lifts.append(one)
     snapshots = basis.snapshots
-    root = jnp.linalg.cholesky(mass_at(system, snapshots.q[0])).T
+    (metric,) = untraced(mass_at(system, pick(snapshots.q, 0)))
+    cholesky = np.linalg.cholesky if isinstance(metric, np.ndarray) else jnp.linalg.cholesky
+    root = as_jax(cholesky(metric).T)
     lift = AtlasLift.of(lifts, snapshots.q, root, atlas)
     validity = TrainingBox.of(lift.seen, root=root)
     summary = f"{freedoms} minimal coordinates in {len(lifts)} charts, no constraints"

@@ -1,12 +1,14 @@
 """Minimal coordinates in several charts, and the change from one to another."""
 
 import dataclasses
+from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...arrays import Time
+from ...arrays import Time, as_jax, stack, untraced
 from ...charts.atlas import Atlas
 from ...system.base import AbstractSystem
 from .base import AbstractLift, Motion, Physical, Reduced
@@ -31,9 +33,10 @@ class AtlasLift(AbstractLift):
         cls, lifts: list[ImplicitLift], q: Float[Array, "h n"], root: Array, atlas: Atlas
     ) -> "AtlasLift":
         """From the lift of each chart; in the chart of the first of the snapshots `q`."""
-        stacked = jax.tree.map(lambda *x: jnp.stack([jnp.asarray(y) for y in x]), *lifts)
-        owners = jnp.asarray(atlas.owners)
-        return cls(stacked, owners[0], root, q[atlas.seen] @ root.T, owners, atlas)
+        stacked = jax.tree.map(lambda *x: stack(x), *lifts)
+        owners, (rows, scale) = np.asarray(atlas.owners), untraced(q, root)
+        seen = as_jax(rows[atlas.seen] @ scale.T)
+        return cls(stacked, as_jax(np.asarray(owners[0])), root, seen, as_jax(owners), atlas)
 
     def lift(self, number: Int[Array, ""]) -> ImplicitLift:
         """That of one chart."""
@@ -42,8 +45,12 @@ class AtlasLift(AbstractLift):
 
     def number(self, q: Physical) -> Int[Array, ""]:
         """The chart of the nearest snapshot."""
-        distances = jnp.sum((self.seen - (self.root @ q)[None]) ** 2, axis=1)
-        return self.owners[jnp.argmin(distances)]
+        # By NumPy where JAX does not trace, which compiles nothing.
+        seen, root, owners, q = untraced(self.seen, self.root, self.owners, q)
+        xp: Any = np if isinstance(q, np.ndarray) else jnp
+        distances = xp.sum((seen - (root @ q)[None]) ** 2, axis=1)
+        number: Array = as_jax(xp.asarray(owners[xp.argmin(distances)]))
+        return number
 
     def position(self, full: AbstractSystem, t: Time, z: Reduced) -> Physical:
         return self.lift(self.current).position(full, t, z)
