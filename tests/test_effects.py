@@ -167,26 +167,6 @@ def test_an_effect_of_ones_own():
     assert_close(jax.jit(system.force)(0.0, system.q0, system.v0), [0, -9, 0], IDENTITY)
 
 
-def equations(effect) -> list[str]:
-    system = rj.assemble(rj.Scene([BLOCK], [], [effect]))
-    found = jax.make_jaxpr(system.force)(0.0, system.q0, system.v0)
-    return str(found).split()
-
-
-def test_only_what_is_asked_for():
-    """No cube, no damping, no turning where the effect has none."""
-    ends = BLOCK.at((0.1, 0.0)), rj.ground.at()
-    soft = equations(rj.Spring(*ends, stiffness=1.0))
-    assert len(soft) < len(equations(rj.Spring(*ends, stiffness=1.0, cubic=1.0)))
-    along = equations(rj.Damper(*ends, damping=1.0, along_line=True))
-    assert len(equations(rj.Damper(*ends, damping=1.0))) < len(along)
-    undamped = equations(rj.Bushing(*ends, STIFF))
-    assert len(undamped) < len(equations(rj.Bushing(*ends, STIFF, DAMP)))
-    fixed = equations(rj.Force(BLOCK.at(), (1.0, 0.0), rj.Constant(1.0)))
-    follows = equations(rj.Force(BLOCK.at(), (1.0, 0.0), rj.Constant(1.0), frame="body"))
-    assert len(fixed) < len(follows)
-
-
 def test_what_an_effect_refuses():
     with pytest.raises(rj.SceneError, match="frame is 'local', but it must be 'world' or 'body'"):
         rj.Force(ENDS[0], (1.0, 0.0), SWING, frame="local")
