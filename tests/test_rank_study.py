@@ -3,12 +3,10 @@
 import dataclasses
 import itertools
 
-import diffrax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from tolerances import IDENTITY
-from zoo import TIGHT
+from zoo import run
 
 import romjax as rj
 from romjax.study.rank_study import RankRow
@@ -39,7 +37,7 @@ def system(spin=0.0) -> rj.AbstractSystem:
 
 
 def simulated(system):
-    return rj.simulate(system, jnp.linspace(0.0, 0.5, 51), rtol=TIGHT, solver=diffrax.Dopri8())
+    return run(system, np.linspace(0.0, 0.5, 51))
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +58,13 @@ def study(training):
     )
 
 
+@pytest.mark.parametrize("wrong", [{"ranks": [0, 1]}, {"ranks": []}, {"repeats": 0}])
+def test_wrong_numbers(training, wrong):
+    with pytest.raises(rj.InputError, match="give positive numbers of both"):
+        rj.rank_study(system(), training, **wrong)
+
+
+@pytest.mark.slow
 def test_errors_are_those_of_runs(study, training):
     """Of the training, and of the start that was held out."""
     assert [(row.formulation, row.rank) for row in study.rows] == [("minimal", 1), ("minimal", 2)]
@@ -77,6 +82,7 @@ def test_errors_are_those_of_runs(study, training):
         assert row.least > 0
 
 
+@pytest.mark.slow
 def test_what_is_refused_is_named(study):
     assert list(study.refused) == ["minimal, r = 4", "local, r = 1", "local, r = 2", "local, r = 4"]
     assert "no body that deforms" in study.refused["local, r = 1"]
@@ -86,6 +92,7 @@ def rows(*numbers) -> tuple[RankRow, ...]:
     return tuple(RankRow("minimal", *row) for row in numbers)
 
 
+@pytest.mark.slow
 def test_a_mode_pays_if_the_error_falls_by_more_than_the_steps_grow(study):
     measured = dataclasses.replace(
         study,
@@ -106,12 +113,14 @@ def test_a_mode_pays_if_the_error_falls_by_more_than_the_steps_grow(study):
         measured.best("local")
 
 
+@pytest.mark.slow
 def test_the_table(study):
     frame = study.table()
     assert list(frame["rank"]) == [1, 2]
     assert np.allclose(frame["speed_up"] * frame["least"], study.full)
 
 
+@pytest.mark.slow
 def test_the_figure(study):
     """Each model is a point with its rank; the one that pays has a ring."""
     measured = dataclasses.replace(
@@ -125,9 +134,3 @@ def test_the_figure(study):
     assert np.allclose(rings[0].get_xydata(), [(200, 9e-5)])
     (slow,) = rj.plot.reduction(dataclasses.replace(measured, full=0.0)).axes
     assert not [line for line in slow.get_lines() if line.get_markersize() == 14]
-
-
-@pytest.mark.parametrize("wrong", [{"ranks": [0, 1]}, {"ranks": []}, {"repeats": 0}])
-def test_wrong_numbers(training, wrong):
-    with pytest.raises(rj.InputError, match="give positive numbers of both"):
-        rj.rank_study(system(), training, **wrong)

@@ -178,11 +178,8 @@ class SnapshotSet(eqx.Module):
 
     def mapped(self, matrix: Float[Array, "n n"]) -> "SnapshotSet":
         """Displacements from the first snapshot, changes and velocities, times a matrix."""
-        first, changes = self.q[:1], self.changes
-        if changes is not None:
-            changes = Changes(changes.q @ matrix.T, changes.v @ matrix.T, changes.weights)
-        q = first + (self.q - first) @ matrix.T
-        return dataclasses.replace(self, q=q, v=self.v @ matrix.T, changes=changes)
+        q, v, changes = _mapped(self.q, self.v, self.changes, matrix)
+        return dataclasses.replace(self, q=q, v=v, changes=changes)
 
 
 # One motion of a mechanism or several, with sensitivities or not, or the snapshots of them.
@@ -263,3 +260,15 @@ def _noise(motion: Motion, dtype: Any) -> Noise:
     if estimate is None:
         return Noise(jnp.zeros((), dtype), jnp.zeros((), dtype))
     return Noise(*(jnp.asarray(x, dtype) for x in estimate()))
+
+
+@program
+def _mapped(
+    q: Float[Array, "h n"],
+    v: Float[Array, "h n"],
+    changes: Changes | None,
+    matrix: Float[Array, "n n"],
+) -> tuple[Float[Array, "h n"], Float[Array, "h n"], Changes | None]:
+    if changes is not None:
+        changes = Changes(changes.q @ matrix.T, changes.v @ matrix.T, changes.weights)
+    return q[:1] + (q - q[:1]) @ matrix.T, v @ matrix.T, changes

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import as_number
+from ..arrays import as_number, pick
 from ..errors import InputError
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
@@ -38,7 +38,7 @@ def simulate_all(
     """
     rtol = as_number(1e-8 if training.stats.rtol is None else training.stats.rtol, training.q.dtype)
     batch = _simulate_batch(*stacked(name, systems), training.t, rtol, training.solver)
-    runs = [jax.tree.map(lambda x, i=i: x[i], batch) for i in range(len(systems))]
+    runs = [jax.tree.map(lambda x, i=i: pick(x, i), batch) for i in range(len(systems))]
     for i, run in enumerate(runs):
         if not bool(run.success):
             raise InputError(f"{name}: system {i} cannot be simulated: {run.summary()}.")

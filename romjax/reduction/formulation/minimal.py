@@ -62,8 +62,9 @@ class Minimal(AbstractFormulation):
         chart = _choose(system, snapshots) if self.chart is None else self.chart
         if isinstance(chart, Atlas):
             return decomposition(snapshots)
-        tangent = chart.tangent(system, snapshots.t[0], snapshots.q[0])
-        basis = decomposition(snapshots.mapped(tangent @ jnp.asarray(chart.read, tangent.dtype)))
+        tangent = chart.tangent(system, pick(snapshots.t, 0), pick(snapshots.q, 0))
+        onto, read = untraced(tangent, chart.read)
+        basis = decomposition(snapshots.mapped(as_jax(onto @ read.astype(tangent.dtype))))
         return dataclasses.replace(basis, snapshots=snapshots)
 
     def reduce(self, system: AbstractSystem, basis: Basis) -> ReducedSystem:
