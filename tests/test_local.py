@@ -170,7 +170,7 @@ def test_one_tolerance_for_all_bodies(beams):
     weights = np.asarray(basis.snapshots.weights)[:, None]
     values = [np.linalg.svd(weights * x, compute_uv=False) for x in roots]
     every = np.sort(np.concatenate(values))[::-1]
-    for count in (1, 4, 6):
+    for count in (1, 6):
         ranks = rj.reduce(system, rj.pod(motion, rank=count), "local").ranks
         assert ranks == tuple(int(np.sum(x >= every[count - 1])) for x in values)
     tol = float(0.5 * (every[2] + every[3]) / basis.spectrum[0])

@@ -96,7 +96,11 @@ def test_inside_of_a_transformation_it_is_a_part_of_it():
     assert_close(jax.vmap(doubled)(X), 2 * X, IDENTITY)
 
 
-@pytest.mark.parametrize("solver", [diffrax.Dopri8(), rj.Rodas5P()], ids=["Dopri8", "Rodas5P"])
+@pytest.mark.parametrize(
+    "solver",
+    [diffrax.Dopri8(), pytest.param(rj.Rodas5P(), marks=pytest.mark.slow)],
+    ids=["Dopri8", "Rodas5P"],
+)
 def test_the_plain_loop_takes_the_steps_of_diffrax(solver):
     """The run that nobody differentiates, and the same as a part of the user's program."""
     ts = jnp.linspace(0.0, 0.3, 31)

@@ -217,6 +217,7 @@ OWN_CACHE_OF_JAX = """
 """
 
 
+@pytest.mark.slow
 def test_a_program_that_jax_keeps_too_is_kept_by_romjax(tmp_path):
     """What comes from JAX's cache on disk could not be kept: a copy of it fails when it runs."""
     folder = str(tmp_path / "romjax")

@@ -67,12 +67,19 @@ def test_power():
 
 def test_damping_and_friction_take():
     """Rayleigh's function of drag is a sixth of a cube, and friction is opposite to sliding."""
-    twist = Twist(jnp.array([0.3, -0.4, 1.2]), jnp.zeros(3))
+    twist = Twist(np.array([0.3, -0.4, 1.2]), np.zeros(3))
     drag = rj.Drag(ENDS[0], coefficient=0.5, area=0.3, density=1.2)
-    (wrench,) = drag.wrenches(0.0, (), (twist,))
-    assert_close(wrench.force, -0.5 * 1.2 * 0.5 * 0.3 * 1.3 * twist.velocity, IDENTITY)
     still = rj.Friction(0.3, creep=0.1)
-    slope = jax.jacfwd(lambda v: still.against(jnp.array([0.0, 0.0, 1.0]), v))(jnp.zeros(3))
+
+    @jax.jit
+    def taken(twist):
+        (wrench,) = drag.wrenches(0.0, (), (twist,))
+        slope = jax.jacfwd(lambda v: still.against(jnp.array([0.0, 0.0, 1.0]), v))(jnp.zeros(3))
+        return wrench.force, slope
+
+    force, slope = taken(twist)
+    velocity = np.array([0.3, -0.4, 1.2])
+    assert_close(force, -0.5 * 1.2 * 0.5 * 0.3 * 1.3 * velocity, IDENTITY)
     assert_close(slope, 3.0 * np.diag([1.0, 1.0, 0.0]), IDENTITY, 10.0)
 
 

@@ -52,10 +52,8 @@ def euler(convention: str, angles: Vector) -> Float[Array, "4"]:
         )
     if as_array(angles).shape != (3,):
         raise SceneError(f"euler: angles has the shape {as_array(angles).shape}; give three [rad].")
-    # Here, since importing romjax must not load scipy.spatial.
-    from jax.scipy.spatial.transform import Rotation
-
-    return _scalar_first(Rotation.from_euler(convention, as_array(angles)).as_quat())
+    (given,) = untraced(as_array(angles))
+    return _scalar_first(_rotations(given).from_euler(convention, given).as_quat())
 
 
 def quaternion_of(
@@ -75,10 +73,9 @@ def quaternion_of(
         return own
     value = as_array(given)
     if value.shape == (3, 3):
-        from jax.scipy.spatial.transform import Rotation
-
         _check_matrix(owner, value)
-        value = _scalar_first(Rotation.from_matrix(value).as_quat())
+        (matrix,) = untraced(value)
+        value = _scalar_first(_rotations(matrix).from_matrix(matrix).as_quat())
     elif value.shape != (4,):
         raise SceneError(
             f"{owner}: the rotation has the shape {value.shape}; give a rotation matrix (3, 3), a "
@@ -123,6 +120,19 @@ def _check_matrix(owner: str, matrix: Float[Array, "3 3"]) -> None:
         )
 
 
-def _scalar_first(quaternion: Float[Array, "4"]) -> Float[Array, "4"]:
+def _rotations(numbers: Any) -> Any:
+    """The class of rotations of SciPy, or that of JAX for numbers that it traces: each operation of
+    JAX on its own would be compiled.
+    """
+    # Here, since importing romjax must not load scipy.spatial.
+    if isinstance(numbers, np.ndarray):
+        from scipy.spatial.transform import Rotation
+    else:
+        from jax.scipy.spatial.transform import Rotation
+    return Rotation
+
+
+def _scalar_first(quaternion: Any) -> Float[Array, "4"]:
     """(w, x, y, z) of the library's (x, y, z, w)."""
-    return jnp.roll(quaternion, 1)
+    xp: Any = np if isinstance(quaternion, np.ndarray) else jnp
+    return as_array(xp.roll(quaternion, 1))
