@@ -171,6 +171,7 @@ def test_single_precision_has_no_reference():
         rj.accuracy(rj.gallery.cart_pendulum(), TS)
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [

@@ -1,9 +1,12 @@
 """What follows from the rows of a study, of made-up ones: fronts and when a reduction pays."""
 
 import numpy as np
+import pytest
 
 from romjax.study.accuracy.result import Accuracy
 from romjax.study.accuracy.row import SINGLE_RUN, Row, with_front
+
+pytestmark = pytest.mark.instant
 
 
 def row(least, error, **more):

@@ -123,6 +123,7 @@ def test_the_page_needs_nothing_else(moving):
     assert "<b>POD" not in page
 
 
+@pytest.mark.instant
 def test_the_player_finds_its_elements():
     folder = resources.files("romjax.plot.motion")
     script, page = ((folder / f"player.{kind}").read_text("utf-8") for kind in ("js", "html"))
@@ -169,6 +170,7 @@ def test_few_frames_are_not_smoothed(hanging, falling):
     assert not data(rj.animate(hanging, wild).html())["smooth"]
 
 
+@pytest.mark.instant
 def test_playing_speeds_are_round():
     assert [playing_rate(x) for x in (0.0, 5.0, 10.0, 1.0, 0.1, 300.0)] == [1, 1, 1, 0.2, 0.02, 50]
 
@@ -225,6 +227,7 @@ def test_a_run_that_breaks_off_is_drawn_to_its_end(scene, run):
         rj.animate(scene, dataclasses.replace(run, q=jnp.asarray(q * np.nan)))
 
 
+@pytest.mark.instant
 def test_space_is_drawn_by_the_same_page(tmp_path):
     """Of outlines with three coordinates, seen from where one asks; films are a projection."""
     t = np.linspace(0.0, 1.0, 20)

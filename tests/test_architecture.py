@@ -58,6 +58,7 @@ def asked_kinds(call: ast.Call) -> list[str]:
     return names + [node.attr for node in nodes if isinstance(node, ast.Attribute)]
 
 
+@pytest.mark.instant
 def test_only_reduction_asks_which_kind_a_system_is():
     asked = [
         f"{name}:{call.lineno}: {ast.unparse(call)}"
@@ -79,6 +80,7 @@ def compared(tree: ast.Module) -> list[ast.Compare | ast.pattern]:
     ]
 
 
+@pytest.mark.instant
 def test_only_the_parser_of_names_compares_with_them():
     found = [
         f"{name}:{node.lineno}: {ast.unparse(node)}"
@@ -89,6 +91,7 @@ def test_only_the_parser_of_names_compares_with_them():
     assert found == []
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize(
     "line",
     [
@@ -104,6 +107,7 @@ def test_comparisons_are_recognised(line):
 # Abstract or final.
 
 
+@pytest.mark.instant
 def test_a_system_is_little_to_know():
     """Fields, properties and methods; of these, subclasses define those that are abstract."""
     fields = {name for name in AbstractSystem.__annotations__ if not name.startswith("_")}
@@ -117,6 +121,7 @@ def test_a_system_is_little_to_know():
     assert overridden == []
 
 
+@pytest.mark.instant
 def test_classes_are_abstract_or_final():
     """None derives from a class of the package that can be instantiated."""
     wrong = [
@@ -132,11 +137,13 @@ def test_classes_are_abstract_or_final():
 # Sizes.
 
 
+@pytest.mark.instant
 def test_files_are_short():
     lengths = {name: len(path.read_text().splitlines()) for name, path in FILES.items()}
     assert {name: length for name, length in lengths.items() if length > FILE} == {}
 
 
+@pytest.mark.instant
 def test_reduction_is_short():
     lengths = [len(FILES[name].read_text().splitlines()) for name in within("reduction")]
     assert sum(lengths) <= REDUCTION, f"{sum(lengths)} lines"
@@ -151,6 +158,7 @@ def code_lines(function: ast.FunctionDef) -> int:
     return function.end_lineno - function.lineno + 1 - docstring
 
 
+@pytest.mark.instant
 def test_functions_are_short():
     long = {
         f"{name}:{node.lineno}: {node.name}": code_lines(node)

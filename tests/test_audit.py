@@ -49,6 +49,7 @@ def test_what_is_wrong_is_found(name):
     assert "energy" in words or "CONSTRAINTS_VIOLATED" in words
 
 
+@pytest.mark.instant
 def test_there_are_twenty():
     assert len(PLANTED) == 20
 

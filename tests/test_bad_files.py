@@ -78,6 +78,7 @@ def test_joints_that_cannot_hold(mistake, path, capsys):
     assert str(path) in said
 
 
+@pytest.mark.instant
 def test_all_mistakes_at_once(path):
     """Of keys, values, parts and references, in the order of their lines."""
     text = CRANK
@@ -107,6 +108,7 @@ BYTES = {
 }
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize("kind", BYTES)
 def test_what_is_no_text(kind, path):
     data, words = BYTES[kind]
@@ -120,11 +122,13 @@ def test_windows_writes_files_too(path):
     assert rj.scene_file(path).title == "slider crank"
 
 
+@pytest.mark.instant
 def test_points_that_are_none():
     with pytest.raises(rj.SceneError, match=r"point 'pin' has shape \(3,\)"):
         rj.RigidBody("crank", 1.0, 1.0, points={"pin": (0.1, 0.0, 0.0)})
 
 
+@pytest.mark.instant
 def test_what_is_no_file(tmp_path):
     assert "This is a folder" in refused(tmp_path)[0]
     assert "no such file" in refused(tmp_path / "none.toml")[0]
@@ -132,6 +136,7 @@ def test_what_is_no_file(tmp_path):
     assert "no regular file" in refused(tmp_path / "pipe")[0]
 
 
+@pytest.mark.instant
 def test_a_hundred_megabytes(path):
     with path.open("wb") as file:
         file.truncate(100 * 2**20)
@@ -140,6 +145,7 @@ def test_a_hundred_megabytes(path):
     assert time.process_time() - begin < 1.0
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize(
     "lines",
     [

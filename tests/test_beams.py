@@ -34,6 +34,7 @@ def beam(**settings):
     return rj.Beam("beam", MASS, LENGTH, position=(LENGTH / 2, 0.0), **settings)
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize("shapes", SHAPES)
 def test_shapes_meet_their_ends(shapes):
     """∫w_k w_l dξ = δ_kl, w as its support wants it, the other end free, w'''' = b⁴ w."""

@@ -65,6 +65,7 @@ def ran(command, scripts, names, floors, *arguments) -> tuple[int, str]:
     return status, (scripts / "summary.txt").read_text()
 
 
+@pytest.mark.instant
 def test_all_is_well(command, scripts, capsys):
     """The summary names machine, versions, ratio and floor; each comparison has its report."""
     status, summary = ran(command, scripts, ["steady"], {"steady": {"one / two": 2.0}})
@@ -81,12 +82,14 @@ def test_all_is_well(command, scripts, capsys):
     assert "steady: " in printed.err
 
 
+@pytest.mark.instant
 def test_a_ratio_below_its_floor(command, scripts):
     status, summary = ran(command, scripts, ["steady"], {"steady": {"one / two": 2.1}})
     assert status == 1
     assert "steady: one / two is 2, floor 2.1" in summary
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize("kind", ["steady", "infinite"])
 def test_a_floor_without_its_ratio(command, scripts, kind):
     """Not measured, or not a number, is not good enough."""
@@ -95,6 +98,7 @@ def test_a_floor_without_its_ratio(command, scripts, kind):
     assert f"{kind}: two / three was not measured, floor 1" in summary
 
 
+@pytest.mark.instant
 def test_a_program_that_is_not_installed(command, scripts):
     """Excuses the ratios that name it, and no others."""
     floors = {"absent": {"Other / two": 1.0, "one / two": 1.0}}
@@ -105,6 +109,7 @@ def test_a_program_that_is_not_installed(command, scripts):
     assert status == 1
 
 
+@pytest.mark.instant
 def test_a_comparison_that_fails(command, scripts):
     """What it measured before, and the others, are written all the same."""
     names = ["raising", "dying", "steady"]
@@ -119,6 +124,7 @@ def test_a_comparison_that_fails(command, scripts):
     assert (scripts / "steady.txt").exists()
 
 
+@pytest.mark.instant
 def test_only_some(command, scripts, capsys):
     """Others are named as not run, and their floors not asked for; an unknown name is refused."""
     floors = {"raising": {"one / two": 9.0}}
@@ -135,6 +141,7 @@ def test_only_some(command, scripts, capsys):
     ]
 
 
+@pytest.mark.instant
 def test_ctrl_c(scripts):
     """Ends in a moment and keeps what is measured, the interrupted comparison's part as well."""
     names = ["steady", "waiting", "raising"]
@@ -165,6 +172,7 @@ def test_ctrl_c(scripts):
     assert "Not run: raising." in summary
 
 
+@pytest.mark.instant
 def test_floors_belong_to_comparisons(command):
     """Each to a known one, and a positive number; the table fits into 80 columns."""
     floors = command.record.floors()

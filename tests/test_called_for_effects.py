@@ -100,6 +100,7 @@ def of_option(option) -> Traced:
 # Effects.
 
 
+@pytest.mark.instant
 def test_these_are_all_effects():
     """A new kind of effect belongs into the list."""
     kinds = {kind for kind in vars(rj).values() if isinstance(kind, type)}

@@ -112,6 +112,7 @@ def test_an_option_of_a_body_that_is_not_taken_is_not_traced(option):
     assert without.force < full.force
 
 
+@pytest.mark.instant
 def test_these_are_all_terms_of_inertia():
     given = rj.Inertia(1.0, 1.0)
     assert {name for name, value in vars(given).items() if value is None} == set(TERMS)
@@ -207,6 +208,7 @@ def along(system):
     return functools.partial(dynamics.constraint_state, system)
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize("kind", STILL)
 def test_joints_that_stand_still_have_no_time(kind):
     """Nor have their derivatives C_t, C_qt and C_tt."""
@@ -232,6 +234,7 @@ def still(kind) -> Counter[str]:
     return Counter(primitives(along(system), 0.0, system.q0, system.v0))
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize("kind", [rj.PrescribedAngle, rj.PrescribedTravel])
 @pytest.mark.parametrize("signal", [rj.Ramp(1.0), rj.Sine(1.0, 1.0)], ids=["ramp", "sine"])
 def test_prescribed_motions_bring_time_in(kind, signal):
@@ -243,6 +246,7 @@ def test_prescribed_motions_bring_time_in(kind, signal):
     assert (many["sin"] > few["sin"]) == isinstance(signal, rj.Sine)
 
 
+@pytest.mark.instant
 def test_a_prescribed_angle_that_stands_still_is_a_fixed_one():
     system = joined(joint(rj.FixedAngle))
     fixed = Counter(primitives(along(system), 0.0, system.q0, system.v0))

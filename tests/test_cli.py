@@ -14,6 +14,7 @@ from romjax.gallery import EXAMPLES
 WIDTH = 80  # columns of a terminal
 
 
+@pytest.mark.instant
 def test_scenes_lists_every_example(capsys):
     assert main(["scenes"]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -21,6 +22,7 @@ def test_scenes_lists_every_example(capsys):
     assert max(map(len, lines)) <= WIDTH
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["scenes", "--help"]])
 def test_help(arguments, capsys):
     with pytest.raises(SystemExit) as exit_:
@@ -29,17 +31,20 @@ def test_help(arguments, capsys):
     assert "usage: romjax" in capsys.readouterr().out
 
 
+@pytest.mark.instant
 def test_unknown_scene_names_the_nearest(capsys):
     assert main(["run", "cart-pendulem"]) == 2
     assert "did you mean 'cart-pendulum'?" in capsys.readouterr().err
 
 
+@pytest.mark.instant
 def test_unwritable_folder_is_refused_before_any_work(tmp_path, capsys):
     (tmp_path / "file").write_text("")
     assert main(["run", "cart-pendulum", "--out", str(tmp_path / "file" / "out")]) == 2
     assert "choose another with --out" in capsys.readouterr().err
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize(
     ("text", "message"), [(None, "There is no file"), ("scene = 1", "defines no `scene`")]
 )
@@ -51,6 +56,7 @@ def test_bad_scene_file(tmp_path, capsys, text, message):
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize("option", [["--rate", "-1"], ["--rate", "0"], ["--end", "0"]])
 def test_no_sample(tmp_path, capsys, option):
     assert main(["run", "chain", "--out", str(tmp_path), *option]) == 2

@@ -6,6 +6,8 @@ from page_data import decode
 
 from romjax.plot.motion.coding import encode
 
+pytestmark = pytest.mark.instant
+
 
 @pytest.mark.parametrize("shape", [(40, 7), (7, 40), (1, 6), (5, 1)])
 def test_any_numbers_survive_the_coding(shape):

@@ -96,6 +96,7 @@ def run(command: str, folder: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.instant
 def test_every_command_is_known():
     """Each command of the documents is a benchmark or in the table, and the table has no others."""
     others = {c: place for c, place in SAID.items() if c not in BENCHMARKS}
@@ -103,6 +104,7 @@ def test_every_command_is_known():
     assert set(COMMANDS) - set(others) == set()
 
 
+@pytest.mark.instant
 def test_ci_runs_what_it_is_said_to():
     """All of it in `.ci/run`, but for the line of the tests, which it takes from the README."""
     script = (ROOT / ".ci" / "run").read_text()
@@ -112,12 +114,14 @@ def test_ci_runs_what_it_is_said_to():
     assert [command for command in said if f".venv/bin/{command}\n" not in script] == []
 
 
+@pytest.mark.instant
 def test_verbs():
     """README names the verbs of `romjax --help`, all of them and no others."""
     found = [command.removeprefix(".venv/bin/") for command in commands(README)]
     assert {c.split()[1] for c in found if c.startswith("romjax ")} == set(verbs())
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize("arguments", ROMJAX, ids=" ".join)
 def test_arguments(arguments):
     """Verb, options and values of each command are those that the parser knows."""
@@ -125,6 +129,7 @@ def test_arguments(arguments):
     verbs()[verb].parse_args(rest)
 
 
+@pytest.mark.instant
 def test_options():
     """An option that is named by itself, such as `--out`, is one of some verb."""
     known = {name for parser in verbs().values() for name in options(parser)}
@@ -132,6 +137,7 @@ def test_options():
     assert [span for span in named if span.split()[0] not in known] == []
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize("verb", verbs())
 def test_defaults(verb):
     """A number in brackets at the end of an option's help is its default; words mean none."""
@@ -160,6 +166,7 @@ def test_command(command, tmp_path):
         assert any((tmp_path / f"romjax-{Path(rest[0]).stem}").iterdir())
 
 
+@pytest.mark.instant
 def test_marked_lines():
     """`.ci/run` takes the README's line of tests as it stands, and runs the slow ones besides.
 

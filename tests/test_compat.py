@@ -12,11 +12,13 @@ import pytest
 from romjax import compat, jaxprs
 
 
+@pytest.mark.instant
 def test_the_newest_version_tested():
     """The bound of pyproject.toml: a newer JAX must pass these tests before it is allowed."""
     assert (0, 9) <= jax.__version_info__ < (0, 13), jax.__version__
 
 
+@pytest.mark.instant
 def test_compiler_flags_are_for_versions_that_have_them(monkeypatch):
     """That the compiler takes them is tested with `speed_up_xla`."""
     older = "--xla_cpu_use_fusion_emitters=false"
@@ -97,6 +99,7 @@ def test_the_direction_of_time_around_a_term(start, end):
     assert compat.unwrap_term(term) == (term, 1)
 
 
+@pytest.mark.instant
 def test_the_parts_of_a_term():
     one, other = (diffrax.ODETerm(lambda t, y, args: y) for _ in range(2))
     assert compat.parts_of_term(one) == ()
@@ -149,12 +152,14 @@ def test_the_kind_of_loop_over_stages():
         assert set(seen) == {kind}
 
 
+@pytest.mark.instant
 def test_what_solvers_pass_on_to_controls():
     """One dict for each term; empty, but for methods that need areas of Brownian motion."""
     assert compat.control_arguments(diffrax.Tsit5()) == {}
     assert compat.control_arguments(diffrax.SPaRK()) != {}
 
 
+@pytest.mark.instant
 def test_statics_of_equinox_modules_are_compared_by_value():
     """Trajectories hold their solver in a static field; equal ones must share a program."""
     one, other = (eqx.partition(diffrax.Kvaerno5(), eqx.is_array)[1] for _ in range(2))
@@ -243,6 +248,7 @@ def test_executables_survive_on_disk():
     assert result["b"].x.tolist() == [0, 2, 4, 6, 8]
 
 
+@pytest.mark.instant
 def test_settings_that_change_what_is_traced():
     before = compat.trace_settings()
     assert compat.trace_settings() == before

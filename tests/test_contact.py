@@ -119,6 +119,7 @@ def test_friction_acts_on_both_bodies():
     assert abs(moment) <= IDENTITY * 1e4
 
 
+@pytest.mark.instant
 def test_what_a_contact_refuses():
     ends = rj.RigidBody("b", 1.0, 1.0).at(), rj.ground.at()
     with pytest.raises(rj.SceneError, match="both static and stribeck"):

@@ -4,7 +4,10 @@ import inspect
 import re
 from typing import Any
 
+import pytest
 from names import MODULES, PARTS, parameters, public
+
+pytestmark = pytest.mark.instant
 
 BULLET = re.compile(r"^- .*?(?=^- |^$|\Z)", re.MULTILINE | re.DOTALL)
 SPAN = re.compile(r"`([^`]+)`")

@@ -18,6 +18,7 @@ NAME = re.compile(r"\b(?:rj|romjax)(?:\.[A-Za-z]\w*)+")
 EXTRA = re.compile(r"extra `(\w+)`")
 
 
+@pytest.mark.instant
 def test_first_steps_runs_the_readme_example():
     """The README's example is short, and it is the first cell of a notebook that runs."""
     notebook = nbformat.read(ROOT / "notebooks" / "first_steps.ipynb", as_version=4)
@@ -48,6 +49,7 @@ def test_docstring_snippets():
     assert names["basis"].rank == 5
 
 
+@pytest.mark.instant
 def test_names():
     """Classes, functions, fields and arguments in code spans exist, as they are written there."""
     wrong = [
@@ -60,6 +62,7 @@ def test_names():
     assert wrong == []
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize(
     "span",
     [
@@ -80,6 +83,7 @@ def test_mistakes_are_seen(span):
     assert list(mistakes(span))
 
 
+@pytest.mark.instant
 def test_names_in_messages():
     """So do those that messages and help texts give as a remedy, such as romjax.consistent."""
     wrong = []
@@ -91,6 +95,7 @@ def test_names_in_messages():
     assert wrong == []
 
 
+@pytest.mark.instant
 def test_paths():
     """Files that the documents name are there."""
     named = {path for text in DOCUMENTS.values() for path in PATH.findall(BLOCK.sub("", text))}
@@ -98,6 +103,7 @@ def test_paths():
     assert [path for path in sorted(named) if not (ROOT / path).exists()] == []
 
 
+@pytest.mark.instant
 def test_extras():
     """The extras that the documents ask for are in pyproject.toml."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]

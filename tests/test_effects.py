@@ -167,6 +167,7 @@ def test_an_effect_of_ones_own():
     assert_close(jax.jit(system.force)(0.0, system.q0, system.v0), [0, -9, 0], IDENTITY)
 
 
+@pytest.mark.instant
 def test_what_an_effect_refuses():
     with pytest.raises(rj.SceneError, match="frame is 'local', but it must be 'world' or 'body'"):
         rj.Force(ENDS[0], (1.0, 0.0), SWING, frame="local")

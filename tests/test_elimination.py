@@ -44,6 +44,7 @@ def test_the_solution_is_that_of_the_dense_matrix(nodes, most):
     assert_close(found, wanted.reshape(right.shape), IDENTITY)
 
 
+@pytest.mark.instant
 def test_chains_and_trees_gain_no_edges():
     """Each node has one neighbour at most when it is eliminated, and a chain needs one slot."""
     chain = tuple((i, i + 1) for i in range(19))

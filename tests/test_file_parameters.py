@@ -51,6 +51,7 @@ def test_slopes_by_parameters(crank):
     assert_close(slopes["speed"], np.zeros(2), 0.0)
 
 
+@pytest.mark.instant
 def test_parameters_stand_for_others_and_for_lists(tmp_path):
     path = tmp_path / "a.toml"
     path.write_text(

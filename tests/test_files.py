@@ -76,6 +76,7 @@ def test_the_system_is_the_same(tmp_path):
     assert_same(other, one)
 
 
+@pytest.mark.instant
 def test_any_name_is_a_name(tmp_path):
     """Dots, quotes, spaces and letters of any alphabet, in bodies, points and joints."""
     names = ["a.b", "a", 'it\'s "it"', "Kolben Ø", "", "a.b"]
@@ -86,6 +87,7 @@ def test_any_name_is_a_name(tmp_path):
     assert_same(through_a_file(rj.Scene(bodies, joints), tmp_path), rj.Scene(bodies, joints))
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize("number", [0.1, -0.0, 5e-324, 1.7976931348623157e308, 1 / 3, 1e22])
 def test_every_digit_stays(number, tmp_path):
     scene = rj.Scene([rj.RigidBody("a", 1.0, 1.0, position=(number, 0.0))])
@@ -154,6 +156,7 @@ class Puck(rj.AbstractBody):
         pass
 
 
+@pytest.mark.instant
 def test_parts_of_ones_own_are_written_and_read(tmp_path):
     puck = Puck("puck", 2.0, (0.1, 0.2), math.radians(30.0))
     curves = (rj.Circle(1.0), rj.Line())
@@ -181,6 +184,7 @@ class Whim(rj.AbstractSignal):
         pass
 
 
+@pytest.mark.instant
 def test_what_no_file_can_hold_is_refused(tmp_path):
     body = rj.RigidBody("a", 1.0, 1.0)
     scene = rj.Scene([body], [], [rj.Torque(body.at(), Whim(jnp.sin))])
@@ -261,12 +265,14 @@ def test_a_bent_beam_is_placed_by_where_its_end_is():
     assert_close(gap(np.array([0.05, 0.01])), np.zeros(2), IDENTITY)
 
 
+@pytest.mark.instant
 def test_names_do_not_make_programs():
     """Bodies with and without named points are one group."""
     bodies = [rj.RigidBody("a", 1.0, 1.0, points={"p": (0, 0)}), rj.RigidBody("b", 1.0, 1.0)]
     assert len(rj.assemble(rj.Scene(bodies)).bodies) == 1
 
 
+@pytest.mark.instant
 def test_unknown_points_name_the_nearest():
     body = rj.RigidBody("crank", 1.0, 1.0, points={"pin": (0.1, 0.0)})
     with pytest.raises(rj.SceneError, match="'crank': there is no point 'pim'. Did you mean 'pin'"):

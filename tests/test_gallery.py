@@ -44,6 +44,7 @@ FACTS = {fact.__name__.replace("_", "-"): fact for fact in (*IN_THE_PLANE, *IN_S
 REPEATED = {"bricard": 1}
 
 
+@pytest.mark.instant
 def test_every_scene_has_a_fact():
     assert [example.name for example in EXAMPLES] == list(FACTS)
     assert len(FACTS) >= 16
@@ -92,6 +93,7 @@ def test_file(name):
         assert np.asarray(x).tobytes() == np.asarray(y).tobytes()
 
 
+@pytest.mark.instant
 def test_every_file_says_how_its_scene_runs():
     files = {path.stem: tomllib.loads(path.read_text("utf-8")) for path in FILES.glob("*.toml")}
     assert files.keys() == {example.name for example in EXAMPLES}

@@ -268,6 +268,7 @@ def test_a_joint_made_twice():
         effects["Gravity"]
 
 
+@pytest.mark.instant
 def test_keys_are_distinct():
     """Even where a joint is named like a numbered key."""
     labels = ["pin", "pin 1", "rail", "pin", "rail 2"]

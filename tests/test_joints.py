@@ -194,6 +194,7 @@ def test_signals():
     assert_close(rj.Ramp(2.0, 0.5)(t), 2.0 * 0.7 + 0.5, IDENTITY)
 
 
+@pytest.mark.instant
 def test_what_a_joint_refuses():
     with pytest.raises(rj.SceneError, match="signal is a Table, whose kinks"):
         rj.PrescribedAngle(*ENDS, rj.Table([0.0, 1.0], [0.0, 1.0]))

@@ -124,6 +124,7 @@ FORMATS = {
 }
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize("half", ["lower", "upper", "whole"])
 @pytest.mark.parametrize("make", [beam, plate])
 @pytest.mark.parametrize("form", FORMATS)
@@ -167,6 +168,7 @@ def in_space(coupled=0.0):
     return k, m, nodes, np.concatenate([dofs, across])
 
 
+@pytest.mark.instant
 def test_what_moves_across_the_plane_is_left_out(tmp_path):
     k, m, nodes, dofs = in_space()
     mesh = abaqus(tmp_path, k, m, nodes, dofs, "lower")
@@ -178,6 +180,7 @@ def test_what_moves_across_the_plane_is_left_out(tmp_path):
         abaqus(tmp_path, k, m, nodes, dofs, "lower")
 
 
+@pytest.mark.instant
 def test_supports_are_refused(tmp_path):
     stiffness, mass, nodes, dofs = beam()
     held = [sp.csc_array(matrix)[1:, 1:] for matrix in (stiffness, mass)]
@@ -185,6 +188,7 @@ def test_supports_are_refused(tmp_path):
         abaqus(tmp_path, *held, nodes, dofs[1:], "lower")
 
 
+@pytest.mark.instant
 def test_rotations_without_stiffness_are_left_out(tmp_path):
     """As those of membranes, whose rows hold zeros."""
     stiffness, mass, nodes, dofs = plate()
@@ -206,6 +210,7 @@ def write_broken(folder, change):
     (folder / name).write_text(text.replace(old, new, 1))
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -231,6 +236,7 @@ def test_wrong_files_of_abaqus_are_refused(change, words, tmp_path):
         rj.load_mesh(tmp_path / "job_STIF2.mtx", nodes=tmp_path / "job.inp")
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -246,6 +252,7 @@ def test_wrong_files_of_calculix_are_refused(change, words, tmp_path):
         rj.load_mesh(tmp_path / "job.sti", nodes=tmp_path / "job.inp")
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -270,6 +277,7 @@ def test_wrong_punch_files_are_refused(change, words, tmp_path):
         rj.load_mesh(tmp_path / "job.pch")
 
 
+@pytest.mark.instant
 def test_what_is_not_there_is_refused(tmp_path):
     write_broken(tmp_path, ("job.inp", "101", "101"))
     deck, path = tmp_path / "job.inp", tmp_path / "job_STIF2.mtx"
@@ -287,6 +295,7 @@ def test_what_is_not_there_is_refused(tmp_path):
         rj.ModalBody.of_mesh("rod", path, path, [[0.0, 0.0]], {"end": 0}, modes=1)
 
 
+@pytest.mark.instant
 def test_rows_without_names_need_components(tmp_path):
     stiffness, mass, nodes, dofs = beam()
     coordinates(tmp_path, stiffness, mass, nodes, dofs, "lower")
@@ -297,6 +306,7 @@ def test_rows_without_names_need_components(tmp_path):
         rj.load_mesh(*paths)
 
 
+@pytest.mark.instant
 def test_output4(tmp_path):
     """Rows of six components for each node, most of them empty."""
     op4 = pytest.importorskip("pyNastran.op4.op4")
@@ -315,6 +325,7 @@ def test_output4(tmp_path):
         rj.load_mesh(path, nodes=tmp_path / "job.inp")
 
 
+@pytest.mark.instant
 def test_output4_without_its_package_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyNastran", None)
     monkeypatch.setitem(sys.modules, "pyNastran.op4.op4", None)

@@ -54,6 +54,7 @@ def test_free_interface_modes_are_natural_modes():
     assert np.allclose(found, full, rtol=CONDITIONED, atol=0)
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize("modes", [4, 23])
 def test_craig_bampton_of_a_building(modes):
     """24 storeys of one stiffness and mass, held at the ground: ω_k = 2 √(k/m) sin((2k−1)π / 98).
@@ -208,6 +209,7 @@ def mesh(**changes):
     return rj.ModalBody.of_mesh("rod", **settings)
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -231,6 +233,7 @@ def test_bad_meshes_are_refused(change, words):
         mesh(**change)
 
 
+@pytest.mark.instant
 def test_an_interface_outside_of_the_matrices_is_refused():
     with pytest.raises(rj.SceneError, match=r"interface=\[3\], but K has the rows 0 to 2"):
         rj.craig_bampton(np.eye(3), np.eye(3), [3], 1)
@@ -245,6 +248,7 @@ def test_markers_sit_on_ports():
         rj.assemble(rj.Scene([body], [hinge]))
 
 
+@pytest.mark.instant
 def test_a_port_of_one_point_needs_rotations():
     stiffness, mass, nodes, rows = meshes.plate(0.5, 0.2, 2, 1)
     with pytest.raises(rj.SceneError, match="'tip' is one point.*rim or an edge"):
@@ -264,6 +268,7 @@ def test_old_names_work_and_warn_once():
     assert rj.Inertia(1.0, 1.0, centre=(0.5, 0.0)).centre[0] == 0.5
 
 
+@pytest.mark.instant
 def test_a_body_that_overrides_old_names_counts_as_one_of_the_new():
     warn_once.cache_clear()
     with pytest.warns(DeprecationWarning, match="foreshortens"):

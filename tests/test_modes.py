@@ -187,6 +187,7 @@ def test_modes_of_a_reduced_model():
     assert_close(reduced.frequencies, full.frequencies, SOLVED, scale=full.frequencies[-1])
 
 
+@pytest.mark.instant
 def test_a_shape_that_does_not_fit():
     with pytest.raises(rj.InputError, match=r"at.*\(2,\)"):
         rj.modes(pendulum(), at=[0.0, 0.0])

@@ -112,6 +112,7 @@ def test_a_hinge_on_a_beam_that_shortens_is_where_its_joint_has_it():
     np.testing.assert_allclose(line.points[:, -1], wanted, rtol=0, atol=IDENTITY)
 
 
+@pytest.mark.instant
 def test_every_kind_is_tested():
     """A new joint or effect of the package has to be drawn here."""
     kinds = {

@@ -87,6 +87,7 @@ def place(drawn, marker) -> np.ndarray:
     return trace.points[:, 0]
 
 
+@pytest.mark.instant
 def test_every_kind_is_tested():
     """A new joint or effect in space has to be drawn here."""
     kinds = {
@@ -185,6 +186,7 @@ def test_a_curve_in_space_is_where_its_residual_is_zero(drawn):
 # Pictures.
 
 
+@pytest.mark.instant
 def test_views_are_as_cameras_see():
     """From azimuth 0 one looks against x, with y to the right and z up; from above along −z."""
     np.testing.assert_allclose(picture_axes((0.0, 0.0)), [[0, 1, 0], [0, 0, 1]], atol=IDENTITY)

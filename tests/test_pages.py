@@ -58,12 +58,14 @@ def leads_somewhere(page: str, link: str) -> bool:
     return name in GENERATED or (ROOT / name).exists()
 
 
+@pytest.mark.instant
 def test_links():
     links = [(page, link) for page, text in PAGES.items() for link in LINK.findall(text)]
     assert len(links) > 5
     assert [(page, link) for page, link in links if not leads_somewhere(page, link)] == []
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize("link", ["nowhere.md", "../notebooks/none.ipynb", "reference/api/no.md"])
 def test_links_to_nothing_are_seen(link):
     assert not leads_somewhere("docs/index.md", link)
@@ -79,6 +81,7 @@ def leads_to(page: str) -> set[str]:
     }
 
 
+@pytest.mark.instant
 def test_every_page_is_two_clicks_from_the_start():
     near = {"docs/index.md"}
     for _ in range(2):
@@ -92,6 +95,7 @@ def anchors(page: str) -> set[str]:
     return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}
 
 
+@pytest.mark.instant
 def test_tasks_are_two_clicks_from_the_start():
     """From the start page to the list of tasks, and from there to a page, or to a heading on it."""
     assert FIND in leads_to("docs/index.md")
@@ -108,6 +112,7 @@ def is_public(part: object) -> bool:
     return str(getattr(part, "__module__", "")).startswith("romjax.")
 
 
+@pytest.mark.instant
 def test_every_public_name_has_a_page():
     """Those of `romjax`, of `romjax.spatial` and all scenes of the gallery."""
     exported = {f"romjax.{name}" for name in public() if "." not in name}

@@ -194,6 +194,7 @@ def test_figures_refuse_what_does_not_fit(scene, truth, approx):
         plot.modes(scene, basis, rj.assemble(scene))
 
 
+@pytest.mark.instant
 def test_the_package_of_figures_hands_out_functions_only():
     assert all(callable(getattr(plot, name)) for name in plot._FIGURES)
     assert set(plot._FIGURES) <= set(dir(plot))

@@ -137,6 +137,7 @@ class Part(eqx.Module):
     x: jax.Array
 
 
+@pytest.mark.instant
 def test_keys_tell_apart_what_programs_depend_on():
     function = rj.integrate.run._integrated
     leaves, tree = jax.tree.flatten(SYSTEM)

@@ -101,6 +101,7 @@ def test_arevalo_orders():
     assert np.all(np.abs(orders - 5) <= SPREAD), orders
 
 
+@pytest.mark.instant
 def test_roots_of_free_free_beams():
     """cos(βL) cosh(βL) = 1, from a solution in 28-digit arithmetic."""
     wanted = [

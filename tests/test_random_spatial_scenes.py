@@ -191,6 +191,7 @@ def test_the_length_of_quaternions_changes_nothing(found, length):
         assert_same_accelerations(back, own["a"], own["accelerations"])
 
 
+@pytest.mark.instant
 def test_every_kind_is_drawn():
     """All joints and effects that there are in space."""
     drawn = {

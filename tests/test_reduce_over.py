@@ -38,6 +38,7 @@ def reduced(box):
     return rj.reduce_over(box, TS, TOL, candidates=8, held_out=4)
 
 
+@pytest.mark.instant
 def test_points_fill_the_box(box):
     points = box.sample(64)
     assert repr(box) == "Box(mass: 0.5 to 2, f1: 15 to 30)"
@@ -117,6 +118,7 @@ def test_runs_that_do_not_suffice_are_refused(box):
         rj.reduce_over(box, TS, TOL, runs=1, candidates=8, held_out=0)
 
 
+@pytest.mark.instant
 def test_bad_boxes():
     with pytest.raises(rj.InputError, match="no parameter has a range"):
         rj.Box(beams)

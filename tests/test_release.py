@@ -18,6 +18,7 @@ LARGEST = {"cart_pendulum.gif": 300_000, "what_accuracy_costs.png": 100_000}
 HOOKS = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"][0]["hooks"]
 
 
+@pytest.mark.instant
 def test_version():
     """Of the package, of the citation, and of the first heading of the changes."""
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
@@ -25,12 +26,14 @@ def test_version():
     assert re.findall(r"^## (\S+)", CHANGES, re.MULTILINE)[0] == rj.__version__
 
 
+@pytest.mark.instant
 def test_deprecations_are_listed():
     """Each old name that still works."""
     old = {*deprecated.RENAMED, *deprecated._METHODS, *deprecated._ATTRIBUTES}
     assert [name for name in sorted(old) if not re.search(rf"[`.]{name}\b", CHANGES)] == []
 
 
+@pytest.mark.instant
 def test_commits_are_checked_as_ci_does():
     script = (ROOT / ".ci" / "run").read_text().splitlines()
     checks = [hook["entry"].removesuffix(" --force-exclude") for hook in HOOKS]
@@ -50,6 +53,7 @@ def test_pre_commit_knows_the_hooks(tmp_path):
     assert (tmp_path / ".git" / "hooks" / "pre-commit").exists()
 
 
+@pytest.mark.instant
 def test_the_readme_is_short():
     assert len((ROOT / "README.md").read_text().splitlines()) <= 120
     for name, size in LARGEST.items():

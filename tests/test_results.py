@@ -196,6 +196,7 @@ def test_a_method_with_settings_of_its_own_is_asked_for(run, tmp_path):
     assert rj.load(tmp_path / "run.nc", other).solver == other
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize(
     ("attributes", "words"),
     [

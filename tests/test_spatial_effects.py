@@ -125,6 +125,7 @@ def test_a_ball_comes_to_roll():
     assert_close(run.v[-1, :2], speed, DIFFERENCED, 1.0)
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize(
     ("make", "words"),
     [

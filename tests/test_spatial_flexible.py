@@ -116,6 +116,7 @@ def test_what_is_absent_is_zero():
     assert_close(moment, 3.0 * q[:3], 0.0)
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize(
     ("change", "words"),
     [

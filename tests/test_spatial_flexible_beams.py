@@ -34,6 +34,7 @@ def test_frequencies_of_a_free_beam():
         assert_close(own[:2], wanted, CONVERGED, wanted)
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize("order", [1, 2])
 def test_modes_are_orthonormal(order):
     nodes, weights = np.polynomial.legendre.leggauss(20)
@@ -62,6 +63,7 @@ def test_statics_under_loads_at_the_end_are_exact():
     assert_close(compliance @ compliance.T, wanted, IDENTITY, np.max(wanted))
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -210,6 +212,7 @@ def test_a_section_by_its_numbers():
         spatial.Beam.of_section("beam", 0.5, section, **material, torsion=1)
 
 
+@pytest.mark.instant
 def test_a_section_of_the_plane_is_refused():
     class Own(rj.sections.AbstractSection):
         area = second_moment = 1.0

@@ -226,6 +226,7 @@ def test_a_solid_from_files(tmp_path):
         rj.load_mesh(*files, places)
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -245,6 +246,7 @@ def test_bad_meshes_are_refused(mesh, change, words):
         brick(mesh, **change)
 
 
+@pytest.mark.instant
 def test_supports_and_flat_nodes_are_refused(mesh):
     stiffness, mass, nodes, rows = mesh
     with pytest.raises(rj.SceneError, match="sixth frequency.*six rigid motions.*supports"):

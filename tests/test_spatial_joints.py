@@ -162,6 +162,7 @@ def test_counters_start_at_the_angle():
     assert_close(jax.jit(lambda q: system.constraint(0.0, q))(system.q0), 0, IDENTITY)
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize(
     ("make", "words"),
     [

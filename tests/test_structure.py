@@ -36,6 +36,7 @@ class Watched(rj.AbstractSignal):
 # Grouping.
 
 
+@pytest.mark.instant
 def test_a_longer_chain_is_the_same_program():
     def count(links):
         system = rj.assemble(rj.gallery.chain(links))
@@ -106,6 +107,7 @@ def test_new_numbers_compile_nothing():
     assert traces(bodies=2) > 0
 
 
+@pytest.mark.instant
 def test_the_name_of_a_body_is_no_number_but_no_program_either():
     """Bodies of equal structure are one group, whatever they are called."""
     system = rj.assemble(rj.gallery.chain(5))
@@ -172,6 +174,7 @@ def imports(path, parts):
                 yield name, False
 
 
+@pytest.mark.instant
 @pytest.mark.parametrize("layer", BELOW)
 def test_imports_point_one_way(layer):
     for path, parts in modules():
@@ -182,6 +185,7 @@ def test_imports_point_one_way(layer):
                 assert name[0] != "romjax", f"{path} imports its own package by name"
 
 
+@pytest.mark.instant
 def test_only_plot_imports_matplotlib():
     for path, parts in modules():
         if parts[0] != "plot":
@@ -195,6 +199,7 @@ NO_EXPORTS = {
 }
 
 
+@pytest.mark.instant
 def test_every_public_name_is_exported_once():
     names = []
     for node in ast.parse((PACKAGE / "__init__.py").read_text()).body:

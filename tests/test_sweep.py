@@ -123,6 +123,7 @@ def test_a_sweep_goes_on_where_it_was(tmp_path, whole):
         rj.sweep(lambda p: {"other": p["x"]}, lanes(20), chunk=8, path=tmp_path)
 
 
+@pytest.mark.instant
 def test_what_cannot_be_swept():
     for wrong in ({"a": np.ones(2), "b": np.ones(3)}, np.asarray(1.0), np.ones((0, 2)), {}):
         with pytest.raises(ValueError, match="one leading axis of lanes"):

@@ -92,6 +92,7 @@ def test_what_has_no_error_runs():
     runpy.run_path(str(PARTS))
 
 
+@pytest.mark.instant
 def test_every_part_is_checked():
     """All parts that romjax exports are among the lines that checkers accept."""
     text = PARTS.read_text()
@@ -109,6 +110,7 @@ def test_every_part_is_checked():
     assert {name for name in parts if f".{name}(" not in text} == {"Marker"}
 
 
+@pytest.mark.instant
 def test_the_package_is_checked_with_no_code_switched_off():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["mypy"]
     assert (settings["strict"], settings["follow_imports"]) == (True, "silent")

@@ -34,6 +34,7 @@ def test_too_late_is_said(monkeypatch, truth):
     assert os.environ["XLA_FLAGS"] == ""
 
 
+@pytest.mark.instant
 def test_an_unknown_version_is_said(monkeypatch):
     monkeypatch.setattr(rj.xla.compat, "compiler_flags", lambda: ())
     with pytest.warns(UserWarning, match="flags of JAX .* are not known"):
