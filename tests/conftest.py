@@ -7,6 +7,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
+from groups import longest_first
 from platformdirs import user_cache_path
 from scene_files import CRANK
 from zoo import RODAS5P, run
@@ -67,6 +68,11 @@ def pytest_configure(config):
     # And in one part instead of up to 32 at once, since two processes keep both cores busy.
     flags += ["--xla_backend_optimization_level=0", "--xla_cpu_parallel_codegen_split_count=1"]
     os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *flags]).strip()
+
+
+def pytest_collection_modifyitems(items):
+    """Begin with what takes longest."""
+    longest_first(items)
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)

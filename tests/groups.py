@@ -1,9 +1,24 @@
-"""Which of many cases that are alike run in which group of the tests."""
+"""Which of many cases that are alike run in which group of the tests, and which files run first."""
 
 from collections.abc import Collection, Iterable
 from typing import Any
 
 import pytest
+
+# Files of the slow and of the fast tests that take longest, the longest first: those that come last
+# leave one of two processes without work.
+LONGEST = (
+    *("long_notebooks", "notebooks", "gallery", "reduce_over", "capped", "reduce_to"),
+    *("sensitivities", "gradients", "singular_positions", "cli", "every_parameter", "commands"),
+    *("reduced_models", "events", "local", "ranks", "bases", "minimal", "tables", "results"),
+    *("audit", "hyper", "accuracy", "identities", "program_cache", "reduction", "structure"),
+)
+
+
+def longest_first(items: list[pytest.Item]) -> None:
+    """Sort tests by their files."""
+    places = {f"test_{name}.py": place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: places.get(item.path.name, len(places)))
 
 
 def in_groups(
