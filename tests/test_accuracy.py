@@ -66,6 +66,7 @@ class Wrong(rj.AbstractDecomposition):
         raise ValueError("a bug")
 
 
+@pytest.mark.slow
 def test_programming_errors_surface(scene):
     """They were listed as models that are refused."""
     with pytest.raises(ValueError, match="^a bug$"):

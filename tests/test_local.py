@@ -89,7 +89,7 @@ def hinged(kind):
 @pytest.mark.parametrize(
     "kind",
     in_groups(
-        ("stiffened", "modal", "capped", "own"), fast=("stiffened", "modal"), slow=("capped", "own")
+        ("modal", "stiffened", "capped", "own"), fast=("modal", "stiffened"), slow=("capped", "own")
     ),
 )
 def test_the_principle_of_dalembert_on_the_lift(kind):
@@ -170,9 +170,8 @@ def test_one_tolerance_for_all_bodies(beams):
     weights = np.asarray(basis.snapshots.weights)[:, None]
     values = [np.linalg.svd(weights * x, compute_uv=False) for x in roots]
     every = np.sort(np.concatenate(values))[::-1]
-    for count in (1, 6):
-        ranks = rj.reduce(system, rj.pod(motion, rank=count), "local").ranks
-        assert ranks == tuple(int(np.sum(x >= every[count - 1])) for x in values)
+    ranks = rj.reduce(system, rj.pod(motion, rank=6), "local").ranks
+    assert ranks == tuple(int(np.sum(x >= every[5])) for x in values)
     tol = float(0.5 * (every[2] + every[3]) / basis.spectrum[0])
     assert sum(rj.reduce(system, basis, rj.Local(tol)).ranks) == 3
     rigid = rj.reduce(system, basis, rj.Local(tol=0.1))

@@ -85,6 +85,7 @@ def test_a_run_beyond_the_training_is_doubted(truth, cart_pendulum):
     assert motion.flags == rj.Flag.OUTSIDE_TRAINING | rj.Flag.VIOLATION
 
 
+@pytest.mark.slow
 def test_energy_from_nowhere_is_doubted(falling):
     """The chapter's projection of the solution, with weak stabilisation."""
     system, training = falling

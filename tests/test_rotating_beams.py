@@ -97,6 +97,7 @@ def test_whirl_of_a_spinning_shaft(spin):
     assert_close(found, wanted, DIFFERENCED, wanted)
 
 
+@pytest.mark.slow
 def test_critical_speeds_of_an_overhung_disc():
     """A disc welded to a light shaft, the shaft to a hub, the hub in a bearing:
     det(K − Ω² diag(m, J − J_p)) = 0.
