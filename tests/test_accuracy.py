@@ -80,6 +80,7 @@ def found(scene) -> Accuracy:
     return study(scene, 1, rj.SOD(), [DOPRI8])
 
 
+@pytest.mark.slow
 def test_all_configurations_are_measured(found):
     assert set(found.models) == {"full", "SOD minimal, r = 1"}
     assert len(found.rows) == len(found.models) * len(found.solvers) * 3
@@ -94,6 +95,7 @@ def test_all_configurations_are_measured(found):
     assert "SOD minimal, r = 40" in found.skipped
 
 
+@pytest.mark.slow
 def test_a_model_says_what_it_was_made_of(found):
     """Of a formulation by name, and a decomposition that is an object."""
     full, other = found.models.values()
@@ -103,6 +105,7 @@ def test_a_model_says_what_it_was_made_of(found):
     assert {row.model: row.is_full for row in found.rows} == {full.name: True, other.name: False}
 
 
+@pytest.mark.slow
 def test_tighter_is_more_accurate(found):
     """And no error is near that of the reference, which is of other equations."""
     assert "minimal coordinates" in found.reference
@@ -114,6 +117,7 @@ def test_tighter_is_more_accurate(found):
             assert min(errors) >= BETTER * found.floor
 
 
+@pytest.mark.slow
 def test_front(found):
     """Nothing is both faster and more accurate than a row on the front, and something is than any
     other.
@@ -123,6 +127,7 @@ def test_front(found):
         assert bool(better) != row.pareto
 
 
+@pytest.mark.slow
 def test_recommendation(found, scene):
     """The cheapest of what is accurate enough; its settings give that error."""
     wanted = 1e-3
@@ -140,12 +145,14 @@ def test_recommendation(found, scene):
         found.recommend(1e-30)
 
 
+@pytest.mark.slow
 def test_table(found):
     table = found.table()
     assert list(table.columns) == list(Row._fields)
     assert np.all(np.diff(table["error"]) >= 0)
 
 
+@pytest.mark.slow
 def test_figure_and_page(found, tmp_path):
     figure = rj.plot.accuracy(found)
     assert [axes.get_title() for axes in figure.axes] == [
@@ -304,6 +311,7 @@ def figure_legend(found):
     return rj.plot.accuracy(found).legends[0].get_texts()
 
 
+@pytest.mark.slow
 def test_interrupt_keeps_what_is_measured(scene, monkeypatch):
     """Ctrl-C while the second model is compiled: the first is there, the rest is listed."""
     compiled, made = Configuration.compiled, []

@@ -97,7 +97,7 @@ def test_a_heavy_or_light_coupler(exponent):
 
 @pytest.mark.parametrize(
     "keep",
-    [None, pytest.param(rj.Projection(), marks=pytest.mark.exhaustive)],
+    [None, pytest.param(rj.Projection(), marks=pytest.mark.slow)],
     ids=["unstabilised", "projected"],
 )
 def test_a_step_that_lands_on_a_change_point(keep):

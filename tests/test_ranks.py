@@ -10,8 +10,8 @@ from tolerances import SOLVED
 import romjax as rj
 from romjax.basis.decomposition.naive import naive_sod
 
-# Sample rates 3 kHz, 300 Hz and 100 Hz, as every so many-th of the finest.
-STRIDES = (1, 10, 30)
+# Sample rates 3 kHz and 100 Hz, as every so many-th of the finest.
+STRIDES = (1, 30)
 TOLERANCES = (1e-3, 1e-5, 1e-6, 1e-8)
 # Of the smooth orthogonal decomposition of exact snapshots.
 EXACT = [3, 4, 5, 6]
@@ -39,7 +39,7 @@ def ranks(decompose, motion) -> list[int]:
     return [decompose(motion, tol=tol).rank for tol in TOLERANCES]
 
 
-@pytest.mark.parametrize("rtol", in_groups(CERTAIN, fast=(1e-12,), slow=(1e-5, 1e-8)))
+@pytest.mark.parametrize("rtol", in_groups(CERTAIN, fast=(1e-8,), slow=(1e-5, 1e-12)))
 @pytest.mark.parametrize("decompose", [rj.pod, rj.sod])
 def test_no_rank_moves_with_the_sample_rate(runs, decompose, rtol):
     """The chapter's rank depends on the sample rate; here none does, whatever the accuracy of the
@@ -49,7 +49,7 @@ def test_no_rank_moves_with_the_sample_rate(runs, decompose, rtol):
     assert all(rank == found[0] for rank in found)
 
 
-@pytest.mark.parametrize("rtol", in_groups(CERTAIN, fast=(1e-12,), slow=(1e-5, 1e-8)))
+@pytest.mark.parametrize("rtol", in_groups(CERTAIN, fast=(1e-8,), slow=(1e-5, 1e-12)))
 def test_what_the_integration_hides_does_not_count(runs, rtol):
     assert ranks(rj.sod, runs[rtol]) == CERTAIN[rtol]
 
@@ -66,7 +66,7 @@ def test_the_values_do_not_move_either(runs):
     """The largest value of the velocities, and the frequencies of the smooth modes. At 100 Hz the
     trapezoidal rule is 0.15 % off.
     """
-    found = [rj.sod(runs[1e-12].every(stride), rank=3) for stride in STRIDES]
+    found = [rj.sod(runs[1e-8].every(stride), rank=3) for stride in STRIDES]
     assert np.ptp([basis.spectrum[0] for basis in found]) <= SAMPLED * found[0].spectrum[0]
     hertz = [1 / (2 * np.pi * np.sqrt(basis.values[2])) for basis in found]
     assert np.ptp(hertz) <= SAMPLED * hertz[0]
@@ -106,8 +106,8 @@ def test_single_precision_keeps_the_ranks(runs):
 
 def test_the_gram_matrix_gives_the_same(runs):
     """Chapter equations 39.9 and 39.10, with more snapshots than coordinates and with fewer."""
-    few = runs[1e-12].every(500)
-    for motion, rank in ((runs[1e-12].every(30), 4), (few, 4)):
+    few = runs[1e-8].every(500)
+    for motion, rank in ((runs[1e-8].every(30), 4), (few, 4)):
         direct, squared = (rj.pod(motion, rank=rank, method=m) for m in ("svd", "gram"))
         values, others = (np.asarray(x.values)[:rank] for x in (direct, squared))
         assert np.max(np.abs(values - others)) <= SOLVED / 10 * values[0]

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 import diffrax
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
+from ...arrays import as_jax
 from ...integrate.rodas5p import Rodas5P
 from ...integrate.status import Status
 from ...integrate.trajectory import Trajectory
@@ -32,7 +32,7 @@ def outcome_of(motion: Trajectory, reference: Trajectory) -> Outcome:
         blank = np.full(len(reference.t), np.nan)
         return Outcome(np.nan, blank, steps, Status(int(failed[0])).name)
     # In the precision of the reference, so that the comparison adds no error of its own.
-    wide = eqx.tree_at(lambda run: run.q, motion, jnp.asarray(motion.q, reference.q.dtype))
+    wide = eqx.tree_at(lambda run: run.q, motion, as_jax(_wide(motion.q, reference)))
     every = jax.vmap(compare, (None, 0)) if motion.q.ndim > reference.q.ndim else compare
     error = float(np.max(every(reference, wide).error))
     return Outcome(error, _history(motion, reference), steps, "")
@@ -41,12 +41,18 @@ def outcome_of(motion: Trajectory, reference: Trajectory) -> Outcome:
 def _history(motion: Trajectory, reference: Trajectory) -> np.ndarray:
     """‖M₀^½ (q̃ − q)(t)‖ of the first lane over the largest ‖M₀^½ (q − q₀)‖."""
     root = np.linalg.cholesky(reference.metric)
-    first = jnp.reshape(motion.q, (-1, *reference.q.shape))[0]
-    columns = reference.quaternions
-    errors, motions = (apart(reference.q, q, columns) for q in (first, reference.q[:1]))
-    error, reach = (np.linalg.norm(x @ root, axis=1) for x in (errors, motions))
+    known, columns = np.asarray(reference.q), reference.quaternions
+    first = _wide(motion.q, reference).reshape(-1, *known.shape)[0]
+    own, start = (as_jax(x) for x in (first, np.broadcast_to(known[:1], known.shape)))
+    errors, motions = (apart(reference.q, q, columns) for q in (own, start))
+    error, reach = (np.linalg.norm(np.asarray(x) @ root, axis=1) for x in (errors, motions))
     history: np.ndarray = error / (np.max(reach) or 1.0)
     return history
+
+
+def _wide(q: Any, reference: Trajectory) -> np.ndarray:
+    """Configurations in the precision of the reference; by NumPy, which compiles nothing."""
+    return np.asarray(q).astype(reference.q.dtype)
 
 
 def work_of_a_step(solver: diffrax.AbstractSolver[Any]) -> tuple[int, int]:

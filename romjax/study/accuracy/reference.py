@@ -5,9 +5,9 @@ import functools
 from typing import NamedTuple
 
 import diffrax
-import jax.numpy as jnp
 import numpy as np
 
+from ...arrays import as_jax
 from ...basis.decomposition.pod import POD
 from ...errors import ReductionError, SimulationError
 from ...integrate.simulate import simulate
@@ -61,6 +61,6 @@ def make_reference(full: Configuration, training: Trajectory, tightest: float) -
 def _all_minimal_coordinates(training: Trajectory, system: AbstractSystem) -> AbstractSystem:
     """The system in minimal coordinates, with as many modes as there are coordinates."""
     basis = POD(rank=1)(training)  # for its snapshots, which choose the independent coordinates
-    given = dataclasses.replace(basis, modes=jnp.eye(system.n), decomposition=None)
+    given = dataclasses.replace(basis, modes=as_jax(np.eye(system.n)), decomposition=None)
     complete = given.orthonormalised(training.metric)
     return reduce(system, complete, as_formulation("minimal"))
