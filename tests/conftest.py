@@ -3,10 +3,12 @@
 import functools
 import gc
 import os
+import re
 import time
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from groups import longest_first
@@ -24,9 +26,10 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 # Pieces of memory that a process may have mapped before programs are forgotten.
 MOST_MAPS = 30_000
 
-# Required of a fast test with its fixtures: programs that it compiles, and seconds of a processor.
-# What compiles nothing is instant.
-MOST_PROGRAMS, MOST_SECONDS = 30, 10.0
+# Required of a fast test with its fixtures: programs that it compiles, operations of JAX outside of
+# them, of which the first test of a process has most, and seconds of a processor. What compiles
+# neither is instant.
+MOST_PROGRAMS, MOST_OPERATIONS, MOST_SECONDS = 30, 60, 10.0
 
 # Objects after which Python looks for cycles among the youngest. Tracing makes millions of objects
 # and hardly a cycle: looking after every 700 takes a tenth of all time.
@@ -37,16 +40,17 @@ COLLECT_AFTER = 50_000
 ADDING = 0.2
 # Seconds of compiling that are worth a file.
 WORTH_KEEPING = 0.05
-SPENT = pytest.StashKey[tuple[int, float]]()
-_compiled = [0]
+SPENT = pytest.StashKey[tuple[int, int, float]]()
+# Programs and operations.
+_compiled = [0, 0]
 
 
-def spent() -> tuple[int, float]:
-    """Programs that this process has compiled, and the time of a processor that it and its children
-    have taken [s].
+def spent() -> tuple[int, int, float]:
+    """Programs and operations that this process has compiled, and the time of a processor that it
+    and its children have taken [s].
     """
     times = os.times()
-    return _compiled[0], times.user + times.system + times.children_user + times.children_system
+    return *_compiled, times.user + times.system + times.children_user + times.children_system
 
 
 @functools.cache
@@ -60,8 +64,10 @@ def slowness() -> float:
     return max(1.0, (time.process_time() - begin) / ADDING)
 
 
-def _count(event, seconds, **_):
-    _compiled[0] += event.endswith("backend_compile_duration")
+def _count(event, seconds, fun_name="", **_):
+    if event.endswith("backend_compile_duration"):
+        name = re.sub(r"^jit[(_]_?|\)$", "", fun_name)
+        _compiled[hasattr(jax.lax, name) or hasattr(jnp, name)] += 1
 
 
 def pytest_configure(config):
@@ -104,8 +110,11 @@ def cheap(request):
     marks = {mark.name for mark in request.node.iter_markers()}
     if marks & {"slow", "exhaustive"}:
         return
-    programs, seconds = np.subtract(spent(), request.node.stash[SPENT])
-    assert programs <= (0 if "instant" in marks else MOST_PROGRAMS), f"{programs:.0f} programs"
+    programs, operations, seconds = np.subtract(spent(), request.node.stash[SPENT])
+    if "instant" in marks:
+        assert programs + operations == 0, f"{programs:.0f} programs, {operations:.0f} operations"
+    assert programs <= MOST_PROGRAMS, f"{programs:.0f} programs"
+    assert operations <= MOST_OPERATIONS, f"{operations:.0f} operations"
     assert seconds <= MOST_SECONDS * slowness(), f"{seconds:.1f} s"
 
 
