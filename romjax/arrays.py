@@ -102,3 +102,8 @@ def untraced(*values: ArrayLike) -> tuple[Any, ...]:
     if any(is_traced(value) for value in values):
         return tuple(jnp.asarray(value) for value in values)
     return tuple(np.asarray(value) for value in values)
+
+
+def namespace(array: Any) -> Any:
+    """NumPy of one of its arrays, else `jax.numpy`: for formulas that both can compute."""
+    return np if isinstance(array, np.ndarray) else jnp

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..arrays import Numbers
 from ..errors import InputError
 from .basis import Basis
 from .build import modes_of
@@ -37,7 +38,8 @@ class PodStream(eqx.Module):
     metric: Float[Array, "n n"]
     offset: Float[Array, " n"]
     lost: Float[Array, ""]  # sum of the squares of the values that were left out
-    last: tuple[Float[Array, "one"], Float[Array, "one n"]] | None  # time and q of the last block
+    # Time and q of the last block.
+    last: tuple[Float[Numbers, "one"], Float[Numbers, "one n"]] | None
     sample: tuple[np.ndarray, np.ndarray, np.ndarray]  # some snapshots: t, q, v
     stride: int = eqx.field(static=True)
     count: int = eqx.field(static=True)

@@ -12,11 +12,10 @@ All functions take leading axes, and compute by NumPy what is given as its array
 from collections.abc import Sequence
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ..arrays import Numbers
+from ..arrays import Numbers, namespace
 
 Quaternion = Float[Numbers, "... 4"]
 Triple = Float[Numbers, "... 3"]
@@ -71,7 +70,7 @@ def matrix(p: Quaternion) -> Float[Numbers, "... 3 3"]:
 
 def squared(p: Quaternion) -> Float[Numbers, "..."]:
     """S = pᵀp."""
-    total: Float[Numbers, ...] = _namespace(p).asarray((p * p).sum(axis=-1))
+    total: Float[Numbers, ...] = namespace(p).asarray((p * p).sum(axis=-1))
     return total
 
 
@@ -131,18 +130,14 @@ def apply_transposed(
 
 def _shifted(x: Triple) -> Triple:
     """(x₂, x₃, x₁)."""
-    shifted: Triple = _namespace(x).concatenate([x[..., 1:], x[..., :1]], axis=-1)
+    shifted: Triple = namespace(x).concatenate([x[..., 1:], x[..., :1]], axis=-1)
     return shifted
 
 
 def _joined(first: float, x: Triple) -> Quaternion:
-    xp = _namespace(x)
+    xp = namespace(x)
     joined: Quaternion = xp.concatenate([xp.full_like(x[..., :1], first), x], axis=-1)
     return joined
-
-
-def _namespace(x: Any) -> Any:
-    return np if isinstance(x, np.ndarray) else jnp
 
 
 def _signed(p: Quaternion, signs: list[list[int]]) -> Float[Numbers, "... rows 4"]:

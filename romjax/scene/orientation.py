@@ -4,11 +4,10 @@ import re
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Number, Vector, as_array, concrete, untraced
+from ..arrays import Number, Vector, as_array, concrete, namespace, untraced
 from ..errors import SceneError
 from ..fields import ROTATION
 from ..linalg import quaternions
@@ -34,7 +33,7 @@ def rotation(axis: Vector, angle: Number) -> Float[Array, "4"]:
     """The rotation by an `angle` [rad] about an `axis` (3,), a vector of any length but zero."""
     along, half = untraced(as_array(axis), 0.5 * as_array(angle))
     _check_axis("rotation", along)
-    xp: Any = np if isinstance(along, np.ndarray) else jnp
+    xp = namespace(along)
     unit = along / xp.sqrt((along**2).sum())
     return as_array(xp.concatenate([xp.cos(half)[None], xp.sin(half) * unit]))
 
@@ -92,7 +91,7 @@ def _to_axis(owner: str, axis: Float[Array, "..."]) -> Float[Array, "4"]:
     """The shortest rotation from (0, 0, 1) to an axis: (|a| + a_z, −a_y, a_x, 0)."""
     _check_axis(owner, axis)
     (a,) = untraced(axis)
-    xp: Any = np if isinstance(a, np.ndarray) else jnp
+    xp = namespace(a)
     length = xp.sqrt((a**2).sum())
     turned = xp.stack([length + a[2], -a[1], a[0], xp.zeros_like(length)])
     # To the opposite direction any half turn across z is as short.
@@ -134,5 +133,5 @@ def _rotations(numbers: Any) -> Any:
 
 def _scalar_first(quaternion: Any) -> Float[Array, "4"]:
     """(w, x, y, z) of the library's (x, y, z, w)."""
-    xp: Any = np if isinstance(quaternion, np.ndarray) else jnp
+    xp = namespace(quaternion)
     return as_array(xp.roll(quaternion, 1))

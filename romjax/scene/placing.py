@@ -3,11 +3,9 @@
 from typing import Any, TypeVar
 
 import equinox as eqx
-import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
 
-from ..arrays import Number, Vector, as_array, untraced
+from ..arrays import Number, Vector, as_array, namespace, untraced
 from ..errors import SceneError
 from ..linalg import quaternions
 from .fields import check_shape
@@ -104,6 +102,6 @@ def _moved(origin: Any, turn: Any, arm: Any, sign: int = 1) -> Any:
     origin, turn, arm = untraced(origin, turn, arm)
     if turn.ndim:
         return origin + sign * quaternions.rotate(turn, arm)
-    xp: Any = np if isinstance(arm, np.ndarray) else jnp
+    xp = namespace(arm)
     c, s = xp.cos(turn), xp.sin(turn)
     return origin + sign * xp.stack([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1]])

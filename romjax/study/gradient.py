@@ -87,7 +87,8 @@ def check_gradient(f: Callable[[Any], Any], x: Any, *, step: float = _STEP) -> G
         each = [np.ravel(size) for size in jax.tree.leaves(sizes)]
         central = _differences(evaluate, np.asarray(start), step * np.concatenate([*each, []]))
     reverse = jax.jit(jax.grad(value))(start)
-    trees = [_as_tree(gradient, dynamic) for gradient in (reverse, forward, central)]
+    # Under jit, since every part that is taken out alone would be compiled.
+    trees = jax.jit(lambda *gradients: [unravel(x) for x in gradients])(reverse, forward, central)
     # Rounding of f leaves differences an error of some eps / step; changes of f by its root, for a
     # change of a parameter by its own size, are the least that they show to as many digits.
     least = float(np.sqrt(_ROUNDING * np.finfo(start.dtype).eps / step) * np.abs(at_start))
@@ -119,15 +120,6 @@ def _differences(
             quotients.append(change / (2 * h))
         slopes[i] = (4 * quotients[0] - quotients[1]) / 3
     return slopes
-
-
-def _as_tree(flat: Any, like: Any) -> Any:
-    """The numbers of one array, one after the other, in arrays as those of a tree."""
-    leaves, tree = jax.tree.flatten(like)
-    ends = np.cumsum([np.size(leaf) for leaf in leaves])
-    parts = np.split(np.asarray(flat), ends[:-1]) if leaves else []
-    arrays = [part.reshape(np.shape(leaf)) for part, leaf in zip(parts, leaves, strict=True)]
-    return jax.tree.unflatten(tree, arrays)
 
 
 def _leaves(*trees: Any) -> list[tuple[Any, ...]]:

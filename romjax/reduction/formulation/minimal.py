@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ... import compat
-from ...arrays import as_jax, pick, untraced
+from ...arrays import as_jax, namespace, pick, untraced
 from ...basis.basis import Basis
 from ...basis.decomposition.base import AbstractDecomposition
 from ...basis.snapshots import Motions, SnapshotSet
@@ -109,8 +109,7 @@ def _in_atlas(system: AbstractSystem, basis: Basis, atlas: Atlas) -> ReducedSyst
         lifts.append(one)
     snapshots = basis.snapshots
     (metric,) = untraced(mass_at(system, pick(snapshots.q, 0)))
-    cholesky = np.linalg.cholesky if isinstance(metric, np.ndarray) else jnp.linalg.cholesky
-    root = as_jax(cholesky(metric).T)
+    root = as_jax(namespace(metric).linalg.cholesky(metric).T)
     lift = AtlasLift.of(lifts, snapshots.q, root, atlas)
     validity = TrainingBox.of(lift.seen, root=root)
     summary = f"{freedoms} minimal coordinates in {len(lifts)} charts, no constraints"

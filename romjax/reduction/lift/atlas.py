@@ -1,14 +1,12 @@
 """Minimal coordinates in several charts, and the change from one to another."""
 
 import dataclasses
-from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...arrays import Time, as_jax, stack, untraced
+from ...arrays import Time, as_jax, namespace, stack, untraced
 from ...charts.atlas import Atlas
 from ...system.base import AbstractSystem
 from .base import AbstractLift, Motion, Physical, Reduced
@@ -47,7 +45,7 @@ class AtlasLift(AbstractLift):
         """The chart of the nearest snapshot."""
         # By NumPy where JAX does not trace, which compiles nothing.
         seen, root, owners, q = untraced(self.seen, self.root, self.owners, q)
-        xp: Any = np if isinstance(q, np.ndarray) else jnp
+        xp = namespace(q)
         distances = xp.sum((seen - (root @ q)[None]) ** 2, axis=1)
         number: Array = as_jax(xp.asarray(owners[xp.argmin(distances)]))
         return number

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Number, Vector, as_array, as_jax, concrete, each, untraced
+from ...arrays import Number, Vector, as_array, as_jax, concrete, each, namespace, untraced
 from ...errors import SceneError
 from ..fields import check_numbers, number, radians
 from ..points import NamedPoints, by_name
@@ -203,7 +203,7 @@ class Beam(AbstractBody):
     def mode_shapes(self, point: Float[Array, "2"]) -> Float[Array, "3 modes"]:
         # By NumPy where JAX does not trace, which compiles nothing where scenes are made.
         at, mass, length = untraced(point, self.mass, self.length)
-        xp: Any = np if isinstance(at, np.ndarray) else jnp
+        xp = namespace(at)
         along = at[0 if self.axis == "x" else 1] / length + 0.5
         deflection, slope = bending_shapes(self.shapes, self.modes, along, xp)
         slope, none = slope / length, xp.zeros_like(deflection)

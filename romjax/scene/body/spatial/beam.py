@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import legendre
 
-from ....arrays import Number, Vector, as_array, as_jax, concrete, each, untraced
+from ....arrays import Number, Vector, as_array, as_jax, concrete, each, namespace, untraced
 from ....errors import SceneError
 from ...fields import check_numbers, number
 from ...orientation import orientation_field, quaternion_of
@@ -229,7 +229,7 @@ class Beam(AbstractFlexibleBody):
     def mode_shapes(self, point: Float[Array, "3"]) -> Float[Array, "6 modes"]:
         # By NumPy where JAX does not trace, which compiles nothing where scenes are made.
         at, *numbers = untraced(point, self.mass, self.length, self.inertia)
-        xp: Any = np if isinstance(at, np.ndarray) else jnp
+        xp = namespace(at)
         mass, length, inertia = numbers
         moved, turned = motion(self._counts, at[0] / length + 0.5, xp)
         turned = turned * rotations(mass, length, inertia, self._counts)[None]

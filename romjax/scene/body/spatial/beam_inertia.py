@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ....arrays import Numbers
+from ....arrays import Numbers, namespace
 from .free_modes import Counts, foreshortening, motion, quadrature
 from .inertia import SpatialInertia
 
@@ -62,7 +62,7 @@ def rotations(
     counts: Counts,
 ) -> Float[Numbers, " modes"]:
     """Rotations per unit amplitude: what those of `motion` are multiplied by."""
-    xp: Any = np if isinstance(moments, np.ndarray) else jnp
+    xp = namespace(moments)
     each = xp.stack([1 / (xp.sqrt(mass) * length), 1 / xp.sqrt(moments[0])])
     kinds = np.repeat([0, 0, 1, 0], counts)
     scales: Array = each[kinds]

@@ -3,13 +3,14 @@
 from collections.abc import Callable
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
+
+from ....arrays import namespace
 
 
 def turned(vectors: Any) -> Any:
     """e_a × u for each axis a of vectors u (points, 3, *k), as (points, 3, a, *k)."""
-    xp = np if isinstance(vectors, np.ndarray) else jnp
+    xp = namespace(vectors)
     x, y, z = (vectors[:, i] for i in range(3))
     none = xp.zeros_like(x)
     columns = ([none, -z, y], [z, none, -x], [-y, x, none])
