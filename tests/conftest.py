@@ -3,16 +3,15 @@
 import functools
 import gc
 import os
-import re
 import time
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from groups import longest_first
 from platformdirs import user_cache_path
+from programs import compiled, listen
 from scene_files import CRANK
 from zoo import RODAS5P, run
 
@@ -35,14 +34,11 @@ MOST_PROGRAMS, MOST_OPERATIONS, MOST_SECONDS = 30, 60, 10.0
 # and hardly a cycle: looking after every 700 takes a tenth of all time.
 COLLECT_AFTER = 50_000
 
-
 # Seconds of the loop of `slowness` where the limits were found.
 ADDING = 0.2
 # Seconds of compiling that are worth a file.
 WORTH_KEEPING = 0.05
 SPENT = pytest.StashKey[tuple[int, int, float]]()
-# Programs and operations.
-_compiled = [0, 0]
 
 
 def spent() -> tuple[int, int, float]:
@@ -50,7 +46,7 @@ def spent() -> tuple[int, int, float]:
     and its children have taken [s].
     """
     times = os.times()
-    return *_compiled, times.user + times.system + times.children_user + times.children_system
+    return *compiled(), times.user + times.system + times.children_user + times.children_system
 
 
 @functools.cache
@@ -64,16 +60,10 @@ def slowness() -> float:
     return max(1.0, (time.process_time() - begin) / ADDING)
 
 
-def _count(event, seconds, fun_name="", **_):
-    if event.endswith("backend_compile_duration"):
-        name = re.sub(r"^jit[(_]_?|\)$", "", fun_name)
-        _compiled[hasattr(jax.lax, name) or hasattr(jnp, name)] += 1
-
-
 def pytest_configure(config):
     """Keep compiled programs for the next run, and for the other process of this one."""
     gc.set_threshold(COLLECT_AFTER, 20, 100)
-    jax.monitoring.register_event_duration_secs_listener(_count)
+    listen()
     # Apart from the user's own, which they would push out. Subprocesses of tests have them too.
     usual = str(user_cache_path("romjax") / "tests")
     folder = os.environ.setdefault("ROMJAX_CACHE_DIR", usual)

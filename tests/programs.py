@@ -1,6 +1,9 @@
 """Traced programs, and what is in them."""
 
+import re
+
 import jax
+import jax.numpy as jnp
 from jax.extend import core
 
 import romjax as rj
@@ -74,17 +77,29 @@ def uses_velocities(scene) -> bool:
     return uses(system.force, system, 2)
 
 
-def compilations(action):
-    """How many programs XLA compiles in an action."""
-    count = []
+# Programs, and operations of JAX outside of them, that this process has compiled.
+_compiled = [0, 0]
 
-    def listen(event, seconds, **_):
-        if event.endswith("backend_compile_duration"):
-            count.append(seconds)
 
-    jax.monitoring.register_event_duration_secs_listener(listen)
-    try:
-        action()
-    finally:
-        jax.monitoring.unregister_event_duration_listener(listen)
-    return len(count)
+def listen() -> None:
+    """Count from now on what is compiled."""
+    jax.monitoring.register_event_duration_secs_listener(_count)
+
+
+def _count(event, seconds, fun_name="", **_):
+    if event.endswith("backend_compile_duration"):
+        name = re.sub(r"^jit[(_]_?|\)$", "", fun_name)
+        _compiled[hasattr(jax.lax, name) or hasattr(jnp, name)] += 1
+
+
+def compiled() -> tuple[int, int]:
+    """How many programs and operations have been."""
+    programs, operations = _compiled
+    return programs, operations
+
+
+def compilations(action) -> int:
+    """How many of both XLA compiles in an action."""
+    before = sum(compiled())
+    action()
+    return sum(compiled()) - before

@@ -1,5 +1,7 @@
 """Ranks that do not move: with the sample rate, the solver's noise, the precision."""
 
+import functools
+
 import jax
 import numpy as np
 import pytest
@@ -21,18 +23,11 @@ CERTAIN = {1e-5: [3, 4, 4, 4], 1e-8: [3, 4, 5, 5], 1e-12: EXACT}
 SAMPLED = 2e-3
 
 
-class Runs(dict):
-    """The chapter's second at 3 kHz, by the tolerance, each at its first use."""
-
-    def __missing__(self, rtol):
-        system, ts = zoo.system(zoo.cart_pendulum), np.linspace(0.0, 1.0, 3_001)
-        self[rtol] = zoo.run(system, ts, rtol=rtol, solver=zoo.RODAS5P)
-        return self[rtol]
-
-
-@pytest.fixture(scope="module")
-def runs():
-    return Runs()
+@functools.cache
+def second(rtol) -> rj.Trajectory:
+    """The chapter's second at 3 kHz."""
+    ts = np.linspace(0.0, 1.0, 3_001)
+    return zoo.run(zoo.system(zoo.cart_pendulum), ts, rtol=rtol, solver=zoo.RODAS5P)
 
 
 def ranks(decompose, motion) -> list[int]:
@@ -41,32 +36,32 @@ def ranks(decompose, motion) -> list[int]:
 
 @pytest.mark.parametrize("rtol", in_groups(CERTAIN, fast=(1e-8,), slow=(1e-5, 1e-12)))
 @pytest.mark.parametrize("decompose", [rj.pod, rj.sod])
-def test_no_rank_moves_with_the_sample_rate(runs, decompose, rtol):
+def test_no_rank_moves_with_the_sample_rate(decompose, rtol):
     """The chapter's rank depends on the sample rate; here none does, whatever the accuracy of the
     snapshots.
     """
-    found = [ranks(decompose, runs[rtol].every(stride)) for stride in STRIDES]
+    found = [ranks(decompose, second(rtol).every(stride)) for stride in STRIDES]
     assert all(rank == found[0] for rank in found)
 
 
 @pytest.mark.parametrize("rtol", in_groups(CERTAIN, fast=(1e-8,), slow=(1e-5, 1e-12)))
-def test_what_the_integration_hides_does_not_count(runs, rtol):
-    assert ranks(rj.sod, runs[rtol]) == CERTAIN[rtol]
+def test_what_the_integration_hides_does_not_count(rtol):
+    assert ranks(rj.sod, second(rtol)) == CERTAIN[rtol]
 
 
 @pytest.mark.slow
-def test_the_reason_names_what_decided(runs):
-    assert "tolerance 0.001" in rj.sod(runs[1e-8], tol=1e-3).summary
-    assert "integration errors" in rj.sod(runs[1e-8], tol=1e-8).summary
-    assert "1 of them below integration errors" in rj.sod(runs[1e-8], rank=6).summary
-    assert "drop point" in rj.pod(runs[1e-12]).summary
+def test_the_reason_names_what_decided():
+    assert "tolerance 0.001" in rj.sod(second(1e-8), tol=1e-3).summary
+    assert "integration errors" in rj.sod(second(1e-8), tol=1e-8).summary
+    assert "1 of them below integration errors" in rj.sod(second(1e-8), rank=6).summary
+    assert "drop point" in rj.pod(second(1e-12)).summary
 
 
-def test_the_values_do_not_move_either(runs):
+def test_the_values_do_not_move_either():
     """The largest value of the velocities, and the frequencies of the smooth modes. At 100 Hz the
     trapezoidal rule is 0.15 % off.
     """
-    found = [rj.sod(runs[1e-8].every(stride), rank=3) for stride in STRIDES]
+    found = [rj.sod(second(1e-8).every(stride), rank=3) for stride in STRIDES]
     assert np.ptp([basis.spectrum[0] for basis in found]) <= SAMPLED * found[0].spectrum[0]
     hertz = [1 / (2 * np.pi * np.sqrt(basis.values[2])) for basis in found]
     assert np.ptp(hertz) <= SAMPLED * hertz[0]
@@ -87,7 +82,7 @@ def test_the_naive_rank_is_decided_by_rounding():
 
 
 @pytest.mark.slow
-def test_single_precision_keeps_the_ranks(runs):
+def test_single_precision_keeps_the_ranks():
     """As in double precision down to its floor, 1e-6, at every sample rate."""
     with jax.enable_x64(False):
         system = rj.assemble(rj.gallery.cart_pendulum())
@@ -104,10 +99,10 @@ def test_single_precision_keeps_the_ranks(runs):
             assert "rounding of 1.0e-06" in rj.sod(motion.every(stride), tol=1e-8).summary
 
 
-def test_the_gram_matrix_gives_the_same(runs):
+def test_the_gram_matrix_gives_the_same():
     """Chapter equations 39.9 and 39.10, with more snapshots than coordinates and with fewer."""
-    few = runs[1e-8].every(500)
-    for motion, rank in ((runs[1e-8].every(30), 4), (few, 4)):
+    few = second(1e-8).every(500)
+    for motion, rank in ((second(1e-8).every(30), 4), (few, 4)):
         direct, squared = (rj.pod(motion, rank=rank, method=m) for m in ("svd", "gram"))
         values, others = (np.asarray(x.values)[:rank] for x in (direct, squared))
         assert np.max(np.abs(values - others)) <= SOLVED / 10 * values[0]
@@ -116,9 +111,9 @@ def test_the_gram_matrix_gives_the_same(runs):
 
 
 @pytest.mark.slow
-def test_a_stream_gives_the_same(runs):
+def test_a_stream_gives_the_same():
     """In one pass over blocks, with all directions kept and with seven of eight."""
-    motion = runs[1e-12].every(3)
+    motion = second(1e-12).every(3)
     direct = rj.pod(motion, rank=4)
     for most in (None, 7):
         stream = rj.PodStream.start(motion.metric, motion.q[0], most)

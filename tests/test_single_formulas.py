@@ -1,15 +1,20 @@
 """Formulas that no motion of other tests tells from a wrong one, each against a closed form."""
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import zoo
 from comparison import assert_close
 from tolerances import IDENTITY
 
 import romjax as rj
 from romjax import spatial as r
+from romjax.charts import unit_length
+from romjax.integrate.rodas5p import RodasInterpolation
+from romjax.integrate.rodas5p_tableau import DENSE, GAMMA, A, C
 from romjax.linalg import quaternions
 from romjax.reduction.lift.base import differentiate
 from romjax.scene.marker import Pose
@@ -115,3 +120,42 @@ def test_bodies_are_projected_in_their_modal_mass():
     assert_close(mode.T @ metric[3:, 3:] @ mode, np.eye(1), IDENTITY)
     missed = q[3:] - mode @ z[3:]
     assert_close(mode.T @ metric[3:, 3:] @ missed, np.zeros(1), IDENTITY)
+
+
+@eqx.filter_jit
+def lengths_and_slopes(system, q):
+    """The rows that take lengths of quaternions out, and their derivatives, by autodiff and not."""
+    slopes = jax.jacfwd(lambda q: unit_length.extended(system, 0.0, q))(q)
+    return unit_length.extended(system, 0.0, q), slopes, unit_length.jacobian(system, 0.0, q)
+
+
+def test_constraints_of_unit_length():
+    """½ (|p|² − 1) of each body, and its derivative."""
+    system = zoo.system(zoo.ball_bars)
+    q = np.asarray(system.q0) + 0.1 * np.cos(np.arange(system.n))
+    rows, slopes, written = lengths_and_slopes(system, q)
+    wanted = 0.5 * (np.sum(q.reshape(2, 7)[:, 3:] ** 2, axis=1) - 1)
+    assert_close(rows[system.m :], wanted, IDENTITY)
+    assert_close(written, slopes, IDENTITY, np.max(np.abs(slopes)))
+
+
+def test_a_step_of_rodas5p_by_its_coefficients():
+    """The stages of y' = J y, one after the other: the end, the error, and the dense output."""
+    jacobian, start, h = np.array([[-3.0, 1.0], [0.5, -20.0]]), np.array([1.0, -0.4]), 0.1
+    matrix, k = np.eye(2) / (h * GAMMA) - jacobian, np.zeros((8, 2))
+    for i in range(8):
+        y = start + A[i] @ k
+        k[i] = np.linalg.solve(matrix, jacobian @ y + C[i] @ k / h)
+    term = diffrax.ODETerm(lambda t, y, args: jacobian @ y)
+
+    @jax.jit
+    def step():
+        end, error, dense, *_ = rj.Rodas5P().step(term, 0.0, h, start, None, None, False)
+        return end, error, RodasInterpolation(t0=0.0, t1=h, **dense).evaluate(0.3 * h)
+
+    end, error, between = step()
+    assert_close(end, y + k[7], IDENTITY)
+    assert_close(error, k[7], IDENTITY)
+    h1, h2, h3 = DENSE @ k
+    wanted = 0.7 * start + 0.3 * (y + k[7] + 0.7 * (h1 + 0.3 * (h2 + 0.3 * h3)))
+    assert_close(between, wanted, IDENTITY)

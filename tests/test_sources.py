@@ -1,12 +1,12 @@
 """Which sources a compiled program depends on: an edit elsewhere leaves it as it is."""
 
-import ast
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from programs import compilations
+from test_structure import imports, modules
 
 import romjax as rj
 from romjax import sources
@@ -38,23 +38,11 @@ def edit(file):
     forget()
 
 
-def imported(path) -> set[str]:
-    """The rooms that a module imports, by Python's own parser."""
-    parts = path.relative_to(PACKAGE).with_suffix("").parts
-    rooms = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom) and node.level:
-            target = [*parts[: len(parts) - node.level], *(node.module or "").split(".")]
-            target = [part for part in target if part]
-            rooms |= {target[0]} if target else {alias.name for alias in node.names}
-    return rooms
-
-
 @pytest.mark.instant
 def test_imports_are_those_that_python_sees():
-    for path in PACKAGE.rglob("*.py"):
-        parts = path.relative_to(PACKAGE).with_suffix("").parts
-        assert sources._imports(parts, path.read_text()) == imported(path), path
+    for path, parts in modules():
+        wanted = {name[0] for name, own in imports(path, parts) if own}
+        assert sources._imports(parts, path.read_text()) == wanted, path
 
 
 @pytest.mark.instant

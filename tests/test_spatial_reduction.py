@@ -129,41 +129,6 @@ def test_subspaces_of_far_turns_are_refused(swing):
         rj.reduce(bars(), bases(swing)[0])
 
 
-def slider_crank():
-    """Haug's: a hinge, a ball, a universal joint and a slide."""
-    pivot, tip, slider = np.array([0, 0.1, 0.12]), np.array([0, 0.1, 0.2]), np.array([0.2, 0, 0])
-    spin, slide, x = np.array([6.0, 0, 0]), np.array([0.24, 0, 0]), (1.0, 0, 0)
-    along = (tip - slider) / 0.3
-    across = np.cross(along, x) / np.linalg.norm(np.cross(along, x))
-    turn = np.stack([along, np.cross(across, along), across], axis=1)
-    fast = np.cross(spin, tip - pivot)
-    crank = r.RigidBody(
-        "crank",
-        0.12,
-        (1e-4, 1e-4, 1e-5),
-        position=(pivot + tip) / 2,
-        velocity=fast / 2,
-        angular_velocity=spin,
-    )
-    rod = r.RigidBody(
-        "rod",
-        0.5,
-        (4e-4, 4e-3, 4e-3),
-        position=(tip + slider) / 2,
-        orientation=turn,
-        velocity=(fast + slide) / 2,
-        angular_velocity=(1.92, -0.96, 0.48),
-    )
-    block = r.RigidBody("slider", 2.0, (1e-4,) * 3, position=slider, velocity=slide)
-    joints = [
-        r.Revolute(crank.at((0, 0, -0.04), axis=x), rj.ground.at(pivot, axis=x)),
-        r.Spherical(rod.at((0.15, 0, 0)), crank.at((0, 0, 0.04))),
-        r.Universal(block.at((0, 0, 0), axis=x), rod.at((-0.15, 0, 0), axis=(0, 0, 1))),
-        r.Prismatic(block.at((0, 0, 0), axis=x), rj.ground.at((0, 0, 0), axis=x)),
-    ]
-    return rj.assemble(rj.Scene([crank, rod, block], joints, [rj.Gravity((0, 0, -9.81))]))
-
-
 @pytest.mark.parametrize("formulation", [rj.Tabulated(), rj.HyperReduced()], ids=str)
 def test_formulations_of_the_plane_say_what_to_take(swing, formulation):
     with pytest.raises(rj.ReductionError, match=r"space.*romjax\.Minimal"):
@@ -173,7 +138,7 @@ def test_formulations_of_the_plane_say_what_to_take(swing, formulation):
 @pytest.mark.exhaustive
 def test_a_slider_crank_has_one_minimal_coordinate():
     """Over nearly two turns of the crank, in several charts."""
-    system = slider_crank()
+    system = zoo.system(zoo.loop_in_space)
     motion = rj.simulate(system, TS, rtol=1e-10)
     rom = rj.reduce(system, rj.pod(motion), "minimal")
     assert (rom.n, rom.m) == (1, 0)
