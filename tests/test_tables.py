@@ -186,20 +186,19 @@ def test_other_lengths_move_the_table(full, rom):
     np.testing.assert_allclose(slope, differences, atol=DIFFERENCED)
 
 
-@pytest.mark.exhaustive
+@pytest.mark.slow
 def test_small_deflections_are_added_to_second_order():
     """A rod that bends by some thousandths of its length: two modes meet all coordinates, and
     deflections that are ten times larger violate the constraints a thousand times more.
     """
-    system = rj.assemble(slider_crank(bends=True))
-    run = zoo.run(system, TS)
-    rom = rj.reduce(system, rj.pod(run, rank=3), "table")
+    run = zoo.motion(slider_crank, bends=True)
+    rom = rj.reduce(run.system, rj.pod(run, rank=3), "table")
     assert rom.n == 3
     assert rj.compare(run, zoo.run(rom, TS)).error <= DIFFERENCED
 
     def violation(size):
         z = jnp.array([0.4, size, 0.5 * size])
-        return np.max(np.abs(system.constraint(0.0, rom.lift.position(system, 0.0, z))))
+        return np.max(np.abs(run.system.constraint(0.0, rom.lift.position(run.system, 0.0, z))))
 
     order = np.log10(violation(1e-1) / violation(1e-2))
     assert order == pytest.approx(3.0, abs=0.1)
