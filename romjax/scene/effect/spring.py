@@ -40,10 +40,13 @@ class Spring(AbstractPotential):
         a, b = poses
         squared = jnp.sum((a.position - b.position) ** 2)
         if self.rest_length is not None:
-            # The gradient of a length is NaN at zero; there the line has no direction and no force.
+            # (|Δ| − L)² = |Δ|² − 2 L |Δ| + L². The gradient of |Δ| is NaN where the points meet:
+            # its term is left out there, so that a rest length pushes in no direction, and one of
+            # zero, traced or not, gives the force k Δ and the stiffness k everywhere.
             apart = squared > 0
-            length = jnp.where(apart, jnp.sqrt(jnp.where(apart, squared, 1.0)), 0.0)
-            squared = (length - self.rest_length) ** 2
+            length = jnp.sqrt(jnp.where(apart, squared, 1.0))
+            met = squared + self.rest_length**2
+            squared = jnp.where(apart, (length - self.rest_length) ** 2, met)
         energy = 0.5 * self.stiffness * squared
         return energy if self.cubic is None else energy + 0.25 * self.cubic * squared**2
 
