@@ -1,7 +1,10 @@
 """Compiled programs on disk, so that no structure is compiled twice on one machine.
 
-The folder is that of the user's caches, or the one that the environment variable ROMJAX_CACHE_DIR
-names; an empty name turns the cache off. Nothing is lost with the folder.
+The folder is one of romjax's own, in that of the user's caches or in the one that the environment
+variable ROMJAX_CACHE_DIR names; an empty name turns the cache off. Nothing is lost with the folder.
+
+Reading a program runs what the file says. So files count only if they are the user's, in a folder
+of the user's, and nobody else can write to either.
 
 A program is kept under the text that the compiler is given, whatever sources it was traced from. A
 call has a key of its own, which spares tracing: it leads to that text as long as the sources stay.
@@ -9,6 +12,7 @@ After an edit of them, or in another version of romjax, a call is traced once mo
 nothing if it leads to a known text.
 """
 
+import contextlib
 import dataclasses
 import functools
 import hashlib
@@ -18,10 +22,11 @@ import os
 import pickle
 import platform
 import re
+import stat
 import sys
-import tempfile
 import types
 import zlib
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -29,13 +34,16 @@ from typing import Any
 import jax
 from platformdirs import user_cache_path
 
-from . import compat, sources
+from . import compat, sources, writing
 
 # What these packages define changes with their versions only.
 _PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "lineax", "optimistix", "jaxtyping", "numpy")
 _VERSIONED = frozenset({"romjax", *_PACKAGES}) | sys.stdlib_module_names
 # All programs together, in bytes: some hundred structures.
 _LARGEST = 2**30
+# The files of programs, and those that say which program a call leads to; no others are touched.
+_PROGRAM, _CALL = ".program", ".call"
+_OWN = re.compile(rf"[0-9a-f]{{64}}({re.escape(_PROGRAM)}|{re.escape(_CALL)})")
 # Bytes since the folder was last looked through; more than any number at first.
 _written = [math.inf]
 
@@ -43,9 +51,14 @@ _written = [math.inf]
 def folder() -> Path | None:
     """Where compiled programs are kept; None if nowhere."""
     name = os.environ.get("ROMJAX_CACHE_DIR")
-    if name is None:
-        return user_cache_path("romjax") / "programs"
-    return Path(name) if name else None
+    if name is not None:
+        # A folder of its own in there, since the user may keep other files beside.
+        return Path(name) / "romjax-programs" if name else None
+    try:
+        caches = user_cache_path("romjax")
+    except (RuntimeError, KeyError):  # of a user without a home
+        return None
+    return caches / "programs" if caches.is_absolute() else None
 
 
 def key_of_call(function: Any, *rest: Any) -> str | None:
@@ -77,7 +90,7 @@ def keeps(key: str | None) -> bool:
 
 def load_call(key: str | None) -> Any:
     """The program of a call, by its key; None if it is not known which, or if that is gone."""
-    content = (_read(_file(key, ".call")) or b"").decode(errors="replace")
+    content = (_read(_file(key, _CALL)) or b"").decode(errors="replace")
     return load(content) if re.fullmatch("[0-9a-f]{64}", content) else None
 
 
@@ -88,13 +101,13 @@ def load(text: str | None) -> Any:
         return None
     try:
         return compat.load_executable(*pickle.loads(zlib.decompress(content)))
-    except (OSError, zlib.error, jax.errors.JaxRuntimeError):
+    except Exception:  # a damaged pickle raises whatever its bytes happen to say
         return None
 
 
 def store_call(key: str | None, text: str) -> None:
     """Keep which text a call leads to, by the keys of both."""
-    file = _file(key, ".call")
+    file = _file(key, _CALL)
     if file is not None and keeps(text):
         _write(file, text.encode())
 
@@ -112,24 +125,40 @@ def store(text: str, compiled: Any) -> None:
 
 
 def _read(file: Path | None) -> bytes | None:
-    """What a file holds, which is used now; None if there is none."""
-    if file is None or not file.is_file():
+    """What a file of the user's holds, which is used now; None if there is none."""
+    if file is None:
         return None
     try:
-        content = file.read_bytes()
-        os.utime(file)
+        # What is opened is what is asked about, whoever puts another file there meanwhile.
+        with open(file, "rb", opener=_without_links) as stream:
+            if not _is_safe(os.fstat(stream.fileno()), stat.S_ISREG):
+                return None
+            content = stream.read()
+        with contextlib.suppress(OSError):  # of a folder that one can only read from
+            os.utime(file)
     except OSError:
         return None
     return content
+
+
+def _without_links(path: str, flags: int) -> int:
+    # Nor does a pipe of that name make the process wait.
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
+
+
+def _is_safe(found: os.stat_result, kind: Callable[[int], bool]) -> bool:
+    """Whether a file or folder is the user's, and nobody else can write to it."""
+    if not hasattr(os, "geteuid"):  # Windows, where others cannot write to a user's folders
+        return kind(found.st_mode)
+    others = stat.S_IWGRP | stat.S_IWOTH
+    return kind(found.st_mode) and found.st_uid == os.geteuid() and not found.st_mode & others
 
 
 def _write(file: Path, content: bytes) -> None:
     """Keep a file, all of it or nothing, and others as far as there is room."""
     try:
         file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=file.parent, delete=False) as temporary:
-            temporary.write(content)
-        os.replace(temporary.name, file)
+        writing.write(file, content, mode=0o600, lasting=False)
         _written[0] += len(content)
         if _written[0] > _LARGEST / 64:  # looking after each would take longer than some programs
             _written[0] = 0
@@ -138,17 +167,27 @@ def _write(file: Path, content: bytes) -> None:
         return
 
 
-def _file(key: str | None, ending: str = "") -> Path | None:
+def _file(key: str | None, ending: str = _PROGRAM) -> Path | None:
     here = folder()
     # What is compiled for one of several devices is bound to it.
     if key is None or here is None or jax.local_device_count() > 1:
         return None
-    return here / (key + ending)
+    try:
+        safe = _is_safe(here.stat(), stat.S_ISDIR)
+    except FileNotFoundError:
+        safe = True  # it will be made
+    except OSError:
+        safe = False
+    return here / (key + ending) if safe else None
 
 
 def _forget_oldest(here: Path) -> None:
     """Delete the programs that were not used for the longest time, if there are too many."""
-    files = sorted(((f.stat().st_mtime, f.stat().st_size, f) for f in here.iterdir()), reverse=True)
+    writing.forget_parts(here)
+    own = [file for file in here.iterdir() if _OWN.fullmatch(file.name) and file.is_file()]
+    files = sorted(
+        ((file.stat().st_mtime, file.stat().st_size, file) for file in own), reverse=True
+    )
     total = 0
     for _, size, file in files:
         total += size

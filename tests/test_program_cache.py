@@ -2,9 +2,11 @@
 
 import functools
 import os
+import pickle
 import subprocess
 import sys
 import textwrap
+import zlib
 from pathlib import Path
 
 import equinox as eqx
@@ -25,8 +27,8 @@ SYSTEM = rj.assemble(rj.gallery.chain(2))
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    monkeypatch.setenv("ROMJAX_CACHE_DIR", str(tmp_path / "programs"))
-    return tmp_path / "programs"
+    monkeypatch.setenv("ROMJAX_CACHE_DIR", str(tmp_path / "caches"))
+    return program_cache.folder()
 
 
 def in_a_process(code, **environment):
@@ -167,13 +169,20 @@ def test_what_calls_back_into_this_process_is_not_kept(folder):
     assert not folder.exists()
 
 
+# What can be unpacked and is no program: no pickle, a pickle of a missing class, another object.
+NO_PROGRAMS = [
+    zlib.compress(content)
+    for content in (b"", b"no pickle", b"crom\njax\n.", pickle.dumps(X.shape), pickle.dumps("abc"))
+]
+
+
 def test_a_damaged_file_is_compiled_again(folder):
     def tripled(x):
         return 3 * x
 
     program(tripled)(X)
     (file,) = folder.iterdir()
-    for damaged in (b"", file.read_bytes()[:-7], b"nothing of that kind"):
+    for damaged in (b"", file.read_bytes()[:-7], b"nothing of that kind", *NO_PROGRAMS):
         file.write_bytes(damaged)
         assert_close(program(tripled)(X), 3 * X, IDENTITY)
         assert len(file.read_bytes()) > 100
@@ -227,4 +236,4 @@ def test_a_program_that_jax_keeps_too_is_kept_by_romjax(tmp_path):
         code = OWN_CACHE_OF_JAX.format(str(tmp_path / "jax"), names)
         assert_close(float(in_a_process(code)), 3 * np.sin(1.0), IDENTITY)
     assert list((tmp_path / "jax").iterdir())
-    assert len(list((tmp_path / "romjax").iterdir())) == 1
+    assert len(list((tmp_path / "romjax").glob("*/*.program"))) == 1

@@ -9,7 +9,7 @@ from programs import compilations
 from test_structure import imports, modules
 
 import romjax as rj
-from romjax import sources
+from romjax import program_cache, sources
 from romjax.basis.subspace import singular_values
 
 PACKAGE = Path(rj.__file__).parent
@@ -64,8 +64,8 @@ def test_an_edit_counts_where_programs_come_from(package):
 
 def test_after_an_edit_nothing_is_compiled(package, monkeypatch):
     """Programs that are traced anew lead to a text that is known."""
-    folder = package.parent / "programs"
-    monkeypatch.setenv("ROMJAX_CACHE_DIR", str(folder))
+    monkeypatch.setenv("ROMJAX_CACHE_DIR", str(package.parent / "caches"))
+    folder = program_cache.folder()
     matrix = np.diag([3.0, 2.0])
 
     def call():

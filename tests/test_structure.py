@@ -130,6 +130,7 @@ BASE = {
     "pictures",
     "fields",
     "extras",
+    "writing",
 }
 BELOW = {
     "linalg": set(),

@@ -1,0 +1,82 @@
+"""What fails around a run: no home, folders that cannot be written to, processes that end."""
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+ROOT = pytest.mark.skipif(getattr(os, "geteuid", int)() != 0, reason="becomes another user")
+START = """
+import os, signal, sys
+import jax, jax.numpy as jnp, numpy as np, romjax as rj
+jax.config.update("jax_enable_x64", True)
+"""
+
+
+def in_a_process(code, *arguments, without=(), **environment):
+    """What another process prints, with some variables of the environment set or taken away."""
+    inherited = {name: value for name, value in os.environ.items() if name not in without}
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", START + code, *map(str, arguments)],
+        env=inherited | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    return done.stdout.splitlines()
+
+
+RUN = """
+system = rj.assemble(rj.gallery.chain(1))
+print(rj.simulate(system, np.linspace(0.0, 0.1, 3), solver=rj.Rodas5P()).summary())
+"""
+BECOME = "os.setgid(54321), os.setuid(54321)\n"
+# Whether it takes all programs from disk.
+COUNTED = """
+compiled, calls = jax.stages.Lowered.compile, []
+
+def counted(*args, **kwargs):
+    calls.append(1)
+    return compiled(*args, **kwargs)
+
+jax.stages.Lowered.compile = counted
+system = rj.assemble(rj.gallery.chain(1))
+assert rj.simulate(system, np.linspace(0.0, 0.1, 3), solver=rj.Rodas5P()).success
+print(not calls)
+"""
+
+
+@ROOT
+def test_without_a_home_or_an_entry_of_the_user():
+    """As in a container that runs under any number."""
+    lines = in_a_process(BECOME + RUN, without={"HOME", "XDG_CACHE_HOME", "ROMJAX_CACHE_DIR"})
+    assert lines == ["success"]
+
+
+@pytest.fixture
+def shared():
+    """A folder that other users find, which those of pytest are not."""
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder).chmod(0o755)
+        yield Path(folder)
+
+
+@ROOT
+@pytest.mark.parametrize("owner", [54321, 0])
+def test_a_folder_that_one_can_only_read_from(owner, shared):
+    """Its programs are used where it is the user's own; nothing is written to it."""
+    caches = shared / "caches"
+    assert in_a_process(RUN, ROMJAX_CACHE_DIR=str(caches)) == ["success"]
+    files = sorted(caches.rglob("*"))
+    assert len(files) > 1
+    for path in (caches, *files):
+        os.chown(path, owner, -1)
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    assert in_a_process(BECOME + COUNTED, ROMJAX_CACHE_DIR=str(caches)) == [str(owner == 54321)]
+    assert sorted(caches.rglob("*")) == files
