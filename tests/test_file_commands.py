@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 from documents import PAGES, blocks
@@ -58,6 +59,13 @@ def test_check(tmp_path, capsys):
     words = ("a ball", "1 RigidBody", "ball: 3 coordinates", "freedoms     3", "1 Gravity")
     for word in (*words, "no joint", "all joints hold", "Dopri8, since"):
         assert word in said
+
+
+def test_check_counts_no_lengths_of_quaternions(capsys):
+    """A body on a ball joint turns about three axes."""
+    path = Path(rj.__file__).parent / "gallery" / "files" / "spinning-top.toml"
+    assert main(["check", str(path)]) == 0
+    assert "freedoms     3" in capsys.readouterr().out
 
 
 @pytest.mark.slow

@@ -12,12 +12,12 @@ from tolerances import IDENTITY
 
 import romjax as rj
 from romjax import spatial as r
-from romjax.charts import unit_length
 from romjax.integrate.rodas5p import RodasInterpolation
 from romjax.integrate.rodas5p_tableau import DENSE, GAMMA, A, C
 from romjax.linalg import quaternions
 from romjax.reduction.lift.base import differentiate
 from romjax.scene.marker import Pose
+from romjax.system import unit_length
 
 
 @jax.jit

@@ -9,8 +9,10 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..arrays import Time, concrete
 from ..errors import InputError
+from ..linalg import quaternions
 from ..linalg.dense import multiply
 from ..program import program_once
+from ..system import unit_length
 from ..system.base import AbstractSystem
 from ..system.constraints import differentiate
 from ..system.dynamics import linearize as derivatives_of_acceleration
@@ -32,6 +34,10 @@ class Tangent(NamedTuple):
     At an equilibrium P = 0, and −G⁻¹ Nᵀ M ∂a/∂q N is the stiffness of the mechanism with that of
     its joint forces. No eigenvalue of A belongs to the constraints.
 
+    Of a mechanism in space, p·δp = 0 and p·δv + v·δp = 0 for each quaternion p with the rate v: its
+    length moves nothing, so that it is no freedom. A change of it is in the null space of C_q, and
+    orthogonal to all others in the metric of M, so that it is taken out of N and of P one by one.
+
     In a frame that turns with the angular velocity Ω about the origin, as a steadily turning
     mechanism is seen to rest, rates lose J δq and J δv, with J = Ω (∂/∂φ of a turn).
     """
@@ -45,21 +51,21 @@ class Tangent(NamedTuple):
 def independent_constraints(
     owner: str, system: AbstractSystem, t: ArrayLike, q: Float[Array, " n"]
 ) -> int:
-    """How many constraints do not repeat others.
+    """How many constraints do not repeat others, without the lengths of quaternions.
 
     While JAX traces, it is unknown and all count. Raises InputError, beginning with `owner`, if
-    these are as many as there are coordinates.
+    these leave no freedom.
     """
     if system.m == 0:
         return 0
     values = concrete(_singular_values(system, jnp.asarray(t, q.dtype), q))
     if values is not None:
-        return int(np.sum(values > _ZERO))
-    if system.m >= system.n:
+        return int(np.sum(values > _ZERO)) - len(system.structure.quaternions)
+    if unit_length.freedoms(system) <= 0:
         raise InputError(
-            f"{owner}: {system.m} constraints on {system.n} coordinates; while JAX traces, it is "
-            "unknown how many of them repeat others. Take these out, or call it without a "
-            "transformation."
+            f"{owner}: {system.m} constraints on {system.n} coordinates leave no freedom, unless "
+            "some of them repeat others; while JAX traces, it is unknown how many do. Take these "
+            "out, or call it without a transformation."
         )
     return system.m
 
@@ -90,13 +96,14 @@ def tangent_of(
     # The projection of a fixed basis onto the null space depends smoothly on all numbers, where
     # the vectors of a singular value decomposition do not.
     zero = jnp.zeros((system.m, start.shape[1]), q.dtype)
-    basis = kkt.solve(state.apply_mass(start), zero)[0]
+    basis = unit_length.with_lengths(system, q, kkt.solve(state.apply_mass(start), zero)[0])
 
     def rate(q: Array) -> Array:
         return differentiate(system.constraint, t, q, v).rate
 
     change = jax.vmap(lambda x: jax.jvp(rate, (q,), (x,))[1], 1, 1)(basis)
     correction = kkt.solve(jnp.zeros_like(basis), -change)[0]
+    correction = unit_length.with_lengths(system, q, correction, _along(system, v, basis))
     weighted = state.apply_mass(basis).T
     dual = jnp.linalg.solve(multiply(weighted, basis), weighted)
     slopes = derivatives_of_acceleration(system, t, q, v)
@@ -118,13 +125,23 @@ def tangent_of(
     return Tangent(jnp.block([list(row) for row in rows]), basis, correction, dual)
 
 
+def _along(
+    system: AbstractSystem, v: Float[Array, " n"], basis: Float[Array, "n d"]
+) -> Float[Array, "bodies d"] | None:
+    """p·δv = −v·δp of each quaternion."""
+    if not system.structure.quaternions:
+        return None
+    table = quaternions.columns(system.structure.quaternions)
+    return -jnp.sum(v[table][:, :, None] * basis[table], axis=1)
+
+
 def _null_space(
     system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"], independent: int
 ) -> Float[Array, "n d"]:
-    """A basis of the null space of C_q, orthonormal in the metric of M; a constant."""
+    """A basis of what C_q and lengths leave free, orthonormal in the metric of M; a constant."""
     rows, half = jax.lax.stop_gradient(_scaled_rows(system, t, q))
     _, _, right = jnp.linalg.svd(rows, full_matrices=True)
-    free = right[independent:].T
+    free = right[independent + len(system.structure.quaternions) :].T
     basis: Float[Array, "n d"] = jax.scipy.linalg.solve_triangular(half, free, lower=True, trans=1)
     return basis
 
@@ -132,11 +149,13 @@ def _null_space(
 def _scaled_rows(
     system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]
 ) -> tuple[Float[Array, "m n"], Float[Array, "n n"]]:
-    """C_q L⁻ᵀ with rows of unit length, and L of M = L Lᵀ; a row of zeros without constraints."""
+    """C_q L⁻ᵀ, those of lengths of quaternions among its rows of unit length, and L of M = L Lᵀ; a
+    row of zeros without constraints.
+    """
     half = jnp.linalg.cholesky(system.mass(q))
-    if system.m == 0:
+    if unit_length.count(system) == 0:
         return jnp.zeros((1, system.n), q.dtype), half
-    rows = system.state(t, q, jnp.zeros_like(q)).jacobian()
+    rows = unit_length.jacobian(system, t, q)
     free = jax.scipy.linalg.solve_triangular(half, rows.T, lower=True).T
     lengths = jnp.sqrt(jnp.sum(free**2, axis=1, keepdims=True))
     return free / jnp.where(lengths > 0, lengths, 1), half

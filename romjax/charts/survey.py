@@ -10,9 +10,9 @@ from jaxtyping import Array, Float
 
 from ..arrays import as_jax
 from ..program import program_once
+from ..system import unit_length
 from ..system.base import AbstractSystem
 from ..system.structure import COUNTER_INERTIA
-from . import unit_length
 from .chart import Chart
 
 # Singular values of C_q below this share of the largest come from constraints that repeat others.

@@ -60,7 +60,7 @@ def _freedoms(scene: Scene, system: AbstractSystem, q: Array) -> str:
     rank = system.m - sum(_repeats(scene, system, q).values())
     modes = sum(body.modes for body in scene.bodies)
     words = f", {modes} of them modes" if modes else ""
-    return f"{system.n - rank}{words}"
+    return f"{system.n - len(system.structure.quaternions) - rank}{words}"
 
 
 def redundant_joints(scene: Scene, system: AbstractSystem, q: Array) -> list[str]:

@@ -20,6 +20,7 @@ from ..reduction.formulation.base import AbstractFormulation
 from ..reduction.formulation.galerkin import Galerkin
 from ..reduction.formulation.minimal import Minimal
 from ..reduction.reduce import reduce
+from ..system import unit_length
 from ..system.base import AbstractSystem
 from ..system.stabilization import Baumgarte, Stabilization
 from .compare import Comparison, compare
@@ -50,7 +51,7 @@ class Run:
         """
         if self.formulation is not None and self.formulation.for_reference:
             return None
-        return self.system.n - self.system.m
+        return unit_length.freedoms(self.system)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -17,15 +17,16 @@ def check_mobility(
     remedy: str = "",
     error: type[InputError] = InputError,
 ) -> None:
-    """Raise an error if more constraints than coordinates leave no motion at the start.
+    """Raise an error if more constraints than freedoms leave no motion at the start.
 
-    Repeated ones do not count: a mechanism may have them, and the solution of its equations of
-    motion stays unique.
+    Lengths of quaternions are no freedoms. Repeated constraints do not count: a mechanism may have
+    them, and the solution of its equations of motion stays unique.
     """
-    if system.m <= system.n:
+    freedoms = system.n - len(system.structure.quaternions)
+    if system.m <= freedoms:
         return
     rows = concrete(_at_start(without_names(system)))
-    if rows is not None and np.linalg.matrix_rank(rows) == system.n:
+    if rows is not None and np.linalg.matrix_rank(rows) == freedoms:
         words = f"{system.m} constraints on {system.n} coordinates leave no motion. {remedy}"
         raise error(f"{owner}: {words}".rstrip())
 

@@ -17,6 +17,7 @@ from ...integrate.trajectory import Trajectory
 from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.reduce import reduce
 from ...scene.body.capped import with_caps
+from ...system import unit_length
 from ...system.base import AbstractSystem
 from ...system.reduced import AbstractReducedSystem
 from ..projected import ProjectedSystem
@@ -78,7 +79,7 @@ def default_choices(
 
     One less comes first: the least mode is often the stiff one that hardly moves.
     """
-    drop, freedoms = POD()(training).rank, max(1, system.n - system.m)
+    drop, freedoms = POD()(training).rank, max(1, unit_length.freedoms(system))
     ranks = [
         (formulation, (drop if formulation.in_subspace else freedoms) - less)
         for less in (1, 0, 2)

@@ -10,13 +10,18 @@ from jaxtyping import Array, Float
 
 from ..arrays import Time
 from ..linalg import quaternions
-from ..system import dynamics
-from ..system.base import AbstractSystem
+from . import dynamics
+from .base import AbstractSystem
 
 
 def count(system: AbstractSystem) -> int:
     """How many constraints there are."""
     return system.m + len(system.structure.quaternions)
+
+
+def freedoms(system: AbstractSystem) -> int:
+    """How many freedoms they leave, where none repeats others."""
+    return system.n - count(system)
 
 
 def extended(system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Array, " M"]:
@@ -37,3 +42,24 @@ def jacobian(system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Ar
     rows = jnp.zeros((len(table), system.n), q.dtype)
     rows = rows.at[np.arange(len(table))[:, None], table].set(q[table])
     return jnp.concatenate([own, rows])
+
+
+def with_lengths(
+    system: AbstractSystem,
+    q: Float[Array, " n"],
+    x: Float[Array, "n k"],
+    given: Float[Array, "bodies k"] | None = None,
+) -> Float[Array, "n k"]:
+    """Changes of the coordinates whose p·x, by which lengths change, are the `given` ones, or zero.
+
+    A change along p moves nothing, keeps all joints, and is orthogonal to all other changes in the
+    mass metric.
+    """
+    if not system.structure.quaternions:
+        return x
+    table = quaternions.columns(system.structure.quaternions)
+    p, own = q[table][:, :, None], x[table]
+    missing = -jnp.sum(p * own, axis=1, keepdims=True)
+    if given is not None:
+        missing += given[:, None]
+    return x.at[table].add(missing / jnp.sum(p * p, axis=1, keepdims=True) * p)

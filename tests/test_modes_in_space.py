@@ -1,0 +1,131 @@
+"""Small motions in space, on a tangent space without lengths of quaternions."""
+
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.linalg
+from comparison import assert_close
+from zoo import GRAVITY
+
+import romjax as rj
+from romjax import spatial
+from romjax.study.reduction import Run
+
+# Required: relative to the largest frequency.
+EXACT = 1e-9
+Y = (0.0, 1.0, 0.0)
+
+
+def hinged(height, *effects, **pose) -> rj.AbstractSystem:
+    """A mass at a `height` above, or below, a hinge about y."""
+    body = spatial.RigidBody("top", 1.0, (0.1, 0.2, 0.3), position=(0.0, 0.0, height), **pose)
+    hinge = spatial.Revolute(
+        body.at((0.0, 0.0, -height), axis=Y), rj.ground.at((0.0, 0.0, 0.0), axis=Y)
+    )
+    return rj.assemble(rj.Scene([body], [hinge], [rj.Gravity((0.0, 0.0, -GRAVITY)), *effects]))
+
+
+def skew(x):
+    return np.cross(np.eye(3), x)
+
+
+def test_a_floating_platform():
+    """Six modes, by 6 × 6 matrices: a stiffness about a point below the centre of mass, and the
+    couple of weight and lift, which overturns.
+    """
+    mass, height, inertia = 2.0e7, 12.0, np.diag([2.4e10, 2.0e10, 1.5e10])
+    stiffness = np.diag([7.1e4, 7.3e4, 1.5e6, 6.3e9, 6.4e9, 1.2e8])
+    stiffness[0, 4] = stiffness[4, 0] = -1.1e6
+    stiffness[1, 3] = stiffness[3, 1] = 1.2e6
+    # The point moves by u + θ × r.
+    to_point = np.block([[np.eye(3), skew([0, 0, height])], [np.zeros((3, 3)), np.eye(3)]])
+    wanted = to_point.T @ stiffness @ to_point
+    wanted[3:5, 3:5] -= mass * GRAVITY * height * np.eye(2)
+    wanted = np.sqrt(
+        scipy.linalg.eigvalsh(wanted, scipy.linalg.block_diag(mass * np.eye(3), inertia))
+    )
+    body = spatial.RigidBody("platform", mass, inertia, position=(0.0, 0.0, height))
+    below = body.at((0.0, 0.0, -height))
+    effects = [
+        spatial.Bushing(below, rj.ground.at((0.0, 0.0, 0.0)), stiffness),
+        rj.Gravity((0.0, 0.0, -GRAVITY)),
+        rj.Force(below, (0.0, 0.0, 1.0), rj.Constant(mass * GRAVITY)),
+    ]
+    found = rj.modes(rj.assemble(rj.Scene([body], [], effects)))
+    assert_close(found.frequencies, wanted, EXACT, scale=wanted[-1])
+    assert found.is_stable
+
+
+def test_a_pendulum_has_one_mode():
+    """√(m g l / (J + m l²)), for a quaternion of any length; and one freedom in reports."""
+    system = hinged(-1.0)
+    at = jnp.asarray([0.0, 0.0, -1.0, 3.0, 0.0, 0.0, 0.0])
+    for found in (rj.modes(system), rj.modes(system, at)):
+        assert_close(found.frequencies, [np.sqrt(GRAVITY / 1.2)], EXACT)
+    assert_close(found.shapes[3:, 0] @ at[3:], 0.0, EXACT)
+
+
+def test_a_traced_count_is_the_same():
+    """Under a transformation, where no singular value is known."""
+
+    @jax.jit
+    def frequencies(mass):
+        body = spatial.RigidBody("body", mass, (0.1, 0.2, 0.3))
+        held = rj.Spring(body.at(), rj.ground.at((0.0, 0.0, 1.0)), 50.0)
+        return rj.modes(rj.assemble(rj.Scene([body], [], [held]))).frequencies
+
+    assert_close(frequencies(2.0), [0.0, 0.0, 0.0, 5.0, 5.0, 5.0], EXACT)
+
+
+MIDDLE = rj.Marker("top", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+TORQUE = spatial.Torque(MIDDLE, Y, rj.Constant(1.0))
+
+
+class Regulator(rj.AbstractMarkerEffect):
+    """A torque about y, −k x, of a state of the angle about y and its rate."""
+
+    at: rj.Marker
+    gain: jax.Array
+    needs_twists: ClassVar[bool] = True
+    dimensions: ClassVar[tuple[int, ...]] = (3,)
+
+    def wrenches(self, t, poses, twists):
+        w, _, y, _ = poses[0].turn
+        state = jnp.stack([2 * jnp.arctan2(y, w), twists[0].angular_velocity[1]])
+        torque = jnp.stack([jnp.zeros(()), -(self.gain @ state), jnp.zeros(())])
+        return (rj.Wrench(jnp.zeros(3), torque),)
+
+    def check(self):
+        pass
+
+
+@pytest.mark.slow
+def test_a_regulator_in_space():
+    """A linear quadratic regulator exists, its poles are those of the mechanism with it, and it
+    catches half a radian.
+    """
+    model = rj.linearize(hinged(1.0), {"torque": TORQUE}, ["top.p2", "top.p2'"])
+    a, b, c = (np.asarray(x) for x in (model.A, model.B, model.C))
+    growth = np.sqrt(GRAVITY / 1.2)
+    assert_close(np.sort(np.linalg.eigvals(a).real), [-growth, growth], EXACT)
+    c = 2 * c  # angles, of which p2 is half
+    riccati = scipy.linalg.solve_continuous_are(a, b, c.T @ np.diag([30.0, 1.0]) @ c, np.eye(1))
+    gain = b.T @ riccati @ np.linalg.inv(c)
+    poles = np.linalg.eigvals(a - b @ gain @ c)
+    closed = hinged(1.0, Regulator(MIDDLE, jnp.asarray(gain[0])))
+    found = np.asarray(rj.modes(closed).values)
+    assert_close(np.sort_complex(found), np.sort_complex(poles), EXACT, scale=growth)
+    tilt = 0.5
+    start = [np.sin(tilt), 0.0, np.cos(tilt), np.cos(tilt / 2), 0.0, np.sin(tilt / 2), 0.0]
+    run = rj.simulate(closed, np.linspace(0.0, 5.0, 11), q0=np.asarray(start))
+    assert run.is_valid
+    assert abs(run.q[-1, 0]) < 1e-3
+
+
+def test_reports_count_no_lengths():
+    """Of a full model in space, its freedoms."""
+    system = rj.assemble(rj.gallery.wing_nut())
+    assert Run("full", system, None, 0.0, 0.0, None).degrees_of_freedom == 6
