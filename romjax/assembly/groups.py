@@ -19,17 +19,22 @@ from ..scene.effect.base import AbstractField, AbstractMarkerEffect
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import Pose, Twist, Wrench
 from ..system.dynamics import quadratic_velocity_force
+from ..system.schedule import Stack
 from .grouping import T
 from .kinematics import MarkerBlocks
 from .pose_gradient import PoseGradient
 
 
-class BodyGroup(eqx.Module):
+class BodyGroup(Stack):
     """Bodies of equal structure; `weights` multiply the Lagrangian of each, and what follows."""
 
     bodies: AbstractBody  # stacked
     coordinates: Index = eqx.field(static=True)  # (count, size)
     weights: Float[Array, " count"] | None = None  # None: all are one
+
+    @property
+    def kind(self) -> type:
+        return type(self.bodies)
 
     def mass(self, q: Float[Array, " n"]) -> Float[Array, "count size *size"]:
         """Mass matrices, or their diagonals where the bodies give these."""
@@ -122,12 +127,16 @@ def _quadratic_velocity_force(
     return force
 
 
-class JointGroup(eqx.Module):
+class JointGroup(Stack):
     """Joints of equal structure."""
 
     joints: AbstractJoint  # stacked
     markers: MarkerBlocks
     rows: Index = eqx.field(static=True)  # among the constraints, (count, rows)
+
+    @property
+    def kind(self) -> type:
+        return type(self.joints)
 
     def residual(self, t: Time, poses: Pose) -> Float[Array, "count rows"]:
         residuals: Float[Array, "count rows"]
@@ -185,11 +194,15 @@ class JointGroup(eqx.Module):
         return wrenches
 
 
-class EffectGroup(eqx.Module):
+class EffectGroup(Stack):
     """Effects of equal structure."""
 
     effects: AbstractMarkerEffect  # stacked
     markers: MarkerBlocks
+
+    @property
+    def kind(self) -> type:
+        return type(self.effects)
 
     def wrenches(self, t: Time, poses: Pose, twists: Twist | None) -> list[Wrench]:
         """Wrenches on each side, one row per effect."""

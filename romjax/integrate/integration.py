@@ -17,6 +17,7 @@ from ..events.record import Events
 from ..events.watch import Watch
 from ..system.base import AbstractSystem
 from ..system.consistent import project_start
+from ..system.schedule import Schedule
 from .audit import Audit, Auditor, Findings
 from .dense import Pieces, output_of, post_step_of
 from .march import March
@@ -61,17 +62,32 @@ def integrate(
     if settings.projection is not None:
         q0, v0 = project_start(system, ts[0], q0, v0)
     term, solver, y0 = _problem(system, q0, v0, post_step, settings)
+    schedule = Schedule.of(system)
+    corners = schedule.corners(ts)
     controller, first = _step_size_control(ts, settings, len(y0) == 3)
 
     output = output_of(system, settings.projection)
-    parts = term, solver, controller, first
     if settings.adjoint is not None and not settings.is_forward:
+        if settings.dt is None:
+            controller = diffrax.ClipStepSizeController(controller, step_ts=corners)
+        parts = term, solver, controller, first
         return _by_diffrax(parts, output, ts, (q0, v0), y0, settings)
     most, asked = settings.max_steps, jnp.asarray(len(ts) if count is None else count)
     watch = _watch(system, post_step, ts, settings)
     # Dense output has room for so many steps.
     room = jnp.minimum(jnp.asarray(most), settings.dense) if settings.dense else jnp.asarray(most)
-    steps = Steps(term, solver, controller, ts[0], ts[-1], first, room, watch)
+    steps = Steps(
+        term=term,
+        solver=solver,
+        controller=controller,
+        t0=ts[0],
+        t1=ts[-1],
+        dt0=first,
+        max_steps=room,
+        watch=watch,
+        schedule=schedule if schedule.limits_steps and settings.dt is None else None,
+        corners=corners if len(corners) and settings.dt is None else None,
+    )
     audit = None
     if settings.audit:
         rtol = None if settings.dt is not None else jnp.asarray(settings.rtol)

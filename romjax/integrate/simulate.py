@@ -68,7 +68,8 @@ def simulate(
       that it saves pay for theirs; `diffrax.Dopri8()` elsewhere (while JAX traces: Rodas5P for
       flexible systems). `Trajectory.solver` is the one that was used.
     - `rtol`, `atol`: tolerances of the step size control; `atol` equals `rtol` unless given.
-    - `dt`: a fixed step [s] instead of step size control.
+    - `dt`: a fixed step [s] instead of step size control. With it, steps end where signals have
+      corners, and see each cycle of those that vibrate (`AbstractSignal`); fixed steps do not.
     - `stabilization`: `Baumgarte(alpha, beta)`, `Projection()` or None; unless given, critical
       damping at a quarter of the mechanism's fastest rigid frequency, at all of it in fixed
       steps, and where energy does not balance with it, as it may at singular positions, the run

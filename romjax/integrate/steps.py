@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..events.state import Arrival, Cut, Watching
 from ..events.watch import Watch
+from ..system.schedule import Schedule
 
 # Steps end at the end of the run if they come so near, in units in the last place: dense output of
 # a shorter step would be rounding only.
@@ -57,6 +58,8 @@ class Steps(NamedTuple):
     dt0: Float[Array, ""]
     max_steps: Int[Array, ""]
     watch: Watch | None
+    schedule: Schedule | None
+    corners: Float[Array, " k"] | None
 
     def start(self, y0: PyTree) -> Progress:
         """Before the first step."""
@@ -65,7 +68,7 @@ class Steps(NamedTuple):
         first, controller_state = self.controller.init(
             self.term, t0, self.t1, y0, self.dt0, None, self.solver.func, order
         )
-        next_t = jnp.minimum(first, self.t1)
+        next_t = self._limited(t0, jnp.asarray(first), jnp.ones((), bool))
         return Progress(
             y=y0,
             solver_state=self.solver.init(self.term, t0, next_t, y0, None),
@@ -127,7 +130,7 @@ class Steps(NamedTuple):
             solver_state=chosen(keep, tried.solver_state, now.solver_state),
             watching=after.watching,
             t=jnp.where(going, after.t, t0),
-            next_t=jnp.where(going, self._until_end(after.t, after.next_t, keep), t1),
+            next_t=jnp.where(going, self._limited(after.t, after.next_t, keep), t1),
             controller_state=chosen(going, after.controller_state, now.controller_state),
             result=diffrax.RESULTS.where(going, result, now.result),
             steps=now.steps + jnp.where(going, 1, 0),
@@ -167,11 +170,23 @@ class Steps(NamedTuple):
         solver = eqx.tree_at(lambda s: s.scan_kind, self.solver, stages, is_leaf=none)
         return self._replace(solver=solver)
 
-    def _until_end(self, t: Array, next_t: Array, keep: Array) -> Array:
+    def _limited(self, t: Array, next_t: Array, keep: Array) -> Array:
         # What would end beyond the end, or just before it, ends there; after a rejection, half way.
-        t1 = self.t1
-        end = t1 - _NEAR_END * jnp.finfo(t1.dtype).eps * jnp.abs(t1)
+        t1 = self._next_end(t)
+        if self.schedule is not None:
+            next_t = jnp.minimum(next_t, t + self.schedule.longest_step(t))
+        end = t1 - self._rounding(t1)
         return jnp.where(next_t > end, jnp.where(keep, t1, t + 0.5 * (t1 - t)), next_t)
+
+    def _next_end(self, t: Array) -> Array:
+        """The end of the run, or the next corner before it."""
+        if self.corners is None:
+            return self.t1
+        later = jnp.where(self.corners > t + self._rounding(t), self.corners, jnp.inf)
+        return jnp.minimum(jnp.min(later), self.t1)
+
+    def _rounding(self, t: Array) -> Array:
+        return _NEAR_END * jnp.finfo(t.dtype).eps * jnp.abs(t)
 
 
 def chosen(condition: Bool[Array, ""], new: PyTree, old: PyTree) -> PyTree:

@@ -1,6 +1,7 @@
 """Signals: numbers that change with time. Their parameters are traced, their kind is static."""
 
 import abc
+import functools
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import equinox as eqx
@@ -25,11 +26,39 @@ __all__ = [
 ]
 
 
+# Cycles of a vibration that a step may contain: of more, errors are not seen, and those of steps
+# that are all alike add up.
+_CYCLES = 0.25
+# Where a table bends less than this share of its sharpest bend, it is straight but for rounding.
+_STRAIGHT = 1e-9
+
+
 class AbstractSignal(eqx.Module):
-    """A function of time [s]; subclass it with one `__call__` for a signal of your own."""
+    """A function of time [s]; subclass it with one `__call__` for a signal of your own.
+
+    What is shorter than a step, the step does not see. A signal therefore says where steps have to
+    end, by `corners`, or how long they may be, by `longest_step`. The steps of a run with a signal
+    that says neither end at all outputs, which then have to be as close as what happens.
+    """
 
     # Whether it has two continuous derivatives, as a motion has that finite forces can follow.
     smooth: ClassVar[bool] = True
+
+    def corners(self) -> Float[Array, " k"]:
+        """Times [s] at which the signal or one of its derivatives jumps, in any order; infinite
+        ones are none.
+        """
+        return jnp.zeros(0)
+
+    def longest_step(self, t: Time) -> Float[Array, ""]:
+        """The longest step from a time t that still sees how the signal changes [s]."""
+        return jnp.full_like(t, jnp.inf)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the signal says where its steps have to end, or how long they may be."""
+        own, base = type(self), AbstractSignal
+        return own.corners is not base.corners or own.longest_step is not base.longest_step
 
     @abc.abstractmethod
     def __call__(self, t: Time) -> Float[Array, ""]:
@@ -67,6 +96,9 @@ class Constant(AbstractSignal):
         del t
         return self.value
 
+    def corners(self) -> Float[Array, " k"]:
+        return jnp.zeros(0)
+
 
 class Sine(AbstractSignal):
     """`amplitude * sin(2 pi frequency t + phase)`; frequency [Hz], phase [rad]."""
@@ -78,6 +110,9 @@ class Sine(AbstractSignal):
     def __call__(self, t: Time) -> Float[Array, ""]:
         return self.amplitude * jnp.sin(2 * jnp.pi * self.frequency * t + self.phase)
 
+    def longest_step(self, t: Time) -> Float[Array, ""]:
+        return jnp.full_like(t, _CYCLES) / jnp.abs(self.frequency)
+
 
 class Ramp(AbstractSignal):
     """`rate * t + offset`; the rate per second."""
@@ -87,6 +122,9 @@ class Ramp(AbstractSignal):
 
     def __call__(self, t: Time) -> Float[Array, ""]:
         return self.rate * t + self.offset
+
+    def corners(self) -> Float[Array, " k"]:
+        return jnp.zeros(0)
 
 
 class Table(AbstractSignal):
@@ -99,6 +137,12 @@ class Table(AbstractSignal):
 
     def __call__(self, t: Time) -> Float[Array, ""]:
         return jnp.interp(t, self.times, self.values)
+
+    def corners(self) -> Float[Array, " k"]:
+        slopes = jnp.diff(self.values) / jnp.diff(self.times)
+        bends = jnp.abs(jnp.diff(jnp.pad(slopes, 1)))
+        # Where a table is straight, or constant, steps may pass its points.
+        return jnp.where(bends > _STRAIGHT * jnp.max(bends), self.times, jnp.inf)
 
     def check(self, owner: str) -> None:
         check_shape(owner, "Table.times", self.times, (None,))
@@ -119,6 +163,12 @@ class Chirp(AbstractSignal):
     def __call__(self, t: Time) -> Float[Array, ""]:
         return self.amplitude * jnp.sin(2 * jnp.pi * (self.frequency + self.rate * t / 2) * t)
 
+    def longest_step(self, t: Time) -> Float[Array, ""]:
+        # Within h, the phase advances by at most |f| h + |r| h² / 2 cycles, the frequency f at t:
+        # by c and c / 2 for h = c / (|f| + √(|r| c)).
+        frequency = jnp.abs(self.frequency + self.rate * t)
+        return _CYCLES / (frequency + jnp.sqrt(_CYCLES * jnp.abs(self.rate)))
+
 
 class Step(AbstractSignal):
     """Zero before the time `start` [s], `height` after `start + duration`, smooth in between."""
@@ -130,6 +180,9 @@ class Step(AbstractSignal):
     def __call__(self, t: Time) -> Float[Array, ""]:
         x = jnp.clip((t - self.start) / self.duration, 0.0, 1.0)
         return self.height * x**3 * (10 - 15 * x + 6 * x**2)
+
+    def corners(self) -> Float[Array, " k"]:
+        return jnp.stack([self.start, self.start + self.duration])
 
     def check(self, owner: str) -> None:
         super().check(owner)
@@ -147,6 +200,17 @@ class Sum(AbstractSignal):
 
     def __call__(self, t: Time) -> Float[Array, ""]:
         return jnp.sum(jnp.stack([term(t) for term in self.terms]))
+
+    def corners(self) -> Float[Array, " k"]:
+        return jnp.concatenate([jnp.zeros(0), *(term.corners() for term in self.terms)])
+
+    def longest_step(self, t: Time) -> Float[Array, ""]:
+        each = [term.longest_step(t) for term in self.terms]
+        return functools.reduce(jnp.minimum, each, jnp.full_like(t, jnp.inf))
+
+    @property
+    def is_known(self) -> bool:
+        return all(term.is_known for term in self.terms)
 
     def check(self, owner: str) -> None:
         for term in self.terms:

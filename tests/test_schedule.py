@@ -1,0 +1,159 @@
+"""Loads that change within a step: the motion of a free body has closed forms."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tolerances import DIFFERENCED, SOLVED
+
+import romjax as rj
+from romjax.scene.signal import AbstractSignal
+from romjax.system.schedule import Schedule, _changes
+
+TS = np.linspace(0.0, 1.0, 11)
+
+
+def pushed(*signals: AbstractSignal) -> rj.AbstractSystem:
+    """A body of 1 kg at rest that a force along x pushes."""
+    body = rj.RigidBody("body", 1.0, 1.0)
+    forces = [rj.Force(body.at(), (1.0, 0.0), signal) for signal in signals]
+    return rj.assemble(rj.Scene([body], effects=forces))
+
+
+def pulse(start, duration, rise) -> rj.Sum:
+    """An impulse of 1 N s that rises and falls in a time of its own."""
+    height = 1 / duration
+    return rj.Sum((rj.Step(height, start, rise), rj.Step(-height, start + duration, rise)))
+
+
+def end_of(run) -> np.ndarray:
+    """Where a body is at the end, and its velocity, along x."""
+    return np.array([run.q[-1, 0], run.v[-1, 0]])
+
+
+@pytest.mark.parametrize("duration", [1e-4, 1e-3, 1e-2, 1e-1])
+@pytest.mark.parametrize("share", [0.1, 1.0])
+def test_a_short_pulse_is_seen(duration, share):
+    start = 0.463
+    run = rj.simulate(pushed(pulse(start, duration, share * duration)), TS)
+    middle = start + (1 + share) * duration / 2
+    np.testing.assert_allclose(end_of(run), [1 - middle, 1.0], rtol=SOLVED)
+
+
+def test_pulses_of_several_forces_are_seen():
+    """Signals of equal structure are stacked."""
+    run = rj.simulate(pushed(pulse(0.2, 1e-3, 1e-4), pulse(0.7, 1e-4, 1e-4)), TS)
+    middles = 0.2 + 1.1e-3 / 2, 0.7 + 1e-4
+    np.testing.assert_allclose(end_of(run), [2 - sum(middles), 2.0], rtol=SOLVED)
+
+
+def test_a_pulse_in_a_table_is_seen():
+    """Its area is that of a triangle; straight on both sides, the table has three corners."""
+    times = np.array([0.0, 0.2, 0.31, 0.311, 0.312, 0.6, 1.0])
+    system = pushed(rj.Table(times, 1000.0 * (times == 0.311)))
+    assert np.sum(np.isfinite(Schedule.of(system).corners(jnp.asarray(TS)))) == 3
+    np.testing.assert_allclose(end_of(rj.simulate(system, TS)), [1 - 0.311, 1.0], rtol=SOLVED)
+
+
+@pytest.mark.parametrize("frequency", [11.0, 101.0, 997.0])
+def test_a_fast_sine_is_seen(frequency):
+    """It begins with a step from zero: the body drifts with the mean velocity 1 / (2 π f)."""
+    run = rj.simulate(pushed(rj.Sine(1.0, frequency)), TS, rtol=1e-8)
+    rate = 2 * np.pi * frequency
+    velocity = (1 - np.cos(rate)) / rate
+    drift = (1 - np.sin(rate) / rate) / rate
+    np.testing.assert_allclose(end_of(run), [drift, velocity], atol=DIFFERENCED / rate)
+
+
+def test_a_chirp_is_seen():
+    """The frequency passes zero on the way; against the same in steps of a thousandth."""
+    system = pushed(rj.Chirp(1.0, -200.0, 400.0))
+    steps = rj.simulate(system, TS, dt=1e-4, solver=diffrax.Dopri8())
+    np.testing.assert_allclose(
+        end_of(rj.simulate(system, TS, rtol=1e-9)), end_of(steps), atol=DIFFERENCED
+    )
+
+
+class Silent(AbstractSignal):
+    """A pulse in the form of a bell that says nothing of itself."""
+
+    middle: float
+
+    def __call__(self, t):
+        x = (t - self.middle) / 1e-2
+        return jnp.exp(-(x**2)) / (1e-2 * jnp.sqrt(jnp.pi))
+
+
+class Jump(AbstractSignal):
+    """A force that begins."""
+
+    start: float
+
+    def __call__(self, t):
+        return jnp.where(t < self.start, 0.0, 1.0)
+
+    def corners(self):
+        return jnp.asarray(self.start)[None]
+
+
+def test_steps_with_a_signal_that_says_nothing_end_at_outputs():
+    assert not Silent(0.463).is_known
+    run = rj.simulate(pushed(Silent(0.463)), np.linspace(0.0, 1.0, 101))
+    np.testing.assert_allclose(end_of(run), [1 - 0.463, 1.0], atol=DIFFERENCED)
+
+
+def test_a_signal_of_ones_own_may_say_when_it_changes():
+    run = rj.simulate(pushed(Jump(jnp.array(0.463))), TS, rtol=1e-8)
+    np.testing.assert_allclose(end_of(run), [0.537**2 / 2, 0.537], rtol=DIFFERENCED)
+
+
+def test_a_system_of_functions_that_changes_with_time_ends_steps_at_outputs():
+    bell = Silent(0.463)
+    system = rj.CustomSystem(
+        lambda q: jnp.eye(1), lambda t, q, v: bell(t)[None], q0=np.zeros(1), v0=np.zeros(1)
+    )
+    assert not Schedule.of(system).is_known
+    run = rj.simulate(system, np.linspace(0.0, 1.0, 101))
+    np.testing.assert_allclose(end_of(run), [1 - 0.463, 1.0], atol=DIFFERENCED)
+
+
+@pytest.mark.parametrize("name", ["four_bar", "flywheel", "vehicle_axle", "robot_arm"])
+def test_parts_change_with_time_by_their_signals_only(name):
+    """What else changes would need outputs as corners; parts of romjax are not asked."""
+    system = rj.assemble(getattr(rj.gallery, name)())
+    schedule = Schedule.of(system)
+    assert schedule.is_known
+    assert schedule.stacked
+    assert not _changes(system)
+
+
+def ends(start, duration):
+    """Of a pulse that falls as it rises."""
+    run = rj.simulate(pushed(pulse(start, duration, duration)), TS, audit=False, throw=False)
+    return jnp.stack([run.q[-1, 0], run.v[-1, 0]])
+
+
+def test_a_pulse_is_differentiable_and_batchable_by_its_corners():
+    """At the end, x = 1 − start − duration and v = 1."""
+    starts, durations = np.array([0.2, 0.463, 0.8]), np.array([1e-3, 1e-2, 1e-4])
+    batch = jax.jit(jax.vmap(ends))(starts, durations)
+    exact = np.stack([1 - starts - durations, np.ones(3)], axis=1)
+    np.testing.assert_allclose(batch, exact, rtol=SOLVED)
+    slopes = jax.jit(jax.jacrev(ends, argnums=(0, 1)))(0.463, 1e-2)
+    np.testing.assert_allclose(slopes, [[-1.0, 0.0], [-1.0, 0.0]], atol=DIFFERENCED)
+
+
+def test_the_loop_of_diffrax_sees_a_pulse():
+    @jax.jit
+    def last(start):
+        run = rj.simulate(
+            pushed(pulse(start, 1e-3, 1e-3)),
+            TS,
+            adjoint=diffrax.RecursiveCheckpointAdjoint(),
+            solver=diffrax.Tsit5(),
+            throw=False,
+        )
+        return run.q[-1, 0]
+
+    np.testing.assert_allclose(last(0.463), 1 - 0.464, rtol=DIFFERENCED)
