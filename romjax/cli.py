@@ -17,7 +17,7 @@ import numpy as np
 from tabulate import tabulate
 from tqdm import tqdm
 
-from . import page, plot, report
+from . import document, page, plot, report, writing
 from .assembly.assemble import assemble
 from .errors import InputError, SceneError, SimulationError
 from .files.begin import write_start
@@ -213,7 +213,7 @@ def _tune(options: argparse.Namespace) -> int:
     print(tabulate(rows, header, tablefmt="plain", disable_numparse=True))
     print(f"fastest rigid frequency: {result.frequency:.4g} rad/s")
     file = folder / "tuning.png"
-    plot.tuning(result).savefig(file, dpi=150)
+    writing.write(file, document.png(plot.tuning(result), dpi=150))
     print(f"\nWrote {file}")
     return 0
 

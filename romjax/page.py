@@ -1,6 +1,5 @@
 """A study of accuracy in words and in files: a table, a figure and a page that holds both."""
 
-import csv
 import datetime
 import math
 import os
@@ -11,7 +10,7 @@ from pathlib import Path
 import jax
 from tabulate import tabulate
 
-from . import document, plot
+from . import csv_table, document, plot, writing
 from .study.accuracy.recommendation import Recommendation
 from .study.accuracy.result import Accuracy
 from .study.accuracy.row import SINGLE_RUN, Condition, Row
@@ -66,13 +65,10 @@ def _setting(row: Row) -> str:
 def write(result: Accuracy, title: str, folder: Path) -> list[Path]:
     """Write the rows, the figure and the page into `folder`; returns the files."""
     table, figure, page = (folder / f"accuracy.{kind}" for kind in ("csv", "png", "html"))
-    with table.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(Row._fields)
-        writer.writerows(result.rows)
+    csv_table.write(table, Row._fields, result.rows)
     picture = document.png(plot.accuracy(result), dpi=130)
-    figure.write_bytes(picture)
-    page.write_text(_page(result, title, picture), encoding="utf-8")
+    writing.write(figure, picture)
+    writing.write(page, _page(result, title, picture))
     return [table, figure, page]
 
 

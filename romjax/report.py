@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from tabulate import tabulate
 
-from . import document, plot
+from . import csv_table, document, plot, writing
 from .basis.describe import describe
 from .gallery.catalogue import Example
 from .integrate.trajectory import Trajectory
@@ -121,11 +121,11 @@ def write(
         shown = {"full": truth} | dict(list(approx.items())[:1])
         moving = animate(scene, *shown.values(), labels=list(shown), title=example.name)
     page = folder / "report.html"
-    page.write_text(_page(study, example, pictures, moving), encoding="utf-8")
+    writing.write(page, _page(study, example, pictures, moving))
     written = [page]
     for name, content in pictures.items():
         written.append(folder / f"{name}.png")
-        written[-1].write_bytes(content)
+        writing.write(written[-1], content)
     if moving is not None:
         written.append(moving.save(folder / "animation.gif", fps=20, progress=False))
     for name, trajectory in {"full": truth, **approx}.items():
@@ -167,7 +167,5 @@ def _write_csv(path: Path, trajectory: Trajectory) -> Path:
     labels = ["t", *trajectory.labels, *(f"d/dt {label}" for label in trajectory.labels)]
     labels += [f"lambda{i + 1}" for i in range(trajectory.multipliers.shape[1])]
     columns = [trajectory.t[:, None], trajectory.q, trajectory.v, trajectory.multipliers]
-    np.savetxt(
-        path, np.concatenate(columns, axis=1), delimiter=",", header=",".join(labels), comments=""
-    )
+    csv_table.write(path, labels, np.concatenate(columns, axis=1).tolist())
     return path

@@ -100,7 +100,7 @@ def test_large_arrays_lie_beside_the_file(tmp_path):
     body = rj.ModalBody("plate", rj.Inertia(1.0, 1.0), [4.0, 9.0], points, shapes, ports=["rim"])
     scene = rj.Scene([body], [rj.Revolute(body.at("rim"), rj.ground.at())])
     assert_same(through_a_file(scene, tmp_path), scene)
-    assert (tmp_path / "scene.npz").exists()
+    assert len(list(tmp_path.glob("scene-*.npz"))) == 1
     assert len((tmp_path / "scene.toml").read_text()) < 20_000
 
 

@@ -1,7 +1,9 @@
 """The scene file to begin with."""
 
+import os
 from pathlib import Path
 
+from .. import writing
 from ..errors import InputError
 
 _START = """\
@@ -53,8 +55,6 @@ rate = 100.0  # outputs per second
 
 def write_start(path: Path) -> None:
     """Write the file; raises InputError if there is one already."""
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(_START)
-    except FileExistsError:
-        raise InputError(f"{path} is there already; give another name.") from None
+    if os.path.lexists(path):
+        raise InputError(f"{path} is there already; give another name.")
+    writing.write(path, _START)

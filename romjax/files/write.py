@@ -1,6 +1,8 @@
 """From a scene to a file."""
 
+import hashlib
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +11,7 @@ import numpy as np
 import tomlkit
 import tomlkit.items
 
+from .. import writing
 from ..arrays import as_array, concrete
 from ..errors import InputError, SceneError
 from ..scene.body.base import AbstractBody
@@ -32,12 +35,38 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> None:
     """Write a scene to a file; see `Scene.save`."""
     scene.check()
     target = Path(path)
-    beside = target.with_suffix(".npz")
     arrays: dict[str, np.ndarray] = {}
-    text = text_of(scene, arrays, beside.name)
+    text = text_of(scene, arrays)
+    outdated = _beside(target)
     if arrays:
-        np.savez_compressed(beside, **arrays)  # type: ignore[arg-type]
-    target.write_text(text, encoding="utf-8")
+        # Named by its contents: whenever this ends, each text lies beside the arrays that it means.
+        beside = target.with_name(f"{target.stem}-{_digest(arrays)}.npz")
+        with writing.replacing(beside) as part:
+            np.savez_compressed(part, **arrays)  # type: ignore[arg-type]
+        text = text_of(scene, {}, beside.name)
+        outdated.discard(beside)
+    writing.write(target, text)
+    for file in outdated:
+        file.unlink(missing_ok=True)
+
+
+def _beside(target: Path) -> set[Path]:
+    """The arrays that only the text of this file asks for, if it was written by `save`."""
+    name = re.compile(rf"{re.escape(target.stem)}-[0-9a-f]{{16}}\.npz")
+    if not any(name.fullmatch(file.name) for file in target.parent.glob("*.npz")):
+        return set()
+    files = [file for file in target.parent.glob("*.toml") if file.is_file()]
+    texts = {file: file.read_text("utf-8", errors="replace") for file in files}
+    own = set(name.findall(texts.pop(target, "")))
+    return {target.with_name(x) for x in own if not any(x in text for text in texts.values())}
+
+
+def _digest(arrays: Mapping[str, np.ndarray]) -> str:
+    digest = hashlib.sha256()
+    for name, array in arrays.items():
+        digest.update(f"{name} {array.dtype} {array.shape}".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()[:16]
 
 
 def text_of(scene: Scene, arrays: dict[str, np.ndarray] | None = None, beside: str = "") -> str:

@@ -32,7 +32,8 @@ class Scene(eqx.Module):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the scene to a file in TOML, which `load_scene` reads: every number to the bit.
 
-        Arrays of more than a thousand numbers go to a file of the same name with the suffix .npz.
+        Arrays of more than a thousand numbers go to a file of NumPy beside, whose name begins like
+        that of the scene. What is there is replaced once all is written.
 
         Raises SceneError for a part of one's own that has what no file can hold.
         """

@@ -7,6 +7,7 @@ import diffrax
 import jax
 import numpy as np
 
+from ... import writing
 from ...errors import InputError
 from ...extras import extra
 from ...integrate.trajectory import Trajectory
@@ -26,7 +27,8 @@ def write(dataset: Any, path: str | os.PathLike[str]) -> None:
                 f"save: '{name}' is complex, but netCDF has real numbers only; save its real and "
                 "its imaginary part."
             )
-    dataset.to_netcdf(path, engine="h5netcdf")
+    # In memory, since HDF5 ends the process where the disk is full.
+    writing.write(path, dataset.to_netcdf(None, engine="h5netcdf"))
 
 
 def load(

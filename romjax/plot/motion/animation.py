@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from ... import writing
 from ...errors import InputError
 from ..palette import VIEW, View
 from .frames import Clock, Model
@@ -91,7 +92,7 @@ class Animation:
         if not fps > 0 or (seconds is not None and not seconds > 0):
             raise InputError(f"Animation.save: fps={fps} and seconds={seconds} must be positive.")
         if ending == ".html":
-            target.write_text(self.html(playing=True), encoding="utf-8")
+            writing.write(target, self.html(playing=True))
             return target
         # It needs matplotlib, which a page does not.
         film = importlib.import_module(".film", __package__)

@@ -1,5 +1,6 @@
 """Moving pictures as files of frames: GIF and MP4, drawn by matplotlib."""
 
+import contextlib
 import importlib
 import itertools
 import subprocess
@@ -17,6 +18,7 @@ from PIL import Image
 from tqdm import tqdm
 
 from ...errors import InputError
+from ...writing import replacing
 from ..mechanism import Picture, bounds, framed, projected, stage
 from ..style import SMALL, line
 
@@ -46,7 +48,8 @@ def save(
                 yield frame
                 bar.update()
 
-        write(frames(), path, fps)
+        with replacing(path) as part:
+            write(frames(), part, fps)
 
 
 def _chosen(
@@ -97,12 +100,14 @@ def _write_mp4(
     made = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18"]
     command = [encoder, "-y", "-loglevel", "error", *given, "-i", "-", *made, str(path)]
     # Not by the writer of imageio-ffmpeg, whose fork is unsafe beside JAX.
-    with subprocess.Popen(command, stdin=subprocess.PIPE) as process:
+    process = subprocess.Popen(command, stdin=subprocess.PIPE)
+    # It may end before it was given all, and says why.
+    with contextlib.suppress(BrokenPipeError), process:
         assert process.stdin is not None
         for frame in itertools.chain([first], frames):
             process.stdin.write(np.ascontiguousarray(frame[:rows, :columns]).tobytes())
     if process.returncode:
-        raise OSError(f"Animation.save: ffmpeg failed to write {path}; see its message above.")
+        raise OSError("Animation.save: ffmpeg failed to write the film; see its message above.")
 
 
 def _frames(
