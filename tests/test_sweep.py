@@ -123,6 +123,72 @@ def test_a_sweep_goes_on_where_it_was(tmp_path, whole):
         rj.sweep(lambda p: {"other": p["x"]}, lanes(20), chunk=8, path=tmp_path)
 
 
+def double(p):
+    return {"y": 2 * p["x"]}
+
+
+def numbers(seed=0):
+    return {"x": np.random.default_rng(seed).normal(size=20)}
+
+
+def spoil(way, files, tmp_path):
+    """Make a file of a folder of chunks one that is not its own, or not whole."""
+    content = files[1].read_bytes()
+    match way:
+        case "another chunk":
+            files[1].write_bytes(files[0].read_bytes())
+        case "truncated":
+            files[1].write_bytes(content[: len(content) // 2])
+        case "empty":
+            files[1].write_bytes(b"")
+        case "one bit":
+            files[1].write_bytes(content.replace(*spoilt(files[1])))
+        case "no checksum":
+            np.savez(files[1], *np.load(files[1]).values())
+        case "other lanes":
+            other = tmp_path / "other"
+            rj.sweep(double, numbers(1), chunk=8, path=other)
+            files[1].write_bytes((other / files[1].name).read_bytes())
+
+
+def spoilt(file):
+    """The numbers of a chunk as they are in its file, and with one bit of them turned over."""
+    with np.load(file) as stored:
+        before = stored["arr_0"].tobytes()
+    return before, bytes([before[0] ^ 1]) + before[1:]
+
+
+WAYS = ["another chunk", "truncated", "empty", "one bit", "no checksum", "other lanes"]
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_what_is_not_the_chunk_is_computed_anew(way, tmp_path):
+    folder, wanted = tmp_path / "sweep", 2 * numbers()["x"]
+    rj.sweep(double, numbers(), chunk=8, path=folder)
+    files = sorted(folder.glob("chunk-*.npz"))
+    before = [file.read_bytes() for file in files]
+    spoil(way, files, tmp_path)
+    assert files[1].read_bytes() != before[1]
+    found = rj.sweep(double, numbers(), chunk=8, path=folder)
+    assert np.array_equal(found.values["y"], wanted)
+    assert [file.read_bytes() for file in files] == before
+
+
+def test_a_folder_that_does_not_say_which_sweep_it_holds_is_refused(tmp_path):
+    """As where the file belongs to another program; without it, whole chunks are used."""
+    rj.sweep(double, numbers(), chunk=8, path=tmp_path)
+    files = sorted(tmp_path.glob("chunk-*.npz"))
+    before = [file.stat().st_mtime_ns for file in files]
+    for content in (b"", b'{"lanes": 2', b"[1]", b"\xff"):
+        (tmp_path / "sweep.json").write_bytes(content)
+        with pytest.raises(ValueError, match="sweep.json does not say which.*remove the file"):
+            rj.sweep(double, numbers(), chunk=8, path=tmp_path)
+        assert (tmp_path / "sweep.json").read_bytes() == content
+    (tmp_path / "sweep.json").unlink()
+    rj.sweep(double, numbers(), chunk=8, path=tmp_path)
+    assert [file.stat().st_mtime_ns for file in files] == before
+
+
 @pytest.mark.instant
 def test_what_cannot_be_swept():
     for wrong in ({"a": np.ones(2), "b": np.ones(3)}, np.asarray(1.0), np.ones((0, 2)), {}):

@@ -6,7 +6,7 @@ import io
 import json
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from jax.experimental import multihost_utils
 from jax.sharding import Mesh, PartitionSpec
 from tqdm import tqdm
 
+from .. import writing
 from ..extras import above
 from ..integrate.status import REMEDIES, Status
 from ..integrate.trajectory import Trajectory
@@ -92,8 +93,8 @@ def sweep(
     - `parameters`: a pytree of arrays with a leading axis of lanes.
     - `chunk`: lanes of a chunk; 256 for each device unless given.
     - `path`: a folder for the results of each chunk. A sweep that was interrupted, at any moment,
-      goes on where it was. Parameters and the form of the results are compared with what is there;
-      what `function` does is not.
+      goes on where it was; what is damaged, or of other lanes, is computed again. Parameters and
+      the form of the results are compared with what is there; what `function` does is not.
     - `progress`: show a progress bar.
 
     Raises ValueError for parameters without a common number of lanes, or a folder that holds
@@ -181,10 +182,13 @@ def _is_float(x: jax.Array) -> bool:
 
 
 class _Store:
-    """The chunks that are done: in memory, or in a folder with one file for each."""
+    """The chunks that are done: in memory, and in a folder with one file for each.
 
-    def __init__(self, folder: Path | None):
-        self.folder = folder
+    - `identity`: what tells the sweep from others, a part of the checksum of each file.
+    """
+
+    def __init__(self, folder: Path | None, identity: str = ""):
+        self.folder, self.identity = folder, identity
         self.done: dict[int, list[np.ndarray]] = {}
 
     @classmethod
@@ -193,20 +197,17 @@ class _Store:
             return cls(None)
         folder = Path(path)
         folder.mkdir(parents=True, exist_ok=True)
-        digest = hashlib.sha256(str(jax.tree.structure(parameters)).encode())
-        for x in jax.tree.leaves(parameters):
-            digest.update(f"{x.dtype}{x.shape}".encode() + np.ascontiguousarray(x).tobytes())
         results = [str(jax.tree.structure(shapes))]
         results += [f"{x.dtype}{list(x.shape[1:])}" for x in jax.tree.leaves(shapes)]
         wanted = {
             "lanes": lanes,
             "chunk": chunk,
-            "parameters": digest.hexdigest(),
+            "parameters": _digest(str(jax.tree.structure(parameters)), jax.tree.leaves(parameters)),
             "results": results,
         }
         file = folder / "sweep.json"
         if file.exists():
-            stored = json.loads(file.read_text())
+            stored = _identity(file)
             other = [key for key, value in wanted.items() if stored.get(key) != value]
             if other:
                 raise ValueError(
@@ -214,41 +215,70 @@ class _Store:
                     "choose another folder, or remove this one."
                 )
         else:
-            _write(file, json.dumps(wanted, indent=1).encode())
-        return cls(folder)
+            writing.write(file, json.dumps(wanted, indent=1))
+        writing.forget_parts(folder)
+        return cls(folder, json.dumps(wanted))
 
     def _file(self, number: int) -> Path:
         assert self.folder is not None
         return self.folder / f"chunk-{number:06d}.npz"
 
     def has(self, number: int) -> bool:
-        return number in self.done or (self.folder is not None and self._file(number).exists())
+        if number not in self.done and self.folder is not None:
+            leaves = self._read(number)
+            if leaves is not None:
+                self.done[number] = leaves
+        return number in self.done
 
     def put(self, number: int, leaves: list[np.ndarray]) -> None:
-        if self.folder is None:
-            self.done[number] = leaves
-            return
-        content = io.BytesIO()
-        np.savez(content, *leaves)
-        _write(self._file(number), content.getbuffer())
+        self.done[number] = leaves
+        if self.folder is not None:
+            content = io.BytesIO()
+            np.savez(content, *leaves, checksum=self._checksum(number, leaves))
+            writing.write(self._file(number), content.getbuffer())
 
     def collect(self, count: int) -> list[np.ndarray]:
         """The arrays of all chunks, one after the other."""
-        parts = []
-        for number in range(count):
-            if number in self.done:
-                parts.append(self.done[number])
-                continue
-            with np.load(self._file(number)) as stored:
-                parts.append([stored[f"arr_{i}"] for i in range(len(stored.files))])
+        for number in range(count):  # also those of other processes
+            if not self.has(number):
+                raise OSError(
+                    f"sweep: {self._file(number)} is damaged or missing, though another process "
+                    "has computed it; start all processes again, which computes it anew."
+                )
+        parts = [self.done[number] for number in range(count)]
         return [np.concatenate(x) for x in zip(*parts, strict=True)]
 
+    def _checksum(self, number: int, leaves: Sequence[np.ndarray]) -> str:
+        return _digest(f"{self.identity} {number}", leaves)
 
-def _write(file: Path, content: bytes | memoryview) -> None:
-    """All of it or nothing, whenever the process ends."""
-    part = file.with_suffix(f".{jax.process_index()}-{os.getpid()}.part")
-    with part.open("wb") as stream:
-        stream.write(content)
-        stream.flush()
-        os.fsync(stream.fileno())
-    part.replace(file)
+    def _read(self, number: int) -> list[np.ndarray] | None:
+        """The arrays of a file; None unless they are those of this chunk."""
+        try:
+            # Opened here, since NumPy leaves open what is no archive.
+            with self._file(number).open("rb") as stream, np.load(stream) as stored:
+                leaves = [stored[f"arr_{i}"] for i in range(len(stored.files) - 1)]
+                is_own = str(stored["checksum"]) == self._checksum(number, leaves)
+        except Exception:  # there is none, or a damaged one, which raises whatever its bytes say
+            return None
+        return leaves if is_own else None
+
+
+def _identity(file: Path) -> dict[str, Any]:
+    """What tells the sweep in a folder from others; raises ValueError where nothing does."""
+    try:
+        stored = json.loads(file.read_bytes())
+    except ValueError:
+        stored = None
+    if not isinstance(stored, dict):
+        raise ValueError(
+            f"sweep: {file} does not say which sweep is in its folder; remove the file, and "
+            "chunks that are whole and of this sweep are used, or choose another folder."
+        )
+    return stored
+
+
+def _digest(words: str, arrays: Sequence[np.ndarray]) -> str:
+    digest = hashlib.sha256(words.encode())
+    for x in arrays:
+        digest.update(f"{x.dtype}{x.shape}".encode() + np.ascontiguousarray(x).tobytes())
+    return digest.hexdigest()
