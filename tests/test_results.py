@@ -222,6 +222,72 @@ def test_what_is_no_file_is_refused(run, tmp_path):
         rj.load(tmp_path / "part.nc")
 
 
+def changed(data, **values):
+    return data.assign({name: (data[name].dims, value) for name, value in values.items()})
+
+
+def spoilt(name, index, value):
+    """One number of an array is another."""
+
+    def spoil(data):
+        values = data[name].values.copy()
+        values[index] = value
+        return changed(data, **{name: values})
+
+    return spoil
+
+
+DAMAGES = {
+    "turned": (lambda d: d.assign(q=d["q"].T), r"'q' has the dimensions \(coordinate, time\)"),
+    "shorter": (
+        lambda d: d.assign(v=(("other", "coordinate"), d["v"].values[:-1])),
+        r"'v' has the dimensions \(other, coordinate\) instead of \(time, coordinate\)",
+    ),
+    "another size": (
+        lambda d: d.assign(metric=(("coordinate", "column"), d["metric"].values[:, :-1])),
+        r"'metric' has the shape \(8, 7\)",
+    ),
+    "a vector": (lambda d: d.assign(status=("time", np.zeros(11, int))), "'status' has the dim"),
+    "texts": (lambda d: d.assign(q=d["q"].astype(str)), "'q' has the type"),
+    "mixed": (lambda d: d.assign(v=d["v"].astype(np.float32)), "float32, float64"),
+    "NaN": (spoilt("q", (3, 1), np.nan), "'q' holds numbers that are not finite"),
+    "infinite": (spoilt("time", -1, np.inf), "'time' holds numbers that are not finite"),
+    "back": (spoilt("time", 4, 0.0), "'time' does not increase"),
+    "status": (spoilt("status", (), 77), "status is 77, which means nothing"),
+    "flags": (spoilt("flags", (), 1 << 20), "flags is 1048576, which means nothing"),
+    "steps": (spoilt("num_steps", (), -1), "'num_steps' is negative"),
+    "no times": (lambda d: d.drop_vars("time"), "it has no 'time'"),
+    "no states": (lambda d: d.drop_vars("q"), "is damaged.*'q'"),
+    "constraints": (lambda d: d.isel(constraint=slice(3)), "3 constraints, but its scene has 4"),
+    "coordinates": (
+        lambda d: d.isel(coordinate=slice(7), column=slice(7)),
+        r"coordinates are cart.x, .*, but those of its scene are cart.x",
+    ),
+    "another scene": (
+        lambda d: d.assign_attrs(scene=d.scene.replace("cart", "cork")),
+        "those of its scene are cork.x",
+    ),
+    "version": (lambda d: d.assign_attrs(format_version="one"), "is of version one"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_arrays_that_do_not_fit_are_refused(run, damage, tmp_path):
+    """Each other, a run that went well, or the scene."""
+    change, words = DAMAGES[damage]
+    change(run.to_xarray()).to_netcdf(tmp_path / "run.nc", engine="h5netcdf")
+    with pytest.raises(rj.InputError, match=f"run.nc.*{words}"):
+        rj.load(tmp_path / "run.nc")
+
+
+def test_numbers_of_a_run_that_failed_may_be_anything(run, tmp_path):
+    q = np.asarray(run.q).copy()
+    q[5:] = np.nan
+    failed = dataclasses.replace(run, q=jax.numpy.asarray(q), status=jax.numpy.asarray(2))
+    failed.save(tmp_path / "run.nc")
+    same(rj.load(tmp_path / "run.nc").q, q)
+
+
 @pytest.mark.parametrize("package", ["xarray", "h5netcdf", "h5py"])
 def test_what_is_missing_can_be_installed(run, package, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, package, None)

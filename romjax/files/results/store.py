@@ -12,6 +12,7 @@ from ...errors import InputError
 from ...extras import extra
 from ...integrate.trajectory import Trajectory
 from .dataset import VERSION
+from .fitting import check_arrays, check_scene
 from .restore import solver_of, trajectory_of
 
 _PACKAGES = ("h5netcdf", "h5py")
@@ -48,8 +49,9 @@ def load(
       file holds them in words only.
 
     Raises ImportError, with what to install, without the extra; InputError for a file that is not
-    there, that holds something else, that a newer romjax has written, or that is in double
-    precision where JAX is set to single, or for another `solver` than that of the run.
+    there, that holds something else, whose arrays do not fit each other or its scene, that a newer
+    romjax has written, or that is in double precision where JAX is set to single, or for another
+    `solver` than that of the run.
     """
     xarray = extra("load", "xarray", "files")
     for package in _PACKAGES:
@@ -62,12 +64,15 @@ def load(
         raise InputError(
             f"load: {path} is no netCDF file; give one that Trajectory.save has written."
         ) from error
-    _check(dataset, path)
     try:
-        return trajectory_of(dataset, solver_of(dataset.attrs, solver))
+        _check(dataset, path)
+        check_arrays(dataset, path)
+        run = trajectory_of(dataset, solver_of(dataset.attrs, solver))
     except KeyError as error:
         lacking = str(error.args[0]).partition(". ")[0]
         raise InputError(f"load: {path} is damaged ({lacking}); save the run again.") from error
+    check_scene(run, dataset, path)
+    return run
 
 
 def _check(dataset: Any, path: str | os.PathLike[str]) -> None:
@@ -79,12 +84,12 @@ def _check(dataset: Any, path: str | os.PathLike[str]) -> None:
             f"load: {path} {what}, but a run is asked for; open it by xarray.open_dataset."
         )
     version = dataset.attrs.get("format_version", 0)
-    if version > VERSION:
+    if not isinstance(version, int | np.integer) or version > VERSION:
         raise InputError(
             f"load: {path} is of version {version}, but this romjax knows versions up to "
             f"{VERSION}; install a newer romjax, or open it by xarray.open_dataset."
         )
-    if dataset["time"].dtype == np.float64 and not jax.config.read("jax_enable_x64"):
+    if dataset["q"].dtype == np.float64 and not jax.config.read("jax_enable_x64"):
         raise InputError(
             f'load: {path} is in double precision; call jax.config.update("jax_enable_x64", True) '
             "before making any array."

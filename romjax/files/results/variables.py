@@ -15,7 +15,7 @@ from ...system.stabilization import Baumgarte, Projection
 Variable = tuple[tuple[str, ...], Any, dict[str, Any]]
 
 # Dimensions after that of lanes, unit, and what it is, of each array of a run.
-_ARRAYS = {
+ARRAYS = {
     "q": (("time", "coordinate"), "", "generalized coordinates"),
     "v": (("time", "coordinate"), "", "their rates"),
     "violation": (("time",), "m or rad", "largest size of the constraints"),
@@ -23,7 +23,7 @@ _ARRAYS = {
     "multipliers": (("time", "constraint"), "N or N m", "Lagrange multipliers"),
     "metric": (("coordinate", "column"), "", "mass matrix at the start"),
 }
-_STATISTICS = {
+STATISTICS = {
     "num_steps": ("1", "steps"),
     "num_accepted_steps": ("1", "steps that were accepted"),
     "num_rejected_steps": ("1", "steps that were rejected"),
@@ -33,7 +33,7 @@ _STATISTICS = {
 }
 # Of the balance of energy and the passage of singular positions; joules unless given.
 _UNITS = {"time": "s", "ambiguity": "1", "repeated": "1"}
-_EVENTS = {
+EVENTS = {
     "time": (("occurrence",), "s", "when it happened"),
     "happened": (("occurrence", "event"), "1", "which events did"),
     "impulse": (("occurrence", "event"), "N s", "impulses of impacts"),
@@ -53,11 +53,11 @@ def variables_of(run: Trajectory) -> dict[str, Variable]:
             attributes = {"long_name": words} | ({"units": unit} if unit else {})
             found[name] = (lanes + dimensions, np.asarray(value), attributes)
 
-    for name, (dimensions, unit, words) in _ARRAYS.items():
+    for name, (dimensions, unit, words) in ARRAYS.items():
         put(name, dimensions, getattr(run, name), unit, words)
     found["q"][2]["units"] = _together(run, "")
     found["v"][2]["units"] = _together(run, "/s")
-    for name, (unit, words) in _STATISTICS.items():
+    for name, (unit, words) in STATISTICS.items():
         put(name, (), getattr(run.stats, name), unit, words)
     put("status", (), run.status, "1", "how the run ended")
     found["status"][2].update(meanings_of_status())
@@ -94,7 +94,7 @@ def _put_events(run: Trajectory, found: dict[str, Variable]) -> None:
     assert run.events is not None
     # Rows that nothing happened in are left out.
     count = int(run.events.count)
-    for name, (dimensions, unit, words) in _EVENTS.items():
+    for name, (dimensions, unit, words) in EVENTS.items():
         attributes = {"long_name": words} | ({"units": unit} if unit else {})
         values = np.asarray(getattr(run.events, name))[:count]
         found[f"event_{name}"] = (dimensions, values, attributes)
