@@ -211,12 +211,20 @@ def test_other_files_are_refused(attributes, words, tmp_path):
         rj.load(tmp_path / "other.nc")
 
 
-def test_what_is_no_file_is_refused(run, tmp_path):
+def unreadable(_):
+    raise RuntimeError("incorrect metadata checksum after all read attempts")
+
+
+def test_what_is_no_file_is_refused(run, tmp_path, monkeypatch):
     with pytest.raises(rj.InputError, match="there is no file.*run.nc"):
         rj.load(tmp_path / "run.nc")
     (tmp_path / "run.nc").write_text("t,x\n")
     with pytest.raises(rj.InputError, match="no netCDF file.*Trajectory.save"):
         rj.load(tmp_path / "run.nc")
+    with monkeypatch.context() as patched:
+        patched.setattr(xarray, "load_dataset", unreadable)  # as HDF5 does, where a bit has turned
+        with pytest.raises(rj.InputError, match="a damaged one.*Trajectory.save"):
+            rj.load(tmp_path / "run.nc")
     run.to_xarray().drop_vars("violation").to_netcdf(tmp_path / "part.nc")
     with pytest.raises(rj.InputError, match="part.nc is damaged.*'violation'"):
         rj.load(tmp_path / "part.nc")

@@ -60,9 +60,10 @@ def load(
         dataset = xarray.load_dataset(path)
     except FileNotFoundError as error:
         raise InputError(f"load: there is no file {path}.") from error
-    except (OSError, ValueError, KeyError) as error:
+    except Exception as error:  # whatever a broken file makes a reader do
         raise InputError(
-            f"load: {path} is no netCDF file; give one that Trajectory.save has written."
+            f"load: {path} is no netCDF file, or a damaged one; give one that Trajectory.save has "
+            "written."
         ) from error
     try:
         _check(dataset, path)
