@@ -158,6 +158,23 @@ def test_any_solver(solver):
     assert motion.solver == solver
 
 
+@pytest.mark.parametrize("mode", ["reverse", "forward"])
+def test_derivatives_of_a_run_that_does_not_end_are_no_numbers(mode):
+    """Zero would be a minimum; outputs that the run gets to keep theirs."""
+    adjoint, derivative = None, jax.jacrev
+    if mode == "forward":
+        adjoint, derivative = diffrax.ForwardMode(), jax.jacfwd
+
+    def at(start):
+        ts = np.array([0.0, 0.01, 10.0])
+        settings = {"max_steps": 8, "throw": False, "adjoint": adjoint}
+        return rj.simulate(oscillator(), ts, q0=start, **settings).q[jnp.array([1, -1]), 0]
+
+    reached, missed = jax.jit(derivative(at))(np.ones(1))
+    assert np.all(np.isfinite(reached))
+    assert not np.any(np.isfinite(missed))
+
+
 def test_methods_of_a_system_can_be_jitted():
     """`jax.jit(system.acceleration)` compiles once, however often the method is looked up."""
     made = system(hanging)

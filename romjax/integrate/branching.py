@@ -8,6 +8,7 @@ from jaxtyping import Array, Float, Int
 
 from .. import precision
 from ..linalg.kkt import KKT
+from ..plain import plain
 from ..system.flags import Flag
 
 # Branches are told apart while |C| is below this share of σ². Of 336 runs through change points,
@@ -34,6 +35,9 @@ class Branching(NamedTuple):
     ambiguity: Float[Array, ""]
     time: Float[Array, ""]
     repeated: Int[Array, ""]
+
+    def __repr__(self) -> str:
+        return plain(self)
 
     @classmethod
     def start(cls, t: Float[Array, ""], m: int) -> "Branching":

@@ -11,7 +11,7 @@ from .trajectory import Trajectory
 
 # What a run is warned of, and what projection may mend. Integers: members of an enumeration take
 # ten times as long, and every run is asked.
-_DOUBTS = int(Flag.ENERGY | Flag.DISSIPATION | Flag.BRANCH)
+DOUBTS = int(Flag.ENERGY | Flag.DISSIPATION | Flag.BRANCH)
 _MENDED = int(Flag.ENERGY | Flag.BRANCH)
 _SUCCESS, _VIOLATED = int(Status.SUCCESS), int(Status.CONSTRAINTS_VIOLATED)
 
@@ -33,7 +33,7 @@ def _outcome(run: Trajectory) -> tuple[int, int]:
 def warn_of_doubt(system: AbstractSystem, run: Trajectory) -> None:
     """Warn of one run, not of those that JAX traces, that ended, of what speaks against it."""
     status, flags = _outcome(run)
-    if status != _SUCCESS or not flags & _DOUBTS:
+    if status != _SUCCESS or not flags & DOUBTS:
         return
     words = [f"simulate: the motion is doubtful: {run.warnings()}"]
     singular = singular_position(system, run)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from ..plain import plain
 from ..system.flags import Flag
 from ..system.state import Power
 
@@ -59,6 +60,9 @@ class EnergyBalance(NamedTuple):
     tolerated_sum: Float[Array, ""]
     tolerated_work: Float[Array, ""]
     rounding: Float[Array, ""]
+
+    def __repr__(self) -> str:
+        return plain(self)
 
     def follow(
         self,

@@ -7,6 +7,8 @@ from ..arrays import concrete
 from ..errors import SimulationError
 from ..system.base import AbstractSystem
 from ..system.constraints import ConstraintState
+from ..system.flags import WORDS
+from .doubt import DOUBTS
 from .status import REMEDIES, Status
 from .trajectory import Trajectory
 
@@ -14,7 +16,8 @@ from .trajectory import Trajectory
 def raise_failure(
     system: AbstractSystem, trajectory: Trajectory, start: ConstraintState
 ) -> Trajectory:
-    """The same trajectory; raise if it failed, while JAX traces when the program runs.
+    """The same trajectory; raise if it failed, while JAX traces when the program runs, and then of
+    doubts too, of which no warning is possible.
 
     `start`: the constraints at the start of the run. Raises ValueError for a start that violates
     them, SimulationError for everything else.
@@ -24,6 +27,13 @@ def raise_failure(
         failed = trajectory.status != Status.SUCCESS
         words = "; or ".join(remedy for remedy in REMEDIES.values() if remedy)
         q = eqx.error_if(trajectory.q, failed, f"A simulation failed: {words}.")
+        doubts = "; or ".join(words for flag, words in WORDS.items() if flag & DOUBTS)
+        q = eqx.error_if(
+            q,
+            trajectory.flags & DOUBTS != 0,
+            f"A simulated motion is doubtful: {doubts}. Tighten rtol, use "
+            "stabilization=romjax.Projection(), or with throw=False look at Trajectory.flags.",
+        )
         checked: Trajectory = eqx.tree_at(lambda run: run.q, trajectory, q)
         return checked
     # As integers: an array is compared with a member of an enumeration ten times as slowly.

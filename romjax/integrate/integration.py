@@ -59,7 +59,7 @@ def integrate(
     Never raises: how it went is in `result`.
     """
     post_step = post_step_of(system, settings.projection)
-    if settings.projection is not None:
+    if settings.projection is not None and settings.projects_start:
         q0, v0 = project_start(system, ts[0], q0, v0)
     term, solver, y0 = _problem(system, q0, v0, post_step, settings)
     schedule = Schedule.of(system)

@@ -1,5 +1,7 @@
 """The loop over the steps of a run, with outputs on the way."""
 
+import functools
+import operator
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
@@ -82,6 +84,7 @@ class March(NamedTuple):
         ended = (end.t >= self.ts[-1]) | self.steps.is_stopped(end)
         exhausted = ~ended & diffrax.is_successful(end.result)
         result = diffrax.RESULTS.where(exhausted, diffrax.RESULTS.max_steps_reached, end.result)
+        saved = saved._replace(outputs=self.without_later(end, saved))
         return end._replace(result=result), saved, findings, seen
 
     def nothing_saved(self, start: Progress) -> Saved:
@@ -98,6 +101,20 @@ class March(NamedTuple):
             between = eqx.filter_eval_shape(self.trial, *step).between
             pieces = Pieces.empty(self.dense, between, start.t)
         return Saved(jnp.zeros((), int), outputs, imbalance, record, pieces)
+
+    def without_later(self, end: Progress, saved: Saved) -> PyTree:
+        """The outputs, those that the run does not get to infinite, and so in their derivatives,
+        which would be zero if they were constants.
+        """
+        missing = (jnp.arange(len(self.ts)) >= saved.number) & ~self.steps.is_stopped(end)
+        sizes = [jnp.sum(x**2) for x in jax.tree.leaves(end.y)]
+        infinite = jnp.inf * (1 + functools.reduce(operator.add, sizes))
+
+        def put(rows: Array) -> Array:
+            late = missing.reshape(-1, *[1] * (rows.ndim - 1))
+            return jnp.where(late, infinite.astype(rows.dtype), rows)
+
+        return jax.tree.map(put, saved.outputs)
 
     def save(
         self,

@@ -134,8 +134,9 @@ def _run_with_checkpoints(
         start, lambda before, after, seen: seen.put(before, after), Checkpoints.none(start, slots)
     )
     end, saved, _, checkpoints = run
+    missing = (saved.number < march.asked) & ~march.steps.is_stopped(end)
     happened = jnp.zeros((), int) if saved.record is None else saved.record.number
-    return ended(run), (checkpoints, end.accepted, end.t, saved.number, happened)
+    return ended(run), (checkpoints, end.accepted, end.t, saved.number, happened, missing)
 
 
 def _transpose(
@@ -148,7 +149,7 @@ def _transpose(
     longest: int,
 ) -> Any:
     del slots
-    checkpoints, accepted, t, saved, happened = residuals
+    checkpoints, accepted, t, saved, happened, missing = residuals
     march, stride = _joined(by, choice)[0], checkpoints.stride
     # A checkpoint has all of a start; `by` lacks what is not differentiated.
     start = checkpoints.get(jnp.zeros((), int))
@@ -177,8 +178,23 @@ def _transpose(
     _, first = jax.lax.while_loop(
         lambda carry: unvmap_any(carry[0] >= 0), segment, ((accepted - 1) // stride, end)
     )
-    trial, output, ts = first.numbers
-    return Differentiated(trial, output, ts, first.y, first.solver_state)
+    nan = jnp.where(missing & _uses_later(cotangents.outputs, saved), jnp.nan, 0.0)
+    numbers, y, solver_state = jax.tree.map(lambda x: x + nan.astype(x.dtype), first[:3])
+    trial, output, ts = numbers
+    return Differentiated(trial, output, ts, y, solver_state)
+
+
+def _uses_later(cotangents: PyTree, number: Int[Array, ""]) -> Array:
+    """Whether outputs after the first `number` of them count: where the run did not get there, they
+    are no numbers, and neither are their derivatives.
+    """
+
+    def counts(x: Array) -> Array:
+        late = jnp.arange(len(x)) >= number
+        return jnp.any((x != 0) & late.reshape(-1, *[1] * (x.ndim - 1)))
+
+    leaves = jax.tree.leaves(eqx.filter(cotangents, eqx.is_inexact_array))
+    return jnp.any(jnp.array([counts(x) for x in leaves], bool))
 
 
 _run.def_fwd(_run_with_checkpoints)  # type: ignore[no-untyped-call]

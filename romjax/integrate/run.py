@@ -74,6 +74,7 @@ def _run(
     settings: Settings,
 ) -> tuple[_Result, Derived | OnDemand]:
     """The run, by a program of its own that others share, or as a part of the user's."""
+    settings = settings.limited(not compat.is_outermost())
     if not compat.is_outermost():
         return _differentiable(bare, ts, q0, v0, settings)
     settings = settings._replace(max_steps=np.asarray(settings.max_steps), adjoint=None)

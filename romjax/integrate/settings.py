@@ -18,6 +18,8 @@ from ..system.frequencies import Frequencies
 from ..system.stabilization import Baumgarte, Projection, Stabilization
 from .default import default_stabilization
 
+# Where derivatives in reverse mode must know how many steps there may be, and none is given.
+_MOST_STEPS = 100_000
 # What holds a single number.
 _NUMBERS = int, float, jax.Array, np.ndarray, np.number
 
@@ -28,7 +30,8 @@ class Settings(NamedTuple):
     A tuple, since every call of `simulate` takes it apart: a module costs 0.03 ms more.
 
     - `rtol`, `atol`: tolerances of the step size control, or `dt` [s], a fixed step.
-    - `stabilization`: "default" until `resolve` replaces it.
+    - `stabilization`: "default" until `resolve` replaces it. `projects_start`: whether a start that
+      violates the constraints is projected too, or refused.
     - `frequencies`: of the system at its start, where a choice needs them.
     - `adjoint`: diffrax's way to differentiate; None for romjax's own in reverse mode, whose steps
       forward mode takes too. `max_steps` may be an array
@@ -43,9 +46,10 @@ class Settings(NamedTuple):
     atol: Float[Array | np.ndarray, ""]
     dt: Float[Array | np.ndarray, ""] | None
     stabilization: Stabilization | Literal["default"]
+    projects_start: bool
     frequencies: Frequencies | None
     adjoint: diffrax.AbstractAdjoint | None
-    max_steps: int | Int[Array | np.ndarray, ""]
+    max_steps: int | Int[Array | np.ndarray, ""] | None
     meter: diffrax.AbstractProgressMeter[Any]
     audit: bool
     events: tuple[AbstractEvent, ...]
@@ -61,6 +65,15 @@ class Settings(NamedTuple):
         elif isinstance(stabilization, Projection) and system.m == 0:
             stabilization = None
         return self._replace(stabilization=stabilization)
+
+    def limited(self, traced: bool) -> "Settings":
+        """The same with a number of steps where there is no limit: the largest number, or the usual
+        one where the run is `traced` as a part of a transformation, which may be reverse mode.
+        """
+        if self.max_steps is not None:
+            return self
+        largest = int(jnp.iinfo(jnp.zeros((), int).dtype).max)
+        return self._replace(max_steps=_MOST_STEPS if traced and not self.is_forward else largest)
 
     @property
     def baumgarte(self) -> Baumgarte | None:
@@ -118,16 +131,16 @@ def check_choices(
     check_kind("simulate", "stabilization", stabilization, Projection, remedy)
 
 
-def check_numbers(max_steps: int, dense: int, **steps: ArrayLike | None) -> None:
+def check_numbers(max_steps: int | None, dense: int, **steps: ArrayLike | None) -> None:
     """Raise InputError for counts below their least, and for `steps` that must be positive."""
     for name, value in steps.items():
         if value is not None:
             check_kind("simulate", name, value, _NUMBERS, "a positive number")
             check_positive("simulate", name, value)
-    if max_steps < 1 or dense < 0:
+    if (max_steps is not None and max_steps < 1) or dense < 0:
         raise InputError(
-            f"simulate: max_steps={max_steps}, dense={dense}; a run takes at least one step, and "
-            "dense output has room for a number of steps, or is False."
+            f"simulate: max_steps={max_steps}, dense={dense}; a run takes at least one step, or "
+            "any number with None, and dense output has room for a number of steps, or is False."
         )
 
 

@@ -10,6 +10,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..arrays import Vector, as_number
 from ..checks import check_finite
+from ..compat import is_outermost
 from ..events.base import AbstractEvent
 from ..events.check import check_events
 from ..system.base import AbstractSystem
@@ -41,7 +42,7 @@ def simulate(
     dt: ArrayLike | None = None,
     stabilization: Stabilization | Literal["default"] = "default",
     adjoint: diffrax.AbstractAdjoint | None = None,
-    max_steps: int = 100_000,
+    max_steps: int | None = 100_000,
     events: Sequence[AbstractEvent] = (),
     max_events: int = 256,
     dense: bool | int = False,
@@ -73,10 +74,12 @@ def simulate(
     - `stabilization`: `Baumgarte(alpha, beta)`, `Projection()` or None; unless given, critical
       damping at a quarter of the mechanism's fastest rigid frequency, at all of it in fixed
       steps, and where energy does not balance with it, as it may at singular positions, the run
-      is repeated with projection (not while JAX traces).
+      is repeated with projection. While JAX traces, no run can be repeated, and mechanisms with
+      closed loops are projected from the first.
     - `adjoint`: how derivatives are taken, where the run is part of a transformation; reverse mode
       with checkpoints unless given, or inside `with romjax.forward_mode():`.
-    - `max_steps`: most steps before giving up.
+    - `max_steps`: most steps before giving up; None for no limit, but for 100 000 within
+      transformations of JAX, unless derivatives are taken in forward mode.
     - `events`: moments to look for (`Crossing`, `Stop`, `Impact`): `Trajectory.events` says when
       they happened. Steps end at them, so that times and states there have the accuracy of the
       run, and derivatives. `max_events`: how many there is room for.
@@ -108,7 +111,8 @@ def simulate(
         rtol=as_number(rtol, q.dtype),
         atol=as_number(rtol if atol is None else atol, q.dtype),
         dt=step,
-        stabilization=stabilization,
+        stabilization=_stabilization(system, stabilization),
+        projects_start=isinstance(stabilization, Projection),
         frequencies=frequencies,
         adjoint=default_adjoint(solver) if adjoint is None else adjoint,
         max_steps=max_steps,
@@ -132,6 +136,17 @@ def simulate(
         trajectory = raise_failure(system, trajectory, start)
     warn_of_doubt(system, trajectory)
     return trajectory
+
+
+def _stabilization(
+    system: AbstractSystem, given: Stabilization | Literal["default"]
+) -> Stabilization | Literal["default"]:
+    """As it is given, but projection instead of the default of a mechanism with loops while JAX
+    traces: such a run cannot be repeated.
+    """
+    if given == "default" and system.structure.loops and not is_outermost():
+        return Projection()
+    return given
 
 
 def _check_start(

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..deprecated import warn_once
+from ..plain import plain
 from ..system.stabilization import Baumgarte, Stabilization
 
 _COUNTS = ("num_steps", "num_accepted_steps", "num_rejected_steps")
@@ -37,6 +38,9 @@ class Statistics(eqx.Module):
     atol: Float[Array | np.ndarray, ""] | None = None
     fastest_frequency: Float[Array, ""] | None = None
     stabilization: Stabilization = None
+
+    def __repr__(self) -> str:
+        return plain(self)
 
     def __getitem__(self, name: str) -> Any:
         items = self._items()
