@@ -17,7 +17,7 @@ import numpy as np
 from tabulate import tabulate
 from tqdm import tqdm
 
-from . import document, page, plot, report, writing
+from . import __version__, document, page, plot, report, writing
 from .assembly.assemble import assemble
 from .errors import InputError, SceneError, SimulationError
 from .files.begin import write_start
@@ -51,6 +51,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="romjax",
         description="Differentiable reduced-order simulation of flexible multibody systems.",
     )
+    parser.add_argument("--version", action="version", version=f"romjax {__version__}")
     verbs = parser.add_subparsers(required=True, metavar="VERB")
     scenes = verbs.add_parser("scenes", help="list the ready scenes")
     scenes.set_defaults(verb=_scenes)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import romjax
 from romjax.cli import main
 from romjax.gallery import EXAMPLES
 
@@ -29,6 +30,14 @@ def test_help(arguments, capsys):
         main(arguments)
     assert exit_.value.code == 0
     assert "usage: romjax" in capsys.readouterr().out
+
+
+@pytest.mark.instant
+def test_version(capsys):
+    with pytest.raises(SystemExit) as exit_:
+        main(["--version"])
+    assert exit_.value.code == 0
+    assert capsys.readouterr().out == f"romjax {romjax.__version__}\n"
 
 
 @pytest.mark.instant

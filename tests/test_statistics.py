@@ -11,8 +11,11 @@ import zoo
 
 import romjax as rj
 from romjax.deprecated import warn_once
+from romjax.integrate import settings
+from romjax.integrate.branching import Branching
 from romjax.integrate.parts import Parts
 from romjax.integrate.statistics import Statistics
+from romjax.integrate.status import Status
 
 TS = np.linspace(0.0, 0.2, 5)
 
@@ -42,6 +45,24 @@ def test_the_settings_of_a_run(run):
     assert stats.fastest_frequency is None
 
 
+def test_numbers_are_printed_as_numbers(run):
+    """Those of one run, of several, and while JAX traces."""
+    steps = [int(run.stats[f"num_{kind}steps"]) for kind in ("", "accepted_", "rejected_")]
+    assert str(run.stats) == repr(run.stats)
+    assert str(run.stats) == (
+        "Statistics(num_steps={}, num_accepted_steps={}, num_rejected_steps={}, rtol=1e-05, "
+        "atol=1e-05, fastest_frequency=None, stabilization=Baumgarte(alpha=10.0, beta=25.0))"
+    ).format(*steps)
+    lanes = Statistics(*3 * [np.arange(20)], rtol=np.float32(0.1))
+    assert "num_steps=[ 0,  1, ..., 18, 19]" in repr(lanes)
+    assert "rtol=0.1," in repr(lanes)
+    branching = Branching(np.asarray(0.5), np.asarray(1.0), np.asarray(2))
+    assert repr(branching) == "Branching(ambiguity=0.5, time=1.0, repeated=2)"
+    said = []
+    jax.eval_shape(lambda x: said.append(repr(Statistics(x, x, x))), np.int64(1))
+    assert "num_steps=i64[]" in said[0]
+
+
 def test_what_does_not_apply_is_none(system):
     """No tolerances in fixed steps; a frequency where something was chosen by it."""
     fixed = zoo.run(system, TS, dt=0.01, stabilization=None).stats
@@ -49,6 +70,26 @@ def test_what_does_not_apply_is_none(system):
     chosen = zoo.run(system, TS, solver=None, stabilization=rj.Projection()).stats
     assert chosen.fastest_frequency > 0
     assert chosen.stabilization == rj.Projection()
+
+
+def test_no_limit_of_steps(system, monkeypatch):
+    """But within a transformation, where reverse mode must know one; forward mode needs none."""
+    monkeypatch.setattr(settings, "_MOST_STEPS", 3)
+
+    def steps(start, adjoint=None):
+        made = {"max_steps": None, "throw": False, "adjoint": adjoint}
+        made |= {"solver": zoo.RODAS5P, "stabilization": None}
+        run = zoo.run(system, TS, rtol=1e-5, v0=start, **made)
+        return run.stats.num_steps, run.status
+
+    wanted, status = steps(system.v0)
+    assert wanted > 3
+    assert status == Status.SUCCESS
+    assert jax.jit(steps)(system.v0) == (3, Status.MAX_STEPS)
+    found = jax.jit(lambda start: steps(start, diffrax.ForwardMode()))(system.v0)
+    assert found == (wanted, Status.SUCCESS)
+    with pytest.raises(rj.InputError, match="max_steps=0.*None stands for any number"):
+        zoo.run(system, TS, max_steps=0)
 
 
 def test_the_numbers_of_steps_are_items_too(run):

@@ -131,6 +131,7 @@ BASE = {
     "fields",
     "extras",
     "writing",
+    "plain",
 }
 BELOW = {
     "linalg": set(),

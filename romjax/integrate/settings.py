@@ -72,7 +72,7 @@ class Settings(NamedTuple):
         """
         if self.max_steps is not None:
             return self
-        largest = int(jnp.iinfo(jnp.zeros((), int).dtype).max)
+        largest = int(np.iinfo(jax.dtypes.canonicalize_dtype(int)).max)
         return self._replace(max_steps=_MOST_STEPS if traced and not self.is_forward else largest)
 
     @property
@@ -139,8 +139,8 @@ def check_numbers(max_steps: int | None, dense: int, **steps: ArrayLike | None) 
             check_positive("simulate", name, value)
     if (max_steps is not None and max_steps < 1) or dense < 0:
         raise InputError(
-            f"simulate: max_steps={max_steps}, dense={dense}; a run takes at least one step, or "
-            "any number with None, and dense output has room for a number of steps, or is False."
+            f"simulate: max_steps={max_steps}, dense={dense}; a run takes at least one step, None "
+            "stands for any number, and dense output has room for a number of steps, or is False."
         )
 
 

@@ -1,0 +1,33 @@
+"""Results in words: numbers as one reads them, instead of the arrays that hold them."""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from .arrays import concrete
+
+# Of longer arrays, the first and the last numbers are shown.
+_MOST = 8
+
+
+def plain(part: Any) -> str:
+    """The fields of a tuple or dataclass with their numbers; while JAX traces, with their types."""
+    names = getattr(part, "_fields", None) or [x.name for x in dataclasses.fields(part)]
+    words = ", ".join(f"{name}={_value(getattr(part, name))}" for name in names)
+    return f"{type(part).__name__}({words})"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, eqx.Module):
+        return plain(value)
+    if not isinstance(value, jax.Array | np.ndarray | np.generic):
+        return repr(value)
+    numbers = concrete(value)
+    if numbers is None:
+        return str(eqx.tree_pformat(value))
+    if numbers.ndim == 0:
+        return str(numbers)
+    return np.array2string(numbers, separator=", ", threshold=_MOST, edgeitems=2)
