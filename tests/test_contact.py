@@ -1,11 +1,12 @@
 """Contact and friction: restitution by an exact law, and a block on an incline."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import zoo
 from scipy.optimize import brentq
-from tolerances import IDENTITY, SOLVED
+from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
 
@@ -117,6 +118,39 @@ def test_friction_acts_on_both_bodies():
     for i in (0, 3):
         moment += q[i] * force[i + 1] - q[i + 1] * force[i]
     assert abs(moment) <= IDENTITY * 1e4
+
+
+@pytest.mark.parametrize("speed", [1.0, 100.0])
+@pytest.mark.parametrize("radius", [1e-3, 1e-2])
+def test_a_fast_ball_does_not_pass_through(speed, radius):
+    """It flies freely but for a thousandth of the run; a stiffness with which it turns at a tenth
+    of the radius: ½ v² = ⅖ k δ^(5/2).
+    """
+    stiffness = 1.25 * speed**2 / (0.1 * radius) ** 2.5
+    system = flying(radius, stiffness, speed)
+    run = rj.simulate(system, np.linspace(0.0, 1.0 / speed, 5), rtol=1e-9)
+    assert run.is_valid
+    np.testing.assert_allclose(run.v[-1, 0], -speed, rtol=DIFFERENCED)
+
+
+def flying(radius, stiffness, speed) -> rj.AbstractSystem:
+    """A ball half a metre before a circle."""
+    ball = rj.RigidBody("ball", 1.0, 1.0, position=(-0.5, 0.0), velocity=(speed, 0.0))
+    contact = rj.Contact(ball.at(), rj.ground.at((0.0371, 0.0)), rj.Circle(radius), stiffness)
+    return rj.assemble(rj.Scene([ball], effects=[contact]))
+
+
+def test_lanes_pass_through_no_contact():
+    speeds = np.array([1.0, 3.0, 30.0, 100.0])
+
+    def last(speed):
+        system = flying(1e-2, 1.25 * speed**2 / 1e-3**2.5, speed)
+        run = rj.simulate(system, jnp.linspace(0.0, 1.0, 5) / speed, rtol=1e-9, throw=False)
+        return run.v[-1, 0] / speed, run.is_valid
+
+    after, valid = jax.jit(jax.vmap(last))(speeds)
+    assert np.all(valid)
+    np.testing.assert_allclose(after, -1.0, rtol=DIFFERENCED)
 
 
 @pytest.mark.instant

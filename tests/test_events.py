@@ -137,6 +137,41 @@ def test_a_stop():
     assert [len(made.events.times(i)) for i in (0, 1, 5)] == [0, 1, 1]
 
 
+def flight(*events, speed=1.0) -> rj.Trajectory:
+    """A body that moves freely past x = 1/2, in steps that are as long as they may be."""
+    body = rj.RigidBody("body", 1.0, 1.0, velocity=(speed, 0.0))
+    system = rj.assemble(rj.Scene([body]))
+    return rj.simulate(system, np.linspace(0.0, 1.0, 3), events=events)
+
+
+def wall(system, t, q, v):
+    """How far a body is from a wall of one centimetre."""
+    return jnp.abs(q[0] - 0.5) - 0.005
+
+
+def shallow(system, t, q, v):
+    """A smooth quantity that is negative for nine milliseconds."""
+    return (q[0] - 0.3712) * (q[0] - 0.3802)
+
+
+def test_excursions_within_a_step_are_seen():
+    run = flight(rj.Crossing(wall), rj.Crossing(shallow))
+    np.testing.assert_allclose(run.events.times(0), [0.495, 0.505], rtol=SOLVED)
+    np.testing.assert_allclose(run.events.times(1), [0.3712, 0.3802], rtol=SOLVED)
+    assert run.stats.num_steps < 20
+
+
+def test_a_body_stops_at_a_thin_wall():
+    run = flight(rj.Stop(wall))
+    np.testing.assert_allclose(run.q[-1, 0], 0.495, rtol=SOLVED)
+
+
+def test_a_body_is_thrown_back_by_a_thin_wall():
+    run = flight(rj.Impact(wall, restitution=0.5))
+    np.testing.assert_allclose(run.events.times(), [0.495], rtol=SOLVED)
+    np.testing.assert_allclose(run.v[-1, 0], -0.5, rtol=SOLVED)
+
+
 def test_the_period_of_a_pendulum():
     """By the complete elliptic integral of the first kind."""
     length, swing = 0.9, 1.2  # swing: the amplitude [rad], against hanging

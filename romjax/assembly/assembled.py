@@ -15,6 +15,7 @@ from ..linalg.indexing import spread
 from ..linalg.inverse_mass import InverseMass
 from ..linalg.pattern import Pattern
 from ..scene.effect.base import AbstractField
+from ..scene.effect.contact import AbstractContact
 from ..system.base import AbstractSystem
 from ..system.state import FullState, Power
 from ..system.structure import Structure
@@ -56,6 +57,7 @@ class AssembledSystem(AbstractSystem):
             lambda q: self.stored(t, q),
             lambda: self.power(t, q, v),
             lambda: self.inverse_mass(q),
+            lambda: self.gaps(q),
         )
 
     def stored(self, t: Time, q: Float[Array, " n"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
@@ -83,6 +85,14 @@ class AssembledSystem(AbstractSystem):
             return None
         zero = jnp.zeros((), q.dtype)
         return Power(_total(taken, zero), _total(given, zero))
+
+    def gaps(self, q: Float[Array, " n"]) -> Float[Array, " contacts"] | None:
+        """How far the points of all contacts are outside [m]; None without contacts."""
+        groups = [x for x in self.effects if isinstance(x.effects, AbstractContact)]
+        if self.effect_markers is None or not groups:
+            return None
+        poses = self.effect_markers.poses(q)
+        return jnp.concatenate([group.gaps(poses) for group in groups])
 
     def mass_blocks(self, q: Float[Array, " n"]) -> Float[Array, "bodies size *size"]:
         """Mass matrices of the bodies, padded to one size by ones on the diagonal; the diagonals

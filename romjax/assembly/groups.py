@@ -3,6 +3,7 @@
 import functools
 import operator
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -16,6 +17,7 @@ from ..linalg.indexing import Index
 from ..linalg.inverse_mass import AbstractBodyInverse
 from ..scene.body.base import AbstractBody
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect
+from ..scene.effect.contact import local_point
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import Pose, Twist, Wrench
 from ..system.dynamics import quadratic_velocity_force
@@ -217,6 +219,14 @@ class EffectGroup(Stack):
         """The potential energy of each."""
         each: Array = jax.vmap(lambda effect, poses: effect.energy(t, *poses))(
             self.effects, self.markers.take(poses)
+        )
+        return each
+
+    def gaps(self, poses: Pose) -> Float[Array, " count"]:
+        """How far the point of each contact is outside [m]."""
+        contacts: Any = self.effects
+        each: Array = jax.vmap(lambda contact, sides: contact.gap(local_point(*sides)))(
+            contacts, self.markers.take(poses)
         )
         return each
 

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-# Dense output is looked at so many times in each step; excursions between two are not seen.
+# Dense output is looked at so many times in each step, for values and for rates.
 _NODES = 8
 # Bisections of the part of a step in which an event lies: dense output knows it no better.
 _BISECTIONS = 24
@@ -27,6 +27,13 @@ class Crossings(NamedTuple):
     sign: Float[Array, " events"]
 
 
+class _Points(NamedTuple):
+    """Where in a step quantities were looked at, each at points of its own."""
+
+    shares: Float[Array, "points events"]
+    values: Float[Array, "points events"]
+
+
 def first_crossing(
     at: Callable[[Float[Array, ""]], Float[Array, " events"]],
     side: Float[Array, " events"],
@@ -37,28 +44,99 @@ def first_crossing(
 ) -> Crossings:
     """Where in a step one of the quantities `at` a share of it first crosses zero.
 
+    A quantity that comes near its level and goes away between two looks may have crossed it twice:
+    it is followed to where it turns.
+
     `side`: where each starts, 0 for what cannot cross. `end`: their values at the end. `noise`: of
     the values. `falling`, `rising`: the directions that count.
     """
-    inner = jax.lax.map(at, jnp.arange(1, _NODES) / _NODES)
-    values = jnp.concatenate([side[None], inner, end[None]])
+    points = _look(at, side, end, noise)
 
     def crosses(before: Array, after: Array) -> Array:
         falls = falling & (before >= -noise) & (after < -noise)
         rises = rising & (before <= noise) & (after > noise)
         return jnp.where(side != 0, jnp.where(falls, 1.0, jnp.where(rises, -1.0, 0.0)), 0.0)
 
-    signs = jax.vmap(crosses)(values[:-1], values[1:])
-    exists, part = jnp.any(signs != 0), jnp.argmax(jnp.any(signs != 0, axis=1))
-    sign = signs[part]
+    signs = jax.vmap(crosses)(points.values[:-1], points.values[1:])
+    exists, part = jnp.any(signs != 0, axis=0), jnp.argmax(signs != 0, axis=0)
+    sign, low, high = (_each(x, part) for x in (signs, points.shares[:-1], points.shares[1:]))
 
     def halve(_: Any, bracket: tuple[Array, Array]) -> tuple[Array, Array]:
         low, high = bracket
         middle = 0.5 * (low + high)
-        # Positive as long as none of them has crossed.
-        is_before = jnp.min(jnp.where(sign != 0, sign * at(middle), jnp.inf)) > 0
+        is_before = sign * _each_at(at, middle) > 0
         return jnp.where(is_before, middle, low), jnp.where(is_before, high, middle)
 
-    count = jnp.where(exists, _BISECTIONS, 0)
-    _, share = jax.lax.fori_loop(0, count, halve, (part / _NODES, (part + 1) / _NODES))
-    return Crossings(exists, part == _NODES - 1, share, sign)
+    count = jnp.where(jnp.any(exists), _BISECTIONS, 0)
+    _, share = jax.lax.fori_loop(0, count, halve, (low, high))
+    first = jnp.argmin(jnp.where(exists, share, jnp.inf))
+    # Two points in each part.
+    together = exists & (part // 2 == part[first] // 2)
+    return Crossings(
+        jnp.any(exists),
+        part[first] == 2 * _NODES - 1,
+        share[first],
+        jnp.where(together, sign, 0.0),
+    )
+
+
+def _look(
+    at: Callable[[Float[Array, ""]], Float[Array, " events"]],
+    side: Float[Array, " events"],
+    end: Float[Array, " events"],
+    noise: Float[Array, " events"],
+) -> _Points:
+    """The quantities at the nodes of a step, and between two of them where they turn away from
+    their level, or at the first of the two again.
+    """
+
+    def look(share: Array) -> tuple[Array, Array]:
+        value, rate = jax.jvp(at, (share,), (jnp.ones_like(share),))
+        return value, rate
+
+    nodes = jnp.arange(_NODES + 1, dtype=side.dtype) / _NODES
+    values, rates = jax.lax.map(look, nodes)
+    values = values.at[0].set(side).at[-1].set(end)
+
+    def turn(i: Array) -> tuple[Array, Array]:
+        sign, before, after = jnp.sign(values[i]), rates[i], rates[i + 1]
+        turns = (sign * before < 0) & (sign * after > 0) & (sign * values[i + 1] > noise)
+
+        def halve(_: Any, bracket: tuple[Array, ...]) -> tuple[Array, ...]:
+            low, high, share, value = bracket
+            middle = 0.5 * (low + high)
+            here = _each_at(at, middle)
+            rate = _each_at(lambda x: look(x)[1], middle)
+            deeper = sign * here < sign * value
+            return (
+                jnp.where(sign * rate < 0, middle, low),
+                jnp.where(sign * rate < 0, high, middle),
+                jnp.where(deeper, middle, share),
+                jnp.where(deeper, here, value),
+            )
+
+        start = jnp.full_like(side, nodes[i]), jnp.full_like(side, nodes[i + 1])
+        count = jnp.where(jnp.any(turns), _BISECTIONS, 0)
+        *_, share, value = jax.lax.fori_loop(0, count, halve, (*start, start[0], values[i]))
+        return jnp.where(turns, share, nodes[i]), jnp.where(turns, value, values[i])
+
+    shares, turned = jax.lax.map(turn, jnp.arange(_NODES))
+    spread = jnp.broadcast_to(nodes[:, None], values.shape)
+    return _Points(*(_alternating(*x) for x in ((spread, shares), (values, turned))))
+
+
+def _alternating(nodes: Array, between: Array) -> Array:
+    """Rows of nodes, each but the last followed by one between it and the next."""
+    pairs = jnp.stack([nodes[:-1], between], axis=1).reshape(-1, nodes.shape[1])
+    return jnp.concatenate([pairs, nodes[-1:]])
+
+
+def _each(rows: Array, index: Array) -> Array:
+    """Of each column, the row with its index."""
+    return jnp.take_along_axis(rows, index[None], axis=0)[0]
+
+
+def _each_at(function: Callable[[Array], Array], shares: Array) -> Array:
+    """Of each quantity, its value at a share of its own."""
+    values: Array = jnp.diagonal(jax.vmap(function)(shares))
+    return values

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float, Int
 
 from ..errors import InputError
 from ..events.check import check_quantities
+from ..events.passage import Passage
 from ..events.record import Events
 from ..events.watch import Watch
 from ..system.base import AbstractSystem
@@ -62,13 +63,12 @@ def integrate(
     if settings.projection is not None and settings.projects_start:
         q0, v0 = project_start(system, ts[0], q0, v0)
     term, solver, y0 = _problem(system, q0, v0, post_step, settings)
-    schedule = Schedule.of(system)
-    corners = schedule.corners(ts)
     controller, first = _step_size_control(ts, settings, len(y0) == 3)
 
     output = output_of(system, settings.projection)
     if settings.adjoint is not None and not settings.is_forward:
         if settings.dt is None:
+            corners = Schedule.of(system).corners(ts)
             controller = diffrax.ClipStepSizeController(controller, step_ts=corners)
         parts = term, solver, controller, first
         return _by_diffrax(parts, output, ts, (q0, v0), y0, settings)
@@ -85,8 +85,7 @@ def integrate(
         dt0=first,
         max_steps=room,
         watch=watch,
-        schedule=schedule if schedule.limits_steps and settings.dt is None else None,
-        corners=corners if len(corners) and settings.dt is None else None,
+        **_limits(system, post_step, ts, settings),
     )
     audit = None
     if settings.audit:
@@ -180,6 +179,24 @@ def _watch(
         span=ts[-1] - ts[0],
         most=settings.max_events,
     )
+
+
+def _limits(
+    system: AbstractSystem, post_step: PostStep | None, ts: Float[Array, " k"], settings: Settings
+) -> dict[str, Any]:
+    """What limits steps but for the errors in them, as `Steps` has it: contacts and loads; nothing
+    limits fixed steps.
+    """
+    if settings.dt is not None:
+        return {"passage": None, "schedule": None, "corners": None}
+    full, schedule = system.full, Schedule.of(system)
+    touches = full.state(jnp.zeros(()), full.q0, full.v0).gaps() is not None
+    corners = schedule.corners(ts)
+    return {
+        "passage": Passage(system, post_step, jnp.asarray(settings.atol)) if touches else None,
+        "schedule": schedule if schedule.limits_steps else None,
+        "corners": corners if len(corners) else None,
+    }
 
 
 def _held(

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from ..events.passage import Passage
 from ..events.state import Arrival, Cut, Watching
 from ..events.watch import Watch
 from ..system.schedule import Schedule
@@ -58,6 +59,7 @@ class Steps(NamedTuple):
     dt0: Float[Array, ""]
     max_steps: Int[Array, ""]
     watch: Watch | None
+    passage: Passage | None
     schedule: Schedule | None
     corners: Float[Array, " k"] | None
 
@@ -122,7 +124,8 @@ class Steps(NamedTuple):
         after = now._replace(
             t=jnp.minimum(t, self.t1), next_t=jnp.asarray(next_t), controller_state=controller_state
         )
-        keep, after = self._at_events(now, tried, jnp.asarray(keep) & going, after)
+        keep, after = self._without_passage(now, tried, jnp.asarray(keep) & going, after)
+        keep, after = self._at_events(now, tried, keep, after)
         solved = diffrax.RESULTS.where(keep, tried.result, diffrax.RESULTS.successful)
         result = diffrax.RESULTS.where(diffrax.is_successful(solved), controlled, solved)
         return Progress(
@@ -136,6 +139,20 @@ class Steps(NamedTuple):
             steps=now.steps + jnp.where(going, 1, 0),
             accepted=now.accepted + jnp.where(keep, 1, 0),
         ), tried
+
+    def _without_passage(
+        self, now: Progress, tried: Trial, keep: Bool[Array, ""], after: Progress
+    ) -> tuple[Bool[Array, ""], Progress]:
+        """Whether a step is kept, and what follows, where it may pass through a contact."""
+        if self.passage is None:
+            return keep, after
+        passes, end = self.passage.passed(now.t, now.next_t, tried.between)
+        cut = keep & passes
+        return keep & ~cut, after._replace(
+            t=jnp.where(cut, now.t, after.t),
+            next_t=jnp.where(cut, end, after.next_t),
+            controller_state=chosen(cut, now.controller_state, after.controller_state),
+        )
 
     def _at_events(
         self, now: Progress, tried: Trial, keep: Bool[Array, ""], after: Progress

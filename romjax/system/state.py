@@ -95,6 +95,10 @@ class AbstractState(abc.ABC):
         None where there are none.
         """
 
+    def gaps(self) -> Float[Array, " contacts"] | None:
+        """How far the points of contacts are outside [m]; None where there are none."""
+        return None
+
     @abc.abstractmethod
     def residual(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
         """M a − Q."""
@@ -121,7 +125,7 @@ class FullState(AbstractState):
       `KKT` takes them; `force_vector`: Q. Functions, so that only what is asked for is traced.
     - `inverse_mass`: M⁻¹; gives None where it is not known in closed form.
     - `stored`: the elastic and the potential energy as a function of q; `work_rate`: the power of
-      the other forces.
+      the other forces. `contact_gaps`: of all contacts.
     """
 
     q: Float[Array, " n"]
@@ -133,6 +137,7 @@ class FullState(AbstractState):
     stored: Callable[[Float[Array, " n"]], tuple[Float[Array, ""], Float[Array, ""]]]
     work_rate: Callable[[], Power | None]
     inverse_mass: Callable[[], InverseMass | None] = lambda: None
+    contact_gaps: Callable[[], Float[Array, " contacts"] | None] = lambda: None
 
     @functools.cached_property
     def _mass(self) -> Float[Array, "bodies size *size"]:
@@ -159,6 +164,9 @@ class FullState(AbstractState):
 
     def power(self) -> Power | None:
         return self.work_rate()
+
+    def gaps(self) -> Float[Array, " contacts"] | None:
+        return self.contact_gaps()
 
     def residual(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
         return self.apply_mass(a) - self.force()
