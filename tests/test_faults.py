@@ -1,5 +1,6 @@
 """What fails around a run: no home, folders that cannot be written to, processes that end."""
 
+import json
 import os
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import pytest
 pytestmark = pytest.mark.slow
 
 ROOT = pytest.mark.skipif(getattr(os, "geteuid", int)() != 0, reason="becomes another user")
+KILLS = 20  # required
 START = """
 import os, signal, sys
 import jax, jax.numpy as jnp, numpy as np, romjax as rj
@@ -80,3 +82,55 @@ def test_a_folder_that_one_can_only_read_from(owner, shared):
         path.chmod(0o555 if path.is_dir() else 0o444)
     assert in_a_process(BECOME + COUNTED, ROMJAX_CACHE_DIR=str(caches)) == [str(owner == 54321)]
     assert sorted(caches.rglob("*")) == files
+
+
+# Each child saves two scenes in turn, whose arrays lie beside; the parent ends it at some moment.
+SAVING = """
+import json, pathlib, random, re, time
+folder, kills = pathlib.Path(sys.argv[1]), int(sys.argv[2])
+target, ready = folder / "plate.toml", folder / "ready"
+shapes = [np.random.default_rng(seed).normal(size=(300, 3, 2)) for seed in range(2)]
+
+def scene(seed):
+    name = ("plate", "other")[seed]
+    body = rj.ModalBody(name, rj.Inertia(1.0, 1.0), [4.0, 9.0], shapes[seed][:, 0], shapes[seed])
+    return rj.Scene([body])
+
+def whole():
+    \"\"\"Which of the scenes a file holds, with its own arrays.\"\"\"
+    text = target.read_text()
+    (name,) = set(re.findall('"(plate-.*?)"', text))
+    seed = int("[bodies.other]" in text)
+    with np.load(folder / name) as arrays:
+        assert any(np.array_equal(arrays[key], shapes[seed]) for key in arrays)
+    return seed
+
+source, found = random.Random(0), []
+for _ in range(kills):
+    ready.unlink(missing_ok=True)
+    child = os.fork()
+    if not child:
+        scenes = [scene(seed) for seed in range(2)]
+        for each in scenes:
+            each.save(target)
+        ready.touch()
+        while True:
+            for each in scenes:
+                each.save(target)
+    while not ready.exists():
+        assert os.waitpid(child, os.WNOHANG)[0] == 0
+        time.sleep(0.002)
+    time.sleep(source.uniform(0, 0.4))
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    found.append(whole())
+print(json.dumps(found))
+"""
+
+
+def test_a_scene_that_is_saved_when_the_process_is_killed(tmp_path):
+    """What the file holds is one of the scenes, with the arrays that belong to it."""
+    (line,) = in_a_process(SAVING, tmp_path, KILLS)
+    found = json.loads(line)
+    assert len(found) == KILLS
+    assert set(found) == {0, 1}

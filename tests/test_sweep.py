@@ -1,9 +1,12 @@
 """Many lanes: chunks, devices, failures, and interruptions at any moment."""
 
+import errno
 import itertools
 import json
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -172,6 +175,27 @@ def test_what_is_not_the_chunk_is_computed_anew(way, tmp_path):
     found = rj.sweep(double, numbers(), chunk=8, path=folder)
     assert np.array_equal(found.values["y"], wanted)
     assert [file.read_bytes() for file in files] == before
+
+
+def test_a_full_disk_keeps_the_chunks_that_are_done(tmp_path, monkeypatch):
+    written, write = [], Path.write_bytes
+
+    def full(path, content):
+        written.append(path)
+        if len(written) > 2:  # what says which sweep it is, and a chunk
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(path, content)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "write_bytes", full)
+        with pytest.raises(OSError, match="nothing was written.*chunk-000001.npz"):
+            rj.sweep(double, numbers(), chunk=8, path=tmp_path)
+    names = ["chunk-000000.npz", "sweep.json"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == names
+    before = (tmp_path / names[0]).stat().st_mtime_ns
+    found = rj.sweep(double, numbers(), chunk=8, path=tmp_path)
+    assert np.array_equal(found.values["y"], 2 * numbers()["x"])
+    assert (tmp_path / names[0]).stat().st_mtime_ns == before
 
 
 def test_a_folder_that_does_not_say_which_sweep_it_holds_is_refused(tmp_path):
