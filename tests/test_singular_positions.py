@@ -97,6 +97,21 @@ def test_no_run_is_silently_wrong(method, name, twice):
         assert np.mean(~wrong) >= RIGHT
 
 
+def flagged(kinds) -> dict[str, jax.Array]:
+    """How a lane went, as numbers."""
+    return {"status": kinds[0], "flags": kinds[1], "x": 1.0 * kinds[0]}
+
+
+def test_a_sweep_tells_lanes_that_are_doubtful():
+    kinds = [(0, 0), (0, rj.Flag.ENERGY), (0, rj.Flag.OUTSIDE_TRAINING), (rj.Status.MAX_STEPS, 0)]
+    sweep = rj.sweep(flagged, np.array(kinds))
+    assert sweep.success.tolist() == [True, False, True, False]
+    assert sweep.is_valid.tolist() == [True, False, False, False]
+    assert set(sweep.failures()) == {1, 3}
+    assert "energy" in sweep.failures()[1]
+    assert np.isnan(sweep.values["x"]).tolist() == [False, False, False, True]
+
+
 @pytest.mark.slow
 def test_the_default_passes_a_change_point():
     """By projection, where the terms of the default lose energy."""

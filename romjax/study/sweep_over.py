@@ -71,8 +71,8 @@ def sweep_over(
         if len(lanes.doubted) <= learn or not lanes.learn():
             break
     lanes.by_full_model()
-    values, status = _together(len(lanes.by_full), lanes.parts)
-    return BoxSweep(values, status, points, lanes.by_full, lanes.estimates, lanes.reduced)
+    together = _together(len(lanes.by_full), lanes.parts)
+    return BoxSweep(*together, points, lanes.by_full, lanes.estimates, lanes.reduced)
 
 
 class _Lanes:
@@ -113,7 +113,7 @@ class _Lanes:
 
         part = sweep(cheap, _at(self.points, numbers), **self.settings)
         change = part.values["change"]
-        good = part.success & (part.values["flags"] == 0) & (change <= reduced.tol / SAFETY)
+        good = part.is_valid & (change <= reduced.tol / SAFETY)
         self.by_full[numbers[good]], self.estimates[numbers[good]] = False, change[good]
         self.doubted, self.changes = numbers[~good], change[~good]
         self.parts.append((numbers, part))
@@ -138,23 +138,27 @@ class _Lanes:
 
         def accurate(point: dict[str, Any]) -> dict[str, Any]:
             run = simulate(box.system_anywhere(point), times, rtol=rtol, throw=False)
-            return {"seen": see(run), "status": run.status}
+            return {"seen": see(run), "flags": run.flags, "status": run.status}
 
         others = np.flatnonzero(self.by_full)
         if len(others):
             self.parts.append((others, sweep(accurate, _at(self.points, others), **self.settings)))
 
 
-def _together(lanes: int, parts: list[tuple[np.ndarray, Sweep]]) -> tuple[Any, np.ndarray]:
-    """What was seen and the status of all lanes; of a lane in two parts, those of the later one."""
-    status = np.zeros(lanes, int)
+def _together(
+    lanes: int, parts: list[tuple[np.ndarray, Sweep]]
+) -> tuple[Any, np.ndarray, np.ndarray]:
+    """What was seen, the status and the flags of all lanes; of a lane in two parts, those of the
+    later one.
+    """
+    status, flags = np.zeros(lanes, int), np.zeros(lanes, int)
     seen, tree = jax.tree.flatten(parts[0][1].values["seen"])
     arrays = [np.zeros((lanes, *x.shape[1:]), x.dtype) for x in seen]
     for numbers, part in parts:
-        status[numbers] = part.status
+        status[numbers], flags[numbers] = part.status, part.flags
         for whole, x in zip(arrays, jax.tree.leaves(part.values["seen"]), strict=True):
             whole[numbers] = x
-    return jax.tree.unflatten(tree, arrays), status
+    return jax.tree.unflatten(tree, arrays), status, flags
 
 
 def _points(reduced: ReducedBox, parameters: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:

@@ -12,7 +12,7 @@ from ...extras import extra
 from ...integrate.trajectory import Trajectory
 from ...study.sweep import Sweep
 from .dataset import origin
-from .variables import Variable, meanings_of_status, names_of, variables_of
+from .variables import Variable, meanings_of_flags, meanings_of_status, names_of, variables_of
 
 
 def dataset_of(sweep: Sweep) -> Any:
@@ -44,6 +44,8 @@ def dataset_of(sweep: Sweep) -> Any:
             variables[name] = _variable(name, getattr(sweep, name), name.replace("_", " "))
     words = {"long_name": "how each lane ended"} | meanings_of_status()
     variables["status"] = (("lane",), sweep.status, words)
+    words = {"long_name": "what speaks against each lane, as a sum"} | meanings_of_flags()
+    variables["flags"] = (("lane",), sweep.flags, words)
     failures = sweep.failures()
     said = np.array([failures.get(int(lane), "") for lane in lanes], object)
     variables["failure"] = (("lane",), said, {"long_name": "why it failed, and what helps"})

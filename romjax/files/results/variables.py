@@ -62,7 +62,7 @@ def variables_of(run: Trajectory) -> dict[str, Variable]:
     put("status", (), run.status, "1", "how the run ended")
     found["status"][2].update(meanings_of_status())
     put("flags", (), run.flags, "1", "what speaks against it, as a sum")
-    found["flags"][2].update(_meanings(Flag))
+    found["flags"][2].update(meanings_of_flags())
     for owner in ("balance", "branching"):
         parts = getattr(run, owner)
         for name, value in ({} if parts is None else parts._asdict()).items():
@@ -100,6 +100,11 @@ def _put_events(run: Trajectory, found: dict[str, Variable]) -> None:
         found[f"event_{name}"] = (dimensions, values, attributes)
     lasting = {"long_name": "whether the run ended since bodies stayed in contact"}
     found["event_lasting"] = ((), np.asarray(run.events.lasting), lasting)
+
+
+def meanings_of_flags() -> dict[str, Any]:
+    """What the bits of flags mean, as attributes."""
+    return _meanings(Flag)
 
 
 def meanings_of_status() -> dict[str, Any]:

@@ -1,0 +1,116 @@
+"""The chunks of a sweep that are done, in memory and in a folder."""
+
+import hashlib
+import io
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from .. import writing
+
+
+class Chunks:
+    """The chunks that are done: in memory, and in a folder with one file for each.
+
+    - `identity`: what tells the sweep from others, a part of the checksum of each file.
+    """
+
+    def __init__(self, folder: Path | None, identity: str = ""):
+        self.folder, self.identity = folder, identity
+        self.done: dict[int, list[np.ndarray]] = {}
+
+    @classmethod
+    def open(cls, path: Any, parameters: Any, lanes: int, chunk: int, shapes: Any) -> "Chunks":
+        if path is None:
+            return cls(None)
+        folder = Path(path)
+        folder.mkdir(parents=True, exist_ok=True)
+        results = [str(jax.tree.structure(shapes))]
+        results += [f"{x.dtype}{list(x.shape[1:])}" for x in jax.tree.leaves(shapes)]
+        wanted = {
+            "lanes": lanes,
+            "chunk": chunk,
+            "parameters": _digest(str(jax.tree.structure(parameters)), jax.tree.leaves(parameters)),
+            "results": results,
+        }
+        file = folder / "sweep.json"
+        if file.exists():
+            stored = _identity(file)
+            other = [key for key, value in wanted.items() if stored.get(key) != value]
+            if other:
+                raise ValueError(
+                    f"sweep: {folder} holds another sweep, which differs in its {other[0]}; "
+                    "choose another folder, or remove this one."
+                )
+        else:
+            writing.write(file, json.dumps(wanted, indent=1))
+        writing.forget_parts(folder)
+        return cls(folder, json.dumps(wanted))
+
+    def _file(self, number: int) -> Path:
+        assert self.folder is not None
+        return self.folder / f"chunk-{number:06d}.npz"
+
+    def has(self, number: int) -> bool:
+        if number not in self.done and self.folder is not None:
+            leaves = self._read(number)
+            if leaves is not None:
+                self.done[number] = leaves
+        return number in self.done
+
+    def put(self, number: int, leaves: list[np.ndarray]) -> None:
+        self.done[number] = leaves
+        if self.folder is not None:
+            content = io.BytesIO()
+            np.savez(content, *leaves, checksum=self._checksum(number, leaves))
+            writing.write(self._file(number), content.getbuffer())
+
+    def collect(self, count: int) -> list[np.ndarray]:
+        """The arrays of all chunks, one after the other."""
+        for number in range(count):  # also those of other processes
+            if not self.has(number):
+                raise OSError(
+                    f"sweep: {self._file(number)} is damaged or missing, though another process "
+                    "has computed it; start all processes again, which computes it anew."
+                )
+        parts = [self.done[number] for number in range(count)]
+        return [np.concatenate(x) for x in zip(*parts, strict=True)]
+
+    def _checksum(self, number: int, leaves: Sequence[np.ndarray]) -> str:
+        return _digest(f"{self.identity} {number}", leaves)
+
+    def _read(self, number: int) -> list[np.ndarray] | None:
+        """The arrays of a file; None unless they are those of this chunk."""
+        try:
+            # Opened here, since NumPy leaves open what is no archive.
+            with self._file(number).open("rb") as stream, np.load(stream) as stored:
+                leaves = [stored[f"arr_{i}"] for i in range(len(stored.files) - 1)]
+                is_own = str(stored["checksum"]) == self._checksum(number, leaves)
+        except Exception:  # there is none, or a damaged one, which raises whatever its bytes say
+            return None
+        return leaves if is_own else None
+
+
+def _identity(file: Path) -> dict[str, Any]:
+    """What tells the sweep in a folder from others; raises ValueError where nothing does."""
+    try:
+        stored = json.loads(file.read_bytes())
+    except ValueError:
+        stored = None
+    if not isinstance(stored, dict):
+        raise ValueError(
+            f"sweep: {file} does not say which sweep is in its folder; remove the file, and "
+            "chunks that are whole and of this sweep are used, or choose another folder."
+        )
+    return stored
+
+
+def _digest(words: str, arrays: Sequence[np.ndarray]) -> str:
+    digest = hashlib.sha256(words.encode())
+    for x in arrays:
+        digest.update(f"{x.dtype}{x.shape}".encode() + np.ascontiguousarray(x).tobytes())
+    return digest.hexdigest()
