@@ -84,33 +84,18 @@ def test_a_folder_that_one_can_only_read_from(owner, shared):
     assert sorted(caches.rglob("*")) == files
 
 
-# Each child saves two scenes in turn, whose arrays lie beside; the parent ends it at some moment.
-SAVING = """
+# Each child saves two scenes in turn; the parent ends it at some moment.
+KILLED = """
 import json, pathlib, random, re, time
 folder, kills = pathlib.Path(sys.argv[1]), int(sys.argv[2])
-target, ready = folder / "plate.toml", folder / "ready"
-shapes = [np.random.default_rng(seed).normal(size=(300, 3, 2)) for seed in range(2)]
-
-def scene(seed):
-    name = ("plate", "other")[seed]
-    body = rj.ModalBody(name, rj.Inertia(1.0, 1.0), [4.0, 9.0], shapes[seed][:, 0], shapes[seed])
-    return rj.Scene([body])
-
-def whole():
-    \"\"\"Which of the scenes a file holds, with its own arrays.\"\"\"
-    text = target.read_text()
-    (name,) = set(re.findall('"(plate-.*?)"', text))
-    seed = int("[bodies.other]" in text)
-    with np.load(folder / name) as arrays:
-        assert any(np.array_equal(arrays[key], shapes[seed]) for key in arrays)
-    return seed
-
+target, ready = folder / "scene.toml", folder / "ready"
+{scenes}
 source, found = random.Random(0), []
 for _ in range(kills):
     ready.unlink(missing_ok=True)
     child = os.fork()
     if not child:
-        scenes = [scene(seed) for seed in range(2)]
+        scenes = [scene(number) for number in range(2)]
         for each in scenes:
             each.save(target)
         ready.touch()
@@ -123,14 +108,44 @@ for _ in range(kills):
     time.sleep(source.uniform(0, 0.4))
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
-    found.append(whole())
+    found.append(which(target.read_text()))
 print(json.dumps(found))
+"""
+# Arrays lie beside; each text names its own.
+PLATES = """
+shapes = [np.random.default_rng(seed).normal(size=(300, 3, 2)) for seed in range(2)]
+
+def scene(number):
+    points = shapes[number][:, 0]
+    inertia = rj.Inertia(1.0, 1.0)
+    return rj.Scene([rj.ModalBody(f"p{number}", inertia, [4.0, 9.0], points, shapes[number])])
+
+def which(text):
+    (name,) = set(re.findall('"(scene-.*?)"', text))
+    number = int("[bodies.p1]" in text)
+    with np.load(folder / name) as arrays:
+        assert any(np.array_equal(arrays[key], shapes[number]) for key in arrays)
+    return number
+"""
+# Long texts that are known before, so that nearly all time goes to writing them.
+LONG = """
+from romjax.files import write
+
+texts = [4_000_000 * digit for digit in "01"]
+write.text_of = lambda scene, *_: texts[int(scene.bodies[0].name)]
+
+def scene(number):
+    return rj.Scene([rj.RigidBody(str(number), 1.0, 1.0)])
+
+def which(text):
+    return texts.index(text)
 """
 
 
-def test_a_scene_that_is_saved_when_the_process_is_killed(tmp_path):
+@pytest.mark.parametrize("scenes", [PLATES, LONG], ids=["arrays", "long"])
+def test_a_scene_that_is_saved_when_the_process_is_killed(scenes, tmp_path):
     """What the file holds is one of the scenes, with the arrays that belong to it."""
-    (line,) = in_a_process(SAVING, tmp_path, KILLS)
+    (line,) = in_a_process(KILLED.format(scenes=scenes), tmp_path, KILLS)
     found = json.loads(line)
     assert len(found) == KILLS
     assert set(found) == {0, 1}
