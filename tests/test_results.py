@@ -230,6 +230,14 @@ def test_what_is_no_file_is_refused(run, tmp_path, monkeypatch):
         rj.load(tmp_path / "part.nc")
 
 
+def test_another_scene_than_that_of_the_run_is_refused(run, tmp_path):
+    with pytest.raises(rj.InputError, match="scene has the coordinates bar1.x, .*run cart.x"):
+        run.save(tmp_path / "run.nc", zoo.bar())
+    assert not list(tmp_path.iterdir())
+    run.save(tmp_path / "run.nc", run.scene)
+    check_same_run(rj.load(tmp_path / "run.nc"), run)
+
+
 def changed(data, **values):
     return data.assign({name: (data[name].dims, value) for name, value in values.items()})
 

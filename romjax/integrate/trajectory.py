@@ -228,7 +228,7 @@ class Trajectory(eqx.Module):
           like return, an array with an axis of outputs, or a pair of one and its unit.
 
         Raises ImportError, with what to install, without the extra; InputError for a measured array
-        that has not one row for each output.
+        that has not one row for each output, and a scene with other coordinates than the run.
         """
         return above("files.results.dataset", "dataset_of")(self, scene, measured)
 

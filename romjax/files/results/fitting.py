@@ -34,8 +34,8 @@ def check_scene(run: Trajectory, dataset: Any, path: Any) -> None:
     if structure.labels != run.labels:
         raise _damaged(
             path,
-            f"its coordinates are {_listed(run.labels)}, but those of its scene are "
-            f"{_listed(structure.labels)}",
+            f"its coordinates are {listed(run.labels)}, but those of its scene are "
+            f"{listed(structure.labels)}",
         )
     rows, count = dataset.sizes.get("constraint", 0), len(structure.constraints)
     if dataset.attrs.get("model") == "full" and rows != count:
@@ -68,11 +68,11 @@ def _mistakes(dataset: Any) -> Iterator[str]:
         yield f"'metric' has the shape {dataset['metric'].shape}, which is not square"
     types = {str(dataset[name].dtype) for name in _FINITE if name in dataset}
     if len(types) > 1:
-        yield f"time, q, v and violation have the types {_listed(sorted(types))}, but one is needed"
+        yield f"time, q, v and violation have the types {listed(sorted(types))}, but one is needed"
     if "status" in dataset:
         yield from _in_status(dataset)
     if "flags" in dataset and np.any(dataset["flags"].values & ~int(~Flag.NONE)):
-        yield f"flags is {_listed(np.unique(dataset['flags'].values))}, which means nothing"
+        yield f"flags is {listed(np.unique(dataset['flags'].values))}, which means nothing"
     for name in _WHOLE[:3]:
         if name in dataset and np.any(dataset[name].values < 0):
             yield f"'{name}' is negative"
@@ -83,7 +83,7 @@ def _in_status(dataset: Any) -> Iterator[str]:
     status = np.atleast_1d(dataset["status"].values)
     unknown = set(status.tolist()) - {int(member) for member in Status}
     if unknown:
-        yield f"status is {_listed(sorted(unknown))}, which means nothing"
+        yield f"status is {listed(sorted(unknown))}, which means nothing"
     well = status == Status.SUCCESS
     if not np.any(well):
         return
@@ -126,6 +126,7 @@ def _kinds(name: str) -> tuple[str, str]:
     return "f", "a real number"
 
 
-def _listed(values: Any) -> str:
+def listed(values: Any) -> str:
+    """The first of some values as a message has them."""
     words = [str(value) for value in values]
     return ", ".join(words[:8]) + (", …" if len(words) > 8 else "")

@@ -13,6 +13,7 @@ from ...integrate.trajectory import Trajectory
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem
 from ..scene_file import load_scene
+from .fitting import listed
 
 
 def scene_of(run: Trajectory) -> Scene:
@@ -20,15 +21,25 @@ def scene_of(run: Trajectory) -> Scene:
     return disassemble(assembled("Trajectory.scene", run.system))
 
 
-def scene_words(run: Trajectory, scene: Scene | None) -> dict[str, str]:
-    """The text of the scene, or why there is none."""
+def scene_words(run: Trajectory, given: Scene | None) -> dict[str, str]:
+    """The text of the scene, or why there is none; raises InputError for one that is `given` and is
+    not that of the run, whose file could not be read.
+    """
     # Here, since it loads what writes TOML, which `import romjax` does without.
     from ..write import text_of
 
     try:
-        return {"scene": text_of(scene_of(run) if scene is None else scene)}
+        scene = scene_of(run) if given is None else given
+        labels = run.labels if given is None else assemble(given).structure.labels
+        text = text_of(scene)
     except InputError as error:
         return {"scene_missing": str(error)}
+    if labels != run.labels:
+        raise InputError(
+            f"Trajectory.to_xarray: scene has the coordinates {listed(labels)}, but the run "
+            f"{listed(run.labels)}; give the scene that was simulated, or none."
+        )
+    return {"scene": text}
 
 
 def system_of(dataset: Any) -> AbstractSystem | None:
