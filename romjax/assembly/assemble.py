@@ -76,6 +76,7 @@ def assemble(scene: Scene) -> AssembledSystem:
             flexible=any(body.modes for body in scene.bodies),
             loops=_close_loops(scene),
             contacts=any(effect.begins for effect in acting),
+            frames=tuple(columns[body.name][0] for body in scene.bodies),
             quaternions=tuple(columns[b.name][3] for b in scene.bodies if b.dimension == 3),
             counters=tuple(columns[counter.name][0] for counter in counters),
             joints=tuple(keys[0][i] for *_, members in joints for i in members if i < len(keys[0])),

@@ -23,6 +23,8 @@ class Structure:
     - `loops`: whether joints close loops, so that constraints may lose rank on the way; in a tree
       of joints none depends on the others. True, where it is unknown.
     - `contacts`: whether effects may begin on the way, of which the start shows nothing.
+    - `frames`: at which coordinate the frame of each body begins: its position, then its angle or
+      its quaternion, before its modes; none, where no bodies are known.
     - `quaternions`: at which coordinate the quaternion of each body in space begins.
     - `counters`: coordinates that count the turns of an angle, with `COUNTER_INERTIA` of the
       inertia that this angle feels.
@@ -36,6 +38,7 @@ class Structure:
     flexible: bool
     loops: bool
     contacts: bool = False
+    frames: tuple[int, ...] = ()
     quaternions: tuple[int, ...] = ()
     counters: tuple[int, ...] = ()
     joints: tuple[str, ...] = ()
@@ -63,6 +66,7 @@ class Structure:
             flexible=self.flexible,
             loops=self.loops,
             contacts=self.contacts,
+            frames=self.frames,
             quaternions=self.quaternions,
             counters=self.counters,
         )
@@ -74,7 +78,8 @@ class Structure:
     def _hash(self) -> int:
         # Every call of a compiled program asks for it.
         kinds = self.rigid, self.flexible, self.loops, self.contacts
-        return hash((self.coordinates, self.constraints, kinds, self.quaternions, self.counters))
+        places = self.frames, self.quaternions, self.counters
+        return hash((self.coordinates, self.constraints, kinds, places))
 
 
 _nameless = Remembered()

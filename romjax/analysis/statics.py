@@ -1,0 +1,104 @@
+"""The equations of an equilibrium, and their solution in a metric of statics."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..linalg.dense import multiply
+from ..system import unit_length
+from ..system.base import AbstractSystem
+
+# What is left of the forces in an equilibrium, relative to the largest of them, and of the
+# constraints, relative to the mechanism.
+_BALANCED, _CLOSED = 1e-11, 1e-12
+# Times the relative rounding: what rounding leaves of terms of some size; and the share of the
+# largest singular value of the stiffness below which are those of neutral motions.
+_LEFT, _NEUTRAL = 16, 500
+
+
+class Statics(NamedTuple):
+    """C_qᵀ λ = Q(t, q, 0) and C(t, q) = 0, with the length of each quaternion as at the `start`.
+
+    No force holds these lengths. As the torque of a force on p is in proportion to |p|, they would
+    change so that forces which balance a start do so for ever.
+    """
+
+    system: AbstractSystem
+    t: Float[Array, ""]
+    start: Float[Array, " n"]
+
+    def constraint(self, q: Float[Array, " n"]) -> Float[Array, " M"]:
+        """C, and the changes of ½ |p|²."""
+        values, m = unit_length.extended(self.system, self.t, q), self.system.m
+        lengths = unit_length.extended(self.system, self.t, self.start)[m:]
+        return jnp.concatenate([values[:m], values[m:] - lengths])
+
+    def residual(
+        self, q: Float[Array, " n"], multipliers: Float[Array, " M"]
+    ) -> Float[Array, " n_plus_M"]:
+        """C_qᵀ λ − Q, and C."""
+        force = -self.system.force(self.t, q, jnp.zeros_like(q))
+        if not multipliers.size:
+            return force
+        reaction = jax.grad(lambda q: multiply(multipliers, self.constraint(q)))(q)
+        return jnp.concatenate([force + reaction, self.constraint(q)])
+
+    def matrix(
+        self, q: Float[Array, " n"], multipliers: Float[Array, " M"]
+    ) -> Float[Array, "n_plus_M n_plus_M"]:
+        """The derivatives of the residual: the stiffness, bordered by C_q."""
+        by_q, by_multipliers = jax.jacfwd(self.residual, argnums=(0, 1))(q, multipliers)
+        return jnp.concatenate([by_q, by_multipliers], axis=1)
+
+
+class Linear(NamedTuple):
+    """A `matrix` of statics and its sizes: `displacements` (n,) of the coordinates, of the `rows`
+    of C_q by them (M,), and the `energy` [J] of the stiffest one.
+    """
+
+    matrix: Float[Array, "n_plus_M n_plus_M"]
+    displacements: Float[Array, " n"]
+    rows: Float[Array, " M"]
+    energy: Float[Array, ""]
+
+    @classmethod
+    def of(
+        cls, matrix: Float[Array, "n_plus_M n_plus_M"], displacements: Float[Array, " n"]
+    ) -> "Linear":
+        n = len(displacements)
+        rows = jnp.max(jnp.abs(matrix[n:, :n]) * displacements[None], axis=1, initial=0.0)
+        stiffness = displacements[:, None] * jnp.abs(matrix[:n, :n]) * displacements[None]
+        energy = jnp.max(stiffness, initial=0.0)
+        return cls(
+            matrix, displacements, jnp.where(rows > 0, rows, 1), jnp.where(energy > 0, energy, 1)
+        )
+
+    def solve(self, right: Float[Array, " n_plus_M"]) -> Float[Array, " n_plus_M"]:
+        """The least squares solution that moves neutral directions least.
+
+        Displacements are as large as the mechanism, and joints as stiff as the stiffest part, so
+        that a singular value is the stiffness of a motion relative to that.
+        """
+        root = jnp.sqrt(self.energy)
+        scale = jnp.concatenate([self.displacements / root, root / self.rows])
+        rounded = _NEUTRAL * float(jnp.finfo(right.dtype).eps)
+        scaled = scale[:, None] * self.matrix * scale[None]
+        solution: Array = jnp.linalg.lstsq(scaled, scale * right, rcond=rounded)[0]
+        return scale * solution
+
+    def balances(
+        self,
+        left: Float[Array, " n_plus_M"],
+        q: Float[Array, " n"],
+        multipliers: Float[Array, " M"],
+        largest: Float[Array, ""],
+    ) -> Array:
+        """Whether what is `left` of the equations is small beside the `largest` force [J], or
+        beside the rounding of its terms.
+        """
+        sizes = jnp.concatenate([jnp.maximum(jnp.abs(q), self.displacements), jnp.abs(multipliers)])
+        rounding = _LEFT * jnp.finfo(q.dtype).eps * multiply(jnp.abs(self.matrix), sizes)
+        allowed = jnp.concatenate([_BALANCED * largest / self.displacements, _CLOSED * self.rows])
+        return jnp.all(jnp.abs(left) <= allowed + rounding)
