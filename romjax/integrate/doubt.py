@@ -4,7 +4,7 @@ import warnings
 
 from ..arrays import concrete
 from ..system.base import AbstractSystem
-from ..system.flags import Flag
+from ..system.flags import WORDS, Flag
 from .singular import singular_position
 from .status import Status
 from .trajectory import Trajectory
@@ -30,9 +30,25 @@ def _outcome(run: Trajectory) -> tuple[int, int]:
     return int(status), int(flags)
 
 
+def is_unresolved(run: Trajectory) -> bool:
+    """Whether one run, not of those that JAX traces, ended, but resolves its motion too little."""
+    status, flags = _outcome(run)
+    return status == _SUCCESS and bool(flags & int(Flag.RESOLUTION))
+
+
+def _tolerances(run: Trajectory) -> str:
+    return ", ".join(f"{name} = {float(getattr(run.stats, name)):.1e}" for name in ("rtol", "atol"))
+
+
 def warn_of_doubt(system: AbstractSystem, run: Trajectory) -> None:
     """Warn of one run, not of those that JAX traces, that ended, of what speaks against it."""
     status, flags = _outcome(run)
+    if status == _SUCCESS and flags & int(Flag.RESOLUTION):
+        warnings.warn(
+            f"simulate: {WORDS[Flag.RESOLUTION]}: it takes {_tolerances(run)}. Choose rtol and "
+            "atol for its size, or units in which it is larger.",
+            stacklevel=3,
+        )
     if status != _SUCCESS or not flags & DOUBTS:
         return
     words = [f"simulate: the motion is doubtful: {run.warnings()}"]

@@ -15,6 +15,7 @@ from ..identity import Remembered
 from ..program import program
 from ..system.base import AbstractSystem, Run
 from ..system.constraints import ConstraintState, differentiate
+from ..system.flags import Flag
 from ..system.stabilization import Baumgarte, Stabilization
 from .adjoint import has_root_finder
 from .audit import Findings
@@ -24,6 +25,7 @@ from .integration import integrate
 from .judge import judge_run
 from .outputs import Output, capacity, cut, padded
 from .parts import Parts
+from .resolution import is_resolved
 from .settings import Settings
 from .statistics import Statistics
 from .trajectory import Trajectory
@@ -154,7 +156,7 @@ def _integrated(
         outputs=run.outputs,
         start=start,
         status=judge_run(system, ts, run, start, settings),
-        flags=_flags(system, run.ts, run.outputs)
+        flags=_flags(system, run.ts, run.outputs, settings)
         | (0 if run.findings is None else run.findings.flags),
         steps=run.steps,
         accepted=run.accepted,
@@ -212,10 +214,17 @@ def _trajectory(
     )
 
 
-def _flags(system: AbstractSystem, ts: Float[Array, " k"], outputs: Output) -> Int[Array, ""]:
-    """What the system says against its own motion."""
+def _flags(
+    system: AbstractSystem, ts: Float[Array, " k"], outputs: Output, settings: Settings
+) -> Int[Array, ""]:
+    """What the system says against its own motion, and whether its tolerances resolve it."""
+    flags = jnp.zeros((), int)
+    if settings.dt is None:
+        tolerances = jnp.asarray(settings.rtol), jnp.asarray(settings.atol)
+        resolved = is_resolved(system.full.structure, outputs.q, outputs.v, *tolerances)
+        flags = jnp.where(resolved, 0, int(Flag.RESOLUTION))
     if system.validity is None:
-        return jnp.zeros((), int)
+        return flags
     own = outputs.in_system()
     run = Run(ts, own.q, own.v, outputs.q, outputs.violation)
-    return system.validity.flags(system, run)
+    return flags | system.validity.flags(system, run)

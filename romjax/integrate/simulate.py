@@ -15,12 +15,14 @@ from ..events.base import AbstractEvent
 from ..events.check import check_events
 from ..system.base import AbstractSystem
 from ..system.consistent import check_start_shapes
+from ..system.constraints import ConstraintState
 from ..system.stabilization import Baumgarte, Projection, Stabilization
 from ..system.structure import without_names
 from .adjoint import default_adjoint, has_root_finder
 from .default import default_method, start_frequencies, warn_of_fast_stabilization
-from .doubt import is_doubtful, warn_of_doubt
+from .doubt import is_doubtful, is_unresolved, warn_of_doubt
 from .failures import raise_failure
+from .resolution import finer
 from .rodas5p import Rodas5P
 from .run import run
 from .settings import Settings, check_choices, check_numbers, check_times, progress_meter
@@ -68,7 +70,10 @@ def simulate(
       system at its start is above what the outputs can show, and so far above that the steps
       that it saves pay for theirs; `diffrax.Dopri8()` elsewhere (while JAX traces: Rodas5P for
       flexible systems). `Trajectory.solver` is the one that was used.
-    - `rtol`, `atol`: tolerances of the step size control; `atol` equals `rtol` unless given.
+    - `rtol`, `atol`: tolerances of the step size control. Unless `atol` is given, it equals `rtol`
+      in metres, rad and their rates; a motion of less than a centimetre, which these do not
+      resolve, is repeated with both as much smaller as it is (not while JAX traces, where
+      `Trajectory.flags` says so).
     - `dt`: a fixed step [s] instead of step size control. With it, steps end where signals have
       corners, and see each cycle of those that vibrate (`AbstractSignal`); fixed steps do not.
     - `stabilization`: `Baumgarte(alpha, beta)`, `Projection()` or None; unless given, critical
@@ -122,13 +127,8 @@ def simulate(
         max_events=max_events,
         dense=_DENSE_STEPS if dense is True else int(dense),
     )
-    trajectory, start = run(system, bare, times, q, v, settings)
-    if stabilization == "default" and system.m and is_doubtful(trajectory):
-        # Baumgarte's terms may fail where the constraints lose rank; projection passes.
-        projected = settings._replace(stabilization=Projection())
-        other, other_start = run(system, bare, times, q, v, projected)
-        if not is_doubtful(other):
-            trajectory, start = other, other_start
+    free = atol is None, isinstance(stabilization, str)
+    trajectory, start = _run_well(system, bare, times, (q, v), settings, *free)
     is_stiff = isinstance(solver, Rodas5P) or has_root_finder(solver)
     if isinstance(stabilization, Baumgarte) and not is_stiff:
         warn_of_fast_stabilization(bare, trajectory, q, v)
@@ -136,6 +136,34 @@ def simulate(
         trajectory = raise_failure(system, trajectory, start)
     warn_of_doubt(system, trajectory)
     return trajectory
+
+
+def _run_well(
+    system: AbstractSystem,
+    bare: AbstractSystem,
+    ts: Float[Array, " k"],
+    start: tuple[Float[Array, " n"], Float[Array, " n"]],
+    settings: Settings,
+    fits: bool,
+    passes: bool,
+) -> tuple[Trajectory, ConstraintState]:
+    """A run, repeated with what suits its motion, unless JAX traces, and the constraints at its
+    start. `fits`: whether the tolerances may be others; `passes`: whether projection may take part.
+    """
+    trajectory, constraints = run(system, bare, ts, *start, settings)
+    if fits and is_unresolved(trajectory):
+        # A run whose tolerances are above its motion shows that badly: the next one counts.
+        full = system.full.structure
+        settings = finer(full, settings, trajectory)
+        settings = finer(full, settings, run(system, bare, ts, *start, settings)[0])
+        trajectory, constraints = run(system, bare, ts, *start, settings)
+    if passes and system.m and is_doubtful(trajectory):
+        # Baumgarte's terms may fail where the constraints lose rank; projection passes.
+        projected = settings._replace(stabilization=Projection())
+        other, other_constraints = run(system, bare, ts, *start, projected)
+        if not is_doubtful(other):
+            trajectory, constraints = other, other_constraints
+    return trajectory, constraints
 
 
 def _stabilization(

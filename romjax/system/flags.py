@@ -12,6 +12,7 @@ class Flag(enum.IntFlag):
     ENERGY = 4
     DISSIPATION = 8
     BRANCH = 16
+    RESOLUTION = 32
 
 
 WORDS = {
@@ -20,4 +21,5 @@ WORDS = {
     Flag.ENERGY: "its energy changes by more than the work of the forces",
     Flag.DISSIPATION: "its dampers give energy instead of taking it",
     Flag.BRANCH: "it passes a singular position so closely that it may have changed its branch",
+    Flag.RESOLUTION: "its tolerances are hardly smaller than the motion itself",
 }

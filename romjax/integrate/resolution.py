@@ -1,0 +1,78 @@
+"""Whether a run resolves its motion: its tolerances are those of a mechanism of some metres."""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from ..arrays import namespace
+from ..system.structure import Structure
+from .settings import Settings
+from .trajectory import Trajectory
+
+# Tolerances that a motion has to be large: a hundredth of those that a motion of a metre is, or so
+# many, of which errors of long runs leave some digits.
+_SHARE, _ENOUGH = 1e-2, 1e4
+# Displacements and velocities below are rounding errors of a mechanism at rest.
+_REST = 1e-10
+# No relative tolerance is below, in units in the last place: rounding errors of some steps.
+_DIGITS = 500
+
+
+def is_resolved(
+    structure: Structure,
+    q: Float[Array, "k n"],
+    v: Float[Array, "k n"],
+    rtol: Float[Array, ""],
+    atol: Float[Array, ""],
+) -> Bool[Array, ""]:
+    """Whether the largest motion is much larger than what the step size control tolerates in it, in
+    positions and velocities; true at rest.
+
+    Where bodies move, their translations count alone: a wheel may turn as far as it will while its
+    axle moves by less than the tolerance.
+    """
+    motion = _Motion.of(structure, q, v)
+    by_position = motion.distance / (atol + rtol * motion.farthest)
+    by_velocity = motion.speed / (atol + rtol * motion.speed)
+    share = jnp.where(motion.counts, jnp.minimum(by_position, by_velocity), 0.0)
+    enough: Bool[Array, ""] = jnp.max(share) >= jnp.minimum(_SHARE / rtol, _ENOUGH)
+    return ~jnp.any(motion.counts) | enough
+
+
+def finer(structure: Structure, settings: Settings, run: Trajectory) -> Settings:
+    """With tolerances for the motion of a run, as those that it has are for one of a metre."""
+    every = _Motion.of(structure, np.asarray(run.q), np.asarray(run.v))
+    motion = _Motion(*(x[every.counts] for x in every))
+    size = np.max(np.minimum(motion.distance, motion.speed))
+    # In units of the distance that it moves, a motion far from zero has fewer digits.
+    far = np.max(motion.farthest) / np.max(motion.distance)
+    rtol, dtype = np.asarray(settings.rtol), run.q.dtype
+    least = _DIGITS * np.finfo(dtype).eps
+    tighter = np.maximum(rtol / np.maximum(far, 1.0), least)
+    smaller = np.maximum(rtol * np.minimum(size, 1.0), least * np.max(motion.farthest))
+    return settings._replace(rtol=tighter.astype(dtype), atol=smaller.astype(dtype))
+
+
+class _Motion(NamedTuple):
+    """How far the coordinates are from zero and from the start, how fast they get, and which of
+    them count: of those that move at all, the translations of bodies, or all if none of these does.
+    """
+
+    farthest: Any
+    distance: Any
+    speed: Any
+    counts: Any
+
+    @classmethod
+    def of(cls, structure: Structure, q: Any, v: Any) -> "_Motion":
+        xp = namespace(q)
+        metres = np.zeros(len(structure.coordinates), bool)
+        for start in structure.frames:
+            metres[start : start + (3 if start + 3 in structure.quaternions else 2)] = True
+        farthest, speed = xp.max(xp.abs(q), axis=0), xp.max(xp.abs(v), axis=0)
+        distance = xp.max(xp.abs(q - q[:1]), axis=0)
+        moves = (distance > _REST * (1 + farthest)) | (speed > _REST)
+        counts = moves & (metres | ~xp.any(moves & metres))
+        return cls(farthest, distance, speed, counts)

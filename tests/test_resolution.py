@@ -1,0 +1,76 @@
+"""Motions of any size with nothing set: a spring, a beam, and a linkage in millimetres."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from parallelogram import parallelogram
+
+import romjax as rj
+
+TS = np.linspace(0.0, 5.0, 101)
+# Required: errors in tolerances of the size of the motion.
+ERROR = 100 * 1e-6
+
+
+def spring(amplitude, at=0.0) -> rj.AbstractSystem:
+    """A body on a spring, which vibrates by 10 rad/s about a point."""
+    body = rj.RigidBody("body", 1.0, 1.0, position=(at + amplitude, 0.0))
+    anchor = rj.ground.at((at - 1.0, 0.0))
+    return rj.assemble(rj.Scene([body], effects=[rj.Spring(body.at(), anchor, 100.0, 1.0)]))
+
+
+@pytest.mark.parametrize("amplitude", [1e-9, 1e-6, 1e-3, 0.1])
+def test_a_vibration_of_any_size_is_right(amplitude):
+    run = rj.simulate(spring(amplitude), TS)
+    assert run.is_valid
+    error = np.abs(run.q[:, 0] - amplitude * np.cos(10 * TS))
+    assert np.max(error) <= ERROR * amplitude
+
+
+def test_a_small_deflection_of_a_beam_is_right():
+    """Its frame is welded: nothing moves by metres."""
+    beam = rj.Beam("beam", mass=1.0, length=1.0, frequencies=[2.0], amplitudes=[1e-6])
+    system = rj.assemble(rj.Scene([beam], [rj.Weld(beam.at(), rj.ground.at())]))
+    (rate,) = np.asarray(rj.modes(system).frequencies)
+    q, _ = rj.consistent(system)
+    amplitude = float(q[3])
+    run = rj.simulate(system, TS, q0=q)
+    assert run.is_valid
+    assert np.max(np.abs(run.q[:, 3] - amplitude * np.cos(rate * TS))) <= ERROR * amplitude
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e3])
+def test_a_mechanism_of_any_size_moves_alike(size):
+    """Times are as the square roots of lengths."""
+
+    def moved(size):
+        scene = parallelogram(crank=1.2 * size, coupler=2.0 * size, speed=0.9 * np.sqrt(size))
+        return rj.simulate(rj.assemble(scene), np.linspace(0.0, 3.0, 31) * np.sqrt(size))
+
+    error = np.max(np.abs(moved(size).q / size - moved(1.0).q))
+    assert error <= ERROR
+
+
+def test_what_doubles_cannot_resolve_is_told():
+    with pytest.warns(UserWarning, match="tolerances are hardly smaller than the motion"):
+        run = rj.simulate(spring(1e-9, at=1.0), TS)
+    assert run.flags == rj.Flag.RESOLUTION
+
+
+def test_given_tolerances_are_kept():
+    with pytest.warns(UserWarning, match="Choose rtol and atol"):
+        run = rj.simulate(spring(1e-4), TS, rtol=1e-6, atol=1e-6, audit=False)
+    assert float(run.stats.atol) == 1e-6
+
+
+def test_a_body_at_rest_is_resolved():
+    assert rj.simulate(spring(0.0, at=1.0), TS).is_valid
+
+
+def test_lanes_tell_which_motions_they_resolve():
+    runs = jax.jit(jax.vmap(lambda x: rj.simulate(spring(x), TS, throw=False)))(
+        jnp.array([0.0, 1e-9, 1e-6, 0.1])
+    )
+    assert runs.success.all()
+    assert runs.is_valid.tolist() == [True, False, False, True]
