@@ -14,6 +14,7 @@ from ..extras import frame
 from ..program import program_once
 from ..system.base import AbstractSystem, check_system
 from .tangent import independent_constraints, tangent_of
+from .turning import turn
 
 # What eigenvalues are rounded by, relative to the largest one: those that are zero twice, of free
 # motions, are the roots of rounding errors.
@@ -70,8 +71,9 @@ def modes(
     - `at` (n,): where, an equilibrium such as `equilibrium(system)`; the start unless given.
     - `v` (n,): its velocity; at rest unless given. `t`: time [s].
     - `turning`: angular velocity Ω [rad/s] at which the whole mechanism turns about the origin,
-      steadily, as seen from a frame that turns with it; instead of `v`. Modes are those in that
-      frame: with gyroscopic forces and centrifugal stiffening.
+      steadily, as seen from a frame that turns with it; instead of `v`. In space about z, or a
+      vector (3,). Modes are those in that frame, such as flap, lead-lag and whirl: with gyroscopic
+      forces and centrifugal stiffening.
 
     Raises InputError for a wrong shape, or for `turning` of a system without bodies.
     """
@@ -80,10 +82,9 @@ def modes(
     check_shape("modes", "at", q, (system.n,))
     generator = None
     if not (isinstance(turning, int | float) and turning == 0.0):
-        generator = jnp.asarray(turning, q.dtype) * _turn("modes", system)
         if v is not None:
             raise InputError("modes: v and turning are given; turning implies the velocity.")
-        v = generator @ q + jnp.asarray(turning, q.dtype) * _angles(system)
+        generator, v = turn("modes", system, turning, t, q)
     velocity = jnp.zeros_like(q) if v is None else as_array(v)
     check_shape("modes", "v", velocity, (system.n,))
     time = jnp.asarray(t, q.dtype)
@@ -164,23 +165,3 @@ def _pairs(
     frequency = jnp.where(product > 0, jnp.sqrt(jnp.where(product > 0, product, 1)), 0)
     ratio = -0.5 * (one + other).real / jnp.where(frequency > 0, frequency, 1)
     return frequency, ratio, chosen
-
-
-def _turn(owner: str, system: AbstractSystem) -> Float[Array, "n n"]:
-    """∂/∂φ of a turn of the whole about the origin, but for the angles, which grow alike."""
-    labels = [(c.owner, c.name) for c in system.structure.coordinates]
-    rows = jnp.zeros((system.n, system.n))
-    bodies = [owner for owner, name in labels if name == "phi"]
-    if not bodies:
-        raise InputError(
-            f"{owner}: turning needs a system of bodies, but the coordinates are "
-            f"{', '.join(system.structure.labels[:4])}; give v instead."
-        )
-    for body in bodies:
-        x, y = labels.index((body, "x")), labels.index((body, "y"))
-        rows = rows.at[x, y].set(-1.0).at[y, x].set(1.0)
-    return rows
-
-
-def _angles(system: AbstractSystem) -> Float[Array, " n"]:
-    return jnp.array([float(c.name == "phi") for c in system.structure.coordinates])
