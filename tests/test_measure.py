@@ -15,6 +15,7 @@ from programs import primitives
 from tolerances import DIFFERENCED, IDENTITY
 
 import romjax as rj
+from romjax import spatial
 
 SMOOTH = {"dt": 1e-3, "rtol": None}  # fixed steps: errors without jumps
 # Central differences of order six, on seven points.
@@ -126,6 +127,25 @@ def test_points_in_one_place():
     found = rj.measure(run.system, run, marker, marker)
     assert_close(found.distance, 0, IDENTITY)
     assert_close(found.distance_rate, 0, IDENTITY)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_point_at_rest(dimension):
+    """Of an equilibrium, by its coordinates: single values, and no acceleration."""
+    parts = rj if dimension == 2 else spatial
+    inertia = 0.1 if dimension == 2 else (0.1, 0.1, 0.1)
+    origin, down = np.zeros(dimension), -np.eye(dimension)[dimension - 1]
+    body = parts.RigidBody("bob", 2.0, inertia)
+    effects = [rj.Gravity(9.81 * down), rj.Spring(body.at(), rj.ground.at(origin), 50.0)]
+    system = rj.assemble(rj.Scene([body], [], effects))
+    q = rj.equilibrium(system)
+    found = rj.measure(system, q, body.at(0.3 * down), rj.ground.at(origin))
+    assert_close(found.position, (0.3 + 2.0 * 9.81 / 50.0) * down, IDENTITY)
+    assert_close(found.distance, 0.3 + 2.0 * 9.81 / 50.0, IDENTITY)
+    assert_close(found.velocity, origin, IDENTITY)
+    assert_close(found.acceleration, origin, IDENTITY, scale=9.81)
+    with pytest.raises(rj.InputError, match=r"measure: q has shape \(2,\)"):
+        rj.measure(system, q[:2], body.at())
 
 
 # Coordinates by label.

@@ -1,7 +1,7 @@
 """What is evaluated at each output of a run: accelerations, and any other function."""
 
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -9,8 +9,9 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .. import compat
+from ..arrays import Vector, as_array
 from ..assembly.locate import assembled
-from ..checks import check_kind
+from ..checks import check_finite, check_kind, check_shape
 from ..errors import InputError
 from ..integrate.outputs import capacity, cut, padded
 from ..integrate.reactions import balancing_multipliers, lifted_acceleration
@@ -19,6 +20,7 @@ from ..program import program
 from ..system.base import AbstractSystem, check_system
 from ..system.dynamics import solve
 from ..system.reduced import AbstractReducedSystem
+from ..system.structure import without_names
 
 
 def along(at: Callable[..., Any], fixed: Any, *states: Float[Array, "k ..."]) -> Any:
@@ -54,9 +56,62 @@ def _looped(
     return jax.lax.fori_loop(0, jnp.asarray(count), put, empty)
 
 
+class Rest(NamedTuple):
+    """A mechanism at rest in the physical coordinates q (n,), in the place of a run."""
+
+    t: Float[Array, ""]
+    q: Float[Array, " n"]
+    v: Float[Array, " n"]
+
+
+def along_run(
+    run: Trajectory | Rest, at: Callable[..., Any], fixed: Any, *states: Float[Array, "..."]
+) -> Any:
+    """`along` the outputs of a run; at rest, the value there."""
+    if run.t.ndim:
+        return along(at, fixed, *states)
+    return jax.tree.map(lambda x: x[0], along(at, fixed, *(x[None] for x in states)))
+
+
+def run_or_rest(owner: str, system: AbstractSystem, run: Trajectory | Vector) -> Trajectory | Rest:
+    """The `run`, or the rest of a `system` in its coordinates (n,); raises InputError as
+    `check_run`, or for another shape or a number that is not finite.
+    """
+    if not isinstance(run, jax.Array | np.ndarray | list | tuple):
+        moved = cast(Trajectory, run)
+        check_run(owner, system, moved)
+        return moved
+    _check_mechanism(owner, system)
+    q = as_array(run)
+    check_shape(owner, "q", q, (system.n,))
+    check_finite(owner, "q", q)
+    return Rest(*_at_rest(without_names(system), q))
+
+
+@program
+def _at_rest(
+    system: AbstractSystem, q: Float[Array, " r"]
+) -> tuple[Float[Array, ""], Float[Array, " n"], Float[Array, " n"]]:
+    t = jnp.zeros((), q.dtype)
+    state = system.state(t, q, jnp.zeros_like(q))
+    return t, state.q, state.v
+
+
 def check_run(owner: str, system: AbstractSystem, run: Trajectory) -> None:
     """Raise InputError, beginning with `owner`, unless `run` is one of a mechanism of bodies, and
     of this `system`.
+    """
+    check_origin(owner, _check_mechanism(owner, system), run)
+    if run.t.ndim != 1:
+        raise InputError(
+            f"{owner}: the run is a batch of shape {run.t.shape[:-1]}; map over it, as in "
+            f"jax.vmap(lambda run: rj.{owner}(system, run, ...))(runs)."
+        )
+
+
+def _check_mechanism(owner: str, system: AbstractSystem) -> AbstractSystem:
+    """The full system; raises InputError unless it is one of bodies, whose equations `system`
+    follows.
     """
     full = assembled(owner, system)
     if system.full is not system and not hasattr(system, "in_chart_of"):
@@ -64,12 +119,7 @@ def check_run(owner: str, system: AbstractSystem, run: Trajectory) -> None:
             f"{owner}: a {type(system).__name__} follows no equations of motion of the mechanism; "
             "reduce by rj.Galerkin() or rj.Minimal(), or give the full system."
         )
-    check_origin(owner, full, run)
-    if run.t.ndim != 1:
-        raise InputError(
-            f"{owner}: the run is a batch of shape {run.t.shape[:-1]}; map over it, as in "
-            f"jax.vmap(lambda run: rj.{owner}(system, run, ...))(runs)."
-        )
+    return full
 
 
 def check_origin(owner: str, system: AbstractSystem, run: Trajectory) -> None:
@@ -84,11 +134,11 @@ def check_origin(owner: str, system: AbstractSystem, run: Trajectory) -> None:
         )
 
 
-def accelerations(system: AbstractSystem, run: Trajectory) -> Float[Array, "k n"]:
+def accelerations(system: AbstractSystem, run: Trajectory | Rest) -> Float[Array, "*k n"]:
     """Accelerations of the physical coordinates along a `run` of a full or reduced `system`, by its
     equations of motion without stabilisation.
     """
-    rows: Float[Array, "k n"] = along(_acceleration, system, run.t, run.q, run.v)
+    rows: Float[Array, "*k n"] = along_run(run, _acceleration, system, run.t, run.q, run.v)
     return rows
 
 
