@@ -8,7 +8,7 @@ import pytest
 from mutations import ROOT, mutations
 
 MUTATIONS = mutations()
-COUNT = 41
+COUNT = 44
 KINDS = {"sign", "factor", "index", "term", "argument"}
 # The folders of the package that compute.
 ROOMS = {
