@@ -2,6 +2,7 @@
 
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -43,12 +44,14 @@ def is_resolved(
 
 def finer(structure: Structure, settings: Settings, run: Trajectory) -> Settings:
     """With tolerances for the motion of a run, as those that it has are for one of a metre."""
-    every = _Motion.of(structure, np.asarray(run.q), np.asarray(run.v))
+    # Under `grad` alone, runs are known but for their derivatives.
+    q, v, rtol = (np.asarray(jax.lax.stop_gradient(x)) for x in (run.q, run.v, settings.rtol))
+    every = _Motion.of(structure, q, v)
     motion = _Motion(*(x[every.counts] for x in every))
     size = np.max(np.minimum(motion.distance, motion.speed))
     # In units of the distance that it moves, a motion far from zero has fewer digits.
     far = np.max(motion.farthest) / np.max(motion.distance)
-    rtol, dtype = np.asarray(settings.rtol), run.q.dtype
+    dtype = run.q.dtype
     least = _DIGITS * np.finfo(dtype).eps
     tighter = np.maximum(rtol / np.maximum(far, 1.0), least)
     smaller = np.maximum(rtol * np.minimum(size, 1.0), least * np.max(motion.farthest))
