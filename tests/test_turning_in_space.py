@@ -58,6 +58,7 @@ def blade(parts, hinge) -> rj.AbstractSystem:
     return rj.assemble(rj.Scene([hub, arm], [bearing, parts.Revolute(*ends)], [spring]))
 
 
+@pytest.mark.slow
 def test_lead_lag_as_in_the_plane():
     """The same blade and hub in the plane: the turn of all, and lead and lag."""
     plane = rj.modes(blade(rj, None), turning=SPEED)

@@ -21,7 +21,8 @@ def displacements(system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Flo
     weights = jnp.diagonal(system.mass(q))
     if not system.structure.frames:
         return 1 / jnp.sqrt(weights)
-    positions, turns, modes, owners = _kinds(system.structure)
+    positions, turns = system.structure.positions, system.structure.turns
+    modes, owners = _modes(system.structure)
     places = q[positions]
     length = jnp.max(jnp.abs(places - jnp.mean(places, axis=0, keepdims=True)))
     sizes = jnp.ones_like(q)
@@ -36,14 +37,10 @@ def displacements(system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Flo
     return sizes.at[modes].set(length * jnp.sqrt(weights[owners] / weights[modes]))
 
 
-def _kinds(structure: Structure) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Coordinates of positions (bodies, d) and turns (bodies, ·), of modes, and where the frames of
-    these begin.
-    """
-    d, turned = (3, 4) if structure.quaternions else (2, 1)
-    starts = np.array(structure.frames)[:, None]
-    positions, turns = starts + np.arange(d), starts + d + np.arange(turned)
-    others = {*positions.ravel().tolist(), *turns.ravel().tolist(), *structure.counters}
+def _modes(structure: Structure) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates of modes, and where the frames of their bodies begin."""
+    frames = np.concatenate([structure.positions, structure.turns], axis=1)
+    others = {*frames.ravel().tolist(), *structure.counters}
     modes = np.array([i for i in range(len(structure.coordinates)) if i not in others], int)
     owners = np.array([max(s for s in structure.frames if s < i) for i in modes], int)
-    return positions, turns, modes, owners
+    return modes, owners

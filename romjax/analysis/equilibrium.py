@@ -85,9 +85,8 @@ def _solve(
     n, none = system.n, jnp.zeros(unit_length.count(system), q0.dtype)
     statics, sizes = Statics(system, t, q0), displacements(system, t, q0)
     multipliers = _balancing(statics, sizes)
-    forces = (
-        statics.residual(q0, multipliers).at[n:].set(0)
-    )  # that the start needs to be in balance
+    # That the start needs to be in balance.
+    forces = statics.residual(q0, multipliers).at[n:].set(0)
     terms = jnp.stack([forces[:n], statics.residual(q0, none)[:n]])
     largest = jnp.max(jnp.abs(terms) * sizes[None], initial=0.0)
 

@@ -45,15 +45,13 @@ def _turn(
     t: Float[Array, ""],
     q: Float[Array, " n"],
 ) -> tuple[Float[Array, "n n"], Float[Array, " n"]]:
-    starts, rows = np.array(system.structure.frames), jnp.zeros((system.n, system.n), q.dtype)
-    if not system.structure.quaternions:
-        rows = rows.at[starts, starts + 1].set(-omega).at[starts + 1, starts].set(omega)
-        return rows, (rows @ q).at[starts + 2].set(omega)
+    structure, rows = system.structure, jnp.zeros((system.n, system.n), q.dtype)
+    if not structure.quaternions:
+        x, y = structure.positions.T
+        rows = rows.at[x, y].set(-omega).at[y, x].set(omega)
+        return rows, (rows @ q).at[structure.turns].set(omega)
     axes = omega * np.array([0, 0, 1], q.dtype) if omega.ndim == 0 else omega
-    blocks = (
-        (starts[:, None] + np.arange(3), quaternions.skew(axes)),
-        (starts[:, None] + 3 + np.arange(4), _left(axes)),
-    )
+    blocks = (structure.positions, quaternions.skew(axes)), (structure.turns, _left(axes))
     for columns, block in blocks:
         rows = rows.at[columns[:, :, None], columns[:, None]].set(block[None])
     return rows, _counted(system, t, q, rows @ q)

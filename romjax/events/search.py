@@ -105,8 +105,7 @@ def _look(
         def halve(_: Any, bracket: tuple[Array, ...]) -> tuple[Array, ...]:
             low, high, share, value = bracket
             middle = 0.5 * (low + high)
-            here = _each_at(at, middle)
-            rate = _each_at(lambda x: look(x)[1], middle)
+            here, rate = _each_at(look, middle)
             deeper = sign * here < sign * value
             return (
                 jnp.where(sign * rate < 0, middle, low),
@@ -136,7 +135,6 @@ def _each(rows: Array, index: Array) -> Array:
     return jnp.take_along_axis(rows, index[None], axis=0)[0]
 
 
-def _each_at(function: Callable[[Array], Array], shares: Array) -> Array:
-    """Of each quantity, its value at a share of its own."""
-    values: Array = jnp.diagonal(jax.vmap(function)(shares))
-    return values
+def _each_at(function: Callable[[Array], Any], shares: Array) -> Any:
+    """Of each quantity, what the function gives of it at a share of its own."""
+    return jax.tree.map(jnp.diagonal, jax.vmap(function)(shares))

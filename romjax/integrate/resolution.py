@@ -72,8 +72,7 @@ class _Motion(NamedTuple):
     def of(cls, structure: Structure, q: Any, v: Any) -> "_Motion":
         xp = namespace(q)
         metres = np.zeros(len(structure.coordinates), bool)
-        for start in structure.frames:
-            metres[start : start + (3 if start + 3 in structure.quaternions else 2)] = True
+        metres[structure.positions] = True
         farthest, speed = xp.max(xp.abs(q), axis=0), xp.max(xp.abs(v), axis=0)
         distance = xp.max(xp.abs(q - q[:1]), axis=0)
         moves = (distance > _REST * (1 + farthest)) | (speed > _REST)

@@ -5,6 +5,7 @@ import functools
 from typing import Any
 
 import jax
+import numpy as np
 
 from ..identity import Remembered
 from ..scene.coordinate import Coordinate
@@ -70,6 +71,19 @@ class Structure:
             quaternions=self.quaternions,
             counters=self.counters,
         )
+
+    @functools.cached_property
+    def positions(self) -> np.ndarray:
+        """The numbers of the coordinates of the position of each body, (bodies, 2 or 3)."""
+        return self._from_frames(0, 3 if self.quaternions else 2)
+
+    @functools.cached_property
+    def turns(self) -> np.ndarray:
+        """Those of its angle or its quaternion, (bodies, 1 or 4)."""
+        return self._from_frames(*((3, 7) if self.quaternions else (2, 3)))
+
+    def _from_frames(self, first: int, end: int) -> np.ndarray:
+        return np.array(self.frames, int)[:, None] + np.arange(first, end)
 
     def __hash__(self) -> int:
         return self._hash
