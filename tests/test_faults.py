@@ -38,7 +38,16 @@ RUN = """
 system = rj.assemble(rj.gallery.chain(1))
 print(rj.simulate(system, np.linspace(0.0, 0.1, 3), solver=rj.Rodas5P()).summary())
 """
-BECOME = "os.setgid(54321), os.setuid(54321)\n"
+# The other user may not be able to read the packages: what they load late is loaded before.
+BECOME = """
+folder = os.environ.pop("ROMJAX_CACHE_DIR", None)
+os.environ["ROMJAX_CACHE_DIR"] = ""
+rj.simulate(rj.assemble(rj.gallery.chain(2)), np.linspace(0.0, 0.1, 3), solver=rj.Rodas5P())
+del os.environ["ROMJAX_CACHE_DIR"]
+if folder is not None:
+    os.environ["ROMJAX_CACHE_DIR"] = folder
+os.setgid(54321), os.setuid(54321)
+"""
 # Whether it takes all programs from disk.
 COUNTED = """
 compiled, calls = jax.stages.Lowered.compile, []
