@@ -139,3 +139,28 @@ def test_a_ball_comes_to_roll():
 def test_what_an_effect_refuses(make, words):
     with pytest.raises(rj.SceneError, match=words):
         make()
+
+
+def test_a_bushing_past_half_a_turn():
+    """It swings as one spring, ½ J ω² = ½ k φ², and says so where that goes past half a turn."""
+    body = r.RigidBody("body", 1.0, (0.02, 0.03, 0.05))
+    stiffness = np.array([90.0, 90.0, 90.0, 5.0, 8.0, 3.0])
+    bushing = r.Bushing(body.at((0, 0, 0)), rj.ground.at((0, 0, 0)), stiffness)
+    system = rj.assemble(rj.Scene([body], effects=[bushing]))
+    ts = np.linspace(0.0, 1.0, 6)
+
+    def swung(most, sign):
+        """A run to the largest angle `most` [rad], from a quaternion of either sign."""
+        q0, v0 = np.zeros(7), np.zeros(7)
+        q0[3], v0[6] = sign, 0.5 * sign * most * np.sqrt(3.0 / 0.05)
+        return rj.simulate(system, ts, q0=q0, v0=v0, rtol=1e-11, solver=diffrax.Dopri8())
+
+    for sign in (1.0, -1.0):
+        run = swung(3.1, sign)
+        assert run.is_valid
+        angle = 2 * np.arctan2(run.q[:, 6], run.q[:, 3] * sign) * sign
+        assert_close(angle, 3.1 * np.sin(np.sqrt(3.0 / 0.05) * ts), SOLVED)
+        with pytest.warns(UserWarning, match="half a turn.*TorsionSpring"):
+            run = swung(3.2, sign)
+        assert run.flags == rj.Flag.LIMIT
+        assert not run.is_valid

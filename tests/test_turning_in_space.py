@@ -67,6 +67,7 @@ def test_lead_lag_as_in_the_plane():
     assert space.frequencies.shape == plane.frequencies.shape == (2,)
 
 
+@pytest.mark.slow
 def test_flap():
     """ω² = (k + Ω² (m r (e + r) + J_z − J_x)) / (J_y + m r²)."""
     found = rj.modes(blade(spatial, (0.0, 1.0, 0.0)), turning=SPEED)

@@ -58,6 +58,7 @@ class AssembledSystem(AbstractSystem):
             lambda: self.power(t, q, v),
             lambda: self.inverse_mass(q),
             lambda: self.gaps(q),
+            lambda: self.limits(q),
         )
 
     def stored(self, t: Time, q: Float[Array, " n"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
@@ -93,6 +94,14 @@ class AssembledSystem(AbstractSystem):
             return None
         poses = self.effect_markers.poses(q)
         return jnp.concatenate([group.gaps(poses) for group in groups])
+
+    def limits(self, q: Float[Array, " n"]) -> Float[Array, " effects"] | None:
+        """What changes its sign where effects pass their limits; None without any."""
+        groups = [group for group in self.effects if group.effects.limited]
+        if self.effect_markers is None or not groups:
+            return None
+        poses = self.effect_markers.poses(q)
+        return jnp.concatenate([group.limits(poses) for group in groups])
 
     def mass_blocks(self, q: Float[Array, " n"]) -> Float[Array, "bodies size *size"]:
         """Mass matrices of the bodies, padded to one size by ones on the diagonal; the diagonals

@@ -230,6 +230,13 @@ class EffectGroup(Stack):
         )
         return each
 
+    def limits(self, poses: Pose) -> Float[Array, " count"]:
+        """The limit of each."""
+        each: Array = jax.vmap(lambda effect, sides: effect.limit(*sides))(
+            self.effects, self.markers.take(poses)
+        )
+        return each
+
     def power(self, t: Time, poses: Pose, twists: Twist) -> Float[Array, " count"]:
         """The power of the forces of each that have no potential energy."""
         each: Array = jax.vmap(lambda effect, poses, twists: effect.power(t, poses, twists))(

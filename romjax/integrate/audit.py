@@ -8,12 +8,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from .. import compat
 from ..linalg.dense import multiply
 from ..system.base import AbstractSystem
 from ..system.dynamics import constraint_state, solve
+from ..system.flags import Flag
 from ..system.stabilization import Baumgarte
 from ..system.state import AbstractState, Power
 from .branching import Branching
@@ -30,11 +31,14 @@ class Findings(NamedTuple):
 
     balance: EnergyBalance
     branching: Branching | None  # None where constraints cannot lose rank, or are projected
+    beyond: Bool[Array, ""] | None  # whether an effect passed its limit; None where none has one
 
     @property
     def flags(self) -> Int[Array, ""]:
         """What speaks against the run, as the number of a `Flag`."""
-        return self.balance.flags + (0 if self.branching is None else self.branching.flags)
+        branching = 0 if self.branching is None else self.branching.flags
+        beyond = 0 if self.beyond is None else self.beyond * int(Flag.LIMIT)
+        return self.balance.flags + branching + beyond
 
 
 class Audit(NamedTuple):
@@ -68,7 +72,8 @@ class Auditor(eqx.Module):
         branching = None
         if self.watches_branches:
             branching = Branching.start(start.t, self.system.m)
-        return Findings(balance, branching)
+        within = self._limits(start) is None
+        return Findings(balance, branching, None if within else jnp.zeros((), bool))
 
     @property
     def watches_branches(self) -> bool:
@@ -95,7 +100,11 @@ class Auditor(eqx.Module):
         if tried.arrival is not None:
             # Of impacts at the end of the step.
             work = work._replace(supply=work.supply + tried.arrival.work)
-        new = Findings(findings.balance.follow(after.t, now, work), branching)
+        beyond = findings.beyond
+        if beyond is not None:
+            # Limits pass zero once within a step, since its errors see what happens there.
+            beyond |= jnp.any(self._limits(before) * self._limits(after) < 0)
+        new = Findings(findings.balance.follow(after.t, now, work), branching, beyond)
         chosen: Findings = jax.tree.map(lambda a, b: jnp.where(keep, a, b), new, findings)
         return chosen
 
@@ -107,6 +116,10 @@ class Auditor(eqx.Module):
             chart: Chart = charts[0]
             system = self.post_step.in_chart(system, chart)
         return system, system.state(t, q, v)
+
+    def _limits(self, at: Progress) -> Any:
+        state = self._at(at.t, at.y)[1]
+        return self.system.full.state(at.t, state.q, state.v).limits()
 
     def _energies(self, t: Array, y: Any) -> Momentary:
         """The energies between two steps.

@@ -11,8 +11,9 @@ from .trajectory import Trajectory
 
 # What a run is warned of, and what projection may mend. Integers: members of an enumeration take
 # ten times as long, and every run is asked.
-DOUBTS = int(Flag.ENERGY | Flag.DISSIPATION | Flag.BRANCH)
+DOUBTS = int(Flag.ENERGY | Flag.DISSIPATION | Flag.BRANCH | Flag.LIMIT)
 _MENDED = int(Flag.ENERGY | Flag.BRANCH)
+_LIMIT = int(Flag.LIMIT)
 _SUCCESS, _VIOLATED = int(Status.SUCCESS), int(Status.CONSTRAINTS_VIOLATED)
 
 
@@ -55,7 +56,8 @@ def warn_of_doubt(system: AbstractSystem, run: Trajectory) -> None:
     singular = singular_position(system, run)
     if singular is not None and singular.is_passed:
         words.append(singular.describe())
-    warnings.warn(
-        f"{'; '.join(words)}. Tighten rtol, or use stabilization=romjax.Projection().",
-        stacklevel=3,
-    )
+    numerical = flags & DOUBTS & ~_LIMIT
+    remedies = ["Tighten rtol, or use stabilization=romjax.Projection()."] if numerical else []
+    if flags & _LIMIT:
+        remedies.append("Where a part turns far, use a joint with a TorsionSpring, which counts.")
+    warnings.warn(". ".join(["; ".join(words), " ".join(remedies)]), stacklevel=3)

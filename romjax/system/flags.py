@@ -13,6 +13,7 @@ class Flag(enum.IntFlag):
     DISSIPATION = 8
     BRANCH = 16
     RESOLUTION = 32
+    LIMIT = 64
 
 
 WORDS = {
@@ -22,4 +23,5 @@ WORDS = {
     Flag.DISSIPATION: "its dampers give energy instead of taking it",
     Flag.BRANCH: "it passes a singular position so closely that it may have changed its branch",
     Flag.RESOLUTION: "its tolerances are hardly smaller than the motion itself",
+    Flag.LIMIT: "an effect passes the end of what it is right for, as a bushing after half a turn",
 }

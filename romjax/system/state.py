@@ -99,6 +99,12 @@ class AbstractState(abc.ABC):
         """How far the points of contacts are outside [m]; None where there are none."""
         return None
 
+    def limits(self) -> Float[Array, " effects"] | None:
+        """What changes its sign where effects pass the end of what they are right for; None where
+        all are right everywhere.
+        """
+        return None
+
     @abc.abstractmethod
     def residual(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
         """M a − Q."""
@@ -125,7 +131,7 @@ class FullState(AbstractState):
       `KKT` takes them; `force_vector`: Q. Functions, so that only what is asked for is traced.
     - `inverse_mass`: M⁻¹; gives None where it is not known in closed form.
     - `stored`: the elastic and the potential energy as a function of q; `work_rate`: the power of
-      the other forces. `contact_gaps`: of all contacts.
+      the other forces. `contact_gaps`: of all contacts. `effect_limits`: of all effects.
     """
 
     q: Float[Array, " n"]
@@ -138,6 +144,7 @@ class FullState(AbstractState):
     work_rate: Callable[[], Power | None]
     inverse_mass: Callable[[], InverseMass | None] = lambda: None
     contact_gaps: Callable[[], Float[Array, " contacts"] | None] = lambda: None
+    effect_limits: Callable[[], Float[Array, " effects"] | None] = lambda: None
 
     @functools.cached_property
     def _mass(self) -> Float[Array, "bodies size *size"]:
@@ -167,6 +174,9 @@ class FullState(AbstractState):
 
     def gaps(self) -> Float[Array, " contacts"] | None:
         return self.contact_gaps()
+
+    def limits(self) -> Float[Array, " effects"] | None:
+        return self.effect_limits()
 
     def residual(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
         return self.apply_mass(a) - self.force()

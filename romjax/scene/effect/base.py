@@ -76,6 +76,8 @@ class AbstractMarkerEffect(AbstractEffect):
     counted: ClassVar[tuple[tuple[int, int], ...]] = ()
     # Whether it may begin on the way, as contacts do; then the start shows nothing of it.
     begins: ClassVar[bool] = False
+    # Whether it is right within a `limit` only.
+    limited: ClassVar[bool] = False
 
     @property
     def markers(self) -> tuple[Marker, ...]:
@@ -102,6 +104,12 @@ class AbstractMarkerEffect(AbstractEffect):
         """Potential energy [J]; asked only of effects that store some."""
         del t
         return jnp.zeros((), poses[0].position.dtype)
+
+    def limit(self, *poses: Pose) -> Float[Array, ""]:
+        """What changes its sign where the effect passes the end of what it is right for; asked only
+        of effects that are `limited`. Runs that pass it are flagged.
+        """
+        return jnp.ones((), poses[0].position.dtype)
 
     def power(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]

@@ -22,7 +22,8 @@ class Bushing(AbstractMarkerEffect):
 
     With the displacement δ = (x, y, z, rotation vector) of `a` against `b`, its energy is ½ δᵀ K δ
     and its dissipation function ½ δ'ᵀ D δ'. The rotation vector is the axis times the angle, which
-    is at most half a turn.
+    is at most half a turn: runs in which `a` turns further, where its torque changes sides, have
+    `Flag.LIMIT`.
 
     **Arguments:**
 
@@ -39,6 +40,7 @@ class Bushing(AbstractMarkerEffect):
     hatched: ClassVar[bool] = True
     stores: ClassVar[bool] = True
     supplies: ClassVar[bool] = False
+    limited: ClassVar[bool] = True
     dimensions: ClassVar[tuple[int, ...]] = (3,)
 
     @property
@@ -64,6 +66,10 @@ class Bushing(AbstractMarkerEffect):
             force -= _apply(self.damping, rate())
         return wrenches(force)
 
+    def limit(self, *poses: Pose) -> Float[Array, ""]:
+        """The cosine of half the angle of rotation, up to a factor."""
+        return _turn(*poses)[0]
+
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
     ) -> tuple[Outline, ...]:
@@ -86,7 +92,7 @@ def _apply(matrix: Float[Array, "6 *columns"], x: Float[Array, "6"]) -> Float[Ar
 
 def _delta(a: Pose, b: Pose) -> Float[Array, "6"]:
     """Of `a` in the frame of `b`: x, y, z [m], rotation vector [rad]."""
-    relative = quaternions.product(quaternions.conjugate(b.turn), a.turn)
+    relative = _turn(a, b)
     # tan ½φ times the axis: the same for all multiples of a quaternion.
     tangent = relative[1:] / relative[0]
     squared = jnp.sum(tangent**2)
@@ -96,6 +102,11 @@ def _delta(a: Pose, b: Pose) -> Float[Array, "6"]:
     series = 1 - squared * (1 / 3 - squared * (1 / 5 - squared / 7))
     ratio = jnp.where(small, series, jnp.arctan(length) / length)
     return jnp.concatenate([b.local(a.position), 2 * ratio * tangent])
+
+
+def _turn(a: Pose, b: Pose) -> Float[Array, "4"]:
+    """The quaternion of `a` in the frame of `b`, with any length and sign."""
+    return quaternions.product(quaternions.conjugate(b.turn), a.turn)
 
 
 def _check_matrix(owner: str, field: str, matrix: Array) -> None:
