@@ -44,6 +44,32 @@ def beam(elements, length, mass, EA, EI):
     return stiffness, inertia, np.stack([mesh.p[0], np.zeros(elements + 1)], axis=1)
 
 
+def beam_in_space(elements, length, mass, EA, EI, GJ, polar):
+    """The same with bending about y and z, EI of two numbers, and torsion, `polar` its moment of
+    inertia: K, M and nodes.
+
+    Rows of three displacements and three rotations, node after node.
+    """
+    rows = np.arange(6 * elements + 6).reshape(-1, 6)
+    stiffness, inertia = (np.zeros((rows.size, rows.size)) for _ in range(2))
+    # A rotation about y moves what is ahead along −z.
+    for own, signs, parts in (
+        ((0, 1, 5), (1, 1, 1), beam(elements, length, mass, EA, EI[1])),
+        ((2, 4), (1, -1), beam(elements, length, mass, EA, EI[0])),
+        ((3,), (1,), beam(elements, length, polar, GJ, 1.0)),
+    ):
+        index = rows[:, list(own)].ravel()
+        sign = np.tile(np.array(signs, float), elements + 1)
+        # Bending without what is along the beam, torsion as that alone.
+        chosen = [[0, 1, 2], [1, 2], [0]][3 - len(own)]
+        kept = np.arange(rows.size // 2).reshape(-1, 3)[:, chosen].ravel()
+        for total, part in zip((stiffness, inertia), parts[:2], strict=True):
+            total[np.ix_(index, index)] = part.toarray()[np.ix_(kept, kept)] * np.outer(sign, sign)
+    nodes = np.zeros((elements + 1, 3))
+    nodes[:, 0] = parts[2][:, 0]
+    return sp.csc_array(stiffness), sp.csc_array(inertia), nodes
+
+
 def plate(length, height, nx, ny, modulus=2e11, poisson=0.3, density=7800.0, thickness=0.01):
     """A rectangle in plane stress by quadratic quadrilaterals: K, M, nodes and their rows."""
     mesh = skfem.MeshQuad.init_tensor(

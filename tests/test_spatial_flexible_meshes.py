@@ -151,33 +151,10 @@ def test_a_step_costs_the_same_for_any_mesh():
 
 def test_a_mesh_with_rotations():
     """Shells and frames: a beam along x by Hermite elements in two planes, and rods."""
-    length, mass, bend = 1.3, 0.7, (3.0, 5.0)
-    plane = [meshes.beam(8, length, mass, 1e4, stiffness) for stiffness in bend]
-    nodes = np.zeros((9, 3))
-    nodes[:, 0] = plane[0][2][:, 0]
-    # Axial and along y with the rotation about z; along z with that about y; torsion.
-    stiffness, inertia = (np.zeros((54, 54)) for _ in range(2))
-    rows = np.arange(54).reshape(9, 6)
-    flip = np.tile([1.0, 1.0, -1.0], 9)
-    for k, own in ((0, [0, 1, 5]), (1, [0, 2, 4])):
-        index = rows[:, own].ravel()
-        sign = np.outer(flip, flip) if k else 1
-        for total, part in zip((stiffness, inertia), plane[k][:2], strict=True):
-            total[np.ix_(index, index)] += part.toarray() * sign
-    # The axis was counted twice.
-    along = rows[:, 0]
-    stiffness[np.ix_(along, along)] /= 2
-    inertia[np.ix_(along, along)] /= 2
-    twist = rows[:, 3]
-    polar = 1e-3
-    rod = meshes.beam(8, length, polar, 2.0, 1.0)
-    axial = np.arange(0, 27, 3)
-    stiffness[np.ix_(twist, twist)] = rod[0].toarray()[np.ix_(axial, axial)]
-    inertia[np.ix_(twist, twist)] = rod[1].toarray()[np.ix_(axial, axial)]
+    length, mass, polar = 1.3, 0.7, 1e-3
+    stiffness, inertia, nodes = meshes.beam_in_space(8, length, mass, 1e4, (5.0, 3.0), 2.0, polar)
     ports = {"start": 0, "end": 8}
-    body = spatial.ModalBody.of_mesh(
-        "beam", sp.csc_array(stiffness), sp.csc_array(inertia), nodes, ports, modes=8
-    )
+    body = spatial.ModalBody.of_mesh("beam", stiffness, inertia, nodes, ports, modes=8)
     thin = mass * length**2 / 12
     like = spatial.Beam(
         "beam", mass, length, (polar, thin, thin), EI=(5.0, 3.0), bending=6, GJ=2.0, torsion=3
@@ -249,7 +226,7 @@ def test_bad_meshes_are_refused(mesh, change, words):
 @pytest.mark.instant
 def test_supports_and_flat_nodes_are_refused(mesh):
     stiffness, mass, nodes, rows = mesh
-    with pytest.raises(rj.SceneError, match="sixth frequency.*six rigid motions.*supports"):
+    with pytest.raises(rj.SceneError, match="six rigid motions.*supports"):
         brick((stiffness + sp.eye_array(rows.size) * 1e6, mass, nodes, rows))
     with pytest.raises(rj.SceneError, match=r"nodes must be finite and \(nodes, 3\)"):
         brick((stiffness, mass, nodes[:, :2], rows), ports={"tip": 0})

@@ -11,6 +11,7 @@ from ...arrays import Vector
 from ...errors import SceneError
 from .component_modes import Matrix, checked, craig_bampton, free_interface, ritz
 from .inertia import Inertia
+from .mesh_checks import check_nodes
 from .mesh_inertia import planar_inertia, spatial_inertia
 from .mesh_outline import outline
 from .spatial.inertia import SpatialInertia
@@ -53,6 +54,7 @@ def reduce_mesh(
     pins = {port: np.atleast_1d(np.asarray(of, int)) for port, of in ports.items()}
     if not pins:
         raise SceneError(f"{owner}: it has no ports; give the nodes where joints and effects act.")
+    check_nodes(owner, k, m, positions, rows)
     centres, tie = _tie(owner, positions, rows, pins)
     tied = tie.T @ k @ tie, tie.T @ m @ tie
     held = tied[0].shape[0] - free * len(pins) + np.arange(free * len(pins))

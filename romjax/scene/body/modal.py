@@ -70,7 +70,9 @@ class AbstractModalBody(AbstractBody):
 
         The modes are natural modes of the free body in the span of these, orthogonal to rigid
         motion: the frame is Buckens', which has no momentum of its own. Raises SceneError, with the
-        remedy, if matrices, nodes and ports do not fit, or if the mesh is not free.
+        remedy, if matrices, nodes and ports do not fit: if the mesh is not free, if turning its
+        nodes strains it, if its mass differs between directions, or if no solid carries sound as
+        fast or is as dense.
         """
         owner = f"body '{name}'"
         mesh = reduce_mesh(
