@@ -61,6 +61,19 @@ def test_no_mode_is_above_the_cap():
     assert system.structure.labels == rj.assemble(scene).structure.labels
 
 
+def test_modes_above_the_cap_that_vibrate_are_flagged():
+    """They are right where they follow their loads only."""
+    scene = cantilever()
+    system = rj.assemble(rj.cap(rj.Scene(scene.bodies, scene.joints), 8.0))
+    slow, fast = np.array(system.v0), np.array(system.v0)
+    slow[3], fast[-1] = 0.05, 0.05
+    found = run(system, TS[:21], v0=slow, solver=RODAS5P)
+    assert found.is_valid, found.warnings()
+    found = run(system, TS[:21], v0=slow + fast, solver=RODAS5P)
+    assert found.flags == rj.Flag.CAPPED
+    assert "above the cap vibrate" in found.warnings()
+
+
 @pytest.mark.slow
 def test_energy_is_kept():
     """With a stiffened, damped and turning beam, whose mass matrix is not constant."""

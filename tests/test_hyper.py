@@ -147,6 +147,25 @@ def test_other_numbers_need_no_new_sample(system, rom):
     np.testing.assert_array_equal(heavier.sample.weights[0], rom.sample.weights[0])
 
 
+def test_weights_for_other_masses_are_flagged(rom):
+    """They stand for bodies that are all as heavier, but not for one that is, by a percent."""
+    every = rom.with_full(rj.assemble(chain(mass=1.05)))
+    assert not zoo.run(every, TS).flags & rj.Flag.WEIGHTS
+    scene = chain()
+    one = scene.bodies[COUNT // 3]
+    heavier = rj.Scene(
+        [
+            rj.RigidBody(b.name, b.mass * (1.01 if b is one else 1.0), b.inertia, b.position)
+            for b in scene.bodies
+        ],
+        scene.joints,
+        scene.effects,
+    )
+    run = zoo.run(rom.with_full(rj.assemble(heavier)), TS)
+    assert run.flags == rj.Flag.WEIGHTS
+    assert "weights are for other masses" in run.warnings()
+
+
 def test_its_runs_are_functions_without_calls_of_a_library(rom):
     """Each call would cost as much as a right-hand side."""
     with rj.forward_mode():

@@ -14,6 +14,7 @@ from ..arrays import Time
 from ..linalg.indexing import spread
 from ..linalg.inverse_mass import InverseMass
 from ..linalg.pattern import Pattern
+from ..scene.body.capped import CappedBody
 from ..scene.effect.base import AbstractField
 from ..scene.effect.contact import AbstractContact
 from ..system.base import AbstractSystem
@@ -21,6 +22,7 @@ from ..system.state import FullState, Power
 from ..system.structure import Structure
 from .groups import BodyGroup, EffectGroup, JointGroup
 from .kinematics import Markers
+from .slow_modes import SlowModes
 from .wrenches import effect_wrenches
 
 
@@ -43,8 +45,9 @@ class AssembledSystem(AbstractSystem):
         return self
 
     @property
-    def validity(self) -> None:
-        return None
+    def validity(self) -> SlowModes | None:
+        capped = any(isinstance(group.bodies, CappedBody) for group in self.bodies)
+        return SlowModes() if capped else None
 
     def state(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> FullState:
         return FullState(

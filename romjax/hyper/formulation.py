@@ -1,5 +1,6 @@
 """Hyper-reduction: steps whose cost does not grow with the number of bodies."""
 
+import dataclasses
 from typing import Any, ClassVar, cast
 
 import equinox as eqx
@@ -20,9 +21,11 @@ from ..reduction.formulation.minimal import Minimal
 from ..reduction.lift.closed_form import ClosedFormLift
 from ..reduction.system import ReducedSystem
 from ..system.base import AbstractSystem
+from ..system.validity import TrainingBox
 from .kinematics import Rotations, SampledKinematics, independent
 from .loads import linear_effects
 from .system import HyperReducedSystem, Sample
+from .validity import SampledBox
 from .weights import body_terms, sparse_weights
 
 # Snapshots that are trained with, and states beside them, in a box that is wider by a factor.
@@ -103,7 +106,9 @@ class HyperReduced(AbstractFormulation):
         missed = float(_missed(full, lift, rom.kinematics, sample.columns, jnp.asarray(z)))
         if not missed <= _TIMES * self.tol:
             raise _refusal(f"positions do not follow from angles alone, by {missed:.1e} of them")
-        return rom
+        assert isinstance(exact.validity, TrainingBox)
+        box = SampledBox.of_training(exact.validity, rom, jnp.asarray(z), jnp.asarray(w))
+        return dataclasses.replace(rom, validity=box)
 
     def _sample(
         self, exact: ReducedSystem, lift: ClosedFormLift, z: np.ndarray, w: np.ndarray

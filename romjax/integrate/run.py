@@ -223,8 +223,12 @@ def _flags(
         tolerances = jnp.asarray(settings.rtol), jnp.asarray(settings.atol)
         resolved = is_resolved(system.full.structure, outputs.q, outputs.v, *tolerances)
         flags = jnp.where(resolved, 0, int(Flag.RESOLUTION))
-    if system.validity is None:
-        return flags
-    own = outputs.in_system()
-    run = Run(ts, own.q, own.v, outputs.q, outputs.violation)
-    return flags | system.validity.flags(system, run)
+    full = system.full
+    if full.validity is not None:
+        run = Run(ts, outputs.q, outputs.v, outputs.q, outputs.violation)
+        flags |= full.validity.flags(full, run)
+    if system is not full and system.validity is not None:
+        own = outputs.in_system()
+        run = Run(ts, own.q, own.v, outputs.q, outputs.violation)
+        flags |= system.validity.flags(system, run)
+    return flags

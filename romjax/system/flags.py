@@ -14,6 +14,8 @@ class Flag(enum.IntFlag):
     BRANCH = 16
     RESOLUTION = 32
     LIMIT = 64
+    WEIGHTS = 128
+    CAPPED = 256
 
 
 WORDS = {
@@ -24,4 +26,6 @@ WORDS = {
     Flag.BRANCH: "it passes a singular position so closely that it may have changed its branch",
     Flag.RESOLUTION: "its tolerances are hardly smaller than the motion itself",
     Flag.LIMIT: "an effect passes the end of what it is right for, as a bushing after half a turn",
+    Flag.WEIGHTS: "its sampled bodies, whose weights are for other masses, have another energy",
+    Flag.CAPPED: "modes above the cap vibrate, which they do at the cap and not as they should",
 }

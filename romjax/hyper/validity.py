@@ -1,0 +1,69 @@
+"""What speaks against the result of a hyper-reduced model."""
+
+import dataclasses
+from typing import Any, cast
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from ..program import program_once
+from ..system.base import AbstractSystem, Run
+from ..system.flags import Flag
+from ..system.state import Energy
+from ..system.validity import TrainingBox
+
+# How many times the training's difference of energies is too much.
+_TIMES = 10.0
+
+
+class SampledBox(TrainingBox):
+    """A training box, and how well the sampled bodies stand for all in it.
+
+    Weights belong to the masses that they were trained with. So the energy of the sampled bodies is
+    compared with that of all bodies wherever a run comes out, whatever the numbers are then.
+
+    - `difference`: the largest one of both energies in the training, relative to their extent.
+    """
+
+    difference: Float[Array, ""]
+
+    @classmethod
+    def of_training(
+        cls, box: TrainingBox, system: AbstractSystem, z: Array, w: Array
+    ) -> "SampledBox":
+        """From the `box` of the snapshots, and the states z, w (K, r) of the training."""
+        known = {f.name: getattr(box, f.name) for f in dataclasses.fields(box)}
+        return cls(**known, difference=_trained(system, z, w))
+
+    def flags(self, system: AbstractSystem, run: Run) -> Int[Array, ""]:
+        worse = _difference(system, run.t, run.q, run.v) > _TIMES * self.difference
+        return super().flags(system, run) + worse * int(Flag.WEIGHTS)
+
+
+def _difference(system: AbstractSystem, t: Array, z: Array, w: Array) -> Array:
+    """Largest difference of the energies of the sampled bodies and of all at several states,
+    relative to their extent: kinetic energies, and changes of potential ones.
+    """
+
+    def energies(t: Array, z: Array, w: Array) -> Array:
+        sampled, own = system.state(t, z, w), system.full
+        every = own.state(t, *system.reconstruct(t, z, w))
+        return jnp.stack([_two(sampled.energy()), _two(every.energy())])
+
+    sampled, every = jnp.moveaxis(jax.vmap(energies)(t, z, w), 1, 0)
+    # Each has a level of its own of potential energy.
+    level = jnp.array([0.0, 1.0])
+    sampled, every = (each - (level * each[0])[None] for each in (sampled, every))
+    extent = jnp.max(jnp.abs(every))
+    error: Array = jnp.max(jnp.abs(sampled - every)) / jnp.where(extent > 0, extent, 1)
+    return jax.lax.stop_gradient(error)
+
+
+def _two(energy: Energy) -> Float[Array, "2"]:
+    return jnp.stack([energy.kinetic, energy.elastic + energy.potential])
+
+
+@program_once
+def _trained(system: Any, z: Array, w: Array) -> Array:
+    return _difference(cast(AbstractSystem, system), jnp.full(len(z), system.time), z, w)
