@@ -40,6 +40,7 @@ COMPARISONS = (
     "scaling",
     "spatial",
     "accuracy",
+    "trust",
 )
 PATIENCE = 60.0  # [s] for a comparison to write what it has after Ctrl-C
 

@@ -6,6 +6,7 @@ a failure keeps those before it; `record.main(measure)` runs it as a script.
 
 import argparse
 import datetime
+import functools
 import importlib.metadata
 import inspect
 import json
@@ -177,8 +178,15 @@ def collect(measure: Callable[[], Iterator[Section]]) -> tuple[list[Section], st
     return sections, ""
 
 
-def main(measure: Callable[[], Iterator[Section]], setup: Callable[[], None] = begin) -> None:
-    """Run a comparison as a script: write its report, and end with 1 if a floor does not hold."""
+def main(
+    measure: Callable[..., Iterator[Section]],
+    setup: Callable[[], None] = begin,
+    choices: Mapping[str, Mapping[str, Any]] = {},
+) -> None:
+    """Run a comparison as a script: write its report, and end with 1 if a floor does not hold.
+
+    `choices`: settings of argparse for options of its own, by name, which `measure` takes.
+    """
     script = Path(inspect.getfile(measure))
     parser = argparse.ArgumentParser(
         description=inspect.getdoc(inspect.getmodule(measure)),
@@ -189,11 +197,14 @@ def main(measure: Callable[[], Iterator[Section]], setup: Callable[[], None] = b
     parser.add_argument(
         "--ratios", type=Path, metavar="FILE", help="file to write the ratios to, as JSON"
     )
+    for name, settings in choices.items():
+        parser.add_argument(f"--{name}", **settings)
     options = parser.parse_args()
     # Also where the command was started in the background, which ignores Ctrl-C.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     setup()
-    sections, failure = collect(measure)
+    chosen = {name: getattr(options, name) for name in choices}
+    sections, failure = collect(functools.partial(measure, **chosen))
     ratios = {name: float(x) for section in sections for name, x in section.ratios.items()}
     absent = [word for section in sections for word in section.absent]
     if options.ratios:
