@@ -13,6 +13,7 @@ from ..linalg.pattern import Pattern
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import GROUND
+from ..scene.placing import marker_start
 from ..scene.scene import Scene
 from ..system.mobility import check_mobility
 from ..system.structure import Structure
@@ -38,7 +39,7 @@ def assemble(scene: Scene) -> AssembledSystem:
     )
     scene.check()
     # A Python number that was put in by hand would be static and recompile at every change.
-    scene = jtu.tree_map(as_array, scene)
+    scene = _begun(jtu.tree_map(as_array, scene))
 
     acting = [e for e in scene.effects if isinstance(e, AbstractMarkerEffect)]
     keys = [unique([part.label() for part in parts]) for parts in (scene.joints, acting)]
@@ -88,6 +89,18 @@ def assemble(scene: Scene) -> AssembledSystem:
     remedy = "Take out the joints that lock the mechanism."
     check_mobility("assemble", system, remedy, SceneError)
     return system
+
+
+def _begun(scene: Scene) -> Scene:
+    """The scene with what joints take from where their markers are at the start."""
+    bodies = {body.name: body for body in scene.bodies}
+    joints = [
+        joint.starting_at(*(marker_start(bodies, marker) for marker in joint.markers))
+        if joint.takes_start
+        else joint
+        for joint in scene.joints
+    ]
+    return Scene(scene.bodies, joints, scene.effects)
 
 
 def _connections(

@@ -1,15 +1,16 @@
 """Where a body is that one of its points is brought to, and where its points are."""
 
+from collections.abc import Mapping
 from typing import Any, TypeVar
 
 import equinox as eqx
 from jaxtyping import Array
 
-from ..arrays import Number, Vector, as_array, namespace, untraced
+from ..arrays import Number, Vector, as_array, as_jax, namespace, untraced
 from ..errors import SceneError
 from ..linalg import quaternions
 from .fields import check_shape
-from .marker import Pose
+from .marker import GROUND, Marker, Pose
 from .orientation import quaternion_of
 
 B = TypeVar("B", bound=Any)
@@ -17,14 +18,23 @@ B = TypeVar("B", bound=Any)
 
 def start_pose(body: Any, point: Vector) -> Pose:
     """Where a material `point` [m] of a body is at the start, and how it is turned there."""
-    q, _ = body.start()
+    (q,) = untraced(body.start()[0])
     d, frame = body.dimension, body.frame_size
     local = _local(body, q, point)
     position = _moved(q[:d], _turn(q, d), local.position)
-    if d == 2:
-        return Pose(as_array(position), as_array(q[2] + local.turn))
-    turn = quaternions.product(*untraced(q[d:frame], local.turn))
-    return Pose(as_array(position), as_array(turn))
+    q, turn = untraced(q, local.turn)
+    turn = q[2] + turn if d == 2 else quaternions.product(q[d:frame], turn)
+    return Pose(as_jax(position), as_jax(turn))
+
+
+def marker_start(bodies: Mapping[str, Any], marker: Marker) -> Pose:
+    """Where a marker on one of the `bodies`, by name, or on the ground is at the start."""
+    if marker.body == GROUND:
+        return Pose(marker.point, marker.turn)
+    pose = start_pose(bodies[marker.body], marker.point)
+    turn, own = untraced(pose.turn, marker.turn)
+    turned = turn + own if pose.dimension == 2 else quaternions.product(turn, own)
+    return Pose(pose.position, as_jax(turned))
 
 
 def brought(body: B, point: Vector, to: Pose, angle: Number | None, rotation: Any = None) -> B:

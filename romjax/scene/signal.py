@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Time, Vector, as_array, concrete
+from ..arrays import Number, Time, Vector, as_array, concrete
 from ..errors import SceneError
 from .fields import Converted, check_finite, check_positive, check_shape, number, radians
 
@@ -64,9 +64,24 @@ class AbstractSignal(eqx.Module):
     def __call__(self, t: Time) -> Float[Array, ""]:
         """The value at time t [s]."""
 
+    @property
+    def takes_start(self) -> bool:
+        """Whether it has an offset that was left out, which a prescribed motion takes from where
+        the bodies are placed.
+        """
+        return False
+
+    def starting_at(self, value: Number) -> "AbstractSignal":
+        """The signal with the offset that was left out, such that it has a `value` at t = 0; as it
+        is where none was.
+        """
+        del value
+        return self
+
     def check(self, owner: str) -> None:
         for name, value in vars(self).items():
-            check_finite(owner, f"{type(self).__name__}.{name}", as_array(value))
+            if value is not None:
+                check_finite(owner, f"{type(self).__name__}.{name}", as_array(value))
 
 
 if TYPE_CHECKING:  # why, see fields.py
@@ -115,13 +130,26 @@ class Sine(AbstractSignal):
 
 
 class Ramp(AbstractSignal):
-    """`rate * t + offset`; the rate per second."""
+    """`rate * t + offset`; the rate per second.
+
+    The `offset` of a prescribed angle or travel that is left out is the one at which the bodies are
+    placed at the start, so that a drive begins where its crank stands; elsewhere it is zero. It is
+    found when the scene is assembled, and follows a start that changes. Scene files take degrees as
+    `offset_deg`.
+    """
 
     rate: Converted[Float[Array, ""]] = number()
-    offset: Converted[Float[Array, ""]] = number(default=0.0)
+    offset: Converted[Float[Array, ""] | None, Number | None] = radians(default=None)
 
     def __call__(self, t: Time) -> Float[Array, ""]:
-        return self.rate * t + self.offset
+        return self.rate * t if self.offset is None else self.rate * t + self.offset
+
+    @property
+    def takes_start(self) -> bool:
+        return self.offset is None
+
+    def starting_at(self, value: Number) -> "Ramp":
+        return Ramp(self.rate, value) if self.takes_start else self
 
     def corners(self) -> Float[Array, " k"]:
         return jnp.zeros(0)
@@ -190,7 +218,10 @@ class Step(AbstractSignal):
 
 
 class Sum(AbstractSignal):
-    """The sum of several signals, its `terms`."""
+    """The sum of several signals, its `terms`.
+
+    Of ramps whose offsets are left out the first takes all that the sum takes from the start.
+    """
 
     terms: tuple[AbstractSignal, ...]
 
@@ -211,6 +242,18 @@ class Sum(AbstractSignal):
     @property
     def is_known(self) -> bool:
         return all(term.is_known for term in self.terms)
+
+    @property
+    def takes_start(self) -> bool:
+        return any(term.takes_start for term in self.terms)
+
+    def starting_at(self, value: Number) -> "Sum":
+        for i, term in enumerate(self.terms):
+            if term.takes_start:
+                others = [other(0.0) for other in (*self.terms[:i], *self.terms[i + 1 :])]
+                begun = term.starting_at(value - sum(others))
+                return Sum((*self.terms[:i], begun, *self.terms[i + 1 :]))
+        return self
 
     def check(self, owner: str) -> None:
         for term in self.terms:

@@ -48,6 +48,16 @@ class AbstractJoint(eqx.Module):
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, " rows"]:
         """Zero where the joint holds; lengths [m] and angles [rad]."""
 
+    @property
+    def takes_start(self) -> bool:
+        """Whether something was left out that `starting_at` takes from the start."""
+        return False
+
+    def starting_at(self, *poses: Pose) -> "AbstractJoint":
+        """The joint with what was left out, from the poses of its markers at the start."""
+        del poses
+        return self
+
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
     ) -> tuple[Outline, ...]:

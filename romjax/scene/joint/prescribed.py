@@ -1,8 +1,10 @@
 """Motions that are given as functions of time."""
 
-from typing import ClassVar
+import abc
+from typing import ClassVar, Self
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -16,11 +18,27 @@ from .base import AbstractJoint
 
 
 class _Prescribed(AbstractJoint):
-    """What both kinds share: a signal without kinks, at which forces would be infinite."""
+    """What both kinds share: a signal without kinks, at which forces would be infinite, and that
+    begins where the bodies are placed if its offset is left out.
+    """
 
     signal: eqx.AbstractVar[AbstractSignal]
     hatched: ClassVar[bool] = False
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
+
+    @staticmethod
+    @abc.abstractmethod
+    def value(a: Pose, b: Pose) -> Float[Array, ""]:
+        """What the signal prescribes, of poses [rad] or [m]."""
+
+    @property
+    def takes_start(self) -> bool:
+        return self.signal.takes_start
+
+    def starting_at(self, *poses: Pose) -> Self:
+        begun = self.signal.starting_at(self.value(*poses))
+        joint: Self = eqx.tree_at(lambda joint: joint.signal, self, begun)
+        return joint
 
     def check(self) -> None:
         super().check()
@@ -38,6 +56,9 @@ class PrescribedAngle(_Prescribed):
 
     In space it is the angle about the z axis of `b`; signals of many turns are followed, and full
     turns at the start make no difference.
+
+    A `Ramp` without an offset begins at the angle at which the bodies are placed. Signals of other
+    kinds, and offsets that are given, are the angle itself: the start has to suit them.
     """
 
     a: Marker
@@ -45,6 +66,11 @@ class PrescribedAngle(_Prescribed):
     signal: AbstractSignal = signal_field()
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
+
+    @staticmethod
+    @jax.jit
+    def value(a: Pose, b: Pose) -> Float[Array, ""]:
+        return a.angle_against(b, jnp.zeros((), a.position.dtype))
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         return a.angle_against(b, self.signal(t))[None]
@@ -61,6 +87,8 @@ class PrescribedAngle(_Prescribed):
 class PrescribedTravel(_Prescribed):
     """Marker `a` is at x = `signal(t)` [m] in the frame of marker `b`, in space at z; the
     multiplier is the force along this axis.
+
+    A `Ramp` without an offset begins where the bodies are placed, as in `PrescribedAngle`.
     """
 
     a: Marker
@@ -68,6 +96,11 @@ class PrescribedTravel(_Prescribed):
     signal: AbstractSignal = signal_field()
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
+
+    @staticmethod
+    @jax.jit
+    def value(a: Pose, b: Pose) -> Float[Array, ""]:
+        return b.along(a.position)
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         return (b.along(a.position) - self.signal(t))[None]

@@ -1,0 +1,133 @@
+"""Drives whose offset is left out begin where the bodies are placed, in the plane and in space."""
+
+import jax
+import numpy as np
+import pytest
+import zoo
+from comparison import assert_close
+from tolerances import IDENTITY, SOLVED
+
+import romjax as rj
+from romjax import spatial
+
+TILT, SPEED = 1.05, 9.0
+
+
+def crank(signal, angle=TILT, spin=SPEED) -> rj.Scene:
+    """A bar that a drive turns about its centre, between markers that are turned themselves."""
+    bar = rj.RigidBody("crank", 1.0, 0.1, angle=angle, angular_velocity=spin)
+    ends = bar.at((0.0, 0.0), 0.1), rj.ground.at((0.0, 0.0), 0.3)
+    drive = rj.PrescribedAngle(*ends, signal, name="drive")
+    return rj.Scene([bar], [rj.Revolute(*ends), drive])
+
+
+def cart(signal) -> rj.Scene:
+    """A body on a rail through the origin, a point of which is moved along it."""
+    body = rj.RigidBody("cart", 1.0, 0.1, position=(0.3, 0.4), angle=0.2)
+    drive = rj.PrescribedTravel(body.at((0.1, 0.0)), rj.ground.at((0.0, 0.0), 0.5), signal)
+    return rj.Scene([body], [drive])
+
+
+def tube(signal) -> rj.Scene:
+    """A body in space that is turned about z, and moved along it."""
+    turned = spatial.rotation((0.0, 0.0, 1.0), TILT)
+    body = spatial.RigidBody("b", 1.0, (1.0, 1.0, 1.0), (0.1, 0.0, 0.7), turned)
+    ends = body.at((0.0, 0.0, 0.0)), rj.ground.at((0.0, 0.0, 0.0))
+    return rj.Scene(
+        [body], [kind(*ends, signal) for kind in (rj.PrescribedAngle, rj.PrescribedTravel)]
+    )
+
+
+def begin(scene) -> list[float]:
+    """The offsets of the drives, once the scene is assembled."""
+    joints = [group.joints for group in rj.assemble(scene).joints]
+    return [
+        float(np.asarray(joint.signal.offset)[0]) for joint in joints if hasattr(joint, "signal")
+    ]
+
+
+def test_a_ramp_begins_where_the_bodies_are_placed():
+    """At the angle between the markers, and the way along the axis."""
+    way = np.cos(0.5) * (0.3 + 0.1 * np.cos(0.2)) + np.sin(0.5) * (0.4 + 0.1 * np.sin(0.2))
+    assert_close(begin(crank(rj.Ramp(SPEED))), [TILT + 0.1 - 0.3], IDENTITY)
+    assert_close(begin(cart(rj.Ramp(SPEED))), [way], IDENTITY)
+
+
+def test_a_ramp_in_space_begins_there():
+    """At the angle about the axis of the joint, and the way along it."""
+    assert_close(begin(tube(rj.Ramp(SPEED))), [TILT, 0.7], IDENTITY)
+
+
+@pytest.mark.instant
+def test_an_offset_that_is_given_stays():
+    for make in (crank, cart, tube):
+        assert set(begin(make(rj.Ramp(SPEED, 0.0)))) == {0.0}
+        assert set(begin(make(rj.Ramp(SPEED, 0.4)))) == {0.4}
+
+
+@pytest.mark.parametrize("left", [rj.Ramp(SPEED), rj.Sum((rj.Ramp(2.0), rj.Ramp(SPEED - 2.0)))])
+def test_a_sum_begins_there_too(left):
+    """Whatever its other terms are at the start; the first of two ramps takes all of it."""
+    signal = rj.Sum((rj.Sine(0.1, 2.0, phase=0.5), left))
+    system = rj.assemble(crank(signal))
+    assert_close(system.constraint(0.0, system.q0), np.zeros(3), IDENTITY)
+
+
+def test_a_load_begins_at_zero():
+    wheel = rj.RigidBody("wheel", 1.0, 0.5, angle=TILT)
+    torque = rj.Torque(wheel.at(), rj.Ramp(3.0))
+    system = rj.assemble(rj.Scene([wheel], [], [torque]))
+    force = jax.jit(system.force)(2.0, system.q0, system.v0)
+    assert_close(force, [0.0, 0.0, 6.0], IDENTITY)
+
+
+def test_a_driven_crank_turns_on_from_where_it_stands():
+    run = zoo.run(rj.assemble(crank(rj.Ramp(SPEED))), np.linspace(0.0, 1.0, 5))
+    assert_close(np.asarray(run.q)[:, 2], TILT + SPEED * np.asarray(run.t), SOLVED)
+
+
+def test_the_offset_follows_a_start_that_changes():
+    """Traced, in a batch and in derivatives: it is that of the scene that is assembled."""
+
+    def offset(angle):
+        return rj.assemble(crank(rj.Ramp(SPEED), angle)).joints[-1].joints.signal.offset[0]
+
+    angles = np.array([0.1, 2.0, 7.0])
+    assert_close(rj.sweep(offset, angles).values, angles - 0.2, IDENTITY)
+    assert_close(jax.grad(offset)(TILT), 1.0, IDENTITY)
+
+
+DRIVEN = """\
+format = 1
+
+[bodies.wheel]
+type = "RigidBody"
+mass = 1.0
+inertia = 0.1
+angle_deg = 60.0
+
+[joints]
+axle = { type = "Revolute", a = "wheel", b = "ground" }
+
+[joints.drive]
+type = "PrescribedAngle"
+a = "wheel"
+b = "ground"
+signal = { type = "Ramp", rate = 10.0 }
+"""
+
+
+def test_files_leave_an_offset_out_or_give_it(tmp_path):
+    """In radians or degrees; what is left out stays so when the scene is written again."""
+    path, again = tmp_path / "driven.toml", tmp_path / "again.toml"
+    for given, wanted in (
+        ("", np.pi / 3),
+        (", offset = 0.5", 0.5),
+        (", offset_deg = 90", np.pi / 2),
+    ):
+        path.write_text(DRIVEN.replace("10.0 }", f"10.0{given} }}"))
+        scene = rj.load_scene(path)
+        assert_close(begin(scene), [wanted], IDENTITY)
+        scene.save(again)
+        assert ("offset" in again.read_text()) == bool(given)
+        assert_close(begin(rj.load_scene(again)), [wanted], IDENTITY)
