@@ -15,7 +15,7 @@ from ..scene.effect.base import AbstractEffect
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import GROUND, Ground, Marker
 from ..scene.orientation import euler, rotation
-from ..scene.scene import Scene
+from ..scene.scene import Scene, markers_of
 from .arrays import read_array
 from .forms import VECTOR, Form, ListOf, MarkerForm, Numbers, PartOf, RotationForm, TableOf, is_body
 from .markers import TURNS, split_marker
@@ -86,17 +86,17 @@ class Builder:
             table = {"name": name} | self.tables[section][name]
             try:
                 part = self._part(place, base, table)
-                for marker in getattr(part, "markers", ()):
-                    self._check_marker(place, marker)
+                for marker, turning in markers_of(part):
+                    self._check_marker(place, marker, turning)
             except _FailedError:
                 continue
             yield part
 
-    def _check_marker(self, place: Place, marker: Marker) -> None:
+    def _check_marker(self, place: Place, marker: Marker, turning: bool) -> None:
         """Of bodies that know few points."""
         body = self._bodies.get(marker.body)
         if body is not None:
-            self._try(place, {}, lambda: body.check_marker("It", marker))
+            self._try(place, {}, lambda: body.check_marker("It", marker, turning))
 
     # Bodies.
 
@@ -251,6 +251,8 @@ class Builder:
         return default
 
     def _numbers(self, place: Place, form: Numbers, value: Any) -> Any:
+        if within := form.within(value):
+            return {word: self._numbers((*place, word), within, x) for word, x in value.items()}
         if isinstance(value, dict):
             return self._try(place, {}, lambda: read_array(self.problems.path.parent, value))
         resolved = self._resolve(place, value)

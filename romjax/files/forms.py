@@ -29,12 +29,19 @@ class Numbers:
     each will do.
 
     `loose`: lists may be less deep, as where one number stands for all. `bare`: held as it is, not
-    as an array.
+    as an array. `worded`: or a table of one word, such as that of a kind, and numbers.
     """
 
     axes: tuple[int | tuple[int, ...] | None, ...] = ()
     loose: bool = False
     bare: bool = False
+    worded: bool = False
+
+    def within(self, value: Any) -> "Numbers | None":
+        """What stands under the word of a table, or None of numbers and of arrays in files."""
+        if not self.worded or not isinstance(value, dict) or "file" in value or len(value) != 1:
+            return None
+        return dataclasses.replace(self, worded=False)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,6 +125,9 @@ def _of_union(arguments: tuple[Any, ...]) -> Form | None:
     if len(some) == 1:
         return form_of(some[0])
     forms = [form_of(argument) for argument in some]
+    if TableOf(ANY) in forms:
+        numeric = all(_numeric(form) for form in forms if form != TableOf(ANY))
+        return dataclasses.replace(ANY, worded=True) if numeric else None
     return ANY if all(_numeric(form) for form in forms) else None
 
 

@@ -16,8 +16,11 @@ ARRAY_KEYS = ("file", "array")
 
 def wrong_numbers(form: Numbers, value: Any) -> str:
     """What is wrong with a value that should be numbers, in words; nothing if it is right."""
+    within = form.within(value)
+    if within:
+        return next(filter(None, (wrong_numbers(within, x) for x in value.values())), "")
     if isinstance(value, dict) and form.axes:
-        return _wrong_array(value)
+        return _wrong_array(value, form.worded)
     if isinstance(value, str) and value.startswith(PARAMETER) and len(value) > 1:
         return ""
     if isinstance(value, list) and form.axes:
@@ -44,11 +47,13 @@ def _wrong_number(form: Numbers, value: int | float) -> str:
     return "" if finite else f"It is {shown(value)}, but every number must be finite."
 
 
-def _wrong_array(value: dict[str, Any]) -> str:
+def _wrong_array(value: dict[str, Any], worded: bool) -> str:
     texts = all(isinstance(x, str) for x in value.values())
     if "file" in value and set(value) <= set(ARRAY_KEYS) and texts:
         return ""
-    return 'It is a table, but numbers are needed, or { file = "name.npz", array = "name" }.'
+    also = " Or a table of one word, which says of what kind they are." if worded else ""
+    wanted = 'It is a table, but numbers are needed, or { file = "name.npz", array = "name" }.'
+    return wanted + also
 
 
 def _lists(form: Numbers) -> str:
@@ -99,4 +104,8 @@ def number_schema(form: Numbers) -> dict[str, Any]:
         "required": ["file"],
         "additionalProperties": False,
     }
-    return {"anyOf": [*schema["anyOf"], table]}
+    options = [*schema["anyOf"], table]
+    if form.worded:
+        one = {"type": "object", "minProperties": 1, "maxProperties": 1}
+        options.append(one | {"additionalProperties": {"anyOf": options[:]}})
+    return {"anyOf": options}

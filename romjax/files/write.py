@@ -214,6 +214,8 @@ class _Writer:
 
 
 def _numbers(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {word: _numbers(x) for word, x in value.items()}
     number = concrete(value)
     if number is None:
         raise InputError("save: a scene that JAX traces has no numbers; save it outside.")

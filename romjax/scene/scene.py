@@ -13,7 +13,7 @@ from .body.base import AbstractBody
 from .effect.base import AbstractEffect
 from .fields import Converted, parts
 from .joint.base import AbstractJoint
-from .marker import GROUND
+from .marker import GROUND, Marker
 
 
 class Scene(eqx.Module):
@@ -53,7 +53,7 @@ class Scene(eqx.Module):
         connected: tuple[AbstractJoint | AbstractEffect, ...] = (*self.joints, *self.effects)
         bodies = {body.name: body for body in self.bodies}
         for part in connected:
-            for marker in part.markers:
+            for marker, turning in markers_of(part):
                 if marker.body == GROUND:
                     continue
                 if marker.body not in bodies:
@@ -61,7 +61,7 @@ class Scene(eqx.Module):
                         f"'{part.label()}': its marker is on the body '{marker.body}', which the "
                         f"scene does not have. It has: {', '.join(names)}."
                     )
-                bodies[marker.body].check_marker(f"'{part.label()}'", marker)
+                bodies[marker.body].check_marker(f"'{part.label()}'", marker, turning)
         self._check_dimensions()
         # Again, since numbers may have been replaced since the parts were made.
         for body in self.bodies:
@@ -98,3 +98,11 @@ def _check_kinds(field: str, parts: Sequence[Any], kind: type) -> None:
     for part in parts:
         if not isinstance(part, kind):
             raise SceneError(f"Scene.{field} holds {part!r}, which is no {kind.__name__}.")
+
+
+def markers_of(part: Any) -> list[tuple[Marker, bool]]:
+    """The markers of a joint or an effect, if it has any, each with whether it asks how the marker
+    is turned, or turns it.
+    """
+    points = getattr(part, "at_points", ())
+    return [(marker, i not in points) for i, marker in enumerate(getattr(part, "markers", ()))]

@@ -154,8 +154,10 @@ class AbstractBody(eqx.Module):
     def check(self) -> None:
         """Raise a SceneError that names body, field, value and remedy if a number is impossible."""
 
-    def check_marker(self, owner: str, marker: Marker) -> None:
-        """Raise a SceneError if the body knows nothing of the marker's point."""
+    def check_marker(self, owner: str, marker: Marker, turning: bool = False) -> None:
+        """Raise a SceneError if the body knows nothing of the marker's point, or, where a part asks
+        for that, of its `turning`.
+        """
 
     # What its modes are called.
     mode_kind: ClassVar[str] = "mode"

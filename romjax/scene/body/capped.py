@@ -101,8 +101,8 @@ class CappedBody(AbstractBody):
     def outline(self) -> Float[Array, "points d"]:
         return self.body.outline()
 
-    def check_marker(self, owner: str, marker: Marker) -> None:
-        self.body.check_marker(owner, marker)
+    def check_marker(self, owner: str, marker: Marker, turning: bool = False) -> None:
+        self.body.check_marker(owner, marker, turning)
 
     def check(self) -> None:
         owner = f"body '{self.name}'"

@@ -10,6 +10,8 @@ import scipy.sparse.linalg
 from ...arrays import Vector
 from ...errors import SceneError
 
+# Shapes of which less than this share is not in the span of others are in it but for rounding.
+DEPENDENT = 1e-12
 Matrix = Any  # a NumPy array or a SciPy sparse matrix
 
 
@@ -65,6 +67,42 @@ def free_interface(stiffness: Matrix, mass: Matrix, modes: int) -> ComponentMode
     shift = 1e-6 * k.diagonal().sum() / m.diagonal().sum()
     solve = _factor(k + shift * m, "free_interface: K + shift M")
     return ritz(k, m, _lowest(k, m, modes, solve, -shift))
+
+
+def with_loads(
+    component: ComponentModes,
+    stiffness: Matrix,
+    mass: Matrix,
+    held: np.ndarray,
+    rigid: np.ndarray,
+    loads: np.ndarray,
+) -> ComponentModes:
+    """Modes in the span of those of a component and of what some loads do to it statically.
+
+    **Arguments:**
+
+    - `component`: mass-normalised modes. `stiffness`, `mass`: K and M (n, n) of it.
+    - `held`: the rows that are held. If there are none, each load is in balance with the inertia
+      forces of the rigid motion that it begins (inertia relief; Rubin, "Improved component-mode
+      representation for structural dynamic analysis", AIAA Journal 13, 1975).
+    - `rigid`: the rigid motions (n, 3 or 6). `loads`: (n, loads).
+    """
+    k, m = checked(stiffness, mass)
+    if not len(held):
+        moved = m @ rigid
+        loads = loads - moved @ np.linalg.solve(rigid.T @ moved, rigid.T @ loads)
+        # Any rows that keep it from moving: loads in balance pull at none of them.
+        held = scipy.linalg.qr(rigid.T, mode="r", pivoting=True)[1][: rigid.shape[1]]
+    inner = np.setdiff1d(np.arange(k.shape[0]), held)
+    bent = np.zeros_like(loads)
+    bent[inner] = _factor(k[inner][:, inner], "K without the rows of rigid ports")(loads[inner])
+    # What the modes, which are orthonormal, span already is left out, twice for rounding.
+    size = np.sqrt(np.sum(bent * (m @ bent), axis=0))
+    bent = bent / np.where(size > 0, size, 1)
+    for _ in range(2):
+        bent -= component.modes @ (component.modes.T @ (m @ bent))
+    squares, turns = np.linalg.eigh(bent.T @ (m @ bent))
+    return ritz(k, m, np.hstack([component.modes, bent @ turns[:, squares > DEPENDENT]]))
 
 
 def ritz(stiffness: Matrix, mass: Matrix, basis: np.ndarray) -> ComponentModes:

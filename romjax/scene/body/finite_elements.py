@@ -9,13 +9,21 @@ import scipy.sparse as sp
 
 from ...arrays import Vector
 from ...errors import SceneError
-from .component_modes import Matrix, checked, craig_bampton, free_interface, ritz
+from .component_modes import (
+    ComponentModes,
+    Matrix,
+    checked,
+    craig_bampton,
+    free_interface,
+    ritz,
+    with_loads,
+)
 from .inertia import Inertia
 from .mesh_checks import check_nodes
 from .mesh_inertia import planar_inertia, spatial_inertia
 from .mesh_outline import outline
+from .mesh_ports import PortNodes, ports_of, rigid_motion, tie
 from .spatial.inertia import SpatialInertia
-from .spatial.products import turned
 
 # Rigid motions have the frequencies that rounding of their stiffness leaves; up to this share of
 # the first elastic frequency is accepted.
@@ -29,6 +37,7 @@ class ReducedMesh(NamedTuple):
     inertia: Inertia | SpatialInertia
     points: np.ndarray  # of the ports, then of the outline, (points, d)
     shapes: np.ndarray  # (points, 3 | 6, modes)
+    unturned: tuple[str, ...]  # the ports whose rotation nothing says
 
 
 def reduce_mesh(
@@ -37,7 +46,7 @@ def reduce_mesh(
     stiffness: Matrix,
     mass: Matrix,
     nodes: Vector,
-    ports: Mapping[str, Vector],
+    ports: Mapping[str, PortNodes],
     modes: int,
     interface: str,
     dofs: Vector | None,
@@ -51,19 +60,14 @@ def reduce_mesh(
     positions = np.asarray(nodes, float)
     rows = _layout(owner, dimension, k.shape[0], positions, dofs)
     free = 3 if dimension == 2 else 6  # rigid motions of a body, or of a port
-    pins = {port: np.atleast_1d(np.asarray(of, int)) for port, of in ports.items()}
-    if not pins:
-        raise SceneError(f"{owner}: it has no ports; give the nodes where joints and effects act.")
     check_nodes(owner, k, m, positions, rows)
-    centres, tie = _tie(owner, positions, rows, pins)
-    tied = tie.T @ k @ tie, tie.T @ m @ tie
-    held = tied[0].shape[0] - free * len(pins) + np.arange(free * len(pins))
-    if interface == "fixed":
-        component = craig_bampton(*tied, held, modes)
-    elif interface == "free":
-        component = free_interface(*tied, modes + free)
-    else:
-        raise SceneError(f"{owner}: interface is {interface!r}, but it must be 'fixed' or 'free'.")
+    pins = ports_of(owner, ports, positions, rows)
+    tied, held = tie(owner, pins, k.shape[0])
+    rigid = np.zeros((k.shape[0], free))
+    rigid[rows.ravel()] = rigid_motion(positions, rows)
+    shared = [port.loads(k.shape[0]) for port in pins if port.shares]
+    loads = np.hstack([np.zeros((k.shape[0], 0)), *shared])
+    component = _modes(owner, (k, m), tied, held, rigid, loads, modes, interface)
     if len(component.frequencies) <= free:
         raise SceneError(f"{owner}: no elastic mode is kept; give modes=1 or more.")
     low, high = component.frequencies[free - 1 : free + 1]
@@ -74,25 +78,47 @@ def reduce_mesh(
             f"body has {words[2]} rigid motions. Take the supports out of K, and connect all nodes."
         )
     # Rigid motions are exact by geometry; elastic modes are made orthogonal to them to rounding.
-    rigid = np.zeros((k.shape[0], free))
-    rigid[rows.ravel()] = _rigid(positions, rows)
-    elastic = tie @ component.modes[:, free:]
+    elastic = tied @ component.modes[:, free:]
     elastic -= rigid @ np.linalg.solve(rigid.T @ (m @ rigid), rigid.T @ (m @ elastic))
     frequencies, elastic = ritz(k, m, elastic)
     hull = outline(positions)
     drawn = np.zeros((len(hull), free, elastic.shape[1]))
     drawn[:, :dimension] = elastic[rows[hull, :dimension]]
-    pinned = [
-        _follow(positions, rows, pin, c, elastic)
-        for pin, c in zip(pins.values(), centres, strict=True)
-    ]
     inertia = planar_inertia if dimension == 2 else spatial_inertia
     return ReducedMesh(
         frequencies,
         inertia(positions, rows, m, rigid, elastic),
-        np.concatenate([centres, positions[hull]]),
-        np.concatenate([*(shape[None] for shape in pinned), drawn]),
+        np.concatenate([*(port.centre[None] for port in pins), positions[hull]]),
+        np.concatenate([*(port.follow(elastic)[None] for port in pins), drawn]),
+        tuple(port.name for port in pins if not port.turns),
     )
+
+
+def _modes(
+    owner: str,
+    matrices: tuple[Matrix, Matrix],
+    tied: Matrix,
+    held: np.ndarray,
+    rigid: np.ndarray,
+    loads: np.ndarray,
+    modes: int,
+    interface: str,
+) -> ComponentModes:
+    """Modes of the mesh with its rigid ports, by the rows that `tied` leaves, of which `held` are
+    the motions of these ports; `loads` are shared among nodes that are free.
+    """
+    k, m = (tied.T @ matrix @ tied for matrix in matrices)
+    if interface == "free":
+        return free_interface(k, m, modes + rigid.shape[1])
+    if interface != "fixed":
+        raise SceneError(f"{owner}: interface is {interface!r}, but it must be 'fixed' or 'free'.")
+    if len(held):
+        component = craig_bampton(k, m, held, modes)
+    else:
+        component = free_interface(k, m, modes + rigid.shape[1])
+    if not loads.shape[1]:
+        return component
+    return with_loads(component, k, m, held, rigid, tied.T @ loads)
 
 
 def _matrix(owner: str, given: Matrix | str | Path) -> Matrix:
@@ -129,68 +155,3 @@ def _layout(
             f"as {own}. Give dofs, (nodes, {widths[0]}) or (nodes, {widths[1]})."
         )
     return rows
-
-
-def _tie(
-    owner: str, positions: np.ndarray, rows: np.ndarray, ports: Mapping[str, np.ndarray]
-) -> tuple[np.ndarray, Matrix]:
-    """Centres of the ports, and the rows of the mesh by the free ones and the rigid motions of each
-    port.
-    """
-    n, taken = rows.size, np.zeros(rows.size, bool)
-    centres, blocks = np.zeros((len(ports), positions.shape[1])), []
-    for index, (port, nodes) in enumerate(ports.items()):
-        if not nodes.size or nodes.min() < 0 or nodes.max() >= len(positions):
-            raise SceneError(
-                f"{owner}: port '{port}' has the nodes {nodes.tolist()}; the mesh has nodes 0 to "
-                f"{len(positions) - 1}."
-            )
-        own = rows[nodes].ravel()
-        if np.any(taken[own]):
-            raise SceneError(f"{owner}: port '{port}' shares nodes with another one.")
-        taken[own] = True
-        centres[index] = positions[nodes].mean(axis=0)
-        motion = _rigid(positions[nodes] - centres[index][None], rows[nodes])
-        width = motion.shape[1]
-        if np.linalg.matrix_rank(motion, 1e-9 * np.max(abs(motion))) < width:
-            what, remedy = ("one point", "a rim or an edge, two or more")
-            if width == 6:
-                what, remedy = ("on one line", "a rim or a face, three or more")
-            raise SceneError(
-                f"{owner}: port '{port}' is {what} of a mesh without rotations; give the nodes of "
-                f"{remedy}."
-            )
-        across = np.broadcast_to(width * index + np.arange(width), motion.shape)
-        blocks.append((motion, np.broadcast_to(own[:, None], motion.shape), across))
-    free = np.flatnonzero(~taken)
-    columns = [b[2] + len(free) for b in blocks]
-    entries = np.concatenate([np.ones(len(free)), *(b[0].ravel() for b in blocks)])
-    down = np.concatenate([free, *(b[1].ravel() for b in blocks)])
-    along = np.concatenate([np.arange(len(free)), *(c.ravel() for c in columns)])
-    shape = (n, len(free) + width * len(ports))
-    return centres, sp.csc_array((entries, (down, along)), shape=shape)
-
-
-def _rigid(positions: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Displacements of nodes, in the order of `rows`, by unit motions of the origin: along the
-    axes, then about z in the plane, about all of them in space.
-    """
-    d = positions.shape[1]
-    around = turned(positions) if d == 3 else np.stack([-positions[:, 1:], positions[:, :1]], 1)
-    motion = np.zeros((*rows.shape, d + around.shape[2]))
-    motion[:, :d, :d], motion[:, :d, d:] = np.eye(d), around
-    motion[:, d:, d:] = np.eye(around.shape[2])[: rows.shape[1] - d]
-    return motion.reshape(-1, motion.shape[2])
-
-
-def _follow(
-    positions: np.ndarray,
-    rows: np.ndarray,
-    nodes: np.ndarray,
-    centre: np.ndarray,
-    elastic: np.ndarray,
-) -> np.ndarray:
-    """Motion of a rigid port per unit amplitude, (3, modes)."""
-    motion = _rigid(positions[nodes] - centre[None], rows[nodes])
-    pinned: np.ndarray = np.linalg.lstsq(motion, elastic[rows[nodes].ravel()])[0]
-    return pinned

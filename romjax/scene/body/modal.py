@@ -17,6 +17,7 @@ from .base import AbstractBody, check_name, check_start, flexible_start
 from .component_modes import Matrix
 from .finite_elements import reduce_mesh
 from .inertia import Inertia
+from .mesh_ports import PortNodes
 from .spatial.inertia import SpatialInertia
 
 B = TypeVar("B", bound="AbstractModalBody")
@@ -31,6 +32,7 @@ class AbstractModalBody(AbstractBody):
     shapes: eqx.AbstractVar[Float[Array, "points motions modes"]]
     damping: eqx.AbstractVar[Float[Array, "modes *modes"] | None]
     ports: eqx.AbstractVar[tuple[str, ...]]
+    unturned: eqx.AbstractVar[tuple[str, ...]]
 
     @classmethod
     def of_mesh(
@@ -39,7 +41,7 @@ class AbstractModalBody(AbstractBody):
         stiffness: Matrix,
         mass: Matrix,
         nodes: Vector,
-        ports: Mapping[str, Vector],
+        ports: Mapping[str, PortNodes],
         *,
         modes: int,
         interface: str = "fixed",
@@ -58,10 +60,14 @@ class AbstractModalBody(AbstractBody):
         - `nodes`: positions in the body frame [m], (nodes, 2), in space (nodes, 3).
         - `ports`: where joints and effects may act: names, each with a node or with the nodes of a
           rim, an edge or a face, which are held together as by a rigid pin; markers sit in their
-          mean place, `body.at("name")`.
+          mean place, `body.at("name")`. Or each with a kind and nodes: {"rigid": nodes} is the
+          same; {"mean": nodes} leaves them as free as they are, moves as the rigid motion nearest
+          to theirs, and shares loads among them; {"point": node} is one node, on which a mesh
+          without rotations takes forces and joints of positions only.
         - `modes`: how many vibration modes. `interface`: "fixed" for Craig–Bampton, whose static
-          modes represent loads at the ports exactly: 3 per port are added, in space 6, and rigid
-          motion taken out; "free" for natural modes of the free body alone.
+          modes represent loads at the ports exactly: 3 per port are added, in space 6, of points
+          that do not turn 2 or 3, and rigid motion taken out; where no port is rigid, the vibration
+          modes are those of the free body. "free" for these alone.
         - `dofs`: rows of K that belong to each node, its displacements along x and y and, if the
           mesh has them, its rotation: (nodes, 2) or (nodes, 3); in space three displacements and,
           of shells, three rotations: (nodes, 3) or (nodes, 6). Node after node unless given.
@@ -88,6 +94,7 @@ class AbstractModalBody(AbstractBody):
             mesh.shapes,
             damping=damped,
             ports=tuple(ports),
+            unturned=mesh.unturned,
             **start,
         )
 
@@ -132,15 +139,29 @@ class AbstractModalBody(AbstractBody):
         drawn = self.points[len(self.ports) :]
         return drawn if len(drawn) else self.points
 
-    def check_marker(self, owner: str, marker: Marker) -> None:
+    def check_marker(self, owner: str, marker: Marker, turning: bool = False) -> None:
         points, point = concrete(self.points), concrete(marker.point)
         if points is None or point is None:
             return
-        away = np.min(np.linalg.norm(points - point, axis=1))
-        if away > 1e-6 * np.max(np.ptp(points, axis=0)):
+        distances, size = np.linalg.norm(points - point, axis=1), np.max(np.ptp(points, axis=0))
+        away, nearest = np.min(distances), int(np.argmin(distances))
+        if away > 1e-6 * size:
             raise SceneError(
                 f"{owner}: its marker on '{self.name}' is at {point}, {away:g} m from the nearest "
                 f"of the body's points; use a port: {', '.join(self.ports) or points.tolist()}."
+            )
+        there = np.flatnonzero(distances[: len(self.ports)] <= away + 1e-9 * size)
+        if len(there) > 1 and not _alike(self.shapes, there):
+            raise SceneError(
+                f"{owner}: its marker on '{self.name}' is at {point}, where the ports "
+                f"{', '.join(self.ports[i] for i in there)} are, which move in different ways; "
+                "leave one out, or move it by other nodes."
+            )
+        if turning and nearest in there and self.ports[nearest] in self.unturned:
+            raise SceneError(
+                f"{owner}: its marker on '{self.name}' is at the port '{self.ports[nearest]}', a "
+                "point whose rotation the mesh does not have, but it asks how the marker is turned "
+                "there, or turns it; make the port 'mean' or 'rigid', of several nodes."
             )
 
     def check(self) -> None:
@@ -175,7 +196,8 @@ class ModalBody(AbstractModalBody):
       (points, 3, modes).
     - `damping`: generalized force −D q̇_f, as `stiffness`; none unless given.
     - `ports`: names of the first points, for `body.at("name")`. The points after them, if there are
-      any, are its outline in pictures.
+      any, are its outline in pictures. `unturned`: those of the ports whose rotation is not known;
+      only what asks for positions alone may act there.
     - `position`, `angle`, `velocity`, `angular_velocity`: initial pose and motion of the frame.
     - `amplitudes`, `rates`: initial modal coordinates and velocities, zero unless given.
     """
@@ -193,6 +215,7 @@ class ModalBody(AbstractModalBody):
     amplitudes: Float[Array, " modes"] = number(default=())
     rates: Float[Array, " modes"] = number(default=())
     ports: tuple[str, ...] = eqx.field(static=True, default=())
+    unturned: tuple[str, ...] = eqx.field(static=True, default=())
     modes: int = eqx.field(static=True, default=0)
 
     def __init__(
@@ -205,6 +228,7 @@ class ModalBody(AbstractModalBody):
         *,
         damping: Vector | None = None,
         ports: Sequence[str] = (),
+        unturned: Sequence[str] = (),
         position: Vector = (0.0, 0.0),
         angle: Number = 0.0,
         velocity: Vector = (0.0, 0.0),
@@ -212,7 +236,8 @@ class ModalBody(AbstractModalBody):
         amplitudes: Vector | None = None,
         rates: Vector | None = None,
     ):
-        self.name, self.inertia, self.ports = name, inertia, tuple(ports)
+        self.name, self.inertia = name, inertia
+        self.ports, self.unturned = tuple(ports), tuple(unturned)
         given = as_array(stiffness)
         self.stiffness = given if given.ndim else given[None]
         self.points, self.shapes = as_array(points), as_array(shapes)
@@ -232,3 +257,9 @@ class ModalBody(AbstractModalBody):
 def _times(matrix: Array, vector: Array) -> Array:
     """A matrix, or a diagonal one by its diagonal, times a vector."""
     return matrix * vector if matrix.ndim == 1 else multiply(matrix, vector)
+
+
+def _alike(shapes: Array, points: np.ndarray) -> bool:
+    """Whether some points move alike in all modes."""
+    numbers = concrete(shapes)
+    return numbers is None or bool(np.all(numbers[points] == numbers[points[:1]]))

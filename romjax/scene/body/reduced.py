@@ -128,8 +128,8 @@ class ReducedBody(AbstractBody):
     def outline(self) -> Float[Array, "points d"]:
         return self.body.outline()
 
-    def check_marker(self, owner: str, marker: Marker) -> None:
-        self.body.check_marker(owner, marker)
+    def check_marker(self, owner: str, marker: Marker, turning: bool = False) -> None:
+        self.body.check_marker(owner, marker, turning)
 
     def check(self) -> None:
         """Nothing: it is made of a body and a basis that were checked."""

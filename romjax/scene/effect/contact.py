@@ -158,6 +158,7 @@ class Contact(AbstractContact):
     stiffness: Converted[Float[Array, ""]] = number()
     dissipation: Converted[Float[Array, ""] | None] = number(default=None)
     friction: Friction | None = None
+    at_points: ClassVar[tuple[int, ...]] = (0,)
 
     def gap(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return self.curve(point)

@@ -31,6 +31,7 @@ class Damper(AbstractDissipation):
     b: Marker
     damping: Converted[Float[Array, ""]] = number()
     along_line: bool = eqx.field(static=True, default=False)
+    at_points: ClassVar[tuple[int, ...]] = (0, 1)
     hatched: ClassVar[bool] = True
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 

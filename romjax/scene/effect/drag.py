@@ -27,6 +27,7 @@ class Drag(AbstractDissipation):
     coefficient: Converted[Float[Array, ""]] = number()
     area: Converted[Float[Array, ""]] = number()
     density: Converted[Float[Array, ""]] = number(default=1.225)
+    at_points: ClassVar[tuple[int, ...]] = (0,)
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 
     def rayleigh(

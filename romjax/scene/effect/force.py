@@ -33,6 +33,10 @@ class Force(AbstractMarkerEffect):
     needs_twists: ClassVar[bool] = False
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 
+    @property
+    def at_points(self) -> tuple[int, ...]:  # type: ignore[override]
+        return (0,) if self.frame == "world" else ()
+
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> tuple[Wrench, ...]:

@@ -32,6 +32,7 @@ class Spring(AbstractPotential):
     stiffness: Converted[Float[Array, ""]] = number()
     rest_length: Converted[Float[Array, ""] | None] = number(default=None)
     cubic: Converted[Float[Array, ""] | None] = number(default=None)
+    at_points: ClassVar[tuple[int, ...]] = (0, 1)
     hatched: ClassVar[bool] = True
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 

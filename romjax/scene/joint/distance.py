@@ -24,6 +24,7 @@ class Distance(AbstractJoint):
     length: Converted[Float[Array, ""]] = number()
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
+    at_points: ClassVar[tuple[int, ...]] = (0, 1)
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:

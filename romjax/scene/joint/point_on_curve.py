@@ -21,6 +21,7 @@ class PointOnCurve(AbstractJoint):
     curve: AbstractCurve
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
+    at_points: ClassVar[tuple[int, ...]] = (0,)
     hatched: ClassVar[bool] = False
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:

@@ -21,6 +21,7 @@ class PointOnLine(AbstractJoint):
     a: Marker
     b: Marker
     name: str = eqx.field(static=True, default="")
+    at_points: ClassVar[tuple[int, ...]] = (0,)
     hatched: ClassVar[bool] = False
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 

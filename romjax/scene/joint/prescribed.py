@@ -96,6 +96,7 @@ class PrescribedTravel(_Prescribed):
     signal: AbstractSignal = signal_field()
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
+    at_points: ClassVar[tuple[int, ...]] = (0,)
 
     @staticmethod
     @jax.jit

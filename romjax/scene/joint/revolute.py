@@ -18,6 +18,7 @@ class Revolute(AbstractJoint):
     b: Marker
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 2
+    at_points: ClassVar[tuple[int, ...]] = (0, 1)
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "2"]:
         del t

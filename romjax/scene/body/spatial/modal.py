@@ -33,7 +33,8 @@ class ModalBody(AbstractFlexibleBody, AbstractModalBody):
       amplitude, (points, 6, modes).
     - `damping`: generalized force −D q̇_f, as `stiffness`; none unless given.
     - `ports`: names of the first points, for `body.at("name")`. The points after them, if there are
-      any, are its outline in pictures.
+      any, are its outline in pictures. `unturned`: those of the ports whose rotation is not known;
+      only what asks for positions alone may act there.
     - `position`, `orientation`, `velocity`, `angular_velocity`: initial pose and motion of the
       frame, as of a rigid body.
     - `amplitudes`, `rates`: initial modal coordinates and velocities, zero unless given.
@@ -54,6 +55,7 @@ class ModalBody(AbstractFlexibleBody, AbstractModalBody):
     amplitudes: Float[Array, " modes"] = number(default=())
     rates: Float[Array, " modes"] = number(default=())
     ports: tuple[str, ...] = eqx.field(static=True, default=())
+    unturned: tuple[str, ...] = eqx.field(static=True, default=())
     modes: int = eqx.field(static=True, default=0)
 
     def __init__(
@@ -66,6 +68,7 @@ class ModalBody(AbstractFlexibleBody, AbstractModalBody):
         *,
         damping: Vector | None = None,
         ports: Sequence[str] = (),
+        unturned: Sequence[str] = (),
         position: Vector = (0.0, 0.0, 0.0),
         orientation: Vector | None = None,
         velocity: Vector = (0.0, 0.0, 0.0),
@@ -73,7 +76,8 @@ class ModalBody(AbstractFlexibleBody, AbstractModalBody):
         amplitudes: Vector | None = None,
         rates: Vector | None = None,
     ):
-        self.name, self.inertia, self.ports = name, inertia, tuple(ports)
+        self.name, self.inertia = name, inertia
+        self.ports, self.unturned = tuple(ports), tuple(unturned)
         self.stiffness = jnp.atleast_1d(as_array(stiffness))
         self.points, self.shapes = as_array(points), as_array(shapes)
         self.modes = len(self.stiffness)

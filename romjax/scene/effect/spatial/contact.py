@@ -43,6 +43,10 @@ class Contact(AbstractContact):
     friction: Friction | None = None
     dimensions: ClassVar[tuple[int, ...]] = (3,)
 
+    @property
+    def at_points(self) -> tuple[int, ...]:  # type: ignore[override]
+        return (0,) if self.radius is None else ()  # friction turns balls
+
     def gap(self, point: Float[Array, "3"]) -> Float[Array, ""]:
         gap = self.surface(point)
         return gap if self.radius is None else gap - self.radius

@@ -25,6 +25,7 @@ class PointOnCurve(AbstractJoint):
     curve: AbstractSpaceCurve | AbstractCurve
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 2
+    at_points: ClassVar[tuple[int, ...]] = (0,)
     dimensions: ClassVar[tuple[int, ...]] = (3,)
     hatched: ClassVar[bool] = False
 

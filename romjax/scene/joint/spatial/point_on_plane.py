@@ -19,6 +19,7 @@ class PointOnPlane(AbstractJoint):
     b: Marker
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
+    at_points: ClassVar[tuple[int, ...]] = (0,)
     dimensions: ClassVar[tuple[int, ...]] = (3,)
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:

@@ -18,6 +18,7 @@ class Spherical(AbstractJoint):
     b: Marker
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 3
+    at_points: ClassVar[tuple[int, ...]] = (0, 1)
     dimensions: ClassVar[tuple[int, ...]] = (3,)
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "3"]:
