@@ -82,7 +82,7 @@ def random_body(lot: Lot, name: str) -> rj.AbstractBody:
         lot.between(0.5, 1.5),
         inertia=lot.maybe(0.6, 0.8),  # more than that of a bar of 3 kg and 1.5 m
         axis=lot.one_of("xy"),
-        shapes=lot.one_of(["free-free", "clamped-free", "pinned-free"]),
+        shapes=lot.one_of([None, "clamped-free", "pinned-free"]),
         damping=lot.maybe(0.0, 0.1),
         amplitudes=lot.around(0.03, modes),
         rates=lot.around(0.3, modes),

@@ -42,7 +42,11 @@ PARTS = {
     "beam along z": (lambda: rj.Beam("beam", 1.0, 1.0, axis="z"), "axis is 'z'.*'x' or 'y'"),
     "beam on a wall": (
         lambda: rj.Beam("beam", 1.0, 1.0, shapes="clamped"),
-        "shapes is 'clamped'.*free-free, clamped-free, pinned-free",
+        "shapes is 'clamped'.*static, free-free, clamped-free, pinned-free",
+    ),
+    "static shapes of given frequencies": (
+        lambda: rj.Beam("beam", 1.0, 1.0, frequencies=[5.0], shapes="static"),
+        "'beam': shapes is 'static', but frequencies.*give EI instead, or one of free-free",
     ),
     "rigid bar that stiffens": (
         lambda: rj.Beam("beam", 1.0, 1.0, stiffening=True),

@@ -137,7 +137,7 @@ def test_a_term_of_inertia_that_is_none_is_not_traced(term):
 
 
 class OnlyBeam(rj.Beam):
-    """A beam of free-free modes that knows neither damping nor stiffening nor other shapes."""
+    """A beam of static modes that knows neither damping nor stiffening nor other shapes."""
 
     damped: ClassVar[bool] = False
     foreshortens: ClassVar[bool] = False

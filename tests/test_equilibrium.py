@@ -88,7 +88,7 @@ def test_a_loaded_beam():
     """In modal coordinates K q = Sᵀ F, of a free beam whose ends are pulled up and whose middle is
     pulled down; its place is neutral, and stays.
     """
-    beam = rj.Beam("beam", 1.0, 1.0, EI=40.0, modes=3, position=(0.5, 0.2))
+    beam = rj.Beam("beam", 1.0, 1.0, EI=40.0, modes=3, shapes="free-free", position=(0.5, 0.2))
     places, pulls = np.array([-0.5, 0.0, 0.5]), np.array([3.0, -6.0, 3.0])
     loads = [
         rj.Force(beam.at((x, 0.0)), (0.0, 1.0), rj.Constant(pull))

@@ -137,7 +137,15 @@ def test_a_mesh_of_a_beam_is_a_beam():
     count, ts = 3, np.linspace(0.0, 1.0, 21)
     bodies = (
         beam_body(24, modes=count, interface="free", position=(LENGTH / 2, 0.0)),
-        rj.Beam("beam", MASS, LENGTH, EI=EI, modes=count, position=(LENGTH / 2, 0.0)),
+        rj.Beam(
+            "beam",
+            MASS,
+            LENGTH,
+            EI=EI,
+            modes=count,
+            shapes="free-free",
+            position=(LENGTH / 2, 0.0),
+        ),
     )
     places = []
     for body, start in zip(bodies, ("left", (-LENGTH / 2, 0.0)), strict=True):

@@ -14,9 +14,9 @@ from tolerances import IDENTITY, SOLVED
 import romjax as rj
 from romjax import spatial
 from romjax.scene.body.capped import CappedBody
+from romjax.scene.body.free_modes import free_modes
 from romjax.scene.body.modes import bending_roots
 from romjax.scene.body.reduced import ReducedBody
-from romjax.scene.body.spatial.free_modes import free_modes
 from romjax.system import dynamics
 
 

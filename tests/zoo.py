@@ -121,7 +121,8 @@ def slider_crank(slider=0.7, length=1.0, turning=9.0, bends=False) -> rj.Scene:
         "velocity": along,
     }
     if bends:
-        rod = rj.Beam("rod", mass=0.5, length=length, EI=60.0, modes=2, **start)
+        bending = {"EI": 60.0, "modes": 2, "shapes": "free-free"}
+        rod = rj.Beam("rod", mass=0.5, length=length, **bending, **start)
     else:
         rod = rj.RigidBody("rod", 0.5, 0.04, **start)
     piston = rj.RigidBody(

@@ -76,9 +76,9 @@ def resultants(
 
     By the equilibrium of the part beyond each cut in the deformed configuration: forces of joints
     and effects on it, weight, and inertia from the accelerations of its points. In a motion without
-    acceleration they are exact for any number of modes, and in vibration their error falls with the
-    fifth power of this number, that of EI w'', which lacks the static part of the modes left out,
-    with the second.
+    acceleration they are exact for any number of modes. In vibration their error falls with the
+    fifth power of the number of natural modes, and faster with static ones; that of EI w'', which
+    lacks the static part of the natural modes left out, falls with the second.
     Where a load acts at the cut itself, they are those on the side of the beam's middle.
 
     **Arguments:**

@@ -15,6 +15,7 @@ from ..points import NamedPoints, by_name
 from .base import AbstractBody, check_name, check_start, flexible_start
 from .inertia import Inertia
 from .modes import (
+    FREE,
     SHAPES,
     bending_moments,
     bending_roots,
@@ -29,11 +30,15 @@ class Beam(AbstractBody):
     """A uniform beam that bends: a floating frame and Euler–Bernoulli modes.
 
     Coordinates x, y [m], φ [rad] of the frame in the middle of the undeformed beam, then one
-    amplitude per mode, mass-normalised [kg^½ m]. Free-free modes are orthogonal to rigid motion, so
-    the mass matrix is exactly diag(m, m, J + |q_f|², 1, …) and nothing else couples. The frame of
-    clamped-free and pinned-free modes follows the lower end, its tangent or its position, and they
-    converge faster where that end is welded or hinged.
-    Small deflections against the frame; longitudinal stiffness is infinite.
+    amplitude per mode, mass-normalised [kg^½ m]. Static and free-free modes are orthogonal to rigid
+    motion, so the mass matrix is exactly diag(m, m, J + |q_f|², 1, …) and nothing else couples.
+    From two static modes, those of `spatial.Beam`, statics under loads at the ends are exact.
+    Free-free modes carry no bending moment at the ends, so that some compliance stays out at each
+    weld, however many beams there are; a rod hinged at both ends bends by its inertia, of which one
+    of them or three static ones get the frequency to 2 %. The frame of clamped-free and pinned-free
+    modes follows the lower end, its tangent or its position, and they converge faster where that
+    end alone is welded or hinged. Small deflections against the frame; longitudinal stiffness is
+    infinite.
 
     **Arguments:**
 
@@ -45,8 +50,10 @@ class Beam(AbstractBody):
     - `inertia`: about the middle [kg m²]; that of a thin bar, m L²/12, unless given.
     - `axis`: "x": along the local x axis, deflecting along local y; "y": along y, deflecting
       along x (the chapter's pendulum).
-    - `shapes`: "free-free", "clamped-free" or "pinned-free": the support of the end with the lower
-      coordinate. Every mode deflects by +2/√m at its free end, at the lower one if both are free.
+    - `shapes`: "static" unless given with `EI`, or natural modes, "free-free" with `frequencies`,
+      which belong to them, "clamped-free" or "pinned-free": by the support of the end with the
+      lower coordinate. Every natural mode deflects by +2/√m at its free end, at the lower one if
+      both are free; a static one is positive at the lower.
     - `damping`: damping ratios ζ of the modes, or one for all; none unless given.
     - `stiffening`: with geometric stiffening: bending pulls the points of the beam together by
       ½ ∫w'² ds, so that tension, as in fast rotation, stiffens it.
@@ -72,7 +79,7 @@ class Beam(AbstractBody):
     points: NamedPoints = by_name(default=())
     modes: int = eqx.field(static=True, default=0)
     axis: str = eqx.field(static=True, default="x")
-    shapes: str = eqx.field(static=True, default="free-free")
+    shapes: str | None = eqx.field(static=True, default=None)
     stiffening: bool = eqx.field(static=True, default=False)
     mode_kind: ClassVar[str] = "bending mode"
 
@@ -87,7 +94,7 @@ class Beam(AbstractBody):
         frequencies: Vector | None = None,
         inertia: Number | None = None,
         axis: str = "x",
-        shapes: str = "free-free",
+        shapes: str | None = None,
         damping: Vector | Number | None = None,
         stiffening: bool = False,
         position: Vector = (0.0, 0.0),
@@ -154,6 +161,12 @@ class Beam(AbstractBody):
         )
 
     @property
+    def _shapes(self) -> str:
+        if self.shapes is not None:
+            return self.shapes
+        return "free-free" if self.EI is None else "static"
+
+    @property
     def constant_mass(self) -> bool:
         return self.modes == 0
 
@@ -171,7 +184,7 @@ class Beam(AbstractBody):
             return 2 * jnp.pi * self.frequencies
         if self.EI is None:
             return jnp.zeros(0)
-        root = jnp.asarray(bending_roots(self.shapes, self.modes), self.mass.dtype)
+        root = jnp.asarray(bending_roots(self._shapes, self.modes), self.mass.dtype)
         return root**2 * jnp.sqrt(self.EI / (self.mass * self.length**3))
 
     def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
@@ -205,14 +218,14 @@ class Beam(AbstractBody):
         at, mass, length = untraced(point, self.mass, self.length)
         xp = namespace(at)
         along = at[0 if self.axis == "x" else 1] / length + 0.5
-        deflection, slope = bending_shapes(self.shapes, self.modes, along, xp)
+        deflection, slope = bending_shapes(self._shapes, self.modes, along, xp)
         slope, none = slope / length, xp.zeros_like(deflection)
         # The tangent (1, w') has turned counter-clockwise, the tangent (w', 1) clockwise.
         rows = [none, deflection, slope] if self.axis == "x" else [deflection, none, -slope]
         return as_jax(xp.stack(rows) / xp.sqrt(mass))
 
     def foreshortening(self, point: Float[Array, "2"]) -> Float[Array, "2 modes modes"]:
-        along = foreshortening(self.shapes, self.modes, self._place(point))
+        along = foreshortening(self._shapes, self.modes, self._place(point))
         return self._lengthwise(along) / (self.mass * self.length)
 
     def _place(self, point: Float[Array, "2"]) -> Float[Array, ""]:
@@ -226,14 +239,14 @@ class Beam(AbstractBody):
 
     def _inertia(self, moment: Array | None = None) -> Inertia:
         terms: dict[str, Array] = {}
-        if self.modes and self.shapes != "free-free":
-            mean, lever = bending_moments(self.shapes, self.modes)
+        if self.modes and self._shapes not in FREE:
+            mean, lever = bending_moments(self._shapes, self.modes)
             none, size = np.zeros_like(mean), jnp.sqrt(self.mass)
             across, turn = ([none, mean], lever) if self.axis == "x" else ([mean, none], -lever)
             terms["shift"] = size * np.stack(across)
             terms["swing"] = size * self.length * turn
         if self.foreshortens:
-            mean, lever = foreshortening_moments(self.shapes, self.modes)
+            mean, lever = foreshortening_moments(self._shapes, self.modes)
             terms["spin"] = jnp.asarray(lever)
             terms["foreshortening"] = self._lengthwise(mean) / self.length
         return Inertia(self.mass, moment, **terms)
@@ -248,9 +261,14 @@ class Beam(AbstractBody):
         owner = f"body '{self.name}'"
         if self.axis not in ("x", "y"):
             raise SceneError(f"{owner}: axis is {self.axis!r}, but it must be 'x' or 'y'.")
-        if self.shapes not in SHAPES:
+        if self._shapes not in SHAPES:
             raise SceneError(
                 f"{owner}: shapes is {self.shapes!r}, but it must be one of {', '.join(SHAPES)}."
+            )
+        if self.frequencies is not None and self.shapes == "static":
+            raise SceneError(
+                f"{owner}: shapes is 'static', but frequencies belong to natural modes; give EI "
+                f"instead, or one of {', '.join(SHAPES[1:])}."
             )
         if self.stiffening and not self.modes:
             raise SceneError(f"{owner}: stiffening is for beams with modes; give EI and modes.")
@@ -265,7 +283,7 @@ class Beam(AbstractBody):
 
     def _check_inertia(self, owner: str) -> None:
         """The points that supported modes move have the inertia of a thin bar, at least."""
-        if self.inertia is None or not self.modes or self.shapes == "free-free":
+        if self.inertia is None or not self.modes or self._shapes in FREE:
             return
         excess = concrete(self.inertia - self.mass * self.length**2 / 12)
         if excess is not None and excess < -1e-9 * abs(self.inertia):

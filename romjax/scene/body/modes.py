@@ -1,4 +1,4 @@
-"""Bending modes of a uniform Euler–Bernoulli beam, by the support of its lower end."""
+"""Bending modes of a uniform Euler–Bernoulli beam: static ones, or natural ones by the support."""
 
 import math
 from typing import Any
@@ -8,15 +8,22 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-SHAPES = ("free-free", "clamped-free", "pinned-free")
+from .free_modes import derivative, free_modes
+
+SHAPES = ("static", "free-free", "clamped-free", "pinned-free")
+# Those that are orthogonal to rigid motion.
+FREE = SHAPES[:2]
 
 
 def bending_roots(shapes: str, count: int) -> np.ndarray:
     """The first `count` positive roots b = βL of the frequency equation, ω² = b⁴ EI / (m L³).
 
     Free: cos b cosh b = 1; clamped: cos b cosh b = −1; pinned: tan b = tanh b. By Newton on forms
-    whose terms stay of order one, from the asymptotes.
+    whose terms stay of order one, from the asymptotes. Static: what their frequencies come from.
     """
+    if shapes == "static":
+        squares: np.ndarray = free_modes(2, count).squares
+        return squares**0.25
     start = {"free-free": 0.5, "clamped-free": -0.5, "pinned-free": 0.25}[shapes]
     roots = []
     for k in range(1, count + 1):
@@ -61,9 +68,12 @@ def _coefficients(shapes: str, roots: np.ndarray) -> np.ndarray:
 def bending_shapes(shapes: str, count: int, xi: Any, xp: Any = jnp) -> tuple[Any, Any]:
     """Deflections w and slopes dw/dξ of the modes, (modes,), at `xi`, 0 to 1 on the beam.
 
-    ∫w² dξ = 1. Every mode is 2 at its free end; at the lower one if both are free. With NumPy as
-    `xp`, for a ξ that is not traced: then nothing is.
+    ∫w² dξ = 1. Every natural mode is 2 at its free end; at the lower one if both are free. With
+    NumPy as `xp`, for a ξ that is not traced: then nothing is.
     """
+    if shapes == "static":
+        series = free_modes(2, count).series
+        return derivative(series, xi), derivative(series, xi, 1)
     b = bending_roots(shapes, count)
     cosine, sine, left, right = _coefficients(shapes, b)
     c, s = xp.cos(b * xi), xp.sin(b * xi)
@@ -78,6 +88,8 @@ def bending_moments(shapes: str, count: int) -> np.ndarray:
 
     By parts from w'''' = b⁴ w, so that only shear and bending moment of the lower end remain.
     """
+    if shapes in FREE:
+        return np.zeros((2, count))
     b = bending_roots(shapes, count)
     cosine, sine, left, right = _coefficients(shapes, b)
     right = right * np.exp(-b)
@@ -87,7 +99,7 @@ def bending_moments(shapes: str, count: int) -> np.ndarray:
 
 def anchor(shapes: str) -> float:
     """The ξ whose point does not move along the axis as the beam foreshortens."""
-    return 0.5 if shapes == "free-free" else 0.0
+    return 0.5 if shapes in FREE else 0.0
 
 
 def foreshortening(shapes: str, count: int, xi: Float[Array, ""]) -> Float[Array, "modes modes"]:

@@ -15,10 +15,11 @@ from ...fields import check_numbers, number
 from ...orientation import orientation_field, quaternion_of
 from ...points import NamedPoints, by_name
 from ..base import check_name, check_start
+from ..free_modes import free_modes
 from ..sections import AbstractSection
 from .beam_inertia import beam_inertia, rotations
+from .beam_modes import Counts, foreshortening, motion
 from .flexible import AbstractFlexibleBody
-from .free_modes import Counts, foreshortening, free_modes, motion
 from .inertia import SpatialInertia
 from .rigid import check_inertia
 

@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ....arrays import Numbers, namespace
-from .free_modes import Counts, foreshortening, motion, quadrature
+from ..free_modes import quadrature
+from .beam_modes import Counts, foreshortening, motion
 from .inertia import SpatialInertia
 
 
