@@ -120,6 +120,28 @@ def test_more_modes_miss_less(coarse):
 
 
 @pytest.mark.slow
+def test_smooth_modes_after_two_compressions(truth, cart_pendulum, coarse):
+    """The smoothest five of all serve better than POD's; those of five directions of the
+    velocities alone, the chapter's, worse.
+    """
+    errors = {}
+    for name, basis in {
+        "POD": rj.pod(coarse, rank=5),
+        "noise": rj.sod(coarse, rank=5),
+        "rank": rj.sod(coarse, rank=5, compress="rank"),
+    }.items():
+        run = rj.simulate(rj.reduce(cart_pendulum, basis), truth.t, rtol=TIGHT)
+        errors[name] = rj.compare(truth, run).error
+    assert errors["noise"] < errors["POD"] < ERROR_FIVE < errors["rank"]
+
+
+@pytest.mark.instant
+def test_a_compression_is_to_noise_or_rank():
+    with pytest.raises(rj.InputError, match="compress='all'"):
+        rj.SOD(compress="all")
+
+
+@pytest.mark.slow
 def test_six_modes(error):
     """Two of the four constraints are kept: the other two hold in the whole subspace."""
     rom, report = error(6, "galerkin")

@@ -171,7 +171,7 @@ def test_a_close_pair_is_warned_of():
     assert all(less < more for less, more in itertools.pairwise(sizes))
 
 
-@pytest.mark.parametrize("decompose", [rj.pod, rj.sod])
+@pytest.mark.parametrize("decompose", [rj.pod, rj.sod, functools.partial(rj.sod, compress="rank")])
 def test_derivatives_of_bases(decompose):
     """Through weights, metric and decomposition, to what a basis holds of a vector, with fewer
     snapshots than coordinates (five, eight).

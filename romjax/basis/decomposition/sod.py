@@ -1,6 +1,6 @@
 """Smooth orthogonal decomposition, with a rank that does not flip."""
 
-from typing import Any, ClassVar, final
+from typing import Any, ClassVar, Literal, final
 
 import equinox as eqx
 import jax
@@ -9,6 +9,7 @@ import jax.scipy.linalg as jsl
 from jaxtyping import Array, Float
 
 from ...arrays import Vector
+from ...errors import InputError
 from ...fields import Converted, number
 from ...program import program
 from ..basis import Basis
@@ -17,6 +18,8 @@ from ..snapshots import Motions, WeightedSnapshots
 from ..subspace import leading, singular_values
 from .base import AbstractDecomposition, Directions, RankCriterion, ValueLabel
 
+Compression = Literal["noise", "rank"]
+
 
 @final
 class SOD(AbstractDecomposition):
@@ -24,31 +27,40 @@ class SOD(AbstractDecomposition):
 
     The chapter's generalised eigenvalue problem is singular wherever a coordinate rests, and its
     rank flips with the sample rate. Here no correlation matrix is formed: the weighted velocities
-    are compressed to their own r directions, V = U Σ Wᵀ; the positions, seen in these as
+    are compressed to their own leading directions, V = U Σ Wᵀ; the positions, seen in these as
     Y = Σ⁻¹ Uᵀ X = P D Nᵀ, give the values λ = D² [s²] (never infinite or negative) and the modes
-    U Σ P. With all modes kept, the subspace is that of the velocities' proper orthogonal modes.
-    A smooth mode that oscillates alone has the frequency 1/(2π √λ) [Hz].
+    U Σ P = V W P, the smoothest first. With all modes kept, the subspace is that of the velocities'
+    proper orthogonal modes. A smooth mode that oscillates alone has the frequency 1/(2π √λ) [Hz].
 
-    `rank`, `tol`, `offset` as `POD`; they refer to the singular values of the weighted velocities.
+    - `rank`, `tol`, `offset`: as `POD`; they refer to the singular values of the weighted
+      velocities.
+    - `compress`: to which directions of the velocities. "noise": to all that are above rounding and
+      the errors of the simulation, of whose modes the smoothest are kept. "rank": to as many as
+      there will be modes, the chapter's own five, whose subspace is that of velocities alone.
+
+    Raises InputError for another word as `compress`.
     """
 
     rank: Rank | None = eqx.field(static=True, default=None)
     tol: Converted[Float[Array, ""] | None] = number(default=None)
     offset: Converted[Float[Array, " n"] | None, Vector] = number(default=None)
+    compress: Compression = eqx.field(static=True, default="noise")
 
     name: ClassVar[str] = "SOD"
     value_label: ClassVar[ValueLabel | None] = ValueLabel(
         "Smooth orthogonal values", r"\lambda", "s$^2$"
     )
 
+    def __check_init__(self) -> None:
+        if self.compress not in ("noise", "rank"):
+            raise InputError(f'SOD: compress={self.compress!r}; it must be "noise" or "rank".')
+
     def criterion(self, snapshots: WeightedSnapshots) -> RankCriterion:
         values = singular_values(snapshots.velocities)
         return RankCriterion(values, FLOOR[values.dtype], snapshots.noise.velocities)
 
     def directions(self, snapshots: WeightedSnapshots, rank: int) -> Directions:
-        vectors, spectrum = leading(snapshots.velocities, rank)
-        smooth, values = _smooth(snapshots, vectors)
-        return Directions(smooth, values, spectrum)
+        return Directions(*_smooth(snapshots, rank, self.compress))
 
 
 def sod(
@@ -57,28 +69,39 @@ def sod(
     *,
     tol: float | None = None,
     offset: Any = None,
+    compress: Compression = "noise",
 ) -> Basis:
-    """Smooth orthogonal modes and values of a motion: `SOD(rank, tol, offset)(motion)`.
+    """Smooth orthogonal modes and values of a motion: `SOD(rank, tol, offset, compress)(motion)`.
 
-    **Arguments:** `motion`: a Trajectory, or several of one mechanism; `rank`, `tol`, `offset`:
-    as `SOD`.
+    **Arguments:** `motion`: a Trajectory, or several of one mechanism; `rank`, `tol`, `offset`,
+    `compress`: as `SOD`.
 
     Raises RankError for a rank that the snapshots do not allow, InputError if they do not move or
     are not finite.
     """
-    return SOD(rank, tol, offset)(motion)
+    return SOD(rank, tol, offset, compress)(motion)
 
 
 @program
 def _smooth(
-    snapshots: WeightedSnapshots, vectors: Float[Array, "n r"]
-) -> tuple[Float[Array, "n r"], Float[Array, " r"]]:
-    """Orthonormal vectors of the smooth modes, in the order of their values, and the values."""
-    # Up to signs R is Σ; but it follows when a derivative mixes the vectors.
-    _, r = jnp.linalg.qr(snapshots.velocities.T @ vectors)
-    compressed = jsl.solve_triangular(r, vectors.T @ snapshots.positions, trans=1)
-    p, d = leading(compressed, vectors.shape[1])
-    # All smooth modes are kept, so they span what the velocities' vectors span: how they mix these
-    # does not change the derivative of the subspace.
-    mix, _ = jnp.linalg.qr(jax.lax.stop_gradient(r.T @ p))
-    return vectors @ mix, d**2
+    snapshots: WeightedSnapshots, rank: int, compress: Compression
+) -> tuple[Float[Array, "n r"], Float[Array, " r"], Float[Array, " k"]]:
+    """Orthonormal vectors of the smoothest modes, their values, and the velocities' spectrum."""
+    positions, velocities = snapshots.positions, snapshots.velocities
+    vectors, values = leading(velocities, rank)
+    _, spectrum, w = jnp.linalg.svd(jax.lax.stop_gradient(velocities), full_matrices=False)
+    used = jnp.arange(len(spectrum)) < rank
+    if compress == "noise":
+        level = jnp.maximum(FLOOR[spectrum.dtype] * spectrum[0], snapshots.noise.velocities)
+        used |= spectrum > jax.lax.stop_gradient(level)
+    # U Σ. Its derivative needs none of W, which turns to what is below the noise only.
+    leading_directions = velocities @ (w.T * used[None])
+    if compress == "rank":
+        # Or to directions like those that are kept, as U does.
+        leading_directions = vectors @ (vectors.T @ leading_directions)
+    # Q is U and R is Σ, up to signs; ones for the directions that are not used keep R regular.
+    q, r = jnp.linalg.qr(jnp.concatenate([leading_directions, jnp.diag(1.0 * ~used)]))
+    compressed = jsl.solve_triangular(r, q[: len(velocities)].T @ positions)
+    p, d = leading(compressed, rank)
+    modes, _ = jnp.linalg.qr(leading_directions @ p)
+    return modes, d[:rank] ** 2, values
