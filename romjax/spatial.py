@@ -13,9 +13,9 @@ from .scene.body.spatial.rigid import RigidBody as RigidBody
 from .scene.effect.spatial.bushing import Bushing as Bushing
 from .scene.effect.spatial.contact import Contact as Contact
 from .scene.effect.spatial.torque import Torque as Torque
+from .scene.joint.gear import Gear as Gear
 from .scene.joint.spatial.constant_velocity import ConstantVelocity as ConstantVelocity
 from .scene.joint.spatial.cylindrical import Cylindrical as Cylindrical
-from .scene.joint.spatial.gear import Gear as Gear
 from .scene.joint.spatial.planar import Planar as Planar
 from .scene.joint.spatial.point_on_curve import PointOnCurve as PointOnCurve
 from .scene.joint.spatial.point_on_plane import PointOnPlane as PointOnPlane

@@ -169,7 +169,8 @@ def shifted(signal: rj.AbstractSignal, by: float) -> rj.AbstractSignal:
 
 
 def gear(self: InSpace, joint: rj.Gear) -> list:
-    bearings = [rj.ground.at((0, 0, 0), rotation=self.turn)] * 2
+    ground = rj.ground.at((0, 0, 0), rotation=self.turn)
+    bearings = [self.marker(x) if x else ground for x in (joint.bearing_a, joint.bearing_b)]
     offset = joint.offset + self.unwound(joint.a) - joint.ratio * self.unwound(joint.b)
     ends = self.ends(joint)
     return [r.Gear(ends["a"], ends["b"], *bearings, ratio=joint.ratio, offset=offset)]

@@ -90,6 +90,36 @@ def test_gears_reflect_inertia():
     assert_close(np.asarray(found)[[5, 2]], [wanted, -3 * wanted], SOLVED)
 
 
+def belt(*bearing: rj.Marker) -> rj.Scene:
+    """Two wheels on an arm that swings: one at its end, the other at its hinge, on the ground."""
+    arm = rj.RigidBody("arm", 1.5, 0.08, position=(0.4, 0.0))
+    small, big = body("small", position=(0.8, 0.0)), body("big")
+    joints = [
+        rj.Revolute(arm.at((-0.4, 0.0)), rj.ground.at()),
+        rj.Revolute(small.at(), arm.at((0.4, 0.0))),
+        rj.Revolute(big.at(), rj.ground.at()),
+        rj.Gear(small.at(), big.at(), *bearing, ratio=3.0),
+    ]
+    return rj.Scene([arm, small, big], joints, [rj.Gravity()])
+
+
+def test_wheels_on_an_arm():
+    """Angles are against the arm: θ_a − φ = ratio (θ_b − φ)."""
+    system = rj.assemble(belt(rj.Marker("arm", np.zeros(2), np.zeros(()))))
+    found, _ = jax.jit(system.acceleration)(0.0, system.q0, system.v0)
+    # Of the arm with both wheels' mass, and of the turns 3 θ − 2 φ and θ of the wheels.
+    swing = 0.08 + 1.5 * 0.4**2 + 2.0 * 0.8**2
+    matrix = np.array([[swing + 0.3 * 2**2, -0.3 * 6], [-0.3 * 6, 0.3 * 3**2 + 0.3]])
+    wanted = np.linalg.solve(matrix, [-G * (1.5 * 0.4 + 2.0 * 0.8), 0.0])
+    assert_close(np.asarray(found)[[2, 8]], wanted, SOLVED, G)
+
+
+@pytest.mark.instant
+def test_a_wheel_on_an_arm_needs_a_bearing():
+    with pytest.raises(rj.SceneError, match="'small' turns on 'arm'.*give bearing_a"):
+        belt().check()
+
+
 def test_a_slide_on_an_incline():
     """The way is g sin(angle) t² / 2, and the body keeps its angle."""
     angle = -0.4

@@ -68,6 +68,8 @@ class Scene(eqx.Module):
             body.check()
         for part in connected:
             part.check()
+        for joint in self.joints:
+            joint.check_among(self.joints)
 
     @property
     def dimension(self) -> int:

@@ -1,6 +1,7 @@
 """What a joint is: one residual of the poses of its markers."""
 
 import abc
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
@@ -83,6 +84,9 @@ class AbstractJoint(eqx.Module):
     def owner(self) -> str:
         """What messages about the joint begin with."""
         return f"joint '{self.label()}'"
+
+    def check_among(self, joints: Sequence["AbstractJoint"]) -> None:
+        """Raise a SceneError if the joint contradicts others of the scene."""
 
     def check(self) -> None:
         """Raise a SceneError that names joint, field, value and remedy."""
