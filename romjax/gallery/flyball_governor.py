@@ -29,11 +29,12 @@ def flyball_governor(
 ) -> Scene:
     """Two balls on arms that hinge on a spinning shaft, and a slider on it that couplers carry.
 
-    Problem A05 of the IFToMM library of computational benchmark problems (González, Dopico, Lugrís
-    and Cuadrado, "A benchmarking system for MBS simulation software", Multibody Syst. Dyn. 16,
-    2006): arms and shaft 1 m long, couplers of 0.5 m from the middle of the arms that are stiff
-    springs with dampers, so that the problem is stiff. Nothing acts about the shaft: the angular
-    momentum stays.
+    Like problem A05 of the IFToMM library of computational benchmark problems (González, Dopico,
+    Lugrís and Cuadrado, "A benchmarking system for MBS simulation software", Multibody Syst. Dyn.
+    16, 2006), but not the same: arms and couplers are hinged on the axis of the shaft here, and
+    0.05 m off it there, so its published motion is another one. Arms and shaft are 1 m long,
+    couplers of 0.5 m from the middle of the arms are stiff springs with dampers, so that the
+    problem is stiff. Nothing acts about the shaft: the angular momentum stays.
     """
     top, down = np.array([0.0, 0.0, 1.0]), math.radians(30)
     shaft = rod(
