@@ -5,6 +5,7 @@ import sys
 import meshes
 import numpy as np
 import pytest
+import scipy.linalg
 import scipy.sparse as sp
 from tolerances import IDENTITY, SOLVED
 
@@ -61,14 +62,14 @@ def abaqus(folder, stiffness, mass, nodes, dofs, half):
     return rj.load_mesh(write_input(folder / "job_STIF2.mtx", stiffness, dofs, half), nodes=deck)
 
 
-def coordinates(folder, stiffness, mass, nodes, dofs, half):
+def coordinates(folder, stiffness, mass, nodes, dofs, half, components=None):
     """Rows by rising number of node, then component."""
     order = np.lexsort((dofs[:, 1], dofs[:, 0]))
     paths = folder / "k.mtx", folder / "m.mtx"
     for path, matrix in zip(paths, (stiffness, mass), strict=True):
         rows = entries(sp.csc_array(matrix)[order][:, order], half)
         path.write_text("".join(f"{r + 1} {c + 1} {value:.17e}\n" for r, c, value in rows))
-    components = sorted(set(dofs[:, 1].tolist()))
+    components = components or sorted(set(dofs[:, 1].tolist()))
     return rj.load_mesh(*paths, write_deck(folder / "job.inp", nodes), components=components)
 
 
@@ -333,3 +334,64 @@ def test_output4_without_its_package_says_what_to_install(tmp_path, monkeypatch)
         ImportError, match=r"pyNastran: pip install 'romjax\[nastran\]'; or write DMIG"
     ):
         rj.load_mesh(tmp_path / "job.op4", nodes=[[0.0, 0.0]])
+
+
+def reduced_beam():
+    """The beam by its ends and three modes between them: K, M, nodes and dofs, of which those of
+    the modes are scalar points.
+    """
+    stiffness, mass, nodes, dofs = beam()
+    k, m = stiffness.toarray(), mass.toarray()
+    ends = np.array([0, 1, 2, len(k) - 3, len(k) - 2, len(k) - 1])
+    inner = np.setdiff1d(np.arange(len(k)), ends)
+    block = np.ix_(inner, inner)
+    basis = np.zeros((len(k), 9))
+    basis[ends, np.arange(6)] = 1
+    basis[inner, :6] = -np.linalg.solve(k[block], k[np.ix_(inner, ends)])
+    basis[inner, 6:] = scipy.linalg.eigh(k[block], m[block])[1][:, :3]
+    modal = np.stack([9001 + np.arange(3), np.zeros(3, int)], axis=1)
+    k, m = (
+        np.where(abs(x) > 1e-12 * np.max(abs(x)), x, 0)
+        for x in (basis.T @ k @ basis, basis.T @ m @ basis)
+    )
+    return k, m, nodes, np.concatenate([dofs[ends], modal])
+
+
+@pytest.mark.parametrize("form", ["punch", "coordinate"])
+def test_reduced_bodies_from_two_files(form, tmp_path):
+    """Scalar points of Nastran, or rows after those of the nodes, are modal coordinates."""
+    k, m, nodes, dofs = reduced_beam()
+    if form == "punch":
+        punch(large=False)(tmp_path, k, m, nodes, dofs, "lower")
+        text = (tmp_path / "job.pch").read_text()
+        cut = text.index("DMIG    MAAX")
+        (tmp_path / "k.pch").write_text(text[:cut])
+        (tmp_path / "m.pch").write_text(text[cut:])
+        mesh = rj.load_mesh(tmp_path / "k.pch", tmp_path / "m.pch")
+        again = tmp_path / "again.pch"
+        again.write_text(text)
+        with pytest.raises(rj.InputError, match="KAAX is in .*too; give one"):
+            rj.load_mesh(tmp_path / "k.pch", again)
+    else:
+        mesh = coordinates(tmp_path, k, m, nodes[[0, -1]], dofs, "lower", components=(1, 2, 6))
+    assert mesh.dofs.tolist() == [[0, 1, 2], [3, 4, 5]]
+    assert np.allclose(mesh.nodes, nodes[[0, -1]], rtol=0, atol=IDENTITY)
+    assert mesh.stiffness.shape == (9, 9)
+    ports = {"start": 0, "end": 1}
+    with pytest.warns(UserWarning, match="reduced already"):
+        found = rj.ModalBody.of_mesh("b", *mesh[:3], ports, modes=3, dofs=mesh.dofs)
+    stiffness, mass, nodes, _ = beam()
+    ports = {"start": 0, "end": 6}
+    wanted = rj.ModalBody.of_mesh("b", stiffness, mass, nodes, ports, modes=3)
+    errors = found.natural_frequencies() / wanted.natural_frequencies() - 1
+    assert np.max(np.abs(errors)) <= SOLVED
+
+
+@pytest.mark.instant
+def test_nodes_with_and_without_rotations(tmp_path):
+    """A node with displacements only, among those of a beam."""
+    stiffness, mass, nodes, dofs = beam()
+    kept = np.flatnonzero((dofs[:, 0] != FIRST + 2 * STEP) | (dofs[:, 1] != 6))
+    k, m = (sp.csc_array(x)[kept][:, kept] for x in (stiffness, mass))
+    mesh = abaqus(tmp_path, k, m, nodes, dofs[kept], "lower")
+    assert mesh.dofs[1:4].tolist() == [[3, 4, 5], [6, 7, -1], [8, 9, 10]]

@@ -36,4 +36,4 @@ def _read(path: Path, degrees: Degrees) -> Entries:
     numbers = table(path, 3, None, _COMMENT)
     ids = whole(path, numbers[:, :2], _COMMENT)
     size = int(ids.max())
-    return Entries(path, *degrees.of(path, ids, size), numbers[:, 2], places)
+    return Entries(path, *degrees.of(path, ids, size), numbers[:, 2], places, modal=True)

@@ -18,7 +18,8 @@ COMPONENTS = ("x", "y", "z", "rotation about x", "rotation about y", "rotation a
 class Entries(NamedTuple):
     """Entries of a symmetric matrix, of one triangle or of both.
 
-    - `rows`, `columns`: their degrees of freedom, (k, 2) of a node and a component from 1 to 6.
+    - `rows`, `columns`: their degrees of freedom, (k, 2) of a node and a component from 1 to 6, or
+      zero of a modal coordinate, where there are `modal` ones.
     - `values` (k,); `lines` (k,): where in the file `path` they are, zero where it has no lines.
     """
 
@@ -27,11 +28,13 @@ class Entries(NamedTuple):
     columns: np.ndarray
     values: np.ndarray
     lines: np.ndarray
+    modal: bool = False
 
     def codes(self) -> tuple[np.ndarray, np.ndarray]:
         """The degrees of freedom as one number each; raises InputError for those that are none."""
         for degrees in (self.rows, self.columns):
-            internal, other = degrees[:, 0] < 1, (degrees[:, 1] < 1) | (degrees[:, 1] > 6)
+            least = 0 if self.modal else 1
+            internal, other = degrees[:, 0] < 1, (degrees[:, 1] < least) | (degrees[:, 1] > 6)
             if np.any(internal):
                 raise self.wrong(
                     internal,

@@ -29,7 +29,8 @@ class Mesh(NamedTuple):
 
     - `stiffness`, `mass`: K and M (n, n), sparse and whole. `nodes` (nodes, 2 or 3) [m].
     - `dofs`: rows of the displacements of each along x and y and of its rotation, (nodes, 2 or 3);
-      in space of three displacements and three rotations, (nodes, 3 or 6).
+      in space of three displacements and three rotations, (nodes, 3 or 6); −1 for the rotations of
+      nodes without. Rows in none of them are modal coordinates of a body that is reduced already.
     - `numbers` (nodes,): those that the nodes have in the program, rising.
     """
 
@@ -69,16 +70,17 @@ def load_mesh(
     - Abaqus, `.mtx` of *MATRIX GENERATE, in the formats MATRIX INPUT and COORDINATE.
     - CalculiX, `.sti` of *FREQUENCY, SOLVER=MATRIXSTORAGE, with `.mas` and `.dof` beside it.
     - Nastran, DMIG entries in a punch file (`.pch` or bulk data), or OUTPUT4 (`.op4`, extra
-      `nastran`), both matrices in one.
+      `nastran`), both matrices in one, or in two.
 
     A plane mesh lies in x–y. What moves across it, z and the rotations about x and y, is left out
-    where nothing couples it to the plane, and refused elsewhere. Rotations without stiffness and
-    mass are left out. Lower, upper and whole matrices are read alike.
+    where nothing couples it to the plane, and refused elsewhere. Rotations of nodes without
+    stiffness and mass are left out. Lower, upper and whole matrices are read alike. Scalar points
+    in DMIG entries are modal coordinates of a body that is reduced already.
 
     **Arguments:**
 
-    - `stiffness`: the file. `mass`: that of Abaqus, or of CalculiX; beside it, with STIF replaced
-      by MASS, or .sti by .mas, unless given.
+    - `stiffness`: the file. `mass`: that of the mass; unless given beside it, with STIF replaced
+      by MASS, or .sti by .mas, of Nastran the same.
     - `nodes`: their places [m]: an input deck (`.inp` with *NODE), bulk data with GRID, a text file
       of number, x, y, an array in the order of rising numbers from 1, or a mapping from numbers;
       for a punch file, the file itself unless given.
@@ -86,7 +88,7 @@ def load_mesh(
     - `names`: of the matrices in Nastran's files, such as ("KAAX", "MAAX"); the one that begins
       with K and the one with M unless given.
     - `components`: of each node, where a file only numbers its rows (COORDINATE, OUTPUT4), such as
-      (1, 2, 6); nodes by rising number.
+      (1, 2, 6); nodes by rising number, then modal coordinates, if more rows are there.
 
     Raises InputError for a file that is wrong, with file, line, cause and cure; ImportError, with
     what to install, for OUTPUT4 without the extra.
@@ -108,9 +110,9 @@ def load_mesh(
     if kind == ".sti":
         return _mesh(dimension, *calculix.read(path, other), places)
     if kind in _PUNCH:
-        return _mesh(dimension, *nastran.read_punch(path, names), places)
+        return _mesh(dimension, *nastran.read_punch(path, other, names), places)
     if kind == ".op4":
-        return _mesh(dimension, *nastran.read_op4(path, names, degrees), places)
+        return _mesh(dimension, *nastran.read_op4(path, other, names, degrees), places)
     raise InputError(
         f"load_mesh: {path} is no .mtx, .sti, .pch, .bdf, .dat, .nas or .op4; give a file of "
         "Abaqus, CalculiX or Nastran by its ending."
@@ -126,21 +128,26 @@ def _mesh(dimension: int, stiffness: Entries, mass: Entries, places: Nodes) -> M
     across = np.isin(degrees[:, 1], left_out)
     for entries, matrix in ((stiffness, k), (mass, m)):
         _check_across(entries, matrix, degrees, across)
-    turns = np.isin(degrees[:, 1], turning)
-    if not (k[turns].count_nonzero() or m[turns].count_nonzero()):
-        across |= turns
+    across |= _idle(degrees, turning, abs(k).sum(axis=1) + abs(m).sum(axis=1))
     kept = np.flatnonzero(~across)
     degrees = degrees[kept]
-    numbers = np.unique(degrees[:, 0])
+    numbers = np.unique(degrees[degrees[:, 1] > 0, 0])
     wanted = (*moves, *turning) if np.any(np.isin(degrees[:, 1], turning)) else moves
-    _check_alike(stiffness, degrees, numbers, wanted)
     return Mesh(
         k[kept][:, kept],
         m[kept][:, kept],
         _places(dimension, stiffness, places, numbers),
-        np.arange(len(kept)).reshape(len(numbers), len(wanted)),
+        _dofs(stiffness, degrees, numbers, wanted, len(moves)),
         numbers,
     )
+
+
+def _idle(degrees: np.ndarray, turning: tuple[int, ...], size: np.ndarray) -> np.ndarray:
+    """The rotations of nodes of which none has stiffness or mass, as of membranes and solids."""
+    turns = np.isin(degrees[:, 1], turning)
+    working = np.unique(degrees[turns & (size > 0), 0])
+    idle: np.ndarray = turns & ~np.isin(degrees[:, 0], working)
+    return idle
 
 
 def _check_across(
@@ -164,22 +171,35 @@ def _check_across(
         )
 
 
-def _check_alike(
-    entries: Entries, degrees: np.ndarray, numbers: np.ndarray, wanted: tuple[int, ...]
-) -> None:
-    """Raise InputError unless all nodes have the same components."""
+def _dofs(
+    entries: Entries,
+    degrees: np.ndarray,
+    numbers: np.ndarray,
+    wanted: tuple[int, ...],
+    moves: int,
+) -> np.ndarray:
+    """Rows of each node, (nodes, wanted), −1 for the rotations of nodes without.
+
+    Raises InputError for displacements that are missing, and for some of several rotations.
+    """
     asked = np.stack(
         [np.repeat(numbers, len(wanted)), np.tile(np.array(wanted), len(numbers))], axis=1
     )
-    missing = np.flatnonzero(~np.isin(code(asked), code(degrees)))
-    if len(missing):
-        number, component = asked[missing[0]]
+    codes = code(degrees)
+    rows = np.minimum(np.searchsorted(codes, code(asked)), len(codes) - 1)
+    rows = np.where(codes[rows] == code(asked), rows, -1).reshape(len(numbers), -1)
+    needed = np.any(rows[:, moves:] >= 0, axis=1)
+    missing = rows < 0
+    missing[~needed, moves:] = False
+    if np.any(missing):
+        number, component = asked[np.argmax(missing)]
         raise wrong(
             entries.path,
             0,
             f"node {number} has no row for {COMPONENTS[component - 1]}, but others have; take "
-            "supports out of the model, and give all nodes the same components",
+            "supports out of the model, and give all nodes the same components, or no rotations",
         )
+    return rows
 
 
 def _places(dimension: int, entries: Entries, nodes: Nodes, numbers: np.ndarray) -> np.ndarray:

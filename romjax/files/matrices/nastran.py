@@ -18,12 +18,19 @@ _SQUARE = (1, 6)
 _HEAD, _ROW = 4, 4
 
 
-def read_punch(path: Path, names: Sequence[str] | None) -> tuple[Entries, Entries]:
-    """Stiffness and mass in one file, by their `names`, or by the letters K and M."""
+def read_punch(
+    path: Path, mass: Path | None, names: Sequence[str] | None
+) -> tuple[Entries, Entries]:
+    """Stiffness and mass in one file, or in two, by their `names`, or by the letters K and M."""
     found: dict[str, list[Card]] = {}
-    for card in cards(existing(path, "write it by EXTSEOUT or PARAM,EXTOUT,DMIGPCH"), "DMIG"):
-        found.setdefault(card.field(0).upper(), []).append(card)
-    one, other = (_entries(path, found[name]) for name in _chosen(path, found, names))
+    files: dict[str, Path] = {}
+    for file in (path,) if mass is None else (path, mass):
+        for card in cards(existing(file, "write it by EXTSEOUT or PARAM,EXTOUT,DMIGPCH"), "DMIG"):
+            name = card.field(0).upper()
+            if files.setdefault(name, file) != file:
+                raise wrong(file, card.lines[0], f"{name} is in {path} too; give one of both")
+            found.setdefault(name, []).append(card)
+    one, other = (_entries(files[name], found[name]) for name in _chosen(path, found, names))
     return one, other
 
 
@@ -50,21 +57,27 @@ def _entries(path: Path, columns: list[Card]) -> Entries:
                 values.append(card.real(path, at + 2))
                 lines.append(card.lines[at])
     degrees = np.array(rows, np.int64).reshape(-1, 4)
-    return Entries(path, degrees[:, :2], degrees[:, 2:], np.array(values), np.array(lines, int))
+    # Scalar points have no component: the modal coordinates of a reduced body.
+    numbers = np.array(values), np.array(lines, int)
+    return Entries(path, degrees[:, :2], degrees[:, 2:], *numbers, modal=True)
 
 
-def read_op4(path: Path, names: Sequence[str] | None, degrees: Degrees) -> tuple[Entries, Entries]:
-    """Stiffness and mass in one OUTPUT4 file, text or binary (extra `nastran`)."""
+def read_op4(
+    path: Path, mass: Path | None, names: Sequence[str] | None, degrees: Degrees
+) -> tuple[Entries, Entries]:
+    """Stiffness and mass in one OUTPUT4 file, text or binary, or in two (extra `nastran`)."""
     instead = "or write DMIG entries to a punch file, which need no package"
     op4 = extra("load_mesh", "pyNastran.op4.op4", "nastran", instead)
-    existing(path, "write it by OUTPUT4")
-    try:
-        matrices = op4.OP4(debug=None).read_op4(str(path))
-    except Exception as error:  # whatever a broken file makes the package do
-        words = str(error).split("\n")[0]
-        raise wrong(path, 0, f"is no OUTPUT4 file ({words}); write it again") from error
-    found = {name.upper(): matrix for name, matrix in matrices.items()}
-    one, other = (_coordinates(path, found[name], degrees) for name in _chosen(path, found, names))
+    found: dict[str, tuple[Path, Any]] = {}
+    for file in (path,) if mass is None else (path, mass):
+        existing(file, "write it by OUTPUT4")
+        try:
+            matrices = op4.OP4(debug=None).read_op4(str(file))
+        except Exception as error:  # whatever a broken file makes the package do
+            words = str(error).split("\n")[0]
+            raise wrong(file, 0, f"is no OUTPUT4 file ({words}); write it again") from error
+        found |= {name.upper(): (file, matrix) for name, matrix in matrices.items()}
+    one, other = (_coordinates(*found[x], degrees) for x in _chosen(path, found, names))
     return one, other
 
 
@@ -74,7 +87,7 @@ def _coordinates(path: Path, matrix: Any, degrees: Degrees) -> Entries:
     entries = sp.coo_array(data)
     ids = np.stack([entries.row, entries.col], axis=1) + 1
     rows, columns = degrees.of(path, ids, entries.shape[0])
-    return Entries(path, rows, columns, entries.data, np.zeros(len(ids), int))
+    return Entries(path, rows, columns, entries.data, np.zeros(len(ids), int), modal=True)
 
 
 def _chosen(path: Path, found: Mapping[str, Any], names: Sequence[str] | None) -> tuple[str, str]:

@@ -26,11 +26,15 @@ class Degrees(NamedTuple):
     def of(self, path: Path, ids: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
         """The degrees of freedom of rows and columns `ids` (k, 2), from 1, of a matrix of `size`.
 
-        Raises InputError where rows and nodes do not fit.
+        Where components are given, rows after those of the nodes are modal coordinates. Raises
+        InputError where rows and nodes do not fit.
         """
         each, left = divmod(size, max(len(self.numbers), 1))
         components = self.components or _DEFAULT[self.dimension].get(each, ())
-        if left or len(components) != each:
+        if self.components and len(self.components) * len(self.numbers) <= size:
+            each = len(self.components)
+            left = size - each * len(self.numbers)
+        elif left or len(components) != each:
             raise wrong(
                 path,
                 0,
@@ -41,4 +45,6 @@ class Degrees(NamedTuple):
             [np.repeat(self.numbers, each), np.tile(np.array(components), len(self.numbers))],
             axis=1,
         )
+        modal = np.stack([self.numbers.max() + 1 + np.arange(left), np.zeros(left, int)], axis=1)
+        known = np.concatenate([known, modal])
         return known[ids[:, 0] - 1], known[ids[:, 1] - 1]

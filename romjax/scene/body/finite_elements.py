@@ -1,5 +1,6 @@
 """From a mesh with its matrices to modes, inertia invariants and shapes at ports."""
 
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -20,9 +21,10 @@ from .component_modes import (
 )
 from .inertia import Inertia
 from .mesh_checks import check_nodes
-from .mesh_inertia import planar_inertia, spatial_inertia
+from .mesh_inertia import planar_inertia, slow_enough, spatial_inertia
 from .mesh_outline import outline
-from .mesh_ports import PortNodes, ports_of, rigid_motion, tie
+from .mesh_ports import PortNodes, ports_of, tie
+from .mesh_rows import rigid_motion, rows_of
 from .spatial.inertia import SpatialInertia
 
 # Rigid motions have the frequencies that rounding of their stiffness leaves; up to this share of
@@ -58,13 +60,14 @@ def reduce_mesh(
     """
     k, m = checked(_matrix(owner, stiffness), _matrix(owner, mass))
     positions = np.asarray(nodes, float)
-    rows = _layout(owner, dimension, k.shape[0], positions, dofs)
+    rows = rows_of(owner, dimension, k.shape[0], positions, dofs)
     free = 3 if dimension == 2 else 6  # rigid motions of a body, or of a port
     check_nodes(owner, k, m, positions, rows)
     pins = ports_of(owner, ports, positions, rows)
     tied, held = tie(owner, pins, k.shape[0])
     rigid = np.zeros((k.shape[0], free))
-    rigid[rows.ravel()] = rigid_motion(positions, rows)
+    own = rows >= 0
+    rigid[rows[own]] = rigid_motion(positions, own)
     shared = [port.loads(k.shape[0]) for port in pins if port.shares]
     loads = np.hstack([np.zeros((k.shape[0], 0)), *shared])
     component = _modes(owner, (k, m), tied, held, rigid, loads, modes, interface)
@@ -81,6 +84,16 @@ def reduce_mesh(
     elastic = tied @ component.modes[:, free:]
     elastic -= rigid @ np.linalg.solve(rigid.T @ (m @ rigid), rigid.T @ (m @ elastic))
     frequencies, elastic = ritz(k, m, elastic)
+    if np.count_nonzero(own) < k.shape[0]:
+        slow = slow_enough(dimension, rows, m, frequencies, elastic)
+        warnings.warn(
+            f"{owner}: it is reduced already, to nodes and modal coordinates. Where its parts are "
+            "between nodes is not in the matrices, so that centrifugal and gyroscopic forces on "
+            f"its deflection are estimates: turning faster than about {slow:.2g} rad/s changes "
+            "frequencies by more than a hundredth in other ways than it should. Give the matrices "
+            "of the whole mesh for that.",
+            stacklevel=4,
+        )
     hull = outline(positions)
     drawn = np.zeros((len(hull), free, elastic.shape[1]))
     drawn[:, :dimension] = elastic[rows[hull, :dimension]]
@@ -134,24 +147,3 @@ def _matrix(owner: str, given: Matrix | str | Path) -> Matrix:
             f"{owner}: {given} is no Matrix Market file, and no sparse matrix of SciPy ({error}); "
             "romjax.load_mesh reads those of Abaqus, CalculiX and Nastran."
         ) from error
-
-
-def _layout(
-    owner: str, dimension: int, n: int, positions: np.ndarray, dofs: Vector | None
-) -> np.ndarray:
-    """Rows of the nodes in the matrices (nodes, 2 or 3 in the plane, 3 or 6 in space)."""
-    if positions.ndim != 2 or positions.shape[1] != dimension or not np.all(np.isfinite(positions)):
-        raise SceneError(
-            f"{owner}: nodes must be finite and (nodes, {dimension}), not {positions.shape}."
-        )
-    nodes, widths = len(positions), (2, 3) if dimension == 2 else (3, 6)
-    each = n // nodes
-    rows = np.arange(each * nodes).reshape(nodes, each) if dofs is None else np.asarray(dofs, int)
-    fits = rows.shape in [(nodes, width) for width in widths]
-    if not fits or not np.array_equal(np.sort(rows, axis=None), np.arange(n)):
-        own = "its x, its y or its rotation" if dimension == 2 else "a displacement or a rotation"
-        raise SceneError(
-            f"{owner}: {nodes} nodes and matrices of {n} rows; every row must belong to one node, "
-            f"as {own}. Give dofs, (nodes, {widths[0]}) or (nodes, {widths[1]})."
-        )
-    return rows

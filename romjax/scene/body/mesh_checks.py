@@ -72,14 +72,15 @@ def check_nodes(
     """Raise SceneError unless the rigid motions of the nodes leave K at rest, and have one mass in
     all directions, which some material can have; with what motion does not, how much, and the cure.
 
-    `positions` (nodes, d) [m]; `rows` (nodes, k) of the matrices, displacements before rotations.
+    `positions` (nodes, d) [m]; `rows` (nodes, k) of the matrices, as of `rows_of`.
     """
     fields = _fields(stiffness, mass, positions, rows)
     _check_translations(owner, stiffness, rows, fields)
     _check_rotations(owner, fields)
     _check_mass(owner, fields)
     _check_units(owner, stiffness.diagonal(), mass.diagonal(), positions, rows)
-    if positions.shape[1] == rows.shape[1] == 3:
+    whole = rows.size == stiffness.shape[0]
+    if whole and positions.shape[1] == rows.shape[1] == 3:
         _check_density(owner, fields.mass[0, 0], positions)
 
 
@@ -91,7 +92,7 @@ def _fields(stiffness: Matrix, mass: Matrix, positions: np.ndarray, rows: np.nda
         columns[rows[:, i], i] = 1
         columns[rows[:, i], d + d * i : d + d * (i + 1)] = arms
     for i in range(d, rows.shape[1]):
-        columns[rows[:, i], d * d + i] = 1
+        columns[rows[rows[:, i] >= 0, i], d * d + i] = 1
     return _Fields(
         columns,
         columns.T @ (stiffness @ columns),
@@ -110,7 +111,7 @@ def _check_translations(owner: str, stiffness: Matrix, rows: np.ndarray, fields:
     axis = int(np.argmax(excess))
     if excess[axis] <= 0:
         return
-    forces = np.max(abs(stiffness @ fields.columns[:, axis])[rows], axis=1)
+    forces = np.max(abs(stiffness @ fields.columns[:, axis])[rows[:, :d]], axis=1)
     node = int(np.argmax(forces))
     raise SceneError(
         f"{owner}: moving all of it along {_AXES[axis]} takes {own[axis]:.3g} N/m, most of it at "

@@ -1,10 +1,12 @@
 """The inertia invariants of a mesh, as products with its mass matrix.
 
 They are exact where positions and displacements turned by a right angle are displacements of the
-mesh themselves.
+mesh themselves. Of a body that is reduced already the modal coordinates have no places: its mass,
+moment and first moment are exact, and stretch, gyration and spread are those of its nodes.
 
-All functions take positions (nodes, d), rows of the matrices (nodes, k) and, by these rows, the
-mass matrix and displacements by unit rigid motions and by mass-normalised elastic modes.
+All functions take positions (nodes, d), rows of the matrices (nodes, k), −1 where a node has none,
+and, by these rows, the mass matrix and displacements by unit rigid motions and by mass-normalised
+elastic modes.
 """
 
 from typing import Any
@@ -29,14 +31,13 @@ def planar_inertia(
     elastic: np.ndarray,
 ) -> Inertia:
     """In the plane."""
-    radius, turned = np.zeros(mass.shape[0]), np.zeros_like(elastic)
+    radius, around = np.zeros(mass.shape[0]), turned_fields(2, rows, elastic)[:, 0]
     radius[rows[:, 0]], radius[rows[:, 1]] = positions.T
-    turned[rows[:, 0]], turned[rows[:, 1]] = -elastic[rows[:, 1]], elastic[rows[:, 0]]
     total, moment = rigid[:, 0] @ (mass @ rigid[:, 0]), rigid[:, 2] @ (mass @ rigid[:, 2])
     terms = {
         "first_moment": (rigid[:, :2].T @ (mass @ radius), (total * moment) ** 0.5),
         "stretch": ((mass @ radius) @ elastic, moment**0.5),
-        "gyration": (elastic.T @ (mass @ turned), 1.0),
+        "gyration": (elastic.T @ (mass @ around), 1.0),
     }
     return Inertia(total, moment, **_nonzero(terms))
 
@@ -48,12 +49,9 @@ def spatial_inertia(
     rigid: np.ndarray,
     elastic: np.ndarray,
 ) -> SpatialInertia:
-    """In space; rotations turn with the axes as displacements do."""
+    """In space."""
     del positions
-    around = np.zeros((len(elastic), 3, elastic.shape[1]))
-    for first in range(0, rows.shape[1], 3):
-        own = rows[:, first : first + 3]
-        around[own] = turned(elastic[own])
+    around = turned_fields(3, rows, elastic)
     terms = products(lambda fields: mass @ fields, rigid, elastic, around)
     total, moment = terms.pop("mass"), terms.pop("moment")
     del terms["modal"]  # the identity
@@ -68,6 +66,38 @@ def spatial_inertia(
     }
     sized = {name: (x, sizes[name]) for name, x in terms.items()}
     return SpatialInertia(total, (moment + moment.T) / 2, **_nonzero(sized))
+
+
+def turned_fields(dimension: int, rows: np.ndarray, elastic: np.ndarray) -> np.ndarray:
+    """Displacements turned by a right angle about each axis, (n, 1 or 3, modes); in space rotations
+    turn with the axes as displacements do.
+    """
+    if dimension == 2:
+        around = np.zeros((len(elastic), 1, elastic.shape[1]))
+        x, y = rows[:, 0], rows[:, 1]
+        around[x, 0], around[y, 0] = -elastic[y], elastic[x]
+        return around
+    around = np.zeros((len(elastic), 3, elastic.shape[1]))
+    for first in range(0, rows.shape[1], 3):
+        own = rows[rows[:, first] >= 0, first : first + 3]
+        around[own] = turned(elastic[own])
+    return around
+
+
+def slow_enough(
+    dimension: int, rows: np.ndarray, mass: Matrix, frequencies: np.ndarray, elastic: np.ndarray
+) -> float:
+    """Up to which angular velocity [rad/s] frequencies err by a hundredth at most, where modal
+    coordinates have no places to turn.
+
+    Turned about all axes a mode that is mass-normalised has the norms 1 in the plane, 2 in space;
+    what is missing is the error of what rotation does to ω², as a share of Ω².
+    """
+    around = turned_fields(dimension, rows, elastic)
+    fields = around.reshape(len(elastic), -1)
+    norms = np.sum(fields * (mass @ fields), axis=0).reshape(around.shape[1:]).sum(axis=0)
+    missing = abs(1 - norms / (dimension - 1))
+    return float(np.min(frequencies * np.sqrt(2e-2 / np.maximum(missing, 1e-12))))
 
 
 def _nonzero(terms: dict[str, tuple[Any, float]]) -> dict[str, Any]:

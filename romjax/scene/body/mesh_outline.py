@@ -12,6 +12,8 @@ def outline(positions: np.ndarray) -> np.ndarray:
     """Nodes of the convex hull, closed; of a straight line, some of its nodes in order; of a solid,
     a path along all edges between its outermost nodes.
     """
+    if len(positions) == 1:
+        return np.zeros(1, int)
     _, spread, axes = np.linalg.svd(positions - positions.mean(axis=0)[None], full_matrices=False)
     thick = np.count_nonzero(spread > ROUNDING * spread[0])
     if thick == 1:

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from ...arrays import Vector
 from ...errors import SceneError
 from .component_modes import Matrix
-from .spatial.products import turned
+from .mesh_rows import rigid_motion
 
 # "rigid": the nodes move as one body. "mean": they move as they do, the port as the rigid motion
 # that is nearest to theirs, and a load on it is shared among them. "point": one node, of which a
@@ -62,8 +62,9 @@ def ports_of(
 ) -> list[Port]:
     """The ports as they were declared: by nodes, which are then rigid, or by a kind and its nodes.
 
-    `positions` (nodes, d) [m]; `rows` (nodes, k) of the matrices. Raises SceneError for kinds that
-    there are not, nodes that the mesh does not have, and nodes that do not say how a port turns.
+    `positions` (nodes, d) [m]; `rows` (nodes, k) of the matrices, as of `rows_of`. Raises
+    SceneError for kinds that there are not, nodes that the mesh does not have, and nodes that do
+    not say how a port turns.
     """
     if not given:
         raise SceneError(f"{owner}: it has no ports; give the nodes where joints and effects act.")
@@ -104,8 +105,9 @@ def _port(
     own = rows[nodes]
     if kind == "mean":  # of displacements: rotations of single nodes may be those of a corner
         own = own[:, :d]
-    motion = rigid_motion(positions[nodes] - centre[None], own)
-    if kind == "point" and own.shape[1] == d:
+    motion = rigid_motion(positions[nodes] - centre[None], own >= 0)
+    own = own[own >= 0]
+    if kind == "point" and len(own) == d:
         motion = motion[:, :d]
     # Of lengths, not of their squares: by the size of the port, so that no unit matters.
     size = np.max(np.abs(motion), axis=0)
@@ -119,7 +121,7 @@ def _port(
             f"{owner}: port '{name}' is {what} of {alone}, which does not say how it turns; give "
             f"the nodes of {remedy}{hinge}."
         )
-    return Port(name, kind, nodes, centre, own.ravel(), motion)
+    return Port(name, kind, nodes, centre, own, motion)
 
 
 def tie(owner: str, ports: list[Port], size: int) -> tuple[Matrix, np.ndarray]:
@@ -146,15 +148,3 @@ def tie(owner: str, ports: list[Port], size: int) -> tuple[Matrix, np.ndarray]:
     places = np.concatenate(down), np.concatenate(along)
     matrix = sp.csc_array((np.concatenate(entries), places), shape=(size, count))
     return matrix, np.arange(len(free), count)
-
-
-def rigid_motion(positions: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Displacements of nodes, in the order of `rows`, by unit motions of the origin: along the
-    axes, then about z in the plane, about all of them in space.
-    """
-    d = positions.shape[1]
-    around = turned(positions) if d == 3 else np.stack([-positions[:, 1:], positions[:, :1]], 1)
-    motion = np.zeros((*rows.shape, d + around.shape[2]))
-    motion[:, :d, :d], motion[:, :d, d:] = np.eye(d), around
-    motion[:, d:, d:] = np.eye(around.shape[2])[: rows.shape[1] - d]
-    return motion.reshape(-1, motion.shape[2])

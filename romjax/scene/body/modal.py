@@ -70,7 +70,9 @@ class AbstractModalBody(AbstractBody):
           modes are those of the free body. "free" for these alone.
         - `dofs`: rows of K that belong to each node, its displacements along x and y and, if the
           mesh has them, its rotation: (nodes, 2) or (nodes, 3); in space three displacements and,
-          of shells, three rotations: (nodes, 3) or (nodes, 6). Node after node unless given.
+          of shells and beams, three rotations: (nodes, 3) or (nodes, 6), with −1 for the rotations
+          of nodes without, such as those of solids. Node after node unless given. Rows that are in
+          none of them are modal coordinates of a body that is reduced already (Craig–Bampton).
         - `damping`: damping ratio ζ of all modes; none unless given.
         - `start`: `position`, …, initial pose and motion as of the body itself.
 
