@@ -11,7 +11,9 @@ import scipy.sparse as sp
 from ...arrays import Vector
 from ...errors import InputError
 from . import abaqus, calculix, nastran
+from .deck import deck_of
 from .entries import COMPONENTS, Entries, code, decode, wrong
+from .layers import layer_places
 from .nodes import Nodes, nodes_of
 from .numbered import Degrees
 
@@ -31,7 +33,8 @@ class Mesh(NamedTuple):
     - `dofs`: rows of the displacements of each along x and y and of its rotation, (nodes, 2 or 3);
       in space of three displacements and three rotations, (nodes, 3 or 6); −1 for the rotations of
       nodes without. Rows in none of them are modal coordinates of a body that is reduced already.
-    - `numbers` (nodes,): those that the nodes have in the program, rising.
+    - `numbers` (nodes,): those that the nodes have in the program, rising; the same for all layers
+      to which CalculiX expands a node of shells and beams.
     """
 
     stiffness: sp.csc_array
@@ -41,18 +44,17 @@ class Mesh(NamedTuple):
     numbers: np.ndarray
 
     def at(self, *numbers: int) -> np.ndarray:
-        """Where nodes of some `numbers` are among `nodes`, for ports.
+        """Where nodes of some `numbers` are among `nodes`, all layers of each, for ports.
 
         Raises InputError for a number that the mesh does not have.
         """
-        found = np.minimum(np.searchsorted(self.numbers, numbers), len(self.numbers) - 1)
-        missing = self.numbers[found] != np.array(numbers)
+        missing = ~np.isin(numbers, self.numbers)
         if np.any(missing):
             raise InputError(
                 f"Mesh.at: there is no node {numbers[np.argmax(missing)]}; numbers are from "
-                f"{self.numbers[0]} to {self.numbers[-1]}."
+                f"{self.numbers.min()} to {self.numbers.max()}."
             )
-        return found
+        return np.concatenate([np.flatnonzero(self.numbers == number) for number in numbers])
 
 
 def load_mesh(
@@ -68,7 +70,9 @@ def load_mesh(
     free of supports and in SI units.
 
     - Abaqus, `.mtx` of *MATRIX GENERATE, in the formats MATRIX INPUT and COORDINATE.
-    - CalculiX, `.sti` of *FREQUENCY, SOLVER=MATRIXSTORAGE, with `.mas` and `.dof` beside it.
+    - CalculiX, `.sti` of *FREQUENCY, SOLVER=MATRIXSTORAGE, with `.mas` and `.dof` beside it. With
+      the input deck as nodes also shells and beams, by the layers of nodes to which they are
+      expanded, plane stress and strain, and rigid bodies with their rotations.
     - Nastran, DMIG entries in a punch file (`.pch` or bulk data), or OUTPUT4 (`.op4`, extra
       `nastran`), both matrices in one, or in two.
 
@@ -108,7 +112,8 @@ def load_mesh(
     if kind == ".mtx":
         return _mesh(dimension, *abaqus.read(path, other, degrees), places)
     if kind == ".sti":
-        return _mesh(dimension, *calculix.read(path, other), places)
+        deck = deck_of(Path(nodes)) if isinstance(nodes, str | os.PathLike) else None
+        return _of_calculix(dimension, calculix.read(path, other, deck, places, dimension), places)
     if kind in _PUNCH:
         return _mesh(dimension, *nastran.read_punch(path, other, names), places)
     if kind == ".op4":
@@ -117,6 +122,19 @@ def load_mesh(
         f"load_mesh: {path} is no .mtx, .sti, .pch, .bdf, .dat, .nas or .op4; give a file of "
         "Abaqus, CalculiX or Nastran by its ending."
     )
+
+
+def _of_calculix(dimension: int, rows: calculix.Rows, places: Nodes) -> Mesh:
+    """A mesh whose nodes may stand for layers, which then have places of their own."""
+    stiffness, mass, of = rows
+    if of is None:
+        return _mesh(dimension, stiffness, mass, places)
+    numbers, node = np.unique(of, return_inverse=True)
+    means = _places(dimension, stiffness, places, numbers)
+    index = np.arange(1, len(of) + 1)
+    mesh = _mesh(dimension, stiffness, mass, Nodes(index, means[node]))
+    found = layer_places(stiffness.path, mesh.stiffness, mesh.mass, means, node)
+    return mesh._replace(nodes=found, numbers=of)
 
 
 def _mesh(dimension: int, stiffness: Entries, mass: Entries, places: Nodes) -> Mesh:
@@ -167,7 +185,8 @@ def _check_across(
             entries.path,
             0,
             f"{COMPONENTS[a - 1]} of node {one} is coupled to {COMPONENTS[b - 1]} of node {other}, "
-            "across the plane x–y; mesh the body in this plane, by plane or shell elements",
+            "across the plane x–y; mesh the body in this plane, by plane or shell elements, of "
+            "CalculiX by CPS or CPE, and give the input deck as nodes, which says so",
         )
 
 

@@ -86,14 +86,15 @@ def reduce_mesh(
     frequencies, elastic = ritz(k, m, elastic)
     if np.count_nonzero(own) < k.shape[0]:
         slow = slow_enough(dimension, rows, m, frequencies, elastic)
-        warnings.warn(
-            f"{owner}: it is reduced already, to nodes and modal coordinates. Where its parts are "
-            "between nodes is not in the matrices, so that centrifugal and gyroscopic forces on "
-            f"its deflection are estimates: turning faster than about {slow:.2g} rad/s changes "
-            "frequencies by more than a hundredth in other ways than it should. Give the matrices "
-            "of the whole mesh for that.",
-            stacklevel=4,
-        )
+        if slow < frequencies[0]:  # none turns faster whose deflections are small
+            warnings.warn(
+                f"{owner}: it is reduced already, to nodes and modal coordinates. Where its parts "
+                "are between nodes is not in the matrices, so that centrifugal and gyroscopic "
+                f"forces on its deflection are estimates: turning faster than about {slow:.2g} "
+                "rad/s changes frequencies by more than a hundredth in other ways than it should. "
+                "Give the matrices of the whole mesh for that.",
+                stacklevel=4,
+            )
     hull = outline(positions)
     drawn = np.zeros((len(hull), free, elastic.shape[1]))
     drawn[:, :dimension] = elastic[rows[hull, :dimension]]
