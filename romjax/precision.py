@@ -10,8 +10,9 @@ import jax.numpy as jnp
 class Precision:
     """Tolerances for one floating-point type; plain numbers, so that no program has them as input.
 
-    - `start_tolerance`: largest |C| [m, rad] and |Ċ| of a start that counts as consistent.
-    - `projected`: largest |C| after Gauss–Newton sweeps, relative to the coordinates.
+    - `start_tolerance`: largest |C| and |Ċ| of a start that counts as consistent, as a share of the
+      mechanism's size, as `romjax/system/start.py` says.
+    - `projected`: largest |C| after Gauss–Newton sweeps, as the same share.
     - `proximal`: what is added to the unit diagonal of the scaled Schur complement.
     - `residual`: |C a − γ| relative to its terms at which sweeps of the KKT system end.
     - `newton_converged`, `newton_accepted`: last step of Newton's method for dependent

@@ -49,26 +49,44 @@ class SceneFile:
         Raises InputError for a parameter that the file does not have or of another shape, and
         SceneFileError for values that make no scene.
         """
+        scene = self.placed(**parameters)
+        return self.closed(scene) if self.consistent else scene
+
+    @property
+    def consistent(self) -> bool:
+        """Whether the file says `consistent = true`."""
+        return bool(self._tables.get("consistent"))
+
+    def placed(self, **parameters: Any) -> Scene:
+        """The scene with its bodies where the file places them, whether all joints hold there or
+        not; else as by a call.
+        """
         wrong = check_given(str(self.path), parameters, self.parameters)
         if wrong:
             raise InputError(wrong)
-        scene = self._scene
-        if parameters:
-            problems = Problems(self.path, self.text)
-            scene = _build(self._tables, problems, self.parameters | parameters)
-            problems.raise_any()
-        if not self._tables.get("consistent"):
-            return scene
+        if not parameters:
+            return self._scene
+        problems = Problems(self.path, self.text)
+        scene = _build(self._tables, problems, self.parameters | parameters)
+        problems.raise_any()
+        return scene
+
+    def closed(self, scene: Scene) -> Scene:
+        """`consistent_scene` of a scene of this file; raises SceneFileError where it fails."""
         try:
             return consistent_scene(scene)
         except InputError as error:
             raise self.wrong(error) from error
 
     def wrong(self, error: InputError) -> SceneFileError:
-        """The error of joints that do not fit each other, with the line of one of them."""
-        joint = re.search(r"joint '(.*?)' is still", str(error))
+        """The error of joints or speeds that do not fit each other, with the line of one."""
+        place: tuple[str, ...] = ("joints",)
+        if joint := re.search(r"joint '(.*?)' is still", str(error)):
+            place = ("joints", joint[1])
+        elif speed := re.search(r"(\w+) of body '(.*?)' is", str(error)):
+            place = ("bodies", speed[2], speed[1])
         problems = Problems(self.path, self.text)
-        problems.add(("joints", joint[1]) if joint else ("joints",), str(error))
+        problems.add(place, str(error))
         return SceneFileError("\n".join(problems.lines()))
 
     def __repr__(self) -> str:

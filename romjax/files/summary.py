@@ -13,29 +13,31 @@ from ..integrate.default import default_method, start_frequencies
 from ..program import program_once
 from ..scene.scene import Scene
 from ..system.base import AbstractSystem
-from ..system.consistent import consistent
 from ..system.dynamics import jacobian
 from ..system.structure import without_names
 from .scene_file import SceneFile
 from .settings import Settings, solver_of
+from .starts import start_rows
 
 # A row of C_q with less than this share beyond those before it repeats them.
 _REPEATED = 1e-8
-# [m], [rad]: a start that is further from where joints hold is refused by a run.
-_MOVED = 1e-8
 
 
 def describe_file(file: SceneFile) -> str:
     """Bodies, joints, freedoms, effects, the fastest frequency, and the method with its reason.
 
+    Where the joints hold only elsewhere than the file places its bodies: what moves, and by how
+    much, with a warning if that is far.
+
     Raises SceneFileError for joints that contradict each other or lock the mechanism.
     """
-    scene = file()
+    placed = file.placed()
+    scene = file.closed(placed)
     try:
         system = assemble(scene)
-        q, v = consistent(system)
     except InputError as error:
         raise file.wrong(error) from error
+    q, v = system.q0, system.v0
     rows = [
         ["bodies", _counted([type(body).__name__ for body in scene.bodies])],
         *[["", f"{body.name}: {body.size} coordinates"] for body in scene.bodies],
@@ -44,7 +46,7 @@ def describe_file(file: SceneFile) -> str:
         ["freedoms", _freedoms(scene, system, q)],
         ["redundant", ", ".join(redundant_joints(scene, system, q)) or "no joint"],
         ["effects", _counted([type(effect).__name__ for effect in scene.effects])],
-        ["start", _start(system, q, v)],
+        *start_rows(placed, scene, file.consistent),
         *_speed(system, file.settings, q, v),
     ]
     table = tabulate(rows, tablefmt="plain", disable_numparse=True)
@@ -102,17 +104,6 @@ def _matrices(
 ) -> tuple[Float[Array, "n n"], Float[Array, "m n"]]:
     """The mass matrix and the constraint Jacobian."""
     return system.mass(q), jacobian(system, 0.0, q)
-
-
-def _start(system: AbstractSystem, q: Array, v: Array) -> str:
-    moved = float(np.max(np.abs(np.asarray(q) - np.asarray(system.q0)), initial=0.0))
-    faster = float(np.max(np.abs(np.asarray(v) - np.asarray(system.v0)), initial=0.0))
-    if max(moved, faster) < _MOVED:
-        return "all joints hold"
-    return (
-        f"joints hold {moved:.2g} m or rad away, at speeds that differ by {faster:.2g}; "
-        "add consistent = true at the top"
-    )
 
 
 def _speed(system: AbstractSystem, settings: Settings, q: Array, v: Array) -> list[list[str]]:

@@ -1,21 +1,18 @@
 """Failures of simulations in words."""
 
 import equinox as eqx
-import numpy as np
 
 from ..arrays import concrete
 from ..errors import SimulationError
 from ..system.base import AbstractSystem
-from ..system.constraints import ConstraintState
 from ..system.flags import WORDS
+from ..system.start import Start
 from .doubt import DOUBTS
 from .status import REMEDIES, Status
 from .trajectory import Trajectory
 
 
-def raise_failure(
-    system: AbstractSystem, trajectory: Trajectory, start: ConstraintState
-) -> Trajectory:
+def raise_failure(system: AbstractSystem, trajectory: Trajectory, start: Start) -> Trajectory:
     """The same trajectory; raise if it failed, while JAX traces when the program runs, and then of
     doubts too, of which no warning is possible.
 
@@ -49,14 +46,17 @@ def raise_failure(
     )
 
 
-def _describe_start(system: AbstractSystem, start: ConstraintState) -> str:
-    """The constraint that a start violates most, and by how much."""
-    violation, rate = np.asarray(start.violation), np.asarray(start.rate)
-    which, values, unit = "C", violation, "m or rad"
-    if np.max(np.abs(violation)) < np.max(np.abs(rate)):
-        which, values, unit = "its rate", rate, "m/s or rad/s"
-    row = int(np.argmax(np.abs(values)))
+def _describe_start(system: AbstractSystem, start: Start) -> str:
+    """The constraint that a start violates most, for what is allowed, and by how much."""
+    row, fastest = start.worst()
+    which, value, unit = "C", start.violation[row], "m or rad"
+    if start.closed:
+        row = fastest
+        which, value, unit = "its rate", start.rate[row], "m/s or rad/s"
+    remedy = "q0, v0 = romjax.consistent(system, q0, v0)"
+    if system.structure.frames:
+        remedy = f"romjax.consistent_scene(scene), which keeps the speeds that are set, or {remedy}"
     return (
         f"simulate: the start violates {system.structure.constraints[row]}: {which} = "
-        f"{values[row]:.6g} {unit}. Use q0, v0 = romjax.consistent(system, q0, v0)."
+        f"{float(value):.6g} {unit}. Use {remedy}."
     )

@@ -7,7 +7,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from .. import precision
 from ..system.base import AbstractSystem
-from ..system.constraints import ConstraintState
+from ..system.start import Start
 from .integration import Integrated
 from .settings import Settings
 from .status import Status
@@ -22,11 +22,11 @@ def judge_run(
     system: AbstractSystem,
     ts: Float[Array, " k"],
     run: Integrated,
-    start: ConstraintState,
+    start: Start,
     settings: Settings,
 ) -> Int[Array, ""]:
     """The status of a run, from its outputs and the constraints at its `start`."""
-    result, (q0, v0) = run.result, run.start
+    result, (q0, _) = run.result, run.start
     own = run.outputs.in_system()
     # Drift can be finite in q and past all numbers in C.
     numbers = (own.q, own.v, run.outputs.violation)
@@ -37,7 +37,7 @@ def judge_run(
     # Time hardly advances by less than the least step: a motion that turns NaN rejects steps until
     # it gets there.
     ladder: list[tuple[ArrayLike, Status]] = [
-        (~_is_consistent(start, q0, v0), Status.INCONSISTENT_START),
+        (~(start.closed & start.fits), Status.INCONSISTENT_START),
         (result == diffrax.RESULTS.dt_min_reached, Status.NOT_FINITE),
         (result == diffrax.RESULTS.max_steps_reached, Status.MAX_STEPS),
         (result != diffrax.RESULTS.successful, Status.SOLVER_FAILED),
@@ -56,17 +56,6 @@ def judge_run(
     conditions = [condition for condition, _ in ladder]
     codes = [jnp.asarray(int(status)) for _, status in ladder]
     return jnp.select(conditions, codes, jnp.asarray(int(Status.SUCCESS)))
-
-
-def _is_consistent(
-    start: ConstraintState, q0: Float[Array, " n"], v0: Float[Array, " n"]
-) -> Bool[Array, ""]:
-    tolerance = precision.of(q0.dtype).start_tolerance
-    scale_q = jnp.maximum(1.0, jnp.max(jnp.abs(q0)))
-    scale_v = jnp.maximum(1.0, jnp.max(jnp.abs(v0)))
-    return jnp.all(jnp.abs(start.violation) <= tolerance * scale_q) & jnp.all(
-        jnp.abs(start.rate) <= tolerance * scale_v
-    )
 
 
 def _constraints_hold(

@@ -9,14 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .. import compat
+from .. import compat, precision
 from ..events.record import Events
 from ..identity import Remembered
 from ..program import program
 from ..system.base import AbstractSystem, Run
-from ..system.constraints import ConstraintState, differentiate
 from ..system.flags import Flag
 from ..system.stabilization import Baumgarte, Stabilization
+from ..system.start import Start
 from .adjoint import has_root_finder
 from .audit import Findings
 from .dense import DenseOutput, Pieces
@@ -38,7 +38,7 @@ def run(
     q0: Float[Array, " n"],
     v0: Float[Array, " n"],
     settings: Settings,
-) -> tuple[Trajectory, ConstraintState]:
+) -> tuple[Trajectory, Start]:
     """The trajectory of a system that is `bare` of names, and the constraints at its start."""
     result, derived = _run(system, bare, ts, q0, v0, settings)
     trajectory = _trajectory(system, result, derived, settings)
@@ -54,7 +54,7 @@ class _Result(NamedTuple):
 
     ts: Float[Array, " k"]
     outputs: Output
-    start: ConstraintState
+    start: Start
     status: Int[Array, ""]
     flags: Int[Array, ""]
     steps: Int[Array, ""]
@@ -150,7 +150,8 @@ def _integrated(
         held = (run.ts, run.outputs, run.imbalance)
         ts, outputs, imbalance = jax.tree.map(lambda x: x[rows], held)
         run = run._replace(ts=ts, outputs=outputs, imbalance=imbalance)
-    start = differentiate(system.constraint, ts[0], *run.start)
+    tolerance = precision.of(run.start[0].dtype).start_tolerance
+    start = Start.of(system, ts[0], *run.start, tolerance)
     return _Result(
         ts=run.ts,
         outputs=run.outputs,

@@ -15,8 +15,8 @@ from ..events.base import AbstractEvent
 from ..events.check import check_events
 from ..system.base import AbstractSystem
 from ..system.consistent import check_start_shapes
-from ..system.constraints import ConstraintState
 from ..system.stabilization import Baumgarte, Projection, Stabilization
+from ..system.start import Start
 from ..system.structure import without_names
 from .adjoint import default_adjoint, has_root_finder
 from .default import default_method, start_frequencies, warn_of_fast_stabilization
@@ -146,7 +146,7 @@ def _run_well(
     settings: Settings,
     fits: bool,
     passes: bool,
-) -> tuple[Trajectory, ConstraintState]:
+) -> tuple[Trajectory, Start]:
     """A run, repeated with what suits its motion, unless JAX traces, and the constraints at its
     start. `fits`: whether the tolerances may be others; `passes`: whether projection may take part.
     """

@@ -27,7 +27,7 @@ REMEDIES = {
     "passes a singular position, a beam with stiffening bends as far as it is long, or the step is "
     "too long",
     Status.INCONSISTENT_START: "the start violates the constraints; "
-    "use q0, v0 = romjax.consistent(system, q0, v0)",
+    "use romjax.consistent_scene(scene), or q0, v0 = romjax.consistent(system, q0, v0)",
     Status.PRECISION: "single precision cannot solve for the joint forces of this mechanism: the "
     "masses that a joint connects differ by 1e4 or more, or two joints nearly repeat each other; "
     'call jax.config.update("jax_enable_x64", True) before making any array',

@@ -1,19 +1,21 @@
 """A start that satisfies the constraints."""
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from .. import precision
 from ..arrays import Vector, as_array, concrete
 from ..checks import check_shape
 from ..errors import InputError
+from ..linalg.kkt import KKT
 from ..program import program_once
 from .base import AbstractSystem, check_system
 from .dynamics import constraint_state
+from .start import Start
 
 START_SWEEPS = 10
 
@@ -32,36 +34,41 @@ def consistent(
     **Arguments:** the `system`; start `q0`, `v0` (n,), its own unless given; time `t` [s].
 
     Raises InputError, naming the constraint and what is left of it, if ten sweeps do not get
-    |C| below 1e-10, or if no velocity gets |Ċ| below 1e-8: joints that move contradict each other.
+    |C| below 1e-10, or if no velocity gets |Ċ| below 1e-8, of the mechanism's size as in
+    `romjax/system/start.py`: joints that move contradict each other.
     """
     check_system("consistent", system)
     q, v = check_start_shapes(system, q0, v0)
     time = jnp.asarray(t, q.dtype)
     if system.m == 0:
         return q, v
-    q, v, *left = _project_start(system, q, v, time)
-    violation, rate = (concrete(x) for x in left)
-    if violation is None or rate is None:
-        return q, v
-    worst = int(np.argmax(np.abs(violation)))
-    if not abs(violation[worst]) <= _scale(q) * precision.of(q.dtype).projected:
-        raise InputError(
-            f"consistent: after {START_SWEEPS} sweeps {system.structure.constraints[worst]} is "
-            f"still violated by {violation[worst]:.3g}; the joints cannot all hold, or the given "
-            "start is too far from any configuration where they do."
-        )
-    worst = int(np.argmax(np.abs(rate)))
-    if not abs(rate[worst]) <= _scale(v) * precision.of(q.dtype).start_tolerance:
-        raise InputError(
-            f"consistent: {system.structure.constraints[worst]} is still violated by a rate of "
-            f"{rate[worst]:.3g} /s; no velocity suits all joints: motions that are prescribed "
-            "contradict each other, or a joint that stands still."
-        )
+    q, v, start = _project_start(system, q, v, time)
+    if concrete(start.violation) is not None:
+        check_closed("consistent", system, start)
+        check_rates("consistent", system, start)
     return q, v
 
 
-def _scale(x: Array) -> float:
-    return max(1.0, float(jnp.max(jnp.abs(x))))
+def check_closed(owner: str, system: AbstractSystem, start: Start) -> None:
+    """Raise InputError, beginning with `owner`, if a constraint is violated after all sweeps."""
+    worst, _ = start.worst()
+    if not start.closed:
+        raise InputError(
+            f"{owner}: after {START_SWEEPS} sweeps {system.structure.constraints[worst]} is "
+            f"still violated by {start.violation[worst]:.3g}; the joints cannot all hold, or the "
+            "given start is too far from any configuration where they do."
+        )
+
+
+def check_rates(owner: str, system: AbstractSystem, start: Start) -> None:
+    """Raise InputError, beginning with `owner`, if no velocity was found that suits all joints."""
+    _, worst = start.worst()
+    if not start.fits:
+        raise InputError(
+            f"{owner}: {system.structure.constraints[worst]} is still violated by a rate of "
+            f"{start.rate[worst]:.3g} /s; no velocity suits all joints: motions that are "
+            "prescribed contradict each other, or a joint that stands still."
+        )
 
 
 def project(
@@ -74,21 +81,51 @@ def project(
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
     """The nearest state on C = 0 and Ċ = 0 in the mass metric: Gauss–Newton, then linear solves."""
 
+    def kkt(q: Array) -> KKT:
+        return system.state(t, q, v).kkt()
+
+    q = closed(system, t, q, kkt, sweeps)
+    return q, fitting(system, t, q, v, kkt, solves)
+
+
+def closed(
+    system: AbstractSystem,
+    t: Float[Array, ""],
+    q: Float[Array, " n"],
+    kkt: Callable[[Array], KKT],
+    sweeps: int,
+) -> Float[Array, " n"]:
+    """Coordinates after sweeps towards C = 0, by steps that the extended mass matrix decides."""
+
     def sweep(q: Array, _: Any) -> tuple[Array, None]:
-        kkt = system.state(t, q, v).kkt()
-        step, _ = kkt.solve(jnp.zeros_like(q), -system.constraint(t, q))
+        step, _ = kkt(q).solve(jnp.zeros_like(q), -system.constraint(t, q))
         return q + step, None
+
+    found: Array
+    found, _ = jax.lax.scan(sweep, q, None, length=sweeps)
+    return found
+
+
+def fitting(
+    system: AbstractSystem,
+    t: Float[Array, ""],
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    kkt: Callable[[Array], KKT],
+    solves: int,
+) -> Float[Array, " n"]:
+    """Velocities with Ċ = 0, by changes that the extended mass matrix decides."""
 
     def solve(v: Array, _: Any) -> tuple[Array, None]:
         # Subtracting the part that violates Ċ = 0, not solving for what remains of M v: a velocity
         # that is already right keeps its last digit.
         excess = constraint_state(system, t, q, v).rate
-        step, _ = system.state(t, q, v).kkt().solve(jnp.zeros_like(v), -excess)
+        step, _ = kkt(q).solve(jnp.zeros_like(v), -excess)
         return v + step, None
 
-    q, _ = jax.lax.scan(sweep, q, None, length=sweeps)
-    v, _ = jax.lax.scan(solve, v, None, length=solves, unroll=solves == 1)
-    return q, v
+    found: Array
+    found, _ = jax.lax.scan(solve, v, None, length=solves, unroll=solves == 1)
+    return found
 
 
 def project_start(
@@ -102,10 +139,10 @@ def project_start(
 @program_once
 def _project_start(
     system: AbstractSystem, q: Float[Array, " n"], v: Float[Array, " n"], t: Float[Array, ""]
-) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " m"], Float[Array, " m"]]:
+) -> tuple[Float[Array, " n"], Float[Array, " n"], Start]:
     q, v = project_start(system, t, q, v)
-    state = constraint_state(system, t, q, v)
-    return q, v, state.violation, state.rate
+    limits = precision.of(q.dtype)
+    return q, v, Start.of(system, t, q, v, limits.projected, limits.start_tolerance)
 
 
 def check_start_shapes(

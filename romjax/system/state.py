@@ -7,9 +7,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..linalg.dense import multiply
+from ..linalg.indexing import take
 from ..linalg.inverse_mass import InverseMass
 from ..linalg.kkt import KKT
 from ..linalg.pattern import Pattern
@@ -181,9 +183,19 @@ class FullState(AbstractState):
     def residual(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
         return self.apply_mass(a) - self.force()
 
-    def kkt(self) -> KKT:
-        sides = self.jacobian_blocks()
-        return KKT(self.pattern, self._mass, sides, self.inverse_mass())
+    def kkt(self, free: Float[Array, " n"] | None = None) -> KKT:
+        """With ones in `free`, and zeros elsewhere, that of motions in which only those coordinates
+        take part: all others stay, whatever the constraints ask for.
+        """
+        sides, mass = self.jacobian_blocks(), self._mass
+        if free is None:
+            return KKT(self.pattern, mass, sides, self.inverse_mass())
+        own = self.pattern.split(free)
+        sides *= take(own, self.pattern.bodies)[:, None]
+        if mass.ndim == 2:
+            return KKT(self.pattern, own * mass + (1 - own), sides)
+        ones = jax.vmap(jnp.diag)(1 - own)
+        return KKT(self.pattern, own[:, :, None] * mass * own[:, None] + ones, sides)
 
     def physical_acceleration(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
         return a

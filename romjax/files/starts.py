@@ -1,0 +1,91 @@
+"""How the start of a scene differs from the one at which all joints hold, in words."""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from .. import precision
+from ..assembly.assemble import assemble
+from ..linalg import quaternions
+from ..program import program_once
+from ..scene.scene import Scene
+from ..system.base import AbstractSystem
+from ..system.start import Start, length_of
+
+# A body that moves by more, as a share of the mechanism's length, or turns by more [degrees], may
+# be where nobody meant it to be.
+_FAR, _TURNED = 0.1, 10.0
+# Motions of less are not told, as shares of the same.
+_NONE = 1e-8
+# So many bodies are told of, those that move most.
+_MOST = 6
+
+
+def start_rows(placed: Scene, closed: Scene, closes: bool) -> list[list[str]]:
+    """The rows about the start of a scene as it is `placed` and as it is `closed`; `closes` says
+    whether it will be.
+
+    A body that moves by more than a tenth of the mechanism's length (the rule of
+    `romjax/system/start.py`), or turns by more than 10 degrees, is warned of.
+    """
+    holds, length = (np.asarray(x) for x in _look(assemble(placed)))
+    if holds:
+        return [["start", "all joints hold"]]
+    words = "all joints hold, once bodies have moved" if closes else "joints do not hold yet"
+    rows = [["start", words if closes else f"{words}; add consistent = true at the top"]]
+    every = [
+        _Move.of(*pair, float(length)) for pair in zip(placed.bodies, closed.bodies, strict=True)
+    ]
+    moves = sorted((m for m in every if m.share > _NONE), key=lambda m: -m.share)
+    rows += [["moved" if closes else "to move", move.words()] for move in moves[:_MOST]]
+    if len(moves) > _MOST:
+        rows.append(["", f"and {len(moves) - _MOST} bodies less than these"])
+    if following := [m.name for m in every if m.follows]:
+        rows.append(["speeds", f"of {', '.join(following)} follow"])
+    if far := [m.name for m in moves if m.share > 1]:
+        rows.append(["warning", f"{', '.join(far)}: further than {_FAR:.0%} of {length:.3g} m, or"])
+        rows.append(["", f"{_TURNED:g} degrees; see that this is the start that you mean"])
+    return rows
+
+
+class _Move(NamedTuple):
+    """What closing a scene changes in one body: `share` of what is far."""
+
+    name: str
+    distance: float  # [m]
+    turn: float  # [degrees]
+    bends: float  # [kg^1/2 m]
+    share: float
+    follows: bool
+
+    @classmethod
+    def of(cls, before: Any, after: Any, length: float) -> "_Move":
+        starts: Any = [[np.asarray(x) for x in body.start()] for body in (before, after)]
+        (q, v), (p, w) = starts
+        d, frame = before.dimension, before.frame_size
+        distance = float(np.linalg.norm(p[:d] - q[:d]))
+        if d == 2:
+            turn = abs(float(p[2] - q[2]))
+        else:
+            relative = quaternions.product(quaternions.conjugate(q[3:7]), p[3:7])
+            turn = 2 * float(np.arctan2(np.linalg.norm(relative[1:]), abs(relative[0])))
+        turn = float(np.degrees(turn))
+        share = max(distance / (_FAR * length), turn / _TURNED)
+        bends = float(np.max(np.abs(p[frame:] - q[frame:]), initial=0.0))
+        follows = bool(np.any((v == 0) & (w != 0)))
+        return cls(before.name, distance, turn, bends, share, follows)
+
+    def words(self) -> str:
+        bent = f", modes by {self.bends:.2g} kg^1/2 m" if self.bends else ""
+        return f"{self.name}: {self.distance:.3g} m, {self.turn:.3g} degrees{bent}"
+
+
+@program_once
+def _look(system: AbstractSystem) -> tuple[Bool[Array, ""], Float[Array, ""]]:
+    """Whether the joints hold at the start, and the mechanism's length [m]."""
+    time = jnp.zeros((), system.q0.dtype)
+    tolerance = precision.of(system.q0.dtype).start_tolerance
+    start = Start.of(system, time, system.q0, system.v0, tolerance)
+    return start.closed & start.fits, length_of(system, time, system.q0)
