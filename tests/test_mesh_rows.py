@@ -93,6 +93,30 @@ def test_nodes_with_and_without_rotations_in_one_mesh(dimension):
     assert_close(body.inertia.moment, wanted, 10 * IDENTITY, thin)
 
 
+def test_invariants_do_not_ask_for_rotations_that_are_not_there():
+    """They are those of the same mesh whose point has rotations, with hardly an inertia."""
+    k, m, places, rows = with_mast(*frame(), 6)
+    count = len(k)
+    padded = np.zeros((2, count + 3, count + 3))
+    padded[0, :count, :count], padded[1, :count, :count] = k, m
+    for axis in range(3):  # a spring against turning from the beam
+        turn = np.zeros(count + 3)
+        turn[count + axis], turn[rows[4, 3 + axis]] = 1.0, -1.0
+        padded[0] += np.outer(turn, turn)
+        padded[1, count + axis, count + axis] = 1e-14
+    full = rows.copy()
+    full[-1, 3:] = count + np.arange(3)
+    bodies = [
+        spatial.ModalBody.of_mesh(
+            "b", *matrices, places, {"a": 0}, modes=4, interface="free", dofs=own
+        )
+        for *matrices, own in ((k, m, rows), (*padded, full))
+    ]
+    for field in ("stretch", "spread", "gyration"):
+        found, wanted = (np.asarray(getattr(body.inertia, field)) for body in bodies)
+        assert_close(found, wanted, CONDITIONED, np.max(np.abs(wanted)))
+
+
 def reduced(stiffness, mass, rows, boundary, modes):
     """K and M of a mesh by the displacements of some nodes and modes held there; the rows of these
     nodes, after those of the modes.
