@@ -34,7 +34,8 @@ class ModalBody(AbstractFlexibleBody, AbstractModalBody):
     - `damping`: generalized force −D q̇_f, as `stiffness`; none unless given.
     - `ports`: names of the first points, for `body.at("name")`. The points after them, if there are
       any, are its outline in pictures. `unturned`: those of the ports whose rotation is not known;
-      only what asks for positions alone may act there.
+      only what asks for positions alone may act there, and what is measured there has the rotation
+      of the frame.
     - `position`, `orientation`, `velocity`, `angular_velocity`: initial pose and motion of the
       frame, as of a rigid body.
     - `amplitudes`, `rates`: initial modal coordinates and velocities, zero unless given.
