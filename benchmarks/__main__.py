@@ -2,8 +2,8 @@
 
 Each comparison runs in a process of its own and writes NAME.txt; `python benchmarks/NAME.py` runs
 one by itself. The ratios of all, the versions and the machine go to summary.txt. Needs the extra
-`bench`; MuJoCo and Exudyn are left out where they are not installed. Takes about 45 minutes on two
-cores with nothing else to do; Ctrl-C keeps what has been measured.
+`bench`; MuJoCo and Exudyn are left out where they are not installed. Takes about two hours on two
+cores with nothing else to do, most of it for `trust`; Ctrl-C keeps what has been measured.
 
 The exit status is 1 if a ratio is below its floor in floors.toml, if one that has a floor was not
 measured, or if a comparison did not run to its end; 130 after Ctrl-C; otherwise 0.

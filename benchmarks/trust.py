@@ -4,9 +4,9 @@ A motion is right where it is within 100 tolerances of its own size (rtol = 1e-6
 told, where it is not, and romjax says so by a flag, a warning or a refusal; silent, where it is not
 and nothing was said; false, where it is right, and something was said. Sensitive motions, of which
 a start that is moved by 1e-9 of the motion ends 1e-6 of it apart, are counted apart where they are
-wrong or told of. Each scene runs alone, and in a sweep (`jit` of `vmap`), where the flags count.
-Kinds of scenes and their truths are in `trust_kinds`; a scene is its kind and its seed, from zero
-on. Writes `trust.txt` beside this file.
+wrong or told of. Each scene runs alone and in a sweep (`jit` of `vmap`), of which the flags count,
+and those of some kinds under `jit` as well. Kinds and their truths are in `trust_kinds`; a scene is
+its kind and its seed, from zero on. Writes `trust.txt` beside this file.
 """
 
 import functools
@@ -15,29 +15,46 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import record
 from tqdm import tqdm
-from trust_kinds import planar
-from trust_kinds.kind import Kind, Outcome, alone, judged, numbers_of, together
+from trust_kinds import (
+    bent,
+    contacts,
+    driven,
+    events,
+    flexible,
+    loads,
+    planar,
+    reduced,
+    scales,
+    spatial,
+    top,
+)
+from trust_kinds.kind import LANES, Kind, Outcome, alone, compiled, judged, numbers_of, swept
 
-SCENES = 100  # of each kind
+SCENES = 56  # of each kind
+WAYS = {
+    "alone": "each by itself",
+    "jit": "each under `jit`",
+    "sweep": f"in sweeps of {LANES} lanes at a time",
+}
 VERDICTS = ("right", "told", "false", "apart", "silent")
-WAYS = ("alone", "sweep")
 SHOWN = 60  # cases that are listed
-KINDS: dict[str, Kind] = {**planar.KINDS}
+FAMILIES = (planar, driven, flexible, spatial, top, bent, loads, events, contacts, scales, reduced)
+KINDS: dict[str, Kind] = {name: kind for family in FAMILIES for name, kind in family.KINDS.items()}
 
 
 def outcomes(name: str, seeds: Sequence[int], kinds: Mapping[str, Kind] = KINDS) -> list[Outcome]:
-    """What comes of the scenes of one kind, alone and in a sweep."""
+    """What comes of the scenes of one kind, in each way."""
     kind = kinds[name]
     every = [numbers_of(name, kind, seed) for seed in seeds]
-    swept = together(kind, every) if kind.batched else [None] * len(every)
-    found = []
     # No bar where nobody looks.
     bar = tqdm(every, name, leave=False, disable=None)
-    for seed, numbers, other in zip(seeds, bar, swept, strict=True):
+    others = {"jit": compiled, "sweep": swept}
+    ways = [others[way](kind, every) for way in kind.ways[1:]]
+    found = []
+    for seed, numbers, *each in zip(seeds, bar, *ways, strict=True):
         truth = functools.cache(functools.partial(kind.truth, numbers))
-        for way, one in (("alone", alone(kind, numbers)), ("sweep", other)):
-            if one is not None:
-                found.append(judged(name, seed, way, one, truth))
+        for way, one in zip(kind.ways, (alone(kind, numbers), *each), strict=True):
+            found.append(judged(name, seed, way, one, truth))
     return found
 
 
@@ -59,10 +76,7 @@ def counted(found: Sequence[Outcome], way: str) -> record.Section:
         f"{way}: scenes not silently wrong / all": 1 - silent / max(len(here), 1),
         f"{way}: right without alarm / right": total["right"] / max(right, 1),
     }
-    return record.Section(f"Scenes with nothing set, {WORDS[way]}:", rows, ratios)
-
-
-WORDS = {"alone": "each by itself", "sweep": "in sweeps of 32 lanes at most"}
+    return record.Section(f"Scenes with nothing set, {WAYS[way]}:", rows, ratios)
 
 
 def listed(found: Sequence[Outcome], verdict: str) -> record.Section:
@@ -79,7 +93,7 @@ def listed(found: Sequence[Outcome], verdict: str) -> record.Section:
 def measure(
     kinds: Sequence[str] = tuple(KINDS), scenes: int = SCENES, first: int = 0
 ) -> Iterator[record.Section]:
-    """Tables of counts for both ways, and the scenes that are silently wrong or wrongly told of."""
+    """Tables of counts for all ways, and the scenes that are silently wrong or wrongly told of."""
     found: list[Outcome] = []
     try:
         for name in tqdm(kinds, "kinds", disable=None):

@@ -1,5 +1,6 @@
 """What a kind of scenes is, and which of its motions are right."""
 
+import functools
 import warnings
 import zlib
 from collections.abc import Callable
@@ -11,12 +12,14 @@ import numpy as np
 import romjax as rj
 
 OUTPUTS = 101
+LANES = 32  # of a chunk of a sweep
 ALLOWED = 100.0  # tolerances of the motion's size
 RTOL = 1e-6  # of `simulate` with nothing set
 NUDGE = 1e-9  # of the motion, by which a start is moved
 SENSITIVE = 1e3  # times so much apart at the end
 
 Numbers = dict[str, Any]
+SWEPT, EVERY = ("alone", "sweep"), ("alone", "jit", "sweep")
 
 
 class Kind(NamedTuple):
@@ -26,13 +29,14 @@ class Kind(NamedTuple):
     - `move`: what romjax makes of them with nothing set, (k, c) in one unit, and the run, or None
       where nothing is simulated. Settings are those that a batch needs.
     - `truth`: the same values by other means, of a start that is moved by a share of the motion.
-    - `batched`: whether `move` may be traced by JAX.
+    - `ways`: of those in which `move` can be called, the ones that count. Compiling for `jit` takes
+      as long as for a sweep, of which it is a part, and is tried with one kind of each family.
     """
 
     draw: Callable[[np.random.Generator], Numbers]
     move: Callable[..., tuple[Any, rj.Trajectory | None]]
     truth: Callable[[Numbers, float], np.ndarray]
-    batched: bool = True
+    ways: tuple[str, ...] = SWEPT
 
 
 class Outcome(NamedTuple):
@@ -84,8 +88,11 @@ def moved(scene: Callable[[Numbers], rj.Scene]) -> Callable[..., tuple[Any, rj.T
     return move
 
 
-def alone(kind: Kind, numbers: Numbers) -> tuple[np.ndarray | None, str]:
-    """The values of one scene, none where it is refused, and what was told of it."""
+Found = tuple[np.ndarray | None, str]  # values, none where it is refused, and what was told
+
+
+def alone(kind: Kind, numbers: Numbers) -> Found:
+    """What comes of one scene by itself."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
@@ -99,23 +106,44 @@ def alone(kind: Kind, numbers: Numbers) -> tuple[np.ndarray | None, str]:
         return np.asarray(values), "; ".join(told)
 
 
-def together(kind: Kind, every: list[Numbers]) -> list[tuple[np.ndarray | None, str]]:
-    """The same of many scenes in one sweep, by its flags."""
+@functools.cache
+def _lane(kind: Kind) -> Callable[[Numbers], dict[str, Any]]:
+    """Values, status and flags of one scene while JAX traces; what is doubtful keeps its values."""
 
     def lane(numbers: Numbers) -> dict[str, Any]:
         values, run = kind.move(numbers, throw=False)
-        return {"values": values} | (
-            {} if run is None else {"status": run.status, "flags": run.flags}
-        )
+        return {"values": values, "status": run.status, "flags": run.flags}
 
-    found = rj.sweep(lane, jax.tree.map(lambda *x: np.stack(x), *every), chunk=min(len(every), 32))
-    told = found.failures()
-    return [(found.values["values"][i], told.get(i, "")) for i in range(len(every))]
+    return lane
 
 
-def judged(
-    name: str, seed: int, way: str, found: tuple[np.ndarray | None, str], truth: Callable[..., Any]
-) -> Outcome:
+@functools.cache
+def _program(kind: Kind) -> Callable[[Numbers], dict[str, Any]]:
+    return jax.jit(_lane(kind))
+
+
+def _words(status: Any, flags: Any) -> str:
+    """What status and flags tell."""
+    ended, against = rj.Status(int(status)), rj.Flag(int(flags))
+    words = [] if ended is rj.Status.SUCCESS else [ended.name]
+    return "; ".join(words + ([f"flags {against!r}"] if against else []))
+
+
+def compiled(kind: Kind, every: list[Numbers]) -> list[Found]:
+    """What comes of many scenes, one after the other under `jit`."""
+    lanes = [jax.device_get(_program(kind)(numbers)) for numbers in every]
+    return [(one["values"], _words(one["status"], one["flags"])) for one in lanes]
+
+
+def swept(kind: Kind, every: list[Numbers]) -> list[Found]:
+    """What comes of many scenes in one sweep."""
+    lanes = jax.tree.map(lambda *x: np.stack(x), *every)
+    found = rj.sweep(_lane(kind), lanes, chunk=min(len(every), LANES))
+    told = map(_words, found.status, found.flags)
+    return list(zip(found.values["values"], told, strict=True))
+
+
+def judged(name: str, seed: int, way: str, found: Found, truth: Callable[..., Any]) -> Outcome:
     """The outcome of a scene; a motion that nobody saw is wrong. `truth` is of the nudge alone."""
     values, told = found
     exact = truth(0.0)

@@ -10,7 +10,7 @@ import numpy as np
 
 import romjax as rj
 
-from .kind import Kind, Numbers, moved
+from .kind import EVERY, Kind, Numbers, moved
 from .minimal import Minimal
 
 
@@ -94,7 +94,9 @@ def chain_scene(p: Numbers) -> rj.Scene:
 
 
 def chain(count: int) -> Kind:
-    return Kind(lambda chance: draw_chain(chance, count), moved(chain_scene), CHAINS[count].motion)
+    return Kind(
+        lambda chance: draw_chain(chance, count), moved(chain_scene), CHAINS[count].motion, EVERY
+    )
 
 
 # Four bars, whose crank may go round.
