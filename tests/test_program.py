@@ -200,3 +200,16 @@ def test_frequencies_are_those_of_the_start():
         assert_close(fastest(late), 6.0, DIFFERENCED)
         assert_close(fastest(early, q0=[0.0]), 1.0, DIFFERENCED)
         assert_close(jax.jit(fastest)(early), 2.0, DIFFERENCED)
+
+
+def test_a_program_without_compiling():
+    """Operation by operation, so that one can look at numbers on the way."""
+    seen = []
+
+    def doubled(x):
+        seen.append(isinstance(x, jax.core.Tracer))
+        return 2 * x
+
+    with jax.disable_jit():
+        assert_close(program(doubled)(X), 2 * X, IDENTITY)
+    assert seen == [False]
