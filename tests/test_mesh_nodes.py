@@ -126,3 +126,15 @@ def test_a_mass_matrix_by_other_nodes_is_refused():
     more[rows[np.arange(3), np.arange(3)]] = 1.0
     inertia = mass + sp.diags_array(more)
     refused("centre of mass depends on the axis", kind, stiffness, inertia, nodes, rows)
+
+
+def test_too_few_digits_are_told():
+    """A long plate, whose stiffness against bending is lost in single precision, and its rigid
+    motions with it; places of five digits do.
+    """
+    stiffness, mass, nodes, rows = meshes.plate(1.0, 0.01, 300, 3)
+    rounded = stiffness.astype(np.float32).astype(float)
+    words = "Take the supports out of K.*K needs all its digits"
+    refused(words, rj.ModalBody, rounded, mass, nodes, rows)
+    places = np.round(nodes, 5)
+    refused("'end' is one point", rj.ModalBody, stiffness, mass, places, rows)

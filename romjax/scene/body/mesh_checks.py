@@ -117,7 +117,8 @@ def _check_translations(owner: str, stiffness: Matrix, rows: np.ndarray, fields:
         f"{owner}: moving all of it along {_AXES[axis]} takes {own[axis]:.3g} N/m, most of it at "
         f"node {node}, but a free body has {'three' if d == 2 else 'six'} rigid motions, and they "
         "take nothing. Take the supports out of K, removed rows and springs to the ground; if it "
-        "has none, dofs must say which rows belong to each node."
+        "has none, dofs must say which rows belong to each node, and K needs all its digits: "
+        "seven, of single precision, are too few for long slender bodies."
     )
 
 
