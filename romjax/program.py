@@ -62,7 +62,7 @@ class Program:
     def __call__(self, *args: Any) -> Any:
         if not compat.is_outermost():
             return self._inside(*args)
-        if jax.config.jax_disable_jit:
+        if jax.config.jax_disable_jit:  # type: ignore[attr-defined]
             # To look at numbers on the way, operation by operation.
             return self._function(*args)
         compiled, arrays = self._of(args)
