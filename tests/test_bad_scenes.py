@@ -5,9 +5,17 @@ from test_bad_input import NAN, bar
 from test_bad_input import _as_users_run as _as_users_run
 
 import romjax as rj
+from romjax import spatial
 
 PARTS = {
-    "zero mass": (lambda: bar(mass=0.0), r"body 'bar': mass is 0\.0, but it must be positive"),
+    "zero mass": (
+        lambda: bar(mass=0.0),
+        r"body 'bar': mass is 0\.0, but it must be positive.*weld it to a neighbour.*lump",
+    ),
+    "zero mass in space": (
+        lambda: spatial.RigidBody("cross", 0.0, (0.0, 0.0, 0.0)),
+        r"body 'cross': mass is 0\.0.*weld it to a neighbour .*Universal.*lump",
+    ),
     "negative mass": (lambda: bar(mass=-2.0), r"'bar': mass is -2\.0.*positive.*small inertia"),
     "negative inertia": (lambda: bar(inertia=-1.0), r"'bar': inertia is -1\.0"),
     "NaN mass": (lambda: bar(mass=NAN), r"'bar': mass is nan; every number must be finite"),

@@ -11,6 +11,7 @@ from ..fields import Converted, number, parts, radians
 __all__ = [
     "Converted",
     "check_finite",
+    "check_mass",
     "check_not_negative",
     "check_numbers",
     "check_positive",
@@ -19,6 +20,13 @@ __all__ = [
     "parts",
     "radians",
 ]
+
+# Of links whose mass nobody knows, or wants to.
+_MASSLESS = (
+    "A link without mass is no body: weld it to a neighbour (put its markers there), use a joint "
+    "that stands for it, such as Distance or Universal, or lump in it a small mass and a small "
+    "inertia."
+)
 
 check_shape = functools.partial(checks.check_shape, error=SceneError)
 check_finite = functools.partial(checks.check_finite, error=SceneError)
@@ -52,3 +60,8 @@ def check_numbers(
             check_not_negative(owner, prefix + field, value)
         elif sign == "positive":
             check_positive(owner, prefix + field, value, remedy)
+
+
+def check_mass(owner: str, body: Any) -> None:
+    """Check the mass of a body, of which messages say what stands for a link without any."""
+    check_numbers(owner, body, "mass", sign="positive", remedy=_MASSLESS)

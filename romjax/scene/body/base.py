@@ -193,7 +193,9 @@ class AbstractBody(eqx.Module):
         the origin; in the plane it is turned by `angle` [rad].
 
         In space its z axis, which is that of joints, is along `axis` (3,), and it is turned by
-        `angle` about it; or it is turned by a `rotation`, a matrix (3, 3) or a quaternion (4,).
+        `angle` about it; or it is turned by a `rotation`, a matrix (3, 3) or a quaternion (4,). An
+        `axis` gives each marker an x axis of its own, by the shortest rotation of its body's axes:
+        angles between two markers begin at those of both, unless a `rotation` says which.
         """
         return Marker.fixed(self.name, self._point(point), angle, axis, rotation)
 

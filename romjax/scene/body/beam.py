@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from ...arrays import Number, Vector, as_array, as_jax, concrete, each, namespace, untraced
 from ...errors import SceneError
-from ..fields import check_numbers, number, radians
+from ..fields import check_mass, check_numbers, number, radians
 from ..points import NamedPoints, by_name
 from .base import AbstractBody, check_name, check_start, flexible_start
 from .inertia import Inertia
@@ -272,7 +272,8 @@ class Beam(AbstractBody):
             )
         if self.stiffening and not self.modes:
             raise SceneError(f"{owner}: stiffening is for beams with modes; give EI and modes.")
-        check_numbers(owner, self, "mass", "length", "EI", "inertia", sign="positive")
+        check_mass(owner, self)
+        check_numbers(owner, self, "length", "EI", "inertia", sign="positive")
         self._check_inertia(owner)
         modal = (self.modes,)
         check_numbers(owner, self, "frequencies", shape=modal, sign="positive")

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Number, Vector
-from ..fields import Converted, check_numbers, check_shape, number, radians
+from ..fields import Converted, check_mass, check_numbers, check_shape, number, radians
 from ..points import NamedPoints, by_name
 from .base import AbstractBody, check_name, check_start, disc, frame_start, rectangle
 
@@ -71,7 +71,8 @@ class RigidBody(AbstractBody):
         check_name(self.name)
         owner = f"body '{self.name}'"
         remedy = "Give a point mass a small inertia."
-        check_numbers(owner, self, "mass", "inertia", sign="positive", remedy=remedy)
+        check_mass(owner, self)
+        check_numbers(owner, self, "inertia", sign="positive", remedy=remedy)
         if self.extent.ndim:
             polygon = self.extent.ndim == 2
             check_shape(owner, "extent", self.extent, (None, 2) if polygon else (2,))

@@ -21,7 +21,7 @@ class Motor(AbstractMarkerEffect):
 
     Marker `a` feels the torque P (target − θ) + D (target' − θ'), marker `b` its reaction. Angles
     count full turns. In space all are about the z axis of `b`, and θ is between −π and π at the
-    start.
+    start; markers that are made by an `axis` may have different x axes there, by which θ begins.
 
     **Arguments:**
 

@@ -19,7 +19,9 @@ class TorsionSpring(AbstractPotential):
     """A torsional spring between two markers, with the energy ½ k (φ_a − φ_b − rest)².
 
     Angles count full turns; in space they are those about the z axis of the markers, between −π
-    and π at the start.
+    and π at the start. Markers that are made by an `axis` may have different x axes where the
+    bodies are placed, from which `rest_angle` counts; those by a `rotation` have the axes that it
+    says.
 
     **Arguments:**
 

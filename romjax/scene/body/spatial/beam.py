@@ -11,7 +11,7 @@ from numpy.polynomial import legendre
 
 from ....arrays import Number, Vector, as_array, as_jax, concrete, each, namespace, untraced
 from ....errors import SceneError
-from ...fields import check_numbers, number
+from ...fields import check_mass, check_numbers, number
 from ...orientation import orientation_field, quaternion_of
 from ...points import NamedPoints, by_name
 from ..base import check_name, check_start
@@ -255,7 +255,8 @@ class Beam(AbstractFlexibleBody):
                 raise SceneError(f"{owner}: {field} modes need {stiffness}.")
         if self.stiffening and not any(self.bending):
             raise SceneError(f"{owner}: stiffening is for beams that bend; give EI and bending.")
-        check_numbers(owner, self, "mass", "length", "GJ", "EA", sign="positive")
+        check_mass(owner, self)
+        check_numbers(owner, self, "length", "GJ", "EA", sign="positive")
         check_numbers(owner, self, "EI", shape=(2,), sign="positive")
         check_numbers(owner, self, "inertia", shape=(3,), sign="positive")
         check_inertia(owner, self.inertia)

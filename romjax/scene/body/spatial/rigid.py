@@ -13,7 +13,7 @@ from ....errors import SceneError
 from ....linalg import quaternions
 from ....linalg.dense import invert, multiply, multiply_transposed
 from ...drawing import cuboid
-from ...fields import Converted, check_finite, check_numbers, number
+from ...fields import Converted, check_finite, check_mass, number
 from ...orientation import orientation_field
 from ...points import NamedPoints, by_name
 from ..base import AbstractBody, check_name, check_start, frame_start
@@ -125,7 +125,7 @@ class RigidBody(AbstractBody):
     def check(self) -> None:
         check_name(self.name)
         owner = f"body '{self.name}'"
-        check_numbers(owner, self, "mass", sign="positive")
+        check_mass(owner, self)
         check_inertia(owner, self.inertia)
         check_finite(owner, "extent", self.extent)
         check_start(owner, self)
