@@ -22,7 +22,7 @@ from .audit import Findings
 from .dense import DenseOutput, Pieces
 from .derived import Derived, OnDemand, metric_of, multipliers_at
 from .integration import integrate
-from .judge import judge_run
+from .judge import drift_of, judge_run
 from .outputs import Output, capacity, cut, padded
 from .parts import Parts
 from .resolution import is_resolved
@@ -219,17 +219,18 @@ def _flags(
     system: AbstractSystem, ts: Float[Array, " k"], outputs: Output, settings: Settings
 ) -> Int[Array, ""]:
     """What the system says against its own motion, and whether its tolerances resolve it."""
-    flags = jnp.zeros((), int)
+    flags, drift = jnp.zeros((), int), jnp.zeros_like(ts)
     if settings.dt is None:
+        drift = drift_of(outputs.q, settings.rtol)
         tolerances = jnp.asarray(settings.rtol), jnp.asarray(settings.atol)
         resolved = is_resolved(system.full.structure, outputs.q, outputs.v, *tolerances)
         flags = jnp.where(resolved, 0, int(Flag.RESOLUTION))
     full = system.full
     if full.validity is not None:
-        run = Run(ts, outputs.q, outputs.v, outputs.q, outputs.violation)
+        run = Run(ts, outputs.q, outputs.v, outputs.q, outputs.violation, drift)
         flags |= full.validity.flags(full, run)
     if system is not full and system.validity is not None:
         own = outputs.in_system()
-        run = Run(ts, own.q, own.v, outputs.q, outputs.violation)
+        run = Run(ts, own.q, own.v, outputs.q, outputs.violation, drift)
         flags |= system.validity.flags(system, run)
     return flags

@@ -76,7 +76,7 @@ class TrainingBox(AbstractValidity):
         width = self.upper - self.lower
         allowed = _MARGIN * jnp.maximum(width, _NARROW * jnp.max(width))
         outside = jnp.maximum(self.lower[None] - points, points - self.upper[None])
-        limit = jnp.maximum(_TIMES * self.violation, _ROUNDING)
+        limit = jnp.maximum(jnp.maximum(_TIMES * self.violation, _ROUNDING), run.drift)
         flags: Array = jnp.any(outside > allowed[None]) * int(Flag.OUTSIDE_TRAINING)
         return flags + jnp.any(run.violation > limit) * int(Flag.VIOLATION)
 
