@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from ..arrays import Vector, as_array, concrete
+from ..assembly.axial_loads import warn_of_axial_loads
 from ..checks import check_finite, check_shape
 from ..errors import SimulationError
 from ..program import program_once
@@ -75,6 +76,8 @@ def equilibrium(
     else:
         found = reached.q
     position: Float[Array, " n"] = _differentiable(system, time, found, reached.multipliers)
+    still = jnp.zeros_like(position)
+    warn_of_axial_loads("equilibrium", system, time, position, still)
     return position
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
 from ..arrays import Vector, as_array
+from ..assembly.axial_loads import warn_of_axial_loads
 from ..checks import check_shape
 from ..errors import InputError
 from ..extras import frame
@@ -90,6 +91,7 @@ def modes(
     time = jnp.asarray(t, q.dtype)
     independent = independent_constraints("modes", system, time, q)
     found: Modes = _modes(system, time, q, velocity, independent, generator)
+    warn_of_axial_loads("modes", system, time, q, velocity)
     return found
 
 

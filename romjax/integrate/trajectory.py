@@ -11,17 +11,18 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..arrays import Vector, as_number
+from ..assembly.axial_loads import axial_warning
 from ..checks import unknown_name
 from ..deprecated import renamed, warn_once
 from ..errors import InputError
 from ..events.record import Events
 from ..extras import above
 from ..pictures import animated, inline
-from ..program import program
 from ..scene.coordinate import Coordinate, quaternions_of
 from ..scene.scene import Scene
 from ..system.base import AbstractSystem
 from ..system.flags import WORDS, Flag
+from .allowed_errors import allowed_errors
 from .branching import Branching
 from .dense import DenseOutput
 from .derived import Derived, OnDemand
@@ -155,14 +156,15 @@ class Trajectory(eqx.Module):
 
     @property
     def is_valid(self) -> Bool[Array, "*runs"]:
-        """Whether nothing speaks against this run, so that `warnings()` is empty."""
+        """Whether it reached its end and has no flag; only `warnings()` looks at axial loads."""
         return self.success & (self.flags == Flag.NONE)
 
     def warnings(self) -> str:
         """What speaks against this run, in words; empty if nothing does.
 
-        That it failed, that its energy does not balance, or what is wrong with a reduced model's
-        motion. Of several runs, those of each lane that has any.
+        That it failed, that its energy does not balance, what is wrong with a reduced model's
+        motion, or that beams without stiffening carry large axial loads, for which joint forces are
+        evaluated here. Of several runs, those of each lane that has any.
         """
         if self.status.ndim:
             lanes = [jax.tree.map(lambda x, i=i: x[i], self) for i in range(len(self.status))]
@@ -175,7 +177,9 @@ class Trajectory(eqx.Module):
         if Flag.BRANCH in flags and self.branching is not None:
             words[Flag.BRANCH] += f" ({self.branching.describe()})"
         failure = [] if self.success else [self.summary()]
-        return "; ".join([*failure, *words.values()])
+        parts = self.derived.parts
+        axial = "" if parts is None else axial_warning(parts.join().full, self.t, self.q, self.v)
+        return "; ".join([*failure, *words.values(), *([axial] if axial else [])])
 
     def summary(self) -> str:
         """The status in words, with the remedy."""
@@ -256,7 +260,7 @@ class Trajectory(eqx.Module):
             return zero, zero
         fastest: Any = stats.fastest_frequency
         fastest = as_number(0.0, self.q.dtype) if fastest is None else fastest
-        return _noise(self.t, self.v, self.metric, stats.rtol, stats.atol, fastest)
+        return allowed_errors(self.t, self.v, self.metric, stats.rtol, stats.atol, fastest)
 
     def animate(self, *others: "Trajectory", **options: Any) -> Any:
         """The mechanism as it moves in this run, and in `others` over it: notebooks show it, and
@@ -282,19 +286,3 @@ class Trajectory(eqx.Module):
         """The old name of the opposite of `is_valid`, but for runs that failed."""
         warn_once("Trajectory.flagged", "the opposite of Trajectory.is_valid")
         return self.flags != Flag.NONE
-
-
-@program
-def _noise(
-    t: Float[Array, " k"],
-    v: Float[Array, "k n"],
-    metric: Float[Array, "n n"],
-    rtol: Any,
-    atol: Any,
-    fastest: Any,
-) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    span, count = t[-1] - t[0], 2 * v.shape[1]
-    allowed = atol + rtol * jnp.sqrt(jnp.mean(v**2, axis=0))
-    # The control looks at the root mean square over all coordinates and velocities.
-    speed = jnp.sqrt(count * jnp.sum(jnp.diagonal(metric) * allowed**2) * span)
-    return speed / jnp.maximum(fastest, 2 * jnp.pi / span), speed
