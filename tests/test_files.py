@@ -156,7 +156,6 @@ class Puck(rj.AbstractBody):
         pass
 
 
-@pytest.mark.instant
 def test_parts_of_ones_own_are_written_and_read(tmp_path):
     puck = Puck("puck", 2.0, (0.1, 0.2), math.radians(30.0))
     curves = (rj.Circle(1.0), rj.Line())
