@@ -68,6 +68,7 @@ def beam(p: Numbers, row: int) -> rj.Beam:
         p["length"],
         EI=p["EI"],
         modes=2,
+        shapes="free-free",
         damping=jnp.stack([p["damping"]] * 2),
         amplitudes=x[3:],
         rates=v[3:],
