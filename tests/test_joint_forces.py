@@ -258,6 +258,7 @@ def test_a_joint_made_twice():
     assert label in one
     assert len(one) == 2
     assert dict(one.items()).keys() == {label, other}
+    assert len(list(one.values())) == 2
     with pytest.raises(rj.InputError, match=r"no joint 'Revolute\(bar1\)'. Did you mean 'Revolute"):
         one["Revolute(bar1)"]
     with pytest.raises(rj.InputError, match="no joint 'Revolute.*There are: Revolute.* 1, Revo"):

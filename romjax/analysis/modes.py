@@ -160,7 +160,7 @@ def _pairs(
     (chosen,) = jnp.nonzero(first, size=count // 2, fill_value=count - 1)
     numbers = jnp.arange(count)
     later = jnp.where(real[None] & (numbers[None] > numbers[:, None]), numbers[None], count - 1)
-    partner = jnp.min(later, axis=1)
+    partner = jnp.min(later, axis=1, initial=count - 1)
     one = values[chosen]
     other = jnp.where(real[chosen], values[partner[chosen]], jnp.conj(one))
     product = jnp.abs(one * other)

@@ -87,8 +87,8 @@ class ForceTable(eqx.Module):
 
     A key is the label of the part, as messages have it: its name, or its kind and its bodies, such
     as "Revolute(crank, ground)". Where several parts have one label, all of them are numbered in
-    their order in the scene, from 1: "hinge 1", "hinge 2". `keys()`, `items()`, `in`, `len` and
-    loops work as for a dictionary.
+    their order in the scene, from 1: "hinge 1", "hinge 2". `keys()`, `values()`, `items()`, `in`,
+    `len` and loops work as for a dictionary.
 
     - `stacked`: of groups of parts, the parts along the last axis but that of vectors.
     - `names`: their keys, group by group. `kind`: what they are, for messages.
@@ -105,6 +105,10 @@ class ForceTable(eqx.Module):
     def items(self) -> Iterator[tuple[str, Forces]]:
         """All keys with their forces."""
         return ((key, self[key]) for key in self.keys())
+
+    def values(self) -> Iterator[Forces]:
+        """The forces of all parts, in the order of the keys."""
+        return (self[key] for key in self.keys())
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.keys())
