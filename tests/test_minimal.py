@@ -150,6 +150,7 @@ def test_a_mechanism_without_freedom():
         rj.reduce(system, rj.pod(truth), "minimal")
 
 
+@pytest.mark.slow
 def test_a_subspace_does_not_change_charts():
     """One mode of two four-bars that go all the way round would be another in each chart."""
     first = {"A": (0, 0), "b": (0.3, 0.9), "c": (1.8, 1.3), "D": (2.0, 0)}

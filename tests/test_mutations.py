@@ -8,12 +8,12 @@ import pytest
 from mutations import ROOT, mutations
 
 MUTATIONS = mutations()
-COUNT = 44
+COUNT = 50
 KINDS = {"sign", "factor", "index", "term", "argument"}
-# The folders of the package that compute.
+# The folders of the package that compute, and the one that reads matrices.
 ROOMS = {
     *("analysis", "assembly", "basis", "charts", "events", "hyper", "integrate", "linalg"),
-    *("local", "measure", "reduction", "scene", "study", "system", "tables"),
+    *("files", "local", "measure", "reduction", "scene", "study", "system", "tables"),
 }
 
 pytestmark = pytest.mark.instant
