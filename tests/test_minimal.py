@@ -138,7 +138,6 @@ def test_a_singular_position_is_refused():
         rj.reduce(system, rj.pod(motion), "minimal")
 
 
-@pytest.mark.exhaustive
 def test_a_mechanism_without_freedom():
     """A drive prescribes all of its motion: it has no modes, and nothing can be reduced."""
     system = zoo.system(zoo.driven_four_bar)
@@ -150,7 +149,7 @@ def test_a_mechanism_without_freedom():
         rj.reduce(system, rj.pod(truth), "minimal")
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_a_subspace_does_not_change_charts():
     """One mode of two four-bars that go all the way round would be another in each chart."""
     first = {"A": (0, 0), "b": (0.3, 0.9), "c": (1.8, 1.3), "D": (2.0, 0)}
