@@ -236,7 +236,7 @@ def still(kind) -> Counter[str]:
 
 @pytest.mark.instant
 @pytest.mark.parametrize("kind", [rj.PrescribedAngle, rj.PrescribedTravel])
-@pytest.mark.parametrize("signal", [rj.Ramp(1.0), rj.Sine(1.0, 1.0)], ids=["ramp", "sine"])
+@pytest.mark.parametrize("signal", [rj.Ramp(1.0, 0.0), rj.Sine(1.0, 1.0)], ids=["ramp", "sine"])
 def test_prescribed_motions_bring_time_in(kind, signal):
     """Beyond a joint that stands still: the signal and its two derivatives."""
     moving = joined(joint(kind, signal))

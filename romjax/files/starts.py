@@ -8,7 +8,6 @@ from jaxtyping import Array, Bool, Float
 
 from .. import precision
 from ..assembly.assemble import assemble
-from ..linalg import quaternions
 from ..program import program_once
 from ..scene.scene import Scene
 from ..system.base import AbstractSystem
@@ -69,8 +68,10 @@ class _Move(NamedTuple):
         if d == 2:
             turn = abs(float(p[2] - q[2]))
         else:
-            relative = quaternions.product(quaternions.conjugate(q[3:7]), p[3:7])
-            turn = 2 * float(np.arctan2(np.linalg.norm(relative[1:]), abs(relative[0])))
+            # A quaternion and its opposite are one turn.
+            one, other = (x[3:7] / np.linalg.norm(x[3:7]) for x in (q, p))
+            apart = min(np.linalg.norm(one - other), np.linalg.norm(one + other))
+            turn = 4 * float(np.arcsin(min(1.0, 0.5 * apart)))
         turn = float(np.degrees(turn))
         share = max(distance / (_FAR * length), turn / _TURNED)
         bends = float(np.max(np.abs(p[frame:] - q[frame:]), initial=0.0))

@@ -48,6 +48,8 @@ def finer(structure: Structure, settings: Settings, run: Trajectory) -> Settings
     q, v, rtol = (np.asarray(jax.lax.stop_gradient(x)) for x in (run.q, run.v, settings.rtol))
     every = _Motion.of(structure, q, v)
     motion = _Motion(*(x[every.counts] for x in every))
+    if not np.any(motion.distance):
+        return settings  # of a run so short that no coordinate has changed
     size = np.max(np.minimum(motion.distance, motion.speed))
     # In units of the distance that it moves, a motion far from zero has fewer digits.
     far = np.max(motion.farthest) / np.max(motion.distance)

@@ -11,7 +11,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..arrays import Vector, as_number
-from ..assembly.axial_loads import axial_warning
 from ..checks import unknown_name
 from ..deprecated import renamed, warn_once
 from ..errors import InputError
@@ -178,7 +177,10 @@ class Trajectory(eqx.Module):
             words[Flag.BRANCH] += f" ({self.branching.describe()})"
         failure = [] if self.success else [self.summary()]
         parts = self.derived.parts
-        axial = "" if parts is None else axial_warning(parts.join().full, self.t, self.q, self.v)
+        axial = ""
+        if parts is not None:
+            of_states = above("assembly.axial_loads", "axial_warning")
+            axial = of_states(parts.join().full, self.t, self.q, self.v)
         return "; ".join([*failure, *words.values(), *([axial] if axial else [])])
 
     def summary(self) -> str:
