@@ -70,8 +70,8 @@ class _Move(NamedTuple):
         else:
             # A quaternion and its opposite are one turn.
             one, other = (x[3:7] / np.linalg.norm(x[3:7]) for x in (q, p))
-            apart = min(np.linalg.norm(one - other), np.linalg.norm(one + other))
-            turn = 4 * float(np.arcsin(min(1.0, 0.5 * apart)))
+            apart = min(float(np.linalg.norm(one - sign * other)) for sign in (1, -1))
+            turn = 4 * float(np.arcsin(min(1.0, apart / 2)))
         turn = float(np.degrees(turn))
         share = max(distance / (_FAR * length), turn / _TURNED)
         bends = float(np.max(np.abs(p[frame:] - q[frame:]), initial=0.0))
