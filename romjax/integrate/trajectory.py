@@ -155,15 +155,16 @@ class Trajectory(eqx.Module):
 
     @property
     def is_valid(self) -> Bool[Array, "*runs"]:
-        """Whether it reached its end and has no flag; only `warnings()` looks at axial loads."""
+        """Whether it reached its end and has no flag; only `warnings()` looks at the parts."""
         return self.success & (self.flags == Flag.NONE)
 
     def warnings(self) -> str:
         """What speaks against this run, in words; empty if nothing does.
 
         That it failed, that its energy does not balance, what is wrong with a reduced model's
-        motion, or that beams without stiffening carry large axial loads, for which joint forces are
-        evaluated here. Of several runs, those of each lane that has any.
+        motion, and of its parts, which are evaluated here, that beams without stiffening carry
+        large axial loads, or that masses differ so much that rounding in the forces of the joints
+        shows. Of several runs, those of each lane that has any.
         """
         if self.status.ndim:
             lanes = [jax.tree.map(lambda x, i=i: x[i], self) for i in range(len(self.status))]
@@ -177,11 +178,15 @@ class Trajectory(eqx.Module):
             words[Flag.BRANCH] += f" ({self.branching.describe()})"
         failure = [] if self.success else [self.summary()]
         parts = self.derived.parts
-        axial = ""
+        others = []
         if parts is not None:
-            of_states = above("assembly.axial_loads", "axial_warning")
-            axial = of_states(parts.join().full, self.t, self.q, self.v)
-        return "; ".join([*failure, *words.values(), *([axial] if axial else [])])
+            system = parts.join()
+            states = system.full, self.t, self.q, self.v
+            others.append(above("assembly.axial_loads", "axial_warning")(*states))
+            if system.m and self.stats.rtol is not None:
+                of_masses = above("assembly.conditioning", "conditioning_warning")
+                others.append(of_masses(*states, float(self.stats.rtol)))
+        return "; ".join([*failure, *words.values(), *filter(None, others)])
 
     def summary(self) -> str:
         """The status in words, with the remedy."""

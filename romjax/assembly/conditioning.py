@@ -1,0 +1,79 @@
+"""Masses so different that rounding in the equations of the joints shows in the motion."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..compat import is_outermost
+from ..program import program_once
+from ..scene.body.capped import CappedBody
+from ..system.base import AbstractSystem
+from ..system.structure import without_names
+
+# Masses that differ by less never matter; and at how many states is looked.
+_DIFFERENT, _STATES = 1e6, 3
+# The share of rtol that rounding may take, and that of a row of C_q below which it repeats others.
+_SHARE, _REPEATED = 0.1, 1e-6
+
+
+def conditioning_warning(
+    system: AbstractSystem,
+    t: Float[Array, " k"],
+    q: Float[Array, "k n"],
+    v: Float[Array, "k n"],
+    rtol: float,
+) -> str:
+    """That rounding in the accelerations is no more small against `rtol`, in words; "" if it is, or
+    while JAX traces. At three states of a run of a full or reduced `system`, in its coordinates.
+
+    Joints on a body that is lighter than its neighbours by a factor ε give rows of the scaled Schur
+    complement that differ by ε only: its least pivot p is about ε, and the multipliers lose ε⁻¹ of
+    their digits. Rows that repeat others have tiny pivots too, and are told apart by the rank of
+    C_q, which knows no masses. Singular positions pass; what counts is the best state.
+    """
+    full: Any = system.full
+    masses = _masses(full) if is_outermost() else np.zeros(0)
+    if not masses.size or np.max(masses) < _DIFFERENT * np.min(masses) or not full.m:
+        return ""
+    rows = np.unique(np.linspace(0, len(t) - 1, _STATES).round().astype(int))
+    states = [np.nan_to_num(np.asarray(x)[rows]) for x in (t, q, v)]
+    pivots, jacobians = (np.asarray(x) for x in _equations(without_names(system), *states))
+    least = 0.0
+    for own, jacobian in zip(pivots, jacobians, strict=True):
+        sizes = np.linalg.norm(jacobian, axis=1, keepdims=True)
+        rank = np.linalg.matrix_rank(jacobian / np.where(sizes > 0, sizes, 1), tol=_REPEATED)
+        least = max(least, float(np.sort(own)[len(own) - rank])) if rank else least
+    rounding = np.finfo(pivots.dtype).eps / least if least > 0 else np.inf
+    if rounding <= _SHARE * rtol:
+        return ""
+    return (
+        f"masses differ by a factor of {np.max(masses) / np.min(masses):.0e}, so that rounding in "
+        f"the forces of the joints is {rounding:.0e} of them, beside rtol = {rtol:.0e}; weld the "
+        "light body to a neighbour, or make it heavier"
+    )
+
+
+def _masses(full: Any) -> np.ndarray:
+    bodies = [getattr(group, "bodies", None) for group in getattr(full, "bodies", ())]
+    plain = [body.body if isinstance(body, CappedBody) else body for body in bodies]
+    masses = [getattr(body, "mass", None) for body in plain]
+    known = [np.ravel(np.asarray(mass)) for mass in masses if isinstance(mass, jax.Array)]
+    return np.concatenate(known) if known else np.zeros(0)
+
+
+@program_once
+def _equations(
+    system: AbstractSystem, t: Float[Array, " k"], q: Float[Array, "k n"], v: Float[Array, "k n"]
+) -> tuple[Float[Array, "k rows"], Float[Array, "k m n"]]:
+    """The pivots and C_q of the full system."""
+
+    def at(now: tuple[Array, Array, Array]) -> tuple[Array, Array]:
+        state = system.state(*now)
+        full = system.full.state(now[0], state.q, state.v)
+        return full.kkt().pivots(), full.jacobian()
+
+    found: tuple[Array, Array] = jax.lax.map(at, tuple(jnp.asarray(x) for x in (t, q, v)))
+    return found
