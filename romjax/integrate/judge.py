@@ -65,16 +65,16 @@ def _constraints_hold(
     size = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=1))
     if settings.baumgarte is not None:
         # It holds the constraints as far as the errors of the steps let it.
-        allowed = _APART * size[0] + drift_of(q, settings.rtol)
+        allowed = _APART * size[0] + _DRIFT * drift_of(q, settings.rtol)
     else:
         allowed = precision.of(q.dtype).start_tolerance * size
     return jnp.all(violation <= allowed)
 
 
 def drift_of(q: Float[Array, "k n"], rtol: ArrayLike) -> Float[Array, " k"]:
-    """The violation that the step size control allows in a motion."""
+    """The violation that is no more than the tolerance of the step size control."""
     size = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=1))
-    return jnp.asarray(_DRIFT * rtol) * size
+    return jnp.asarray(rtol) * size
 
 
 def _is_resolved(

@@ -23,7 +23,7 @@ class Run(NamedTuple):
     v: Float[Array, "k n"]
     physical: Float[Array, "k N"]  # coordinates
     violation: Float[Array, " k"]  # largest |C|
-    drift: Float[Array, " k"] | float = 0.0  # of it, what the step size control allows
+    drift: Float[Array, " k"] | float = 0.0  # of it, the tolerance of the steps
 
 
 class AbstractValidity(eqx.Module):
