@@ -84,10 +84,13 @@ def section(part: Any) -> str:
 
 def everything() -> dict[str, Any]:
     """All public names, as in `romjax.Beam` and `romjax.plot.response`, but for modules."""
-    found = {}
+    found: dict[str, Any] = {}
     for module in (romjax, *MODULES):
         prefix = "romjax" if module is romjax else f"romjax.{module.__name__.rpartition('.')[2]}"
+        known = {id(part) for part in found.values() if callable(part)}
         own = {name: part for name, part in names(module).items() if not inspect.ismodule(part)}
+        # What is for the plane and for space has one page, though `romjax.spatial` names it too.
+        own = {name: part for name, part in own.items() if id(part) not in known}
         found |= {f"{prefix}.{name}": part for name, part in own.items()}
     return found
 
