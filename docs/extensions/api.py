@@ -84,13 +84,10 @@ def section(part: Any) -> str:
 
 def everything() -> dict[str, Any]:
     """All public names, as in `romjax.Beam` and `romjax.plot.response`, but for modules."""
-    found: dict[str, Any] = {}
+    found = {}
     for module in (romjax, *MODULES):
         prefix = "romjax" if module is romjax else f"romjax.{module.__name__.rpartition('.')[2]}"
-        known = {id(part) for part in found.values() if callable(part)}
         own = {name: part for name, part in names(module).items() if not inspect.ismodule(part)}
-        # What is for the plane and for space has one page, though `romjax.spatial` names it too.
-        own = {name: part for name, part in own.items() if id(part) not in known}
         found |= {f"{prefix}.{name}": part for name, part in own.items()}
     return found
 
@@ -100,11 +97,13 @@ def page(name: str) -> str:
     return name.lower()
 
 
-def _directive(name: str, part: Any) -> Iterator[str]:
+def _directive(name: str, part: Any, again: bool) -> Iterator[str]:
     kind = "class" if inspect.isclass(part) else "function" if callable(part) else "data"
     if inspect.isclass(part) and issubclass(part, BaseException):
         kind = "exception"
     yield f".. auto{kind}:: {name}"
+    if again:
+        yield "   :no-index:"
     if kind in ("class", "exception"):
         yield "   :members:"
         yield "   :show-inheritance:"
@@ -120,9 +119,13 @@ def _first_sentence(part: Any) -> str:
 def pages() -> dict[str, str]:
     """The text of each page by its name."""
     texts: dict[str, str] = {}
+    classes = set[type]()
     for name, part in everything().items():
         short = name.removeprefix("romjax.")
-        block = "\n".join(["```{eval-rst}", *_directive(name, part), "```", ""])
+        # What is for the plane and for space has a name in `romjax.spatial` too; links lead to one.
+        again = part in classes if inspect.isclass(part) else False
+        classes |= {part} if inspect.isclass(part) else set()
+        block = "\n".join(["```{eval-rst}", *_directive(name, part, again), "```", ""])
         old = texts.get(page(name))
         texts[page(name)] = f"{old}\n{block}" if old else PAGE.format(title=short, block=block)
     return texts
