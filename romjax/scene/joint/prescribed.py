@@ -1,7 +1,7 @@
 """Motions that are given as functions of time."""
 
 import abc
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -35,9 +35,9 @@ class _Prescribed(AbstractJoint):
     def takes_start(self) -> bool:
         return self.signal.takes_start
 
-    def starting_at(self, *poses: Pose) -> Self:
+    def starting_at(self, *poses: Pose) -> "_Prescribed":
         begun = self.signal.starting_at(self.value(*poses))
-        joint: Self = eqx.tree_at(lambda joint: joint.signal, self, begun)
+        joint: _Prescribed = eqx.tree_at(lambda joint: joint.signal, self, begun)
         return joint
 
     def check(self) -> None:
