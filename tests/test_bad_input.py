@@ -275,3 +275,9 @@ def test_single_precision_says_so():
     )
     with pytest.warns(UserWarning, match="single precision.*jax_enable_x64"):
         rj.simulate(system, jnp.asarray(np.array([0.0, 1.0], np.float32)), audit=False)
+
+
+@pytest.mark.instant
+def test_a_compression_is_to_noise_or_rank():
+    with pytest.raises(rj.InputError, match="compress='all'"):
+        rj.SOD(compress="all")

@@ -66,6 +66,7 @@ RUN = """
 """
 
 
+@pytest.mark.slow
 def test_another_process_compiles_nothing_and_gets_the_same_bits(folder):
     """Whatever order Python's sets have."""
 

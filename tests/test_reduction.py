@@ -135,12 +135,6 @@ def test_smooth_modes_after_two_compressions(truth, cart_pendulum, coarse):
     assert errors["noise"] < errors["POD"] < ERROR_FIVE < errors["rank"]
 
 
-@pytest.mark.instant
-def test_a_compression_is_to_noise_or_rank():
-    with pytest.raises(rj.InputError, match="compress='all'"):
-        rj.SOD(compress="all")
-
-
 @pytest.mark.slow
 def test_six_modes(error):
     """Two of the four constraints are kept: the other two hold in the whole subspace."""

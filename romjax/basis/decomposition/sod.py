@@ -94,14 +94,16 @@ def _smooth(
     if compress == "noise":
         level = jnp.maximum(FLOOR[spectrum.dtype] * spectrum[0], snapshots.noise.velocities)
         used |= spectrum > jax.lax.stop_gradient(level)
-    # U Σ. Its derivative needs none of W, which turns to what is below the noise only.
-    leading_directions = velocities @ (w.T * used[None])
+    # U. Its derivative needs none of W, which turns to what is below the noise only.
+    sizes = jax.lax.stop_gradient(jnp.where(used, spectrum, 1.0))
+    own = velocities @ (w.T * (used / sizes)[None])
     if compress == "rank":
         # Or to directions like those that are kept, as U does.
-        leading_directions = vectors @ (vectors.T @ leading_directions)
+        own = vectors @ (vectors.T @ own)
     # Q is U and R is Σ, up to signs; ones for the directions that are not used keep R regular.
-    q, r = jnp.linalg.qr(jnp.concatenate([leading_directions, jnp.diag(1.0 * ~used)]))
-    compressed = jsl.solve_triangular(r, q[: len(velocities)].T @ positions)
+    q, r = jnp.linalg.qr(jnp.concatenate([own, jnp.diag(1.0 * ~used)]))
+    q, r = q[: len(velocities)], r * sizes[None]
+    compressed = jsl.solve_triangular(r, q.T @ positions)
     p, d = leading(compressed, rank)
-    modes, _ = jnp.linalg.qr(leading_directions @ p)
-    return modes, d[:rank] ** 2, values
+    mix, _ = jnp.linalg.qr(r @ p)
+    return q @ mix, d[:rank] ** 2, values
