@@ -14,7 +14,7 @@ from ..compat import is_outermost
 from ..linalg import quaternions
 from ..program import program_once
 from ..scene.body.beam import Beam
-from ..scene.body.capped import CappedBody
+from ..scene.body.capped import uncapped
 from ..scene.body.spatial.beam import Beam as SpatialBeam
 from ..scene.marker import Wrench
 from ..system.base import AbstractSystem
@@ -49,8 +49,7 @@ def axial_warning(
     full: Any = system.full
     if not is_outermost() or not any(True for _ in _beams(full)):
         return ""
-    rows = np.unique(np.linspace(0, len(t) - 1, _STATES).round().astype(int))
-    states = [np.asarray(x)[rows] for x in (t, q, v)]
+    states = spread(_STATES, t, q, v)
     # Of a run that failed, what it reached counts.
     loads = np.nan_to_num(np.asarray(_loads(without_names(system), *states)), posinf=0, neginf=0)
     row, beam = np.unravel_index(np.argmax(np.abs(loads)), loads.shape)
@@ -64,6 +63,14 @@ def axial_warning(
         f"beam '{name}' is {done} by {abs(load):.2g} EI/L², which does not {missing} its bending "
         "without stiffening; give it stiffening=True"
     )
+
+
+def spread(
+    count: int, t: Float[Array, " k"], q: Float[Array, "k n"], v: Float[Array, "k n"]
+) -> list[Any]:
+    """Some of many states, first and last among them, that are spread evenly over the outputs."""
+    rows = np.unique(np.linspace(0, len(t) - 1, count).round().astype(int))
+    return [np.asarray(x)[rows] for x in (t, q, v)]
 
 
 def warn_of_axial_loads(
@@ -106,9 +113,7 @@ class _Beams(NamedTuple):
 
 def _beams(full: Any) -> Iterator[_Beams]:
     for group in getattr(full, "bodies", ()):
-        body: Any = group.bodies
-        if isinstance(body, CappedBody):
-            body = body.body
+        body: Any = uncapped(group.bodies)
         if isinstance(body, Beam) and body.EI is not None and body.modes and not body.stiffening:
             yield _Beams(group, body.mass, body.length, body.EI, int(body.axis == "y"))
         elif isinstance(body, SpatialBeam) and any(body.bending) and not body.stiffening:

@@ -9,9 +9,10 @@ from jaxtyping import Array, Float
 
 from ..compat import is_outermost
 from ..program import program_once
-from ..scene.body.capped import CappedBody
+from ..scene.body.capped import uncapped
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
+from .axial_loads import spread
 
 # Masses that differ by less never matter; and at how many states is looked.
 _DIFFERENT, _STATES = 1e6, 3
@@ -38,8 +39,7 @@ def conditioning_warning(
     masses = _masses(full) if is_outermost() else np.zeros(0)
     if not masses.size or np.max(masses) < _DIFFERENT * np.min(masses) or not full.m:
         return ""
-    rows = np.unique(np.linspace(0, len(t) - 1, _STATES).round().astype(int))
-    states = [np.nan_to_num(np.asarray(x)[rows]) for x in (t, q, v)]
+    states = [np.nan_to_num(x) for x in spread(_STATES, t, q, v)]
     pivots, jacobians = (np.asarray(x) for x in _equations(without_names(system), *states))
     least = 0.0
     for own, jacobian in zip(pivots, jacobians, strict=True):
@@ -57,9 +57,8 @@ def conditioning_warning(
 
 
 def _masses(full: Any) -> np.ndarray:
-    bodies = [getattr(group, "bodies", None) for group in getattr(full, "bodies", ())]
-    plain = [body.body if isinstance(body, CappedBody) else body for body in bodies]
-    masses = [getattr(body, "mass", None) for body in plain]
+    groups = getattr(full, "bodies", ())
+    masses = [getattr(uncapped(group.bodies), "mass", None) for group in groups]
     known = [np.ravel(np.asarray(mass)) for mass in masses if isinstance(mass, jax.Array)]
     return np.concatenate(known) if known else np.zeros(0)
 
@@ -75,5 +74,5 @@ def _equations(
         full = system.full.state(now[0], state.q, state.v)
         return full.kkt().pivots(), full.jacobian()
 
-    found: tuple[Array, Array] = jax.lax.map(at, tuple(jnp.asarray(x) for x in (t, q, v)))
-    return found
+    both: tuple[Array, Array] = jax.lax.map(at, tuple(jnp.asarray(x) for x in (t, q, v)))
+    return both

@@ -13,7 +13,7 @@ from ..marker import Marker
 from ..scene import Scene
 from .base import AbstractBody, nameless
 
-__all__ = ["CappedBody", "with_caps"]
+__all__ = ["CappedBody", "uncapped", "with_caps"]
 
 
 class CappedBody(AbstractBody):
@@ -109,6 +109,11 @@ class CappedBody(AbstractBody):
         check_shape(owner, "cap", self.cap, (), SceneError)
         check_finite(owner, "cap", self.cap, SceneError)
         check_positive(owner, "cap", self.cap, "Give it in hertz.", SceneError)
+
+
+def uncapped(body: AbstractBody) -> AbstractBody:
+    """The body without a cap, if it has one."""
+    return body.body if isinstance(body, CappedBody) else body
 
 
 def with_caps(scene: Scene, hertz: Number) -> Scene:
