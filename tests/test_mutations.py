@@ -8,12 +8,12 @@ import pytest
 from mutations import ROOT, mutations
 
 MUTATIONS = mutations()
-COUNT = 50
+COUNT = 52
 KINDS = {"sign", "factor", "index", "term", "argument"}
 # The folders of the package that compute, and the one that reads matrices.
 ROOMS = {
     *("analysis", "assembly", "basis", "charts", "events", "hyper", "integrate", "linalg"),
-    *("files", "local", "measure", "reduction", "scene", "study", "system", "tables"),
+    *("files", "kept", "local", "measure", "reduction", "scene", "study", "system", "tables"),
 }
 
 pytestmark = pytest.mark.instant

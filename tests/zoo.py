@@ -97,6 +97,25 @@ def four_bar(coupler=1.0, doubled=False, gravity=True) -> rj.Scene:
 
 
 driven_four_bar = rj.gallery.four_bar
+
+
+def bending_four_bar(speed=10.0, EI=7.0) -> rj.Scene:
+    """A crank that turns steadily, a coupler that bends, and a rocker."""
+    points = {"A": (0, 0), "b": (0.05, 0.09), "c": (0.28, 0.42), "D": (0.35, 0.13)}
+    pairs, masses = [("A", "b"), ("b", "c"), ("D", "c")], [0.05, 0.11, 0.08]
+    crank, rod, rocker = linkage(points, pairs, {}, masses=masses).bodies
+    place = {"position": rod.position, "angle": rod.angle}
+    coupler = rj.Beam("coupler", 0.11, float(np.hypot(0.23, 0.33)), EI=EI, modes=2, **place)
+    joints = [
+        rj.Revolute(ends(crank)[0], rj.ground.at(points["A"])),
+        rj.Revolute(coupler.at("start"), ends(crank)[1]),
+        rj.Revolute(ends(rocker)[1], coupler.at("end")),
+        rj.Revolute(ends(rocker)[0], rj.ground.at(points["D"])),
+        rj.PrescribedAngle(crank.at(), rj.ground.at(), rj.Ramp(speed, crank.angle)),
+    ]
+    return rj.consistent_scene(rj.Scene([crank, coupler, rocker], joints, [rj.Gravity()]))
+
+
 cart_pendulum = rj.gallery.cart_pendulum
 
 CRANK = 0.3  # [m]

@@ -8,9 +8,7 @@ import equinox as eqx
 from ...arrays import concrete
 from ...basis.basis import Basis
 from ...errors import ReductionError
-from ...system.base import AbstractSystem
-from ...system.validity import TrainingBox
-from ..constraints import (
+from ...kept.constraints import (
     LOOSE,
     ReducedConstraints,
     locks,
@@ -18,6 +16,8 @@ from ..constraints import (
     most_kept,
     reduced_constraints,
 )
+from ...system.base import AbstractSystem
+from ...system.validity import TrainingBox
 from ..lift.affine import AffineLift
 from ..system import ReducedSystem
 from .base import AbstractFormulation, start
@@ -47,8 +47,9 @@ class Galerkin(AbstractFormulation):
         """Raises ReductionError if the constraints that are kept lock the mechanism, or those that
         are not free its joints, or if bodies in space turn too far for a subspace.
         """
-        _check_turns(basis)
         count, r = self.constraints, basis.rank
+        if r < system.n:
+            _check_turns(basis)
         # Words and settings are static: with them, each basis would compile a program of its own.
         bare = dataclasses.replace(basis, summary="", decomposition=None)
         candidates = reduced_constraints(system, bare)
@@ -81,6 +82,8 @@ def _check_turns(basis: Basis) -> None:
 
 def _count(system: AbstractSystem, candidates: ReducedConstraints, r: int) -> int:
     """As many constraints as the motion of the snapshots allows; refuse if joints come apart."""
+    if r == system.n:
+        return system.m  # the same mechanism, in other coordinates
     if concrete(candidates.missed) is None:
         raise ValueError(
             "reduce: under jit, grad or vmap say how many constraints to keep, such as "

@@ -34,6 +34,7 @@ class ReducedConstraints(NamedTuple):
     """The constraint Jacobian at the snapshots, in the basis; rows of unit length in the metric."""
 
     rows: Float[Array, "K m r"]
+    drives: Float[Array, "K m"]  # C_t, scaled as the rows
     scale: Float[Array, " m"]  # of the rows, on average
     speeds: Float[Array, "K r"]  # velocities of the snapshots, in the basis
     missed: Float[Array, ""]  # the share of them that the basis misses
@@ -68,21 +69,22 @@ def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstrai
     stride = -(-len(basis.snapshots.t) // _SNAPSHOTS)
     z, t = basis.coordinates[::stride], basis.snapshots.t[::stride]
 
-    def reduced(t: Array, z: Array) -> tuple[Array, Array]:
+    def reduced(t: Array, z: Array) -> tuple[Array, Array, Array]:
         q = basis.offset + basis.modes @ z
         state = system.state(t, q, jnp.zeros_like(q))
         rows = state.jacobian()
         squares = jnp.sum(rows.T * state.kkt().solve_mass(rows.T), axis=0)
         scale = 1 / jnp.sqrt(jnp.where(squares > 0, squares, 1))
-        return scale[:, None] * rows @ basis.modes, scale
+        _, driven = jax.jvp(lambda t: system.constraint(t, q), (t,), (jnp.ones_like(t),))
+        return scale[:, None] * rows @ basis.modes, scale * driven, scale
 
-    rows, scales = jax.vmap(reduced)(t, z)
+    rows, drives, scales = jax.vmap(reduced)(t, z)
     metric, velocities = basis.snapshots.metric, basis.snapshots.v[::stride]
     root, speeds = jnp.linalg.cholesky(metric), velocities @ metric @ basis.modes
     missed = jnp.linalg.norm((velocities - speeds @ basis.modes.T) @ root)
     size = jnp.linalg.norm(velocities @ root)
     missed = missed / jnp.where(size > 0, size, 1)
-    return ReducedConstraints(rows, jnp.mean(scales, axis=0), speeds, missed)
+    return ReducedConstraints(rows, drives, jnp.mean(scales, axis=0), speeds, missed)
 
 
 def most_kept(candidates: ReducedConstraints) -> int:
@@ -96,14 +98,19 @@ def most_kept(candidates: ReducedConstraints) -> int:
 def locks(candidates: ReducedConstraints, count: int) -> bool:
     """Whether keeping `count` combinations would stop the snapshots' own motion.
 
-    A subspace misses some of the velocities anyway. Constraints that stop more than that do not
-    belong in it: the motion satisfies them by the curvature that the subspace lacks.
+    Of a velocity w they leave what satisfies C_q Φ w + C_t = 0: with the drives C_t, prescribed
+    motions are no motions that they stop. A subspace misses some of the velocities anyway.
+    Constraints that stop more than that do not belong in it: the motion satisfies them by the
+    curvature that the subspace lacks.
     """
-    speeds = np.asarray(candidates.speeds)
-    pairs = zip(_directions(candidates, count), speeds, strict=True)
-    stopped = sum(float(np.sum((held @ speed) ** 2)) for (held, _), speed in pairs)
+    speeds, drives = np.asarray(candidates.speeds), np.asarray(candidates.drives)
+    changes = [
+        split.to_rows @ (split.kept @ driven) + split.held @ speed
+        for split, driven, speed in zip(_splits(candidates, count), drives, speeds, strict=True)
+    ]
+    stopped = float(np.sqrt(sum(np.sum(change**2) for change in changes)))
     size = float(np.linalg.norm(speeds))
-    return bool(stopped**0.5 > min(LOCKED * float(candidates.missed) + _SLOW, _STOPPED) * size)
+    return bool(stopped > min(LOCKED * float(candidates.missed) + _SLOW, _STOPPED) * size)
 
 
 def looseness(candidates: ReducedConstraints, count: int) -> tuple[float, int]:
@@ -112,20 +119,33 @@ def looseness(candidates: ReducedConstraints, count: int) -> tuple[float, int]:
     The largest singular value over the snapshots of the scaled Jacobian, on the null space of the
     `count` combinations that are kept: zero where all joints hold, one for parts without joints.
     """
-    pairs = zip(np.asarray(candidates.rows), _directions(candidates, count), strict=True)
-    violated = [jacobian @ free.T for jacobian, (_, free) in pairs]
+    pairs = zip(np.asarray(candidates.rows), _splits(candidates, count), strict=True)
+    violated = [jacobian @ split.free.T for jacobian, split in pairs]
     sizes = [float(np.linalg.norm(x, 2)) if x.size else 0.0 for x in violated]
     worst = int(np.argmax(sizes))
     return sizes[worst], int(np.argmax(np.linalg.norm(violated[worst], axis=1)))
 
 
-def _directions(
-    candidates: ReducedConstraints, count: int
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """At each snapshot, the directions that the kept combinations stop, and those left free."""
+class _Split(NamedTuple):
+    """The velocities at one snapshot, by the combinations UᵀC that are kept.
+
+    `held` (k, r) and `free` (r - k, r): the directions that they stop, and those left free.
+    `kept` (count, m): Uᵀ, of scaled constraints; `to_rows` (k, count): what a violation of their
+    rates takes along the held directions.
+    """
+
+    held: np.ndarray
+    free: np.ndarray
+    kept: np.ndarray
+    to_rows: np.ndarray
+
+
+def _splits(candidates: ReducedConstraints, count: int) -> Iterator[_Split]:
+    """At each snapshot."""
     scale = np.asarray(candidates.scale)
-    combinations = np.asarray(candidates.combinations(count)) / scale[:, None]
+    kept = (np.asarray(candidates.combinations(count)) / scale[:, None]).T
     for jacobian in np.asarray(candidates.rows):
-        _, values, right = np.linalg.svd(combinations.T @ jacobian)
+        left, values, right = np.linalg.svd(kept @ jacobian)
         rank = int(np.sum(values > _ZERO))
-        yield right[:rank], right[rank:]
+        to_rows = left[:, :rank].T / values[:rank, None]
+        yield _Split(right[:rank], right[rank:], kept, to_rows)

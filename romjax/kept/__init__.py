@@ -1,0 +1,1 @@
+"""Which constraints a subspace keeps."""

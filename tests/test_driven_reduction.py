@@ -1,0 +1,69 @@
+"""Reduced models of mechanisms with prescribed motions: what a drive does is no violation."""
+
+import functools
+
+import numpy as np
+import pytest
+import zoo
+
+import romjax as rj
+
+# Required: of the full basis, which is the full model; of the rank for a tolerance, on the training
+# run and at a drive that is a tenth faster.
+FULL, TOL, FASTER = 1e-7, 1e-4, 3e-4
+# Full steps for one of the slider crank's reduced model.
+FEWER = 15
+GALLERY = rj.gallery
+# By name, how each is made at times the speed of its drive, and the end of its run [s].
+DRIVEN = {
+    "four-bar": (lambda k: GALLERY.four_bar(duration=3.0 / k), 2.7),
+    "bending four-bar": (lambda k: zoo.bending_four_bar(speed=10.0 * k), 1.0),
+    "slider crank": (lambda k: GALLERY.slider_crank(speed=150.0 * k), 0.1),
+    "vehicle axle": (lambda k: GALLERY.vehicle_axle(duration=0.12 / k), 2.0),
+    "jansen": (lambda k: GALLERY.jansen(duration=4.0 / k), 3.6),
+}
+
+
+@functools.cache
+def case(name, faster=1.0):
+    """The system, and its run at times the speed of its drive."""
+    make, end = DRIVEN[name]
+    system = rj.assemble(make(faster))
+    return system, zoo.run(system, np.linspace(0.0, end, 201))
+
+
+def error(rom, name, faster=1.0):
+    """Of a model against the full one with the same drive."""
+    system, truth = case(name, faster)
+    other = rom.with_full(system).starting_at(truth.q[0], truth.v[0])
+    return rj.compare(truth, zoo.run(other, truth.t)).error
+
+
+@pytest.mark.parametrize("decompose", [rj.pod, rj.sod])
+def test_all_directions_of_a_driven_four_bar(decompose):
+    """A mechanism without freedom, and the same with a faster drive."""
+    system, truth = case("four-bar")
+    rom = rj.reduce(system, decompose(truth))
+    assert rom.n == rom.m
+    assert error(rom, "four-bar") <= FULL
+    assert error(rom, "four-bar", 1.1) <= FULL
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in DRIVEN if name != "four-bar"])
+def test_all_directions(name):
+    system, truth = case(name)
+    for decompose in (rj.pod, rj.sod):
+        assert error(rj.reduce(system, decompose(truth)), name) <= FULL
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", DRIVEN)
+def test_the_rank_for_a_tolerance_holds_at_another_speed(name):
+    system, truth = case(name)
+    rom = rj.reduce_to(system, truth, TOL)
+    assert error(rom, name) <= TOL
+    assert error(rom, name, 1.1) <= FASTER
+    if name == "slider crank":
+        full, few = zoo.run(system, truth.t), zoo.run(rom, truth.t)
+        assert full.stats.num_accepted_steps >= FEWER * few.stats.num_accepted_steps
