@@ -11,7 +11,7 @@ import romjax as rj
 # Required: of the full basis, which is the full model; of the rank for a tolerance, on the training
 # run and at a drive that is a tenth faster.
 FULL, TOL, FASTER = 1e-7, 1e-4, 3e-4
-# Full steps for one of the slider crank's reduced model.
+# Steps of the slider crank for one of its reduced model.
 FEWER = 15
 GALLERY = rj.gallery
 # By name, how each is made at times the speed of its drive, and the end of its run [s].
@@ -65,5 +65,6 @@ def test_the_rank_for_a_tolerance_holds_at_another_speed(name):
     assert error(rom, name) <= TOL
     assert error(rom, name, 1.1) <= FASTER
     if name == "slider crank":
-        full, few = zoo.run(system, truth.t), zoo.run(rom, truth.t)
+        # At the default tolerance, where stiffness and not accuracy sets the steps of the full one.
+        full, few = (zoo.run(model, truth.t, rtol=1e-6) for model in (system, rom))
         assert full.stats.num_accepted_steps >= FEWER * few.stats.num_accepted_steps
