@@ -65,6 +65,6 @@ def test_the_rank_for_a_tolerance_holds_at_another_speed(name):
     assert error(rom, name) <= TOL
     assert error(rom, name, 1.1) <= FASTER
     if name == "slider crank":
-        # At the default tolerance, where stiffness and not accuracy sets the steps of the full one.
-        full, few = (zoo.run(model, truth.t, rtol=1e-6) for model in (system, rom))
+        # Of the methods that are taken by themselves. At 1e-6 it is 6 times.
+        full, few = (rj.simulate(model, truth.t, rtol=1e-8) for model in (system, rom))
         assert full.stats.num_accepted_steps >= FEWER * few.stats.num_accepted_steps
