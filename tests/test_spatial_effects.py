@@ -65,6 +65,31 @@ def test_power():
         assert_close(total, said, 10 * IDENTITY, 1 + np.sum(np.abs(terms)))
 
 
+@pytest.mark.slow
+def test_wrenches_have_their_derivatives():
+    """Of each, along some direction, by central differences."""
+    q, v, dq, dv = (jnp.asarray(CHANCE.normal(size=(3, 7))) for _ in range(4))
+
+    def wrenches(q, v):
+        poses = tuple(Pose(row[:3], row[3:]) for row in q)
+        twists = tuple(Twist(row[:3], row[4:]) for row in v)
+        found = []
+        for effect in every_effect():
+            count = len(effect.markers) + len(effect.counted)
+            each = effect.wrenches(0.3, poses[:count], twists[:count])
+            found.append(jnp.concatenate([jnp.stack(wrench) for wrench in each]))
+        return found
+
+    @jax.jit
+    def slopes(step):
+        ends = [wrenches(q + h * dq, v + h * dv) for h in (step, -step)]
+        central = [(a - b) / (2 * step) for a, b in zip(*ends, strict=True)]
+        return jax.jvp(wrenches, (q, v), (dq, dv))[1], central
+
+    for slope, central in zip(*slopes(1e-5), strict=True):
+        assert_close(slope, central, DIFFERENCED, 1 + np.max(np.abs(central)))
+
+
 def test_damping_and_friction_take():
     """Rayleigh's function of drag is a sixth of a cube, and friction is opposite to sliding."""
     twist = Twist(np.array([0.3, -0.4, 1.2]), np.zeros(3))

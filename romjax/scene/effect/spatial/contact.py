@@ -2,7 +2,6 @@
 
 from typing import ClassVar
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -59,12 +58,12 @@ class Contact(AbstractContact):
         depth, inside, normal = self.depth(local_point(a, b))
         arm = jnp.zeros_like(normal)
         if self.radius is not None:
-            # Of the ball's material point that touches, by the axes of the ball.
+            # Of the ball's material point that touches, by the axes of the ball: variations of
+            # `point` leave it where it is, derivatives of the force do not.
             arm = quaternions.rotate(quaternions.conjugate(a.turn), b.turned(-self.radius * normal))
-        touching = jax.lax.stop_gradient(arm)
 
         def point(a: Pose, b: Pose) -> Float[Array, "3"]:
-            return b.local(a.position + a.turned(touching))
+            return b.local(a.position + a.turned(arm))
 
         _, rate, wrenches = displacement(point, poses, twists)
         return wrenches(self.force(depth, inside, normal, rate))
