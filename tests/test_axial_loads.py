@@ -74,6 +74,13 @@ def test_modes_and_equilibria_warn():
     rj.modes(column(0.09), q)
 
 
+@pytest.mark.slow
+def test_linear_models_warn():
+    pulled = column(-2.0)
+    with pytest.warns(UserWarning, match="linearize: beam 'column' is pulled by 2 EI/L²"):
+        rj.linearize(pulled, {}, [])
+
+
 @pytest.mark.parametrize(
     "options", [{"stiffening": True}, {"EI": None, "frequencies": [8.0, 30.0]}]
 )

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..arrays import Vector, as_array
+from ..assembly.axial_loads import warn_of_axial_loads
 from ..assembly.locate import locate
 from ..checks import check_kind, check_shape
 from ..measure.quantity import AbstractQuantity, Coordinate
@@ -91,6 +92,7 @@ def linearize(
     a, b, c, d, shapes = _matrices(
         system, time, q, velocity, independent, tuple(inputs.values()), tuple(named.values())
     )
+    warn_of_axial_loads("linearize", system, time, q, velocity)
     names = [f"z{i + 1}" for i in range(shapes.shape[1])]
     states = (*names, *(f"{name}'" for name in names))
     return LinearModel(a, b, c, d, shapes, states, tuple(inputs), tuple(named))
