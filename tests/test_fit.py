@@ -1,11 +1,16 @@
 """Parameters from noisy measurements."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
 import pytest
+import zoo
 
 import romjax as rj
+from romjax.integrate.doubt import warn_of_outcome
+from romjax.integrate.status import Status
+from romjax.system.flags import Flag
 
 TS = np.linspace(0.0, 1.0, 101)
 TRUE = {"damping": 0.1, "f1": 16.0, "stiffness": 100.0}
@@ -24,6 +29,33 @@ def sensors(p):
 
 def line(p):
     return p["a"] + p["b"] * TS
+
+
+def tiny(p):
+    """A spring that swings by a nanometre, which the default tolerances do not resolve."""
+    force = zoo.Stiffness(p["k"], jnp.array(0.0))
+    system = rj.CustomSystem(zoo.unit_mass, force, q0=[1e-9], v0=[0.0])
+    return 1e9 * rj.simulate(system, TS, throw=False, audit=False).q[:, 0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("predict", [tiny, jax.jit(tiny)])
+def test_doubtful_runs_at_the_best_parameters_are_told(predict):
+    """Whether or not the user has compiled what is fitted."""
+    words = "fit, at the best parameters: a run is doubtful: its tolerances are hardly smaller"
+    with pytest.warns(UserWarning, match=words):
+        rj.fit(predict, {"k": 3.0}, np.cos(2 * TS), steps=2)
+
+
+@pytest.mark.instant
+def test_what_is_told_of_a_run():
+    """By its status, or by those flags that a run of its own would warn of."""
+    told = {(Status.MAX_STEPS, 0): "a run failed: the solver used up max_steps"}
+    told[Status.SUCCESS, Flag.ENERGY] = "a run is doubtful: its energy changes by more than"
+    for (status, flags), words in told.items():
+        with pytest.warns(UserWarning, match=f"it: {words}"):
+            warn_of_outcome("it", status, flags)
+    warn_of_outcome("it", Status.SUCCESS, Flag.OUTSIDE_TRAINING)
 
 
 @pytest.mark.exhaustive

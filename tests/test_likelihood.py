@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.stats
+import zoo
 from comparison import assert_close
 from tolerances import IDENTITY
 from zoo import GRAVITY
@@ -44,6 +45,25 @@ def test_the_density_of_normal_noise():
     found = jax.jit(lambda x: rj.log_likelihood(lambda x: x, x, data, 0.3))(guess)
     wanted = scipy.stats.norm(guess[[0, 2]], 0.3).logpdf(data[[0, 2]]).sum()
     assert_close(found, wanted, IDENTITY, scale=abs(wanted))
+
+
+@pytest.mark.slow
+def test_doubtful_runs_are_told():
+    """When the program runs; of a nanometre, which the default tolerances do not resolve."""
+
+    def tiny(k):
+        force = zoo.Stiffness(k, jnp.array(0.0))
+        system = rj.CustomSystem(zoo.unit_mass, force, q0=[1e-9], v0=[0.0])
+        return 1e9 * rj.simulate(system, TS, throw=False, audit=False).q[:, 0]
+
+    likelihood = jax.jit(jax.value_and_grad(lambda k: rj.log_likelihood(tiny, k, np.cos(TS), 0.1)))
+
+    def evaluate():
+        jax.block_until_ready(likelihood(1.0))
+        jax.effects_barrier()
+
+    with pytest.warns(UserWarning, match="log_likelihood: a run is doubtful: its tolerances are"):
+        evaluate()
 
 
 def test_a_run_that_fails_has_none():

@@ -1,12 +1,19 @@
 """Runs that end, and against which something speaks."""
 
+import contextlib
+import contextvars
+import functools
 import warnings
+from collections.abc import Iterator
+from typing import Any
+
+import jax
 
 from ..arrays import concrete
 from ..system.base import AbstractSystem
 from ..system.flags import WORDS, Flag
 from .singular import singular_position
-from .status import Status
+from .status import REMEDIES, Status
 from .trajectory import Trajectory
 
 # What a run is warned of, and what projection may mend. Integers: members of an enumeration take
@@ -14,6 +21,8 @@ from .trajectory import Trajectory
 DOUBTS = int(Flag.ENERGY | Flag.DISSIPATION | Flag.BRANCH | Flag.LIMIT)
 _MENDED = int(Flag.ENERGY | Flag.BRANCH)
 _LIMIT = int(Flag.LIMIT)
+# In whose name runs within a program tell of themselves when it runs.
+_OWNER = contextvars.ContextVar[str | None]("owner", default=None)
 _SUCCESS, _VIOLATED = int(Status.SUCCESS), int(Status.CONSTRAINTS_VIOLATED)
 
 
@@ -41,8 +50,35 @@ def _tolerances(run: Trajectory) -> str:
     return ", ".join(f"{name} = {float(getattr(run.stats, name)):.1e}" for name in ("rtol", "atol"))
 
 
+@contextlib.contextmanager
+def telling(owner: str) -> Iterator[None]:
+    """Runs that JAX traces within it warn, in the name of `owner`, when their program runs."""
+    token = _OWNER.set(owner)
+    try:
+        yield
+    finally:
+        _OWNER.reset(token)
+
+
+def warn_of_outcome(owner: str, status: Any, flags: Any) -> None:
+    """Warn, in the name of `owner`, of a run that failed or is doubtful, by its numbers."""
+    # Within a program no run is repeated with tolerances for its size.
+    failed, doubts = int(status) != _SUCCESS, int(flags) & (DOUBTS | int(Flag.RESOLUTION))
+    if failed:
+        words = f"a run failed: {REMEDIES[Status(int(status))]}"
+    else:
+        words = "a run is doubtful: " + "; ".join(w for flag, w in WORDS.items() if doubts & flag)
+    if failed or doubts:
+        warnings.warn(f"{owner}: {words}. Simulate it there to see more.", stacklevel=3)
+
+
 def warn_of_doubt(system: AbstractSystem, run: Trajectory) -> None:
-    """Warn of one run, not of those that JAX traces, that ended, of what speaks against it."""
+    """Warn of one run that ended, of what speaks against it; of those that JAX traces, where
+    somebody is `telling`.
+    """
+    owner = _OWNER.get()
+    if owner is not None and concrete(run.status) is None:
+        jax.debug.callback(functools.partial(warn_of_outcome, owner), run.status, run.flags)
     status, flags = _outcome(run)
     if status == _SUCCESS and flags & int(Flag.RESOLUTION):
         warnings.warn(

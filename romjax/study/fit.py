@@ -1,6 +1,7 @@
 """Identification: parameters from measurements."""
 
 import dataclasses
+import inspect
 from collections.abc import Callable
 from typing import Any
 
@@ -15,6 +16,7 @@ from jaxtyping import Array, ArrayLike, Float
 from tqdm import tqdm
 
 from ..integrate.adjoint import forward_mode
+from ..integrate.doubt import telling
 
 Vector = Float[Array, " p"]
 
@@ -69,6 +71,8 @@ def fit(
     - `steps`, `tol`: most steps, and relative change of parameters and residual that ends them.
     - `progress`: show a progress bar.
 
+    Warns of runs at the best parameters that failed or are doubtful, but for those in functions
+    that `predict` calls and that are compiled already.
     Raises ValueError for a start outside the bounds, a prediction of another shape, or one that is
     not finite at the start.
     """
@@ -113,8 +117,11 @@ def fit(
             method = optimistix.BestSoFarMinimiser(optimistix.OptaxMinimiser(optimizer, **common))
             result = _minimise(misfit, method, begin, steps)
         jax.effects_barrier()
+    # What the user has compiled was traced before, when nobody was asked how it went.
+    last = eqx.tree_at(lambda m: m.predict, misfit, inspect.unwrap(predict))
     with forward_mode():
-        residuals, jacobian = (size * np.asarray(x) for x in _linearize(misfit, result.value))
+        residuals, jacobian = (size * np.asarray(x) for x in _linearize(last, result.value))
+    jax.effects_barrier()
     freedom = max(1, int(np.sum(present)) - origin.size)
     variance = float(residuals @ residuals) / freedom if noise is None else 1.0
     covariance = variance * inverse_square(jacobian)
@@ -231,7 +238,9 @@ def _evaluate(misfit: _Misfit, free: Vector) -> Float[Array, " k"]:
 @eqx.filter_jit
 def _linearize(misfit: _Misfit, free: Vector) -> tuple[Float[Array, " k"], Float[Array, "k p"]]:
     natural = misfit.bounds.natural(free)
-    return misfit.at(natural), jax.jacfwd(misfit.at)(natural)
+    with telling("fit, at the best parameters"):
+        residuals = misfit.at(natural)
+    return residuals, jax.jacfwd(misfit.at)(natural)
 
 
 @eqx.filter_jit

@@ -15,6 +15,7 @@ from ..basis.decomposition.pod import POD
 from ..basis.snapshots import Motion, Sensitivity
 from ..errors import InputError, SimulationError
 from ..integrate.adjoint import forward_mode
+from ..integrate.doubt import warn_of_outcome
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..program import program
@@ -77,6 +78,7 @@ def fit_over(
     - `runs`: the most full runs. `rtol`, `solver`: of all runs, as of `simulate`.
     - `tol`: change of the parameters, in ranges of the box, that ends the search.
 
+    Warns if the full run at the best parameters is doubtful.
     Raises InputError for a start outside of the box, or a shape that differs; SimulationError if
     the full run at the start fails.
     """
@@ -188,6 +190,7 @@ class _Search:
         """With the covariance of the full model at the best point."""
         present, spread = np.isfinite(self.measured), self._spread()
         residuals = ((np.asarray(best.seen) - self.measured) / spread)[present]
+        warn_of_outcome("fit_over, at the best parameters", best.run.status, best.run.flags)
         # In the order of `jax.tree.leaves`.
         names, columns = sorted(best.point), []
         for name in names:

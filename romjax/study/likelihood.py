@@ -9,6 +9,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..arrays import concrete
 from ..errors import InputError
+from ..integrate.doubt import telling
 
 
 def log_likelihood(
@@ -19,12 +20,14 @@ def log_likelihood(
 
     Differentiable in both modes, so that samplers that follow gradients (NUTS) can take it, with a
     prior, for the logarithm of the posterior density. A run that fails, or a prediction that is not
-    finite, has the likelihood zero: −∞.
+    finite, has the likelihood zero: −∞. Runs that fail or are doubtful warn when the program runs,
+    but for those in functions that `predict` calls and that are compiled already.
 
     **Arguments:**
 
     - `predict`, `measured`: as `fit` takes them: a run, seen by sensors, and what was measured,
-      with NaN where nothing was. Simulate with `throw=False` and `audit=False` in it.
+      with NaN where nothing was. Simulate with `throw=False` in it; `audit=False` is faster, and
+      does not look whether energy balances.
     - `parameters`: where, a pytree.
     - `noise`: standard deviation, of any shape that broadcasts; may be one of the parameters.
 
@@ -34,7 +37,8 @@ def log_likelihood(
     given = concrete(jnp.asarray(noise))
     if given is not None and not np.all(given > 0):
         raise InputError(f"log_likelihood: noise is {given}, but it must be positive.")
-    predicted = jnp.asarray(predict(parameters))
+    with telling("log_likelihood"):
+        predicted = jnp.asarray(predict(parameters))
     if predicted.shape != data.shape:
         raise InputError(
             f"log_likelihood: predict returns the shape {predicted.shape}, but measured has "

@@ -14,6 +14,7 @@ from tqdm import tqdm
 
 from ..arrays import Vector
 from ..integrate.adjoint import forward_mode
+from ..integrate.doubt import warn_of_outcome
 from ..integrate.simulate import simulate
 from ..integrate.status import Status
 from ..program import program, program_often
@@ -97,6 +98,7 @@ def tune_baumgarte(
       fixed step, or with step size control.
     - `progress`: show a progress bar.
 
+    Warns if the run with the best parameters is doubtful.
     Raises ValueError for a system without constraints, or a start that cannot be simulated.
     """
     if system.m == 0:
@@ -110,7 +112,7 @@ def tune_baumgarte(
     if not all(bool(jnp.all(x > 0)) for x in (first.alpha, first.beta)):
         raise ValueError(f"tune_baumgarte: start={first} must be positive; logarithms are tuned.")
 
-    def measure(stabilization: Baumgarte) -> tuple[Array, Array]:
+    def measure(stabilization: Baumgarte) -> tuple[Array, tuple[Array, Array]]:
         run = simulate(
             system,
             ts,
@@ -129,30 +131,30 @@ def tune_baumgarte(
             loss += cost * jnp.mean(jnp.log1p(_root(stabilization) / omega))
         # A run that failed, or whose start is not one, says nothing of its stabilisation.
         loss = jnp.where(run.status == Status.SUCCESS, loss, jnp.nan)
-        return loss, jnp.max(jnp.abs(states.violation))
+        return loss, (jnp.max(jnp.abs(states.violation)), run.flags)
 
     optimizer = optax.inject_hyperparams(optax.adam)(learning_rate=rate)
 
     @program_often
     def advance(logs: Baumgarte, state: Any) -> Any:
         # Forwards: two parameters, or two for each constraint, and runs of many steps.
-        def both(logs: Baumgarte) -> tuple[Array, tuple[Array, Array]]:
-            loss, drift = measure(jax.tree.map(jnp.exp, logs))
-            return loss, (loss, drift)
+        def both(logs: Baumgarte) -> tuple[Array, Any]:
+            loss, others = measure(jax.tree.map(jnp.exp, logs))
+            return loss, (loss, *others)
 
-        gradient, (loss, drift) = jax.jacfwd(both, has_aux=True)(logs)
+        gradient, (loss, drift, flags) = jax.jacfwd(both, has_aux=True)(logs)
         updates, state = optimizer.update(gradient, state)
         finite = jnp.isfinite(loss)
         for slope in jax.tree.leaves(gradient):
             finite &= jnp.all(jnp.isfinite(slope))
-        return optax.apply_updates(logs, updates), state, loss, drift, finite
+        return optax.apply_updates(logs, updates), state, loss, drift, flags, finite
 
     logs = jax.tree.map(jnp.log, first)
-    state, best, last_fall = optimizer.init(logs), (np.inf, logs), 0
+    state, best, last_fall = optimizer.init(logs), (np.inf, logs, 0), 0
     path: list[tuple[Any, ...]] = []
     with forward_mode(), tqdm(total=steps, disable=not progress, desc="tune", unit="step") as bar:
         for step in range(steps):
-            next_logs, next_state, loss, drift, finite = advance(logs, state)
+            next_logs, next_state, loss, drift, flags, finite = advance(logs, state)
             if not finite:
                 if not path:
                     raise ValueError(
@@ -169,12 +171,13 @@ def tune_baumgarte(
             if float(loss) < best[0] - _LEAST_FALL:
                 last_fall = step
             if float(loss) < best[0]:
-                best = float(loss), logs
+                best = float(loss), logs, int(flags)
             if step - last_fall >= _PATIENCE:
                 break
             logs, state = next_logs, next_state
     losses, drifts, alphas, betas = (np.stack(x) for x in zip(*path, strict=True))
     tuned = jax.tree.map(jnp.exp, best[1])
+    warn_of_outcome("tune_baumgarte, at the best parameters", Status.SUCCESS, best[2])
     return Tuning(tuned, first, losses, drifts, alphas, betas, omega, lambda pair: measure(pair)[0])
 
 
