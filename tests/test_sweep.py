@@ -1,11 +1,7 @@
 """Many lanes: chunks, devices, failures, and interruptions at any moment."""
 
 import errno
-import itertools
-import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import equinox as eqx
@@ -20,7 +16,6 @@ from zoo import Stiffness, run, unit_circle, unit_mass
 import romjax as rj
 
 TS = np.linspace(0.0, 0.5, 11)
-KILLS = 20  # required
 
 
 class Pull(eqx.Module):
@@ -220,61 +215,3 @@ def test_what_cannot_be_swept():
             rj.sweep(lambda x: x, wrong)
     with pytest.raises(ValueError, match="at least one lane"):
         rj.sweep(lambda x: x, np.ones(3), chunk=0)
-
-
-# Each try is a child that is forked before JAX starts its threads: importing takes seconds.
-KILLED = """
-import json, os, pathlib, random, signal, sys, time
-import jax, jax.numpy as jnp, numpy as np, romjax as rj
-jax.config.update("jax_enable_x64", True)
-folder, result, kills = pathlib.Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
-
-def sweep():
-    # Some milliseconds a chunk: what is computed between all starts and kills is a part of all.
-    slow = lambda x: {"y": jax.lax.fori_loop(0, 20000, lambda _, y: jnp.cos(x + y), x)}
-    return rj.sweep(slow, np.arange(4000.0), chunk=4, path=folder)
-
-def there():
-    return {file.name: file.stat().st_mtime_ns for file in folder.glob("chunk-*.npz")}
-
-history, source = [there()], random.Random(0)
-for _ in range(kills):
-    child = os.fork()
-    if not child:
-        sweep()
-        os._exit(0)
-    ended = False
-    while not ended and len(there()) <= len(history[-1]):
-        ended = os.waitpid(child, os.WNOHANG)[0] == child
-        time.sleep(0.01)
-    time.sleep(source.uniform(0, 0.05))
-    if not ended:
-        os.kill(child, signal.SIGKILL)
-        os.waitpid(child, 0)
-    history.append(there())
-np.save(result, sweep().values["y"])
-print(json.dumps([*history, there()]))
-"""
-
-
-@pytest.mark.slow
-def test_killed_at_any_moment(tmp_path):
-    """After SIGKILL at random times the sweep ends with the undisturbed result, and no chunk is
-    computed twice.
-    """
-    folder, result = tmp_path / "sweep", tmp_path / "y.npy"
-    command = [sys.executable, "-W", "ignore", "-c", KILLED, folder, result, KILLS]
-    done = subprocess.run(list(map(str, command)), check=True, capture_output=True, text=True)
-    history = json.loads(done.stdout.splitlines()[-1])
-    assert len(history) == KILLS + 2
-    for before, after in itertools.pairwise(history):
-        assert len(before) < len(after)
-        assert all(after[name] == then for name, then in before.items())
-    assert 0 < len(history[-2]) < 1000  # fewer than all: the sweep was killed each time
-    assert len(history[-1]) == 1000
-    whole = rj.sweep(
-        lambda x: {"y": jax.lax.fori_loop(0, 20000, lambda _, y: jnp.cos(x + y), x)},
-        np.arange(4000.0),
-        chunk=4,
-    )
-    assert np.array_equal(np.load(result), whole.values["y"])
