@@ -158,6 +158,9 @@ from .system.flags import Flag as Flag
 from .system.stabilization import Baumgarte as Baumgarte
 from .system.stabilization import Projection as Projection
 from .tables.formulation import Tabulated as Tabulated
+from .trials.reductions import reductions as reductions
+from .trials.result import Reductions as Reductions
+from .trials.row import ReductionRow as ReductionRow
 from .xla import speed_up_xla as speed_up_xla
 
 __version__ = "0.2.0"

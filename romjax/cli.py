@@ -3,9 +3,7 @@
 import argparse
 import json
 import os
-import runpy
 import sys
-import tempfile
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,18 +15,19 @@ import numpy as np
 from tabulate import tabulate
 from tqdm import tqdm
 
-from . import __version__, document, page, plot, report, writing
+from . import __version__, chapter, document, page, plot, report, writing
 from .assembly.assemble import assemble
-from .errors import InputError, SceneError, SimulationError
+from .command_inputs import load, writable
+from .errors import InputError, SimulationError
 from .files.begin import write_start
-from .files.scene_file import SceneFile, scene_file
-from .files.settings import solver_of
+from .files.scene_file import scene_file
 from .files.summary import describe_file
-from .gallery.catalogue import EXAMPLES, Example, find
-from .scene.scene import Scene
+from .gallery.catalogue import EXAMPLES, Example
 from .study.accuracy.study import accuracy
-from .study.reduction import reduction_study
+from .study.reduction import REFINEMENT, ReductionStudy, reduction_study
 from .study.tune import tune_baumgarte
+from .system.base import AbstractSystem
+from .trials.reductions import reductions
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -57,16 +56,27 @@ def _parser() -> argparse.ArgumentParser:
     scenes.set_defaults(verb=_scenes)
     run = verbs.add_parser(
         "run",
-        help="simulate a scene, reduce it by POD and SOD, compare",
-        description="Simulate a scene, reduce it by POD and SOD in all formulations, compare, "
-        "print the table and write a page, report.html, with the moving mechanism and all figures; "
-        "beside it figures (PNG), an animation (GIF) and the trajectories (CSV).",
+        help="simulate a scene, try what reductions pay, recommend one",
+        description="Simulate a scene, try the reductions that its structure suggests, judge them "
+        "on starts that they have not seen, print the table with the recommended one first, and "
+        "write a page, report.html, with the moving mechanism and all figures; beside it figures "
+        "(PNG), an animation (GIF) and the trajectories (CSV). Ctrl-C ends the trials.",
     )
     _add_scene(run)
     run.add_argument("--rate", type=float, metavar="HZ", help="sample rate (that of the scene)")
     run.add_argument("--rtol", type=float, help="tolerance of all runs (that of the scene)")
-    run.add_argument("--pod-rank", type=int, metavar="R", help="modes of POD (drop point)")
-    run.add_argument("--sod-rank", type=int, metavar="R", help="modes of SOD (drop point)")
+    run.add_argument(
+        "--pod-rank", type=int, metavar="R", help="modes of POD, in the chapter's table"
+    )
+    run.add_argument(
+        "--sod-rank", type=int, metavar="R", help="modes of SOD, in the chapter's table"
+    )
+    run.add_argument(
+        "--budget", type=float, default=45.0, metavar="S", help="time to try models in (45)"
+    )
+    run.add_argument(
+        "--all", action="store_true", help="show all models, and POD and SOD as in the chapter"
+    )
     run.add_argument("--no-animation", action="store_true", help="leave out the animation")
     run.set_defaults(verb=_run)
     costs = verbs.add_parser(
@@ -137,43 +147,67 @@ def _scenes(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    example = _load(options.scene)
-    folder = _writable(options.out or Path(f"romjax-{example.name}"))
+    example = load(options.scene)
+    folder = writable(options.out or Path(f"romjax-{example.name}"))
+    end, rate = _given(options.end, example.end), _given(options.rate, example.rate)
+    if not (end > 0 and rate > 0 and end * rate >= 1 and options.budget > 0):
+        raise InputError(
+            f"run: end={end} s at rate={rate} Hz is no sample, or a budget of {options.budget:g} s "
+            "no time; make them larger."
+        )
     scene = example.make()
     system = assemble(scene)
     print(f"{example.name}: {example.title}")
-    print(f"{system.n} coordinates, {system.m} constraints")
-    stages = 8  # seven models and the pictures
-    with tqdm(total=stages, bar_format="{desc:32} {bar:24} {elapsed}", file=sys.stderr) as bar:
-
-        def advance(stage: str) -> None:
-            bar.update(1 if bar.desc else 0)
-            bar.set_description_str(stage)
-
-        study = reduction_study(
-            system,
-            _given(options.end, example.end),
-            _given(options.rate, example.rate),
-            pod_rank=_given(options.pod_rank, example.pod_rank),
-            sod_rank=_given(options.sod_rank, example.sod_rank),
-            rtol=_given(options.rtol, example.rtol),
-            solver=example.solver,
-            report=advance,
-            report_run=lambda run: bar.write(report.line(run), file=sys.stderr),
-        )
-        advance("figures and files")
-        files = report.write(study, scene, example, folder, not options.no_animation)
-        bar.set_description_str("done")
-        bar.update(stages - bar.n)
-    print(report.summary(study, example))
+    print(f"{system.n} coordinates, {system.m} constraints", flush=True)
+    ranks = options.pod_rank, options.sod_rank, example.pod_rank, example.sod_rank
+    asked = any(rank is not None for rank in ranks)
+    of_chapter = bool(example.published_savings) or options.all or asked
+    # One program for both studies.
+    count = (REFINEMENT if of_chapter else 1) * round(end * rate)
+    result = reductions(
+        scene,
+        np.linspace(0.0, end, count + 1),
+        rtol=_given(options.rtol, example.rtol),
+        solver=example.solver,
+        budget=options.budget,
+        progress=True,
+    )
+    print(result.summary(options.all), flush=True)
+    study = _of_chapter(options, example, system, end, rate) if of_chapter else None
+    if study is not None:
+        print(f"\n{chapter.summary(study, example)}")
+    files = report.write(result, study, scene, example, folder, not options.no_animation)
     print(f"\nWrote {files[0]}, a page with all of it, and beside it:")
     print(textwrap.fill(", ".join(file.name for file in files[1:]), 80))
     return 0
 
 
+def _of_chapter(
+    options: argparse.Namespace, example: Example, system: AbstractSystem, end: float, rate: float
+) -> ReductionStudy:
+    """POD and SOD in all formulations of the chapter."""
+    with tqdm(total=7, bar_format="{desc:32} {bar:24} {elapsed}", file=sys.stderr) as bar:
+
+        def advance(stage: str) -> None:
+            bar.update(1 if bar.desc else 0)
+            bar.set_description_str(stage)
+
+        return reduction_study(
+            system,
+            end,
+            rate,
+            pod_rank=_given(options.pod_rank, example.pod_rank),
+            sod_rank=_given(options.sod_rank, example.sod_rank),
+            rtol=_given(options.rtol, example.rtol),
+            solver=example.solver,
+            report=advance,
+            report_run=lambda run: bar.write(chapter.line(run), file=sys.stderr),
+        )
+
+
 def _accuracy(options: argparse.Namespace) -> int:
-    example = _load(options.scene)
-    folder = _writable(options.out or Path(f"romjax-{example.name}"))
+    example = load(options.scene)
+    folder = writable(options.out or Path(f"romjax-{example.name}"))
     end, rate = _given(options.end, example.end), _given(options.rate, example.rate)
     if not (options.budget > 0 and end * rate >= 1):
         raise InputError(
@@ -190,8 +224,8 @@ def _accuracy(options: argparse.Namespace) -> int:
 
 
 def _tune(options: argparse.Namespace) -> int:
-    example = _load(options.scene)
-    folder = _writable(options.out or Path(f"romjax-{example.name}"))
+    example = load(options.scene)
+    folder = writable(options.out or Path(f"romjax-{example.name}"))
     system = assemble(example.make())
     end = _given(options.end, example.end)
     result = tune_baumgarte(
@@ -242,51 +276,3 @@ def _schema(options: argparse.Namespace) -> int:
 def _given(option: Any, default: Any) -> Any:
     """What was asked for, zero included, else the default."""
     return default if option is None else option
-
-
-def _load(name: str) -> Example:
-    """A ready scene by name, a scene file, or the `scene` that a Python file defines."""
-    if name.endswith(".toml"):
-        return _of_file(scene_file(name))
-    if not name.endswith(".py"):
-        return find(name)
-    path = Path(name)
-    if not path.is_file():
-        raise SceneError(f"There is no file {path}; give a Python file that defines `scene`.")
-    scene = runpy.run_path(str(path)).get("scene")
-    if callable(scene) and not isinstance(scene, Scene):
-        scene = scene()
-    if not isinstance(scene, Scene):
-        raise SceneError(
-            f"{path} defines no `scene`; it must hold a romjax.Scene of that name, or a function "
-            "of that name that returns one."
-        )
-    return Example(path.stem, f"from {path}", lambda: scene)
-
-
-def _of_file(file: SceneFile) -> Example:
-    run = file.settings
-    return Example(
-        file.path.stem,
-        file.title,
-        file,
-        end=run.end,
-        rate=run.rate,
-        pod_rank=run.pod_rank,
-        sod_rank=run.sod_rank,
-        rtol=run.rtol,
-        solver=solver_of(run.solver),
-    )
-
-
-def _writable(folder: Path) -> Path:
-    """The folder, made if need be; raises OSError with a remedy before any work is done."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise OSError(
-            f"Cannot write to the folder {folder}: {error.strerror}; choose another with --out."
-        ) from error
-    return folder

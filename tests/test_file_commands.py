@@ -101,11 +101,12 @@ def test_a_file_runs(crank, tmp_path, monkeypatch):
     class EnoughError(Exception):
         pass
 
-    def study(system, end, rate, **settings):
-        assert (system.n, system.m, end, rate) == (10, 8, 0.1, 100.0)
-        assert settings.keys() >= {"pod_rank", "sod_rank", "rtol", "solver"}
+    def study(scene, ts, **settings):
+        system = rj.assemble(scene)
+        assert (system.n, system.m, ts[-1], len(ts)) == (10, 8, 0.1, 11)
+        assert settings.keys() >= {"rtol", "solver", "budget"}
         raise EnoughError
 
-    monkeypatch.setattr(cli, "reduction_study", study)
+    monkeypatch.setattr(cli, "reductions", study)
     with pytest.raises(EnoughError):
         main(["run", str(crank), "--out", str(tmp_path / "out"), "--no-animation"])

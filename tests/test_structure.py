@@ -148,6 +148,8 @@ BELOW = {
     "measure": {"linalg", "scene", "system", "assembly", "reduction", "integrate"},
     "analysis": {"linalg", "scene", "system", "assembly", "measure"},
     "study": {"linalg", "scene", "basis", "system", "assembly", "reduction", "integrate"},
+    "trials": {"linalg", "scene", "basis", "system", "assembly", "reduction", "integrate", "study"}
+    | {"local", "hyper", "tables"},
     "files": {"scene", "system", "assembly", "integrate", "measure", "study", "events"},
     "gallery": {"linalg", "scene", "spatial"},
     "spatial": {"scene"},

@@ -26,7 +26,7 @@ SECTIONS = {
     "Equilibrium, modes, linear models": ("analysis",),
     "Bases": ("basis",),
     "Reduced models": ("reduction", "local", "hyper", "tables"),
-    "Studies": ("study",),
+    "Studies": ("study", "trials"),
     "Files": ("files",),
     "Moving pictures": ("plot",),
     "Errors": ("errors",),

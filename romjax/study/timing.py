@@ -1,12 +1,17 @@
-"""The time of a call."""
+"""The time of calls."""
 
 import time
-from collections.abc import Callable
-from typing import TypeVar
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, TypeVar
 
 import jax
+import numpy as np
 
 T = TypeVar("T")
+# [s] What takes shorter is repeated until it takes as long, so that what else the machine does
+# slows all calls down alike; with a longer one others are compared for no longer than that.
+_SHORTEST, _LONGEST = 0.02, 0.25
+_ROUNDS = 3, 11
 
 
 def timed(call: Callable[[], T]) -> tuple[T, float]:
@@ -14,3 +19,35 @@ def timed(call: Callable[[], T]) -> tuple[T, float]:
     begin = time.perf_counter()
     result = jax.block_until_ready(call())
     return result, time.perf_counter() - begin
+
+
+class Alternating(NamedTuple):
+    """Times of calls [s], and how many times as fast as the first each is, (calls,)."""
+
+    times: np.ndarray
+    speed_ups: np.ndarray
+
+
+def alternating(calls: Sequence[Callable[[], Any]], spend: float) -> Alternating:
+    """Medians of rounds in which all calls take turns for equal times, `spend` [s] in all about.
+
+    A busy machine slows down a whole round, and not the ratios within it.
+    """
+    once = [min(timed(call)[1] for _ in range(2)) for call in calls]
+    longest = float(np.clip(once[0], _SHORTEST, _LONGEST))
+    counts = [max(1, round(longest / taken)) for taken in once]
+    total = sum(count * taken for count, taken in zip(counts, once, strict=True))
+    rounds = int(np.clip(spend / total, *_ROUNDS))
+    times = np.array([_turn(calls, counts) for _ in range(rounds)])
+    return Alternating(np.median(times, axis=0), np.median(times[:, :1] / times, axis=0))
+
+
+def _turn(calls: Sequence[Callable[[], Any]], counts: Sequence[int]) -> list[float]:
+    """The time of each call [s], on average over as many as it `counts`."""
+    taken = []
+    for call, count in zip(calls, counts, strict=True):
+        begin = time.perf_counter()
+        for _ in range(count):
+            jax.block_until_ready(call())
+        taken.append((time.perf_counter() - begin) / count)
+    return taken

@@ -1,0 +1,110 @@
+"""Which reduction to take, and why, in words."""
+
+import math
+from collections.abc import Sequence
+
+from .facts import Facts
+from .row import ReductionRow
+
+# What is hardly faster is not worth making.
+_FASTER = 1.25
+# A model that is ten times as accurate may be slower by a quarter.
+_WORTH = 0.1
+# Errors above are none of a model, and need a word.
+WRONG = 0.1
+# A full model that errs by that share of an error is as unpredictable.
+_CHAOTIC = 0.1
+# Steps that follow a motion itself, in one swing of it.
+_FEW_STEPS = 400
+
+
+def paying(rows: Sequence[ReductionRow], tol: float) -> list[ReductionRow]:
+    """Rows of models that are faster, and right on unseen starts, the best first."""
+    good = [row for row in rows if row.error <= tol and row.speed_up >= _FASTER]
+    return sorted(good, key=lambda row: -math.log(row.speed_up) + _WORTH * math.log(row.error))
+
+
+def in_order(rows: Sequence[ReductionRow], tol: float) -> list[ReductionRow]:
+    """Those that pay, then accurate ones, then the rest by their errors."""
+    best = paying(rows, tol)
+    accurate = [row for row in rows if row not in best and row.error <= tol]
+    rest = [row for row in rows if row.error > tol]
+    accurate.sort(key=lambda row: -row.speed_up)
+    return [*best, *accurate, *sorted(rest, key=lambda row: row.error)]
+
+
+def remark(trained: float, unseen: float, own: float, said: str) -> str:
+    """What speaks against a model by its errors, the error of the full model at the same tolerance,
+    and what its run was told of.
+    """
+    error = max(trained, 0.0 if math.isnan(unseen) else unseen)
+    if error <= WRONG:
+        return ""
+    if math.isinf(trained):
+        words = "its run fails"
+    elif own > _CHAOTIC * error:
+        words = f"the motion is chaotic, the full model itself errs by {own:.1e}"
+    elif trained > WRONG:
+        words = "wrong, even where it was trained"
+    elif math.isinf(unseen):
+        words = "cannot start, or fails, where it was not trained"
+    else:
+        words = "repeats its training, and is wrong elsewhere"
+    return f"{words}. {said.partition('. ')[0]}".strip() if said else f"{words}."
+
+
+def advice(rows: Sequence[ReductionRow], full: ReductionRow, facts: Facts, tol: float) -> str:
+    """What to take, or why nothing pays."""
+    good = paying(rows, tol)
+    if not good:
+        return f"Nothing pays here: {_reason(rows, full, facts, tol)}"
+    best = good[0]
+    kind = _KINDS.get(best.formulation, "")
+    pays = f"{best.pays_after:.0f} runs" if best.pays_after >= 1.5 else "one run"
+    return (
+        f"Take {best.name}: {best.speed_up:.1f} times as fast as the full model, and right to "
+        f"{best.error:.0e} where it was not trained; {kind} It pays after {pays}."
+    )
+
+
+# Why a model of a kind is fast, by what is left out.
+_KINDS = {
+    "galerkin": "few modes of all coordinates leave out what is stiff.",
+    "minimal": "the joints hold exactly, and no stiff direction is left.",
+    "local": "its bodies keep the few shapes that the motion excites, and their joints.",
+    "capped": "its fastest modes follow their loads, with no vibration of their own.",
+    "table": "the configurations are looked up, no constraint is solved.",
+    "hyper": "a few of its bodies stand for all.",
+}
+
+
+def _reason(rows: Sequence[ReductionRow], full: ReductionRow, facts: Facts, tol: float) -> str:
+    """Why, in a sentence of mechanics."""
+    faster = [row for row in rows if row.speed_up >= _FASTER]
+    if full.trained > tol:
+        return (
+            "the motion is chaotic, so that no model predicts it for long: the full one itself "
+            f"errs by {full.trained:.0e} at this tolerance."
+        )
+    if facts.contacts:
+        return (
+            "impacts set the steps of every model alike, and what they excite is the motion that "
+            "is wanted."
+        )
+    if not facts.modes and facts.freedoms == 0:
+        return "the drives prescribe all of the motion; no equation of motion is left to solve."
+    if not facts.modes and facts.explicit:
+        return (
+            f"a rigid mechanism that is not stiff has nothing to leave out; its {full.steps} steps "
+            f"follow the motion itself, in {facts.freedoms} freedoms."
+        )
+    if faster:
+        best = min(faster, key=lambda row: row.error)
+        return (
+            "what is fast here is part of the motion; the models that are faster err by "
+            f"{best.error:.0e} or more on starts that they have not seen."
+        )
+    return (
+        f"its {facts.freedoms} freedoms all take part in the motion, and the {full.steps} steps of "
+        "the full model follow it."
+    )

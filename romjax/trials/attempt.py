@@ -1,0 +1,146 @@
+"""One candidate: made, run from all starts, and judged."""
+
+import dataclasses
+import warnings
+from typing import Any, NamedTuple, cast
+
+import diffrax
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..assembly.assembled import AssembledSystem
+from ..errors import InputError, ReductionError
+from ..integrate.simulate import simulate
+from ..integrate.trajectory import Trajectory
+from ..reduction.reduce import reduce
+from ..study.accuracy.model import Model, Reduction
+from ..study.compare import compare
+from ..study.timing import timed
+from ..system.base import AbstractSystem
+from ..system.reduced import AbstractReducedSystem
+from .candidates import Candidate
+
+
+class Settings(NamedTuple):
+    """What is asked of models, an error `tol`, and how all runs are made; `solver`: for each the
+    method that suits it unless given.
+    """
+
+    tol: float
+    rtol: float
+    solver: diffrax.AbstractSolver[Any] | None
+
+
+class Truth(NamedTuple):
+    """A system with an accurate run of it, which took `time` [s]."""
+
+    system: AbstractSystem
+    run: Trajectory
+    time: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Attempt:
+    """A model with its run from the start of the scene.
+
+    - `runs`: how many it was trained with. `made`, `compiled`, `once` [s]: to train and make it, to
+      compile, and of one run.
+    - `trained`, `unseen`: the largest errors of the runs that it was made of, and of others.
+    """
+
+    name: str
+    model: Model
+    run: Trajectory
+    runs: int
+    made: float
+    compiled: float
+    once: float
+    trained: float
+    unseen: float
+
+    @property
+    def error(self) -> float:
+        """The larger one."""
+        return max(self.trained, 0.0 if np.isnan(self.unseen) else self.unseen)
+
+
+def simulated(
+    system: AbstractSystem,
+    ts: Float[Array, " k"],
+    rtol: float,
+    solver: diffrax.AbstractSolver[Any] | None = None,
+) -> Trajectory:
+    """A run, by the method that suits the system unless one is given; what speaks against it goes
+    to the table.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return simulate(system, ts, rtol=rtol, solver=solver, throw=False)
+
+
+def made(full: AssembledSystem, candidate: Candidate, training: list[Truth]) -> tuple[Model, float]:
+    """The model of a candidate, and how long that took [s].
+
+    Raises ReductionError, RankError or InputError where there is none.
+    """
+
+    def make() -> Model:
+        if candidate.cap is not None:
+            model = Model(full, cap=candidate.cap)
+            assert model.system.n == full.n  # it is made when it is first asked for
+            return model
+        assert candidate.formulation is not None
+        assert candidate.decomposition is not None
+        runs = [truth.run for truth in training]
+        basis = candidate.formulation.basis(full, runs, candidate.decomposition)
+        # All formulations but those for reference make such systems.
+        rom = cast(AbstractReducedSystem, reduce(full, basis, candidate.formulation))
+        return Model(full, Reduction(rom, basis, candidate.formulation, 0.0))
+
+    return timed(make)
+
+
+def named(model: Model, runs: int) -> str:
+    """What tables call it."""
+    if model.cap is not None:
+        return model.name.replace(",", "")
+    of = "" if runs == 1 else f", {runs} runs"
+    return f"{model.formulation} r={model.rank}{of}"
+
+
+def attempt(
+    model: Model, making: float, training: list[Truth], unseen: list[Truth], settings: Settings
+) -> Attempt:
+    """The model run and judged."""
+    first, *others = training
+    method = settings.rtol, settings.solver
+    run, with_compiling = timed(lambda: simulated(model.system, first.run.t, *method))
+    _, once = timed(lambda: simulated(model.system, first.run.t, *method))
+    needs = 0.0 if model.cap is not None else sum(truth.time for truth in training)
+    beyond = [error_of(model, truth, settings) for truth in unseen]
+    return Attempt(
+        name=named(model, len(training)),
+        model=model,
+        run=run,
+        runs=0 if model.cap is not None else len(training),
+        made=making + needs,
+        compiled=max(0.0, with_compiling - once),
+        once=once,
+        trained=max([error(first.run, run), *(error_of(model, x, settings) for x in others)]),
+        unseen=max(beyond, default=np.nan),
+    )
+
+
+def error_of(model: Model, truth: Truth, settings: Settings) -> float:
+    """The error on a run of another system; infinite where the model cannot start or fails."""
+    try:
+        other = model.of(truth.system, truth.run.t[0])
+        return error(truth.run, simulated(other, truth.run.t, settings.rtol, settings.solver))
+    except (ReductionError, InputError):
+        return np.inf
+
+
+def error(truth: Trajectory, run: Trajectory) -> float:
+    """Infinite of a run that has failed."""
+    found = float(compare(truth, run).error)
+    return found if np.isfinite(found) and bool(run.success) else np.inf

@@ -1,0 +1,95 @@
+"""What a mechanism is like, as far as it decides which reductions are worth trying."""
+
+import dataclasses
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..assembly.assembled import AssembledSystem
+from ..integrate.trajectory import Trajectory
+from ..program import program_once
+from ..scene.joint.prescribed import PrescribedAngle, PrescribedTravel
+from ..scene.scene import Scene
+from ..study.accuracy.models import default_caps
+from ..system import unit_length
+from ..system.structure import without_names
+
+
+@dataclasses.dataclass(frozen=True)
+class Facts:
+    """The structure of a mechanism.
+
+    - `bodies`, `modes`: how many there are, the modes of all flexible bodies together.
+    - `freedoms`: of rigid and elastic motion, as the joints leave them at the start.
+    - `space`, `loops`, `contacts`: whether bodies move in space, joints close loops, points touch.
+    - `drives`: how many motions are prescribed.
+    - `caps` [Hz]: of the modes, worth trying.
+    - `explicit`: whether an explicit method is fast enough for the full model; `steps`: that its
+      run takes.
+    """
+
+    bodies: int
+    modes: int
+    freedoms: int
+    space: bool = False
+    loops: bool = False
+    contacts: bool = False
+    drives: int = 0
+    caps: tuple[float, ...] = ()
+    explicit: bool = True
+    steps: int = 0
+
+    @classmethod
+    def of(cls, scene: Scene, system: AssembledSystem, run: Trajectory, implicit: bool) -> "Facts":
+        """Of a scene, its system, and a run that an `implicit` method was chosen for or not."""
+        structure = system.structure
+        return cls(
+            bodies=len(scene.bodies),
+            modes=sum(body.modes for body in scene.bodies),
+            freedoms=freedoms(system),
+            space=bool(structure.quaternions),
+            loops=structure.loops,
+            contacts=structure.contacts,
+            drives=len(drives(scene)),
+            caps=tuple(default_caps(system)),
+            explicit=not implicit,
+            steps=int(run.stats.num_steps),
+        )
+
+    @property
+    def rigid(self) -> int:
+        """The freedoms of the bodies' frames."""
+        return self.freedoms - self.modes
+
+
+def drives(scene: Scene) -> list[int]:
+    """The numbers of the joints that prescribe a motion."""
+    kinds = (PrescribedAngle, PrescribedTravel)
+    return [i for i, joint in enumerate(scene.joints) if isinstance(joint, kinds)]
+
+
+def freedoms(system: AssembledSystem) -> int:
+    """How many freedoms the joints leave at the start, those that repeat others not counted."""
+    rows = np.asarray(joined(without_names(system), system.q0).rows)
+    return system.n - (int(np.linalg.matrix_rank(rows)) if len(rows) else 0)
+
+
+class Joined(NamedTuple):
+    """The constraints C of a configuration with their derivatives, lengths of quaternions included,
+    and the potential energy [J].
+    """
+
+    violation: Float[Array, " M"]
+    rows: Float[Array, "M n"]
+    stored: Float[Array, ""]
+
+
+@program_once
+def joined(system: AssembledSystem, q: Float[Array, " n"]) -> Joined:
+    """That of the coordinates `q` at the start."""
+    time = jnp.zeros((), q.dtype)
+    elastic, other = system.stored(time, q)
+    rows = unit_length.jacobian(system, time, q)
+    return Joined(unit_length.extended(system, time, q), rows, elastic + other)

@@ -1,0 +1,144 @@
+"""What reduction gains for a mechanism: the models that its structure suggests, tried."""
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import diffrax
+from tqdm import tqdm
+
+from ..arrays import Vector
+from ..checks import check_kind
+from ..errors import InputError
+from ..integrate.trajectory import Trajectory
+from ..scene.scene import Scene
+from ..study.timing import alternating
+from ..system.base import AbstractSystem
+from .advice import advice, in_order, paying, remark
+from .attempt import Attempt, Settings, simulated
+from .result import Reductions
+from .row import ReductionRow
+from .search import Search
+
+# Of the budget: for trying models, and for timing them.
+_TRYING, _TIMING = 0.8, 0.15
+
+
+def reductions(
+    scene: Scene,
+    ts: Vector,
+    *,
+    tol: float = 1e-3,
+    rtol: float = 1e-8,
+    solver: diffrax.AbstractSolver[Any] | None = None,
+    budget: float = 60.0,
+    progress: bool = False,
+) -> Reductions:
+    """What pays: reduced models of a scene against the full one, on starts that they have not seen.
+
+    By the structure of the mechanism (drives, loops, flexible bodies, freedoms, plane or space)
+    kinds of models are chosen, coarse ones first, and refined until they are accurate; what only
+    repeats its training is trained with three runs. Errors are measured on the training, and on
+    three runs that no model has seen: at other speeds of the drives, else from other starts. All
+    models run by the method that suits them, at one tolerance, and are timed in turns, so that what
+    else the machine does slows all of them alike.
+
+    **Arguments:**
+
+    - `scene`: the mechanism. `ts` (k,): output times [s].
+    - `tol`: the error that a model may have, as `Comparison.error`.
+    - `rtol`: tolerance of all runs; those that errors are measured against have a hundredth.
+    - `solver`: of all runs; for each the one that suits it unless given.
+    - `budget`: time to spend [s], about; the most promising are tried first, and what there was no
+      time for is named.
+    - `progress`: show a progress bar, and each model as soon as it was tried. Ctrl-C ends the study
+      with what has been measured.
+
+    Raises InputError for numbers without meaning, SimulationError if the full model fails.
+    """
+    check_kind("reductions", "the first argument", scene, Scene, "a romjax.Scene")
+    if not (0 < tol < 1 and 0 < rtol < 1 and budget > 0):
+        raise InputError(
+            f"reductions: tol={tol}, rtol={rtol}, budget={budget}; both tolerances must lie "
+            "between 0 and 1, and there must be time to spend."
+        )
+    deadline = time.perf_counter() + _TRYING * budget
+    layout = "{desc:24} {n_fmt} models, {elapsed}"
+    with tqdm(disable=not progress, bar_format=layout) as bar:
+        search = Search.begun(scene, ts, Settings(tol, rtol, solver), deadline, bar)
+        try:
+            search.try_all()
+        except KeyboardInterrupt:
+            search.skipped["the rest"] = "interrupted"
+        bar.set_description_str("times")
+        return _result(search, _TIMING * budget)
+
+
+def _result(search: Search, spend: float) -> Reductions:
+    """What was found, timed in turns for `spend` [s]."""
+    systems: list[AbstractSystem] = [
+        search.system,
+        *(tried.model.system for tried in search.attempts),
+    ]
+    tol, rtol, solver = search.settings
+
+    def call(system: AbstractSystem) -> Callable[[], Trajectory]:
+        return lambda: simulated(system, search.ts, rtol, solver)
+
+    calls = [call(system) for system in systems]
+    found = alternating(calls, spend)
+    full_time = float(found.times[0])
+    full = ReductionRow(
+        name="full",
+        formulation="full",
+        rank=search.system.n,
+        runs=0,
+        steps=int(search.full.stats.num_steps),
+        time=full_time,
+        speed_up=1.0,
+        trained=search.own,
+        unseen=float("nan"),
+        made=0.0,
+        compiled=search.compiled,
+        pays_after=float("nan"),
+        remark="",
+    )
+    rows = [
+        _row(tried, float(taken), float(ratio), full)
+        for tried, taken, ratio in zip(
+            search.attempts, found.times[1:], found.speed_ups[1:], strict=True
+        )
+    ]
+    order = in_order(rows, tol)
+    picked: Sequence[Attempt] = [search.attempts[rows.index(row)] for row in order]
+    return Reductions(
+        rows=tuple(order),
+        models=tuple(tried.model.system for tried in picked),
+        runs=tuple(tried.run for tried in picked),
+        full=full,
+        system=search.system,
+        truth=search.training[0].run,
+        advice=advice(rows, full, search.facts, tol),
+        refused=search.refused,
+        skipped=search.skipped,
+        pays=bool(paying(rows, tol)),
+    )
+
+
+def _row(tried: Attempt, taken: float, ratio: float, full: ReductionRow) -> ReductionRow:
+    cost = tried.made + tried.compiled
+    return ReductionRow(
+        name=tried.name,
+        formulation=tried.model.formulation,
+        rank=tried.model.rank,
+        runs=tried.runs,
+        steps=int(tried.run.stats.num_steps),
+        time=taken,
+        speed_up=ratio,
+        trained=tried.trained,
+        unseen=tried.unseen,
+        made=tried.made,
+        compiled=tried.compiled,
+        pays_after=cost / (full.time - taken) if ratio > 1 and full.time > taken else float("inf"),
+        remark=remark(tried.trained, tried.unseen, full.trained, tried.run.warnings()),
+    )

@@ -1,0 +1,124 @@
+"""What reductions of a mechanism cost and gain."""
+
+import dataclasses
+import textwrap
+from typing import Any
+
+from tabulate import tabulate
+
+from ..errors import InputError
+from ..extras import frame
+from ..integrate.trajectory import Trajectory
+from ..system.base import AbstractSystem
+from .row import ReductionRow
+
+# Rows that a summary shows unless all are asked for.
+_SHOWN = 6
+_WIDTH = 80
+
+
+@dataclasses.dataclass(frozen=True)
+class Reductions:
+    """Reduced models of a scene, measured; made by `reductions`.
+
+    - `rows`: one for each model, the recommended one first, then by how much faster they are;
+      `models`: the systems in the same order; `runs`: their motions from the start of the scene.
+    - `full`: the row of the full model; `system` and `truth`: its system, and an accurate run of
+      it, which errors are measured against.
+    - `advice`: which model to take and why, or why none pays, in words.
+    - `refused`: what cannot reduce this mechanism, and `skipped`: what was not tried, by name, with
+      the reason. `pays`: whether any is worth making.
+    """
+
+    rows: tuple[ReductionRow, ...]
+    models: tuple[AbstractSystem, ...]
+    runs: tuple[Trajectory, ...]
+    full: ReductionRow
+    system: AbstractSystem
+    truth: Trajectory
+    advice: str
+    refused: dict[str, str]
+    skipped: dict[str, str]
+    pays: bool
+
+    @property
+    def recommended(self) -> ReductionRow | None:
+        """The row of the model that pays best; None where none does."""
+        return self.rows[0] if self.pays else None
+
+    def model(self, row: ReductionRow | None = None) -> AbstractSystem:
+        """The system of a row, or of the recommended one: a reduced system, or with a cap the full
+        one with slower modes.
+
+        Raises InputError if none is recommended.
+        """
+        chosen = self.recommended if row is None else row
+        if chosen is None:
+            raise InputError(f"reductions: no model is recommended. {self.advice}")
+        return self.models[self.rows.index(chosen)]
+
+    def table(self) -> Any:
+        """All rows as a pandas data frame, the full model first (extra `study`)."""
+        return frame("Reductions.table", [self.full, *self.rows], "the rows are in .rows")
+
+    def cells(self, every: bool = False) -> tuple[list[str], list[list[str]]]:
+        """The header and the rows of the table in words, the best of them or `every` one."""
+        header = ["model", "steps", "ms", "times", "trained", "unseen", "made s", "pays after"]
+        rows = [_cells(self.full), *(_cells(row) for row in self.shown(every))]
+        rows[0][3] = rows[0][5] = rows[0][7] = ""
+        return header, rows
+
+    def shown(self, every: bool = False) -> list[ReductionRow]:
+        """The best rows, or `every` one."""
+        return list(self.rows if every else self.rows[:_SHOWN])
+
+    def notes(self, every: bool = False) -> list[str]:
+        """What the table means, what speaks against its rows, and what is not in it."""
+        notes = [
+            "times: as fast as the full model; errors on the training and the largest on three "
+            "unseen starts or speeds; made: with training and compiling; pays after: runs."
+        ]
+        notes += [f"{row.name}: {row.remark}" for row in self.shown(every) if row.remark]
+        if every:
+            notes += [f"{name}: refused. {why}" for name, why in self.refused.items()]
+        else:
+            notes += [f"{name}: refused, {_first(why)}" for name, why in self.refused.items()]
+            hidden = len(self.rows) - len(self.shown())
+            notes += [f"{hidden} more models are slower or less accurate."] * (hidden > 0)
+        if self.skipped:
+            notes.append(f"Not tried: {', '.join(self.skipped)}; {min(self.skipped.values())}.")
+        return notes
+
+    def summary(self, every: bool = False) -> str:
+        """The advice, the table and its notes, at most 80 columns wide."""
+        header, rows = self.cells(every)
+        lines = [header, ["-" * len(name) for name in header], *rows]
+        sides = ["left"] + ["right"] * (len(header) - 1)
+        table = tabulate(lines, tablefmt="plain", disable_numparse=True, colalign=sides)
+        notes = [textwrap.fill(note, _WIDTH, subsequent_indent="  ") for note in self.notes(every)]
+        return "\n".join([textwrap.fill(self.advice, _WIDTH), "", table, "", *notes])
+
+
+def _first(text: str) -> str:
+    """The first sentence of a refusal."""
+    sentence = text.removeprefix("reduce: ").partition(". ")[0].partition("; ")[0]
+    return sentence.rstrip(".") + "."
+
+
+def _cells(row: ReductionRow) -> list[str]:
+    return [
+        row.name,
+        f"{row.steps}",
+        f"{1e3 * row.time:.3g}",
+        f"{row.speed_up:.1f}",
+        _error(row.trained),
+        _error(row.unseen),
+        f"{row.made + row.compiled:.1f}",
+        "never" if row.pays_after == float("inf") else f"{row.pays_after:.0f}",
+    ]
+
+
+def _error(error: float) -> str:
+    if error != error:
+        return "-"
+    return "failed" if error == float("inf") else f"{error:.1e}"

@@ -1,0 +1,199 @@
+"""The search for models that pay, within a time."""
+
+import dataclasses
+import sys
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..arrays import as_array
+from ..assembly.assemble import assemble
+from ..assembly.assembled import AssembledSystem
+from ..errors import InputError, RankError, ReductionError
+from ..integrate.rodas5p import Rodas5P
+from ..integrate.simulate import simulate
+from ..integrate.trajectory import Trajectory
+from ..scene.scene import Scene
+from ..study.timing import timed
+from .attempt import Attempt, Settings, Truth, attempt, error, made, named, simulated
+from .candidates import Family, families
+from .facts import Facts
+from .variants import TRAINING, UNSEEN, Change, variants
+
+NO_TIME = "no time left in the budget"
+# Errors are measured against runs that are sharper by this factor, as far as numbers allow.
+_SHARPER, _SHARPEST = 1e-2, 1e-12
+# Models of one kind at most, and the share of `tol` below which a finer one is not asked for.
+_MOST, _ENOUGH = 4, 0.05
+# A model that errs by so many times more where it was not trained needs more runs.
+_REPEATS = 5.0
+# A kind is given up where its model takes so many times as long as the full one.
+_SLOW = 1.5
+
+
+@dataclasses.dataclass
+class Try:
+    """How far a kind of models has come: the number of the next candidate, and of training runs."""
+
+    family: Family
+    candidate: int = 0
+    runs: int = 1
+    models: int = 0
+    done: bool = False
+
+
+@dataclasses.dataclass
+class Search:
+    """A mechanism with its accurate runs, and the models that were tried.
+
+    - `full`: its run at the tolerance of the models, which takes `once` [s] and `compiled` [s] to
+      compile; it errs by `own`.
+    - `deadline`: of the clock [s], after which nothing more is tried. `bar`: of progress.
+    """
+
+    scene: Scene
+    system: AssembledSystem
+    ts: Float[Array, " k"]
+    settings: Settings
+    deadline: float
+    bar: Any
+    full: Trajectory
+    once: float
+    compiled: float
+    training: list[Truth]
+    facts: Facts
+    unseen: list[Truth] = dataclasses.field(default_factory=list)
+    attempts: list[Attempt] = dataclasses.field(default_factory=list)
+    refused: dict[str, str] = dataclasses.field(default_factory=dict)
+    skipped: dict[str, str] = dataclasses.field(default_factory=dict)
+
+    @classmethod
+    def begun(
+        cls, scene: Scene, ts: Any, settings: Settings, deadline: float, bar: Any
+    ) -> "Search":
+        """With the full model's runs from the start of the scene; raises SimulationError if they
+        fail.
+        """
+        system = assemble(scene)
+        times = as_array(ts).astype(system.q0.dtype)
+        bar.set_description_str("full model")
+        rtol, solver = settings.rtol, settings.solver
+        full, first = timed(lambda: simulate(system, times, rtol=rtol, solver=solver))
+        _, once = timed(lambda: simulate(system, times, rtol=rtol, solver=solver))
+        _tell(bar, f"full: {system.n} coordinates, {_steps(full)} steps in {1e3 * once:.1f} ms")
+        truth = _truth(system, full, rtol)
+        facts = Facts.of(scene, system, full, isinstance(full.solver, Rodas5P))
+        return cls(
+            scene=scene,
+            system=system,
+            ts=times,
+            settings=settings,
+            deadline=deadline,
+            bar=bar,
+            full=full,
+            once=once,
+            compiled=max(0.0, first - once),
+            training=[truth or Truth(system, full, once)],
+            facts=facts,
+        )
+
+    @property
+    def own(self) -> float:
+        """The error of the full model."""
+        return error(self.training[0].run, self.full)
+
+    def try_all(self) -> None:
+        """Try kinds of models in turns, the most promising first, until time is up."""
+        self.unseen = self.truths(UNSEEN)
+        tries, longest = [Try(family) for family in families(self.facts)], 0.0
+        while open_ones := [one for one in tries if not one.done]:
+            for one in open_ones:
+                begin = time.perf_counter()
+                if begin + longest > self.deadline:
+                    names = [one.family.name for one in tries if not (one.models or one.done)]
+                    self.skipped.update(dict.fromkeys(names, NO_TIME))
+                    return
+                self.step(one)
+                longest = max(longest, time.perf_counter() - begin)
+
+    def step(self, one: Try) -> None:
+        """Try the next candidate of a kind."""
+        family = one.family
+        self.bar.set_description_str(family.name)
+        if one.runs > len(self.training):
+            self.training += self.truths(TRAINING)
+        training = self.training[: one.runs]
+        try:
+            model, making = made(self.system, family.candidates[one.candidate], training)
+        except (RankError, ReductionError, InputError) as refusal:
+            if not one.models:
+                self.refused[family.name] = str(refusal)
+            _finer(one)
+            return
+        self.refused.pop(family.name, None)
+        if named(model, len(training)) in [tried.name for tried in self.attempts]:
+            _finer(one)
+            return
+        tried = attempt(model, making, training, self.unseen, self.settings)
+        one.models += 1
+        self.attempts.append(tried)
+        self.bar.update()
+        _tell(self.bar, _line(tried, self.once))
+        self.judge(one, tried)
+
+    def judge(self, one: Try, tried: Attempt) -> None:
+        """Say what to try next of a kind."""
+        slower = tried.once / self.once
+        enough = tried.error <= _ENOUGH * self.settings.tol
+        too_slow = slower > (_SLOW if tried.error <= self.settings.tol else 2 * _SLOW)
+        repeats = tried.unseen > max(self.settings.tol, _REPEATS * tried.trained)
+        if enough or too_slow or one.models == _MOST:
+            one.done = True
+        elif one.family.trained and one.runs == 1 and repeats:
+            one.runs = 1 + len(TRAINING)
+        else:
+            _finer(one)
+
+    def truths(self, changes: Sequence[Change]) -> list[Truth]:
+        """Accurate runs of other starts or speeds, of those that can be simulated."""
+        self.bar.set_description_str("other starts" if not self.facts.drives else "other speeds")
+        systems = variants(self.scene, self.system, self.training[0].run, changes)
+        found = [_truth(system, self.full, self.settings.rtol) for system in systems]
+        return [truth for truth in found if truth is not None]
+
+
+def _tell(bar: Any, words: str) -> None:
+    """A line that stays above the bar, if there is one."""
+    if not bar.disable:
+        bar.write(words, file=sys.stderr)
+
+
+def _finer(one: Try) -> None:
+    one.candidate += 1
+    one.done = one.candidate == len(one.family.candidates)
+
+
+def _truth(system: AssembledSystem, like: Trajectory, rtol: float) -> Truth | None:
+    """An accurate run by the method of another one, unless it fails."""
+    sharp = max(_SHARPER * rtol, _SHARPEST)
+    try:
+        run, taken = timed(lambda: simulated(system, like.t, sharp, like.solver))
+    except InputError:  # no start
+        return None
+    return Truth(system, run, taken) if bool(run.success) else None
+
+
+def _steps(run: Trajectory) -> int:
+    return int(run.stats.num_steps)
+
+
+def _line(tried: Attempt, full: float) -> str:
+    """What is known of a model as soon as it was tried."""
+    beyond = "" if np.isnan(tried.unseen) else f", unseen {tried.unseen:.1e}"
+    return (
+        f"{tried.name}: {_steps(tried.run)} steps in {1e3 * tried.once:.1f} ms, "
+        f"{full / tried.once:.1f} times as fast, error {tried.trained:.1e}{beyond}"
+    )

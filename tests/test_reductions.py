@@ -1,0 +1,184 @@
+"""What pays: which models are tried, what they are judged by, and what is said of them."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import zoo
+from comparison import assert_close
+from tolerances import IDENTITY, SOLVED
+from zoo import run
+
+import romjax as rj
+from romjax.trials.advice import advice, in_order, remark
+from romjax.trials.candidates import families
+from romjax.trials.facts import Facts, freedoms
+from romjax.trials.row import ReductionRow
+from romjax.trials.variants import TRAINING, UNSEEN, at_speed, variants
+
+RIGID = Facts(bodies=3, modes=0, freedoms=1, loops=True)
+
+
+def kinds(**facts) -> list[str]:
+    return [family.name for family in families(dataclasses.replace(RIGID, **facts))]
+
+
+@pytest.mark.instant
+def test_models_are_chosen_by_structure():
+    """Tables are for few freedoms in the plane, caps and local bases for bodies that bend, samples
+    for trees of many; subspaces come first where a drive repeats itself.
+    """
+    assert kinds() == ["table", "minimal", "galerkin"]
+    assert kinds(space=True) == ["minimal", "galerkin"]
+    assert kinds(bodies=8, freedoms=8, loops=False)[0] == "hyper"
+    assert "hyper" not in kinds(bodies=8, freedoms=8, loops=False, space=True)
+    bent = {"modes": 4, "freedoms": 5, "caps": (40.0, 80.0)}
+    assert kinds(**bent)[:2] == ["local", "capped"]
+    assert kinds(**bent, drives=1)[0] == "galerkin"
+    assert "local" not in kinds()
+    assert "capped" not in kinds(modes=4, freedoms=5)
+
+
+@pytest.mark.instant
+def test_kinds_of_models_begin_with_the_coarsest():
+    by_name = {f.name: f for f in families(Facts(2, 4, 5, caps=(40.0, 80.0)))}
+    assert [one.cap for one in by_name["capped"].candidates] == [40.0, 80.0]
+    shares = [float(one.formulation.tol) for one in by_name["local"].candidates]
+    assert shares == sorted(shares, reverse=True)
+    assert len(shares) in (2, 3)
+    assert [one.decomposition.rank for one in by_name["table"].candidates] == [2, 5]
+
+
+@pytest.mark.parametrize(
+    "signal",
+    [
+        rj.Ramp(2.0, 0.3),
+        rj.Sine(0.5, frequency=2.0, phase=0.1),
+        rj.Chirp(0.5, frequency=2.0, rate=3.0),
+        rj.Step(1.0, start=0.2, duration=0.3),
+        rj.Table([0.0, 0.4, 1.0], [0.0, 2.0, 1.0]),
+        rj.Sum((rj.Ramp(2.0, 0.3), rj.Sine(0.5, frequency=2.0))),
+    ],
+    ids=lambda signal: type(signal).__name__,
+)
+def test_a_faster_drive_goes_through_the_same(signal):
+    """f(s t) at the time t."""
+    faster = at_speed(signal, 1.25)
+    for t in (0.1, 0.3, 0.45):
+        assert_close(faster(t), signal(1.25 * t), IDENTITY)
+
+
+# Systems that tests move anyway, at rest: with a tree of joints, and with a loop and a body that
+# bends.
+@pytest.mark.parametrize("make", [zoo.bars, zoo.four_bar])
+def test_other_starts_suit_the_joints(make):
+    """Bodies as they are, moved and turning; the starts differ, and modes rest."""
+    scene, system = make(), zoo.system(make)
+    motion = zoo.motion(make)
+    starts = variants(scene, system, motion, (*TRAINING, *UNSEEN))
+    assert len({tuple(np.round(np.asarray(one.v0), 9).tolist()) for one in starts}) == len(starts)
+    for one in starts:
+        again = run(one, motion.t[:2])
+        assert bool(again.success)
+        assert 1e-3 < float(np.max(np.abs(one.q0 - system.q0))) < 1.0
+
+
+def test_a_moving_start_gets_another_speed():
+    scene, system = zoo.slider_crank(), zoo.system(zoo.slider_crank)
+    (faster,) = variants(scene, system, zoo.motion(zoo.slider_crank), UNSEEN[2:])
+    assert_close(faster.v0, 1.1 * system.v0, IDENTITY)
+
+
+def test_freedoms_are_those_of_the_joints():
+    """A hinge that is made twice takes none."""
+    assert freedoms(zoo.system(zoo.bars)) == 2
+    assert freedoms(zoo.system(zoo.four_bar)) == 1
+    assert freedoms(zoo.system(zoo.four_bar, doubled=True)) == 1
+
+
+def row(name="local r=7", speed_up=10.0, trained=1e-5, unseen=2e-5, **more) -> ReductionRow:
+    given = {"formulation": "local", "rank": 7, "runs": 1, "steps": 90, "time": 1e-3, "made": 3.0}
+    given |= {"compiled": 5.0, "pays_after": 80.0, "remark": ""} | more
+    return ReductionRow(name=name, speed_up=speed_up, trained=trained, unseen=unseen, **given)
+
+
+FULL = row("full", speed_up=1.0, trained=1e-8, unseen=math.nan, steps=120)
+
+
+@pytest.mark.instant
+def test_the_model_that_pays_comes_first():
+    """A faster one that only repeats its training comes last, one that is no faster before it."""
+    fast = row("minimal r=3", speed_up=20.0, unseen=0.4)
+    slow = row("galerkin r=8", speed_up=0.8)
+    accurate = row("capped 40 Hz", speed_up=9.0, trained=1e-7, unseen=1e-7)
+    order = in_order([fast, slow, row(), accurate], 1e-3)
+    assert [one.name for one in order] == [
+        "capped 40 Hz",
+        "local r=7",
+        "galerkin r=8",
+        "minimal r=3",
+    ]
+    words = advice(order, FULL, RIGID, 1e-3)
+    assert words.startswith("Take capped 40 Hz: 9.0 times as fast")
+    assert "after 80 runs" in words
+
+
+@pytest.mark.instant
+@pytest.mark.parametrize(
+    ("facts", "full", "why"),
+    [
+        ({}, FULL, "not stiff has nothing to leave out; its 120 steps"),
+        ({"freedoms": 0}, FULL, "no equation of motion is left"),
+        ({"contacts": True}, FULL, "impacts set the steps"),
+        ({}, FULL._replace(trained=0.3), "chaotic"),
+        ({"modes": 2, "freedoms": 3}, FULL, "take part in the motion"),
+    ],
+)
+def test_why_nothing_pays(facts, full, why):
+    words = advice([row(speed_up=0.5)], full, dataclasses.replace(RIGID, **facts), 1e-3)
+    assert words.startswith("Nothing pays here: ")
+    assert why in words
+
+
+@pytest.mark.instant
+@pytest.mark.parametrize(
+    ("errors", "word"),
+    [
+        ((1e-5, 1e-4, 1e-8), ""),
+        ((1e-5, 0.4, 1e-8), "wrong elsewhere"),
+        ((0.3, 0.4, 1e-8), "even where it was trained"),
+        ((0.3, 0.4, 0.2), "chaotic"),
+        ((1e-5, math.inf, 1e-8), "cannot start"),
+        ((math.inf, math.inf, 1e-8), "its run fails"),
+    ],
+)
+def test_no_large_error_without_a_word(errors, word):
+    said = remark(*errors, "")
+    assert word in said
+    assert bool(said) == bool(word)
+
+
+@pytest.mark.instant
+@pytest.mark.parametrize("wrong", [{"tol": 0.0}, {"rtol": 2.0}, {"budget": 0.0}])
+def test_numbers_without_meaning(wrong):
+    with pytest.raises(rj.InputError, match="reductions: tol="):
+        rj.reductions(zoo.bars(), np.linspace(0.0, 1.0, 11), **wrong)
+
+
+@pytest.mark.slow
+def test_a_whole_table():
+    """Of the cart-pendulum: a stiff mode that hardly moves is left out by each kind of model."""
+    found = rj.reductions(zoo.cart_pendulum(), np.linspace(0.0, 1.0, 101), budget=120.0)
+    best = found.recommended
+    assert best.speed_up > 3
+    assert best.error < 1e-3
+    assert {one.formulation for one in found.rows} >= {"local", "capped"}
+    text = found.summary(every=True)
+    assert max(map(len, text.splitlines())) <= 80
+    assert text.startswith(f"Take {best.name}: ")
+    table = found.table()
+    assert list(table["name"][:2]) == ["full", best.name]
+    rom = found.model()
+    again = run(rom, found.truth.t, rtol=1e-8)
+    assert_close(rj.compare(found.truth, again).error, best.trained, SOLVED, scale=1.0)
