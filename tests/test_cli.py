@@ -20,7 +20,7 @@ def test_scenes_lists_every_example(capsys):
     assert main(["scenes"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[1:]] == [example.name for example in EXAMPLES]
-    assert max(len(line) for line in lines if str(tmp_path) not in line) <= WIDTH
+    assert max(map(len, lines)) <= WIDTH
 
 
 @pytest.mark.instant
