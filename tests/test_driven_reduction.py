@@ -5,6 +5,8 @@ import functools
 import numpy as np
 import pytest
 import zoo
+from comparison import assert_close
+from tolerances import SOLVED
 
 import romjax as rj
 
@@ -13,6 +15,8 @@ import romjax as rj
 FULL, TOL, FASTER = 1e-7, 1e-4, 3e-4
 # Steps of the slider crank for one of its reduced model.
 FEWER = 15
+# Of models without freedom: steps, and errors of what depends on speeds and accelerations.
+AT_ONCE, WITH_RATES = 10, 10 * SOLVED
 GALLERY = rj.gallery
 # By name, how each is made at times the speed of its drive, and the end of its run [s].
 DRIVEN = {
@@ -47,6 +51,34 @@ def test_all_directions_of_a_driven_four_bar(decompose):
     assert rom.n == rom.m
     assert error(rom, "four-bar") <= FULL
     assert error(rom, "four-bar", 1.1) <= FULL
+
+
+@pytest.mark.parametrize("formulation", ["minimal", "table"])
+def test_without_freedom_a_model_is_kinematics(formulation):
+    """Positions, speeds and the torque of the drive, of another drive too, in hardly a step."""
+    system, truth = case("four-bar")
+    rom = rj.reduce(system, rj.pod(truth), formulation)
+    other, moved = case("four-bar", 1.1)
+    for full, wanted in ((system, truth), (other, moved)):
+        model = rom.with_full(full).starting_at(wanted.q[0], wanted.v[0])
+        found = zoo.run(model, wanted.t)
+        assert found.q.shape == wanted.q.shape
+        assert found.stats.num_accepted_steps <= AT_ONCE
+        assert_close(found.q, wanted.q, SOLVED, scale=np.ptp(wanted.q))
+        assert_close(found.v, wanted.v, WITH_RATES, scale=np.ptp(wanted.v))
+        torque, right = (
+            rj.joint_forces(one, run)["drive"].torque
+            for one, run in ((model, found), (full, wanted))
+        )
+        assert_close(torque, right, WITH_RATES, scale=np.ptp(right))
+
+
+def test_without_freedom_beyond_its_snapshots():
+    """Twice as long as the training: right, or told of."""
+    system, truth = case("four-bar")
+    rom = rj.reduce(system, rj.pod(truth), "minimal")
+    run = zoo.run(rom, np.linspace(0.0, 2 * DRIVEN["four-bar"][1], 201), throw=False)
+    assert not run.is_valid
 
 
 @pytest.mark.slow

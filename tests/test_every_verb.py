@@ -44,7 +44,6 @@ FLEXIBLE = {"cart", "bending rod", "falling beams", "beam in space"}
 REFUSED = {
     **{("equilibrium", name): "no equilibrium" for name in UNBALANCED},
     **{("local", name): "no body that deforms" for name in STRUCTURES if name not in FLEXIBLE},
-    ("minimal", "driven"): "prescribe its whole motion",
     ("galerkin", "ball joints"): "turn too far in space",
     ("galerkin", "loop in space"): "turn too far in space",
 }

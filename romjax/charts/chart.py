@@ -65,6 +65,13 @@ class Chart(eqx.Module):
         """C_q of these."""
         return self._regular(unit_length.jacobian(system, t, q))
 
+    def drives(self, system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Array, " m"]:
+        """C_t of these."""
+        t = jnp.asarray(t, q.dtype)
+        along: tuple[Array, Array]
+        along = jax.jvp(lambda t: self.constraint(system, t, q), (t,), (jnp.ones_like(t),))
+        return along[1]
+
     def _regular(self, rows: Float[Array, "M *n"]) -> Float[Array, "m *n"]:
         return rows if len(self.rows) == len(rows) else rows[np.array(self.rows, int)]
 

@@ -8,7 +8,6 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Float
 
-from ..errors import ReductionError
 from ..identity import Remembered
 from ..system import unit_length
 from ..system.base import AbstractSystem
@@ -94,15 +93,11 @@ def _best(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"])
 def best_directions(seen: Survey) -> Directions:
     """Those whose worst snapshot is best: single coordinates, or averages over the motion.
 
-    Raises ReductionError for a mechanism without freedom.
+    Of a mechanism without freedom all coordinates are dependent.
     """
-    if not seen.null_spaces.shape[2]:
-        raise ReductionError(
-            "reduce: the joints and drives of the mechanism prescribe its whole motion, so that it "
-            "has no freedom that a reduced model could have; simulate it as it is."
-        )
     rank, candidates = len(seen.rows), []
-    for vectors in (_coordinates(seen.null_spaces), *_means(seen.null_spaces)):
+    means = _means(seen.null_spaces) if seen.null_spaces.shape[2] else ()
+    for vectors in (_coordinates(seen.null_spaces), *means):
         independent, dependent = vectors[:, rank:], vectors[:, :rank]
         condition = _worst_condition(independent, dependent, seen)
         candidates.append(Directions(independent, dependent, condition))

@@ -122,7 +122,8 @@ def simulate(
         adjoint=default_adjoint(solver) if adjoint is None else adjoint,
         max_steps=max_steps,
         meter=progress_meter(progress),
-        audit=audit,
+        # Without coordinates no equation of motion is integrated that could gain energy.
+        audit=audit and system.n > 0,
         events=watched,
         max_events=max_events,
         dense=_DENSE_STEPS if dense is True else int(dense),

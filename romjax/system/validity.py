@@ -24,7 +24,7 @@ class TrainingBox(AbstractValidity):
     """The box of the snapshots that a reduced model was made of.
 
     - `lower`, `upper` (r,): in its own coordinates, or with a `root` R in R q, where the own ones
-      change on the way.
+      change on the way, or of times (1,), where a mechanism without freedom has none.
     - `violation`: largest |C| of the snapshots in the subspace.
     - `error`: estimated error of a run, relative in the energy norm; NaN if nobody estimated it.
     """
@@ -68,6 +68,8 @@ class TrainingBox(AbstractValidity):
         )
 
     def _points(self, run: Run) -> Float[Array, "k r"]:
+        if not run.q.shape[1]:
+            return run.t[:, None]
         return run.q if self.root is None else run.physical @ self.root.T
 
     def flags(self, system: AbstractSystem, run: Run) -> Int[Array, ""]:

@@ -8,14 +8,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import as_jax, put
+from ..arrays import as_jax, concrete, put
 from ..basis.basis import Basis
 from ..basis.build import modes_of
 from ..basis.snapshots import weigh
 from ..basis.subspace import span
+from ..charts.survey import survey
 from ..errors import InputError, ReductionError
 from ..program import program_once
 from ..reduction.formulation.base import AbstractFormulation, start
+from ..reduction.formulation.minimal import Minimal
 from ..reduction.system import ReducedSystem
 from ..system.base import AbstractSystem
 from ..system.validity import TrainingBox
@@ -32,7 +34,8 @@ class Tabulated(AbstractFormulation):
     then solves no constraints. Its coordinate singles out no body, so that cranks go round and dead
     points are passed. With two freedoms they leave a surface, of which the table holds what the
     snapshots of the basis reach and a tenth more on each side, away from singular positions.
-    Beyond the ends of a table a run fails.
+    Beyond the ends of a table a run fails. Without freedom, where drives prescribe the whole
+    motion, the snapshots are the table, and the model is that of `Minimal`.
 
     Masses, stiffnesses and effects need no new table. Where bodies deform, a basis of rank r gives
     r − 1 or r − 2 modes of their amplitudes, decomposed as the basis was; small amplitudes are
@@ -60,8 +63,8 @@ class Tabulated(AbstractFormulation):
             raise InputError(f"Tabulated: tol={self.tol}, but it must be positive.")
 
     def reduce(self, system: AbstractSystem, basis: Basis) -> ReducedSystem:
-        """Raises ReductionError for bodies in space, for other numbers of freedoms, for
-        constraints that change with time, at singular positions, and without snapshots for two
+        """Raises ReductionError for bodies in space, for more than two freedoms, for constraints
+        that change with time, at singular positions, and without snapshots for two
         freedoms or an open curve.
         """
         if system.full.structure.quaternions:
@@ -70,6 +73,9 @@ class Tabulated(AbstractFormulation):
                 "romjax.Minimal, which has one coordinate for one freedom."
             )
         q, v, t = start(system, basis)
+        known = concrete(q) is not None
+        if known and not survey(system, t[None], q[None], 1).null_spaces.shape[2]:
+            return Minimal().reduce(system, basis)
         frames = Frames.of(system, t, q)
         amplitudes = np.setdiff1d(np.arange(system.n), frames.numbers)
         undeformed = as_jax(put(q, amplitudes, 0.0))

@@ -40,6 +40,8 @@ class Minimal(AbstractFormulation):
     curvature of the mechanism's motion without modes of its own, so modes that differ in dependent
     coordinates only count once. Where no choice of independent coordinates holds over all
     snapshots, all freedoms are taken in several charts, which the simulation changes on the way.
+    Without freedom, where drives prescribe the whole motion, no coordinate is left: the model is
+    kinematics, C(t, q) = 0 solved from the nearest snapshot, whose accelerations give the forces.
 
     **Arguments:**
 
@@ -60,7 +62,7 @@ class Minimal(AbstractFormulation):
         """
         snapshots = SnapshotSet.of(motion).of_unit_length(system.structure.quaternions)
         chart = _choose(system, snapshots) if self.chart is None else self.chart
-        if isinstance(chart, Atlas):
+        if isinstance(chart, Atlas) or not chart.independent.size:
             return decomposition(snapshots)
         tangent = chart.tangent(system, pick(snapshots.t, 0), pick(snapshots.q, 0))
         onto, read = untraced(tangent, chart.read)
@@ -68,8 +70,8 @@ class Minimal(AbstractFormulation):
         return dataclasses.replace(basis, snapshots=snapshots)
 
     def reduce(self, system: AbstractSystem, basis: Basis) -> ReducedSystem:
-        """Raises ReductionError if the mechanism passes a singular position, or if a subspace would
-        have to change charts.
+        """Raises ReductionError if the mechanism passes a singular position, if a subspace would
+        have to change charts, or if there are neither freedoms nor snapshots.
         """
         basis = basis.of_unit_length(system.structure.quaternions)
         snapshots = basis.snapshots
@@ -78,16 +80,26 @@ class Minimal(AbstractFormulation):
             return _in_atlas(system, basis, chart)
         metric = chart.metric(system, pick(snapshots.t, 0), pick(snapshots.q, 0))
         read, modes = untraced(chart.read, basis.modes)
-        inner = span(as_jax(read.astype(metric.dtype) @ modes), metric)
-        count = 1 if chart.affine else _GUESSES
+        inner = metric  # of size zero
+        if len(metric):
+            inner = span(as_jax(read.astype(metric.dtype) @ modes), metric)
+        # Without freedom, Newton's method only follows the drives.
+        count = 1 if chart.affine else _GUESSES if len(metric) else len(snapshots.t)
+        if not len(metric) and basis.decomposition is None:
+            raise ReductionError(
+                "reduce: joints and drives prescribe the whole motion, which modes of one's own do "
+                "not show; give a basis of a run, as rj.pod(run) is."
+            )
         domain = np.linspace(0, len(snapshots.t) - 1, count).astype(int)
         lift = _lift(system, basis, chart, inner, metric, np.unique(domain))
         validity = None
         if basis.decomposition is not None:
-            validity = _box(snapshots.q, basis.offset, lift.dual)
+            validity = _box(snapshots.t, snapshots.q, basis.offset, lift.dual)
         r = inner.shape[1]
         summary = f"{r} modes of {len(metric)} minimal coordinates, no constraints"
-        if r < basis.rank:
+        if not r:
+            summary = "no freedom: joints and drives prescribe the motion, no constraints"
+        elif r < basis.rank:
             summary += f"; {basis.rank} modes were asked for"
         given = None, validity, summary, snapshots.turns
         return ReducedSystem.of(system, lift, start(system, basis), *given)
@@ -170,12 +182,17 @@ def _lift_from(
     modes = jnp.asarray(chart.independent, dtype) @ inner
     z, guesses = displacements @ dual.T, displacements @ others.astype(dtype).T
     inverses = chart.dependent_inverses(system, t, q)
-    return ImplicitLift(offset, modes, dual, z, guesses, t, inverses, chart)
+    drives = jax.vmap(lambda t, q: chart.drives(system, t, q))(t, q)
+    pace = jnp.sqrt(jnp.mean(jnp.sum(jnp.einsum("kij,kj->ki", inverses, drives) ** 2, axis=1)))
+    return ImplicitLift(offset, modes, dual, z, guesses, t, inverses, pace, chart)
 
 
 @program_once
 def _box(
-    q: Float[Array, "h n"], offset: Float[Array, " n"], dual: Float[Array, "r n"]
+    t: Float[Array, " h"],
+    q: Float[Array, "h n"],
+    offset: Float[Array, " n"],
+    dual: Float[Array, "r n"],
 ) -> TrainingBox:
-    """The box of snapshots in the minimal coordinates."""
-    return TrainingBox.of((q - offset[None]) @ dual.T)
+    """The box of snapshots in the minimal coordinates, or in time where there are none."""
+    return TrainingBox.of((q - offset[None]) @ dual.T if len(dual) else t[:, None])

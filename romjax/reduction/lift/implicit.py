@@ -13,6 +13,7 @@ from ... import precision
 from ...arrays import Time
 from ...charts.chart import Chart
 from ...linalg.dense import improve_inverse, multiply, solve_by_inverse
+from ...program import program_once
 from ...system.base import AbstractSystem
 from ...system.constraints import differentiate
 from .base import AbstractLift, Motion, Physical, Reduced
@@ -41,6 +42,7 @@ class ImplicitLift(AbstractLift):
     guesses: Float[Array, "K m"]  # d,
     times: Float[Array, " K"]  # t,
     inverses: Float[Array, "K m m"]  # and (C_q W)⁻¹ at these
+    pace: Float[Array, ""]  # of d along the drives, in the metric of z; zero without any
     chart: Chart
 
     def position(self, full: AbstractSystem, t: Time, z: Reduced) -> Physical:
@@ -53,8 +55,7 @@ class ImplicitLift(AbstractLift):
         q, inverse = self._solve(full, t, z)
         dependent = jnp.asarray(chart.dependent, z.dtype)
         rows = chart.jacobian(full, t, q)
-        _, driven = jax.jvp(lambda t: chart.constraint(full, t, q), (t,), (jnp.ones_like(t),))
-        right = [multiply(rows, self.modes), driven[:, None]]
+        right = [multiply(rows, self.modes), chart.drives(full, t, q)[:, None]]
         matrix = multiply(rows, dependent)
         inverse = improve_inverse(inverse, jax.lax.stop_gradient(matrix))
 
@@ -72,10 +73,8 @@ class ImplicitLift(AbstractLift):
         return multiply(self.dual, q - self.offset), multiply(self.dual, v)
 
     def with_full(self, full: AbstractSystem) -> "ImplicitLift":
-        dependent = jnp.asarray(self.chart.dependent, self.offset.dtype)
-        q = self.offset[None] + self.snapshots @ self.modes.T + self.guesses @ dependent.T
-        inverses = self.chart.dependent_inverses(full, self.times, q)
-        return dataclasses.replace(self, inverses=inverses)
+        # With its own arrays of the chart, which no transformation traces.
+        return dataclasses.replace(_of_another(self, full), chart=self.chart)
 
     def _solve(
         self, full: AbstractSystem, t: Time, z: Reduced
@@ -115,7 +114,9 @@ class ImplicitLift(AbstractLift):
             converged = jnp.max(jnp.abs(step)) <= limits.newton_accepted
             return jnp.where(converged, d, jnp.nan), last
 
-        nearest = jnp.argmin(jnp.sum((self.snapshots - z[None]) ** 2, axis=1))
+        # What is prescribed turns on with time, whatever the independent coordinates do.
+        far = jnp.sum((self.snapshots - z[None]) ** 2, axis=1)
+        nearest = jnp.argmin(far + (self.pace * (self.times - t)) ** 2)
         start, inverse = jax.lax.stop_gradient((self.guesses[nearest], self.inverses[nearest]))
         # Derivatives are those of the solution (implicit function theorem), not of the steps.
         d, inverse = jax.lax.custom_root(violation, start, newton, _solve_linear, has_aux=True)
@@ -125,3 +126,37 @@ class ImplicitLift(AbstractLift):
 def _solve_linear(linear: Callable[[Array], Array], right: Array) -> Array:
     solution: Array = jnp.linalg.solve(jax.jacobian(linear)(right), right)
     return solution
+
+
+@program_once
+def _of_another(lift: ImplicitLift, full: AbstractSystem) -> ImplicitLift:
+    """The same lift with the d and (C_q W)⁻¹ of another system.
+
+    Other drives put a mechanism somewhere else at the same time, many turns from it after a while.
+    So each d begins where the one before has gone; what is not found stays as it was.
+    """
+    chart, offset = lift.chart, lift.offset
+    dependent = jnp.asarray(chart.dependent, offset.dtype)
+
+    def configuration(z: Array, d: Array) -> Array:
+        return offset + multiply(lift.modes, z) + multiply(dependent, d)
+
+    def follow(lead: Array, snapshot: Any) -> tuple[Array, Array]:
+        own, t, z = snapshot
+
+        def newton(d: Array, _: None) -> tuple[Array, Array]:
+            q = configuration(z, d)
+            matrix = multiply(chart.jacobian(full, t, q), dependent)
+            step = jnp.linalg.solve(matrix, chart.constraint(full, t, q))
+            return d - step, jnp.max(jnp.abs(step))
+
+        d, steps = jax.lax.scan(newton, own + lead, None, length=_STEPS)
+        found = steps[-1] <= precision.of(d.dtype).newton_accepted
+        d = jnp.where(found & (lift.pace > 0), d, own)
+        return d - own, d
+
+    snapshots = lift.guesses, lift.times, lift.snapshots
+    _, guesses = jax.lax.scan(follow, jnp.zeros_like(lift.guesses[0]), snapshots)
+    q = jax.vmap(configuration)(lift.snapshots, guesses)
+    inverses = chart.dependent_inverses(full, lift.times, q)
+    return dataclasses.replace(lift, guesses=guesses, inverses=inverses)
