@@ -72,7 +72,11 @@ def _parser() -> argparse.ArgumentParser:
         "--sod-rank", type=int, metavar="R", help="modes of SOD, in the chapter's table"
     )
     run.add_argument(
-        "--budget", type=float, default=45.0, metavar="S", help="time to try models in (45)"
+        "--budget",
+        type=float,
+        default=45.0,
+        metavar="S",
+        help="time of a processor to try models in (45)",
     )
     run.add_argument(
         "--all", action="store_true", help="show all models, and POD and SOD as in the chapter"

@@ -39,6 +39,7 @@ def write(
     truth, approx = result.truth, best(result)
     bases = _bases(result.truth) if study is None else study.bases
     drawn = {
+        **({"reductions": plot.reductions(result)} if result.rows else {}),
         "responses": plot.response(truth, *approx.values(), labels=["full", *approx]),
         **({"errors": plot.errors(truth, approx)} if approx else {}),
         **({"singular_values": plot.values(*bases.values())} if bases else {}),

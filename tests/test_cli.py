@@ -92,14 +92,14 @@ def test_run_cart_pendulum(tmp_path):
     assert "At rest: angle of cart." in " ".join(result.stdout.split())
     assert "12 %" in result.stdout
     assert "30 %" in result.stdout
-    for name in ("singular_values", "responses", "errors", "modes_pod", "modes_sod"):
+    for name in ("reductions", "singular_values", "responses", "errors", "modes_pod", "modes_sod"):
         with Image.open(tmp_path / f"{name}.png") as picture:
             assert min(picture.size) > 300
     with Image.open(tmp_path / "animation.gif") as picture:
         assert picture.n_frames > 10
     assert f"Wrote {tmp_path / 'report.html'}, a page with all of it, and beside it:" in lines
     page = (tmp_path / "report.html").read_text("utf-8")
-    assert page.count("<img") == 5
+    assert page.count("<img") == 6
     assert page.count("<iframe") == 1
     # The full model and one that pays at least, the chapter's seven, and ranks at two rates.
     assert page.count("<tr") >= 1 + 2 + 1 + 7 + 1 + 2

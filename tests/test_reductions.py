@@ -128,7 +128,7 @@ def test_the_model_that_pays_comes_first():
 @pytest.mark.parametrize(
     ("facts", "full", "why"),
     [
-        ({}, FULL, "not stiff has nothing to leave out; its 120 steps"),
+        ({"steps": 120}, FULL, "not stiff has nothing to leave out; its 120 steps"),
         ({"freedoms": 0}, FULL, "no equation of motion is left"),
         ({"contacts": True}, FULL, "impacts set the steps"),
         ({}, FULL._replace(trained=0.3), "chaotic"),
@@ -159,6 +159,53 @@ def test_no_large_error_without_a_word(errors, word):
     assert bool(said) == bool(word)
 
 
+@pytest.fixture(scope="module")
+def found() -> rj.Reductions:
+    """Made-up rows of a real motion."""
+    system, motion = zoo.system(zoo.bars), zoo.motion(zoo.bars)
+    wrong = row("minimal r=3, 3 runs", unseen=0.4, formulation="minimal", remark="wrong elsewhere.")
+    rows = (row(), row("local r=8", speed_up=3.0, trained=1e-7, unseen=1e-6), wrong)
+    return rj.Reductions(
+        rows=rows,
+        models=(system,) * 3,
+        runs=(motion,) * 3,
+        full=FULL,
+        system=system,
+        truth=motion,
+        advice=advice(rows, FULL, RIGID, 1e-3),
+        refused={
+            "table": "Tabulated: tables are made of mechanisms in the plane; in space use more."
+        },
+        skipped={"galerkin": "no time left in the budget", "hyper": "no time left in the budget"},
+        pays=True,
+        unseen=3,
+    )
+
+
+def test_a_summary_has_all_in_80_columns(found):
+    """The best first, remarks, refusals in a sentence, and what there was no time for."""
+    lines = found.summary().splitlines()
+    assert max(map(len, lines)) <= 80
+    assert lines[0].startswith("Take local r=7: 10.0 times as fast")
+    names = [line.split("  ")[0] for line in lines]
+    assert [name for name in names if "r=" in name and ":" not in name] == [
+        *("local r=7", "local r=8", "minimal r=3, 3 runs")
+    ]
+    for said in (
+        "minimal r=3, 3 runs: wrong elsewhere.",
+        "table: refused, Tabulated: tables are made of mechanisms in the plane.",
+        "Not tried: galerkin, hyper; no time left in the budget.",
+    ):
+        assert said in lines
+
+
+def test_the_figure_rings_the_recommended_model(found):
+    """Filled and hollow points of each kind, and a line for the full model."""
+    (axes,) = rj.plot.reductions(found).axes
+    rings = [line for line in axes.lines if line.get_markersize() == 14]
+    assert [tuple(map(float, np.ravel(ring.get_data()))) for ring in rings] == [(1.0, 2e-5)]
+
+
 @pytest.mark.instant
 @pytest.mark.parametrize("wrong", [{"tol": 0.0}, {"rtol": 2.0}, {"budget": 0.0}])
 def test_numbers_without_meaning(wrong):
@@ -179,6 +226,8 @@ def test_a_whole_table():
     assert text.startswith(f"Take {best.name}: ")
     table = found.table()
     assert list(table["name"][:2]) == ["full", best.name]
+    figure = rj.plot.reductions(found)
+    assert "recommended" in [text.get_text() for text in figure.legends[0].get_texts()]
     rom = found.model()
     again = run(rom, found.truth.t, rtol=1e-8)
     assert_close(rj.compare(found.truth, again).error, best.trained, SOLVED, scale=1.0)

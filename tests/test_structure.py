@@ -154,7 +154,7 @@ BELOW = {
     "gallery": {"linalg", "scene", "spatial"},
     "spatial": {"scene"},
     "plot": {"scene", "basis", "system", "assembly", "reduction", "integrate", "study"}
-    | {"analysis"},
+    | {"analysis", "trials"},
 }
 
 

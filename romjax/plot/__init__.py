@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from .figures.errors import errors as errors
     from .figures.modes import modes as modes
     from .figures.reduction import reduction as reduction
+    from .figures.reductions import reductions as reductions
     from .figures.response import response as response
     from .figures.tuning import tuning as tuning
     from .figures.values import values as values
@@ -23,6 +24,7 @@ _FIGURES = {
     "errors": "errors",
     "modes": "modes",
     "reduction": "reduction",
+    "reductions": "reductions",
     "response": "response",
     "tuning": "tuning",
     "values": "values",

@@ -14,8 +14,6 @@ _WORTH = 0.1
 WRONG = 0.1
 # A full model that errs by that share of an error is as unpredictable.
 _CHAOTIC = 0.1
-# Steps that follow a motion itself, in one swing of it.
-_FEW_STEPS = 400
 
 
 def paying(rows: Sequence[ReductionRow], tol: float) -> list[ReductionRow]:
@@ -93,7 +91,7 @@ def _reason(rows: Sequence[ReductionRow], full: ReductionRow, facts: Facts, tol:
         )
     if not facts.modes and facts.freedoms == 0:
         return "the drives prescribe all of the motion; no equation of motion is left to solve."
-    if not facts.modes and facts.explicit:
+    if facts.quick:
         return (
             f"a rigid mechanism that is not stiff has nothing to leave out; its {full.steps} steps "
             f"follow the motion itself, in {facts.freedoms} freedoms."

@@ -16,6 +16,11 @@ from ..study.accuracy.models import default_caps
 from ..system import unit_length
 from ..system.structure import without_names
 
+# Caps in units of the lowest frequency of a body: one program runs them all.
+_CAPS = (1.0, 2.5, 5.0)
+# Steps that follow a motion itself, of some swings.
+_FEW_STEPS = 400
+
 
 @dataclasses.dataclass(frozen=True)
 class Facts:
@@ -53,10 +58,15 @@ class Facts:
             loops=structure.loops,
             contacts=structure.contacts,
             drives=len(drives(scene)),
-            caps=tuple(default_caps(system)),
+            caps=tuple(default_caps(system, _CAPS)),
             explicit=not implicit,
             steps=int(run.stats.num_steps),
         )
+
+    @property
+    def quick(self) -> bool:
+        """Whether bodies are rigid, and so few steps follow the motion that nothing is stiff."""
+        return not self.modes and self.explicit and self.steps < _FEW_STEPS
 
     @property
     def rigid(self) -> int:

@@ -20,6 +20,7 @@ from .result import Reductions
 from .row import ReductionRow
 from .search import Search
 
+INTERRUPTED = "interrupted"
 # Of the budget: for trying models, and for timing them.
 _TRYING, _TIMING = 0.8, 0.15
 
@@ -49,8 +50,8 @@ def reductions(
     - `tol`: the error that a model may have, as `Comparison.error`.
     - `rtol`: tolerance of all runs; those that errors are measured against have a hundredth.
     - `solver`: of all runs; for each the one that suits it unless given.
-    - `budget`: time to spend [s], about; the most promising are tried first, and what there was no
-      time for is named.
+    - `budget`: time of a processor to spend [s], about, so that a busy machine tries the same
+      models; the most promising come first, and what there was no time for is named.
     - `progress`: show a progress bar, and each model as soon as it was tried. Ctrl-C ends the study
       with what has been measured.
 
@@ -62,14 +63,14 @@ def reductions(
             f"reductions: tol={tol}, rtol={rtol}, budget={budget}; both tolerances must lie "
             "between 0 and 1, and there must be time to spend."
         )
-    deadline = time.perf_counter() + _TRYING * budget
+    deadline = time.process_time() + _TRYING * budget
     layout = "{desc:24} {n_fmt} models, {elapsed}"
     with tqdm(disable=not progress, bar_format=layout) as bar:
         search = Search.begun(scene, ts, Settings(tol, rtol, solver), deadline, bar)
         try:
             search.try_all()
         except KeyboardInterrupt:
-            search.skipped["the rest"] = "interrupted"
+            search.skipped["the rest"] = INTERRUPTED
         bar.set_description_str("times")
         return _result(search, _TIMING * budget)
 
@@ -122,6 +123,7 @@ def _result(search: Search, spend: float) -> Reductions:
         refused=search.refused,
         skipped=search.skipped,
         pays=bool(paying(rows, tol)),
+        unseen=len(search.unseen),
     )
 
 

@@ -27,7 +27,8 @@ class Reductions:
       it, which errors are measured against.
     - `advice`: which model to take and why, or why none pays, in words.
     - `refused`: what cannot reduce this mechanism, and `skipped`: what was not tried, by name, with
-      the reason. `pays`: whether any is worth making.
+      the reason. `pays`: whether any is worth making. `unseen`: how many runs that no model has
+      seen have judged them.
     """
 
     rows: tuple[ReductionRow, ...]
@@ -40,6 +41,7 @@ class Reductions:
     refused: dict[str, str]
     skipped: dict[str, str]
     pays: bool
+    unseen: int
 
     @property
     def recommended(self) -> ReductionRow | None:

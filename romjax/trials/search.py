@@ -28,6 +28,8 @@ NO_TIME = "no time left in the budget"
 _SHARPER, _SHARPEST = 1e-2, 1e-12
 # Models of one kind at most, and the share of `tol` below which a finer one is not asked for.
 _MOST, _ENOUGH = 4, 0.05
+# Where nothing is stiff, the second model of a kind would say what the first one did.
+_MOST_QUICK = 2
 # A model that errs by so many times more where it was not trained needs more runs.
 _REPEATS = 5.0
 # A kind is given up where its model takes so many times as long as the full one.
@@ -51,7 +53,8 @@ class Search:
 
     - `full`: its run at the tolerance of the models, which takes `once` [s] and `compiled` [s] to
       compile; it errs by `own`.
-    - `deadline`: of the clock [s], after which nothing more is tried. `bar`: of progress.
+    - `deadline`: of the processor's time [s], after which nothing more is tried.
+    - `bar`: of progress.
     """
 
     scene: Scene
@@ -111,13 +114,13 @@ class Search:
         tries, longest = [Try(family) for family in families(self.facts)], 0.0
         while open_ones := [one for one in tries if not one.done]:
             for one in open_ones:
-                begin = time.perf_counter()
+                begin = time.process_time()
                 if begin + longest > self.deadline:
                     names = [one.family.name for one in tries if not (one.models or one.done)]
                     self.skipped.update(dict.fromkeys(names, NO_TIME))
                     return
                 self.step(one)
-                longest = max(longest, time.perf_counter() - begin)
+                longest = max(longest, time.process_time() - begin)
 
     def step(self, one: Try) -> None:
         """Try the next candidate of a kind."""
@@ -150,7 +153,8 @@ class Search:
         enough = tried.error <= _ENOUGH * self.settings.tol
         too_slow = slower > (_SLOW if tried.error <= self.settings.tol else 2 * _SLOW)
         repeats = tried.unseen > max(self.settings.tol, _REPEATS * tried.trained)
-        if enough or too_slow or one.models == _MOST:
+        most = _MOST_QUICK if self.facts.quick else _MOST
+        if enough or too_slow or one.models == most:
             one.done = True
         elif one.family.trained and one.runs == 1 and repeats:
             one.runs = 1 + len(TRAINING)

@@ -1,8 +1,11 @@
 """What each mode of a reduced model buys."""
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
 
 from ...study.rank_study import RankStudy
@@ -25,32 +28,56 @@ def reduction(study: RankStudy) -> DisplayedFigure:
         rows = [r for r in study.rows if r.formulation == name and np.isfinite(r.error)]
         if not rows:
             continue
-        colour, marker = COLOURS[index % len(COLOURS)], MARKERS[index % len(MARKERS)]
-        times = [1e3 * row.least for row in rows]
-        trained = [row.trained for row in rows]
-        errors = [row.error for row in rows]
-        axes.vlines(times, trained, errors, color=colour, linewidth=0.8, alpha=0.5)
-        style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 6}
-        if study.variations:
-            axes.plot(times, trained, linestyle="", markerfacecolor="white", **style)
-        axes.plot(times, errors, linewidth=1.2, label=f'"{name}"', **style)
-        for row, time in zip(rows, times, strict=True):
-            axes.annotate(
-                str(row.rank), (time, row.error), (4, 4), textcoords="offset points", fontsize=SMALL
-            )
-        if not study.paying(name):
-            continue
-        best = study.best(name)
-        axes.plot(1e3 * best.least, best.error, "o", ms=14, mfc="none", mec=colour, mew=1.4)
-    axes.axvline(1e3 * study.full, color="black", linestyle="--", linewidth=1)
+        points = [Point(row.least, row.trained, row.error, str(row.rank)) for row in rows]
+        draw(axes, index, f'"{name}"', points, apart=study.variations > 0)
+        if study.paying(name):
+            best = study.best(name)
+            ring(axes, index, best.least, best.error)
+    explain(figure, axes, study.full, study.variations, "modes that pay")
+    return figure
+
+
+class Point(NamedTuple):
+    """A model: the time of a run [s], its errors, and what stands beside it."""
+
+    time: float
+    trained: float
+    error: float
+    words: str
+
+
+def draw(axes: Axes, index: int, name: str, points: Sequence[Point], apart: bool) -> None:
+    """Models of one kind, the `index` of its colour; with errors of the training `apart`."""
+    colour, marker = COLOURS[index % len(COLOURS)], MARKERS[index % len(MARKERS)]
+    times = [1e3 * point.time for point in points]
+    trained, errors = [point.trained for point in points], [point.error for point in points]
+    axes.vlines(times, trained, errors, color=colour, linewidth=0.8, alpha=0.5)
+    style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 6}
+    if apart:
+        axes.plot(times, trained, linestyle="", markerfacecolor="white", **style)
+    axes.plot(times, errors, linewidth=1.2, label=name, **style)
+    for point, time in zip(points, times, strict=True):
+        axes.annotate(
+            point.words, (time, point.error), (4, 4), textcoords="offset points", fontsize=SMALL
+        )
+
+
+def ring(axes: Axes, index: int, time: float, error: float) -> None:
+    """Around a model that is recommended."""
+    colour = COLOURS[index % len(COLOURS)]
+    axes.plot(1e3 * time, error, "o", ms=14, mfc="none", mec=colour, mew=1.4)
+
+
+def explain(figure: Figure, axes: Axes, full: float, unseen: int, ringed: str) -> None:
+    """Axes, the time of the full model [s], and what filled, hollow and ringed points mean."""
+    axes.axvline(1e3 * full, color="black", linestyle="--", linewidth=1)
     axes.plot([], [], "--", color="black", label="full model")
-    if study.variations:
-        axes.plot([], [], "o", color="0.3", label=f"largest of {study.variations} runs held out")
+    if unseen:
+        axes.plot([], [], "o", color="0.3", label=f"largest of {unseen} runs held out")
         axes.plot([], [], "o", color="0.3", markerfacecolor="white", label="training")
-    axes.plot([], [], "o", ms=12, mfc="none", mec="0.3", label="modes that pay")
+    axes.plot([], [], "o", ms=12, mfc="none", mec="0.3", label=ringed)
     axes.set(xlabel="time of a run [ms]", ylabel="error")
     for ticks in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
         ticks(LogFormatter(minor_thresholds=(2, 0.5)))
     axes.grid(color="0.9")
     figure.legend(loc="outside right upper", fontsize=SMALL)
-    return figure

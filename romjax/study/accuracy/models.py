@@ -88,9 +88,9 @@ def default_choices(
     return [(formulation, rank) for formulation, rank in ranks if rank > 0]
 
 
-def default_caps(system: AbstractSystem) -> list[float]:
-    """Caps [Hz] above the lowest mode of a body and below the highest; none where the frequencies
-    of the bodies are not known.
+def default_caps(system: AbstractSystem, factors: Sequence[float] = _CAPS) -> list[float]:
+    """Caps [Hz], in units of the lowest mode of a body, that are below the highest; none where the
+    frequencies of the bodies are not known.
     """
     try:
         scene = disassemble(assembled("accuracy", system))
@@ -99,5 +99,5 @@ def default_caps(system: AbstractSystem) -> list[float]:
         return []
     modes = [body.natural_frequencies() for body in scene.bodies if body.modes]
     frequencies = np.concatenate(modes) / (2 * np.pi)
-    caps = [float(factor * np.min(frequencies)) for factor in _CAPS]
+    caps = [float(factor * np.min(frequencies)) for factor in factors]
     return [hertz for hertz in caps if hertz < np.max(frequencies)]
