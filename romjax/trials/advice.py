@@ -79,10 +79,10 @@ _KINDS = {
 def _reason(rows: Sequence[ReductionRow], full: ReductionRow, facts: Facts, tol: float) -> str:
     """Why, in a sentence of mechanics."""
     faster = [row for row in rows if row.speed_up >= _FASTER]
-    if full.trained > tol:
+    if full.error > tol:
         return (
             "the motion is chaotic, so that no model predicts it for long: the full one itself "
-            f"errs by {full.trained:.0e} at this tolerance."
+            f"errs by {full.error:.0e} at this tolerance."
         )
     if facts.contacts:
         return (

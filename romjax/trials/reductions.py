@@ -88,7 +88,7 @@ def _result(search: Search, spend: float) -> Reductions:
 
     calls = [call(system) for system in systems]
     found = alternating(calls, spend)
-    full_time = float(found.times[0])
+    full_time, (trained, unseen) = float(found.times[0]), search.own()
     full = ReductionRow(
         name="full",
         formulation="full",
@@ -97,8 +97,8 @@ def _result(search: Search, spend: float) -> Reductions:
         steps=int(search.full.stats.num_steps),
         time=full_time,
         speed_up=1.0,
-        trained=search.own,
-        unseen=float("nan"),
+        trained=trained,
+        unseen=unseen,
         made=0.0,
         compiled=search.compiled,
         pays_after=float("nan"),
@@ -142,5 +142,5 @@ def _row(tried: Attempt, taken: float, ratio: float, full: ReductionRow) -> Redu
         made=tried.made,
         compiled=tried.compiled,
         pays_after=cost / (full.time - taken) if ratio > 1 and full.time > taken else float("inf"),
-        remark=remark(tried.trained, tried.unseen, full.trained, tried.run.warnings()),
+        remark=remark(tried.trained, tried.unseen, full.error, tried.run.warnings()),
     )

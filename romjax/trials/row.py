@@ -34,4 +34,4 @@ class ReductionRow(NamedTuple):
     @property
     def error(self) -> float:
         """The larger one of both errors."""
-        return max(self.trained, self.trained if self.unseen != self.unseen else self.unseen)
+        return max(x for x in (self.trained, self.unseen) if x == x)

@@ -26,6 +26,8 @@ from .variants import TRAINING, UNSEEN, Change, variants
 NO_TIME = "no time left in the budget"
 # Errors are measured against runs that are sharper by this factor, as far as numbers allow.
 _SHARPER, _SHARPEST = 1e-2, 1e-12
+# [s] Of other starts, runs that take longer have the tolerance of the models.
+_LONG = 1.0
 # Models of one kind at most, and the share of `tol` below which a finer one is not asked for.
 _MOST, _ENOUGH = 4, 0.05
 # Where nothing is stiff, the second model of a kind would say what the first one did.
@@ -52,7 +54,7 @@ class Search:
     """A mechanism with its accurate runs, and the models that were tried.
 
     - `full`: its run at the tolerance of the models, which takes `once` [s] and `compiled` [s] to
-      compile; it errs by `own`.
+      compile.
     - `deadline`: of the processor's time [s], after which nothing more is tried.
     - `bar`: of progress.
     """
@@ -87,7 +89,7 @@ class Search:
         full, first = timed(lambda: simulate(system, times, rtol=rtol, solver=solver))
         _, once = timed(lambda: simulate(system, times, rtol=rtol, solver=solver))
         _tell(bar, f"full: {system.n} coordinates, {_steps(full)} steps in {1e3 * once:.1f} ms")
-        truth = _truth(system, full, rtol)
+        truth = _truth(system, full, _sharp(rtol))
         facts = Facts.of(scene, system, full, isinstance(full.solver, Rodas5P))
         return cls(
             scene=scene,
@@ -103,10 +105,13 @@ class Search:
             facts=facts,
         )
 
-    @property
-    def own(self) -> float:
-        """The error of the full model."""
-        return error(self.training[0].run, self.full)
+    def own(self) -> tuple[float, float]:
+        """The errors of the full model on the training and unseen, NaN where runs take long."""
+        method, beyond = (self.settings.rtol, self.full.solver), list[float]()
+        if self.once < _LONG:
+            runs = [simulated(truth.system, self.ts, *method) for truth in self.unseen]
+            beyond = [error(x.run, run) for x, run in zip(self.unseen, runs, strict=True)]
+        return error(self.training[0].run, self.full), max(beyond, default=np.nan)
 
     def try_all(self) -> None:
         """Try kinds of models in turns, the most promising first, until time is up."""
@@ -116,7 +121,7 @@ class Search:
             for one in open_ones:
                 begin = time.process_time()
                 if begin + longest > self.deadline:
-                    names = [one.family.name for one in tries if not (one.models or one.done)]
+                    names = [one.family.name for one in tries if not (one.models or one.candidate)]
                     self.skipped.update(dict.fromkeys(names, NO_TIME))
                     return
                 self.step(one)
@@ -165,7 +170,8 @@ class Search:
         """Accurate runs of other starts or speeds, of those that can be simulated."""
         self.bar.set_description_str("other starts" if not self.facts.drives else "other speeds")
         systems = variants(self.scene, self.system, self.training[0].run, changes)
-        found = [_truth(system, self.full, self.settings.rtol) for system in systems]
+        rtol = self.settings.rtol if self.once > _LONG else _sharp(self.settings.rtol)
+        found = [_truth(system, self.full, rtol) for system in systems]
         return [truth for truth in found if truth is not None]
 
 
@@ -181,13 +187,16 @@ def _finer(one: Try) -> None:
 
 
 def _truth(system: AssembledSystem, like: Trajectory, rtol: float) -> Truth | None:
-    """An accurate run by the method of another one, unless it fails."""
-    sharp = max(_SHARPER * rtol, _SHARPEST)
+    """A run by the method of another one, unless it fails."""
     try:
-        run, taken = timed(lambda: simulated(system, like.t, sharp, like.solver))
+        run, taken = timed(lambda: simulated(system, like.t, rtol, like.solver))
     except InputError:  # no start
         return None
     return Truth(system, run, taken) if bool(run.success) else None
+
+
+def _sharp(rtol: float) -> float:
+    return max(_SHARPER * rtol, _SHARPEST)
 
 
 def _steps(run: Trajectory) -> int:
