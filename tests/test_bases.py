@@ -232,14 +232,14 @@ def test_a_new_decomposition_is_described_and_drawn(truth):
 
 
 def test_a_new_decomposition_reduces():
-    """And nothing speaks against the run."""
+    """And nothing speaks against the run but what eight modes leave out."""
     motion = zoo.motion(zoo.five_bar)
     rom = rj.reduce(motion.system, VelocityPOD(8)(motion))
     run = zoo.run(rom, motion.t)
     error = float(rj.compare(motion, run).error)
     assert error <= REDUCED, f"error {error:.2e}"
-    assert run.is_valid
-    assert run.warnings() == ""
+    assert run.flags == rj.Flag.LEFT_OUT
+    assert "more than 100 rtol on the motions that it was made of" in run.warnings()
 
 
 def test_the_rank_that_snapshots_do_not_allow_has_an_error_of_its_own(truth):

@@ -9,17 +9,9 @@ import pytest
 FOLDER = Path(__file__).parent.parent / "benchmarks"
 SCENES = 100
 # By kind and seed: what is wrong without a word still. Within a contact, or a motion of some
-# centimetres, tolerances explain more than a hundred of the motion's; and a reduced model says
-# nothing of what its modes leave out while it stays among its snapshots.
-KNOWN = {
-    ("bounces on a plane", 1),
-    ("step", 0),
-    *((name, seed) for name in ("galerkin 5, POD", "minimal 2, POD") for seed in (0, 1)),
-    *(("galerkin 3, SOD", seed) for seed in (0, 2)),
-    ("galerkin 5, SOD", 0),
-    ("galerkin 5, SOD", 2),
-    ("minimal 3, POD", 1),
-}
+# centimetres, tolerances explain more than a hundred of the motion's; and of a reduced model that
+# errs by half of that on its training nobody knows how much it errs under other loads.
+KNOWN = {("bounces on a plane", 1), ("step", 0), ("minimal 3, POD", 1)}
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 from ..arrays import as_jax, pick, untraced
 from ..checks import check_kind
 from ..errors import InputError
+from ..identity import Remembered
 from ..program import program
 from .turns import Turns, by_turn, by_turns
 
@@ -128,10 +129,16 @@ class SnapshotSet(eqx.Module):
             tuple(getattr(runs[0], "descriptions", runs[0].labels)),
             _changes([one for one in given if isinstance(one, Sensitivity)], dtype),
         )
+        _motions.put(snapshots.weights, tuple(runs))
         columns = getattr(runs[0], "quaternions", ())
         if not columns:
             return snapshots
         return snapshots.turned(Turns.of(snapshots.q, snapshots.weights, columns))
+
+    @property
+    def motions(self) -> tuple["Motion", ...]:
+        """Those that the snapshots are from; () where nobody knows."""
+        return _motions.get(self.weights) or ()
 
     def turned(self, turns: Turns | None) -> "SnapshotSet":
         """The same motion by quaternions of another scale."""
@@ -181,6 +188,9 @@ class SnapshotSet(eqx.Module):
         q, v, changes = _mapped(self.q, self.v, self.changes, matrix)
         return dataclasses.replace(self, q=q, v=v, changes=changes)
 
+
+# By the weights of a set, which it keeps in other coordinates.
+_motions = Remembered()
 
 # One motion of a mechanism or several, with sensitivities or not, or the snapshots of them.
 Motions = Motion | Sequence[Motion | Sensitivity] | SnapshotSet

@@ -1,16 +1,18 @@
 """Simulation: the one way from a system to a trajectory."""
 
+import functools
 import warnings
 from collections.abc import Sequence
 from typing import Any, Literal
 
 import diffrax
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from ..arrays import Vector, as_number
 from ..checks import check_finite
-from ..compat import is_outermost
+from ..compat import is_outermost, is_traced
 from ..events.base import AbstractEvent
 from ..events.check import check_events
 from ..system.base import AbstractSystem
@@ -22,6 +24,7 @@ from .adjoint import default_adjoint, has_root_finder
 from .default import default_method, start_frequencies, warn_of_fast_stabilization
 from .doubt import is_doubtful, is_unresolved, warn_of_doubt
 from .failures import raise_failure
+from .left_out import flag_left_out
 from .resolution import finer
 from .rodas5p import Rodas5P
 from .run import run
@@ -107,6 +110,7 @@ def simulate(
     times = check_times(ts, q.dtype)
     # Events ask for bodies and coordinates by their names.
     bare = system if (watched := check_events(events, max_events)) else without_names(system)
+    again = functools.partial(_training, solver, stabilization, audit)
     step, frequencies = None if dt is None else as_number(dt, q.dtype), None
     if solver is None or stabilization == "default":
         frequencies = start_frequencies(bare, times, q, v)
@@ -130,6 +134,7 @@ def simulate(
     )
     free = atol is None, isinstance(stabilization, str)
     trajectory, start = _run_well(system, bare, times, (q, v), settings, *free)
+    trajectory = flag_left_out(system, trajectory, settings.rtol, again)
     is_stiff = isinstance(solver, Rodas5P) or has_root_finder(solver)
     if isinstance(stabilization, Baumgarte) and not is_stiff:
         warn_of_fast_stabilization(bare, trajectory, q, v)
@@ -165,6 +170,25 @@ def _run_well(
         if not is_doubtful(other):
             trajectory, constraints = other, other_constraints
     return trajectory, constraints
+
+
+def _training(
+    solver: diffrax.AbstractSolver[Any] | None,
+    stabilization: Stabilization | Literal["default"],
+    audit: bool,
+    rom: AbstractSystem,
+    ts: Vector,
+    rtol: float,
+) -> Trajectory:
+    """A motion that a reduced model was made of, repeated as the one that was asked for, but by
+    default where JAX traces numbers of these choices.
+    """
+    if any(is_traced(x) for x in jax.tree.leaves((solver, stabilization))):
+        solver, stabilization = None, "default"
+    given: dict[str, Any] = {"solver": solver, "stabilization": stabilization, "audit": audit}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return simulate(rom, ts, rtol=rtol, throw=False, **given)
 
 
 def _stabilization(

@@ -176,6 +176,8 @@ class Trajectory(eqx.Module):
             words[Flag.ENERGY] += f" ({self.balance.describe()})"
         if Flag.BRANCH in flags and self.branching is not None:
             words[Flag.BRANCH] += f" ({self.branching.describe()})"
+        if Flag.LEFT_OUT in flags:
+            words[Flag.LEFT_OUT] += f" ({above('integrate.left_out', 'describe')(self)})"
         failure = [] if self.success else [self.summary()]
         parts = self.derived.parts
         others = []

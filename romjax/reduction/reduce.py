@@ -7,6 +7,7 @@ from ..basis.basis import Basis
 from ..checks import check_kind
 from ..errors import ReductionError
 from ..system.base import AbstractSystem, check_system
+from ..system.training import remember_training
 from .formulation.base import AbstractFormulation
 from .formulation.galerkin import Galerkin
 from .formulation.minimal import Minimal
@@ -62,4 +63,4 @@ def reduce(
             f"reduce: the basis has {basis.modes.shape[0]} coordinates and the system {system.n}; "
             "make the basis from a simulation of this system."
         )
-    return chosen.reduce(system, basis)
+    return remember_training(chosen.reduce(system, basis), basis)

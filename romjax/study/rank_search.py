@@ -17,6 +17,7 @@ from ..reduction.formulation.base import AbstractFormulation
 from ..reduction.reduce import reduce
 from ..system.base import AbstractSystem
 from ..system.reduced import AbstractReducedSystem
+from ..system.training import forget_training
 from .compare import apart, compare
 
 # The next rank shows the error of this one up to a factor of two.
@@ -103,6 +104,7 @@ class RankSearch:
         """The model of a basis, with its runs from the starts of all training runs."""
         # All formulations but those for reference make such systems.
         rom = cast(AbstractReducedSystem, reduce(self.systems[0], basis, self.formulation))
+        forget_training(rom)
         pairs = zip(self.systems, self.truths, strict=True)
         runs = [run_as(rom, system, truth, sharper(self.tol)) for system, truth in pairs]
         return Candidate(rom, basis, runs)

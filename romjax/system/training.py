@@ -1,0 +1,59 @@
+"""The motions that a reduced model was made of, remembered with it."""
+
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+
+from ..arrays import as_jax
+from ..basis.basis import Basis
+from ..compat import is_traced
+from ..identity import Remembered
+from .base import AbstractSystem
+
+
+class Training:
+    """A reduced model as it was made, the `motions` that it was made of, and its `errors` on them,
+    None until somebody measures them.
+    """
+
+    def __init__(self, rom: Any, motions: tuple[Any, ...]) -> None:
+        self.rom = rom
+        self.motions = motions
+        self.errors: tuple[Any, ...] | None = None
+
+
+# By the `error` of its validity, an array that a model keeps with other numbers and starts, also
+# where JAX traces these; whoever estimates that error replaces it.
+_trainings = Remembered()
+
+
+def remember_training(rom: AbstractSystem, basis: Basis) -> AbstractSystem:
+    """The same model, remembered with the motions that it was made of where these are known."""
+    error, motions = _error(rom), basis.snapshots.motions
+    if error is not None and motions and basis.decomposition is not None:
+        # What is remembered must not hold what it is remembered for.
+        other = as_jax(np.array(error))
+        same = eqx.tree_at(lambda model: model.validity.error, rom, other)
+        _trainings.put(error, Training(same, motions))
+    return rom
+
+
+def training_of(system: AbstractSystem) -> Training | None:
+    """What a model was made of; None where nobody knows, and of a system that is no such model."""
+    error = _error(system)
+    training: Training | None = None if error is None else _trainings.get(error)
+    return training
+
+
+def forget_training(rom: AbstractSystem) -> None:
+    """For those who measure by themselves how far a model errs on its training."""
+    error = _error(rom)
+    if error is not None:
+        _trainings.put(error, None)
+
+
+def _error(system: AbstractSystem) -> Any:
+    """The array that stands for a model; None of what has none of its own."""
+    error = getattr(system.validity, "error", None)
+    return None if error is None or is_traced(error) else error

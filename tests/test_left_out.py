@@ -1,0 +1,207 @@
+"""What the modes of a reduced model leave out of its own training: every run of it tells."""
+
+import dataclasses
+import gc
+import weakref
+
+import jax
+import numpy as np
+import pytest
+import zoo
+from numpy.testing import assert_allclose
+
+import romjax as rj
+from romjax.basis.snapshots import SnapshotSet
+from romjax.integrate import left_out
+from romjax.integrate.left_out import TrainingError
+from romjax.reduction.formulation.parse import as_formulation
+from romjax.system.structure import Structure
+from romjax.system.training import training_of
+
+LEFT_OUT = rj.Flag.LEFT_OUT
+# The tolerance at which models are measured whose training is more accurate.
+MEASURED = 1e-8
+
+
+def settings(make):
+    return {"solver": zoo.RODAS5P if make is zoo.falling_beams else zoo.DOPRI8, "rtol": 1e-6}
+
+
+def bending_crank():
+    """A slider crank whose rod bends."""
+    return zoo.slider_crank(bends=True)
+
+
+def model(make, formulation, rank, **numbers):
+    """A motion, and the model of so many modes that is made of it."""
+    motion = zoo.motion(make, **numbers)
+    chosen = as_formulation(formulation)
+    basis = chosen.basis(motion.system, motion, rj.POD(rank))
+    return motion, rj.reduce(motion.system, basis, chosen)
+
+
+def off(motion, run):
+    """How far off a body is at most, over the longest way of one."""
+    places = np.ravel(motion.system.full.structure.positions)
+    q, other = np.asarray(motion.q)[:, places], np.asarray(run.q)[:, places]
+    return np.max(np.abs(q - other)) / np.max(np.abs(q - q[0]))
+
+
+@pytest.fixture(scope="module")
+def halved():
+    """A five-bar with one of its two freedoms."""
+    return model(zoo.five_bar, "minimal", 1)
+
+
+def test_a_model_of_few_modes_tells_how_much_it_errs(halved):
+    """Without a Python warning: it was asked for."""
+    motion, rom = halved
+    run = zoo.run(rom, motion.t, **settings(zoo.five_bar))
+    assert run.flags & LEFT_OUT
+    error = off(motion, run)
+    assert error > 1e-3
+    words = f"more than 100 rtol on the motions that it was made of ({error:.1e} of"
+    assert words in run.warnings()
+    (measured,) = training_of(rom).errors
+    assert_allclose(measured.after(measured.elapsed[-1]), error, rtol=1e-3)
+
+
+def test_other_numbers_starts_and_shorter_runs_are_measured_by_the_same(halved, monkeypatch):
+    motion, rom = halved
+    zoo.run(rom, motion.t, **settings(zoo.five_bar))
+    monkeypatch.setattr(left_out, "_measure", None)
+    others = [
+        rom.with_full(zoo.system(zoo.five_bar, mass=1.05)),
+        rom.starting_at(motion.q[20], motion.v[20], motion.t[20]),
+    ]
+    for other in others:
+        assert zoo.run(other, motion.t[20:], **settings(zoo.five_bar)).flags & LEFT_OUT
+    # Tolerances that promise no more than the model does are kept; in fixed steps as usual.
+    loose = settings(zoo.five_bar) | {"rtol": 0.1}
+    assert not zoo.run(rom, motion.t, **loose).flags & LEFT_OUT
+    assert zoo.run(rom, motion.t, solver=zoo.DOPRI8, rtol=1e-6, dt=1e-2).flags & LEFT_OUT
+
+
+def test_models_of_all_freedoms_are_not_told_of():
+    motion, rom = model(zoo.five_bar, "minimal", 2)
+    run = zoo.run(rom, motion.t, **settings(zoo.five_bar))
+    assert run.is_valid, run.warnings()
+    (measured,) = training_of(rom).errors
+    assert measured.error[-1] <= 100 * MEASURED
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("make", "formulation", "rank", "told"),
+    [
+        (zoo.cart_pendulum, "galerkin", 3, True),
+        (zoo.cart_pendulum, "minimal", 2, True),
+        (zoo.cart_pendulum, "local", 2, False),
+        (bending_crank, "minimal", 2, True),
+        (bending_crank, "minimal", 3, False),
+        (zoo.falling_beams, "minimal", 5, True),
+        (zoo.falling_beams, "local", 4, False),
+        (zoo.four_bar, "table", 1, False),
+        (zoo.four_bar, "minimal", 1, False),
+        (zoo.bars, "minimal", 1, True),
+        (zoo.bars, "hyper", 1, True),
+        (zoo.bars, "hyper", 2, False),
+    ],
+)
+def test_who_errs_on_its_training_is_told_of(make, formulation, rank, told):
+    """Of every kind, with nothing set, and nobody else."""
+    motion, rom = model(make, formulation, rank)
+    run = rj.simulate(rom, motion.t)
+    error = off(motion, run)
+    assert (error > 1e-4) == told, f"error {error:.1e}"
+    assert bool(run.flags & LEFT_OUT) == told, f"error {error:.1e}"
+
+
+@pytest.mark.slow
+def test_runs_within_transformations_tell(halved):
+    """Of a model that nobody has measured before JAX traces it."""
+    motion, _ = halved
+    _, rom = model(zoo.five_bar, "minimal", 1)
+
+    def lane(mass):
+        other = rom.with_full(rj.assemble(zoo.five_bar(mass=mass)))
+        return zoo.run(other, motion.t, **settings(zoo.five_bar), throw=False)
+
+    masses = np.array([1.0, 1.05])
+    assert np.all(rj.sweep(lambda m: {"flags": lane(m).flags}, masses).flags & LEFT_OUT)
+    assert jax.jit(lane)(1.0).flags & LEFT_OUT
+    (measured,) = training_of(rom).errors
+    # Also the span may be traced.
+    short = jax.jit(measured.after)(0.2)
+    assert_allclose(short, measured.after(np.asarray(0.2)))
+
+
+@pytest.mark.slow
+def test_of_several_motions_the_worst_counts():
+    """Each is repeated by its own system, and those in which something happens are not."""
+    first, second = (zoo.motion(zoo.five_bar, spring=spring) for spring in (60.0, 90.0))
+    stop = rj.Crossing(_height)
+    third = zoo.run(first.system, first.t, events=[stop])
+    rom = rj.reduce(first.system, rj.pod([first, second, third], rank=6))
+    run = zoo.run(rom, first.t, **settings(zoo.five_bar))
+    errors = training_of(rom).errors
+    assert len(errors) == 2
+    other = rom.with_full(second.system).starting_at(second.q[0], second.v[0])
+    own = [off(first, run), off(second, zoo.run(other, second.t, **settings(zoo.five_bar)))]
+    assert_allclose([one.error[-1] for one in errors], own, rtol=1e-2)
+
+
+def _height(system, t, q, v):
+    del system, t, v
+    return q[1] - 10.0
+
+
+def test_what_is_not_known_is_not_measured(halved):
+    """Given modes, motions without their system, and models whose error somebody estimates."""
+    motion, _ = halved
+    given = rj.Basis.from_modes(np.eye(12), motion.q[0])
+    assert training_of(rj.reduce(motion.system, given, "minimal")) is None
+    assert training_of(motion.system) is None
+    assert not left_out._is_known(SnapshotSet.of(motion))
+
+
+def test_what_is_remembered_is_forgotten_with_the_model():
+    """The motions after they were repeated, the rest with the model."""
+    motion, rom = model(zoo.five_bar, "minimal", 2)
+    training = training_of(rom)
+    assert training.motions == (motion,)
+    zoo.run(rom, motion.t, **settings(zoo.five_bar))
+    assert training.motions == ()
+    alive = weakref.ref(training)
+    del rom, training
+    gc.collect()
+    assert alive() is None
+
+
+@pytest.mark.instant
+def test_the_error_up_to_a_time():
+    """Of a longer motion that of the end; times may be off by rounding."""
+    error = TrainingError(np.array([0.0, 0.1, 0.2]), np.array([0.0, 1.0, 3.0]), 1e-6)
+    spans = {0.05: 0.0, 0.1: 1.0, 0.1 - 1e-14: 1.0, 0.15: 1.0, 0.2: 3.0, 7.0: 3.0}
+    assert {span: error.after(np.asarray(span)) for span in spans} == spans
+
+
+@pytest.mark.instant
+def test_the_error_is_that_of_positions():
+    """Over the longest way of any; of angles only where no body moves. Rest has none."""
+    structure, q = zoo.system(zoo.four_bar).structure, np.zeros((3, 9))
+    q[1:, 0], q[1:, 2] = (1.0, 2.0), (50.0, 90.0)
+    other = q.copy()
+    other[1:, 1], other[1:, 2] = (0.1, -0.1), 0.0
+    assert_allclose(left_out._history(structure, q, other), [0.0, 0.1, 0.05])
+    q[:, 0] = other[:, 0] = 7.0
+    assert_allclose(left_out._history(structure, q, other), [0.0, 1.0, 1.0])
+    assert_allclose(left_out._history(structure, q[:1], other[:1]), [0.0])
+
+
+@pytest.mark.instant
+def test_quaternions_of_any_length_and_sign_are_turns():
+    structure = dataclasses.replace(Structure.unnamed(7, 0), frames=(0,), quaternions=(3,))
+    q = np.zeros((2, 7))
+    q[:, 3:5] = [[1.0, 0.0], [0.6, 0.8]]
+    assert_allclose(left_out._history(structure, q, -2 * q), [0.0, 0.0], atol=1e-15)
