@@ -18,6 +18,7 @@ from ..study.compare import compare
 from ..study.timing import timed
 from ..system.base import AbstractSystem
 from ..system.reduced import AbstractReducedSystem
+from ..system.training import forget_training
 from .candidates import Candidate
 
 
@@ -95,6 +96,7 @@ def made(full: AssembledSystem, candidate: Candidate, training: list[Truth]) -> 
         basis = candidate.formulation.basis(full, runs, candidate.decomposition)
         # All formulations but those for reference make such systems.
         rom = cast(AbstractReducedSystem, reduce(full, basis, candidate.formulation))
+        forget_training(rom)  # the table says how much it errs
         return Model(full, Reduction(rom, basis, candidate.formulation, 0.0))
 
     return timed(make)
