@@ -12,10 +12,10 @@ from jaxtyping import Array
 
 from .arrays import Number, as_array
 
-__all__ = ["ANGLE", "ROTATION", "Converted", "number", "parts", "radians"]
+__all__ = ["ANGLE", "ROTATION", "UNIT", "Converted", "number", "parts", "radians"]
 
-# What marks a field as an angle, or as a rotation in space, in its metadata.
-ANGLE, ROTATION = "angle", "rotation"
+# What marks a field as an angle, as a rotation in space, or as a signal in a unit that is no angle.
+ANGLE, ROTATION, UNIT = "angle", "rotation", "unit"
 
 if TYPE_CHECKING:
     # Checkers know a field, and whether it has a default, by the function that declares it, here

@@ -131,3 +131,22 @@ def test_files_leave_an_offset_out_or_give_it(tmp_path):
         scene.save(again)
         assert ("offset" in again.read_text()) == bool(given)
         assert_close(begin(rj.load_scene(again)), [wanted], IDENTITY)
+
+
+@pytest.mark.instant
+@pytest.mark.parametrize(
+    "signal",
+    [
+        '{ type = "Ramp", rate = 1.0, offset_deg = 3 }',
+        '{ type = "Sum", terms = [{ type = "Ramp", rate = 1.0, offset_deg = 3 }] }',
+    ],
+)
+def test_files_refuse_degrees_of_what_is_no_angle(signal, tmp_path):
+    """Of a travel and of a force."""
+    travel = '[joints.drive]\ntype = "PrescribedTravel"\na = "wheel"\nb = "ground"\n'
+    force = '[effects.push]\ntype = "Force"\nat = "wheel"\ndirection = [1, 0]\n'
+    path, scene = tmp_path / "driven.toml", DRIVEN.split("[joints.drive]")[0]
+    for part, unit in ((travel, "m"), (force, "N")):
+        path.write_text(f"{scene}{part}signal = {signal}\n")
+        with pytest.raises(rj.SceneFileError, match=f"signal is in {unit}, not an angle"):
+            rj.load_scene(path)

@@ -21,7 +21,7 @@ from .forms import VECTOR, Form, ListOf, MarkerForm, Numbers, PartOf, RotationFo
 from .markers import TURNS, split_marker
 from .numbers import PARAMETER, ROTATION_NUMBERS, is_turning
 from .parameters import is_reference
-from .parts import DEGREES, EMPTY, TYPE, Maker, makers
+from .parts import DEGREES, EMPTY, TYPE, Maker, makers, turn_within
 from .problems import Place, Problems, unknown
 
 _DEGREE = math.pi / 180
@@ -206,6 +206,9 @@ class Builder:
                     if value is argument.default:
                         continue
                 elif name in table and argument.form is not None:
+                    if argument.unit and (turn := turn_within(table[name])):
+                        words = f"The {name} is in {argument.unit}, not an angle; give `offset`."
+                        self._fail((*place, name, *turn), words)
                     value = self._value((*place, name), argument.form, table[name], table)
                 elif argument.optional and argument.default is EMPTY:
                     value = None
@@ -290,10 +293,7 @@ class Builder:
             raise
         except Exception as error:
             words = _OWNER.sub("", str(error).split("\n")[0] or type(error).__name__)
-            keys = [
-                key
-                for key in re.findall(r"\w+", words)
-                if key in table and key not in (TYPE, "name")
-            ]
+            known = table.keys() - {TYPE, "name"}
+            keys = [key for key in re.findall(r"\w+", words) if key in known]
             self.problems.add((*place, *keys[:1]), words[:1].upper() + words[1:])
             raise _FailedError from error

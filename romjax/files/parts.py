@@ -7,7 +7,7 @@ import typing
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from ..fields import ANGLE, ROTATION
+from ..fields import ANGLE, ROTATION, UNIT
 from .forms import Form, RotationForm, form_of, refined
 
 # What a table says of its kind, and of degrees.
@@ -27,6 +27,7 @@ class Argument:
     default: Any = EMPTY
     angle: bool = False
     optional: bool = False  # None stands for none, which no file can say
+    unit: str = ""  # of a signal that is no angle
 
     @property
     def required(self) -> bool:
@@ -56,6 +57,17 @@ class Maker:
                 yield name, argument, False
                 if argument.angle:
                     yield name + DEGREES, argument, True
+
+
+def turn_within(value: Any) -> tuple[str | int, ...]:
+    """Where the offset of a signal, or of one that is a part of it, is given in degrees."""
+    entries = value.items() if isinstance(value, Mapping) else enumerate(value)
+    for key, part in entries:
+        if key == "offset" + DEGREES:
+            return (key,)
+        if isinstance(part, Mapping | list) and (inner := turn_within(part)):
+            return (key, *inner)
+    return ()
 
 
 def makers(base: type) -> dict[str, Maker]:
@@ -122,7 +134,8 @@ def _fields(part: type) -> dict[str, Argument]:
         hint = hints.get(field.name, field.type)
         optional, angle = type(None) in typing.get_args(hint), bool(field.metadata.get(ANGLE))
         form = RotationForm() if field.metadata.get(ROTATION) else form_of(hint)
-        found[field.name] = Argument(field.name, form, angle=angle, optional=optional)
+        unit = field.metadata.get(UNIT, "")
+        found[field.name] = Argument(field.name, form, angle=angle, optional=optional, unit=unit)
     return found
 
 

@@ -6,9 +6,10 @@ from typing import Any, Literal
 
 from .. import checks
 from ..errors import SceneError
-from ..fields import Converted, number, parts, radians
+from ..fields import UNIT, Converted, number, parts, radians
 
 __all__ = [
+    "UNIT",
     "Converted",
     "check_finite",
     "check_mass",

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ...arrays import Time, Vector
 from ..drawing import arrow
-from ..fields import Converted, number
+from ..fields import UNIT, Converted, number
 from ..marker import Marker, Pose, Twist, Wrench
 from ..outline import Outline
 from ..signal import AbstractSignal, signal_field
@@ -28,7 +28,7 @@ class Force(AbstractMarkerEffect):
 
     at: Marker
     direction: Converted[Float[Array, " d"], Vector] = number()
-    signal: AbstractSignal = signal_field()
+    signal: AbstractSignal = signal_field(metadata={UNIT: "N"})
     frame: str = eqx.field(static=True, default="world")
     needs_twists: ClassVar[bool] = False
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)

@@ -7,6 +7,7 @@ from jaxtyping import Array, Float
 
 from ...arrays import Time
 from ..drawing import placed, turning_arrow
+from ..fields import UNIT
 from ..marker import Marker, Pose, Twist, Wrench
 from ..outline import Outline
 from ..signal import AbstractSignal, signal_field
@@ -23,7 +24,7 @@ class Torque(AbstractMarkerEffect):
     """
 
     at: Marker
-    signal: AbstractSignal = signal_field()
+    signal: AbstractSignal = signal_field(metadata={UNIT: "N m"})
     needs_twists: ClassVar[bool] = False
 
     def wrenches(

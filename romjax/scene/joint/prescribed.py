@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from ...arrays import Time
 from ...errors import SceneError
 from ..drawing import arrow, on_axis, placed, turning_arrow
+from ..fields import UNIT
 from ..marker import Marker, Pose
 from ..outline import Outline
 from ..signal import AbstractSignal, signal_field
@@ -93,7 +94,7 @@ class PrescribedTravel(_Prescribed):
 
     a: Marker
     b: Marker
-    signal: AbstractSignal = signal_field()
+    signal: AbstractSignal = signal_field(metadata={UNIT: "m"})
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 1
     at_points: ClassVar[tuple[int, ...]] = (0,)
