@@ -109,7 +109,7 @@ class Search:
         """The errors of the full model on the training and unseen, NaN where runs take long."""
         method, beyond = (self.settings.rtol, self.full.solver), list[float]()
         if self.once < _LONG:
-            runs = [simulated(truth.system, self.ts, *method) for truth in self.unseen]
+            runs = [simulated(truth.system, self.ts, *method, audit=True) for truth in self.unseen]
             beyond = [error(x.run, run) for x, run in zip(self.unseen, runs, strict=True)]
         return error(self.training[0].run, self.full), max(beyond, default=np.nan)
 
@@ -189,7 +189,7 @@ def _finer(one: Try) -> None:
 def _truth(system: AssembledSystem, like: Trajectory, rtol: float) -> Truth | None:
     """A run by the method of another one, unless it fails."""
     try:
-        run, taken = timed(lambda: simulated(system, like.t, rtol, like.solver))
+        run, taken = timed(lambda: simulated(system, like.t, rtol, like.solver, audit=True))
     except InputError:  # no start
         return None
     return Truth(system, run, taken) if bool(run.success) else None

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +12,7 @@ from ...analysis.modes import Modes
 from ...assembly.counting import bodies_coordinates
 from ...assembly.disassemble import disassemble
 from ...assembly.locate import assembled
+from ...basis.basis import Basis
 from ...errors import InputError
 from ...integrate.trajectory import Trajectory
 from ...scene.marker import Marker
@@ -30,7 +31,7 @@ MODES = 24  # the most
 
 def animate(
     mechanism: Scene | AbstractSystem,
-    *motions: Trajectory | Modes,
+    *motions: Trajectory | Modes | Basis,
     labels: Sequence[str] | None = None,
     trace: Marker | Sequence[Marker] = (),
     deformation: int | float = 1.0,
@@ -44,8 +45,8 @@ def animate(
 
     - `mechanism`: a scene, or a system, full or reduced, that was assembled from one.
     - `motions`: runs of it at the same times, over each other; the first is the reference. Or
-      `rj.modes(system)`, of which each of the first 24 swings through a period; or nothing, for
-      its start.
+      `rj.modes(system)`, or a basis, of which each of the first 24 modes swings through a period;
+      or nothing, for its start.
     - `labels`: names of the runs in the legend.
     - `trace`: markers whose paths are drawn.
     - `deformation`: what modal deformations are multiplied by at first.
@@ -65,6 +66,8 @@ def animate(
     scene = _scene_of(mechanism)
     if any(isinstance(motion, Modes) for motion in motions):
         return _swinging(mechanism, scene, motions, traced, float(deformation), title, view)
+    if any(isinstance(motion, Basis) for motion in motions):
+        return _of_basis(scene, motions, traced, float(deformation), title, view)
     runs: Any = motions
     names = _names(len(runs), labels)
     for name, run in zip(names, runs, strict=True):
@@ -198,16 +201,70 @@ def _swinging(
         for part in np.asarray([modes.shapes.real, modes.shapes.imag])[:, :, :MODES]
     )
     reference = np.asarray(mechanism.state(0.0, modes.at, jnp.zeros_like(modes.at)).q)
-    sizes = amplitudes(scene, reference, np.concatenate([real, imaginary], axis=1))
-    sizes = np.where(sizes > 0, sizes, np.inf).reshape(2, -1).min(axis=0)
-    phase = np.linspace(0.0, 2 * np.pi, PERIOD)
-    motion = real * np.cos(phase)[:, None, None] - imaginary * np.sin(phase)[:, None, None]
-    motion = motion * np.where(np.isfinite(sizes), sizes, 0.0)
     hertz = np.asarray(modes.frequencies)[:MODES] / (2 * np.pi)
-    named = {
-        f"mode {k + 1}: {hertz[k]:.4g} Hz": reference + motion[:, :, k] for k in range(len(hertz))
-    }
-    degrees = np.rad2deg(phase)
+    names = [f"mode {k + 1}: {x:.4g} Hz" for k, x in enumerate(hertz)]
+    swings = _Swings(reference, real, imaginary, names)
+    return swings.animation(scene, traced, deformation, title, view)
+
+
+def _of_basis(
+    scene: Scene,
+    motions: Sequence[Any],
+    traced: Sequence[Marker],
+    deformation: float,
+    title: str,
+    view: View,
+) -> Animation:
+    """Each mode of a basis through a period, about its offset, one at a time."""
+    (basis,) = motions if len(motions) == 1 else (None,)
+    if basis is None:
+        raise InputError("animate: a basis is drawn by itself: romjax.animate(scene, basis).")
+    reference, vectors = np.asarray(basis.offset), np.asarray(basis.modes)[:, :MODES]
+    wanted = sum(len(body.coordinates()) for body in scene.bodies)
+    if len(reference) != wanted:
+        raise InputError(
+            f"animate: the basis is of {len(reference)} coordinates, but the bodies of the scene "
+            f"have {wanted}; give the scene that it is of."
+        )
+    shares = np.asarray(basis.values) / np.asarray(basis.values)[0]
+    names = [f"mode {k + 1}: {shares[k]:.2g} of the first" for k in range(vectors.shape[1])]
+    swings = _Swings(reference, vectors, np.zeros_like(vectors), names)
+    return swings.animation(scene, traced, deformation, title, view)
+
+
+class _Swings(NamedTuple):
+    """Modes (n, r) with their names, that swing about the configuration `reference` (n,)."""
+
+    reference: np.ndarray
+    real: np.ndarray
+    imaginary: np.ndarray
+    names: list[str]
+
+    def animation(
+        self, scene: Scene, traced: Sequence[Marker], deformation: float, title: str, view: View
+    ) -> Animation:
+        """One at a time, through a period."""
+        sides = np.concatenate([self.real, self.imaginary], axis=1)
+        sizes = amplitudes(scene, self.reference, sides)
+        sizes = np.where(sizes > 0, sizes, np.inf).reshape(2, -1).min(axis=0)
+        phase = np.linspace(0.0, 2 * np.pi, PERIOD)
+        cosine, sine = np.cos(phase)[:, None, None], np.sin(phase)[:, None, None]
+        motion = self.real * cosine - self.imaginary * sine
+        motion = motion * np.where(np.isfinite(sizes), sizes, 0.0)
+        named = {name: self.reference + motion[:, :, k] for k, name in enumerate(self.names)}
+        return _drawn(scene, named, np.rad2deg(phase), traced, deformation, title, view)
+
+
+def _drawn(
+    scene: Scene,
+    named: dict[str, np.ndarray],
+    degrees: np.ndarray,
+    traced: Sequence[Marker],
+    deformation: float,
+    title: str,
+    view: View,
+) -> Animation:
+    """Motions over a phase [°], one at a time."""
     drawn = [
         Model(
             name, *([o for o in side if o.style != "load"] for side in sides)
