@@ -51,8 +51,9 @@ def write(
     if animation:
         shown = {"full": truth} | approx
         moving = animate(scene, *shown.values(), labels=list(shown), title=example.name)
+    swinging = animate(scene, next(iter(bases.values()))) if animation and bases else None
     page = folder / "report.html"
-    writing.write(page, _page(result, study, example, bases, pictures, moving))
+    writing.write(page, _page(result, study, example, bases, pictures, (moving, swinging)))
     written = [page]
     for name, content in pictures.items():
         written.append(folder / f"{name}.png")
@@ -87,16 +88,16 @@ def _page(
     example: Example,
     bases: dict[str, Basis],
     pictures: dict[str, bytes],
-    moving: Animation | None,
+    moving: tuple[Animation | None, Animation | None],
 ) -> str:
-    """Table, moving mechanism and figures in one."""
-    system = result.system
+    """Table, moving mechanism and modes, and figures in one."""
+    system, (motion, modes) = result.system, moving
     body = [
         document.paragraph(
             f"{example.title}: {system.n} coordinates, {system.m} constraints, "
             f"{float(result.truth.t[-1]):g} s."
         ),
-        "" if moving is None else moving.embedded(),
+        "" if motion is None else motion.embedded(),
         document.heading("What pays"),
         document.paragraph(result.advice),
         document.table(*result.cells(every=True)),
@@ -104,6 +105,7 @@ def _page(
         *([] if study is None else chapter.parts(study, example)),
         document.heading("Bases"),
         *(document.paragraph(describe(basis)) for basis in bases.values()),
+        "" if modes is None else modes.embedded(),
         document.heading("Figures"),
         *(document.picture(content, name) for name, content in pictures.items()),
     ]

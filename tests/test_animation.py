@@ -215,6 +215,19 @@ def test_each_mode_swings(hanging):
     assert data(swinging.html())["alternatives"]
 
 
+def test_each_mode_of_a_basis_swings(hanging, falling):
+    """About its offset, one at a time, each named by its share of the first."""
+    basis = rj.pod(falling, rank=2)
+    swinging = rj.animate(hanging, basis)
+    names = [model.name for model in swinging.models]
+    share = float(basis.values[1] / basis.values[0])
+    assert names == ["mode 1: 1 of the first", f"mode 2: {share:.2g} of the first"]
+    points = swinging.models[0].actual[1].points
+    np.testing.assert_allclose(points[0], points[-1], atol=IDENTITY)
+    assert np.ptp(points, axis=0).max() > 0.1
+    assert data(swinging.html())["alternatives"]
+
+
 def test_a_run_that_breaks_off_is_drawn_to_its_end(scene, run):
     q = np.array(run.q)
     q[11:] = np.nan
@@ -289,6 +302,8 @@ def test_runs_refuse(scene, run, hanging, falling):
         r"run 'run 2' has 21 times from 1 s to 2 s, but the first": (scene, run, late),
         r"take one motion out of a batch": (scene, batch),
         r"modes are drawn by themselves": (zoo.bars(), rj.modes(hanging)),
+        r"a basis is drawn by itself": (zoo.bars(), rj.pod(falling, rank=2), falling),
+        r"the basis is of 6 coordinates, but the bodies": (scene, rj.pod(falling, rank=2)),
     }
     for message, given in wrong.items():
         with pytest.raises(rj.InputError, match=message):

@@ -100,7 +100,7 @@ def test_run_cart_pendulum(tmp_path):
     assert f"Wrote {tmp_path / 'report.html'}, a page with all of it, and beside it:" in lines
     page = (tmp_path / "report.html").read_text("utf-8")
     assert page.count("<img") == 6
-    assert page.count("<iframe") == 1
+    assert page.count("<iframe") == 2
     # The full model and one that pays at least, the chapter's seven, and ranks at two rates.
     assert page.count("<tr") >= 1 + 2 + 1 + 7 + 1 + 2
     with open(tmp_path / "trajectory_full.csv", newline="") as file:

@@ -221,7 +221,9 @@ def _of_basis(
         raise InputError("animate: a basis is drawn by itself: romjax.animate(scene, basis).")
     reference, vectors = np.asarray(basis.offset), np.asarray(basis.modes)[:, :MODES]
     wanted = sum(len(body.coordinates()) for body in scene.bodies)
-    if len(reference) != wanted:
+    # Behind those of the bodies there may be counters of turns.
+    parts = (*scene.joints, *scene.effects)
+    if bodies_coordinates(parts, reference[None], wanted).shape[1] != wanted:
         raise InputError(
             f"animate: the basis is of {len(reference)} coordinates, but the bodies of the scene "
             f"have {wanted}; give the scene that it is of."
