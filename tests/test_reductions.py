@@ -136,6 +136,7 @@ def test_the_model_that_pays_comes_first():
     ],
 )
 def test_why_nothing_pays(facts, full, why):
+    assert advice([], full, RIGID, 1e-3).startswith("No model was made")
     words = advice([row(speed_up=0.5)], full, dataclasses.replace(RIGID, **facts), 1e-3)
     assert words.startswith("Nothing pays here: ")
     assert why in words

@@ -54,6 +54,8 @@ def remark(trained: float, unseen: float, own: float, said: str) -> str:
 def advice(rows: Sequence[ReductionRow], full: ReductionRow, facts: Facts, tol: float) -> str:
     """What to take, or why nothing pays."""
     good = paying(rows, tol)
+    if not rows:
+        return "No model was made: all that were tried are refused, as is said below."
     if not good:
         return f"Nothing pays here: {_reason(rows, full, facts, tol)}"
     best = good[0]

@@ -120,7 +120,8 @@ class Search:
         while open_ones := [one for one in tries if not one.done]:
             for one in open_ones:
                 begin = time.process_time()
-                if begin + longest > self.deadline:
+                # One model at least.
+                if self.attempts and begin + longest > self.deadline:
                     names = [one.family.name for one in tries if not (one.models or one.candidate)]
                     self.skipped.update(dict.fromkeys(names, NO_TIME))
                     return
