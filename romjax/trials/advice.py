@@ -59,7 +59,7 @@ def advice(rows: Sequence[ReductionRow], full: ReductionRow, facts: Facts, tol: 
     if not good:
         return f"Nothing pays here: {_reason(rows, full, facts, tol)}"
     best = good[0]
-    kind = _KINDS.get(best.formulation, "")
+    kind = _KINDS.get(best.formulation, "") if best.rank else _KINEMATICS
     pays = f"{best.pays_after:.0f} runs" if best.pays_after >= 1.5 else "one run"
     return (
         f"Take {best.name}: {best.speed_up:.1f} times as fast as the full model, and right to "
@@ -67,6 +67,7 @@ def advice(rows: Sequence[ReductionRow], full: ReductionRow, facts: Facts, tol: 
     )
 
 
+_KINEMATICS = "drives prescribe the motion, so that positions follow without any integration."
 # Why a model of a kind is fast, by what is left out.
 _KINDS = {
     "galerkin": "few modes of all coordinates leave out what is stiff.",

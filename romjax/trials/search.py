@@ -116,17 +116,17 @@ class Search:
     def try_all(self) -> None:
         """Try kinds of models in turns, the most promising first, until time is up."""
         self.unseen = self.truths(UNSEEN)
-        tries, longest = [Try(family) for family in families(self.facts)], 0.0
+        tries, taken = [Try(family) for family in families(self.facts)], [0.0]
         while open_ones := [one for one in tries if not one.done]:
             for one in open_ones:
                 begin = time.process_time()
                 # One model at least.
-                if self.attempts and begin + longest > self.deadline:
+                if self.attempts and begin + np.mean(taken) > self.deadline:
                     names = [one.family.name for one in tries if not (one.models or one.candidate)]
                     self.skipped.update(dict.fromkeys(names, NO_TIME))
                     return
                 self.step(one)
-                longest = max(longest, time.process_time() - begin)
+                taken.append(time.process_time() - begin)
 
     def step(self, one: Try) -> None:
         """Try the next candidate of a kind."""
