@@ -1,5 +1,6 @@
 """The chapter's study in words: its table, its ranks and its bases."""
 
+import math
 import textwrap
 
 from tabulate import tabulate
@@ -8,6 +9,7 @@ from . import document
 from .basis.describe import describe
 from .gallery.catalogue import Example
 from .study.reduction import ReductionStudy, Run
+from .trials.advice import remark
 
 _RANKS = ["rank at", "naive SOD", "POD", "SOD"]
 
@@ -68,6 +70,11 @@ def _notes(study: ReductionStudy, example: Example) -> list[str]:
     notes = ["r modes, kept constraints, degrees of freedom; compile time apart."]
     if example.published_savings:
         notes.append("chapter: time that its models save; they are the projected ones.")
+    for run in study.runs[1:]:
+        failed = not bool(run.trajectory.success)
+        error = math.inf if failed else float(run.comparison.error)
+        said = remark(error, math.nan, 0.0, run.trajectory.warnings())
+        notes += [f"{run.name}: {said}"] * bool(said)
     return notes + [f"{name}: refused. {reason}" for name, reason in study.refused.items()]
 
 

@@ -51,13 +51,20 @@ def remark(trained: float, unseen: float, own: float, said: str) -> str:
     return f"{words}. {said.partition('. ')[0]}".strip() if said else f"{words}."
 
 
-def advice(rows: Sequence[ReductionRow], full: ReductionRow, facts: Facts, tol: float) -> str:
-    """What to take, or why nothing pays."""
+def advice(
+    rows: Sequence[ReductionRow],
+    full: ReductionRow,
+    facts: Facts,
+    tol: float,
+    skipped: bool = False,
+) -> str:
+    """What to take, or why nothing pays; `skipped`: whether there was no time for some models."""
     good = paying(rows, tol)
     if not rows:
         return "No model was made: all that were tried are refused, as is said below."
     if not good:
-        return f"Nothing pays here: {_reason(rows, full, facts, tol)}"
+        which = "Nothing that was tried pays" if skipped else "Nothing pays here"
+        return f"{which}: {_reason(rows, full, facts, tol)}"
     best = good[0]
     kind = _KINDS.get(best.formulation, "") if best.rank else _KINEMATICS
     pays = f"{best.pays_after:.0f} runs" if best.pays_after >= 1.5 else "one run"

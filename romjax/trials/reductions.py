@@ -51,8 +51,9 @@ def reductions(
     - `tol`: the error that a model may have, as `Comparison.error`.
     - `rtol`: tolerance of all runs; those that errors are measured against have a hundredth.
     - `solver`: of all runs; for each the one that suits it unless given.
-    - `budget`: time of a processor to spend [s], about, so that a busy machine tries the same
-      models; the most promising come first, and what there was no time for is named.
+    - `budget`: time of a processor to spend on models [s], about, besides that of the full one, so
+      that a busy machine tries as many; the most promising come first, and what there was no time
+      for is named.
     - `progress`: show a progress bar, and each model as soon as it was tried. Ctrl-C ends the study
       with what has been measured.
 
@@ -64,12 +65,11 @@ def reductions(
             f"reductions: tol={tol}, rtol={rtol}, budget={budget}; both tolerances must lie "
             "between 0 and 1, and there must be time to spend."
         )
-    deadline = time.process_time() + _TRYING * budget
     layout = "{desc:24} {n_fmt} models, {elapsed}"
     with tqdm(disable=not progress, bar_format=layout) as bar:
-        search = Search.begun(scene, ts, Settings(tol, rtol, solver), deadline, bar)
+        search = Search.begun(scene, ts, Settings(tol, rtol, solver), bar)
         try:
-            search.try_all()
+            search.try_all(time.process_time() + _TRYING * budget)
         except KeyboardInterrupt:
             search.skipped["the rest"] = INTERRUPTED
         bar.set_description_str("times")
@@ -120,7 +120,7 @@ def _result(search: Search, spend: float) -> Reductions:
         full=full,
         system=search.system,
         truth=search.training[0].run,
-        advice=advice(rows, full, search.facts, tol),
+        advice=advice(rows, full, search.facts, tol, bool(search.skipped)),
         refused=search.refused,
         skipped=search.skipped,
         pays=bool(paying(rows, tol)),

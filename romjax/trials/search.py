@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from ..arrays import as_array
 from ..assembly.assemble import assemble
 from ..assembly.assembled import AssembledSystem
-from ..errors import InputError, RankError, ReductionError
+from ..errors import InputError, ReductionError
 from ..integrate.rodas5p import Rodas5P
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
@@ -55,7 +55,6 @@ class Search:
 
     - `full`: its run at the tolerance of the models, which takes `once` [s] and `compiled` [s] to
       compile.
-    - `deadline`: of the processor's time [s], after which nothing more is tried.
     - `bar`: of progress.
     """
 
@@ -63,7 +62,6 @@ class Search:
     system: AssembledSystem
     ts: Float[Array, " k"]
     settings: Settings
-    deadline: float
     bar: Any
     full: Trajectory
     once: float
@@ -76,9 +74,7 @@ class Search:
     skipped: dict[str, str] = dataclasses.field(default_factory=dict)
 
     @classmethod
-    def begun(
-        cls, scene: Scene, ts: Any, settings: Settings, deadline: float, bar: Any
-    ) -> "Search":
+    def begun(cls, scene: Scene, ts: Any, settings: Settings, bar: Any) -> "Search":
         """With the full model's runs from the start of the scene; raises SimulationError if they
         fail.
         """
@@ -96,7 +92,6 @@ class Search:
             system=system,
             ts=times,
             settings=settings,
-            deadline=deadline,
             bar=bar,
             full=full,
             once=once,
@@ -113,15 +108,17 @@ class Search:
             beyond = [error(x.run, run) for x, run in zip(self.unseen, runs, strict=True)]
         return error(self.training[0].run, self.full), max(beyond, default=np.nan)
 
-    def try_all(self) -> None:
-        """Try kinds of models in turns, the most promising first, until time is up."""
+    def try_all(self, deadline: float) -> None:
+        """Try kinds of models in turns, the most promising first, until the processor's time comes
+        to the deadline [s].
+        """
         self.unseen = self.truths(UNSEEN)
         tries, taken = [Try(family) for family in families(self.facts)], [0.0]
         while open_ones := [one for one in tries if not one.done]:
             for one in open_ones:
                 begin = time.process_time()
                 # One model at least.
-                if self.attempts and begin + np.mean(taken) > self.deadline:
+                if self.attempts and begin + np.mean(taken) > deadline:
                     names = [one.family.name for one in tries if not (one.models or one.candidate)]
                     self.skipped.update(dict.fromkeys(names, NO_TIME))
                     return
@@ -137,16 +134,16 @@ class Search:
         training = self.training[: one.runs]
         try:
             model, making = made(self.system, family.candidates[one.candidate], training)
-        except (RankError, ReductionError, InputError) as refusal:
+            if named(model, len(training)) in [tried.name for tried in self.attempts]:
+                _finer(one)
+                return
+            tried = attempt(model, making, training, self.unseen, self.settings)
+        except (InputError, ReductionError) as refusal:
             if not one.models:
                 self.refused[family.name] = str(refusal)
             _finer(one)
             return
         self.refused.pop(family.name, None)
-        if named(model, len(training)) in [tried.name for tried in self.attempts]:
-            _finer(one)
-            return
-        tried = attempt(model, making, training, self.unseen, self.settings)
         one.models += 1
         self.attempts.append(tried)
         self.bar.update()
