@@ -3,6 +3,7 @@
 import dataclasses
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import zoo
@@ -14,6 +15,8 @@ import romjax as rj
 from romjax import spatial as r
 from romjax.basis.snapshots import SnapshotSet
 from romjax.linalg import quaternions
+from romjax.reduction.lift.affine import AffineLift
+from romjax.reduction.lift.base import differentiate
 
 TS = np.linspace(0.0, 1.0, 201)
 # The slider of Haug's spatial slider crank ("Computer-Aided Kinematics and Dynamics of Mechanical
@@ -124,9 +127,31 @@ def test_errors_are_angles_between_turns(swing):
     assert np.all(found[7:] == 0)
 
 
-def test_subspaces_of_far_turns_are_refused(swing):
-    with pytest.raises(rj.ReductionError, match=r"turn too far.*Minimal.*Local"):
-        rj.reduce(bars(), bases(swing)[0])
+@jax.jit
+def twice_along(lift, z, w):
+    """The motion of a lift, and what autodiff makes of its positions alone."""
+    return lift.motion(None, 0.0, z, w), differentiate(
+        lambda t, z: lift.position(None, t, z), jnp.zeros(()), z, w
+    )
+
+
+def test_a_subspace_turns_by_quaternions_of_unit_length(swing):
+    """The velocity, the tangent and the bias of a lift are the derivatives of its positions."""
+    basis = bases(swing)[0]
+    lift = AffineLift(basis.modes, basis.offset, basis.snapshots.turns)
+    for i in (20, 200):
+        found, right = twice_along(lift, basis.coordinates[i], np.cos(np.arange(6.0)))
+        for x, y in zip(found, right, strict=True):
+            assert_close(x, y, IDENTITY, scale=np.max(np.abs(y)))
+        assert_close(np.sum(found.q[3:7] ** 2), 1.0, IDENTITY)
+
+
+@pytest.mark.slow
+def test_all_directions_of_far_turns_are_the_full_model(swing):
+    """Of 14 coordinates the 12 without the lengths of quaternions, up to 121° from their mean."""
+    rom = rj.reduce(bars(), rj.pod(swing, rank=12))
+    assert (rom.n, rom.m) == (12, 6)
+    assert rj.compare(swing, zoo.run(rom, TS)).error <= MINIMAL
 
 
 @pytest.mark.parametrize("formulation", [rj.Tabulated(), rj.HyperReduced()], ids=str)

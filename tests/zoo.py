@@ -192,6 +192,14 @@ ball_bars = functools.partial(rj.gallery.ball_chain, 2)
 loop_in_space = rj.gallery.spatial_slider_crank
 
 
+def driven_loop_in_space(speed=6.0) -> rj.Scene:
+    """The spatial slider crank, its crank turned steadily."""
+    scene = loop_in_space(speed=speed)
+    bearing = scene.joints[0]
+    drive = rj.PrescribedAngle(bearing.a, bearing.b, rj.Ramp(speed), name="drive")
+    return rj.consistent_scene(rj.Scene(scene.bodies, (*scene.joints, drive), scene.effects))
+
+
 def beam_in_space(mass=0.7, EI=3.0, length=1.3, spin=2.0) -> rj.Scene:
     """A beam of two modes in each plane, hinged about z at its lower end, under gravity."""
     across = mass * length**2 / 12

@@ -91,14 +91,6 @@ class Basis(eqx.Module):
         return dataclasses.replace(self, snapshots=snapshots, offset=offset)
 
     @property
-    def stretching(self) -> Float[Array, ""]:
-        """The share of the snapshots' kinetic energy that goes into the lengths of quaternions."""
-        snapshots, turns = self.snapshots, self.snapshots.turns
-        if turns is None:
-            return jnp.zeros((), self.offset.dtype)
-        return turns.stretching(snapshots.q, snapshots.v, snapshots.metric)
-
-    @property
     def rank(self) -> int:
         """Number of modes r."""
         return self.modes.shape[1]

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..arrays import concrete
 from ..program import program
 from .subspace import leading
 
@@ -52,18 +53,41 @@ class Turns(eqx.Module):
         scaled, rate = jax.jvp(self._scaled, (q,), (v,))
         return scaled, rate
 
-    def stretching(
-        self, q: Float[Array, "h n"], v: Float[Array, "h n"], metric: Float[Array, "n n"]
-    ) -> Float[Array, ""]:
-        """The share of the square of the velocities, in the energy norm, by which quaternions
-        become longer: that of the kinetic energy which the equations of motion give to lengths.
+    @property
+    def without_lengths(self) -> int:
+        """How many quaternions have p·p̄ = 1, which leaves three directions to each; none where
+        JAX traces them.
+        """
+        far = concrete(self._too_far)
+        return 0 if far is None or not self.affine else int(np.sum(~far))
+
+    def normalised(self, q: Float[Array, " n"]) -> Float[Array, " n"]:
+        """A configuration by quaternions of unit length where p·p̄ = 1; those of bodies that turn
+        too far stay as they are.
         """
         table = _table(self.columns)
-        p, rate = q[:, table], v[:, table]
-        relative = jnp.sum(p * rate, axis=2) / jnp.sum(p**2, axis=2)
-        inertia = jnp.diagonal(metric)[table[:, 0]]
-        total = jnp.sum(v * (v @ metric))
-        return jnp.sum(inertia[None] * relative**2) / jnp.where(total > 0, total, 1)
+        return q.at[table].set(q[table] / self._lengths(q)[:, None])
+
+    def normalised_motion(
+        self, q: Float[Array, " n"], changes: Float[Array, "n k"]
+    ) -> tuple[Float[Array, " n"], Float[Array, "n k"], Float[Array, " n"]]:
+        """`normalised`, its change by each column of `changes`, and its second change by the last.
+
+        Of p = x/|x| and u = (ẋ − p (p·ẋ))/|x| they are u and, for ẍ = 0, −2 u (p·ẋ)/|x| − p |u|².
+        """
+        table, lengths = _table(self.columns), self._lengths(q)[:, None]
+        p, rates = q[table] / lengths, changes[table] / lengths[:, :, None]
+        near = ~self._too_far[:, None]
+        along = jnp.sum(p[:, :, None] * rates, axis=1) * near
+        turning = rates - p[:, :, None] * along[:, None]
+        last = turning[:, :, -1]
+        second = -2 * last * along[:, -1:] - p * jnp.sum(last**2, axis=1, keepdims=True)
+        bias = jnp.zeros_like(q).at[table].set(jnp.where(near, second, 0))
+        return q.at[table].set(p), changes.at[table].set(turning), bias
+
+    def _lengths(self, q: Float[Array, " n"]) -> Float[Array, " bodies"]:
+        lengths = jnp.sqrt(jnp.sum(q[_table(self.columns)] ** 2, axis=1))
+        return jnp.where(self._too_far, jnp.ones_like(lengths), lengths)
 
     def without_length(self, change: Float[Array, " n"]) -> Float[Array, " n"]:
         """A change of coordinates that leaves p·p̄ as it is."""

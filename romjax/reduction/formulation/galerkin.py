@@ -22,10 +22,6 @@ from ..lift.affine import AffineLift
 from ..system import ReducedSystem
 from .base import AbstractFormulation, start
 
-# In a subspace quaternions change their lengths as bodies turn, 6° about their mean at this share
-# of the kinetic energy, and the motion errs by as much.
-STRETCHED = 1e-3
-
 
 class Galerkin(AbstractFormulation):
     """d'Alembert's principle in the affine subspace q = q̄ + Φ z.
@@ -45,15 +41,15 @@ class Galerkin(AbstractFormulation):
 
     def reduce(self, system: AbstractSystem, basis: Basis) -> ReducedSystem:
         """Raises ReductionError if the constraints that are kept lock the mechanism, or those that
-        are not free its joints, or if bodies in space turn too far for a subspace.
+        are not free its joints.
         """
         count, r = self.constraints, basis.rank
-        if r < system.n:
-            _check_turns(basis)
         # Words and settings are static: with them, each basis would compile a program of its own.
         bare = dataclasses.replace(basis, summary="", decomposition=None)
         candidates = reduced_constraints(system, bare)
-        kept = _count(system, candidates, r) if count is None else count
+        turns, kept = basis.snapshots.turns, count
+        if kept is None:
+            kept = _count(system, candidates, r, 0 if turns is None else turns.without_lengths)
         if count and concrete(candidates.missed) is not None and locks(candidates, count):
             free = next(fewer for fewer in range(count, -1, -1) if not locks(candidates, fewer))
             raise ReductionError(
@@ -61,29 +57,24 @@ class Galerkin(AbstractFormulation):
                 f"would stop the motion of the snapshots; keep fewer (constraints={free}), or take "
                 "more modes."
             )
-        lift, dual = AffineLift(basis.modes, basis.offset), basis.modes.T @ basis.snapshots.metric
+        flat = turns if turns is not None and turns.affine else None
+        lift = AffineLift(basis.modes, basis.offset, flat)
+        dual = basis.modes.T @ basis.snapshots.metric
         validity = TrainingBox.of_basis(system, basis, basis.modes, dual)
         summary = f"{r} modes, {kept} of {system.m} constraints kept, {r - kept} degrees of freedom"
         combinations = candidates.combinations(kept)
-        given = combinations, validity, summary, basis.snapshots.turns
+        given = combinations, validity, summary, turns
         return ReducedSystem.of(system, lift, start(system, basis), *given)
 
 
-def _check_turns(basis: Basis) -> None:
-    """Refuse a subspace in which the lengths of quaternions are much of the motion."""
-    share = concrete(basis.stretching)
-    if share is not None and share > STRETCHED:
-        raise ReductionError(
-            "reduce: bodies turn too far in space for a subspace of their quaternions, whose "
-            f"lengths would take {100 * share:.1g} % of the kinetic energy; use "
-            "formulation=romjax.Minimal() of rigid mechanisms, romjax.Local() of flexible ones."
-        )
+def _count(system: AbstractSystem, candidates: ReducedConstraints, r: int, lengths: int) -> int:
+    """As many constraints as the motion of the snapshots allows; refuse if joints come apart.
 
-
-def _count(system: AbstractSystem, candidates: ReducedConstraints, r: int) -> int:
-    """As many constraints as the motion of the snapshots allows; refuse if joints come apart."""
-    if r == system.n:
-        return system.m  # the same mechanism, in other coordinates
+    All of them where the modes hold all directions but those that are `lengths` of quaternions: the
+    model is the same mechanism, in other coordinates.
+    """
+    if r == system.n - lengths:
+        return system.m
     if concrete(candidates.missed) is None:
         raise ValueError(
             "reduce: under jit, grad or vmap say how many constraints to keep, such as "
