@@ -99,6 +99,7 @@ STARTS = {
         {"solver": rj.Rodas5P},
         r"solver is the class Rodas5P; give .* romjax\.Rodas5P\(\)",
     ),
+    "method without errors": ({"solver": diffrax.Euler()}, "Euler does not estimate .*; give dt"),
     "stabilization in words": (
         {"stabilization": "baumgarte"},
         r"stabilization is of type str; give romjax\.Baumgarte\(alpha, beta\)",

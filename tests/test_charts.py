@@ -8,12 +8,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tolerances import IDENTITY, SOLVED
+from tolerances import SOLVED
 from zoo import four_bar
 
 import romjax as rj
 from romjax.charts.atlas import choose_atlas
-from romjax.integrate.post_step import PostStepSolver, motion_norm
+from romjax.integrate.post_step import PostStepSolver
+from romjax.integrate.step_size import StepSizeControl, Tolerances
 from romjax.integrate.term import ChartedMotionTerm, MotionTerm
 from romjax.linalg.pattern import Pattern
 from romjax.system.state import FullState
@@ -116,7 +117,7 @@ def pendulum(charted):
 
 def every_step(system, solver, end=3.0):
     """Times and states after each step, with an absolute tolerance, which no chart scales."""
-    norm = {"norm": motion_norm} if system.charted else {}
+    tolerances = Tolerances.of(system.structure, 0.0, ATOL, False)
     term, state = MotionTerm(system, None), (system.q0, system.v0)
     if system.charted:
         term = ChartedMotionTerm(term, system.post_step)
@@ -132,7 +133,7 @@ def every_step(system, solver, end=3.0):
             1e-3,
             state,
             saveat=diffrax.SaveAt(steps=True),
-            stepsize_controller=diffrax.PIDController(rtol=0.0, atol=ATOL, **norm),
+            stepsize_controller=StepSizeControl.of(tolerances, jnp.zeros(())),
             max_steps=1024,
         )
 
@@ -163,11 +164,6 @@ def test_the_same_steps_as_in_one_chart(solver):
     # Relative to the velocity, since the shift of the times is in it.
     error = np.max(np.abs(sign * v - rate)) / np.max(np.abs(rate))
     assert error <= SOLVED, error
-
-
-def test_the_norm_leaves_out_the_chart():
-    y = (jnp.array([3.0]), jnp.array([4.0]))
-    assert abs(motion_norm((*y, jnp.asarray(1e9))) - np.sqrt(12.5)) <= IDENTITY
 
 
 @pytest.mark.slow

@@ -20,6 +20,10 @@ def spring(amplitude, at=0.0) -> rj.AbstractSystem:
     return rj.assemble(rj.Scene([body], effects=[rj.Spring(body.at(), anchor, 100.0, 1.0)]))
 
 
+def middle(system, t, q, v):
+    return q[0]
+
+
 @pytest.mark.parametrize("amplitude", [1e-9, 1e-6, 1e-3, 0.1])
 def test_a_vibration_of_any_size_is_right(amplitude):
     run = rj.simulate(spring(amplitude), TS)
@@ -54,7 +58,7 @@ def test_a_mechanism_of_any_size_moves_alike(size):
 
 def test_what_doubles_cannot_resolve_is_told():
     with pytest.warns(UserWarning, match="tolerances are hardly smaller than the motion"):
-        run = rj.simulate(spring(1e-9, at=1.0), TS)
+        run = rj.simulate(spring(1e-10, at=1.0), TS)
     assert run.flags == rj.Flag.RESOLUTION
 
 
@@ -68,9 +72,21 @@ def test_a_body_at_rest_is_resolved():
     assert rj.simulate(spring(0.0, at=1.0), TS).is_valid
 
 
-def test_lanes_tell_which_motions_they_resolve():
-    runs = jax.jit(jax.vmap(lambda x: rj.simulate(spring(x), TS, throw=False)))(
-        jnp.array([0.0, 1e-9, 1e-6, 0.1])
-    )
+def test_lanes_of_any_size_are_right():
+    """Also where nothing can be repeated, and one lane rests."""
+    sizes = np.array([0.0, 1e-9, 1e-6, 1e-3, 0.1])
+    runs = jax.jit(jax.vmap(lambda x: rj.simulate(spring(x), TS, throw=False)))(jnp.asarray(sizes))
     assert runs.success.all()
+    assert runs.is_valid.all()
+    errors = np.max(np.abs(runs.q[..., 0] - sizes[:, None] * np.cos(10 * TS)), axis=1)
+    assert np.all(errors <= ERROR * sizes)
+
+
+def test_lanes_tell_where_lengths_count():
+    """Events look for zero by a tolerance in metres."""
+
+    def swing(x):
+        return rj.simulate(spring(x), TS, events=[rj.Crossing(middle)], throw=False)
+
+    runs = jax.jit(jax.vmap(swing))(jnp.array([0.0, 1e-9, 1e-6, 0.1]))
     assert runs.is_valid.tolist() == [True, False, False, True]

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Int
 
 from .. import compat
 from ..linalg.dense import multiply
@@ -20,6 +20,7 @@ from ..system.state import AbstractState, Power
 from .branching import Branching
 from .energy_balance import EnergyBalance, Momentary
 from .post_step import Chart, PostStep
+from .step_size import Tolerances
 from .steps import Progress, Trial
 
 # Nodes of Gauss' quadrature in each step: exact for what changes like a polynomial of degree 7.
@@ -59,8 +60,8 @@ class Auditor(eqx.Module):
     system: AbstractSystem
     post_step: PostStep | None
     stabilization: Baumgarte | None
-    rtol: Float[Array, ""] | None  # None in fixed steps
-    atol: Float[Array, ""]
+    tolerances: Tolerances
+    controlled: bool = eqx.field(static=True)  # not in fixed steps
 
     def functions(self) -> Audit:
         return Audit(self.start, self.follow)
@@ -68,7 +69,8 @@ class Auditor(eqx.Module):
     def start(self, start: Progress) -> Findings:
         """Before the first step."""
         zero = jnp.zeros_like(start.t)
-        balance = EnergyBalance(self._energies(start.t, start.y).energy, *[zero] * 10)
+        energy = self._at(start.t, start.y)[1].energy().total
+        balance = EnergyBalance(energy, *[zero] * 10)
         branching = None
         if self.watches_branches:
             branching = Branching.start(start.t, self.system.m)
@@ -96,7 +98,7 @@ class Auditor(eqx.Module):
             system, state = self._at(after.t, after.y)
             q = after.y[0]
             branching = branching.follow(after.t, state.kkt(), system.constraint(after.t, q), q)
-        now, work = self._energies(after.t, after.y), self._work(before.t, after.t, tried.between)
+        now, work = self._energies(before, after), self._work(before.t, after.t, tried.between)
         if tried.arrival is not None:
             # Of impacts at the end of the step.
             work = work._replace(supply=work.supply + tried.arrival.work)
@@ -121,24 +123,25 @@ class Auditor(eqx.Module):
         state = self._at(at.t, at.y)[1]
         return self.system.full.state(at.t, state.q, state.v).limits()
 
-    def _energies(self, t: Array, y: Any) -> Momentary:
-        """The energies between two steps.
+    def _energies(self, before: Progress, after: Progress) -> Momentary:
+        """The energies at the end of a step.
 
         The step size control holds the root mean square of the errors of all 2n numbers of the
         state, each divided by its tolerance, below one. By Cauchy and Schwarz that of the energy is
         then below the square root of 2n times the sum of the squares of its derivatives times the
         tolerances.
         """
-        q, v, *_ = y
-        energy, zero = self._at(t, y)[1].energy(), jnp.zeros_like(t)
-        squared = jnp.sum(v**2)
-        least = energy.kinetic * len(q) * self.atol**2 / jnp.where(squared > 0, squared, 1)
-        if self.rtol is None:
+        t, y, v = after.t, after.y, after.y[1]
+        energy, zero, squared = self._at(t, y)[1].energy(), jnp.zeros_like(t), jnp.sum(v**2)
+        share = energy.kinetic / jnp.where(squared > 0, squared, 1)
+        if not self.controlled:
+            least = share * len(v) * self.tolerances.atol**2
             return Momentary(energy.total, energy.kinetic, least, zero, zero)
-        by_q = energy.slope * (self.atol + self.rtol * jnp.abs(q))
-        by_v = energy.momentum * (self.atol + self.rtol * jnp.abs(v))
-        tolerated = jnp.sqrt(2 * len(q) * jnp.sum(by_q**2 + by_v**2))
-        return Momentary(energy.total, energy.kinetic, least, tolerated, jnp.asarray(self.rtol))
+        q_errors, v_errors = self.tolerances.errors(after.controller_state[1], y, t - before.t)
+        squares = (energy.slope * q_errors) ** 2 + (energy.momentum * v_errors) ** 2
+        tolerated = jnp.sqrt(2 * len(v) * jnp.sum(squares))
+        least = share * jnp.sum(v_errors**2)
+        return Momentary(energy.total, energy.kinetic, least, tolerated, self.tolerances.rtol)
 
     def _work(self, t0: Array, t1: Array, between: diffrax.AbstractLocalInterpolation) -> Power:
         """Of all forces without potential energy in a step [J]."""

@@ -23,9 +23,10 @@ from .audit import Audit, Auditor, Findings
 from .dense import Pieces, output_of, post_step_of
 from .march import March
 from .outputs import Output
-from .post_step import PostStep, PostStepSolver, motion_norm
+from .post_step import PostStep, PostStepSolver
 from .reverse import Ended, differentiable_run, ended
 from .settings import Settings
+from .step_size import StepSizeControl, Tolerances
 from .steps import Steps
 from .term import ChartedMotionTerm, ChartedState, MotionTerm, State
 
@@ -63,7 +64,8 @@ def integrate(
     if settings.projection is not None and settings.projects_start:
         q0, v0 = project_start(system, ts[0], q0, v0)
     term, solver, y0 = _problem(system, q0, v0, post_step, settings)
-    controller, first = _step_size_control(ts, settings, len(y0) == 3)
+    tolerances = Tolerances.of(system.structure, settings.rtol, settings.atol, settings.follow)
+    controller, first = _step_size_control(ts, settings, tolerances)
 
     output = output_of(system, settings.projection)
     if settings.adjoint is not None and not settings.is_forward:
@@ -89,9 +91,8 @@ def integrate(
     )
     audit = None
     if settings.audit:
-        rtol = None if settings.dt is not None else jnp.asarray(settings.rtol)
-        atol = jnp.asarray(settings.atol)
-        audit = Auditor(system, post_step, settings.baumgarte, rtol, atol).functions()
+        controlled = settings.dt is None
+        audit = Auditor(system, post_step, settings.baumgarte, tolerances, controlled).functions()
     run = _march(steps, output, ts, asked, y0, audit, settings)
     outputs, imbalance, times, events = run.outputs, run.imbalance, ts, None
     if watch is not None and run.record is not None and run.watching is not None:
@@ -280,16 +281,14 @@ def _with_tolerances(settings: Settings) -> diffrax.AbstractSolver[Any]:
 
 
 def _step_size_control(
-    ts: Float[Array, " k"], settings: Settings, charted: bool
+    ts: Float[Array, " k"], settings: Settings, tolerances: Tolerances
 ) -> tuple[diffrax.AbstractStepSizeController[Any, Any], Float[Array, ""]]:
     """How steps are chosen, and the first one."""
-    rtol, atol, span = jnp.asarray(settings.rtol), jnp.asarray(settings.atol), ts[-1] - ts[0]
     if settings.dt is not None:
         return diffrax.ConstantStepSize(), jnp.asarray(settings.dt)
     # Time hardly advances by less; a motion that turns NaN rejects steps until it gets there.
     least = 4 * jnp.finfo(ts.dtype).eps * jnp.maximum(jnp.abs(ts[0]), jnp.abs(ts[-1]))
-    norm = motion_norm if charted else optimistix.rms_norm
-    control = diffrax.PIDController(rtol=rtol, atol=atol, dtmin=least, force_dtmin=False, norm=norm)
     # A short first step instead of diffrax's estimate, which would trace the acceleration twice
     # more; the step size control needs three steps to grow it a thousandfold.
-    return control, 1e-3 * rtol**0.2 * span
+    first = 1e-3 * tolerances.rtol**0.2 * (ts[-1] - ts[0])
+    return StepSizeControl.of(tolerances, least), first

@@ -8,7 +8,6 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import optimistix
 from jaxtyping import Array, Float, PyTree
 
 from .. import compat
@@ -160,13 +159,6 @@ class PostStepSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrappe
             error = None if error is None else _join(error, jnp.zeros_like(chart))
             after = jnp.asarray(after, chart.dtype)
         return _join(tuple(y1), after), error, dense, state, result
-
-
-def motion_norm(y: PyTree) -> Array:
-    """The root mean square of q and v, without the number of their chart, which is no error."""
-    q, v, _ = y
-    size: Array = optimistix.rms_norm((q, v))
-    return size
 
 
 def _split(terms: PyTree, y: PyTree) -> tuple[Any, AbstractSystem, PyTree, Chart]:

@@ -1,4 +1,4 @@
-"""Whether a run resolves its motion: its tolerances are those of a mechanism of some metres."""
+"""Whether a run resolves its motion."""
 
 from typing import Any, NamedTuple
 
@@ -8,25 +8,35 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..arrays import namespace
+from ..system.base import AbstractSystem
 from ..system.structure import Structure
+from .adjoint import has_root_finder
 from .settings import Settings
+from .step_size import Tolerances
 from .trajectory import Trajectory
 
 # Tolerances that a motion has to be large: a hundredth of those that a motion of a metre is, or so
 # many, of which errors of long runs leave some digits.
 _SHARE, _ENOUGH = 1e-2, 1e4
+# Where tolerances follow the motion, only rounding keeps it from being a twentieth of what it would
+# be without, or without as many units in the last place.
+_FOLLOWED, _LEAST = 5e-2, 50
 # Displacements and velocities below are rounding errors of a mechanism at rest.
 _REST = 1e-10
 # No relative tolerance is below, in units in the last place: rounding errors of some steps.
 _DIGITS = 500
 
 
+def has_lengths(system: AbstractSystem, settings: Settings) -> bool:
+    """Whether something in a run asks for a tolerance in metres, whatever size the motion has:
+    events, contacts, and the root finders of implicit methods.
+    """
+    watched = bool(settings.events) or system.full.structure.contacts
+    return watched or has_root_finder(settings.solver)
+
+
 def is_resolved(
-    structure: Structure,
-    q: Float[Array, "k n"],
-    v: Float[Array, "k n"],
-    rtol: Float[Array, ""],
-    atol: Float[Array, ""],
+    system: AbstractSystem, settings: Settings, q: Float[Array, "k n"], v: Float[Array, "k n"]
 ) -> Bool[Array, ""]:
     """Whether the largest motion is much larger than what the step size control tolerates in it, in
     positions and velocities; true at rest.
@@ -34,11 +44,16 @@ def is_resolved(
     Where bodies move, their translations count alone: a wheel may turn as far as it will while its
     axle moves by less than the tolerance.
     """
+    structure = system.full.structure
     motion = _Motion.of(structure, q, v)
-    by_position = motion.distance / (atol + rtol * motion.farthest)
-    by_velocity = motion.speed / (atol + rtol * motion.speed)
+    follow = settings.follow & (not has_lengths(system, settings))
+    tolerances = Tolerances.of(structure, settings.rtol, settings.atol, follow)
+    by_q, by_v = tolerances.largest(q, v)
+    by_position, by_velocity = motion.distance / by_q, motion.speed / by_v
     share = jnp.where(motion.counts, jnp.minimum(by_position, by_velocity), 0.0)
-    enough: Bool[Array, ""] = jnp.max(share) >= jnp.minimum(_SHARE / rtol, _ENOUGH)
+    given = jnp.minimum(_SHARE / tolerances.rtol, _ENOUGH)
+    followed = _FOLLOWED / jnp.maximum(tolerances.rtol, _LEAST * jnp.finfo(q.dtype).eps)
+    enough: Bool[Array, ""] = jnp.max(share) >= jnp.where(follow, followed, given)
     return ~jnp.any(motion.counts) | enough
 
 

@@ -60,6 +60,7 @@ class _Result(NamedTuple):
     steps: Int[Array, ""]
     accepted: Int[Array, ""]
     rejected: Int[Array, ""]
+    atol: Float[Array, ""]
     stabilization: Stabilization
     findings: Findings | None
     imbalance: Float[Array, " k"] | None
@@ -162,6 +163,7 @@ def _integrated(
         steps=run.steps,
         accepted=run.accepted,
         rejected=run.steps - run.accepted,
+        atol=_absolute(run.outputs, settings),
         stabilization=settings.baumgarte or settings.projection,
         findings=jax.lax.stop_gradient(run.findings),
         imbalance=jax.lax.stop_gradient(run.imbalance),
@@ -191,7 +193,7 @@ def _trajectory(
         num_accepted_steps=run.accepted,
         num_rejected_steps=run.rejected,
         rtol=settings.rtol if controlled else None,
-        atol=settings.atol if controlled else None,
+        atol=run.atol if controlled else None,
         fastest_frequency=None if frequencies is None else frequencies.fastest,
         stabilization=run.stabilization,
     )
@@ -215,6 +217,12 @@ def _trajectory(
     )
 
 
+def _absolute(outputs: Output, settings: Settings) -> Float[Array, ""]:
+    """The absolute tolerance of velocities, which follows them unless it is given."""
+    fastest = settings.rtol * jnp.minimum(jnp.max(jnp.abs(outputs.v)), 1)
+    return jnp.where(settings.follow, jnp.minimum(fastest, settings.atol), settings.atol)
+
+
 def _flags(
     system: AbstractSystem, ts: Float[Array, " k"], outputs: Output, settings: Settings
 ) -> Int[Array, ""]:
@@ -222,8 +230,7 @@ def _flags(
     flags, drift = jnp.zeros((), int), jnp.zeros_like(ts)
     if settings.dt is None:
         drift = drift_of(outputs.q, settings.rtol)
-        tolerances = jnp.asarray(settings.rtol), jnp.asarray(settings.atol)
-        resolved = is_resolved(system.full.structure, outputs.q, outputs.v, *tolerances)
+        resolved = is_resolved(system, settings, outputs.q, outputs.v)
         flags = jnp.where(resolved, 0, int(Flag.RESOLUTION))
     full = system.full
     if full.validity is not None:

@@ -6,7 +6,7 @@ from typing import Any, Literal, NamedTuple
 import diffrax
 import jax
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Int
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from ..arrays import Vector, as_array, concrete
 from ..checks import check_finite, check_kind, check_positive, check_shape
@@ -29,7 +29,8 @@ class Settings(NamedTuple):
 
     A tuple, since every call of `simulate` takes it apart: a module costs 0.03 ms more.
 
-    - `rtol`, `atol`: tolerances of the step size control, or `dt` [s], a fixed step.
+    - `rtol`, `atol`: tolerances of the step size control, or `dt` [s], a fixed step. `follow`:
+      whether the tolerances are those of the motion, and not `atol`, as `Tolerances` has it.
     - `stabilization`: "default" until `resolve` replaces it. `projects_start`: whether a start that
       violates the constraints is projected too, or refused.
     - `frequencies`: of the system at its start, where a choice needs them.
@@ -44,6 +45,7 @@ class Settings(NamedTuple):
     solver: diffrax.AbstractSolver[Any]
     rtol: Float[Array | np.ndarray, ""]
     atol: Float[Array | np.ndarray, ""]
+    follow: bool | Bool[np.ndarray, ""]
     dt: Float[Array | np.ndarray, ""] | None
     stabilization: Stabilization | Literal["default"]
     projects_start: bool
@@ -108,9 +110,11 @@ def check_choices(
     solver: diffrax.AbstractSolver[Any] | None,
     stabilization: Stabilization | Literal["default"],
     adjoint: diffrax.AbstractAdjoint | None,
+    controlled: bool,
 ) -> None:
     """Raise InputError for what is no system, no method, or no way to hold constraints or to
-    differentiate, and for an adjoint that grows without bounds.
+    differentiate, for an adjoint that grows without bounds, and for a method that cannot choose its
+    steps where these are `controlled`.
     """
     check_system("simulate", system)
     if adjoint is not None:
@@ -125,6 +129,11 @@ def check_choices(
     if solver is not None:
         remedy = "an object such as romjax.Rodas5P() or diffrax.Tsit5()"
         check_kind("simulate", "solver", solver, diffrax.AbstractSolver, remedy)
+        if controlled and not isinstance(solver, diffrax.AbstractAdaptiveSolver):
+            raise InputError(
+                f"simulate: {type(solver).__name__} does not estimate the errors of its steps, "
+                "which the step size control needs; give dt, a fixed step [s], or another method."
+            )
     if isinstance(stabilization, Baumgarte) or stabilization in ("default", None):
         return
     remedy = 'romjax.Baumgarte(alpha, beta), romjax.Projection(), None or "default"'

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import diffrax
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from ..arrays import Vector, as_number
@@ -25,7 +26,7 @@ from .default import default_method, start_frequencies, warn_of_fast_stabilizati
 from .doubt import is_doubtful, is_unresolved, warn_of_doubt
 from .failures import raise_failure
 from .left_out import flag_left_out
-from .resolution import finer
+from .resolution import finer, has_lengths
 from .rodas5p import Rodas5P
 from .run import run
 from .settings import Settings, check_choices, check_numbers, check_times, progress_meter
@@ -73,10 +74,13 @@ def simulate(
       system at its start is above what the outputs can show, and so far above that the steps
       that it saves pay for theirs; `diffrax.Dopri8()` elsewhere (while JAX traces: Rodas5P for
       flexible systems). `Trajectory.solver` is the one that was used.
-    - `rtol`, `atol`: tolerances of the step size control. Unless `atol` is given, it equals `rtol`
-      in metres, rad and their rates; a motion of less than a centimetre, which these do not
-      resolve, is repeated with both as much smaller as it is (not while JAX traces, where
-      `Trajectory.flags` says so).
+    - `rtol`, `atol`: tolerances of the step size control. Unless `atol` is given, errors are
+      relative to how far and how fast the motion has got, of whatever size it is; but where it
+      has moved by more than a metre or a radian, or faster than one a second, they are `rtol` in
+      these units and relative to each coordinate (`romjax/integrate/step_size.py`). Events,
+      contacts and the iterations of implicit methods of diffrax take `rtol` in metres for `atol`;
+      with these, a motion of less than a centimetre is repeated with both as much smaller as it
+      is (not while JAX traces, where `Trajectory.flags` says so).
     - `dt`: a fixed step [s] instead of step size control. With it, steps end where signals have
       corners, and see each cycle of those that vibrate (`AbstractSignal`); fixed steps do not.
     - `stabilization`: `Baumgarte(alpha, beta)`, `Projection()` or None; unless given, critical
@@ -104,7 +108,7 @@ def simulate(
     joint and the amount); SimulationError if the integration does not reach its end, or not all
     joints hold on the way.
     """
-    check_choices(system, solver, stabilization, adjoint)
+    check_choices(system, solver, stabilization, adjoint, controlled=dt is None)
     check_numbers(max_steps, dense, rtol=rtol, atol=atol, dt=dt)
     q, v = _check_start(system, q0, v0)
     times = check_times(ts, q.dtype)
@@ -119,6 +123,7 @@ def simulate(
         solver=solver,
         rtol=as_number(rtol, q.dtype),
         atol=as_number(rtol if atol is None else atol, q.dtype),
+        follow=np.asarray(atol is None),
         dt=step,
         stabilization=_stabilization(system, stabilization),
         projects_start=isinstance(stabilization, Projection),
@@ -132,7 +137,7 @@ def simulate(
         max_events=max_events,
         dense=_DENSE_STEPS if dense is True else int(dense),
     )
-    free = atol is None, isinstance(stabilization, str)
+    free = atol is None and has_lengths(bare, settings), isinstance(stabilization, str)
     trajectory, start = _run_well(system, bare, times, (q, v), settings, *free)
     trajectory = flag_left_out(system, trajectory, settings.rtol, again)
     is_stiff = isinstance(solver, Rodas5P) or has_root_finder(solver)

@@ -23,7 +23,8 @@ class Statistics(eqx.Module):
     """Steps and settings of one run.
 
     - `num_steps`, `num_accepted_steps`, `num_rejected_steps`: numbers of steps.
-    - `rtol`, `atol`: tolerances of the step size control; None for a run in fixed steps.
+    - `rtol`, `atol`: tolerances of the step size control; None for a run in fixed steps. `atol` is
+      that of velocities where none was given, since it follows the motion.
     - `fastest_frequency` [rad/s]: of the system at its start; None where the caller has chosen the
       method and the stabilization, so that nobody asked for it.
     - `stabilization`: how the constraints were held, a `Baumgarte`, a `Projection` or None.
