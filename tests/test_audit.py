@@ -146,7 +146,7 @@ def test_a_batch_is_doubted_lane_by_lane():
     @jax.vmap
     def motion(rtol):
         settings = {"solver": diffrax.Tsit5(), "stabilization": rj.Baumgarte.critical(1.0)}
-        return run(point_pendulum(), rtol=rtol, **settings)
+        return run(point_pendulum(), rtol=rtol, atol=rtol, **settings)
 
     batch = motion(np.array([1e-8, 0.3]))
     assert batch.is_valid.tolist() == [True, False]
@@ -155,9 +155,9 @@ def test_a_batch_is_doubted_lane_by_lane():
 
 
 def test_the_words_name_time_joints_and_remedy():
-    with pytest.warns(
-        UserWarning, match=r"t = 1\.497 s.*near t = 1\.5 s.*Distance.*Projection"
-    ) as seen:
+    # It passes two change points, at 0.887 s and at 1.497 s.
+    words = r"t = (0\.8869|1\.497) s.*near t = 1\.5 s.*Distance.*Projection"
+    with pytest.warns(UserWarning, match=words) as seen:
         motion = run(parallelogram(), **CHANGE_POINT)
     assert len(seen) == 1
     assert not motion.is_valid

@@ -24,8 +24,9 @@ _REACH, _NEAREST = 0.1, 1e-9
 _NEWTON = 0.05
 # A quantity is on neither side of its level within so many tolerances of the state.
 _FLOOR = 10.0
-# Impacts of one gap that follow one another so soon, in shares of the run, do so without end.
-_AT_ONCE = 1e-9
+# Impacts of one gap that follow one another so soon, in shares of the run, do so without end: a
+# ball that bounces no higher than rounding, of a metre, flies for 1e-7 s.
+_AT_ONCE = 1e-7
 # Shortest step to an event, and values that are rounding, in units in the last place.
 _SHORTEST, _ROUNDING = 16, 100
 

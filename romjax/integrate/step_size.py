@@ -110,20 +110,24 @@ class Tolerances(eqx.Module):
         return own
 
 
-class StepSizeControl(diffrax.AbstractStepSizeController[Any, Any]):
+class StepSizeControl(diffrax.AbstractAdaptiveStepSizeController[Any, Any]):
     """diffrax's control of step sizes, with the tolerances of a motion.
 
     A step is accepted if the root mean square of the errors of positions and velocities, each
     divided by its tolerance, is below one.
     """
 
+    # What diffrax asks of a control that is adaptive, and hands to root finders.
+    rtol: Any
+    atol: Any
+    norm: Any = eqx.field(static=True)
     tolerances: Tolerances
     steps: diffrax.PIDController  # of a single error, whose tolerance is one
 
     @classmethod
     def of(cls, tolerances: Tolerances, shortest: Float[Array, ""]) -> "StepSizeControl":
         steps = diffrax.PIDController(rtol=0.0, atol=1.0, dtmin=shortest, force_dtmin=False)
-        return cls(tolerances, steps)
+        return cls(tolerances.rtol, tolerances.atol, optimistix.rms_norm, tolerances, steps)
 
     def wrap(self, direction: Any) -> "StepSizeControl":
         del direction
