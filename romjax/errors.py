@@ -21,5 +21,9 @@ class ReductionError(ValueError):
     """A basis that does not make a reduced model."""
 
 
+class UnsuitedError(ReductionError):
+    """A formulation that cannot take a system; `reduce` goes on with one that does."""
+
+
 class SimulationError(RuntimeError):
     """A simulation that failed."""

@@ -74,6 +74,15 @@ def test_without_freedom_a_model_is_kinematics(formulation):
         assert_close(torque, right, WITH_RATES, scale=np.ptp(right))
 
 
+def test_a_refusal_names_what_was_tried():
+    system, truth = case("four-bar")
+    words = (
+        r"frees the mechanism.*take more modes\. formulation=romjax\.Minimal\(\) makes a model of 0"
+    )
+    with pytest.raises(rj.ReductionError, match=words):
+        rj.reduce(system, rj.pod(truth, rank=2))
+
+
 def test_without_freedom_beyond_its_snapshots():
     """Twice as long as the training: right, or told of."""
     system, truth = case("four-bar")

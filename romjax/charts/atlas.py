@@ -4,7 +4,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..errors import ReductionError
+from ..errors import UnsuitedError
 from ..system.base import AbstractSystem
 from .chart import Chart
 from .choose import WORST_CONDITION
@@ -38,16 +38,16 @@ class Atlas(eqx.Module):
 def choose_atlas(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"]) -> Atlas:
     """Charts along a motion, each as late as it still covers what the one before does not.
 
-    Raises ReductionError at a singular position.
+    Raises UnsuitedError at a singular position.
     """
     seen = survey(system, t, q, _SNAPSHOTS)
     conditions = np.linalg.cond(seen.jacobians)
     if np.max(conditions) > WORST_CONDITION:
         when = float(t[seen.snapshots[np.argmax(conditions)]])
-        raise ReductionError(
+        raise UnsuitedError(
             "reduce: the mechanism passes a singular position, where no coordinates are "
             f"independent: the condition of its constraints is {np.max(conditions):.1e} at "
-            f"t = {when:g} s; use formulation=romjax.Galerkin()."
+            f"t = {when:g} s."
         )
     null_spaces, count = seen.null_spaces, len(seen.null_spaces)
     # cosine[i, j]: how much of a motion at j the directions at i see.

@@ -5,11 +5,12 @@ from typing import Any, Literal, overload
 from .. import deprecated
 from ..basis.basis import Basis
 from ..checks import check_kind
-from ..errors import ReductionError
+from ..errors import ReductionError, UnsuitedError
 from ..system.base import AbstractSystem, check_system
 from ..system.training import remember_training
 from .formulation.base import AbstractFormulation
 from .formulation.galerkin import Galerkin
+from .formulation.instead import tried_instead
 from .formulation.minimal import Minimal
 from .formulation.parse import as_formulation
 from .system import ReducedSystem
@@ -53,7 +54,8 @@ def reduce(
       `Projected()`, "projected": the chapter's equation 39.6, unstable, for reference only.
 
     Raises ReductionError if the basis does not fit the system, if it would lock the mechanism or
-    take it apart (galerkin), or if the mechanism passes a singular position (minimal).
+    take it apart (galerkin), or if the mechanism passes a singular position (minimal); the message
+    then names a formulation that has made a model of it, or says that none does.
     """
     chosen: AbstractFormulation = deprecated.decided(as_formulation(formulation), old)
     check_system("reduce", system)
@@ -63,4 +65,7 @@ def reduce(
             f"reduce: the basis has {basis.modes.shape[0]} coordinates and the system {system.n}; "
             "make the basis from a simulation of this system."
         )
-    return remember_training(chosen.reduce(system, basis), basis)
+    try:
+        return remember_training(chosen.reduce(system, basis), basis)
+    except UnsuitedError as refusal:
+        raise ReductionError(f"{refusal} {tried_instead(system, basis, chosen)}") from None

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from ..arrays import concrete
 from ..charts.survey import survey
-from ..errors import ReductionError
+from ..errors import UnsuitedError
 from ..linalg.dense import multiply
 from ..program import program_once
 from ..system.base import AbstractSystem
@@ -39,7 +39,7 @@ class Frames(eqx.Module):
 
     @classmethod
     def of(cls, system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]) -> "Frames":
-        """Of a system near q (n,); raises ReductionError for other numbers of freedoms."""
+        """Of a system near q (n,); raises UnsuitedError for other numbers of freedoms."""
         if concrete(q) is None:
             raise ValueError(
                 "reduce: a table is made outside of jit, grad and vmap; inside, take the same one "
@@ -54,9 +54,8 @@ class Frames(eqx.Module):
             why = f"the frames of its undeformed bodies have {freedoms} freedoms"
             if rank < len(seen.rows):
                 why = f"{len(seen.rows) - rank} of its constraints hold by deformation alone"
-            raise ReductionError(
-                f"reduce: a table is for mechanisms of one or two freedoms, but {why}; take "
-                "formulation=romjax.Minimal()."
+            raise UnsuitedError(
+                f"reduce: a table is for mechanisms of one or two freedoms, but {why}."
             )
         metric = np.asarray(seen.root.T @ seen.root)
         names = tuple(int(i) for i in numbers)

@@ -21,6 +21,8 @@ class AbstractFormulation(eqx.Module):
     # Whether q stays in the affine subspace of the basis; else what the basis misses of the
     # snapshots says nothing of the model.
     in_subspace: ClassVar[bool] = True
+    # Whether it takes mechanisms of many kinds, so that refusals of others name it.
+    is_general: ClassVar[bool] = False
     # Whether it is there to be compared with, not to be used.
     for_reference: ClassVar[bool] = False
 

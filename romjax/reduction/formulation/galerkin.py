@@ -7,7 +7,7 @@ import equinox as eqx
 
 from ...arrays import concrete
 from ...basis.basis import Basis
-from ...errors import ReductionError
+from ...errors import ReductionError, UnsuitedError
 from ...kept.constraints import (
     LOOSE,
     ReducedConstraints,
@@ -36,6 +36,7 @@ class Galerkin(AbstractFormulation):
     """
 
     name: ClassVar[str] = "galerkin"
+    is_general: ClassVar[bool] = True
 
     constraints: int | None = eqx.field(static=True, default=None)
 
@@ -85,10 +86,10 @@ def _count(system: AbstractSystem, candidates: ReducedConstraints, r: int, lengt
     kept = next(count for count in counts if not count or not locks(candidates, count))
     loose, row = looseness(candidates, kept) if system.m else (0.0, 0)
     if loose > LOOSE:
-        raise ReductionError(
+        raise UnsuitedError(
             f"reduce: the basis frees the mechanism. With {r} modes only {kept} of {system.m} "
             f"constraints can be kept, {most - kept} more would lock its motion, and what moves "
             f"then violates {system.structure.constraints[row]} by {100 * loose:.0f} % of a free "
-            "motion; take more modes, or formulation=romjax.Minimal()."
+            "motion; take more modes."
         )
     return kept

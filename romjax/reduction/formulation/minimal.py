@@ -18,7 +18,7 @@ from ...charts.atlas import Atlas, choose_atlas
 from ...charts.chart import Chart
 from ...charts.choose import WORST_CONDITION, choose_chart
 from ...charts.survey import mass_at
-from ...errors import ReductionError
+from ...errors import ReductionError, UnsuitedError
 from ...linalg.branches import inverted
 from ...program import program_once
 from ...system.base import AbstractSystem
@@ -51,6 +51,7 @@ class Minimal(AbstractFormulation):
 
     name: ClassVar[str] = "minimal"
     in_subspace: ClassVar[bool] = False
+    is_general: ClassVar[bool] = True
 
     chart: Chart | Atlas | None = None
 
@@ -108,10 +109,10 @@ class Minimal(AbstractFormulation):
 def _in_atlas(system: AbstractSystem, basis: Basis, atlas: Atlas) -> ReducedSystem:
     freedoms = system.n - len(atlas.charts[0].rows)
     if basis.rank < freedoms:
-        raise ReductionError(
+        raise UnsuitedError(
             "reduce: no choice of independent coordinates holds over all snapshots, and between "
             f"several only all {freedoms} of them carry over, not {basis.rank} modes; take "
-            f"rank={freedoms} or more, or formulation=romjax.Galerkin()."
+            f"rank={freedoms} or more."
         )
     unit = as_jax(np.eye(freedoms, dtype=basis.modes.dtype))
     lifts = []
