@@ -5,6 +5,7 @@ beside this file.
 
 import gc
 import sys
+import traceback
 from collections.abc import Iterator
 from typing import Any
 
@@ -46,8 +47,14 @@ def measure(budget: float) -> Iterator[record.Section]:
         "medians of runs in turns with the full model, each by the method that suits it."
     )
     rows, ratios, counts, going = [HEADER], {}, dict.fromkeys(FAST, 0), True
+    failures = []
     for example in EXAMPLES:
-        found = studied(example, budget)
+        try:
+            found = studied(example, budget)
+        except Exception as error:  # the others are worth measuring
+            traceback.print_exc()
+            failures.append(f"{example.name}: {error}")
+            continue
         going = INTERRUPTED not in found.skipped.values()
         if not going:
             break
@@ -66,6 +73,8 @@ def measure(budget: float) -> Iterator[record.Section]:
     yield record.Section(f"The best of each scene; errors of at most {TOL:g}:", rows, ratios)
     if not going:
         raise KeyboardInterrupt
+    if failures:
+        raise RuntimeError("; ".join(failures))
 
 
 if __name__ == "__main__":
