@@ -42,8 +42,8 @@ def energy(system: AbstractSystem, run: Trajectory) -> EnergyHistory:
     check_origin("energy", system, run)
     if run.imbalance is None:
         raise InputError(
-            "energy: the run has no balance of energy; simulate it with audit=True, and without an "
-            "adjoint of diffrax."
+            "energy: the run has no balance of energy; simulate it with audit=True, without an "
+            "adjoint of diffrax, and where the model has no freedom the full system."
         )
     kinetic, elastic, potential, total = _energies(system.full, run.t, run.q, run.v)
     return EnergyHistory(kinetic, elastic, potential, total, run.imbalance)
