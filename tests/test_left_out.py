@@ -4,6 +4,7 @@ import dataclasses
 import gc
 import weakref
 
+import diffrax
 import jax
 import numpy as np
 import pytest
@@ -134,6 +135,14 @@ def test_runs_within_transformations_tell(halved):
     # Also the span may be traced.
     short = jax.jit(measured.after)(0.2)
     assert_allclose(short, measured.after(np.asarray(0.2)))
+
+
+@pytest.mark.slow
+def test_methods_without_estimates_of_errors_are_measured_by_another(halved):
+    motion, _ = halved
+    _, rom = model(zoo.five_bar, "minimal", 1)
+    run = rj.simulate(rom, motion.t, solver=diffrax.Euler(), dt=1e-3)
+    assert run.flags & LEFT_OUT
 
 
 @pytest.mark.slow

@@ -186,10 +186,11 @@ def _training(
     rtol: float,
 ) -> Trajectory:
     """A motion that a reduced model was made of, repeated as the one that was asked for, but by
-    default where JAX traces numbers of these choices.
+    default where JAX traces numbers of these choices, or a method needs fixed steps.
     """
     if any(is_traced(x) for x in jax.tree.leaves((solver, stabilization))):
         solver, stabilization = None, "default"
+    solver = solver if isinstance(solver, diffrax.AbstractAdaptiveSolver) else None
     given: dict[str, Any] = {"solver": solver, "stabilization": stabilization, "audit": audit}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
