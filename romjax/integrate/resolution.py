@@ -18,9 +18,9 @@ from .trajectory import Trajectory
 # Tolerances that a motion has to be large: a hundredth of those that a motion of a metre is, or so
 # many, of which errors of long runs leave some digits.
 _SHARE, _ENOUGH = 1e-2, 1e4
-# Where tolerances follow the motion, only rounding keeps it from being a twentieth of what it would
-# be without, or without as many units in the last place.
-_FOLLOWED, _LEAST = 5e-2, 50
+# Where tolerances follow the motion, a twentieth of those that it would be large without rounding,
+# but no more than so many. What is left of single precision has as many units in the last place.
+_FOLLOWED, _PLENTY, _LEAST = 5e-2, 5e6, 50
 # Displacements and velocities below are rounding errors of a mechanism at rest.
 _REST = 1e-10
 # No relative tolerance is below, in units in the last place: rounding errors of some steps.
@@ -52,7 +52,8 @@ def is_resolved(
     by_position, by_velocity = motion.distance / by_q, motion.speed / by_v
     share = jnp.where(motion.counts, jnp.minimum(by_position, by_velocity), 0.0)
     given = jnp.minimum(_SHARE / tolerances.rtol, _ENOUGH)
-    followed = _FOLLOWED / jnp.maximum(tolerances.rtol, _LEAST * jnp.finfo(q.dtype).eps)
+    least = _LEAST * jnp.finfo(q.dtype).eps
+    followed = jnp.minimum(_FOLLOWED / jnp.maximum(tolerances.rtol, least), _PLENTY)
     enough: Bool[Array, ""] = jnp.max(share) >= jnp.where(follow, followed, given)
     return ~jnp.any(motion.counts) | enough
 
