@@ -48,7 +48,8 @@ def remark(trained: float, unseen: float, own: float, said: str) -> str:
         words = "cannot start, or fails, where it was not trained"
     else:
         words = "repeats its training, and is wrong elsewhere"
-    return f"{words}. {said.partition('. ')[0]}".strip() if said else f"{words}."
+    told = said.partition("; ")[0].partition(". ")[0].rstrip(".")
+    return f"{words}. {told}." if told else f"{words}."
 
 
 def advice(
@@ -112,7 +113,12 @@ def _reason(rows: Sequence[ReductionRow], full: ReductionRow, facts: Facts, tol:
             "what is fast here is part of the motion; the models that are faster err by "
             f"{best.error:.0e} or more on starts that they have not seen."
         )
+    if all(row.error > tol for row in rows):
+        least = min(row.error for row in rows)
+        failed = "all of them fail" if math.isinf(least) else f"the best errs by {least:.0e}"
+        return f"no model that was tried is right on starts that it has not seen; {failed}."
+    count = "one freedom takes" if facts.freedoms == 1 else f"{facts.freedoms} freedoms all take"
     return (
-        f"its {facts.freedoms} freedoms all take part in the motion, and the {full.steps} steps of "
-        "the full model follow it."
+        f"its {count} part in the motion, and models that are right take as long as the full one, "
+        f"whose {full.steps} steps follow it."
     )

@@ -15,6 +15,8 @@ from .facts import Facts
 
 # Shares of the largest singular value down to which modes are kept, coarse to fine.
 _SHARES = (1e-3, 1e-4, 1e-5)
+# How well tables hold the constraints between their nodes: as models have to, in less time.
+_TABLE = 1e-5
 # Fewer hinged bodies are as fast one by one as sampled.
 _MANY_BODIES = 6
 # Freedoms of which each is worth a try of its own as a number of modes.
@@ -57,7 +59,9 @@ def families(facts: Facts) -> list[Family]:
     capped = Family("capped", tuple(Candidate(cap=hertz) for hertz in facts.caps), trained=False)
     minimal = Family("minimal", tuple(Candidate(Minimal(), one) for one in _ranks(facts)))
     galerkin = Family("galerkin", tuple(Candidate(Galerkin(), POD(tol=share)) for share in _SHARES))
-    table = Family("table", tuple(Candidate(Tabulated(), POD(rank)) for rank in _table(facts)))
+    table = Family(
+        "table", tuple(Candidate(Tabulated(_TABLE), POD(rank)) for rank in _table(facts))
+    )
     hyper = Family(
         "hyper", tuple(Candidate(HyperReduced(), POD(tol=share)) for share in _SHARES[:2])
     )
