@@ -51,6 +51,9 @@ def measure(budget: float) -> Iterator[record.Section]:
     for example in EXAMPLES:
         try:
             found = studied(example, budget)
+        except KeyboardInterrupt:
+            going = False
+            break
         except Exception as error:  # the others are worth measuring
             traceback.print_exc()
             failures.append(f"{example.name}: {error}")
