@@ -289,8 +289,7 @@ def test_what_was_never_trained_is_predicted():
         q, v = turned_about_the_origin(system, spin, tilt)
         other = rj.simulate(system, TS, q0=q, v0=v, rtol=TIGHT)
         run = rj.simulate(rom.starting_at(q, v), TS, **settings)
-        # Nothing but that one mode is less than this tolerance promises.
-        assert run.flags == rj.Flag.LEFT_OUT
+        assert run.is_valid, run.warnings()
         errors.append(rj.compare(other, run).error)
     assert errors[0] <= TRAINED, f"{errors[0]:.1e}"
     assert max(errors) <= PREDICTED * errors[0], f"{[f'{x:.1e}' for x in errors]}"

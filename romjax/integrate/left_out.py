@@ -22,8 +22,9 @@ from ..system.structure import Structure
 from ..system.training import Training, training_of
 from .trajectory import Trajectory
 
-# Tolerances of its own size by which a motion may be off where a run promises anything.
-_ALLOWED = 100.0
+# Tolerances of its own size by which a motion may be off; but a model that is asked for is not
+# asked to be better than this, however sharply its motion is integrated.
+_ALLOWED, _LEAST = 100.0, 1e-4
 # No motion is repeated more sharply than this, or this many units in the last place; one in fixed
 # steps, which has no tolerance, as usual.
 _SHARPEST, _DIGITS, _USUAL = 1e-8, 100, 1e-6
@@ -59,7 +60,7 @@ def flag_left_out(
     system: AbstractSystem, run: Trajectory, rtol: Any, simulate: Simulate
 ) -> Trajectory:
     """The run, with `Flag.LEFT_OUT` where it is one of a reduced model that errs by more than a
-    hundred tolerances `rtol` on the motions that it was made of, in as much time as the run takes.
+    hundred tolerances `rtol`, and 1e-4, on the motions that it was made of, in as much time as the run takes.
 
     The model repeats them once, by `simulate` before its first run, also where JAX traces that. It
     is the error of the training and no bound for other motions.
@@ -70,12 +71,17 @@ def flag_left_out(
     span: Any = run.t[-1] - run.t[0]
     known, tolerance, flags = concrete(span), concrete(rtol), concrete(run.flags)
     if known is None or tolerance is None or flags is None:
-        excess = [one.after(span) / jnp.maximum(rtol, one.rtol) for one in errors]
-        doubtful: Array = jnp.max(jnp.stack(excess)) > _ALLOWED
+        excess = [one.after(span) / _allowed(jnp, rtol, one.rtol) for one in errors]
+        doubtful: Array = jnp.max(jnp.stack(excess)) > 1
         return dataclasses.replace(run, flags=run.flags | doubtful * int(Flag.LEFT_OUT))
-    if max(one.after(known) / max(tolerance, one.rtol) for one in errors) <= _ALLOWED:
+    if max(one.after(known) / _allowed(np, tolerance, one.rtol) for one in errors) <= 1:
         return run
     return dataclasses.replace(run, flags=as_jax(flags | int(Flag.LEFT_OUT)))
+
+
+def _allowed(xp: Any, rtol: Any, measured: float) -> Any:
+    """The error that a model may have in a run, where it was measured at a tolerance."""
+    return xp.maximum(_ALLOWED * xp.maximum(rtol, measured), _LEAST)
 
 
 def describe(run: Trajectory) -> str:
