@@ -129,3 +129,12 @@ def test_no_equilibrium_is_told():
     falling = on_springs(0.0, 1.0, springs, (1.0, 0.0), 0.0, GRAVITY)
     with pytest.raises(rj.SimulationError, match=r"followed to 0 of the load.*mass\.y.*by 9\.81"):
         rj.equilibrium(falling)
+
+
+@pytest.mark.slow
+def test_single_precision_is_named_where_it_may_be_the_cause():
+    with (
+        jax.enable_x64(False),
+        pytest.raises(rj.SimulationError, match="In single precision.*jax_enable_x64"),
+    ):
+        rj.equilibrium(rj.assemble(rj.Scene([rj.RigidBody("ball", 1.0, 1.0)], [], [rj.Gravity()])))

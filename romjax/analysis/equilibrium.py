@@ -22,6 +22,10 @@ from .statics import Linear, Statics
 _STEPS, _LOADS = 12, 200
 # The least step of the load.
 _LEAST = 1e-6
+_SINGLE = (
+    " In single precision, stiff parts leave too few digits for it: call "
+    'jax.config.update("jax_enable_x64", True) before making any array.'
+)
 
 
 class _Reached(NamedTuple):
@@ -71,7 +75,7 @@ def equilibrium(
             f"equilibrium: from the start the solution was followed to {float(load):.4g} of the "
             f"load, and no further: {system.structure.labels[worst]} is unbalanced by "
             f"{residual[worst]:.3g}. The mechanism snaps through there, or has no equilibrium; "
-            "start from another q0."
+            f"start from another q0.{_SINGLE if q.dtype == jnp.float32 else ''}"
         )
     else:
         found = reached.q
