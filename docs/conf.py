@@ -34,6 +34,7 @@ extensions = [
     "api",
     "gallery",
     "markdown_docstrings",
+    "verbs",
 ]
 exclude_patterns = ["extensions", "reference/api_introduction.md"]
 
