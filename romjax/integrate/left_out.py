@@ -60,7 +60,8 @@ def flag_left_out(
     system: AbstractSystem, run: Trajectory, rtol: Any, simulate: Simulate
 ) -> Trajectory:
     """The run, with `Flag.LEFT_OUT` where it is one of a reduced model that errs by more than a
-    hundred tolerances `rtol`, and 1e-4, on the motions that it was made of, in as much time as the run takes.
+    hundred tolerances `rtol`, and 1e-4, on the motions that it was made of, in as much time as the
+    run takes.
 
     The model repeats them once, by `simulate` before its first run, also where JAX traces that. It
     is the error of the training and no bound for other motions.
