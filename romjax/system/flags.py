@@ -29,6 +29,6 @@ WORDS = {
     Flag.LIMIT: "an effect passes the end of what it is right for, as a bushing after half a turn",
     Flag.WEIGHTS: "its sampled bodies, whose weights are for other masses, have another energy",
     Flag.CAPPED: "modes above the cap vibrate, which they do at the cap and not as they should",
-    Flag.LEFT_OUT: "its model errs by more than 100 rtol, and 1e-4, on the motions that it was made "
-    "of",
+    Flag.LEFT_OUT: "its model errs by more than 100 rtol, and 1e-4, on the motions that it was "
+    "made of",
 }
