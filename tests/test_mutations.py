@@ -13,7 +13,7 @@ KINDS = {"sign", "factor", "index", "term", "argument"}
 # The folders of the package that compute, and the one that reads matrices.
 ROOMS = {
     *("analysis", "assembly", "basis", "charts", "events", "hyper", "integrate", "linalg"),
-    *("files", "kept", "local", "measure", "reduction", "scene", "study", "system", "tables"),
+    *("files", "local", "measure", "reduction", "scene", "study", "system", "tables"),
 }
 
 pytestmark = pytest.mark.instant

@@ -8,7 +8,8 @@ import equinox as eqx
 from ...arrays import concrete
 from ...basis.basis import Basis
 from ...errors import ReductionError, UnsuitedError
-from ...kept.constraints import (
+from ...system.base import AbstractSystem
+from ...system.reduced_constraints import (
     LOOSE,
     ReducedConstraints,
     locks,
@@ -16,7 +17,6 @@ from ...kept.constraints import (
     most_kept,
     reduced_constraints,
 )
-from ...system.base import AbstractSystem
 from ...system.validity import TrainingBox
 from ..lift.affine import AffineLift
 from ..system import ReducedSystem

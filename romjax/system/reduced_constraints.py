@@ -12,7 +12,7 @@ from ..arrays import Numbers
 from ..basis.basis import Basis
 from ..basis.subspace import leading
 from ..program import program_once
-from ..system.base import AbstractSystem
+from .base import AbstractSystem
 
 # A combination of constraints is kept if the basis can move along it by this share of what the
 # full model can. Cart-pendulum: the shares are 0.018 | 1.0, 6e-5 | 1.0, 0.77 for POD with

@@ -1,1 +1,0 @@
-"""Which constraints a subspace keeps."""
