@@ -182,7 +182,8 @@ def swinging():
 @pytest.mark.parametrize("formulation", ["galerkin", "minimal"])
 def test_the_walk_of_a_basis_is_short(swinging, formulation):
     """Functions that a reader of `reduce` passes: those of basis/, charts/ and reduction/, and
-    those that ask which constraints a subspace keeps, that are called between its first line and its return, each once, however often a loop calls it.
+    those that ask which constraints a subspace keeps. They are called between its first line and
+    its return; each counts once, however often a loop calls it.
 
     Left out is what JAX calls (functions under jit and vmap, while they are traced), what only
     evaluates the system (its mass matrix, say), and comprehensions, which are no functions.
