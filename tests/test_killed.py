@@ -15,13 +15,13 @@ import romjax as rj
 KILLS = in_groups([5, 100], slow=[5])  # the last is required
 
 # Each child is forked before JAX starts its threads, as importing takes seconds, and saves two
-# things in turn; the parent ends it at some moment.
+# things in turn; the parent ends it at some moment, or its own end does.
 SAVING = """
 import json, pathlib, random, re, time
 folder, kills = pathlib.Path(sys.argv[1]), int(sys.argv[2])
 {things}
 target, ready = folder / name, folder / "ready"
-source, found = random.Random(0), []
+source, found, parent = random.Random(0), [], os.getpid()
 for _ in range(kills):
     ready.unlink(missing_ok=True)
     child = os.fork()
@@ -30,9 +30,10 @@ for _ in range(kills):
         for each in things:
             each.save(target)
         ready.touch()
-        while True:
+        while os.getppid() == parent:
             for each in things:
                 each.save(target)
+        os._exit(0)
     while not ready.exists():
         assert os.waitpid(child, os.WNOHANG)[0] == 0
         time.sleep(0.002)
