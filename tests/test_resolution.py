@@ -24,12 +24,24 @@ def middle(system, t, q, v):
     return q[0]
 
 
-@pytest.mark.parametrize("amplitude", [1e-9, 1e-6, 1e-3, 0.1])
-def test_a_vibration_of_any_size_is_right(amplitude):
-    run = rj.simulate(spring(amplitude), TS)
+@pytest.mark.parametrize(
+    ("amplitude", "at"), [(1e-9, 0.0), (1e-6, 0.0), (1e-3, 0.0), (0.1, 0.0), (1e-3, 100.0)]
+)
+def test_a_vibration_of_any_size_is_right(amplitude, at):
+    """Also far from the origin."""
+    run = rj.simulate(spring(amplitude, at), TS)
     assert run.is_valid
-    error = np.abs(run.q[:, 0] - amplitude * np.cos(10 * TS))
+    error = np.abs(run.q[:, 0] - at - amplitude * np.cos(10 * TS))
     assert np.max(error) <= ERROR * amplitude
+
+
+def test_what_rounding_moves_takes_long_steps():
+    """A load and a spring in balance but for rounding, whose errors no step can lessen."""
+    body = rj.RigidBody("body", 0.7, 1.0, position=(0.0, 0.5))
+    tie = rj.Spring(body.at(), rj.ground.at((0.0, 1.3)), 100.0, 0.8 - 0.7 * 9.81 / 100.0)
+    run = rj.simulate(rj.assemble(rj.Scene([body], effects=[rj.Gravity(), tie])), TS)
+    assert run.is_valid
+    assert run.stats.num_steps <= 30
 
 
 def test_a_small_deflection_of_a_beam_is_right():
