@@ -17,6 +17,8 @@ ALLOWED = 100.0  # tolerances of the motion's size
 RTOL = 1e-6  # of `simulate` with nothing set
 NUDGE = 1e-9  # of the motion, by which a start is moved
 SENSITIVE = 1e3  # times so much apart at the end
+# That a beam has none is said of the scene, and not of its motion: the truth has none either.
+OF_THE_SCENE = "stiffening"
 
 Numbers = dict[str, Any]
 SWEPT, EVERY = ("alone", "sweep"), ("alone", "jit", "sweep")
@@ -101,7 +103,7 @@ def alone(kind: Kind, numbers: Numbers) -> Found:
             return None, f"{type(refusal).__name__}: {refusal}"
         told = [str(one.message) for one in caught]
         if run is not None:
-            told += [run.warnings()] if run.warnings() else []
+            told += [one for one in run.warnings().split("; ") if one and OF_THE_SCENE not in one]
             told += [] if run.is_valid else [f"flags {rj.Flag(int(run.flags))!r}"]
         return np.asarray(values), "; ".join(told)
 
