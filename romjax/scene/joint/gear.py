@@ -146,12 +146,14 @@ class Gear(AbstractJoint):
 
 def _carriers(wheel: Marker, joints: Sequence[AbstractJoint]) -> list[str]:
     """The bodies on which hinges hold a wheel in its middle."""
-    carriers = []
+    carriers, hub = [], concrete(wheel.point)
     for joint in joints:
         if not isinstance(joint, Revolute | RevoluteInSpace):
             continue
         for own, other in ((joint.a, joint.b), (joint.b, joint.a)):
-            apart = concrete(own.point - wheel.point) if own.body == wheel.body else None
-            if apart is not None and not np.any(np.abs(apart) > _TOUCHING):
+            point = concrete(own.point) if own.body == wheel.body else None
+            if hub is None or point is None:
+                continue
+            if not np.any(np.abs(point - hub) > _TOUCHING):
                 carriers.append(other.body)
     return carriers
