@@ -105,7 +105,7 @@ def _reason(rows: Sequence[ReductionRow], full: ReductionRow, facts: Facts, tol:
     if facts.quick:
         return (
             f"a rigid mechanism that is not stiff has nothing to leave out; its {full.steps} steps "
-            f"follow the motion itself, in {facts.freedoms} freedoms."
+            f"follow the motion itself, in {facts.freedoms} freedom{'s' * (facts.freedoms != 1)}."
         )
     if faster:
         best = min(faster, key=lambda row: row.error)
