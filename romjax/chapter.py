@@ -8,6 +8,7 @@ from tabulate import tabulate
 from . import document
 from .basis.describe import describe
 from .gallery.catalogue import Example
+from .plain import table
 from .study.reduction import ReductionStudy, Run
 from .trials.advice import remark
 
@@ -45,13 +46,6 @@ def parts(study: ReductionStudy, example: Example) -> list[str]:
         document.table(_RANKS, _ranks(study)),
         document.paragraph(_naive(example)),
     ]
-
-
-def table(header: list[str], rows: list[list[str]]) -> str:
-    """Columns of numbers, the first one of names, in plain text."""
-    lines = [header, ["-" * len(name) for name in header], *rows]
-    sides = ["left"] + ["right"] * (len(header) - 1)
-    return tabulate(lines, tablefmt="plain", disable_numparse=True, colalign=sides)
 
 
 def _models(study: ReductionStudy, example: Example) -> tuple[list[str], list[list[str]]]:

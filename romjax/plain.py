@@ -6,11 +6,19 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
+from tabulate import tabulate
 
 from .arrays import concrete
 
 # Of longer arrays, the first and the last numbers are shown.
 _MOST = 8
+
+
+def table(header: list[str], rows: list[list[str]]) -> str:
+    """Columns of numbers, the first one of names, in plain text."""
+    lines = [header, ["-" * len(name) for name in header], *rows]
+    sides = ["left"] + ["right"] * (len(header) - 1)
+    return tabulate(lines, tablefmt="plain", disable_numparse=True, colalign=sides)
 
 
 def plain(part: Any) -> str:

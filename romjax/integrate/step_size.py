@@ -11,6 +11,7 @@ import optimistix
 from jaxtyping import Array, Bool, Float
 
 from ..system.structure import Structure
+from .steps import chosen
 
 # What rounding leaves of positions in a step, in units in the last place of the farthest, or of
 # these [m, and rad or 1]: zero is as far from the numbers that forces depend on.
@@ -154,7 +155,7 @@ class StepSizeControl(diffrax.AbstractAdaptiveStepSizeController[Any, Any]):
         y1 = jax.tree.map(lambda a, b: jnp.where(jnp.isfinite(a), a, b), y1_candidate, y0)
         # The coordinates of another chart do not compare with those before.
         changes = y0[2] != y1[2] if len(y0) == 3 else jnp.zeros((), bool)
-        ends = y0, jax.tree.map(lambda a, b: jnp.where(changes, a, b), y0, y1)
+        ends = y0, chosen(changes, y0, y1)
         longer = self.tolerances.extended(reach, ends[1])
         allowed = (self.tolerances.errors(longer, y, t1 - t0) for y in ends)
         error = optimistix.rms_norm(
@@ -165,5 +166,4 @@ class StepSizeControl(diffrax.AbstractAdaptiveStepSizeController[Any, Any]):
             t0, t1, none, none, args, error, error_order, state
         )
         longer = longer._replace(origin=jnp.where(changes, y1[0], longer.origin))
-        reach = jax.tree.map(lambda a, b: jnp.where(keep, a, b), longer, reach)
-        return keep, *others, (state, reach), result
+        return keep, *others, (state, chosen(jnp.asarray(keep), longer, reach)), result

@@ -4,11 +4,10 @@ import dataclasses
 import textwrap
 from typing import Any
 
-from tabulate import tabulate
-
 from ..errors import InputError
 from ..extras import frame
 from ..integrate.trajectory import Trajectory
+from ..plain import table
 from ..system.base import AbstractSystem
 from .row import ReductionRow
 
@@ -93,12 +92,10 @@ class Reductions:
 
     def summary(self, every: bool = False) -> str:
         """The advice, the table and its notes, at most 80 columns wide."""
-        header, rows = self.cells(every)
-        lines = [header, ["-" * len(name) for name in header], *rows]
-        sides = ["left"] + ["right"] * (len(header) - 1)
-        table = tabulate(lines, tablefmt="plain", disable_numparse=True, colalign=sides)
         notes = [textwrap.fill(note, _WIDTH, subsequent_indent="  ") for note in self.notes(every)]
-        return "\n".join([textwrap.fill(self.advice, _WIDTH), "", table, "", *notes])
+        return "\n".join(
+            [textwrap.fill(self.advice, _WIDTH), "", table(*self.cells(every)), "", *notes]
+        )
 
 
 def _first(text: str) -> str:

@@ -20,10 +20,7 @@ def reduction(study: RankStudy) -> DisplayedFigure:
     reproduces its training but does not predict. The ring is around the rank whose modes pay for
     their steps (`RankStudy.best`); the dashed line is the time of the full model.
     """
-    figure = DisplayedFigure(figsize=(6.5, 4.2))
-    figure.set_layout_engine("constrained")
-    axes = figure.subplots()
-    axes.set(xscale="log", yscale="log")
+    figure, axes = blank()
     for index, name in enumerate(dict.fromkeys(row.formulation for row in study.rows), start=1):
         rows = [r for r in study.rows if r.formulation == name and np.isfinite(r.error)]
         if not rows:
@@ -44,6 +41,15 @@ class Point(NamedTuple):
     trained: float
     error: float
     words: str
+
+
+def blank() -> tuple[DisplayedFigure, Axes]:
+    """A figure for errors against times, both logarithmic."""
+    figure = DisplayedFigure(figsize=(6.5, 4.2))
+    figure.set_layout_engine("constrained")
+    axes = figure.subplots()
+    axes.set(xscale="log", yscale="log")
+    return figure, axes
 
 
 def draw(axes: Axes, index: int, name: str, points: Sequence[Point], apart: bool) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 
 from ...trials.result import Reductions
 from ..style import DisplayedFigure
-from .reduction import Point, draw, explain, ring
+from .reduction import Point, blank, draw, explain, ring
 
 
 def reductions(result: Reductions) -> DisplayedFigure:
@@ -17,10 +17,7 @@ def reductions(result: Reductions) -> DisplayedFigure:
 
     **Arguments:** `result`: what `romjax.reductions` has found.
     """
-    figure = DisplayedFigure(figsize=(6.5, 4.2))
-    figure.set_layout_engine("constrained")
-    axes = figure.subplots()
-    axes.set(xscale="log", yscale="log")
+    figure, axes = blank()
     for index, kind in enumerate(dict.fromkeys(row.formulation for row in result.rows), start=1):
         rows = [r for r in result.rows if r.formulation == kind and np.isfinite(r.error)]
         rows.sort(key=lambda row: row.time)
