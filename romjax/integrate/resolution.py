@@ -89,8 +89,7 @@ class _Motion(NamedTuple):
     @classmethod
     def of(cls, structure: Structure, q: Any, v: Any) -> "_Motion":
         xp = namespace(q)
-        metres = np.zeros(len(structure.coordinates), bool)
-        metres[structure.positions] = True
+        metres = structure.is_position
         farthest, speed = xp.max(xp.abs(q), axis=0), xp.max(xp.abs(v), axis=0)
         distance = xp.max(xp.abs(q - q[:1]), axis=0)
         moves = (distance > _REST * (1 + farthest)) | (speed > _REST)

@@ -53,11 +53,8 @@ class Tolerances(eqx.Module):
 
     @classmethod
     def of(cls, structure: Structure, rtol: Any, atol: Any, follow: Any) -> "Tolerances":
-        positions = np.zeros(len(structure.coordinates), bool)
-        positions[structure.positions] = True
-        return cls(
-            jnp.asarray(rtol), jnp.asarray(atol), jnp.asarray(follow), tuple(positions.tolist())
-        )
+        positions = tuple(structure.is_position.tolist())
+        return cls(jnp.asarray(rtol), jnp.asarray(atol), jnp.asarray(follow), positions)
 
     def start(self, y: Any) -> Reach:
         """Before the first step."""

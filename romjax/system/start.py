@@ -137,11 +137,10 @@ class _Units(NamedTuple):
 
 def _kinds(structure: Structure) -> tuple[np.ndarray, np.ndarray]:
     """Which coordinates are positions of bodies, and which are turns, those of counters too."""
-    positions, turns = np.zeros((2, len(structure.coordinates)), bool)
-    positions[structure.positions] = True
+    turns = np.zeros(len(structure.coordinates), bool)
     turns[structure.turns] = True
     turns[np.array(structure.counters, int)] = True
-    return positions, turns
+    return structure.is_position, turns
 
 
 def _length(

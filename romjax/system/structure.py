@@ -78,6 +78,13 @@ class Structure:
         return self._from_frames(0, 3 if self.quaternions else 2)
 
     @functools.cached_property
+    def is_position(self) -> np.ndarray:
+        """Of each coordinate, whether it is one of the position of a body, (n,)."""
+        mask = np.zeros(len(self.coordinates), bool)
+        mask[self.positions] = True
+        return mask
+
+    @functools.cached_property
     def turns(self) -> np.ndarray:
         """Those of its angle or its quaternion, (bodies, 1 or 4)."""
         return self._from_frames(*((3, 7) if self.quaternions else (2, 3)))
