@@ -39,8 +39,6 @@ from .files.results.store import load as load
 from .files.scene_file import SceneFile as SceneFile
 from .files.scene_file import load_scene as load_scene
 from .files.scene_file import scene_file as scene_file
-from .hyper.formulation import HyperReduced as HyperReduced
-from .hyper.system import HyperReducedSystem as HyperReducedSystem
 from .integrate.adjoint import forward_mode as forward_mode
 from .integrate.branching import Branching as Branching
 from .integrate.energy_balance import EnergyBalance as EnergyBalance
@@ -51,8 +49,6 @@ from .integrate.singular import SingularPosition as SingularPosition
 from .integrate.singular import singular_position as singular_position
 from .integrate.status import Status as Status
 from .integrate.trajectory import Trajectory as Trajectory
-from .local.formulation import Local as Local
-from .local.system import LocalSystem as LocalSystem
 from .measure import quantity as quantity
 from .measure.energy import EnergyHistory as EnergyHistory
 from .measure.energy import PartEnergies as PartEnergies
@@ -67,9 +63,14 @@ from .plot.motion.animation import Animation as Animation
 from .reduction.formulation.base import AbstractFormulation as AbstractFormulation
 from .reduction.formulation.galerkin import Galerkin as Galerkin
 from .reduction.formulation.minimal import Minimal as Minimal
+from .reduction.hyper.formulation import HyperReduced as HyperReduced
+from .reduction.hyper.system import HyperReducedSystem as HyperReducedSystem
 from .reduction.lift.base import AbstractLift as AbstractLift
+from .reduction.local.formulation import Local as Local
+from .reduction.local.system import LocalSystem as LocalSystem
 from .reduction.reduce import reduce as reduce
 from .reduction.system import ReducedSystem as ReducedSystem
+from .reduction.tables.formulation import Tabulated as Tabulated
 from .scene.body import sections as sections
 from .scene.body.base import AbstractBody as AbstractBody
 from .scene.body.beam import Beam as Beam
@@ -157,7 +158,6 @@ from .system.dynamics import quadratic_velocity_force as quadratic_velocity_forc
 from .system.flags import Flag as Flag
 from .system.stabilization import Baumgarte as Baumgarte
 from .system.stabilization import Projection as Projection
-from .tables.formulation import Tabulated as Tabulated
 from .trials.reductions import reductions as reductions
 from .trials.result import Reductions as Reductions
 from .trials.row import ReductionRow as ReductionRow

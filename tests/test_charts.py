@@ -12,11 +12,11 @@ from tolerances import SOLVED
 from zoo import four_bar
 
 import romjax as rj
-from romjax.charts.atlas import choose_atlas
 from romjax.integrate.post_step import PostStepSolver
 from romjax.integrate.step_size import StepSizeControl, Tolerances
 from romjax.integrate.term import ChartedMotionTerm, MotionTerm
 from romjax.linalg.pattern import Pattern
+from romjax.reduction.charts.atlas import choose_atlas
 from romjax.system.state import FullState
 from romjax.system.structure import Structure
 

@@ -13,8 +13,8 @@ from tolerances import DIFFERENCED, IDENTITY
 
 import romjax as rj
 from romjax import jaxprs
-from romjax.charts import choose
 from romjax.linalg.branches import Branches, Forest, inverted
+from romjax.reduction.charts import choose
 
 TS = np.linspace(0.0, 0.5, 41)
 COUNT = 16
@@ -62,7 +62,7 @@ def rom(system, basis) -> rj.AbstractSystem:
 
 def states(rom, count, wider=2.0):
     """Random z in a box wider than that of the training, and w alike."""
-    lower, upper = np.asarray(rom.validity.lower), np.asarray(rom.validity.upper)
+    lower, upper = np.asarray(rom.validity.box.lower), np.asarray(rom.validity.box.upper)
     middle, half = (lower + upper) / 2, wider * (upper - lower) / 2
     lot = np.random.default_rng(3).uniform(-1, 1, (2, count, rom.n))
     return middle + half * lot[0], 5 * half * lot[1]

@@ -16,7 +16,7 @@ from zoo import RODAS5P, TIGHT, bars, falling_beams, motion, run, system
 
 import romjax as rj
 from romjax.assembly.disassemble import disassemble
-from romjax.local.bases import BodyBases
+from romjax.reduction.local.bases import BodyBases
 
 TS = np.linspace(0.0, 1.0, 101)
 # Required of eight beams with eight modes: the error on the training, and how many times that on

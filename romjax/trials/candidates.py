@@ -5,12 +5,12 @@ from collections.abc import Sequence
 
 from ..basis.decomposition.base import AbstractDecomposition
 from ..basis.decomposition.pod import POD
-from ..hyper.formulation import HyperReduced
-from ..local.formulation import Local
 from ..reduction.formulation.base import AbstractFormulation
 from ..reduction.formulation.galerkin import Galerkin
 from ..reduction.formulation.minimal import Minimal
-from ..tables.formulation import Tabulated
+from ..reduction.hyper.formulation import HyperReduced
+from ..reduction.local.formulation import Local
+from ..reduction.tables.formulation import Tabulated
 from .facts import Facts
 
 # Shares of the largest singular value down to which modes are kept, coarse to fine.

@@ -14,15 +14,15 @@ from ...basis.basis import Basis
 from ...basis.decomposition.base import AbstractDecomposition
 from ...basis.snapshots import Motions, SnapshotSet
 from ...basis.subspace import span
-from ...charts.atlas import Atlas, choose_atlas
-from ...charts.chart import Chart
-from ...charts.choose import WORST_CONDITION, choose_chart
-from ...charts.survey import mass_at
 from ...errors import ReductionError, UnsuitedError
 from ...linalg.branches import inverted
 from ...program import program_once
 from ...system.base import AbstractSystem
 from ...system.validity import TrainingBox
+from ..charts.atlas import Atlas, choose_atlas
+from ..charts.chart import Chart
+from ..charts.choose import WORST_CONDITION, choose_chart
+from ..charts.survey import mass_at
 from ..lift.atlas import AtlasLift
 from ..lift.closed_form import ClosedFormLift
 from ..lift.implicit import ImplicitLift

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ...arrays import Time, as_jax, namespace, stack, untraced
-from ...charts.atlas import Atlas
 from ...system.base import AbstractSystem
+from ..charts.atlas import Atlas
 from .base import AbstractLift, Motion, Physical, Reduced
 from .implicit import ImplicitLift
 

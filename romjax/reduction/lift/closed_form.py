@@ -7,10 +7,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import Time
-from ...charts.chart import Chart
 from ...linalg.branches import AbstractInverse, inverted
 from ...linalg.dense import multiply
 from ...system.base import AbstractSystem
+from ..charts.chart import Chart
 from .base import AbstractLift, Motion, Physical, Reduced, differentiate
 
 

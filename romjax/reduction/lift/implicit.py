@@ -11,11 +11,11 @@ from jaxtyping import Array, Float
 
 from ... import precision
 from ...arrays import Time
-from ...charts.chart import Chart
 from ...linalg.dense import improve_inverse, multiply, solve_by_inverse
 from ...program import program_once
 from ...system.base import AbstractSystem
 from ...system.constraints import differentiate
+from ..charts.chart import Chart
 from .base import AbstractLift, Motion, Physical, Reduced
 
 # Most matrices of Newton's method, and most steps with each.

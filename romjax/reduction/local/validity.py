@@ -4,9 +4,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..program import program_once
-from ..system.base import AbstractSystem, AbstractValidity, Run
-from ..system.flags import Flag
+from ...program import program_once
+from ...system.base import AbstractSystem, AbstractValidity, Run
+from ...system.flags import Flag
 from .bases import BodyBases
 
 # Elasticity is linear: of larger deflections the modes miss the same share (of four times as large

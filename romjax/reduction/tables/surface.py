@@ -5,13 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import as_jax
+from ...arrays import as_jax
+from ...errors import ReductionError
+from ...linalg.dense import multiply
+from ...program import program_once
+from ...system.base import AbstractSystem
 from ..charts.choose import WORST_CONDITION, best_directions
 from ..charts.survey import survey
-from ..errors import ReductionError
-from ..linalg.dense import multiply
-from ..program import program_once
-from ..system.base import AbstractSystem
 from .frames import Frames, violations
 from .grid import CLOSED, Grid, refined
 

@@ -8,19 +8,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import as_jax, concrete, put
-from ..basis.basis import Basis
-from ..basis.build import modes_of
-from ..basis.snapshots import weigh
-from ..basis.subspace import span
+from ...arrays import as_jax, concrete, put
+from ...basis.basis import Basis
+from ...basis.build import modes_of
+from ...basis.snapshots import weigh
+from ...basis.subspace import span
+from ...errors import InputError, ReductionError
+from ...program import program_once
+from ...system.base import AbstractSystem
+from ...system.validity import TrainingBox
 from ..charts.survey import survey
-from ..errors import InputError, ReductionError
-from ..program import program_once
-from ..reduction.formulation.base import AbstractFormulation, start
-from ..reduction.formulation.minimal import Minimal
-from ..reduction.system import ReducedSystem
-from ..system.base import AbstractSystem
-from ..system.validity import TrainingBox
+from ..formulation.base import AbstractFormulation, start
+from ..formulation.minimal import Minimal
+from ..system import ReducedSystem
 from .curve import trace_curve
 from .frames import Frames
 from .lift import TableLift

@@ -8,20 +8,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .. import compat
-from ..assembly.assembled import AssembledSystem
-from ..assembly.locate import assembled
-from ..basis.basis import Basis
-from ..basis.decomposition.base import AbstractDecomposition
-from ..basis.snapshots import Motions
-from ..errors import InputError, ReductionError
-from ..program import program_once
-from ..reduction.formulation.base import AbstractFormulation
-from ..reduction.formulation.minimal import Minimal
-from ..reduction.lift.closed_form import ClosedFormLift
-from ..reduction.system import ReducedSystem
-from ..system.base import AbstractSystem
-from ..system.validity import TrainingBox
+from ... import compat
+from ...assembly.assembled import AssembledSystem
+from ...assembly.locate import assembled
+from ...basis.basis import Basis
+from ...basis.decomposition.base import AbstractDecomposition
+from ...basis.snapshots import Motions
+from ...errors import InputError, ReductionError
+from ...program import program_once
+from ...system.base import AbstractSystem
+from ...system.validity import TrainingBox
+from ..formulation.base import AbstractFormulation
+from ..formulation.minimal import Minimal
+from ..lift.closed_form import ClosedFormLift
+from ..system import ReducedSystem
 from .kinematics import Rotations, SampledKinematics, independent
 from .loads import linear_effects
 from .system import HyperReducedSystem, Sample

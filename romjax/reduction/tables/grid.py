@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...errors import ReductionError
+from ...linalg.dense import multiply
+from ...program import program_once
+from ...system.base import AbstractSystem
+from ...system.constraints import differentiate
 from ..charts.choose import WORST_CONDITION
 from ..charts.survey import jacobians
-from ..errors import ReductionError
-from ..linalg.dense import multiply
-from ..program import program_once
-from ..system.base import AbstractSystem
-from ..system.constraints import differentiate
 from .frames import Frames, violations
 from .interpolation import SIDE, evaluate, patches
 

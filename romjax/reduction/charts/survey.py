@@ -8,11 +8,11 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Float
 
-from ..arrays import as_jax
-from ..program import program_once
-from ..system import unit_length
-from ..system.base import AbstractSystem
-from ..system.structure import COUNTER_INERTIA
+from ...arrays import as_jax
+from ...program import program_once
+from ...system import unit_length
+from ...system.base import AbstractSystem
+from ...system.structure import COUNTER_INERTIA
 from .chart import Chart
 
 # Singular values of C_q below this share of the largest come from constraints that repeat others.

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..linalg.dense import multiply
-from ..program import program_once
-from ..system.base import AbstractSystem
-from ..system.constraints import differentiate
+from ...linalg.dense import multiply
+from ...program import program_once
+from ...system.base import AbstractSystem
+from ...system.constraints import differentiate
 from .frames import Frames
 from .grid import Grid
 

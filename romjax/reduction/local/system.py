@@ -7,20 +7,20 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..arrays import Time, Vector, as_array
-from ..assembly.assemble import assemble
-from ..assembly.assembled import AssembledSystem
-from ..assembly.disassemble import disassemble
-from ..assembly.locate import assembled
-from ..errors import ReductionError, SceneError
-from ..linalg.kkt import KKT
-from ..program import program_once
-from ..scene.body.reduced import ReducedBody
-from ..scene.scene import Scene
-from ..system.base import AbstractSystem, AbstractValidity
-from ..system.reduced import AbstractReducedSystem, Physical, Reduced, check_alike, start_of
-from ..system.state import AbstractState, Energy, Power
-from ..system.structure import Structure
+from ...arrays import Time, Vector, as_array
+from ...assembly.assemble import assemble
+from ...assembly.assembled import AssembledSystem
+from ...assembly.disassemble import disassemble
+from ...assembly.locate import assembled
+from ...errors import ReductionError, SceneError
+from ...linalg.kkt import KKT
+from ...program import program_once
+from ...scene.body.reduced import ReducedBody
+from ...scene.scene import Scene
+from ...system.base import AbstractSystem, AbstractValidity
+from ...system.reduced import AbstractReducedSystem, Physical, Reduced, check_alike, start_of
+from ...system.state import AbstractState, Energy, Power
+from ...system.structure import Structure
 from .bases import BodyBases
 
 

@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import concrete
+from ...arrays import concrete
+from ...errors import UnsuitedError
+from ...linalg.dense import multiply
+from ...program import program_once
+from ...system.base import AbstractSystem
+from ...system.dynamics import jacobian
 from ..charts.survey import survey
-from ..errors import UnsuitedError
-from ..linalg.dense import multiply
-from ..program import program_once
-from ..system.base import AbstractSystem
-from ..system.dynamics import jacobian
 
 # Steps of Newton's method, each of which doubles the number of correct digits.
 _NEWTON = 4

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..linalg.dense import multiply
+from ...linalg.dense import multiply
 
 # A node's derivatives are those of the polynomial through so many nodes on each side of it; next
 # to an end, through as many nodes in all.

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Time, as_jax, put, untraced
-from ..linalg.dense import invert, multiply
-from ..reduction.lift.base import AbstractLift, Motion, Physical, Reduced
-from ..system.base import AbstractSystem
+from ...arrays import Time, as_jax, put, untraced
+from ...linalg.dense import invert, multiply
+from ...system.base import AbstractSystem
+from ..lift.base import AbstractLift, Motion, Physical, Reduced
 from .expansion import along_motion, monomials, tabulate
 from .frames import Frames
 from .grid import Grid

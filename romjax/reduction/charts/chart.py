@@ -6,11 +6,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Time
-from ..linalg.branches import Forest
-from ..program import program_once
-from ..system import unit_length
-from ..system.base import AbstractSystem
+from ...arrays import Time
+from ...linalg.branches import Forest
+from ...program import program_once
+from ...system import unit_length
+from ...system.base import AbstractSystem
 
 # Up to so many dependent coordinates a matrix is as fast as sums along branches.
 _DENSE = 100

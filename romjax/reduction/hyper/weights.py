@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..program import program_once
-from ..reduction.system import ReducedSystem
+from ...program import program_once
+from ..system import ReducedSystem
 
 
 @program_once

@@ -1,44 +1,49 @@
 """What speaks against the result of a hyper-reduced model."""
 
-import dataclasses
 from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..program import program_once
-from ..system.base import AbstractSystem, Run
-from ..system.flags import Flag
-from ..system.state import Energy
-from ..system.validity import TrainingBox
+from ...program import program_once
+from ...system.base import AbstractSystem, AbstractValidity, Run
+from ...system.flags import Flag
+from ...system.state import Energy
+from ...system.validity import TrainingBox
 
 # How many times the training's difference of energies is too much.
 _TIMES = 10.0
 
 
-class SampledBox(TrainingBox):
+class SampledBox(AbstractValidity):
     """A training box, and how well the sampled bodies stand for all in it.
 
     Weights belong to the masses that they were trained with. So the energy of the sampled bodies is
     compared with that of all bodies wherever a run comes out, whatever the numbers are then.
 
+    - `box`: of the snapshots.
     - `difference`: the largest one of both energies in the training, relative to their extent.
+    - `error`: estimated error of a run, relative in the energy norm; NaN if nobody estimated it.
     """
 
+    box: TrainingBox
     difference: Float[Array, ""]
+    error: Float[Array, ""]
 
     @classmethod
     def of_training(
         cls, box: TrainingBox, system: AbstractSystem, z: Array, w: Array
     ) -> "SampledBox":
         """From the `box` of the snapshots, and the states z, w (K, r) of the training."""
-        known = {f.name: getattr(box, f.name) for f in dataclasses.fields(box)}
-        return cls(**known, difference=_trained(system, z, w))
+        return cls(box, _trained(system, z, w), box.error)
+
+    def including(self, run: Run) -> "SampledBox":
+        return SampledBox(self.box.including(run), self.difference, self.error)
 
     def flags(self, system: AbstractSystem, run: Run) -> Int[Array, ""]:
         worse = _difference(system, run.t, run.q, run.v) > _TIMES * self.difference
-        return super().flags(system, run) + worse * int(Flag.WEIGHTS)
+        return self.box.flags(system, run) + worse * int(Flag.WEIGHTS)
 
 
 def _difference(system: AbstractSystem, t: Array, z: Array, w: Array) -> Array:

@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import as_jax
+from ...arrays import as_jax
+from ...errors import ReductionError
+from ...system.base import AbstractSystem
 from ..charts.survey import jacobians
-from ..errors import ReductionError
-from ..system.base import AbstractSystem
 from .frames import BLOCK, Frames, Point, advance, start, violations
 from .grid import CLOSED, Grid, check, refined
 from .interpolation import SIDE

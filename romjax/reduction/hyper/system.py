@@ -8,20 +8,20 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..arrays import Time, Vector, as_array
-from ..assembly.assembled import AssembledSystem
-from ..assembly.locate import assembled
-from ..assembly.part import part
-from ..linalg.dense import multiply
-from ..linalg.kkt import KKT
-from ..linalg.pattern import Pattern
-from ..reduction.lift.base import Motion
-from ..reduction.lift.closed_form import ClosedFormLift
-from ..reduction.system import ReducedState
-from ..system.base import AbstractSystem, AbstractValidity
-from ..system.reduced import AbstractReducedSystem, Physical, Reduced, check_alike
-from ..system.state import AbstractState, Energy, Power
-from ..system.structure import Structure
+from ...arrays import Time, Vector, as_array
+from ...assembly.assembled import AssembledSystem
+from ...assembly.locate import assembled
+from ...assembly.part import part
+from ...linalg.dense import multiply
+from ...linalg.kkt import KKT
+from ...linalg.pattern import Pattern
+from ...system.base import AbstractSystem, AbstractValidity
+from ...system.reduced import AbstractReducedSystem, Physical, Reduced, check_alike
+from ...system.state import AbstractState, Energy, Power
+from ...system.structure import Structure
+from ..lift.base import Motion
+from ..lift.closed_form import ClosedFormLift
+from ..system import ReducedState
 from .kinematics import Rotations, SampledKinematics, sample_kinematics
 from .loads import LinearLoads
 

@@ -6,10 +6,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..arrays import Numbers, as_jax, pick, untraced
-from ..assembly.grouping import stack
-from ..linalg.indexing import Index, spread
-from ..system.reduced import Physical, Reduced
+from ...arrays import Numbers, as_jax, pick, untraced
+from ...assembly.grouping import stack
+from ...linalg.indexing import Index, spread
+from ...system.reduced import Physical, Reduced
 
 
 class BodyBases(eqx.Module):

@@ -8,9 +8,9 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Float
 
-from ..identity import Remembered
-from ..system import unit_length
-from ..system.base import AbstractSystem
+from ...identity import Remembered
+from ...system import unit_length
+from ...system.base import AbstractSystem
 from .chart import Chart
 from .survey import Survey, jacobians, mass_root, survey
 

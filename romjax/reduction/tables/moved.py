@@ -7,9 +7,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..linalg.dense import multiply
-from ..program import program_once
-from ..system.base import AbstractSystem
+from ...linalg.dense import multiply
+from ...program import program_once
+from ...system.base import AbstractSystem
 from .frames import Frames
 from .grid import Grid
 

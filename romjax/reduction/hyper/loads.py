@@ -8,14 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .. import compat
-from ..assembly.assembled import AssembledSystem
-from ..assembly.part import part
-from ..linalg.dense import multiply
-from ..program import program_once
-from ..reduction.lift.base import Reduced
-from ..reduction.lift.closed_form import ClosedFormLift
-from ..system.state import Power
+from ... import compat
+from ...assembly.assembled import AssembledSystem
+from ...assembly.part import part
+from ...linalg.dense import multiply
+from ...program import program_once
+from ...system.state import Power
+from ..lift.base import Reduced
+from ..lift.closed_form import ClosedFormLift
 
 # Slopes that differ by less are equal.
 _EQUAL = 1e-9

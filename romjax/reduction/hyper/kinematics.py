@@ -10,11 +10,11 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Float
 
-from ..linalg.dense import multiply
-from ..program import program_once
-from ..reduction.lift.base import Motion, Reduced
-from ..reduction.lift.closed_form import ClosedFormLift
-from ..system.base import AbstractSystem
+from ...linalg.dense import multiply
+from ...program import program_once
+from ...system.base import AbstractSystem
+from ..lift.base import Motion, Reduced
+from ..lift.closed_form import ClosedFormLift
 
 
 class Rotations(eqx.Module):
