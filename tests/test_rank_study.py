@@ -9,7 +9,7 @@ from tolerances import IDENTITY
 from zoo import run
 
 import romjax as rj
-from romjax.study.rank_study import RankRow
+from romjax.study.ranks.rank_study import RankRow
 
 COUNT, RTOL = 3, 1e-8
 

@@ -134,7 +134,7 @@ def test_programming_errors_surface(falling, monkeypatch):
     def wrong(*arguments, **settings):
         raise ValueError("a bug")
 
-    monkeypatch.setattr("romjax.study.rank_search.reduce", wrong)
+    monkeypatch.setattr("romjax.study.ranks.rank_search.reduce", wrong)
     with pytest.raises(ValueError, match="^a bug$"):
         rj.reduce_to(*falling, 0.5)
 

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
 
-from ...study.rank_study import RankStudy
+from ...study.ranks.rank_study import RankStudy
 from ..style import COLOURS, MARKERS, SMALL, DisplayedFigure
 
 

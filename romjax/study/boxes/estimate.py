@@ -5,10 +5,10 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..integrate.simulate import simulate
-from ..integrate.trajectory import Trajectory
-from ..system.base import AbstractSystem
-from ..system.reduced import AbstractReducedSystem
+from ...integrate.simulate import simulate
+from ...integrate.trajectory import Trajectory
+from ...system.base import AbstractSystem
+from ...system.reduced import AbstractReducedSystem
 from .reduced_box import reduced_as
 
 

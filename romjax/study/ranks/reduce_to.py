@@ -7,13 +7,13 @@ import equinox as eqx
 import jax.numpy as jnp
 from tqdm import tqdm
 
-from ..errors import InputError, ReductionError
-from ..integrate.trajectory import Trajectory
-from ..reduction.formulation.base import AbstractFormulation
-from ..reduction.formulation.parse import as_formulation
-from ..system.base import AbstractSystem
-from ..system.reduced import AbstractReducedSystem
-from .batch import simulate_all
+from ...errors import InputError, ReductionError
+from ...integrate.trajectory import Trajectory
+from ...reduction.formulation.base import AbstractFormulation
+from ...reduction.formulation.parse import as_formulation
+from ...system.base import AbstractSystem
+from ...system.reduced import AbstractReducedSystem
+from ..batch import simulate_all
 from .rank_search import RankSearch, held_out_error, sharper
 
 

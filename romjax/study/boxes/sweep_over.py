@@ -9,14 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..arrays import as_array
-from ..errors import InputError, ReductionError, SimulationError
-from ..integrate.simulate import simulate
-from ..integrate.trajectory import Trajectory
+from ...arrays import as_array
+from ...errors import InputError, ReductionError, SimulationError
+from ...integrate.simulate import simulate
+from ...integrate.trajectory import Trajectory
+from ..ranks.rank_search import SAFETY, sharper
+from ..sweep import Sweep, sweep
 from .estimate import run_and_change
-from .rank_search import SAFETY, sharper
 from .reduced_box import ReducedBox, reduced_as
-from .sweep import Sweep, sweep
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..system.base import AbstractSystem
-from ..system.reduced import AbstractReducedSystem
+from ...system.base import AbstractSystem
+from ...system.reduced import AbstractReducedSystem
 from .box import Box
 
 if TYPE_CHECKING:

@@ -7,18 +7,18 @@ import jax.numpy as jnp
 import numpy as np
 from tqdm import tqdm
 
-from ..basis.basis import Basis
-from ..basis.decomposition.pod import POD
-from ..basis.snapshots import Motion, Sensitivity
-from ..errors import RankError, ReductionError
-from ..integrate.simulate import simulate
-from ..integrate.trajectory import Trajectory
-from ..reduction.formulation.base import AbstractFormulation
-from ..reduction.reduce import reduce
-from ..system.base import AbstractSystem
-from ..system.reduced import AbstractReducedSystem
-from ..system.training import forget_training
-from .compare import apart, compare
+from ...basis.basis import Basis
+from ...basis.decomposition.pod import POD
+from ...basis.snapshots import Motion, Sensitivity
+from ...errors import RankError, ReductionError
+from ...integrate.simulate import simulate
+from ...integrate.trajectory import Trajectory
+from ...reduction.formulation.base import AbstractFormulation
+from ...reduction.reduce import reduce
+from ...system.base import AbstractSystem
+from ...system.reduced import AbstractReducedSystem
+from ...system.training import forget_training
+from ..compare import apart, compare
 
 # The next rank shows the error of this one up to a factor of two.
 SAFETY = 2.0

@@ -8,10 +8,10 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from ..assembly.assemble import assemble
-from ..errors import InputError
-from ..scene.scene import Scene
-from ..system.base import AbstractSystem
+from ...assembly.assemble import assemble
+from ...errors import InputError
+from ...scene.scene import Scene
+from ...system.base import AbstractSystem
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,21 +10,21 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..arrays import as_array, as_number
-from ..basis.decomposition.pod import POD
-from ..basis.snapshots import Motion, Sensitivity
-from ..errors import InputError, SimulationError
-from ..integrate.adjoint import forward_mode
-from ..integrate.doubt import warn_of_outcome
-from ..integrate.simulate import simulate
-from ..integrate.trajectory import Trajectory
-from ..program import program
-from ..reduction.formulation.base import AbstractFormulation
-from ..reduction.formulation.parse import as_formulation
-from ..reduction.reduce import reduce
-from ..system.reduced import AbstractReducedSystem
+from ...arrays import as_array, as_number
+from ...basis.decomposition.pod import POD
+from ...basis.snapshots import Motion, Sensitivity
+from ...errors import InputError, SimulationError
+from ...integrate.adjoint import forward_mode
+from ...integrate.doubt import warn_of_outcome
+from ...integrate.simulate import simulate
+from ...integrate.trajectory import Trajectory
+from ...program import program
+from ...reduction.formulation.base import AbstractFormulation
+from ...reduction.formulation.parse import as_formulation
+from ...reduction.reduce import reduce
+from ...system.reduced import AbstractReducedSystem
+from ..fit import Fit, fit, inverse_square
 from .box import Box
-from .fit import Fit, fit, inverse_square
 from .reduced_box import reduced_as
 
 Numbers = dict[str, Any]

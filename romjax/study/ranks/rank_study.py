@@ -8,21 +8,21 @@ import diffrax
 import numpy as np
 from tqdm import tqdm
 
-from ..basis.decomposition.base import AbstractDecomposition
-from ..basis.decomposition.pod import POD
-from ..errors import InputError, RankError, ReductionError
-from ..extras import frame
-from ..integrate.simulate import simulate
-from ..integrate.trajectory import Trajectory
-from ..reduction.formulation.base import AbstractFormulation
-from ..reduction.formulation.parse import as_formulation
-from ..reduction.reduce import reduce
-from ..system.base import AbstractSystem
-from ..system.reduced import AbstractReducedSystem
-from .batch import simulate_all
-from .compare import compare
+from ...basis.decomposition.base import AbstractDecomposition
+from ...basis.decomposition.pod import POD
+from ...errors import InputError, RankError, ReductionError
+from ...extras import frame
+from ...integrate.simulate import simulate
+from ...integrate.trajectory import Trajectory
+from ...reduction.formulation.base import AbstractFormulation
+from ...reduction.formulation.parse import as_formulation
+from ...reduction.reduce import reduce
+from ...system.base import AbstractSystem
+from ...system.reduced import AbstractReducedSystem
+from ..batch import simulate_all
+from ..compare import compare
+from ..timing import timed
 from .rank_search import held_out_error
-from .timing import timed
 
 
 class RankRow(NamedTuple):

@@ -10,17 +10,17 @@ import numpy as np
 from jaxtyping import Array, Float
 from tqdm import tqdm
 
-from ..arrays import as_number
-from ..integrate.simulate import simulate
-from ..integrate.trajectory import Trajectory
-from ..program import program
-from ..reduction.formulation.base import AbstractFormulation
-from ..system.base import AbstractSystem, Run
-from ..system.reduced import AbstractReducedSystem
-from .batch import simulate_all, stacked
+from ...arrays import as_number
+from ...integrate.simulate import simulate
+from ...integrate.trajectory import Trajectory
+from ...program import program
+from ...reduction.formulation.base import AbstractFormulation
+from ...system.base import AbstractSystem, Run
+from ...system.reduced import AbstractReducedSystem
+from ..batch import simulate_all, stacked
+from ..ranks.rank_search import SAFETY, Accepted, RankSearch, held_out_error, sharper
 from .box import Box
 from .estimate import run_and_change
-from .rank_search import SAFETY, Accepted, RankSearch, held_out_error, sharper
 from .reduced_box import ReducedBox
 from .sensitivities import sensitivities
 

@@ -4,10 +4,10 @@ import numpy as np
 from jaxtyping import ArrayLike
 from tqdm import tqdm
 
-from ..arrays import as_array
-from ..errors import InputError, ReductionError
-from ..reduction.formulation.base import AbstractFormulation
-from ..reduction.formulation.parse import as_formulation
+from ...arrays import as_array
+from ...errors import InputError, ReductionError
+from ...reduction.formulation.base import AbstractFormulation
+from ...reduction.formulation.parse import as_formulation
 from .box import Box
 from .greedy import Greedy
 from .reduced_box import ReducedBox
