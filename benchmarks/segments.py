@@ -16,7 +16,7 @@ from reduced_scenes import moved, segments
 from timing import least
 
 import romjax as rj
-from romjax.program import program_often
+from romjax.compiling.program import program_often
 
 COUNTS, RANK = (32, 128, 512), 4
 TS = jnp.linspace(0.0, 1.0, 101)

@@ -22,12 +22,13 @@ from .basis.decomposition.sod import sod as sod
 from .basis.describe import describe as describe
 from .basis.snapshots import Sensitivity as Sensitivity
 from .basis.stream import PodStream as PodStream
-from .errors import InputError as InputError
-from .errors import RankError as RankError
-from .errors import ReductionError as ReductionError
-from .errors import SceneError as SceneError
-from .errors import SceneFileError as SceneFileError
-from .errors import SimulationError as SimulationError
+from .common.errors import InputError as InputError
+from .common.errors import RankError as RankError
+from .common.errors import ReductionError as ReductionError
+from .common.errors import SceneError as SceneError
+from .common.errors import SceneFileError as SceneFileError
+from .common.errors import SimulationError as SimulationError
+from .compiling.xla import speed_up_xla as speed_up_xla
 from .events.base import AbstractEvent as AbstractEvent
 from .events.base import Crossing as Crossing
 from .events.base import Stop as Stop
@@ -161,7 +162,6 @@ from .system.stabilization import Projection as Projection
 from .trials.reductions import reductions as reductions
 from .trials.result import Reductions as Reductions
 from .trials.row import ReductionRow as ReductionRow
-from .xla import speed_up_xla as speed_up_xla
 
 __version__ = "0.2.0"
 

@@ -15,14 +15,16 @@ import numpy as np
 from tabulate import tabulate
 from tqdm import tqdm
 
-from . import __version__, chapter, document, page, plot, report, writing
+from . import __version__, plot
 from .assembly.assemble import assemble
 from .command_inputs import load, writable
-from .errors import InputError, SimulationError
+from .common import writing
+from .common.errors import InputError, SimulationError
 from .files.begin import write_start
 from .files.scene_file import scene_file
 from .files.summary import describe_file
 from .gallery.catalogue import EXAMPLES, Example
+from .pages import chapter, document, page, report
 from .study.accuracy.study import accuracy
 from .study.reduction import REFINEMENT, ReductionStudy, reduction_study
 from .study.tune import tune_baumgarte

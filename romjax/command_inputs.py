@@ -4,7 +4,7 @@ import runpy
 import tempfile
 from pathlib import Path
 
-from .errors import SceneError
+from .common.errors import SceneError
 from .files.scene_file import SceneFile, scene_file
 from .files.settings import solver_of
 from .gallery.catalogue import Example, find

@@ -16,8 +16,9 @@ from scene_files import CRANK
 from zoo import RODAS5P, run
 
 import romjax as rj
-from romjax import compat, program
-from romjax.program import Program
+from romjax.common import compat
+from romjax.compiling import program
+from romjax.compiling.program import Program
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")

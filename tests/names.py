@@ -16,7 +16,7 @@ import optax
 import xarray
 
 import romjax as rj
-from romjax import arrays
+from romjax.common import arrays
 
 CLASS = re.compile(r"[A-Z]\w*[a-z]\w*")
 KEYWORD = re.compile(r"(\w+)=(?:\S.*)?")

@@ -13,8 +13,8 @@ import pytest
 import zoo
 
 import romjax as rj
-from romjax import page
 from romjax.basis.decomposition.base import Directions, RankCriterion
+from romjax.pages import page
 from romjax.study.accuracy.configuration import Configuration
 from romjax.study.accuracy.models import default_caps
 from romjax.study.accuracy.result import Accuracy

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from romjax import compat, program_cache
+from romjax.common import compat
+from romjax.compiling import program_cache
 
 pytestmark = pytest.mark.instant
 

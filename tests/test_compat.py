@@ -9,7 +9,8 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from romjax import compat, jaxprs
+from romjax.common import compat
+from romjax.compiling import jaxprs
 
 
 @pytest.mark.instant
@@ -62,7 +63,7 @@ def test_a_trace_context_is_part_of_the_key_of_compiled_functions():
 def test_the_compiler_is_set_up_once_and_its_programs_are_not_those_of_the_cache_of_jax(tmp_path):
     words = (
         "import os, jax\n"
-        "from romjax.compat import compiler_is_set_up, without_cache_of_jax\n"
+        "from romjax.common.compat import compiler_is_set_up, without_cache_of_jax\n"
         "print(compiler_is_set_up())\n"
         f"jax.config.update('jax_compilation_cache_dir', {str(tmp_path)!r})\n"
         "jax.config.update('jax_persistent_cache_min_compile_time_secs', 0)\n"

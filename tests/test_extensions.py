@@ -16,7 +16,7 @@ from tolerances import SOLVED
 import romjax as rj
 from romjax import plot
 from romjax.assembly.outlines import outlines
-from romjax.report import _write_csv
+from romjax.pages.report import _write_csv
 
 # Two degrees of freedom: a subspace takes two modes more for the curvature of the motion.
 RANKS = {"galerkin": 4, "minimal": 2}

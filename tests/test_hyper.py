@@ -12,7 +12,7 @@ from motions import through
 from tolerances import DIFFERENCED, IDENTITY
 
 import romjax as rj
-from romjax import jaxprs
+from romjax.compiling import jaxprs
 from romjax.linalg.branches import Branches, Forest, inverted
 from romjax.reduction.charts import choose
 

@@ -14,9 +14,10 @@ from programs import compilations
 from tolerances import DIFFERENCED, IDENTITY
 
 import romjax as rj
-from romjax import compat, jaxprs
+from romjax.common import compat
+from romjax.compiling import jaxprs
+from romjax.compiling.program import program
 from romjax.integrate.outputs import cut
-from romjax.program import program
 
 X = jnp.asarray(np.random.default_rng(0).normal(size=7))
 
@@ -174,7 +175,7 @@ def test_what_cannot_be_a_function_is_compiled_the_plain_way(monkeypatch):
 
 
 def test_an_unknown_compiler_is_said(monkeypatch):
-    from romjax import program as module
+    from romjax.compiling import program as module
 
     module._options.cache_clear()
     monkeypatch.setattr(compat, "compiler_options", lambda: {"xla_cpu_no_such_option": True})

@@ -18,8 +18,8 @@ from comparison import assert_close
 from tolerances import IDENTITY
 
 import romjax as rj
-from romjax import program_cache
-from romjax.program import program
+from romjax.compiling import program_cache
+from romjax.compiling.program import program
 
 X = jnp.asarray(np.random.default_rng(1).normal(size=5))
 SYSTEM = rj.assemble(rj.gallery.chain(2))
@@ -217,7 +217,7 @@ def test_the_oldest_programs_go_first(folder, monkeypatch):
 
 OWN_CACHE_OF_JAX = """
     import os
-    from romjax.program import program
+    from romjax.compiling.program import program
     jax.config.update("jax_compilation_cache_dir", {!r})
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     for name in {!r}:

@@ -13,7 +13,7 @@ import xarray
 import zoo
 
 import romjax as rj
-from romjax import compat
+from romjax.common import compat
 from romjax.integrate.derived import OnDemand
 from romjax.integrate.parts import Parts
 from romjax.integrate.status import REMEDIES, Status

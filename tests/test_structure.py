@@ -117,22 +117,7 @@ def test_the_name_of_a_body_is_no_number_but_no_program_either():
 
 # The layout of the package.
 
-BASE = {
-    "arrays",
-    "program",
-    "identity",
-    "checks",
-    "errors",
-    "precision",
-    "compat",
-    "jaxprs",
-    "deprecated",
-    "pictures",
-    "fields",
-    "extras",
-    "writing",
-    "plain",
-}
+BASE = {"common", "compiling", "deprecated"}
 BELOW = {
     "linalg": set(),
     "scene": {"linalg"},

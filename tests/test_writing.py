@@ -17,9 +17,10 @@ from motions import motion
 from zoo import bar
 
 import romjax as rj
-from romjax import csv_table, report, writing
+from romjax.common import writing
 from romjax.files.begin import write_start
 from romjax.files.results import store
+from romjax.pages import csv_table, report
 
 PACKAGE = Path(rj.__file__).parent
 ROOM = 512  # bytes

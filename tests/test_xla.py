@@ -7,7 +7,7 @@ import sys
 import pytest
 
 import romjax as rj
-from romjax import compat
+from romjax.common import compat
 
 
 def test_flags_are_added_once_and_the_compiler_knows_them():
@@ -36,6 +36,6 @@ def test_too_late_is_said(monkeypatch, truth):
 
 @pytest.mark.instant
 def test_an_unknown_version_is_said(monkeypatch):
-    monkeypatch.setattr(rj.xla.compat, "compiler_flags", lambda: ())
+    monkeypatch.setattr(rj.compiling.xla.compat, "compiler_flags", lambda: ())
     with pytest.warns(UserWarning, match="flags of JAX .* are not known"):
         rj.speed_up_xla()

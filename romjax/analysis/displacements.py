@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Time
+from ..common.arrays import Time
 from ..system import dynamics
 from ..system.base import AbstractSystem
 from ..system.structure import Structure

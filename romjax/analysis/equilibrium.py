@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..arrays import Vector, as_array, concrete
 from ..assembly.axial_loads import warn_of_axial_loads
-from ..checks import check_finite, check_shape
-from ..errors import SimulationError
-from ..program import program_once
+from ..common.arrays import Vector, as_array, concrete
+from ..common.checks import check_finite, check_shape
+from ..common.errors import SimulationError
+from ..compiling.program import program_once
 from ..system import unit_length
 from ..system.base import AbstractSystem, check_system
 from .displacements import displacements

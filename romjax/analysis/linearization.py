@@ -8,12 +8,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ..arrays import Vector, as_array
 from ..assembly.axial_loads import warn_of_axial_loads
 from ..assembly.locate import locate
-from ..checks import check_kind, check_shape
+from ..common.arrays import Vector, as_array
+from ..common.checks import check_kind, check_shape
+from ..compiling.program import program_once
 from ..measure.quantity import AbstractQuantity, Coordinate
-from ..program import program_once
 from ..scene.effect.base import AbstractMarkerEffect
 from ..system.base import AbstractSystem, check_system
 from .tangent import independent_constraints, tangent_of

@@ -7,12 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
-from ..arrays import Vector, as_array
 from ..assembly.axial_loads import warn_of_axial_loads
-from ..checks import check_shape
-from ..errors import InputError
-from ..extras import frame
-from ..program import program_once
+from ..common.arrays import Vector, as_array
+from ..common.checks import check_shape
+from ..common.errors import InputError
+from ..common.extras import frame
+from ..compiling.program import program_once
 from ..system.base import AbstractSystem, check_system
 from .tangent import independent_constraints, tangent_of
 from .turning import turn

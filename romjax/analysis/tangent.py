@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..arrays import Time, concrete
-from ..errors import InputError
+from ..common.arrays import Time, concrete
+from ..common.errors import InputError
+from ..compiling.program import program_once
 from ..linalg import quaternions
 from ..linalg.dense import multiply
-from ..program import program_once
 from ..system import unit_length
 from ..system.base import AbstractSystem
 from ..system.constraints import differentiate

@@ -4,11 +4,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..arrays import Time, as_array
-from ..checks import check_shape
-from ..errors import InputError
+from ..common.arrays import Time, as_array
+from ..common.checks import check_shape
+from ..common.errors import InputError
+from ..compiling.program import program_once
 from ..linalg import quaternions
-from ..program import program_once
 from ..system import dynamics
 from ..system.base import AbstractSystem
 from ..system.structure import without_names

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import jax.tree_util as jtu
 
-from ..arrays import as_array, concatenate
-from ..checks import check_kind
-from ..errors import SceneError
+from ..common.arrays import as_array, concatenate
+from ..common.checks import check_kind
+from ..common.errors import SceneError
 from ..linalg.indexing import Index
 from ..linalg.pattern import Pattern
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Time
+from ..common.arrays import Time
 from ..linalg.indexing import spread
 from ..linalg.inverse_mass import InverseMass
 from ..linalg.pattern import Pattern

@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Time
-from ..compat import is_outermost
+from ..common.arrays import Time
+from ..common.compat import is_outermost
+from ..compiling.program import program_once
 from ..linalg import quaternions
-from ..program import program_once
 from ..scene.body.beam import Beam
 from ..scene.body.capped import uncapped
 from ..scene.body.spatial.beam import Beam as SpatialBeam

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Number
-from ..program import program_once
+from ..common.arrays import Number
+from ..compiling.program import program_once
 from ..scene.body.capped import CappedBody, with_caps
 from ..scene.scene import Scene
 from ..system.dynamics import linearize

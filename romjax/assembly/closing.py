@@ -9,11 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .. import precision
-from ..arrays import concrete
+from ..common import precision
+from ..common.arrays import concrete
+from ..compiling.program import program_once
 from ..linalg import quaternions
 from ..linalg.kkt import KKT
-from ..program import program_once
 from ..scene.scene import Scene
 from ..system.consistent import START_SWEEPS, check_closed, closed, fitting
 from ..system.start import Start

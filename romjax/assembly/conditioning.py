@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..compat import is_outermost
-from ..program import program_once
+from ..common.compat import is_outermost
+from ..compiling.program import program_once
 from ..scene.body.capped import uncapped
 from ..system.base import AbstractSystem
 from ..system.structure import without_names

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Time
+from ..common.arrays import Time
 from ..linalg.indexing import take
 from ..linalg.inverse_mass import InverseMass, PlainInverse
 from ..scene.body.base import AbstractBody

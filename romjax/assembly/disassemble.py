@@ -6,7 +6,7 @@ from typing import Any
 
 import jax.tree_util as jtu
 
-from ..arrays import as_array, pick
+from ..common.arrays import as_array, pick
 from ..scene.marker import GROUND, Marker
 from ..scene.scene import Scene
 from .assembled import AssembledSystem

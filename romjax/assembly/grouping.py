@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import jax.tree_util as jtu
 import numpy as np
 
-from .. import arrays
-from ..compat import is_traced
+from ..common import arrays
+from ..common.compat import is_traced
 from ..scene.marker import Marker
 from ..scene.points import NamedPoints
 

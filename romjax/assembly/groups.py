@@ -10,8 +10,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .. import compat
-from ..arrays import Time
+from ..common import compat
+from ..common.arrays import Time
 from ..linalg.dense import multiply
 from ..linalg.indexing import Index
 from ..linalg.inverse_mass import AbstractBodyInverse

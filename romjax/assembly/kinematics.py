@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import as_jax, put
-from ..compat import is_traced
+from ..common.arrays import as_jax, put
+from ..common.compat import is_traced
 from ..linalg.dense import multiply
 from ..linalg.indexing import Index
 from ..scene.body.base import AbstractBody

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import pick
-from ..checks import check_kind, unknown_name
-from ..errors import InputError
+from ..common.arrays import pick
+from ..common.checks import check_kind, unknown_name
+from ..common.errors import InputError
 from ..scene.body.base import AbstractBody
 from ..scene.marker import GROUND, Marker, Pose, Twist, Wrench
 from ..system.base import AbstractSystem, check_system

@@ -9,10 +9,10 @@ import jax.tree_util as jtu
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Vector, as_array, as_jax
-from ..checks import unknown_name
-from ..errors import InputError
-from ..program import program_once
+from ..common.arrays import Vector, as_array, as_jax
+from ..common.checks import unknown_name
+from ..common.errors import InputError
+from ..compiling.program import program_once
 from ..scene.body.base import AbstractBody
 from ..scene.drawing import hatched
 from ..scene.effect.base import AbstractEffect

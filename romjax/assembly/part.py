@@ -7,8 +7,8 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import pick
-from ..errors import ReductionError
+from ..common.arrays import pick
+from ..common.errors import ReductionError
 from ..linalg.indexing import Index
 from ..linalg.pattern import Pattern
 from ..system.structure import Structure

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Numbers
+from ..common.arrays import Numbers
 from ..scene.marker import Pose
 from .pose_gradient import PoseGradient
 

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..arrays import Numbers
+from ..common.arrays import Numbers
 from ..linalg import quaternions
 from ..linalg.dense import multiply
 from ..scene.marker import Pose

@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..errors import InputError
+from ..common.errors import InputError
+from ..compiling.program import program_once
 from ..linalg import quaternions
-from ..program import program_once
 from ..system.dynamics import constraint_state, jacobian
 from ..system.structure import Structure
 from .assembled import AssembledSystem

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..arrays import Time
+from ..common.arrays import Time
 from ..scene.marker import Wrench
 from .groups import EffectGroup, JointGroup
 from .kinematics import Markers

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import as_jax
+from ..common.arrays import as_jax
+from ..common.errors import InputError
 from ..deprecated import renamed, warn_once
-from ..errors import InputError
 from .orthonormal import orthonormalize
 from .snapshots import SnapshotSet
 from .turns import by_turn

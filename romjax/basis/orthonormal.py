@@ -5,9 +5,9 @@ import jax.scipy.linalg as jsl
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import concrete
-from ..errors import InputError
-from ..program import program_once
+from ..common.arrays import concrete
+from ..common.errors import InputError
+from ..compiling.program import program_once
 from .rank import FLOOR
 
 

@@ -7,8 +7,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from ..arrays import as_jax
-from ..errors import InputError, RankError
+from ..common.arrays import as_jax
+from ..common.errors import InputError, RankError
 
 Rank = int | str  # a number of modes, or "drop"
 

@@ -10,11 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import as_jax, pick, untraced
-from ..checks import check_kind
-from ..errors import InputError
-from ..identity import Remembered
-from ..program import program
+from ..common.arrays import as_jax, pick, untraced
+from ..common.checks import check_kind
+from ..common.errors import InputError
+from ..common.identity import Remembered
+from ..compiling.program import program
 from .turns import Turns, by_turn, by_turns
 
 

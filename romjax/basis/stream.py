@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Numbers
-from ..errors import InputError
+from ..common.arrays import Numbers
+from ..common.errors import InputError
 from .basis import Basis
 from .build import modes_of
 from .decomposition.pod import POD

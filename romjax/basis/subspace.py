@@ -10,8 +10,8 @@ import jax.scipy.linalg as jsl
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from .. import compat
-from ..program import program
+from ..common import compat
+from ..compiling.program import program
 
 Method = Literal["svd", "gram"]
 # The share of the last kept singular value that the first dropped one may reach before derivatives

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..arrays import concrete
-from ..program import program
+from ..common.arrays import concrete
+from ..compiling.program import program
 from .subspace import leading
 
 # Cosine of half the angle from the mean turn up to which bodies are said to turn about it: 150°.

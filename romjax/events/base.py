@@ -6,10 +6,10 @@ from typing import ClassVar, Literal
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..arrays import Time
-from ..checks import check_finite, check_shape
-from ..errors import InputError
-from ..fields import Converted, number
+from ..common.arrays import Time
+from ..common.checks import check_finite, check_shape
+from ..common.errors import InputError
+from ..common.fields import Converted, number
 from ..system.base import AbstractSystem
 
 __all__ = ["AbstractEvent", "Crossing", "Stop"]

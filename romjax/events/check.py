@@ -6,8 +6,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .. import compat
-from ..errors import InputError
+from ..common import compat
+from ..common.errors import InputError
 from ..system.base import AbstractSystem
 from .base import AbstractEvent
 

@@ -8,9 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..checks import check_finite, check_shape
-from ..errors import InputError
-from ..fields import Converted, number
+from ..common.checks import check_finite, check_shape
+from ..common.errors import InputError
+from ..common.fields import Converted, number
 from ..linalg.dense import multiply
 from ..system.base import AbstractSystem
 from .base import AbstractEvent, Direction, Quantity

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import SceneError
+from ..common.errors import SceneError
 from .problems import unknown
 
 _SPARSE = "format"  # what SciPy's files of a sparse matrix have among their arrays

@@ -3,8 +3,8 @@
 import os
 from pathlib import Path
 
-from .. import writing
-from ..errors import InputError
+from ..common import writing
+from ..common.errors import InputError
 
 _START = """\
 # A scene: bodies, the joints between them and what acts on them, in SI units, angles in radians,

@@ -8,8 +8,8 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ..arrays import as_array
-from ..compat import is_traced
+from ..common.arrays import as_array
+from ..common.compat import is_traced
 from ..scene.body.base import AbstractBody
 from ..scene.effect.base import AbstractEffect
 from ..scene.joint.base import AbstractJoint

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import concrete
+from ..common.arrays import concrete
 from .numbers import PARAMETER
 from .problems import Problems, unknown
 

@@ -7,7 +7,7 @@ import typing
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from ..fields import ANGLE, ROTATION, UNIT
+from ..common.fields import ANGLE, ROTATION, UNIT
 from .forms import Form, RotationForm, form_of, refined
 
 # What a table says of its kind, and of degrees.

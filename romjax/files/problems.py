@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..checks import unknown_name
-from ..errors import SceneFileError
+from ..common.checks import unknown_name
+from ..common.errors import SceneFileError
 
 Place = tuple[str | int, ...]  # keys from the top of the file
 

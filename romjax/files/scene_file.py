@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..assembly.closing import consistent_scene
-from ..errors import InputError, SceneFileError
+from ..common.errors import InputError, SceneFileError
 from ..scene.scene import Scene
 from .build import Builder
 from .parameters import check_given, free_parameters, resolve_parameters

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import diffrax
 
-from ..errors import InputError
+from ..common.errors import InputError
 from ..integrate.rodas5p import Rodas5P
 
 # Of a run; more do not fit into memory.

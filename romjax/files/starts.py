@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .. import precision
 from ..assembly.assemble import assemble
-from ..program import program_once
+from ..common import precision
+from ..compiling.program import program_once
 from ..scene.scene import Scene
 from ..system.base import AbstractSystem
 from ..system.start import Start, length_of

@@ -8,9 +8,9 @@ from jaxtyping import Array, Float
 from tabulate import tabulate
 
 from ..assembly.assemble import assemble
-from ..errors import InputError
+from ..common.errors import InputError
+from ..compiling.program import program_once
 from ..integrate.default import default_method, start_frequencies
-from ..program import program_once
 from ..scene.scene import Scene
 from ..system.base import AbstractSystem
 from ..system.dynamics import jacobian

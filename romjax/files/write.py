@@ -11,9 +11,9 @@ import numpy as np
 import tomlkit
 import tomlkit.items
 
-from .. import writing
-from ..arrays import as_array, concrete
-from ..errors import InputError, SceneError
+from ..common import writing
+from ..common.arrays import as_array, concrete
+from ..common.errors import InputError, SceneError
 from ..scene.body.base import AbstractBody
 from ..scene.effect.base import AbstractEffect
 from ..scene.joint.base import AbstractJoint

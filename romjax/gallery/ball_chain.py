@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..arrays import Number, Vector
+from ..common.arrays import Number, Vector
 from ..scene.body.spatial.rigid import RigidBody
 from ..scene.effect.gravity import Gravity
 from ..scene.joint.spatial.spherical import Spherical

@@ -1,6 +1,6 @@
 """A bouncing ball with friction."""
 
-from ..arrays import Number
+from ..common.arrays import Number
 from ..scene.body.rigid import RigidBody
 from ..scene.curve import Line
 from ..scene.effect.contact import Contact, Friction

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from ..arrays import Number
+from ..common.arrays import Number
 from ..scene.effect.gravity import Gravity
 from ..scene.joint.spatial.revolute import Revolute
 from ..scene.marker import ground

@@ -7,7 +7,7 @@ from typing import Any
 
 import diffrax
 
-from ..errors import SceneError
+from ..common.errors import SceneError
 from ..scene.scene import Scene
 from .ball_chain import ball_chain
 from .bouncing_ball import bouncing_ball

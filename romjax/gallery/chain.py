@@ -2,7 +2,7 @@
 
 import itertools
 
-from ..errors import SceneError
+from ..common.errors import SceneError
 from ..scene.body.rigid import RigidBody
 from ..scene.effect.gravity import Gravity
 from ..scene.joint.revolute import Revolute

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arrays import Number
+from ..common.arrays import Number
 from ..scene.body.beam import Beam
 from ..scene.body.modal import ModalBody
 from ..scene.body.rigid import RigidBody

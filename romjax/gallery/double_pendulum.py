@@ -2,7 +2,7 @@
 
 import math
 
-from ..arrays import Number
+from ..common.arrays import Number
 from ..scene.body.beam import Beam
 from ..scene.effect.gravity import Gravity
 from ..scene.joint.revolute import Revolute

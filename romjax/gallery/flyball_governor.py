@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Number
+from ..common.arrays import Number
 from ..scene.body.spatial.rigid import RigidBody
 from ..scene.effect.damper import Damper
 from ..scene.effect.gravity import Gravity

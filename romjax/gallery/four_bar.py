@@ -2,7 +2,7 @@
 
 import math
 
-from ..arrays import Number
+from ..common.arrays import Number
 from ..scene.effect.gravity import Gravity
 from ..scene.joint.prescribed import PrescribedAngle
 from ..scene.joint.revolute import Revolute

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 
-from ..arrays import Number
+from ..common.arrays import Number
 from ..scene.body.base import AbstractBody
 from ..scene.body.beam import Beam
 from ..scene.body.rigid import RigidBody

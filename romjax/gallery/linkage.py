@@ -5,8 +5,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..arrays import Number
-from ..errors import SceneError
+from ..common.arrays import Number
+from ..common.errors import SceneError
 from ..scene.body.beam import Beam
 from ..scene.body.rigid import RigidBody
 from ..scene.marker import ground

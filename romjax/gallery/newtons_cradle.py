@@ -3,7 +3,7 @@
 import itertools
 import math
 
-from ..arrays import Number
+from ..common.arrays import Number
 from ..scene.body.rigid import RigidBody
 from ..scene.curve import Circle
 from ..scene.effect.contact import Contact

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Number, Vector, as_array, untraced
+from ..common.arrays import Number, Vector, as_array, untraced
 from ..linalg import quaternions
 from ..scene.body.base import AbstractBody
 from ..scene.body.spatial.rigid import RigidBody

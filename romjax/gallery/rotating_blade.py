@@ -1,6 +1,6 @@
 """A rotating blade that the rotation stiffens."""
 
-from ..arrays import Number
+from ..common.arrays import Number
 from ..scene.body.beam import Beam
 from ..scene.joint.prescribed import PrescribedAngle
 from ..scene.joint.revolute import Revolute

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..arrays import Number
+from ..common.arrays import Number
 from ..scene.body.spatial.beam import Beam
 from ..scene.body.spatial.rigid import RigidBody
 from ..scene.effect.spatial.torque import Torque

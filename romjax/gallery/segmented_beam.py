@@ -3,7 +3,7 @@
 import itertools
 import math
 
-from ..arrays import Number
+from ..common.arrays import Number
 from ..scene.body.beam import Beam
 from ..scene.effect.damper import Damper
 from ..scene.effect.torque import Torque

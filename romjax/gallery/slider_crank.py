@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..arrays import Number, as_array
+from ..common.arrays import Number, as_array
 from ..scene.body.inertia import Inertia
 from ..scene.body.modal import ModalBody
 from ..scene.body.rigid import RigidBody

@@ -1,6 +1,6 @@
 """A squeezing mechanism of seven bodies."""
 
-from ..arrays import Number
+from ..common.arrays import Number
 from ..scene.effect.spring import Spring
 from ..scene.effect.torque import Torque
 from ..scene.joint.revolute import Revolute

@@ -2,7 +2,7 @@
 
 import math
 
-from ..arrays import Number
+from ..common.arrays import Number
 from ..scene.body.beam import Beam
 from ..scene.body.rigid import RigidBody
 from ..scene.curve import Line

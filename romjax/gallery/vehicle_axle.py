@@ -2,7 +2,7 @@
 
 import math
 
-from ..arrays import Number
+from ..common.arrays import Number
 from ..scene.body.rigid import RigidBody
 from ..scene.effect.base import AbstractEffect
 from ..scene.effect.bushing import Bushing

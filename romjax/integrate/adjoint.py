@@ -7,7 +7,7 @@ from typing import Any
 
 import diffrax
 
-from ..compat import trace_context
+from ..common.compat import trace_context
 
 _forwards = trace_context(False)
 

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int
 
-from .. import compat
+from ..common import compat
 from ..linalg.dense import multiply
 from ..system.base import AbstractSystem
 from ..system.dynamics import constraint_state, solve

@@ -6,9 +6,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from .. import precision
+from ..common import precision
+from ..common.plain import plain
 from ..linalg.kkt import KKT
-from ..plain import plain
 from ..system.flags import Flag
 
 # Branches are told apart while |C| is below this share of σ². Of 336 runs through change points,

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..arrays import Time
+from ..common.arrays import Time
 from ..reduction.lift.atlas import AtlasLift
 from ..reduction.lift.base import Reduced
 from .post_step import Chart

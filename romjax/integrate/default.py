@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import as_number, concrete
-from ..compat import is_outermost, is_traced
-from ..identity import Remembered
-from ..program import program_once
+from ..common.arrays import as_number, concrete
+from ..common.compat import is_outermost, is_traced
+from ..common.identity import Remembered
+from ..compiling.program import program_once
 from ..system.base import AbstractSystem
 from ..system.frequencies import Frequencies, frequencies
 from ..system.stabilization import Baumgarte

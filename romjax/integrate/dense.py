@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ..arrays import Vector, as_array, concrete
-from ..checks import check_finite, check_shape
-from ..errors import InputError
-from ..program import program
+from ..common.arrays import Vector, as_array, concrete
+from ..common.checks import check_finite, check_shape
+from ..common.errors import InputError
+from ..compiling.program import program
 from ..reduction.system import has_charts
 from ..system.base import AbstractSystem
 from ..system.consistent import project

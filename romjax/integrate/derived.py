@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..compiling.program import program, program_once
 from ..linalg import quaternions
-from ..program import program, program_once
 from ..reduction.system import has_charts
 from ..system.base import AbstractSystem
 from ..system.dynamics import solve

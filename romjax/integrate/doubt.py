@@ -9,7 +9,7 @@ from typing import Any
 
 import jax
 
-from ..arrays import concrete
+from ..common.arrays import concrete
 from ..system.base import AbstractSystem
 from ..system.flags import WORDS, Flag
 from .singular import singular_position

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..plain import plain
+from ..common.plain import plain
 from ..system.flags import Flag
 from ..system.state import Power
 

@@ -2,8 +2,8 @@
 
 import equinox as eqx
 
-from ..arrays import concrete
-from ..errors import SimulationError
+from ..common.arrays import concrete
+from ..common.errors import SimulationError
 from ..system.base import AbstractSystem
 from ..system.flags import WORDS
 from ..system.start import Start

@@ -11,7 +11,7 @@ import numpy as np
 import optimistix
 from jaxtyping import Array, Float, Int
 
-from ..errors import InputError
+from ..common.errors import InputError
 from ..events.check import check_quantities
 from ..events.passage import Passage
 from ..events.record import Events

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
-from .. import precision
+from ..common import precision
 from ..system.base import AbstractSystem
 from ..system.start import Start
 from .integration import Integrated

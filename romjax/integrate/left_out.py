@@ -11,9 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import as_jax, concrete
-from ..compat import is_outermost
-from ..errors import ReductionError
+from ..common.arrays import as_jax, concrete
+from ..common.compat import is_outermost
+from ..common.errors import ReductionError
 from ..linalg.quaternions import columns as quaternion_columns
 from ..system.base import AbstractSystem
 from ..system.flags import Flag

@@ -6,8 +6,8 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from ..compat import is_outermost
-from ..identity import Remembered
+from ..common.compat import is_outermost
+from ..common.identity import Remembered
 
 _parts = Remembered()
 

@@ -10,8 +10,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from .. import compat
-from ..arrays import Time
+from ..common import compat
+from ..common.arrays import Time
 from ..system.base import AbstractSystem
 from ..system.consistent import project
 from .term import ChartedMotionTerm, MotionTerm

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..arrays import namespace
+from ..common.arrays import namespace
 from ..system.base import AbstractSystem
 from ..system.structure import Structure
 from .adjoint import has_root_finder

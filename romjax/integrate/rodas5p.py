@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
-from ..compat import parts_of_term, unwrap_term
+from ..common.compat import parts_of_term, unwrap_term
 from ..linalg.dense import invert_any, multiply
 from .rodas5p_tableau import DENSE, GAMMA, SLOPES, TIMES, A, C
 from .term import MotionTerm

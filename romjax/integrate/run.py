@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .. import compat, precision
+from ..common import compat, precision
+from ..common.identity import Remembered
+from ..compiling.program import program
 from ..events.record import Events
-from ..identity import Remembered
-from ..program import program
 from ..system.base import AbstractSystem, Run
 from ..system.flags import Flag
 from ..system.stabilization import Baumgarte, Stabilization

@@ -8,11 +8,11 @@ import jax
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
-from ..arrays import Vector, as_array, concrete
-from ..checks import check_finite, check_kind, check_positive, check_shape
-from ..errors import InputError
+from ..common.arrays import Vector, as_array, concrete
+from ..common.checks import check_finite, check_kind, check_positive, check_shape
+from ..common.errors import InputError
+from ..common.identity import Remembered
 from ..events.base import AbstractEvent
-from ..identity import Remembered
 from ..system.base import AbstractSystem, check_system
 from ..system.frequencies import Frequencies
 from ..system.stabilization import Baumgarte, Projection, Stabilization

@@ -11,9 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..arrays import Vector, as_number
-from ..checks import check_finite
-from ..compat import is_outermost, is_traced
+from ..common.arrays import Vector, as_number
+from ..common.checks import check_finite
+from ..common.compat import is_outermost, is_traced
 from ..events.base import AbstractEvent
 from ..events.check import check_events
 from ..system.base import AbstractSystem

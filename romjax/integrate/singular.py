@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..program import program_once
+from ..compiling.program import program_once
 from ..system.base import AbstractSystem
 from .trajectory import Trajectory
 

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..common.plain import plain
 from ..deprecated import warn_once
-from ..plain import plain
 from ..system.stabilization import Baumgarte, Stabilization
 
 _COUNTS = ("num_steps", "num_accepted_steps", "num_rejected_steps")

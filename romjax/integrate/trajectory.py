@@ -10,13 +10,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from ..arrays import Vector, as_number
-from ..checks import unknown_name
+from ..common.arrays import Vector, as_number
+from ..common.checks import unknown_name
+from ..common.errors import InputError
+from ..common.extras import above
+from ..common.pictures import animated, inline
 from ..deprecated import renamed, warn_once
-from ..errors import InputError
 from ..events.record import Events
-from ..extras import above
-from ..pictures import animated, inline
 from ..scene.coordinate import Coordinate, quaternions_of
 from ..scene.scene import Scene
 from ..system.base import AbstractSystem

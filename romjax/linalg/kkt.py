@@ -11,7 +11,7 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from .. import precision
+from ..common import precision
 from .block_cholesky import Factor
 from .dense import multiply, multiply_transposed
 from .indexing import take

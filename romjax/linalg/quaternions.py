@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..arrays import Numbers, namespace
+from ..common.arrays import Numbers, namespace
 
 Quaternion = Float[Numbers, "... 4"]
 Triple = Float[Numbers, "... 3"]

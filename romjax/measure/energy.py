@@ -7,9 +7,9 @@ from jaxtyping import Array, Float
 
 from ..assembly.counting import without_counters
 from ..assembly.locate import assembled
-from ..errors import InputError
+from ..common.errors import InputError
+from ..compiling.program import program
 from ..integrate.trajectory import Trajectory
-from ..program import program
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
 from .states import along, check_origin, check_run

@@ -13,7 +13,7 @@ from ..assembly.counting import without_counters
 from ..assembly.kinematics import MarkerBlocks, Markers
 from ..assembly.locate import assembled
 from ..assembly.wrenches import effect_wrenches, joint_wrenches
-from ..checks import unknown_name
+from ..common.checks import unknown_name
 from ..integrate.trajectory import Trajectory
 from ..linalg import quaternions
 from ..scene.marker import Pose, Twist, Wrench

@@ -5,9 +5,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..arrays import Vector
 from ..assembly.kinematics import Markers
 from ..assembly.locate import Located, locate
+from ..common.arrays import Vector
 from ..integrate.trajectory import Trajectory
 from ..scene.marker import Marker, Pose
 from ..system.base import AbstractSystem

@@ -12,10 +12,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..arrays import Time
 from ..assembly.locate import locate
-from ..checks import unknown_name
-from ..errors import InputError
+from ..common.arrays import Time
+from ..common.checks import unknown_name
+from ..common.errors import InputError
 from ..scene.marker import Marker, Pose
 from ..system.base import AbstractSystem
 from .kinematics import length, relative

@@ -8,12 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Vector, as_array, concrete
 from ..assembly.kinematics import Markers
 from ..assembly.locate import Located, assembled, bodies_of, located
 from ..assembly.wrenches import effect_wrenches, joint_wrenches
-from ..checks import check_finite, check_shape
-from ..errors import InputError
+from ..common.arrays import Vector, as_array, concrete
+from ..common.checks import check_finite, check_shape
+from ..common.errors import InputError
 from ..integrate.trajectory import Trajectory
 from ..scene.body.beam import Beam
 from ..scene.body.rigid import RigidBody

@@ -8,15 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .. import compat
-from ..arrays import Vector, as_array
 from ..assembly.locate import assembled
-from ..checks import check_finite, check_kind, check_shape
-from ..errors import InputError
+from ..common import compat
+from ..common.arrays import Vector, as_array
+from ..common.checks import check_finite, check_kind, check_shape
+from ..common.errors import InputError
+from ..compiling.program import program
 from ..integrate.outputs import capacity, cut, padded
 from ..integrate.reactions import balancing_multipliers, lifted_acceleration
 from ..integrate.trajectory import Trajectory
-from ..program import program
 from ..system.base import AbstractSystem, check_system
 from ..system.dynamics import solve
 from ..system.reduced import AbstractReducedSystem

@@ -4,8 +4,8 @@ from typing import Any, Literal, overload
 
 from .. import deprecated
 from ..basis.basis import Basis
-from ..checks import check_kind
-from ..errors import ReductionError, UnsuitedError
+from ..common.checks import check_kind
+from ..common.errors import ReductionError, UnsuitedError
 from ..system.base import AbstractSystem, check_system
 from ..system.training import remember_training
 from .formulation.base import AbstractFormulation

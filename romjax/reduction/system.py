@@ -7,12 +7,12 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..arrays import Time, Vector, as_array
 from ..basis.turns import Turns, by_turn
+from ..common.arrays import Time, Vector, as_array
+from ..compiling.program import program_once
 from ..linalg.dense import multiply
 from ..linalg.kkt import KKT
 from ..linalg.pattern import Pattern
-from ..program import program_once
 from ..scene.coordinate import Coordinate
 from ..system.base import AbstractSystem, AbstractValidity
 from ..system.reduced import AbstractReducedSystem, check_alike, start_of

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Vector
+from ..common.arrays import Vector
 from .drawing import REACH, arc, follow
 from .fields import Converted, check_numbers, number
 

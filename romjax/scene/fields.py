@@ -4,9 +4,9 @@ import dataclasses
 import functools
 from typing import Any, Literal
 
-from .. import checks
-from ..errors import SceneError
-from ..fields import UNIT, Converted, number, parts, radians
+from ..common import checks
+from ..common.errors import SceneError
+from ..common.fields import UNIT, Converted, number, parts, radians
 
 __all__ = [
     "UNIT",

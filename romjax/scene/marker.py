@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Number, Numbers, Vector, as_array
-from ..errors import InputError, SceneError
+from ..common.arrays import Number, Numbers, Vector, as_array
+from ..common.errors import InputError, SceneError
 from ..linalg import quaternions
 from ..linalg.dense import multiply
 from .fields import Converted, check_finite, check_shape, number, radians

@@ -7,9 +7,9 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Number, Vector, as_array, concrete, namespace, untraced
-from ..errors import SceneError
-from ..fields import ROTATION
+from ..common.arrays import Number, Vector, as_array, concrete, namespace, untraced
+from ..common.errors import SceneError
+from ..common.fields import ROTATION
 from ..linalg import quaternions
 
 _CONVENTION = re.compile(r"(?!.*(.)\1)([XYZ]{3}|[xyz]{3})")

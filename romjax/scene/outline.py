@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..errors import SceneError
+from ..common.errors import SceneError
 from .marker import Pose
 
 # What an outline stands for; pictures choose colours and widths by it. The last three are marks,

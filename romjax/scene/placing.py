@@ -6,8 +6,8 @@ from typing import Any, TypeVar
 import equinox as eqx
 from jaxtyping import Array
 
-from ..arrays import Number, Vector, as_array, as_jax, namespace, untraced
-from ..errors import SceneError
+from ..common.arrays import Number, Vector, as_array, as_jax, namespace, untraced
+from ..common.errors import SceneError
 from ..linalg import quaternions
 from .fields import check_shape
 from .marker import GROUND, Marker, Pose

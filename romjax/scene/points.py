@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..arrays import Vector, as_array
-from ..checks import unknown_name
-from ..errors import SceneError
+from ..common.arrays import Vector, as_array
+from ..common.checks import unknown_name
+from ..common.errors import SceneError
 from .fields import check_finite, check_shape
 
 __all__ = ["NamedPoints", "by_name", "point_of"]

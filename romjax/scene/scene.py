@@ -6,9 +6,9 @@ from typing import Any
 
 import equinox as eqx
 
-from ..errors import SceneError
-from ..extras import above
-from ..pictures import inline, still
+from ..common.errors import SceneError
+from ..common.extras import above
+from ..common.pictures import inline, still
 from .body.base import AbstractBody
 from .effect.base import AbstractEffect
 from .fields import Converted, parts

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Number, Time, Vector, as_array, concrete
-from ..errors import SceneError
+from ..common.arrays import Number, Time, Vector, as_array, concrete
+from ..common.errors import SceneError
 from .fields import Converted, check_finite, check_positive, check_shape, number, radians
 
 __all__ = [

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Vector, concrete
-from ..errors import SceneError
+from ..common.arrays import Vector, concrete
+from ..common.errors import SceneError
 from .drawing import follow
 from .fields import Converted, check_numbers, number
 

@@ -7,11 +7,11 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import as_number, pick
-from ..errors import InputError
+from ..common.arrays import as_number, pick
+from ..common.errors import InputError
+from ..compiling.program import program
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
-from ..program import program
 from ..system.base import AbstractSystem
 
 

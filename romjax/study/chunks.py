@@ -10,7 +10,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from .. import writing
+from ..common import writing
 
 
 class Chunks:

@@ -10,14 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ..arrays import concrete
-from ..checks import check_kind
-from ..extras import frame
-from ..identity import Remembered
+from ..common.arrays import concrete
+from ..common.checks import check_kind
+from ..common.extras import frame
+from ..common.identity import Remembered
+from ..common.pictures import animated, inline
+from ..compiling.program import program
 from ..integrate.trajectory import Trajectory
 from ..linalg.quaternions import columns as quaternion_columns
-from ..pictures import animated, inline
-from ..program import program
 
 
 class Comparison(eqx.Module):

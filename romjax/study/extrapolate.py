@@ -6,8 +6,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ..arrays import concrete
-from ..errors import InputError
+from ..common.arrays import concrete
+from ..common.errors import InputError
 from ..integrate.derived import OnDemand
 from ..integrate.trajectory import Trajectory
 from ..system.base import AbstractSystem

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..arrays import concrete
-from ..errors import InputError
+from ..common.arrays import concrete
+from ..common.errors import InputError
 from ..integrate.doubt import telling
 
 

@@ -7,8 +7,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..arrays import Time
 from ..basis.basis import Basis
+from ..common.arrays import Time
 from ..integrate.default import start_frequencies
 from ..linalg.dense import multiply
 from ..linalg.kkt import KKT

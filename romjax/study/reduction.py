@@ -13,7 +13,7 @@ from ..basis.decomposition.naive import naive_sod
 from ..basis.decomposition.pod import POD
 from ..basis.decomposition.sod import SOD
 from ..basis.rank import Rank
-from ..errors import InputError, ReductionError
+from ..common.errors import InputError, ReductionError
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..reduction.formulation.base import AbstractFormulation

@@ -15,11 +15,11 @@ from jax.experimental import multihost_utils
 from jax.sharding import Mesh, PartitionSpec
 from tqdm import tqdm
 
-from ..extras import above
+from ..common.extras import above
+from ..compiling.program import program
 from ..integrate.doubt import DOUBTS
 from ..integrate.status import REMEDIES, Status
 from ..integrate.trajectory import Trajectory
-from ..program import program
 from ..system.flags import WORDS
 from .chunks import Chunks
 

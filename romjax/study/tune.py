@@ -12,12 +12,12 @@ import optax
 from jaxtyping import Array, ArrayLike, Float
 from tqdm import tqdm
 
-from ..arrays import Vector
+from ..common.arrays import Vector
+from ..compiling.program import program, program_often
 from ..integrate.adjoint import forward_mode
 from ..integrate.doubt import warn_of_outcome
 from ..integrate.simulate import simulate
 from ..integrate.status import Status
-from ..program import program, program_often
 from ..system.base import AbstractSystem
 from ..system.dynamics import constraint_state
 from ..system.frequencies import frequencies

@@ -7,8 +7,8 @@ import equinox as eqx
 from jaxtyping import Array, Float, Int
 
 from .. import deprecated
-from ..arrays import Time
-from ..checks import check_kind
+from ..common.arrays import Time
+from ..common.checks import check_kind
 from .constraints import right_hand_side
 from .stabilization import Baumgarte
 from .state import AbstractState

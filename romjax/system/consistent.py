@@ -7,12 +7,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from .. import precision
-from ..arrays import Vector, as_array, concrete
-from ..checks import check_shape
-from ..errors import InputError
+from ..common import precision
+from ..common.arrays import Vector, as_array, concrete
+from ..common.checks import check_shape
+from ..common.errors import InputError
+from ..compiling.program import program_once
 from ..linalg.kkt import KKT
-from ..program import program_once
 from .base import AbstractSystem, check_system
 from .dynamics import constraint_state
 from .start import Start

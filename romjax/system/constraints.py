@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..arrays import Time
+from ..common.arrays import Time
 from .stabilization import Baumgarte
 
 Constraint = Callable[..., Float[Array, " m"]]

@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .. import compat
-from ..arrays import Time, as_array
-from ..checks import check_finite, check_shape
-from ..errors import InputError
+from ..common import compat
+from ..common.arrays import Time, as_array
+from ..common.checks import check_finite, check_shape
+from ..common.errors import InputError
 from ..linalg.pattern import Pattern
 from .base import AbstractSystem
 from .mobility import check_mobility

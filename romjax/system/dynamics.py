@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..arrays import Time
+from ..common.arrays import Time
 from ..linalg.dense import multiply
 from .base import AbstractSystem
 from .constraints import ConstraintState, differentiate, right_hand_side

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Time
+from ..common.arrays import Time
 from ..linalg import quaternions
 from .base import AbstractSystem
 from .dynamics import solve

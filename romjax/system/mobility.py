@@ -3,9 +3,9 @@
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import concrete
-from ..errors import InputError
-from ..program import program_once
+from ..common.arrays import concrete
+from ..common.errors import InputError
+from ..compiling.program import program_once
 from .base import AbstractSystem
 from .dynamics import jacobian
 from .structure import without_names

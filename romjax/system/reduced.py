@@ -7,10 +7,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .. import precision
-from ..arrays import Time, Vector, concrete
-from ..errors import InputError, ReductionError
-from ..program import program_once
+from ..common import precision
+from ..common.arrays import Time, Vector, concrete
+from ..common.errors import InputError, ReductionError
+from ..compiling.program import program_once
 from .base import AbstractSystem
 from .consistent import consistent
 from .constraints import differentiate

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Numbers
 from ..basis.basis import Basis
 from ..basis.subspace import leading
-from ..program import program_once
+from ..common.arrays import Numbers
+from ..compiling.program import program_once
 from .base import AbstractSystem
 
 # A combination of constraints is kept if the basis can move along it by this share of what the

@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .. import compat
-from ..arrays import Time
+from ..common import compat
+from ..common.arrays import Time
 from ..scene.signal import AbstractSignal
 from .base import AbstractSystem
 

@@ -4,8 +4,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..arrays import Number, Vector
-from ..fields import Converted, number
+from ..common.arrays import Number, Vector
+from ..common.fields import Converted, number
 
 
 class Baumgarte(eqx.Module):

@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from ..identity import Remembered
+from ..common.identity import Remembered
 from ..scene.coordinate import Coordinate
 
 # So small that a counter adds nothing to what it counts.

@@ -5,10 +5,10 @@ from typing import Any
 import equinox as eqx
 import numpy as np
 
-from ..arrays import as_jax
 from ..basis.basis import Basis
-from ..compat import is_traced
-from ..identity import Remembered
+from ..common.arrays import as_jax
+from ..common.compat import is_traced
+from ..common.identity import Remembered
 from .base import AbstractSystem
 
 

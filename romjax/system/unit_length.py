@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Time
+from ..common.arrays import Time
 from ..linalg import quaternions
 from . import dynamics
 from .base import AbstractSystem

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..basis.basis import Basis
-from ..program import program_once
+from ..compiling.program import program_once
 from .base import AbstractSystem, AbstractValidity, Run
 from .flags import Flag
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..assembly.assembled import AssembledSystem
-from ..errors import InputError, ReductionError
+from ..common.errors import InputError, ReductionError
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..reduction.reduce import reduce

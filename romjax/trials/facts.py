@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..assembly.assembled import AssembledSystem
+from ..compiling.program import program_once
 from ..integrate.trajectory import Trajectory
-from ..program import program_once
 from ..scene.joint.prescribed import PrescribedAngle, PrescribedTravel
 from ..scene.scene import Scene
 from ..study.accuracy.models import default_caps

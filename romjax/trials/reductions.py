@@ -7,9 +7,9 @@ from typing import Any
 import diffrax
 from tqdm import tqdm
 
-from ..arrays import Vector
-from ..checks import check_kind
-from ..errors import InputError
+from ..common.arrays import Vector
+from ..common.checks import check_kind
+from ..common.errors import InputError
 from ..integrate.trajectory import Trajectory
 from ..scene.scene import Scene
 from ..study.timing import alternating

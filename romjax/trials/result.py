@@ -4,10 +4,10 @@ import dataclasses
 import textwrap
 from typing import Any
 
-from ..errors import InputError
-from ..extras import frame
+from ..common.errors import InputError
+from ..common.extras import frame
+from ..common.plain import table
 from ..integrate.trajectory import Trajectory
-from ..plain import table
 from ..system.base import AbstractSystem
 from .row import ReductionRow
 

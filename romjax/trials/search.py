@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import as_array
 from ..assembly.assemble import assemble
 from ..assembly.assembled import AssembledSystem
-from ..errors import InputError, ReductionError
+from ..common.arrays import as_array
+from ..common.errors import InputError, ReductionError
 from ..integrate.rodas5p import Rodas5P
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 
-from ..arrays import as_jax
 from ..assembly.assemble import assemble
 from ..assembly.assembled import AssembledSystem
+from ..common.arrays import as_jax
 from ..integrate.trajectory import Trajectory
 from ..linalg import quaternions
 from ..scene.marker import GROUND

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from ...errors import InputError
+from ...common.errors import InputError
 from .base import AbstractDecomposition
 from .pod import POD
 from .sod import SOD

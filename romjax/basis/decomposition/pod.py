@@ -6,9 +6,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Vector
-from ...errors import InputError
-from ...fields import Converted, number
+from ...common.arrays import Vector
+from ...common.errors import InputError
+from ...common.fields import Converted, number
 from ..basis import Basis
 from ..rank import FLOOR, Rank
 from ..snapshots import Motions, WeightedSnapshots

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import jax.scipy.linalg as jsl
 from jaxtyping import Array, Float
 
-from ...arrays import Vector
-from ...errors import InputError
-from ...fields import Converted, number
-from ...program import program
+from ...common.arrays import Vector
+from ...common.errors import InputError
+from ...common.fields import Converted, number
+from ...compiling.program import program
 from ..basis import Basis
 from ..rank import FLOOR, Rank
 from ..snapshots import Motions, WeightedSnapshots

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import InputError
+from ...common.errors import InputError
 
 # More than the largest number of a component: a degree of freedom as one number.
 _CODES = 8

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from ...arrays import Vector
-from ...errors import InputError
+from ...common.arrays import Vector
+from ...common.errors import InputError
 from . import abaqus, calculix, nastran
 from .deck import deck_of
 from .entries import COMPONENTS, Entries, code, decode, wrong

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...extras import extra
+from ...common.extras import extra
 from .cards import Card, cards
 from .entries import Entries, existing, wrong
 from .numbered import Degrees

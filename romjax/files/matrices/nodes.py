@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...errors import InputError
+from ...common.errors import InputError
 from .cards import cards
 from .entries import existing, text_of, wrong
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...extras import extra
+from ...common.extras import extra
 from ...integrate.trajectory import Trajectory
 from ...scene.scene import Scene
 from .measured import measured

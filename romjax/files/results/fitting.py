@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError
+from ...common.errors import InputError
 from ...integrate.branching import Branching
 from ...integrate.energy_balance import EnergyBalance
 from ...integrate.status import Status

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...errors import InputError
+from ...common.errors import InputError
 
 # What results are called where they are measured, and their units.
 UNITS = {

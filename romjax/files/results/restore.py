@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ...errors import InputError
+from ...common.errors import InputError
 from ...events.record import Events
 from ...integrate.branching import Branching
 from ...integrate.derived import Derived

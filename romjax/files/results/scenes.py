@@ -8,7 +8,7 @@ from typing import Any
 from ...assembly.assemble import assemble
 from ...assembly.disassemble import disassemble
 from ...assembly.locate import assembled
-from ...errors import InputError
+from ...common.errors import InputError
 from ...integrate.trajectory import Trajectory
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem

@@ -7,9 +7,9 @@ import diffrax
 import jax
 import numpy as np
 
-from ... import writing
-from ...errors import InputError
-from ...extras import extra
+from ...common import writing
+from ...common.errors import InputError
+from ...common.extras import extra
 from ...integrate.trajectory import Trajectory
 from .dataset import VERSION
 from .fitting import check_arrays, check_scene

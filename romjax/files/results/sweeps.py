@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...errors import InputError
-from ...extras import extra
+from ...common.errors import InputError
+from ...common.extras import extra
 from ...integrate.trajectory import Trajectory
 from ...study.sweep import Sweep
 from .dataset import origin

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from ...assembly.names import unique
-from ...errors import InputError
+from ...common.errors import InputError
 from ...integrate.status import Status
 from ...integrate.trajectory import Trajectory
 from ...system.flags import Flag

@@ -13,7 +13,7 @@ from ...assembly.counting import bodies_coordinates
 from ...assembly.disassemble import disassemble
 from ...assembly.locate import assembled
 from ...basis.basis import Basis
-from ...errors import InputError
+from ...common.errors import InputError
 from ...integrate.trajectory import Trajectory
 from ...scene.marker import Marker
 from ...scene.scene import Scene

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from ... import writing
-from ...errors import InputError
+from ...common import writing
+from ...common.errors import InputError
 from ..palette import VIEW, View
 from .frames import Clock, Model
 from .page import height, page

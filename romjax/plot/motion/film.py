@@ -17,8 +17,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 from tqdm import tqdm
 
-from ...errors import InputError
-from ...writing import replacing
+from ...common.errors import InputError
+from ...common.writing import replacing
 from ..mechanism import Picture, bounds, framed, projected, stage
 from ..style import SMALL, line
 

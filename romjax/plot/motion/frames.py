@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ...assembly.kinematics import columns_of
 from ...assembly.outlines import MovingOutline, outlines
-from ...errors import InputError
+from ...common.errors import InputError
 from ...scene.marker import Marker
 from ...scene.scene import Scene
 

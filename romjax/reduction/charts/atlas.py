@@ -4,7 +4,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...errors import UnsuitedError
+from ...common.errors import UnsuitedError
 from ...system.base import AbstractSystem
 from .chart import Chart
 from .choose import WORST_CONDITION

@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Time
+from ...common.arrays import Time
+from ...compiling.program import program_once
 from ...linalg.branches import Forest
-from ...program import program_once
 from ...system import unit_length
 from ...system.base import AbstractSystem
 

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Float
 
-from ...identity import Remembered
+from ...common.identity import Remembered
 from ...system import unit_length
 from ...system.base import AbstractSystem
 from .chart import Chart

@@ -8,8 +8,8 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Float
 
-from ...arrays import as_jax
-from ...program import program_once
+from ...common.arrays import as_jax
+from ...compiling.program import program_once
 from ...system import unit_length
 from ...system.base import AbstractSystem
 from ...system.structure import COUNTER_INERTIA

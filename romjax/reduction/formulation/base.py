@@ -6,11 +6,11 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ...arrays import pick
 from ...basis.basis import Basis
 from ...basis.decomposition.base import AbstractDecomposition
 from ...basis.snapshots import Motions
 from ...basis.turns import by_turns
+from ...common.arrays import pick
 from ...system.base import AbstractSystem
 
 

@@ -5,9 +5,9 @@ from typing import ClassVar
 
 import equinox as eqx
 
-from ...arrays import concrete
 from ...basis.basis import Basis
-from ...errors import ReductionError, UnsuitedError
+from ...common.arrays import concrete
+from ...common.errors import ReductionError, UnsuitedError
 from ...system.base import AbstractSystem
 from ...system.reduced_constraints import (
     LOOSE,

@@ -1,7 +1,7 @@
 """What reduces a mechanism that a formulation cannot take."""
 
 from ...basis.basis import Basis
-from ...errors import InputError, ReductionError
+from ...common.errors import InputError, ReductionError
 from ...system.base import AbstractSystem
 from .base import AbstractFormulation
 

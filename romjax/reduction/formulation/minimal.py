@@ -8,15 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ... import compat
-from ...arrays import as_jax, namespace, pick, untraced
 from ...basis.basis import Basis
 from ...basis.decomposition.base import AbstractDecomposition
 from ...basis.snapshots import Motions, SnapshotSet
 from ...basis.subspace import span
-from ...errors import ReductionError, UnsuitedError
+from ...common import compat
+from ...common.arrays import as_jax, namespace, pick, untraced
+from ...common.errors import ReductionError, UnsuitedError
+from ...compiling.program import program_once
 from ...linalg.branches import inverted
-from ...program import program_once
 from ...system.base import AbstractSystem
 from ...system.validity import TrainingBox
 from ..charts.atlas import Atlas, choose_atlas

@@ -1,6 +1,6 @@
 """Formulations by name."""
 
-from ...errors import ReductionError
+from ...common.errors import ReductionError
 from .base import AbstractFormulation
 
 

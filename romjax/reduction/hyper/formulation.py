@@ -8,14 +8,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ... import compat
 from ...assembly.assembled import AssembledSystem
 from ...assembly.locate import assembled
 from ...basis.basis import Basis
 from ...basis.decomposition.base import AbstractDecomposition
 from ...basis.snapshots import Motions
-from ...errors import InputError, ReductionError
-from ...program import program_once
+from ...common import compat
+from ...common.errors import InputError, ReductionError
+from ...compiling.program import program_once
 from ...system.base import AbstractSystem
 from ...system.validity import TrainingBox
 from ..formulation.base import AbstractFormulation

@@ -10,8 +10,8 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Float
 
+from ...compiling.program import program_once
 from ...linalg.dense import multiply
-from ...program import program_once
 from ...system.base import AbstractSystem
 from ..lift.base import Motion, Reduced
 from ..lift.closed_form import ClosedFormLift

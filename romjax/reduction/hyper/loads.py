@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ... import compat
 from ...assembly.assembled import AssembledSystem
 from ...assembly.part import part
+from ...common import compat
+from ...compiling.program import program_once
 from ...linalg.dense import multiply
-from ...program import program_once
 from ...system.state import Power
 from ..lift.base import Reduced
 from ..lift.closed_form import ClosedFormLift

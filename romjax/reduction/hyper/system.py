@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Time, Vector, as_array
 from ...assembly.assembled import AssembledSystem
 from ...assembly.locate import assembled
 from ...assembly.part import part
+from ...common.arrays import Time, Vector, as_array
 from ...linalg.dense import multiply
 from ...linalg.kkt import KKT
 from ...linalg.pattern import Pattern

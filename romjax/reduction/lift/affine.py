@@ -3,8 +3,8 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Time
 from ...basis.turns import Turns
+from ...common.arrays import Time
 from ...linalg.dense import multiply
 from ...system.base import AbstractSystem
 from .base import AbstractLift, Motion, Physical, Reduced

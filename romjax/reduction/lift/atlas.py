@@ -6,7 +6,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...arrays import Time, as_jax, namespace, stack, untraced
+from ...common.arrays import Time, as_jax, namespace, stack, untraced
 from ...system.base import AbstractSystem
 from ..charts.atlas import Atlas
 from .base import AbstractLift, Motion, Physical, Reduced

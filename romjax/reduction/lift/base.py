@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Time
+from ...common.arrays import Time
 from ...system.base import AbstractSystem
 from ...system.reduced import Physical as Physical
 from ...system.reduced import Reduced as Reduced

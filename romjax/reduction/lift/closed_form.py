@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Time
+from ...common.arrays import Time
 from ...linalg.branches import AbstractInverse, inverted
 from ...linalg.dense import multiply
 from ...system.base import AbstractSystem

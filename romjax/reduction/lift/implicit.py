@@ -9,10 +9,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ... import precision
-from ...arrays import Time
+from ...common import precision
+from ...common.arrays import Time
+from ...compiling.program import program_once
 from ...linalg.dense import improve_inverse, multiply, solve_by_inverse
-from ...program import program_once
 from ...system.base import AbstractSystem
 from ...system.constraints import differentiate
 from ..charts.chart import Chart

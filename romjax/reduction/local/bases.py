@@ -6,8 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Numbers, as_jax, pick, untraced
 from ...assembly.grouping import stack
+from ...common.arrays import Numbers, as_jax, pick, untraced
 from ...linalg.indexing import Index, spread
 from ...system.reduced import Physical, Reduced
 

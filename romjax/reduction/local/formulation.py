@@ -8,15 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import concrete, pick
 from ...assembly.locate import assembled
 from ...basis.basis import Basis
 from ...basis.build import modes_of
 from ...basis.decomposition.base import AbstractDecomposition
 from ...basis.snapshots import SnapshotSet, WeightedSnapshots, weigh
 from ...basis.subspace import span
-from ...errors import InputError, ReductionError
-from ...fields import Converted, number
+from ...common.arrays import concrete, pick
+from ...common.errors import InputError, ReductionError
+from ...common.fields import Converted, number
 from ...system.base import AbstractSystem
 from ..formulation.base import AbstractFormulation, start
 from .bases import BodyBases

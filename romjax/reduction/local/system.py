@@ -7,14 +7,14 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Time, Vector, as_array
 from ...assembly.assemble import assemble
 from ...assembly.assembled import AssembledSystem
 from ...assembly.disassemble import disassemble
 from ...assembly.locate import assembled
-from ...errors import ReductionError, SceneError
+from ...common.arrays import Time, Vector, as_array
+from ...common.errors import ReductionError, SceneError
+from ...compiling.program import program_once
 from ...linalg.kkt import KKT
-from ...program import program_once
 from ...scene.body.reduced import ReducedBody
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem, AbstractValidity

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ...program import program_once
+from ...compiling.program import program_once
 from ...system.base import AbstractSystem, AbstractValidity, Run
 from ...system.flags import Flag
 from .bases import BodyBases

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import as_jax
-from ...errors import ReductionError
+from ...common.arrays import as_jax
+from ...common.errors import ReductionError
 from ...system.base import AbstractSystem
 from ..charts.survey import jacobians
 from .frames import BLOCK, Frames, Point, advance, start, violations

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...compiling.program import program_once
 from ...linalg.dense import multiply
-from ...program import program_once
 from ...system.base import AbstractSystem
 from ...system.constraints import differentiate
 from .frames import Frames

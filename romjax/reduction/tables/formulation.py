@@ -8,13 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import as_jax, concrete, put
 from ...basis.basis import Basis
 from ...basis.build import modes_of
 from ...basis.snapshots import weigh
 from ...basis.subspace import span
-from ...errors import InputError, ReductionError
-from ...program import program_once
+from ...common.arrays import as_jax, concrete, put
+from ...common.errors import InputError, ReductionError
+from ...compiling.program import program_once
 from ...system.base import AbstractSystem
 from ...system.validity import TrainingBox
 from ..charts.survey import survey

@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import concrete
-from ...errors import UnsuitedError
+from ...common.arrays import concrete
+from ...common.errors import UnsuitedError
+from ...compiling.program import program_once
 from ...linalg.dense import multiply
-from ...program import program_once
 from ...system.base import AbstractSystem
 from ...system.dynamics import jacobian
 from ..charts.survey import survey

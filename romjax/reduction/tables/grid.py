@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...errors import ReductionError
+from ...common.errors import ReductionError
+from ...compiling.program import program_once
 from ...linalg.dense import multiply
-from ...program import program_once
 from ...system.base import AbstractSystem
 from ...system.constraints import differentiate
 from ..charts.choose import WORST_CONDITION

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Time, as_jax, put, untraced
+from ...common.arrays import Time, as_jax, put, untraced
 from ...linalg.dense import invert, multiply
 from ...system.base import AbstractSystem
 from ..lift.base import AbstractLift, Motion, Physical, Reduced

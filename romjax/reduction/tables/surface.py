@@ -5,10 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import as_jax
-from ...errors import ReductionError
+from ...common.arrays import as_jax
+from ...common.errors import ReductionError
+from ...compiling.program import program_once
 from ...linalg.dense import multiply
-from ...program import program_once
 from ...system.base import AbstractSystem
 from ..charts.choose import WORST_CONDITION, best_directions
 from ..charts.survey import survey

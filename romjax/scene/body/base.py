@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Number, Vector, concatenate, untraced
+from ...common.arrays import Number, Vector, concatenate, untraced
+from ...common.errors import SceneError
 from ...deprecated import adopt, renamed
-from ...errors import SceneError
 from ...linalg import quaternions
 from ...linalg.inverse_mass import AbstractBodyInverse
 from ..coordinate import Coordinate, frame_coordinates, frame_size

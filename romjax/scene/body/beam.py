@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Number, Vector, as_array, as_jax, concrete, each, namespace, untraced
-from ...errors import SceneError
+from ...common.arrays import Number, Vector, as_array, as_jax, concrete, each, namespace, untraced
+from ...common.errors import SceneError
 from ..fields import check_mass, check_numbers, number, radians
 from ..points import NamedPoints, by_name
 from .base import AbstractBody, check_name, check_start, flexible_start

@@ -6,9 +6,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Number, as_array
-from ...checks import check_finite, check_positive, check_shape
-from ...errors import InputError, SceneError
+from ...common.arrays import Number, as_array
+from ...common.checks import check_finite, check_positive, check_shape
+from ...common.errors import InputError, SceneError
 from ..marker import Marker
 from ..scene import Scene
 from .base import AbstractBody, nameless

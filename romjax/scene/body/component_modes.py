@@ -7,8 +7,8 @@ import scipy.linalg
 import scipy.sparse as sp
 import scipy.sparse.linalg
 
-from ...arrays import Vector
-from ...errors import SceneError
+from ...common.arrays import Vector
+from ...common.errors import SceneError
 
 # Shapes of which less than this share is not in the span of others are in it but for rounding.
 DEPENDENT = 1e-12

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from ...arrays import Vector
-from ...errors import SceneError
+from ...common.arrays import Vector
+from ...common.errors import SceneError
 from .component_modes import (
     ComponentModes,
     Matrix,

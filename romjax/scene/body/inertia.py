@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Vector, concrete
+from ...common.arrays import Vector, concrete
+from ...common.errors import SceneError
+from ...compiling.program import program_once
 from ...deprecated import renamed, renamed_keywords
-from ...errors import SceneError
 from ...linalg.dense import multiply
-from ...program import program_once
 from ..fields import Converted, check_numbers, number
 
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...errors import SceneError
+from ...common.errors import SceneError
 from .component_modes import Matrix
 
 # A rigid motion strains nodes that do not fit: refused above this share of the strain of its parts,

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from ...arrays import Vector
-from ...errors import SceneError
+from ...common.arrays import Vector
+from ...common.errors import SceneError
 from .component_modes import Matrix
 from .mesh_rows import rigid_motion
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ...arrays import Vector
-from ...errors import SceneError
+from ...common.arrays import Vector
+from ...common.errors import SceneError
 from .spatial.products import turned
 
 

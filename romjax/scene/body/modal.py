@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Number, Vector, as_array, concrete
-from ...errors import SceneError
+from ...common.arrays import Number, Vector, as_array, concrete
+from ...common.errors import SceneError
 from ...linalg.dense import multiply
 from ..fields import check_numbers, number, radians
 from ..marker import Marker

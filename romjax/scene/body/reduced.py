@@ -6,10 +6,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...checks import check_shape
-from ...errors import SceneError
+from ...common.checks import check_shape
+from ...common.errors import SceneError
+from ...compiling.program import program_once
 from ...linalg.inverse_mass import AbstractBodyInverse
-from ...program import program_once
 from ..marker import Marker
 from .base import AbstractBody, nameless
 from .inertia import Inertia

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Number, Vector
+from ...common.arrays import Number, Vector
 from ..fields import Converted, check_mass, check_numbers, check_shape, number, radians
 from ..points import NamedPoints, by_name
 from .base import AbstractBody, check_name, check_start, disc, frame_start, rectangle

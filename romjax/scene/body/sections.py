@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import concrete
-from ...errors import SceneError
+from ...common.arrays import concrete
+from ...common.errors import SceneError
 from ..fields import Converted, check_numbers, number
 
 

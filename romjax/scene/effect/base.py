@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Time, concrete
-from ...errors import SceneError
+from ...common.arrays import Time, concrete
+from ...common.errors import SceneError
 from .. import marker
 from ..body.base import AbstractBody
 from ..fields import check_numbers

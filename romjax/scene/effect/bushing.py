@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Time, Vector
+from ...common.arrays import Time, Vector
 from ..drawing import arc, placed, wheel
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench

@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ...arrays import Time
-from ...errors import SceneError
+from ...common.arrays import Time
+from ...common.errors import SceneError
 from ..curve import AbstractCurve
 from ..drawing import placed
 from ..fields import Converted, check_numbers, number

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Time, Vector
+from ...common.arrays import Time, Vector
 from ..drawing import arrow
 from ..fields import UNIT, Converted, number
 from ..marker import Marker, Pose, Twist, Wrench

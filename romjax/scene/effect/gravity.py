@@ -2,7 +2,7 @@
 
 from jaxtyping import Array, Float
 
-from ...arrays import Vector
+from ...common.arrays import Vector
 from ..body.base import AbstractBody
 from ..fields import Converted, check_numbers, number
 from .base import AbstractField

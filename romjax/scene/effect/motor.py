@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Time
+from ...common.arrays import Time
 from ..counted_angle import counted_angle
 from ..drawing import placed, turning_arrow
 from ..fields import Converted, check_numbers, number

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Time
+from ...common.arrays import Time
 from ..counted_angle import counted_angle
 from ..drawing import arc, placed
 from ..fields import Converted, check_numbers, number, radians

@@ -6,7 +6,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Time
+from ...common.arrays import Time
 from ..drawing import placed
 from ..fields import Converted, check_numbers, radians
 from ..marker import Marker, Pose

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Number, Time, as_array, concrete
-from ...errors import SceneError
+from ...common.arrays import Number, Time, as_array, concrete
+from ...common.errors import SceneError
 from ..counted_angle import counted_angle
 from ..drawing import belt, length_between, wheel
 from ..fields import check_numbers, number, radians

@@ -5,7 +5,7 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ...arrays import Time
+from ...common.arrays import Time
 from ..curve import AbstractCurve
 from ..drawing import placed
 from ..marker import Marker, Pose

@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Time
-from ...errors import SceneError
+from ...common.arrays import Time
+from ...common.errors import SceneError
 from ..drawing import arrow, on_axis, placed, turning_arrow
 from ..fields import UNIT
 from ..marker import Marker, Pose

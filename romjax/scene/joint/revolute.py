@@ -5,7 +5,7 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ...arrays import Time
+from ...common.arrays import Time
 from ..marker import Marker, Pose
 from ..outline import Outline, marks
 from .base import AbstractJoint

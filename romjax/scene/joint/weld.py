@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import Time
+from ...common.arrays import Time
 from ..fields import Converted, check_numbers, radians
 from ..marker import Marker, Pose
 from ..outline import Outline, marks

@@ -12,9 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...compiling.program import Program
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
-from ...program import Program
 from ...system.base import AbstractSystem
 from ...system.structure import without_names
 from ..timing import timed

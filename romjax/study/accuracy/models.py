@@ -12,7 +12,7 @@ from ...basis.basis import Basis
 from ...basis.decomposition.base import AbstractDecomposition
 from ...basis.decomposition.pod import POD
 from ...basis.rank import Rank
-from ...errors import InputError, RankError, ReductionError
+from ...common.errors import InputError, RankError, ReductionError
 from ...integrate.trajectory import Trajectory
 from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.reduce import reduce

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from ...arrays import as_jax
+from ...common.arrays import as_jax
 from ...integrate.rodas5p import Rodas5P
 from ...integrate.status import Status
 from ...integrate.trajectory import Trajectory

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Vector
+from ...common.arrays import Vector
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
 from ...system.base import AbstractSystem

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import diffrax
 import numpy as np
 
-from ...arrays import as_jax
 from ...basis.decomposition.pod import POD
-from ...errors import ReductionError, SimulationError
+from ...common.arrays import as_jax
+from ...common.errors import ReductionError, SimulationError
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
 from ...reduction.formulation.parse import as_formulation

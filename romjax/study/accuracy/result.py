@@ -6,8 +6,8 @@ from typing import Any
 import diffrax
 import numpy as np
 
-from ...errors import InputError
-from ...extras import frame
+from ...common.errors import InputError
+from ...common.extras import frame
 from .model import Model
 from .recommendation import Recommendation
 from .row import SINGLE_RUN, Condition, Row

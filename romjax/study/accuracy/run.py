@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from tqdm import tqdm
 
-from ...errors import SimulationError
+from ...common.errors import SimulationError
 from ...integrate.trajectory import Trajectory
 from ...system.base import AbstractSystem
 from .configuration import Configuration

@@ -10,7 +10,7 @@ import diffrax
 from ...basis.decomposition.base import AbstractDecomposition
 from ...basis.decomposition.parse import as_decomposition
 from ...basis.rank import Rank
-from ...errors import InputError
+from ...common.errors import InputError
 from ...integrate.rodas5p import Rodas5P
 from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.formulation.parse import as_formulation

@@ -8,11 +8,11 @@ import diffrax
 import jax.numpy as jnp
 from tqdm import tqdm
 
-from ...arrays import Vector
 from ...assembly.assemble import assemble
 from ...basis.decomposition.base import AbstractDecomposition
 from ...basis.rank import Rank
-from ...errors import InputError
+from ...common.arrays import Vector
+from ...common.errors import InputError
 from ...reduction.formulation.base import AbstractFormulation
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem

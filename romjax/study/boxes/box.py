@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...assembly.assemble import assemble
-from ...errors import InputError
+from ...common.errors import InputError
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem
 

@@ -10,15 +10,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ...arrays import as_array, as_number
 from ...basis.decomposition.pod import POD
 from ...basis.snapshots import Motion, Sensitivity
-from ...errors import InputError, SimulationError
+from ...common.arrays import as_array, as_number
+from ...common.errors import InputError, SimulationError
+from ...compiling.program import program
 from ...integrate.adjoint import forward_mode
 from ...integrate.doubt import warn_of_outcome
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
-from ...program import program
 from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.formulation.parse import as_formulation
 from ...reduction.reduce import reduce

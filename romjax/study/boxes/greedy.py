@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Array, Float
 from tqdm import tqdm
 
-from ...arrays import as_number
+from ...common.arrays import as_number
+from ...compiling.program import program
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
-from ...program import program
 from ...reduction.formulation.base import AbstractFormulation
 from ...system.base import AbstractSystem, Run
 from ...system.reduced import AbstractReducedSystem

@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import ArrayLike
 from tqdm import tqdm
 
-from ...arrays import as_array
-from ...errors import InputError, ReductionError
+from ...common.arrays import as_array
+from ...common.errors import InputError, ReductionError
 from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.formulation.parse import as_formulation
 from .box import Box

@@ -6,12 +6,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from ...arrays import as_array, as_number
 from ...basis.snapshots import Sensitivity
-from ...errors import SimulationError
+from ...common.arrays import as_array, as_number
+from ...common.errors import SimulationError
+from ...compiling.program import program
 from ...integrate.adjoint import forward_mode
 from ...integrate.simulate import simulate
-from ...program import program
 from .box import Box
 
 

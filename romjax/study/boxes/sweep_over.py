@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ...arrays import as_array
-from ...errors import InputError, ReductionError, SimulationError
+from ...common.arrays import as_array
+from ...common.errors import InputError, ReductionError, SimulationError
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
 from ..ranks.rank_search import SAFETY, sharper

@@ -10,7 +10,7 @@ from tqdm import tqdm
 from ...basis.basis import Basis
 from ...basis.decomposition.pod import POD
 from ...basis.snapshots import Motion, Sensitivity
-from ...errors import RankError, ReductionError
+from ...common.errors import RankError, ReductionError
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
 from ...reduction.formulation.base import AbstractFormulation

@@ -10,8 +10,8 @@ from tqdm import tqdm
 
 from ...basis.decomposition.base import AbstractDecomposition
 from ...basis.decomposition.pod import POD
-from ...errors import InputError, RankError, ReductionError
-from ...extras import frame
+from ...common.errors import InputError, RankError, ReductionError
+from ...common.extras import frame
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
 from ...reduction.formulation.base import AbstractFormulation

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from tqdm import tqdm
 
-from ...errors import InputError, ReductionError
+from ...common.errors import InputError, ReductionError
 from ...integrate.trajectory import Trajectory
 from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.formulation.parse import as_formulation

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import legendre
 
-from ....arrays import Number, Vector, as_array, as_jax, concrete, each, namespace, untraced
-from ....errors import SceneError
+from ....common.arrays import Number, Vector, as_array, as_jax, concrete, each, namespace, untraced
+from ....common.errors import SceneError
 from ...fields import check_mass, check_numbers, number
 from ...orientation import orientation_field, quaternion_of
 from ...points import NamedPoints, by_name

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ....arrays import Numbers, namespace
+from ....common.arrays import Numbers, namespace
 from ..free_modes import quadrature
 from .beam_modes import Counts, foreshortening, motion
 from .inertia import SpatialInertia

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from ....compat import is_traced
-from ....errors import SceneError
+from ....common.compat import is_traced
+from ....common.errors import SceneError
 from ....linalg import quaternions
 from ...fields import check_numbers
 

@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ....arrays import Vector, as_array
+from ....common.arrays import Vector, as_array
 from ....linalg import quaternions
 from ....linalg.dense import invert, multiply, multiply_transposed
 from ...fields import Converted, number

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ....arrays import Vector, as_array
+from ....common.arrays import Vector, as_array
 from ...fields import number
 from ...orientation import orientation_field, quaternion_of
 from ..modal import AbstractModalBody

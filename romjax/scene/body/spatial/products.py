@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ....arrays import namespace
+from ....common.arrays import namespace
 
 
 def turned(vectors: Any) -> Any:

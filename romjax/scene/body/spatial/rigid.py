@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ....arrays import Vector, as_array, concrete
-from ....errors import SceneError
+from ....common.arrays import Vector, as_array, concrete
+from ....common.errors import SceneError
 from ....linalg import quaternions
 from ....linalg.dense import invert, multiply, multiply_transposed
 from ...drawing import cuboid

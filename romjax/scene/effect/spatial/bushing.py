@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ....arrays import Time, Vector, concrete
-from ....errors import SceneError
+from ....common.arrays import Time, Vector, concrete
+from ....common.errors import SceneError
 from ....linalg import quaternions
 from ....linalg.dense import multiply
 from ...drawing import arc, placed, wheel

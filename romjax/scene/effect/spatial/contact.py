@@ -5,7 +5,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ....arrays import Time
+from ....common.arrays import Time
 from ....linalg import quaternions
 from ...drawing import placed
 from ...fields import Converted, check_numbers, number

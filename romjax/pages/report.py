@@ -5,19 +5,21 @@ from pathlib import Path
 
 import numpy as np
 
-from . import chapter, csv_table, document, plot, writing
-from .basis.basis import Basis
-from .basis.decomposition.pod import POD
-from .basis.decomposition.sod import SOD
-from .basis.describe import describe
-from .errors import InputError
-from .gallery.catalogue import Example
-from .integrate.trajectory import Trajectory
-from .plot.motion.animate import animate
-from .plot.motion.animation import Animation
-from .scene.scene import Scene
-from .study.reduction import ReductionStudy
-from .trials.result import Reductions
+from .. import plot
+from ..basis.basis import Basis
+from ..basis.decomposition.pod import POD
+from ..basis.decomposition.sod import SOD
+from ..basis.describe import describe
+from ..common import writing
+from ..common.errors import InputError
+from ..gallery.catalogue import Example
+from ..integrate.trajectory import Trajectory
+from ..plot.motion.animate import animate
+from ..plot.motion.animation import Animation
+from ..scene.scene import Scene
+from ..study.reduction import ReductionStudy
+from ..trials.result import Reductions
+from . import chapter, csv_table, document
 
 # Models whose motions are shown over the full one.
 _SHOWN = 3

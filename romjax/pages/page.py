@@ -10,10 +10,12 @@ from pathlib import Path
 import jax
 from tabulate import tabulate
 
-from . import csv_table, document, plot, writing
-from .study.accuracy.recommendation import Recommendation
-from .study.accuracy.result import Accuracy
-from .study.accuracy.row import SINGLE_RUN, Condition, Row
+from .. import plot
+from ..common import writing
+from ..study.accuracy.recommendation import Recommendation
+from ..study.accuracy.result import Accuracy
+from ..study.accuracy.row import SINGLE_RUN, Condition, Row
+from . import csv_table, document
 
 # Errors that the page and the command line recommend something for.
 ERRORS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from . import writing
+from ..common import writing
 
 # What spreadsheets take for a formula, which they would evaluate.
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")

@@ -26,8 +26,9 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from . import compat, jaxprs, program_cache
-from .identity import Remembered
+from ..common import compat
+from ..common.identity import Remembered
+from . import jaxprs, program_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 # How often a program runs.

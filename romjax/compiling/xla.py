@@ -5,7 +5,7 @@ import warnings
 
 import jax
 
-from . import compat
+from ..common import compat
 
 
 def speed_up_xla() -> None:

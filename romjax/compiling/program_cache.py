@@ -34,7 +34,8 @@ from typing import Any
 import jax
 from platformdirs import user_cache_path
 
-from . import compat, sources, writing
+from ..common import compat, writing
+from . import sources
 
 # What these packages define changes with their versions only.
 _PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "lineax", "optimistix", "jaxtyping", "numpy")

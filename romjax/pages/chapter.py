@@ -5,12 +5,12 @@ import textwrap
 
 from tabulate import tabulate
 
+from ..basis.describe import describe
+from ..common.plain import table
+from ..gallery.catalogue import Example
+from ..study.reduction import ReductionStudy, Run
+from ..trials.advice import remark
 from . import document
-from .basis.describe import describe
-from .gallery.catalogue import Example
-from .plain import table
-from .study.reduction import ReductionStudy, Run
-from .trials.advice import remark
 
 _RANKS = ["rank at", "naive SOD", "POD", "SOD"]
 

@@ -1,0 +1,72 @@
+"""The sources that a traced program may come from: folders, and those that they import.
+
+A module beside the folders of the package counts as one. Imports point one way, so that an edit of
+pictures, files or studies leaves the programs of a simulation as they were.
+"""
+
+import functools
+import hashlib
+import re
+from collections.abc import Iterable, Iterator, Set
+from pathlib import Path
+
+_PACKAGE = Path(__file__).parent.parent
+# `from ..system.base import …`, on one line or in parentheses; no module imports its own package by
+# its name. A parser of Python would take half a second for all of them.
+_IMPORT = re.compile(r"^[ \t]*from (\.+)([\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
+_NAME = re.compile(r"(\w+)(?: as \w+)?")
+
+# Of a folder, or of a module beside the folders, the names from the package on.
+Place = tuple[str, ...]
+
+
+def digest(modules: Iterable[str]) -> str:
+    """A digest of all sources that these modules of romjax, by their full names, depend on."""
+    places = _sources().keys()
+    parts = [tuple(module.split(".")[1:]) for module in modules if "." in module]
+    return _digest_of(frozenset(_place(part, places) for part in parts))
+
+
+@functools.cache
+def _digest_of(places: frozenset[Place]) -> str:
+    sources = _sources()
+    reached, waiting = set[Place](), list(places)
+    while waiting:
+        place = waiting.pop()
+        if place not in reached:
+            reached.add(place)
+            waiting += sources[place][1]
+    return hashlib.sha256("".join(sources[x][0] for x in sorted(reached)).encode()).hexdigest()
+
+
+def _place(target: Place, places: Set[Place]) -> Place:
+    """Where a module belongs, or what it defines: the longest path that is a place."""
+    paths = (target[:length] for length in range(len(target), 0, -1))
+    # What is imported from the package itself is a name of any of its folders.
+    return next((path for path in paths if path in places), ("__init__",))
+
+
+@functools.cache
+def _sources() -> dict[Place, tuple[str, frozenset[Place]]]:
+    """Of each place a digest of its sources, and the places that it imports."""
+    texts: dict[Place, list[str]] = {}
+    imported: dict[Place, set[Place]] = {}
+    for file in sorted(_PACKAGE.rglob("*.py")):
+        parts = file.relative_to(_PACKAGE).with_suffix("").parts
+        text = file.read_text(encoding="utf-8")
+        texts.setdefault(parts[:-1] or parts, []).append(f"{parts}\n{text}")
+        imported.setdefault(parts[:-1] or parts, set()).update(_imports(parts, text))
+    return {
+        place: (
+            hashlib.sha256("".join(own).encode()).hexdigest(),
+            frozenset(_place(target, texts.keys()) for target in imported[place]),
+        )
+        for place, own in texts.items()
+    }
+
+
+def _imports(parts: Place, text: str) -> Iterator[Place]:
+    """What a module imports, by its place in the package and its text: modules, and their names."""
+    for dots, module, names in _IMPORT.findall(text):
+        origin = parts[: len(parts) - len(dots)] + tuple(filter(None, module.split(".")))
+        yield from ((*origin, name) for name in _NAME.findall(names))
