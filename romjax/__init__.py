@@ -1,7 +1,5 @@
 """romjax: differentiable reduced-order simulation of constrained flexible multibody systems."""
 
-from typing import TYPE_CHECKING
-
 from . import gallery as gallery
 from . import plot as plot
 from . import spatial as spatial
@@ -164,7 +162,3 @@ from .trials.result import Reductions as Reductions
 from .trials.row import ReductionRow as ReductionRow
 
 __version__ = "0.2.0"
-
-if not TYPE_CHECKING:
-    # Finds names of the release before. Type checkers would take any name for one of them.
-    from .deprecated import __getattr__ as __getattr__

@@ -19,7 +19,6 @@ from PIL import Image
 from tolerances import IDENTITY
 
 import romjax as rj
-from romjax import deprecated, plot
 from romjax.assembly.outlines import MovingOutline, outlines
 from romjax.plot.motion.frames import Clock, Model, playing_rate
 from romjax.scene.outline import STYLES
@@ -273,14 +272,6 @@ def test_a_film_names_what_it_needs(moving, tmp_path, monkeypatch):
     with pytest.raises(rj.InputError, match=r"pip install 'romjax\[video\]'"):
         moving.save(tmp_path / "x.mp4")
     assert not (tmp_path / "x.mp4").exists()
-
-
-def test_the_old_name_writes_a_gif(scene, run, tmp_path):
-    deprecated.warn_once.cache_clear()
-    with pytest.warns(DeprecationWarning, match=r"romjax.animate\(scene, …\).save"):
-        path = plot.animate(scene, {"full": run}, tmp_path / "old.gif", fps=10, seconds=0.3)
-    with Image.open(path) as picture:
-        assert picture.n_frames == 3
 
 
 # What does not fit.

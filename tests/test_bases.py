@@ -1,6 +1,5 @@
 """Bases of one's own: given modes, and decompositions that the package does not have."""
 
-import warnings
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -13,7 +12,7 @@ from programs import compilations
 from tolerances import DIFFERENCED, IDENTITY
 
 import romjax as rj
-from romjax import deprecated, plot
+from romjax import plot
 from romjax.basis.decomposition.base import Directions, RankCriterion, ValueLabel
 from romjax.basis.rank import FLOOR
 from romjax.basis.subspace import leading, singular_values
@@ -252,27 +251,3 @@ def test_the_rank_that_snapshots_do_not_allow_has_an_error_of_its_own(truth):
 
 
 # Names of the release before.
-
-
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [("recording", "snapshots"), ("leak", "projection_error"), ("reason", "summary")],
-)
-def test_old_names_of_a_basis_warn_once(truth, old, new):
-    basis = rj.pod(truth, rank=2)
-    deprecated.warn_once.cache_clear()
-    with pytest.warns(DeprecationWarning, match=f"Basis.{old} is called Basis.{new} now"):
-        value = getattr(basis, old)
-    assert value is getattr(basis, new)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        getattr(basis, old)
-
-
-def test_the_old_name_of_a_decomposition(truth):
-    bases = rj.pod(truth, 2), rj.sod(truth, 2), rj.Basis.from_modes(np.eye(2), np.zeros(2))
-    deprecated.warn_once.cache_clear()
-    with pytest.warns(DeprecationWarning, match=r"Basis\.kind is called Basis\.decomposition"):
-        assert [basis.kind for basis in bases] == ["POD", "SOD", "given"]
-    with pytest.warns(DeprecationWarning, match=r"romjax\.verdict is called romjax\.describe"):
-        assert rj.verdict is rj.describe

@@ -1,7 +1,5 @@
 """Bodies from finite-element matrices: modes, inertia invariants, ports."""
 
-from typing import ClassVar
-
 import jax
 import jax.numpy as jnp
 import meshes
@@ -15,7 +13,6 @@ import zoo
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
-from romjax.deprecated import warn_once
 from romjax.scene.body.modes import bending_roots
 from romjax.system import dynamics
 
@@ -261,29 +258,3 @@ def test_a_port_of_one_point_needs_rotations():
     stiffness, mass, nodes, rows = meshes.plate(0.5, 0.2, 2, 1)
     with pytest.raises(rj.SceneError, match="'tip' is one point.*rim or an edge"):
         rj.ModalBody.of_mesh("plate", stiffness, mass, nodes, {"tip": 0}, modes=1, dofs=rows)
-
-
-def test_old_names_work_and_warn_once():
-    """`centre` and `shortening` are called `first_moment` and `foreshortening` now."""
-    warn_once.cache_clear()
-    with pytest.warns(DeprecationWarning, match="first_moment"):
-        inertia = rj.Inertia(1.0, 1.0, centre=(0.5, 0.0))
-    with pytest.warns(DeprecationWarning, match="foreshortening"):
-        assert inertia.shortening is None
-    with pytest.warns(DeprecationWarning, match=r"Inertia\.first_moment"):
-        assert inertia.centre is inertia.first_moment
-    # No second warning: it would be an error.
-    assert rj.Inertia(1.0, 1.0, centre=(0.5, 0.0)).centre[0] == 0.5
-
-
-@pytest.mark.instant
-def test_a_body_that_overrides_old_names_counts_as_one_of_the_new():
-    warn_once.cache_clear()
-    with pytest.warns(DeprecationWarning, match="foreshortens"):
-
-        class Old(rj.Beam):
-            shortens: ClassVar[bool] = True
-
-    body = Old("beam", 1.0, 1.0)
-    assert body.foreshortens
-    assert not rj.Beam("beam", 1.0, 1.0).foreshortens

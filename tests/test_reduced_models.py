@@ -1,9 +1,7 @@
 """What every reduced model is: as many coordinates as modes, the same elsewhere, by any name."""
 
 import dataclasses
-import warnings
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,9 +10,7 @@ import zoo
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
-from romjax import deprecated
 from romjax.reduction.lift.atlas import AtlasLift
-from romjax.system import dynamics
 
 RANKS = {"galerkin": 5, "minimal": 3}
 FORMULATIONS = {"galerkin": rj.Galerkin, "minimal": rj.Minimal}
@@ -194,7 +190,7 @@ def test_another_start_in_another_chart(turning):
     assert largest(v - motion.v[k]) <= 100 * SOLVED, f"{largest(v - motion.v[k]):.1e}"
 
 
-# Names of the release before.
+# Names that do not exist.
 
 
 def test_formulations_that_do_not_exist(cart_pendulum, models):
@@ -203,89 +199,6 @@ def test_formulations_that_do_not_exist(cart_pendulum, models):
         rj.reduce(cart_pendulum, models["galerkin"][0], "galrkin")
     with pytest.raises(TypeError, match="unexpected keyword argument 'modes'"):
         rj.reduce(cart_pendulum, models["galerkin"][0], modes=3)
-
-
-@pytest.mark.parametrize(
-    ("formulation", "old", "value"),
-    [
-        ("galerkin", "constraints", lambda rom: rom.m),
-        ("minimal", "chart", lambda rom: rom.lift.chart),
-    ],
-)
-def test_old_arguments_of_reduce_warn_once(cart_pendulum, models, formulation, old, value):
-    basis, rom = models[formulation]
-    deprecated.warn_once.cache_clear()
-    with pytest.warns(DeprecationWarning, match=rf"reduce\({old}=…\) is called .*\({old}=…\)"):
-        found = rj.reduce(cart_pendulum, basis, formulation, **{old: value(rom)})
-    assert (found.n, found.m, found.summary) == (rom.n, rom.m, rom.summary)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        rj.reduce(cart_pendulum, basis, formulation, **{old: value(rom)})
-
-
-def state(rom):
-    return 0.1, rom.q0 + 0.01, rom.v0 + 0.1
-
-
-OLD_NAMES = {
-    "physical": (lambda rom: rom.physical(*state(rom)), lambda rom: rom.reconstruct(*state(rom))),
-    "reduced": (
-        lambda rom: rom.reduced(rom.full.q0, rom.full.v0),
-        lambda rom: rom.restrict(rom.full.q0, rom.full.v0),
-    ),
-    "training": (lambda rom: rom.training, lambda rom: rom.validity),
-    "reason": (lambda rom: rom.reason, lambda rom: rom.summary),
-    "chart": (lambda rom: rom.chart.read, lambda rom: rom.lift.chart.read),
-    "coordinate_labels": (
-        lambda rom: rom.coordinate_labels(),
-        lambda rom: rom.full.structure.labels,
-    ),
-    "jacobian": (
-        lambda rom: rom.full.jacobian(0.0, rom.full.q0),
-        lambda rom: dynamics.jacobian(rom.full, 0.0, rom.full.q0),
-    ),
-    "momentum": (
-        lambda rom: rom.momentum(rom.q0, rom.v0 + 1),
-        lambda rom: dynamics.apply_mass(rom, rom.q0, rom.v0 + 1),
-    ),
-    "kinetic_energy": (
-        lambda rom: rom.kinetic_energy(rom.q0, rom.v0 + 1),
-        lambda rom: dynamics.kinetic_energy(rom, rom.q0, rom.v0 + 1),
-    ),
-    "constraint_state": (
-        lambda rom: rom.full.constraint_state(0.0, rom.full.q0, rom.full.v0),
-        lambda rom: dynamics.constraint_state(rom.full, 0.0, rom.full.q0, rom.full.v0),
-    ),
-    "linearize": (lambda rom: rom.linearize.func, lambda rom: dynamics.linearize),
-}
-
-
-def test_old_names_of_systems_warn_once(models):
-    """Each says the new one, by which the same numbers come; of the second call nothing is said."""
-    deprecated.warn_once.cache_clear()
-
-    @eqx.filter_jit
-    def both(rom):
-        pairs = {}
-        for name, (old, new) in OLD_NAMES.items():
-            with pytest.warns(DeprecationWarning, match=rf"system\.{name}.* is called .*system\."):
-                found = old(rom)
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")
-                old(rom)
-            pairs[name] = found, new(rom)
-        return pairs
-
-    _, rom = models["minimal"]
-    for found, wanted in both(rom).values():
-        for one, two in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
-            np.testing.assert_array_equal(one, two)
-
-
-def test_names_that_never_were(cart_pendulum):
-    for name in ("fizikal", "chart", "lift"):
-        with pytest.raises(AttributeError, match=f"has no attribute '{name}'"):
-            getattr(cart_pendulum, name)
 
 
 def test_a_system_without_constraints_is_reduced():

@@ -10,7 +10,6 @@ import yaml
 from documents import ROOT
 
 import romjax as rj
-from romjax import deprecated
 
 CHANGES = (ROOT / "CHANGELOG.md").read_text()
 # The README's pictures, by the scripts that draw them, and how large they may be [bytes].
@@ -24,13 +23,6 @@ def test_version():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     assert citation["version"] == rj.__version__
     assert re.findall(r"^## (\S+)", CHANGES, re.MULTILINE)[0] == rj.__version__
-
-
-@pytest.mark.instant
-def test_deprecations_are_listed():
-    """Each old name that still works."""
-    old = {*deprecated.RENAMED, *deprecated._METHODS, *deprecated._ATTRIBUTES}
-    assert [name for name in sorted(old) if not re.search(rf"[`.]{name}\b", CHANGES)] == []
 
 
 @pytest.mark.instant

@@ -1,7 +1,6 @@
 """What a trajectory says of its run: steps, settings, solver, and names of the release before."""
 
 import dataclasses
-import warnings
 
 import diffrax
 import jax
@@ -10,7 +9,6 @@ import pytest
 import zoo
 
 import romjax as rj
-from romjax.deprecated import warn_once
 from romjax.integrate import settings
 from romjax.integrate.branching import Branching
 from romjax.integrate.parts import Parts
@@ -29,12 +27,6 @@ def system():
 def run(system):
     keep = rj.Baumgarte(10.0, 25.0)
     return zoo.run(system, TS, rtol=1e-5, solver=zoo.RODAS5P, stabilization=keep)
-
-
-@pytest.fixture(autouse=True)
-def warn_again():
-    """Each old name warns once in a process: here, in each test."""
-    warn_once.cache_clear()
 
 
 def test_the_settings_of_a_run(run):
@@ -99,17 +91,6 @@ def test_the_numbers_of_steps_are_items_too(run):
         assert name in run.stats
 
 
-def test_other_items_name_the_attribute(run):
-    with pytest.warns(DeprecationWarning, match=r'stats\["rtol"\] is called .*stats\.rtol now'):
-        assert run.stats["rtol"] == 1e-5
-    with pytest.warns(DeprecationWarning, match=r"stats\.stabilization\.alpha now"):
-        assert run.stats.get("alpha") == 10
-    assert "fastest_frequency" not in run.stats
-    assert run.stats.get("fastest_frequency", 3.0) == 3.0
-    with pytest.raises(KeyError, match="steps"):
-        run.stats["steps"]
-
-
 SOLVERS = {
     "explicit": diffrax.Dopri8(),
     "implicit": diffrax.Kvaerno5(),
@@ -157,24 +138,6 @@ def test_a_solver_with_a_traced_number():
     run = jax.jit(simulate)(1e-4)
     assert run.solver.root_finder.rtol == 1e-4
     assert run.solver.order(None) == 5
-
-
-def test_old_names(run):
-    """They mean what they meant, and warn once."""
-    olds = {"reason": run.summary(), "doubts": run.warnings()}
-    for name, value in olds.items():
-        with pytest.warns(DeprecationWarning, match=rf"Trajectory\.{name} is called"):
-            assert getattr(run, name)() == value
-    with pytest.warns(DeprecationWarning, match=r"Trajectory\.flags now"):
-        assert run.doubt == run.flags
-    with pytest.warns(DeprecationWarning, match=r"the opposite of Trajectory\.is_valid"):
-        assert bool(run.flagged) is not bool(run.is_valid)
-    with pytest.warns(DeprecationWarning, match=r"romjax\.Doubt is called romjax\.Flag"):
-        assert rj.Doubt is rj.Flag
-    assert rj.Status.JOINTS_PART is rj.Status.CONSTRAINTS_VIOLATED
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert run.reason() == run.summary()
 
 
 def test_a_failed_run_is_not_valid(run):

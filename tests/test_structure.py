@@ -117,7 +117,7 @@ def test_the_name_of_a_body_is_no_number_but_no_program_either():
 
 # The layout of the package.
 
-BASE = {"common", "compiling", "deprecated"}
+BASE = {"common", "compiling"}
 BELOW = {
     "linalg": set(),
     "scene": {"linalg"},
@@ -178,19 +178,12 @@ def test_only_plot_imports_matplotlib():
             assert all(name[0] != "matplotlib" for name, _ in imports(path, parts)), path
 
 
-# The docstring apart: what hides from type checkers that names of the release before are found.
-NO_EXPORTS = {
-    "from typing import TYPE_CHECKING",
-    "if not TYPE_CHECKING:\n    from .deprecated import __getattr__ as __getattr__",
-}
-
-
 @pytest.mark.instant
 def test_every_public_name_is_exported_once():
     names = []
     for node in ast.parse((PACKAGE / "__init__.py").read_text()).body:
         words = ast.unparse(node)
-        if isinstance(node, ast.Expr) or words in NO_EXPORTS or words.startswith("__version__ = "):
+        if isinstance(node, ast.Expr) or words.startswith("__version__ = "):
             continue
         assert isinstance(node, ast.ImportFrom), "romjax/__init__.py holds exports and no code"
         for alias in node.names:

@@ -59,7 +59,7 @@ def _is_own(module: ModuleType, part: Any) -> bool:
         return module is romjax and part.__name__.startswith("romjax.") and part in MODULES
     home = getattr(part, "__module__", None) or type(part).__module__
     if hasattr(module, "__path__") or module is romjax.spatial:
-        return str(home).startswith("romjax.") and not home.startswith("romjax.deprecated")
+        return str(home).startswith("romjax.")
     return home == module.__name__
 
 

@@ -11,7 +11,6 @@ from jaxtyping import Array, Float
 
 from ..common.arrays import as_jax
 from ..common.errors import InputError
-from ..deprecated import renamed, warn_once
 from .orthonormal import orthonormalize
 from .snapshots import SnapshotSet
 from .turns import by_turn
@@ -110,16 +109,6 @@ class Basis(eqx.Module):
         """The snapshots in the basis, z = Φᵀ M (q − q̄)."""
         displacements = self.snapshots.q - self.offset[None]
         return displacements @ self.snapshots.metric @ self.modes
-
-    @property
-    def kind(self) -> str:
-        """The old name of `Basis.decomposition`: "POD", "SOD" or "given"."""
-        warn_once("Basis.kind", "Basis.decomposition")
-        return "given" if self.decomposition is None else self.decomposition.name
-
-    recording = renamed("Basis.recording", "Basis.snapshots")
-    leak = renamed("Basis.leak", "Basis.projection_error")
-    reason = renamed("Basis.reason", "Basis.summary")
 
 
 def _metric(metric: Any, offset: Float[Array, " n"]) -> Float[Array, "n n"]:

@@ -9,8 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..common.plain import plain
-from ..deprecated import warn_once
-from ..system.stabilization import Baumgarte, Stabilization
+from ..system.stabilization import Stabilization
 
 _COUNTS = ("num_steps", "num_accepted_steps", "num_rejected_steps")
 
@@ -44,28 +43,13 @@ class Statistics(eqx.Module):
         return plain(self)
 
     def __getitem__(self, name: str) -> Any:
-        items = self._items()
-        if name not in items:
-            raise KeyError(name)
         if name not in _COUNTS:
-            inner = "stabilization." if name in ("alpha", "beta") else ""
-            warn_once(f'Trajectory.stats["{name}"]', f"Trajectory.stats.{inner}{name}")
-        return items[name]
+            raise KeyError(name)
+        return getattr(self, name)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._items()
+        return name in _COUNTS
 
     def get(self, name: str, default: Any = None) -> Any:
-        """The item of this name, or `default` where the run has none."""
-        try:
-            return self[name]
-        except KeyError:
-            return default
-
-    def _items(self) -> dict[str, Any]:
-        """What was in `stats` when it was a dict: only what applies to the run."""
-        names = (*_COUNTS, "rtol", "atol", "fastest_frequency")
-        items = {name: getattr(self, name) for name in names}
-        if isinstance(self.stabilization, Baumgarte):
-            items |= {"alpha": self.stabilization.alpha, "beta": self.stabilization.beta}
-        return {name: value for name, value in items.items() if value is not None}
+        """The number of steps of this name, or `default` where there is none."""
+        return self[name] if name in self else default

@@ -15,7 +15,6 @@ class Status(enum.IntEnum):
     CONSTRAINTS_VIOLATED = 6
     MAX_EVENTS = 7
     CONTACT_LASTS = 8
-    JOINTS_PART = 6  # the name of the release before
 
 
 REMEDIES = {

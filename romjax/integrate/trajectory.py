@@ -15,7 +15,6 @@ from ..common.checks import unknown_name
 from ..common.errors import InputError
 from ..common.extras import above
 from ..common.pictures import animated, inline
-from ..deprecated import renamed, warn_once
 from ..events.record import Events
 from ..scene.coordinate import Coordinate, quaternions_of
 from ..scene.scene import Scene
@@ -283,15 +282,3 @@ class Trajectory(eqx.Module):
     def _repr_html_(self) -> str | None:
         """Its moving picture; None where that needs more than the run."""
         return inline(self.animate)
-
-    # Names of the release before.
-
-    reason = renamed("Trajectory.reason", "Trajectory.summary")
-    doubts = renamed("Trajectory.doubts", "Trajectory.warnings")
-    doubt = renamed("Trajectory.doubt", "Trajectory.flags")
-
-    @property
-    def flagged(self) -> Bool[Array, ""]:
-        """The old name of the opposite of `is_valid`, but for runs that failed."""
-        warn_once("Trajectory.flagged", "the opposite of Trajectory.is_valid")
-        return self.flags != Flag.NONE

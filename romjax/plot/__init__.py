@@ -6,8 +6,6 @@ A figure is imported when it is first asked for: `import romjax` loads no matplo
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from ..deprecated import write_gif
-
 if TYPE_CHECKING:
     from .figures.accuracy import accuracy as accuracy
     from .figures.errors import errors as errors
@@ -32,8 +30,6 @@ _FIGURES = {
 
 
 def __getattr__(name: str) -> Any:
-    if name == "animate":
-        return write_gif
     if name not in _FIGURES:
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
     function = getattr(importlib.import_module(f".figures.{_FIGURES[name]}", __name__), name)

@@ -1,8 +1,7 @@
 """From a system and a basis to a reduced system."""
 
-from typing import Any, Literal, overload
+from typing import Literal, overload
 
-from .. import deprecated
 from ..basis.basis import Basis
 from ..common.checks import check_kind
 from ..common.errors import ReductionError, UnsuitedError
@@ -34,7 +33,6 @@ def reduce(
     system: AbstractSystem,
     basis: Basis,
     formulation: AbstractFormulation | str = "galerkin",
-    **old: Any,
 ) -> AbstractSystem:
     """The system in the coordinates of a basis.
 
@@ -44,7 +42,7 @@ def reduce(
 
     **Arguments:**
 
-    - `system`: the full one; `basis`: from `pod`, `sod` or `Basis.from_modes`; `old`: old names.
+    - `system`: the full one; `basis`: from `pod`, `sod` or `Basis.from_modes`.
     - `formulation`: `Galerkin()`, "galerkin": d'Alembert's principle in the subspace, with the
       constraints that it can violate. `Minimal()`, "minimal": in minimal coordinates, of which the
       modes of the basis span a subspace, with all constraints satisfied exactly, best of a basis
@@ -57,7 +55,7 @@ def reduce(
     take it apart (galerkin), or if the mechanism passes a singular position (minimal); the message
     then names a formulation that has made a model of it, or says that none does.
     """
-    chosen: AbstractFormulation = deprecated.decided(as_formulation(formulation), old)
+    chosen: AbstractFormulation = as_formulation(formulation)
     check_system("reduce", system)
     check_kind("reduce", "the basis", basis, Basis, "what romjax.pod or romjax.sod returns")
     if basis.modes.shape[0] != system.n:

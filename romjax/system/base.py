@@ -1,12 +1,11 @@
 """The system: how a mechanism moves. Full, user-made and reduced ones are all of this kind."""
 
 import abc
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import equinox as eqx
 from jaxtyping import Array, Float, Int
 
-from .. import deprecated
 from ..common.arrays import Time
 from ..common.checks import check_kind
 from .constraints import right_hand_side
@@ -75,9 +74,6 @@ class AbstractSystem(eqx.Module):
     def __hash__(self) -> int:
         # By identity, so that `jax.jit(system.force)` works; equinox would hash the arrays.
         return id(self)
-
-    def __getattr__(self, name: str) -> Any:
-        return deprecated.method_of_system(self, name)
 
     @property
     def n(self) -> int:

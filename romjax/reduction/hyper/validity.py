@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, Int
 from ...compiling.program import program_once
 from ...system.base import AbstractSystem, AbstractValidity, Run
 from ...system.flags import Flag
+from ...system.reduced import AbstractReducedSystem
 from ...system.state import Energy
 from ...system.validity import TrainingBox
 
@@ -53,7 +54,8 @@ def _difference(system: AbstractSystem, t: Array, z: Array, w: Array) -> Array:
 
     def energies(t: Array, z: Array, w: Array) -> Array:
         sampled, own = system.state(t, z, w), system.full
-        every = own.state(t, *system.reconstruct(t, z, w))
+        physical = cast(AbstractReducedSystem, system).reconstruct(t, z, w)
+        every = own.state(t, *physical)
         return jnp.stack([_two(sampled.energy()), _two(every.energy())])
 
     sampled, every = jnp.moveaxis(jax.vmap(energies)(t, z, w), 1, 0)

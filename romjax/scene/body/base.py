@@ -12,7 +12,6 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Number, Vector, concatenate, untraced
 from ...common.errors import SceneError
-from ...deprecated import adopt, renamed
 from ...linalg import quaternions
 from ...linalg.inverse_mass import AbstractBodyInverse
 from ..coordinate import Coordinate, frame_coordinates, frame_size
@@ -46,13 +45,6 @@ class AbstractBody(eqx.Module):
         modes = 0
     else:
         modes: eqx.AbstractVar[int]
-
-    shortens = renamed("AbstractBody.shortens", "AbstractBody.foreshortens")
-    shortening = renamed("AbstractBody.shortening", "AbstractBody.foreshortening")
-
-    def __init_subclass__(cls, **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
-        adopt(cls, shortens="foreshortens", shortening="foreshortening")
 
     def __check_init__(self) -> None:
         self.check()

@@ -8,12 +8,10 @@ from jaxtyping import Array, Float
 from ...common.arrays import Vector, concrete
 from ...common.errors import SceneError
 from ...compiling.program import program_once
-from ...deprecated import renamed, renamed_keywords
 from ...linalg.dense import multiply
 from ..fields import Converted, check_numbers, number
 
 
-@renamed_keywords(centre="first_moment", shortening="foreshortening")
 class Inertia(eqx.Module):
     """Inertia invariants: all that a mass matrix needs to know of the points of a body.
 
@@ -46,9 +44,6 @@ class Inertia(eqx.Module):
     gyration: Converted[Float[Array, "modes modes"] | None, Vector] = number(default=None)
     foreshortening: Converted[Float[Array, "2 modes modes"] | None, Vector] = number(default=None)
     spin: Converted[Float[Array, "modes modes"] | None, Vector] = number(default=None)
-
-    centre = renamed("Inertia.centre", "Inertia.first_moment")
-    shortening = renamed("Inertia.shortening", "Inertia.foreshortening")
 
     @property
     def diagonal(self) -> bool:
