@@ -52,4 +52,4 @@ class Statistics(eqx.Module):
 
     def get(self, name: str, default: Any = None) -> Any:
         """The number of steps of this name, or `default` where there is none."""
-        return self[name] if name in self else default
+        return getattr(self, name) if name in _COUNTS else default
