@@ -153,6 +153,23 @@ def test_lanes_pass_through_no_contact():
     np.testing.assert_allclose(after, -1.0, rtol=DIFFERENCED)
 
 
+def test_steps_end_where_contacts_begin_and_end():
+    """Of balls that bounce from many heights none errs by more than a few tolerances, wherever the
+    kinks of the force would have been in its steps.
+    """
+
+    @jax.jit
+    @jax.vmap
+    def end(height, rtol):
+        curve = rj.Line()
+        run = rj.simulate(ball(height, -1.0, curve), jnp.linspace(0.0, 0.3, 4), rtol=rtol)
+        return run.q[-1, 1]
+
+    heights = np.linspace(0.05, 0.25, 64)
+    found, exact = end(np.tile(heights, 2), np.repeat([1e-6, 1e-10], 64)).reshape(2, -1)
+    assert np.max(np.abs(found - exact)) <= 20e-6
+
+
 @pytest.mark.instant
 def test_what_a_contact_refuses():
     ends = rj.RigidBody("b", 1.0, 1.0).at(), rj.ground.at()

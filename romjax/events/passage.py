@@ -1,4 +1,4 @@
-"""Contacts that a step passes through: outside at both ends, and inside between them."""
+"""Contacts that begin or end within a step: surfaces that a point passes, inwards or outwards."""
 
 from typing import Any
 
@@ -10,24 +10,27 @@ from jaxtyping import Array, Bool, Float
 from ..system.base import AbstractSystem
 from .search import first_crossing
 
-# A step that starts on a surface is repeated with this share of its length.
-_SHORTER = 0.25
-# Nearer to its start than this share of a step, a passage begins with it.
-_AT_START = 1e-3
+# On which side of a surface a step starts is told after this share of it: where it starts on one,
+# where the step before has ended, its start does not know.
+_START = 1e-3
+# Nearer to its end than this share of a step, it ends at the surface; and steps are not cut to less
+# than so many units in the last place of the time.
+_END, _SHORTEST = 1e-6, 100
+# How deep inside is outside, in units in the last place of the largest coordinate.
+_ROUNDING = 100
 
 
 class Passage(eqx.Module):
-    """Which steps pass through a contact, whose force neither they nor their errors have seen.
+    """Which steps pass the surface of a contact, where its force has a kink.
 
-    Such a step is repeated so that it ends where the contact begins, and the next one, which starts
-    there, so that it ends inside.
-
-    - `noise`: how deep inside is outside [m].
+    What a step across a kink estimates of its error may be zero by chance, and a step through a
+    contact that is outside at both ends has seen no force at all. Such a step is repeated so that
+    it ends at the surface that it passes first. The next one starts there, and what it does not
+    know of the force is then a fixed share of what it estimates.
     """
 
     system: AbstractSystem
     post_step: Any
-    noise: Float[Array, ""]
 
     def passed(
         self,
@@ -35,10 +38,11 @@ class Passage(eqx.Module):
         t1: Float[Array, ""],
         between: diffrax.AbstractLocalInterpolation,
     ) -> tuple[Bool[Array, ""], Float[Array, ""]]:
-        """Whether a step passes through a contact, and where it has to end instead [s]."""
+        """Whether a step passes a surface, and where it has to end instead [s]."""
+        span = t1 - t0
 
         def gaps(share: Array) -> Array:
-            t = t0 + share * (t1 - t0)
+            t = t0 + share * span
             q, v, *charts = between.evaluate(t)
             system = self.post_step.in_chart(self.system, *charts) if charts else self.system
             state = system.state(t, q, v)
@@ -46,17 +50,17 @@ class Passage(eqx.Module):
             assert each is not None
             return each
 
-        zero, one = jnp.zeros_like(t0), jnp.ones_like(t0)
-        outside = (gaps(zero) >= -self.noise) & (gaps(one) > 0)
+        one, yes = jnp.ones_like(t0), jnp.ones(1, bool)
+        side = jnp.sign(gaps(_START * one))
 
         def nearest(share: Array) -> Array:
-            # Others have no rate, and turn nowhere.
-            return jnp.min(jnp.where(outside, gaps(share), jnp.inf), keepdims=True)
+            """How far the first one to pass its surface is from it, on the side of its start."""
+            return jnp.min(jnp.where(side != 0, side * gaps(share), jnp.inf), keepdims=True)
 
-        yes = jnp.ones(1, bool)
-        crossing = first_crossing(
-            nearest, jnp.ones_like(t0)[None], nearest(one), self.noise[None], yes, ~yes
-        )
-        begins = crossing.share <= _AT_START
-        share = jnp.where(begins, _SHORTER, crossing.share)
-        return crossing.exists, t0 + share * (t1 - t0)
+        size = jnp.maximum(1.0, jnp.max(jnp.abs(self.system.full.q0)))
+        noise = _ROUNDING * jnp.finfo(t0.dtype).eps * size
+        crossing = first_crossing(nearest, one[None], nearest(one), noise[None], yes, ~yes)
+        shortest = _SHORTEST * jnp.finfo(t0.dtype).eps * jnp.maximum(jnp.abs(t0), jnp.abs(t1))
+        is_within = (crossing.share > _START) & (crossing.share < 1 - _END)
+        is_within &= (crossing.share * span > shortest) & ((1 - crossing.share) * span > shortest)
+        return crossing.exists & is_within, t0 + crossing.share * span

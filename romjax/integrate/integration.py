@@ -194,7 +194,7 @@ def _limits(
     touches = full.state(jnp.zeros(()), full.q0, full.v0).gaps() is not None
     corners = schedule.corners(ts)
     return {
-        "passage": Passage(system, post_step, jnp.asarray(settings.atol)) if touches else None,
+        "passage": Passage(system, post_step) if touches else None,
         "schedule": schedule if schedule.limits_steps else None,
         "corners": corners if len(corners) else None,
     }
