@@ -13,8 +13,9 @@ from zoo import four_bar
 
 import romjax as rj
 from romjax.integrate.post_step import PostStepSolver
-from romjax.integrate.step_size import StepSizeControl, Tolerances
+from romjax.integrate.step_size import StepSizeControl
 from romjax.integrate.term import ChartedMotionTerm, MotionTerm
+from romjax.integrate.tolerances import Tolerances
 from romjax.linalg.pattern import Pattern
 from romjax.reduction.charts.atlas import choose_atlas
 from romjax.system.state import FullState

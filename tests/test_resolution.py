@@ -1,5 +1,6 @@
 """Motions of any size with nothing set: a spring, a beam, and a linkage in millimetres."""
 
+import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -94,11 +95,28 @@ def test_lanes_of_any_size_are_right():
     assert np.all(errors <= ERROR * sizes)
 
 
-def test_lanes_tell_where_lengths_count():
-    """Events look for zero by a tolerance in metres."""
+def test_lanes_see_events_of_any_size():
+    """Also those of a body that rests at the level."""
+    sizes = jnp.array([0.0, 1e-9, 1e-6, 0.1])
 
+    @jax.jit
+    @jax.vmap
     def swing(x):
         return rj.simulate(spring(x), TS, events=[rj.Crossing(middle)], throw=False)
 
-    runs = jax.jit(jax.vmap(swing))(jnp.array([0.0, 1e-9, 1e-6, 0.1]))
-    assert runs.is_valid.tolist() == [True, False, False, True]
+    runs = swing(sizes)
+    assert runs.is_valid.tolist() == [True] * 4
+    assert runs.events.count.tolist() == [0, 16, 16, 16]
+    exact = np.pi / 10 * (np.arange(16) + 0.5)
+    np.testing.assert_allclose(runs.events.time[1:, :16], np.tile(exact, (3, 1)), atol=ERROR)
+
+
+def test_lanes_tell_where_lengths_count():
+    """The root finders of implicit methods know tolerances in metres only."""
+
+    def swing(x):
+        system, solver = spring(x), diffrax.Kvaerno5()
+        run = rj.simulate(system, TS, solver=solver, max_steps=4096, throw=False, audit=False)
+        return run.is_valid
+
+    assert jax.jit(jax.vmap(swing))(jnp.array([0.0, 1e-9, 0.1])).tolist() == [True, False, True]

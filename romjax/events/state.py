@@ -5,21 +5,21 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from .scales import Scales
+
 
 class Watching(NamedTuple):
     """What is known of the events between two steps.
 
     - `side` (events,): 1 above the level, −1 below it, 0 not told apart from it: at rest there.
-    - `floor` (events,): how far from its level a quantity is told apart from it. `least` (events,):
-      the least rate of a gap that is told apart from zero. `last` (events,): when each happened.
+    - `scales`: what is told apart. `last` (events,): when each happened.
     - `planned`: where the step would have ended that an event has cut.
     - `jumped`: whether the step before has ended at an event. `stopped`: whether the run ends
       there. `lasting`: whether a contact lasts. `number`: of events so far.
     """
 
     side: Float[Array, " events"]
-    floor: Float[Array, " events"]
-    least: Float[Array, " events"]
+    scales: Scales
     last: Float[Array, " events"]
     planned: Float[Array, ""]
     jumped: Bool[Array, ""]

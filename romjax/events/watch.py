@@ -8,12 +8,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from ..integrate.tolerances import Tolerances
 from ..system.base import AbstractSystem
 from ..system.dynamics import solve
 from ..system.stabilization import Baumgarte
 from .base import AbstractEvent
 from .impact import collide
 from .record import Events, Record
+from .scales import Scales
 from .search import first_crossing
 from .state import Arrival, Cut, Watching
 
@@ -22,13 +24,11 @@ from .state import Arrival, Cut, Watching
 _REACH, _NEAREST = 0.1, 1e-9
 # Nearer to its end than this share of a step, Newton's method knows better than dense output.
 _NEWTON = 0.05
-# A quantity is on neither side of its level within so many tolerances of the state.
-_FLOOR = 10.0
 # Impacts of one gap that follow one another so soon, in shares of the run, do so without end: a
 # ball that bounces no higher than rounding, of a metre, flies for 1e-7 s.
 _AT_ONCE = 1e-7
-# Shortest step to an event, and values that are rounding, in units in the last place.
-_SHORTEST, _ROUNDING = 16, 100
+# Shortest step to an event, in units in the last place.
+_SHORTEST = 16
 
 
 class Watch(eqx.Module):
@@ -44,8 +44,7 @@ class Watch(eqx.Module):
     post_step: Any
     stabilization: Baumgarte | None
     events: tuple[AbstractEvent, ...]
-    rtol: Float[Array, ""]
-    atol: Float[Array, ""]
+    tolerances: Tolerances
     end: Float[Array, ""]  # of the run
     span: Float[Array, ""]  # from its start
     most: int = eqx.field(static=True)
@@ -57,17 +56,16 @@ class Watch(eqx.Module):
         by_t, by_q, by_v = jax.vmap(transpose)(jnp.eye(len(values), dtype=q.dtype))
         a = solve(system, t, q, v, self.stabilization).acceleration
         rates = by_t + by_q @ v + by_v @ a
-        tolerance, speed = (_FLOOR * (self.atol + self.rtol * jnp.abs(x)) for x in (q, v))
-        floor = jnp.abs(by_q) @ tolerance + jnp.abs(by_v) @ speed
-        least = jnp.abs(by_q) @ speed
+        reach = self.tolerances.start(y)
+        scales = Scales.of(self.tolerances, reach, y, (by_q, by_v), self.span)
         # At its level, a quantity is on the side to which it moves.
-        leaves = jnp.where(jnp.abs(rates) > least, jnp.sign(rates), 0.0)
-        side = jnp.where(jnp.abs(values) > floor, jnp.sign(values), leaves)
+        leaves = jnp.where(jnp.abs(rates) > scales.least, jnp.sign(rates), 0.0)
+        side = jnp.where(jnp.abs(values) > scales.floor, jnp.sign(values), leaves)
         no = jnp.zeros((), bool)
         side = jnp.where(self._resets & (side < 0), 0.0, side)
         never = jnp.full_like(t, -jnp.inf)
         last = jnp.full_like(side, -jnp.inf)
-        return Watching(side, floor, least, last, never, no, no, no, jnp.zeros((), int))
+        return Watching(side, scales, last, never, no, no, no, jnp.zeros((), int))
 
     def arrive(
         self, watching: Watching, t0: Float[Array, ""], t1: Float[Array, ""], y: Any
@@ -77,7 +75,7 @@ class Watch(eqx.Module):
         values, rates, a = self._flow_and_acceleration(system, t1, q, v)
         moves, reach = rates != 0, self._reach(t0, t1)
         wait = jnp.where(moves, -values / jnp.where(moves, rates, 1), jnp.inf)
-        is_near = jnp.abs(values) <= reach * jnp.abs(rates) + self._noise(watching)
+        is_near = jnp.abs(values) <= reach * jnp.abs(rates) + watching.scales.noise
         in_reach = is_near & (t1 + wait <= self.end)
         hits = self._passes(watching.side, rates) & in_reach
         # Where values are rounding, so is the time to their level.
@@ -87,7 +85,7 @@ class Watch(eqx.Module):
         hits = hits & (wait <= first + 1e-3 * reach)
         shift = jnp.where(jnp.any(hits), first, 0.0)
         t, q, v = t1 + shift, q + shift * v + 0.5 * shift**2 * a, v + shift * a
-        closed = self._resets & (hits | (values + shift * rates <= watching.floor))
+        closed = self._resets & (hits | (values + shift * rates <= watching.scales.floor))
         return self._collided(
             watching,
             system,
@@ -123,7 +121,7 @@ class Watch(eqx.Module):
             return self._values(self._local(y), t, *y[:2])
 
         crossings = first_crossing(
-            at, watching.side, arrival.values, self._noise(watching), self._falling, self._rising
+            at, watching.side, arrival.values, watching.scales.noise, self._falling, self._rising
         )
         time, crosses = t0 + crossings.share * span, crossings.sign != 0
         backwards = jnp.min(jnp.where(crosses & (arrival.wait < 0), arrival.wait, jnp.inf))
@@ -136,31 +134,36 @@ class Watch(eqx.Module):
         is_due &= ~follows
         # Gaps that have been closed are pushed through, close again at once, or still.
         opened = jnp.any(arrival.hits & self._resets) & arrival.closed
-        through = (watching.side == 0) & (arrival.values < -watching.floor) & ~opened
+        through = (watching.side == 0) & (arrival.values < -watching.scales.floor) & ~opened
         again = arrival.hits & (arrival.t - watching.last <= _AT_ONCE * self.span)
         lasting = self._resets & (through | again | (follows & crosses))
         lasting = jnp.any(lasting) | arrival.closing
         return Cut(is_due, time, lasting & ~is_due)
 
     def follow(
-        self, watching: Watching, keep: Bool[Array, ""], cut: Cut, end: Array, arrival: Arrival
+        self,
+        watching: Watching,
+        keep: Bool[Array, ""],
+        cut: Cut,
+        y0: Any,
+        end: Array,
+        arrival: Arrival,
     ) -> Watching:
-        """After a step that was to `end` at a time, and was kept or cut."""
+        """After a step from the state `y0` that was to `end` at a time, and was kept or cut."""
         values, hits = arrival.values, arrival.hits
-        is_apart = jnp.abs(values) > watching.floor
+        is_apart = jnp.abs(values) > watching.scales.floor
         side = jnp.where(is_apart, jnp.sign(values), watching.side)
         side = jnp.where(hits, -watching.side, side)
         # Gaps that were closed open again, or rest.
         collide = jnp.any(hits & self._resets)
-        opens = jnp.where(arrival.rates > watching.least, 1.0, 0.0)
+        opens = jnp.where(arrival.rates > watching.scales.least, 1.0, 0.0)
         side = jnp.where(collide & arrival.closed, opens, side)
         happens = keep & arrival.happens
         later = jnp.maximum(watching.planned, end)
         planned = jnp.where(keep, -jnp.inf, watching.planned)
         return Watching(
             side=jnp.where(keep, side, watching.side),
-            floor=watching.floor,
-            least=watching.least,
+            scales=watching.scales.after(self.tolerances, y0, arrival.after, self.span, keep),
             last=jnp.where(keep & hits, arrival.t, watching.last),
             planned=jnp.where(cut.is_due, later, planned),
             jumped=jnp.where(keep, happens, watching.jumped),
@@ -211,12 +214,7 @@ class Watch(eqx.Module):
         return jnp.array([event.stops for event in self.events])
 
     def _reach(self, t0: Array, t1: Array) -> Array:
-        return jnp.maximum(_REACH * self.rtol, _NEAREST) * (t1 - t0)
-
-    def _noise(self, watching: Watching) -> Float[Array, " events"]:
-        """What of the values is rounding."""
-        unit = jnp.finfo(watching.floor.dtype).eps / jnp.maximum(self.rtol, self.atol)
-        return _ROUNDING / _FLOOR * unit * watching.floor
+        return jnp.maximum(_REACH * self.tolerances.rtol, _NEAREST) * (t1 - t0)
 
     def _passes(self, side: Array, rates: Array) -> Bool[Array, " events"]:
         """Which quantities move through their levels, in the direction that is asked for."""
@@ -260,7 +258,14 @@ class Watch(eqx.Module):
         def collided() -> Arrival:
             restitution = jnp.stack([event.restitution for event in impacts])  # type: ignore
             collision = collide(
-                system, t, q, v, gaps, restitution, arrival.closed[index], watching.least[index]
+                system,
+                t,
+                q,
+                v,
+                gaps,
+                restitution,
+                arrival.closed[index],
+                watching.scales.least[index],
             )
             return arrival._replace(
                 after=(q, collision.v, *chart),

@@ -20,8 +20,8 @@ from ..system.state import AbstractState, Power
 from .branching import Branching
 from .energy_balance import EnergyBalance, Momentary
 from .post_step import Chart, PostStep
-from .step_size import Tolerances
 from .steps import Progress, Trial
+from .tolerances import Tolerances
 
 # Nodes of Gauss' quadrature in each step: exact for what changes like a polynomial of degree 7.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)

@@ -26,9 +26,10 @@ from .outputs import Output
 from .post_step import PostStep, PostStepSolver
 from .reverse import Ended, differentiable_run, ended
 from .settings import Settings
-from .step_size import StepSizeControl, Tolerances
+from .step_size import StepSizeControl
 from .steps import Steps
 from .term import ChartedMotionTerm, ChartedState, MotionTerm, State
+from .tolerances import Tolerances
 
 
 class Integrated(NamedTuple):
@@ -71,11 +72,12 @@ def integrate(
     if settings.adjoint is not None and not settings.is_forward:
         if settings.dt is None:
             corners = Schedule.of(system).corners(ts)
-            controller = diffrax.ClipStepSizeController(controller, step_ts=corners)
+            if len(corners):
+                controller = diffrax.ClipStepSizeController(controller, step_ts=corners)
         parts = term, solver, controller, first
         return _by_diffrax(parts, output, ts, (q0, v0), y0, settings)
     most, asked = settings.max_steps, jnp.asarray(len(ts) if count is None else count)
-    watch = _watch(system, post_step, ts, settings)
+    watch = _watch(system, post_step, ts, settings, tolerances)
     # Dense output has room for so many steps.
     room = jnp.minimum(jnp.asarray(most), settings.dense) if settings.dense else jnp.asarray(most)
     steps = Steps(
@@ -163,7 +165,11 @@ def _by_diffrax(
 
 
 def _watch(
-    system: AbstractSystem, post_step: PostStep | None, ts: Float[Array, " k"], settings: Settings
+    system: AbstractSystem,
+    post_step: PostStep | None,
+    ts: Float[Array, " k"],
+    settings: Settings,
+    tolerances: Tolerances,
 ) -> Watch | None:
     """What watches the events of a run; None where there are none."""
     if not settings.events:
@@ -174,8 +180,7 @@ def _watch(
         post_step=post_step,
         stabilization=settings.baumgarte,
         events=settings.events,
-        rtol=jnp.asarray(settings.rtol),
-        atol=jnp.asarray(settings.atol),
+        tolerances=tolerances,
         end=ts[-1],
         span=ts[-1] - ts[0],
         most=settings.max_events,

@@ -12,7 +12,7 @@ from ..system.base import AbstractSystem
 from ..system.structure import Structure
 from .adjoint import has_root_finder
 from .settings import Settings
-from .step_size import Tolerances
+from .tolerances import Tolerances
 from .trajectory import Trajectory
 
 # Tolerances that a motion has to be large: a hundredth of those that a motion of a metre is, or so
@@ -27,14 +27,6 @@ _REST = 1e-10
 _DIGITS = 500
 
 
-def has_lengths(system: AbstractSystem, settings: Settings) -> bool:
-    """Whether something in a run asks for a tolerance in metres, whatever size the motion has:
-    events, contacts, and the root finders of implicit methods.
-    """
-    watched = bool(settings.events) or system.full.structure.contacts
-    return watched or has_root_finder(settings.solver)
-
-
 def is_resolved(
     system: AbstractSystem, settings: Settings, q: Float[Array, "k n"], v: Float[Array, "k n"]
 ) -> Bool[Array, ""]:
@@ -46,7 +38,8 @@ def is_resolved(
     """
     structure = system.full.structure
     motion = _Motion.of(structure, q, v)
-    follow = settings.follow & (not has_lengths(system, settings))
+    # The root finders of implicit methods ask for tolerances in metres, whatever size motions have.
+    follow = settings.follow & (not has_root_finder(settings.solver))
     tolerances = Tolerances.of(structure, settings.rtol, settings.atol, follow)
     by_q, by_v = tolerances.largest(q, v)
     by_position, by_velocity = motion.distance / by_q, motion.speed / by_v

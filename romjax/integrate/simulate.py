@@ -26,7 +26,7 @@ from .default import default_method, start_frequencies, warn_of_fast_stabilizati
 from .doubt import is_doubtful, is_unresolved, warn_of_doubt
 from .failures import raise_failure
 from .left_out import flag_left_out
-from .resolution import finer, has_lengths
+from .resolution import finer
 from .rodas5p import Rodas5P
 from .run import run
 from .settings import Settings, check_choices, check_numbers, check_times, progress_meter
@@ -77,10 +77,10 @@ def simulate(
     - `rtol`, `atol`: tolerances of the step size control. Unless `atol` is given, errors are
       relative to how far and how fast the motion has got, of whatever size it is; but where it
       has moved by more than a metre or a radian, or faster than one a second, they are `rtol` in
-      these units and relative to each coordinate (`romjax/integrate/step_size.py`). Events,
-      contacts and the iterations of implicit methods of diffrax take `rtol` in metres for `atol`;
-      with these, a motion of less than a centimetre is repeated with both as much smaller as it
-      is (not while JAX traces, where `Trajectory.flags` says so).
+      these units and relative to each coordinate (`romjax/integrate/tolerances.py`). The
+      iterations of implicit methods of diffrax take `rtol` in metres for `atol`; with these, a
+      motion of less than a centimetre is repeated with both as much smaller as it is (not while
+      JAX traces, where `Trajectory.flags` says so).
     - `dt`: a fixed step [s] instead of step size control. With it, steps end where signals have
       corners, and see each cycle of those that vibrate (`AbstractSignal`); fixed steps do not.
     - `stabilization`: `Baumgarte(alpha, beta)`, `Projection()` or None; unless given, critical
@@ -137,7 +137,7 @@ def simulate(
         max_events=max_events,
         dense=_DENSE_STEPS if dense is True else int(dense),
     )
-    free = atol is None and has_lengths(bare, settings), isinstance(stabilization, str)
+    free = atol is None and has_root_finder(solver), isinstance(stabilization, str)
     trajectory, start = _run_well(system, bare, times, (q, v), settings, *free)
     trajectory = flag_left_out(system, trajectory, settings.rtol, again)
     is_stiff = isinstance(solver, Rodas5P) or has_root_finder(solver)

@@ -174,6 +174,7 @@ class Steps(NamedTuple):
                 now.watching,
                 kept,
                 Cut(is_cut, cut.at, keep & cut.lasting),
+                now.y,
                 now.next_t,
                 arrival,
             ),

@@ -1,0 +1,65 @@
+"""How small the changes of quantities are that a run tells apart, whatever size its motion has."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ..integrate.tolerances import Reach, Tolerances
+
+# A quantity is on neither side of its level within so many tolerances of the state.
+_FLOOR = 10.0
+# Values are rounding, in units in the last place of the largest coordinate.
+_ROUNDING = 100
+# Velocities are known no better than from positions over this share of the run.
+_STEP = 1e-3
+
+
+class Scales(NamedTuple):
+    """How small changes of the quantities of events are told apart so far in a run.
+
+    - `floor` (events,): how far from its level a quantity is told apart from it. `least` (events,):
+      the least rate of a gap that is told apart from zero. `noise` (events,): what of the values is
+      rounding.
+    - `reach`: how far the motion has got. `by_q`, `by_v` (events, n): the sizes of the slopes of
+      the quantities at the start.
+    """
+
+    floor: Float[Array, " events"]
+    least: Float[Array, " events"]
+    noise: Float[Array, " events"]
+    reach: Reach
+    by_q: Float[Array, "events n"]
+    by_v: Float[Array, "events n"]
+
+    @classmethod
+    def of(
+        cls,
+        tolerances: Tolerances,
+        reach: Reach,
+        y: Any,
+        slopes: tuple[Float[Array, "events n"], Float[Array, "events n"]],
+        span: Float[Array, ""],
+    ) -> "Scales":
+        """In a state that the motion has got to, of a run that lasts for `span` [s]."""
+        by_q, by_v = (jnp.abs(jax.lax.stop_gradient(x)) for x in slopes)
+        q_errors, v_errors = (_FLOOR * x for x in tolerances.errors(reach, y, _STEP * span))
+        floor, least = by_q @ q_errors + by_v @ v_errors, by_q @ v_errors
+        far, fast = (tolerances.each(x) for x in (reach.farthest, reach.speed))
+        unit = _ROUNDING * jnp.finfo(floor.dtype).eps
+        return cls(floor, least, unit * (by_q @ far + by_v @ fast), reach, by_q, by_v)
+
+    def after(
+        self,
+        tolerances: Tolerances,
+        y0: Any,
+        y1: Any,
+        span: Float[Array, ""],
+        keep: Bool[Array, ""],
+    ) -> "Scales":
+        """After a step from the state `y0` to `y1`, if it was kept."""
+        reach = tolerances.after(self.reach, y0, y1)
+        later = Scales.of(tolerances, reach, y1, (self.by_q, self.by_v), span)
+        kept: Scales = jax.tree.map(lambda a, b: jnp.where(keep, a, b), later, self)
+        return kept
