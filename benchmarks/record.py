@@ -85,7 +85,9 @@ def machine() -> str:
         try:
             versions.append(f"{name} {importlib.metadata.version(name)}")
         except importlib.metadata.PackageNotFoundError:
-            versions.append(f"{name} not installed")
+            # What runs from its sources has a version, too.
+            known = getattr(sys.modules.get(name), "__version__", "not installed")
+            versions.append(f"{name} {known}")
     half = len(versions) // 2
     info = Path("/proc/cpuinfo")
     lines = info.read_text().splitlines() if info.exists() else []

@@ -26,6 +26,7 @@ from .common.errors import ReductionError as ReductionError
 from .common.errors import SceneError as SceneError
 from .common.errors import SceneFileError as SceneFileError
 from .common.errors import SimulationError as SimulationError
+from .compiling.xla import jit as jit
 from .compiling.xla import speed_up_xla as speed_up_xla
 from .events.base import AbstractEvent as AbstractEvent
 from .events.base import Crossing as Crossing

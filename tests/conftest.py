@@ -17,7 +17,7 @@ from zoo import RODAS5P, run
 
 import romjax as rj
 from romjax.common import compat
-from romjax.compiling import program
+from romjax.compiling import xla
 from romjax.compiling.program import Program
 
 jax.config.update("jax_enable_x64", True)
@@ -138,7 +138,7 @@ def with_optimisation(monkeypatch):
     """For programs of romjax that run for minutes: those of tests are compiled without."""
     options = compat.compiler_options()
     monkeypatch.setattr(
-        program, "_options", lambda: options | {"xla_backend_optimization_level": 1}
+        xla, "known_options", lambda: options | {"xla_backend_optimization_level": 1}
     )
 
 

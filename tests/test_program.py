@@ -15,7 +15,7 @@ from tolerances import DIFFERENCED, IDENTITY
 
 import romjax as rj
 from romjax.common import compat
-from romjax.compiling import jaxprs
+from romjax.compiling import jaxprs, xla
 from romjax.compiling.program import program
 from romjax.integrate.outputs import cut
 
@@ -175,15 +175,13 @@ def test_what_cannot_be_a_function_is_compiled_the_plain_way(monkeypatch):
 
 
 def test_an_unknown_compiler_is_said(monkeypatch):
-    from romjax.compiling import program as module
-
-    module._options.cache_clear()
+    xla.known_options.cache_clear()
     monkeypatch.setattr(compat, "compiler_options", lambda: {"xla_cpu_no_such_option": True})
     try:
         with pytest.warns(UserWarning, match="does not know the compiler of JAX"):
             assert program(lambda x: 3 * x)(X)[0] == 3 * X[0]
     finally:
-        module._options.cache_clear()
+        xla.known_options.cache_clear()
 
 
 def test_frequencies_are_those_of_the_start():

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import types
 from pathlib import Path
 
 import equinox as eqx
@@ -14,6 +15,7 @@ from tolerances import IDENTITY
 from zoo import Stiffness, run, unit_circle, unit_mass
 
 import romjax as rj
+from romjax.study.sweep import _chunk
 
 TS = np.linspace(0.0, 0.5, 11)
 
@@ -42,6 +44,16 @@ def lanes(count):
 @pytest.fixture(scope="module")
 def whole():
     return rj.sweep(swing, lanes(20), chunk=8)
+
+
+@pytest.mark.instant
+def test_lanes_of_a_chunk():
+    """Some hundred on a CPU, thousands on a GPU, no more than there are; on each device as many."""
+    cpu, gpu = types.SimpleNamespace(platform="cpu"), types.SimpleNamespace(platform="gpu")
+    assert _chunk([cpu], 1000) == 256
+    assert _chunk([cpu, cpu], 101) == 102
+    assert _chunk([gpu], 1000) == 1000
+    assert _chunk([gpu], 10**6) == 16_384
 
 
 def test_chunks_change_nothing(whole):

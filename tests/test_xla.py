@@ -1,13 +1,108 @@
-"""The compiler's settings: taken if in time, said to be late if not."""
+"""The compiler's settings: of one program by `rj.jit`; of all, taken if in time, said to be late if
+not.
+"""
 
+import functools
 import os
 import subprocess
 import sys
 
+import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
+import zoo
+from zoo import bar, run
 
 import romjax as rj
 from romjax.common import compat
+from romjax.compiling import xla
+
+X = np.linspace(0.1, 0.9, 4)
+
+
+@rj.jit
+def wave(x, scale=1.0):
+    """What is compiled in many ways."""
+    return jnp.sum(jnp.sin(scale * x))
+
+
+def test_jit_is_that_of_jax():
+    """Under all transformations, within and around, and with their keywords."""
+    value, slope = np.sum(np.sin(X)), np.cos(X)
+    assert wave(X) == pytest.approx(value)
+    assert wave(X, scale=2.0) == pytest.approx(np.sum(np.sin(2 * X)))
+    assert wave.__name__ == "wave"
+    assert wave.__doc__ == "What is compiled in many ways."
+    for gradient in (jax.grad(wave), rj.jit(jax.grad(wave)), jax.jit(jax.jacfwd(wave))):
+        assert gradient(X) == pytest.approx(slope)
+    assert jax.vmap(wave)(np.stack([X, 2 * X]))[0] == pytest.approx(value)
+    assert wave.lower(X).compile()(X) == pytest.approx(value)
+    assert wave.trace(X).jaxpr.in_avals[0].shape == (*wave.eval_shape(X).shape, 4)
+
+
+def test_settings_of_jit():
+    """Static arguments and donation, also as a decorator, and of a method."""
+
+    @rj.jit(static_argnames="twice", donate_argnums=0)
+    def changed(x, twice):
+        assert isinstance(twice, bool)
+        return 2 * x if twice else x + 1
+
+    given = jnp.asarray(X)
+    assert changed(given, twice=True) == pytest.approx(2 * X)
+    assert given.is_deleted()
+    changed.clear_cache()
+
+    class Scale:
+        factor = 3.0
+
+        @functools.partial(rj.jit, static_argnums=0)
+        def of(self, x):
+            return self.factor * x
+
+    assert Scale().of(X) == pytest.approx(3 * X)
+
+
+def test_options_of_jit_reach_the_compiler(monkeypatch):
+    """Where nothing surrounds the program; those that are given count before romjax's."""
+    monkeypatch.setattr(xla, "known_options", lambda: {"xla_cpu_no_such_option": True})
+    function = rj.jit(lambda x: x + 1)
+    assert jax.jit(function)(X) == pytest.approx(X + 1)
+    with pytest.raises(jax.errors.JaxRuntimeError, match="no_such_option"):
+        function(X)
+    monkeypatch.setattr(xla, "known_options", lambda: {"xla_backend_optimization_level": "none"})
+    assert rj.jit(lambda x: x, compiler_options={"xla_backend_optimization_level": 0})(1.0) == 1
+    # Other devices have none.
+    monkeypatch.setattr(xla, "known_options", lambda: None)
+    assert rj.jit(lambda x: x + 1)(X) == pytest.approx(X + 1)
+
+
+@pytest.fixture
+def untold(monkeypatch):
+    """A process that has told nothing, and whose flags are not those of the tests."""
+    monkeypatch.setattr(xla, "_told", [])
+    monkeypatch.setenv("XLA_FLAGS", "")
+
+
+def swing(gravity):
+    """The end of a short swing, traced only."""
+    return run(rj.assemble(bar(gravity=gravity)), np.array([0.0, 0.1]), throw=False).q[-1, 2]
+
+
+def test_a_run_in_a_foreign_jit_is_told_of_once(untold):
+    with pytest.warns(UserWarning, match=r"compile it by romjax\.jit instead") as told:
+        [jax.jit(transform(swing)).trace(9.81) for transform in (jax.checkpoint, jax.grad)]
+    assert len(told) == 1
+    assert told[0].filename == zoo.__file__
+
+
+def test_what_has_the_options_is_not_told_of(untold, monkeypatch):
+    """Nor what runs with the flags for all programs."""
+    rj.jit(jax.vmap(swing)).trace(np.array([9.0, 10.0]))
+    rj.jit(swing).eval_shape(9.81)
+    monkeypatch.setenv("XLA_FLAGS", " ".join(compat.compiler_flags()))
+    jax.eval_shape(swing, 9.81)
 
 
 def test_flags_are_added_once_and_the_compiler_knows_them():

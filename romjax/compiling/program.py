@@ -18,7 +18,6 @@ Both hold only for a program that nothing surrounds: within a transformation of 
 import dataclasses
 import functools
 import gc
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, NamedTuple, TypeVar, cast
 
@@ -28,7 +27,7 @@ import numpy as np
 
 from ..common import compat
 from ..common.identity import Remembered
-from . import jaxprs, program_cache
+from . import jaxprs, program_cache, xla
 
 F = TypeVar("F", bound=Callable[..., Any])
 # How often a program runs.
@@ -85,7 +84,7 @@ class Program:
             return self._function(*[kind.joined(given) for kind in kinds])
 
         forms = [form for kind in kinds for form in kind.forms]
-        options = _options()
+        options = xla.known_options()
         if options is None:
             return _lower(flat, forms, {}).compile()
         key = program_cache.key_of_call(self._function, kinds, settings)
@@ -148,7 +147,8 @@ def _without_collecting(function: F) -> F:
 def _lower(function: Callable[..., Any], forms: Sequence[Any], options: dict[str, Any]) -> Any:
     structs = [jax.ShapeDtypeStruct(shape, dtype, sharding=at) for shape, dtype, at in forms]
     # With all arguments, so that the text says which of them are used.
-    return jax.jit(function, keep_unused=True, compiler_options=options).lower(*structs)
+    with xla.tracing_with_options():
+        return jax.jit(function, keep_unused=True, compiler_options=options).lower(*structs)
 
 
 def program(function: F) -> F:
@@ -248,23 +248,6 @@ def _has_several_devices() -> bool:
 
 def _restore(x: Any) -> Any:
     return np.zeros(x.shape, x.dtype) if isinstance(x, _Empty) else x
-
-
-@functools.cache
-def _options() -> dict[str, Any] | None:
-    """The options of the compiler; None where there are none, on other devices than a CPU."""
-    if jax.default_backend() != "cpu":
-        return None
-    try:
-        jax.jit(lambda x: x, compiler_options=compat.compiler_options())(np.zeros(1))
-    except jax.errors.JaxRuntimeError as error:
-        warnings.warn(
-            f"romjax does not know the compiler of JAX {jax.__version__} ({error}): simulations "
-            "will take longer to compile and to run.",
-            stacklevel=2,
-        )
-        return None
-    return compat.compiler_options()
 
 
 def _as_functions(flat: Callable[..., Any], most: int, *arrays: Any) -> Any:

@@ -14,6 +14,7 @@ from jaxtyping import Array, ArrayLike, Float
 from ..common.arrays import Vector, as_number
 from ..common.checks import check_finite
 from ..common.compat import is_outermost, is_traced
+from ..compiling.xla import tell_of_jit
 from ..events.base import AbstractEvent
 from ..events.check import check_events
 from ..system.base import AbstractSystem
@@ -110,6 +111,7 @@ def simulate(
     """
     check_choices(system, solver, stabilization, adjoint, controlled=dt is None)
     check_numbers(max_steps, dense, rtol=rtol, atol=atol, dt=dt)
+    tell_of_jit()
     q, v = _check_start(system, q0, v0)
     times = check_times(ts, q.dtype)
     # Events ask for bodies and coordinates by their names.

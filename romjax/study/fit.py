@@ -15,6 +15,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float
 from tqdm import tqdm
 
+from ..compiling.xla import filter_jit, tracing_with_options
 from ..integrate.adjoint import forward_mode
 from ..integrate.doubt import telling
 
@@ -90,7 +91,8 @@ def fit(
         _Bounds.of(origin, start, lower, upper),
     )
     begin = misfit.bounds.free(origin)
-    shape = jax.eval_shape(lambda: predict(start)).shape
+    with tracing_with_options():
+        shape = jax.eval_shape(lambda: predict(start)).shape
     if shape != data.shape:
         raise ValueError(f"fit: predict returns the shape {shape}, but measured has {data.shape}.")
     with forward_mode():
@@ -230,12 +232,12 @@ class _Misfit(eqx.Module):
         return self.at(self.bounds.natural(free))
 
 
-@eqx.filter_jit
+@filter_jit
 def _evaluate(misfit: _Misfit, free: Vector) -> Float[Array, " k"]:
     return misfit(free)
 
 
-@eqx.filter_jit
+@filter_jit
 def _linearize(misfit: _Misfit, free: Vector) -> tuple[Float[Array, " k"], Float[Array, "k p"]]:
     natural = misfit.bounds.natural(free)
     with telling("fit, at the best parameters"):
@@ -243,12 +245,12 @@ def _linearize(misfit: _Misfit, free: Vector) -> tuple[Float[Array, " k"], Float
     return residuals, jax.jacfwd(misfit.at)(natural)
 
 
-@eqx.filter_jit
+@filter_jit
 def _least_squares(misfit: _Misfit, method: Any, begin: Vector, steps: int) -> Any:
     return optimistix.least_squares(misfit, method, begin, max_steps=steps, throw=False)
 
 
-@eqx.filter_jit
+@filter_jit
 def _minimise(misfit: _Misfit, method: Any, begin: Vector, steps: int) -> Any:
     def loss(free: Vector, _: None) -> Array:
         return jnp.mean(misfit(free) ** 2)

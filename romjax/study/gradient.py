@@ -11,6 +11,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from tabulate import tabulate
 
+from ..compiling.xla import jit
 from ..integrate.adjoint import forward_mode
 
 # Steps of central differences, relative to the size of the number. With the second,
@@ -74,21 +75,21 @@ def check_gradient(f: Callable[[Any], Any], x: Any, *, step: float = _STEP) -> G
     def value(flat: jax.Array) -> Any:
         return f(eqx.combine(unravel(flat), static))
 
-    shape = jax.eval_shape(value, start)
+    evaluate = jit(value)
+    shape = evaluate.eval_shape(start)
     if not isinstance(shape, jax.ShapeDtypeStruct) or shape.shape != ():
         raise ValueError(f"check_gradient: f must return a number, but f(x) is {shape}.")
     with forward_mode():
-        evaluate = jax.jit(value)
         at_start = np.asarray(evaluate(start))
         if not np.isfinite(at_start):
             raise ValueError(f"check_gradient: f(x) = {at_start}; check where it is finite.")
-        forward = jax.jit(jax.jacfwd(value))(start)
+        forward = jit(jax.jacfwd(value))(start)
         sizes = jax.tree.map(_size, dynamic)
         each = [np.ravel(size) for size in jax.tree.leaves(sizes)]
         central = _differences(evaluate, np.asarray(start), step * np.concatenate([*each, []]))
-    reverse = jax.jit(jax.grad(value))(start)
+    reverse = jit(jax.grad(value))(start)
     # Under jit, since every part that is taken out alone would be compiled.
-    trees = jax.jit(lambda *gradients: [unravel(x) for x in gradients])(reverse, forward, central)
+    trees = jit(lambda *gradients: [unravel(x) for x in gradients])(reverse, forward, central)
     # Rounding of f leaves differences an error of some eps / step; changes of f by its root, for a
     # change of a parameter by its own size, are the least that they show to as many digits.
     least = float(np.sqrt(_ROUNDING * np.finfo(start.dtype).eps / step) * np.abs(at_start))

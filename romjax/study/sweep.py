@@ -5,7 +5,7 @@ import functools
 import math
 import operator
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -17,6 +17,7 @@ from tqdm import tqdm
 
 from ..common.extras import above
 from ..compiling.program import program
+from ..compiling.xla import tracing_with_options
 from ..integrate.doubt import DOUBTS
 from ..integrate.status import REMEDIES, Status
 from ..integrate.trajectory import Trajectory
@@ -24,8 +25,9 @@ from ..system.flags import WORDS
 from .chunks import Chunks
 
 # Lanes of a chunk on one device. The arrays of some hundred small mechanisms still fit into a
-# core's cache; fewer leave it idle, more gain nothing.
-_LANES = 256
+# core's cache; fewer leave it idle, more gain nothing. Others take for a step of ten thousand what
+# they take for one, and some gigabytes.
+_LANES, _LANES_ELSEWHERE = 256, 16_384
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,7 +109,7 @@ def sweep(
       `status` and `flags`, say whether the lane failed and what speaks against it; without any, it
       failed if a number is not finite. Simulate with `throw=False` in it.
     - `parameters`: a pytree of arrays with a leading axis of lanes.
-    - `chunk`: lanes of a chunk; 256 for each device unless given.
+    - `chunk`: lanes of a chunk; 256 for each device unless given, 16 384 on a GPU.
     - `path`: a folder for the results of each chunk. A sweep that was interrupted, at any moment,
       goes on where it was; what is damaged, or of other lanes, is computed again. Parameters and
       the form of the results are compared with what is there; what `function` does is not.
@@ -129,11 +131,11 @@ def sweep(
     devices = jax.local_devices()
     if chunk is not None and chunk < 1:
         raise ValueError(f"sweep: chunk={chunk}, but a chunk has at least one lane.")
-    # A whole number of lanes for each device.
-    chunk = chunk or len(devices) * -(-min(_LANES * len(devices), lanes) // len(devices))
+    chunk = chunk or _chunk(devices, lanes)
     used = tuple(devices[: math.gcd(chunk, len(devices))])
     first = jax.tree.map(lambda x: jnp.asarray(x[:1]), parameters)
-    shapes = jax.eval_shape(jax.vmap(lambda p: _with_outcome(function(p))), first)
+    with tracing_with_options():
+        shapes = jax.eval_shape(jax.vmap(lambda p: _with_outcome(function(p))), first)
     if path is None and jax.process_count() > 1:
         raise ValueError("sweep: several processes need a `path` to exchange their results.")
     store = Chunks.open(path, parameters, lanes, chunk, shapes)
@@ -154,6 +156,12 @@ def sweep(
     leaves = store.collect(count)
     values, outcome = jax.tree.unflatten(jax.tree.structure(shapes), leaves)
     return Sweep(values, outcome.status, outcome.flags, parameters)
+
+
+def _chunk(devices: Sequence[jax.Device], lanes: int) -> int:
+    """Lanes of a chunk, a whole number for each device."""
+    own = _LANES if devices[0].platform == "cpu" else _LANES_ELSEWHERE
+    return len(devices) * -(-min(own * len(devices), lanes) // len(devices))
 
 
 @program

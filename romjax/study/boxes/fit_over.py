@@ -15,6 +15,7 @@ from ...basis.snapshots import Motion, Sensitivity
 from ...common.arrays import as_array, as_number
 from ...common.errors import InputError, SimulationError
 from ...compiling.program import program
+from ...compiling.xla import filter_jit
 from ...integrate.adjoint import forward_mode
 from ...integrate.doubt import warn_of_outcome
 from ...integrate.simulate import simulate
@@ -261,7 +262,7 @@ def _full(
     return run, seen, derivatives
 
 
-@eqx.filter_jit
+@filter_jit
 def _linearize(model: _Model, point: Numbers) -> tuple[Array, Numbers]:
     def motion(shares: Numbers) -> tuple[Array, Array]:
         seen = model(_moved(model.box, point, shares))
