@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import zoo
 from groups import in_groups
-from tolerances import SOLVED
+from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
 from romjax.basis.decomposition.naive import naive_sod
@@ -76,7 +76,11 @@ def test_the_naive_rank_is_decided_by_rounding():
         system = rj.assemble(rj.gallery.cart_pendulum(f2=f2))
         motion = zoo.run(system, np.linspace(0.0, 1.0, 101), rtol=1e-8, solver=zoo.RODAS5P)
         assert np.max(np.abs(np.asarray(motion.q)[:, 7])) <= 2e-15
-        found[f2] = naive_sod(motion).rank, ranks(rj.sod, motion)[:3]
+        naive = naive_sod(motion)
+        assert np.all(np.diff(naive.values) <= 0)
+        shares, *_ = np.linalg.lstsq(naive.modes, motion.q.T, rcond=1e-14)  # the modes span it
+        assert np.max(np.abs(naive.modes @ shares - motion.q.T)) <= IDENTITY
+        found[f2] = naive.rank, ranks(rj.sod, motion)[:3]
     assert [naive for naive, _ in found.values()] == [6, 5]
     assert all(robust == [3, 4, 5] for _, robust in found.values())
 

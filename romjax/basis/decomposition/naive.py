@@ -10,8 +10,9 @@ from ..snapshots import Motion
 class NaiveSod(NamedTuple):
     """What standard tools report on raw, uncentred, unweighted snapshots."""
 
-    values: np.ndarray  # smooth orthogonal values, infinite where a direction rests
-    rank: int  # numerical rank of the matrix of smooth orthogonal modes
+    values: np.ndarray  # smooth orthogonal values, infinite where a direction rests; largest first
+    modes: np.ndarray  # smooth orthogonal modes, columns (n, n): neither of a length nor orthogonal
+    rank: int  # numerical rank of the matrix of modes
 
 
 def naive_sod(motion: Motion) -> NaiveSod:
@@ -27,4 +28,6 @@ def naive_sod(motion: Motion) -> NaiveSod:
     sine = np.linalg.norm(joint[len(x) :] @ rotation.T, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         values = np.where(sine > 0, (cosine / sine) ** 2, np.inf)
-    return NaiveSod(values, int(np.linalg.matrix_rank(rotation @ triangle)))
+    order = np.argsort(-values, kind="stable")
+    modes = (rotation @ triangle).T[:, order]
+    return NaiveSod(values[order], modes, int(np.linalg.matrix_rank(modes)))
