@@ -4,10 +4,13 @@ from typing import Any
 
 import diffrax
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..system.base import AbstractSystem
+from ..system.dynamics import solve
+from ..system.stabilization import Baumgarte
 from .search import first_crossing
 
 # On which side of a surface a step starts is told after this share of it: where it starts on one,
@@ -18,6 +21,15 @@ _START = 1e-3
 _END, _SHORTEST = 1e-6, 100
 # How deep inside is outside, in units in the last place of the largest coordinate.
 _ROUNDING = 100
+# Stages of a step leave the motion by as much as its curvature: so many times that away from a
+# surface they stay outside.
+_AWAY = 4.0
+# A contact begins now if it does so in this share of the step that is planned. Its force is tried
+# after twice the time.
+_NOW = 1e-5
+# The first step within a contact, in units of rtol^(1/5) times the time in which its force turns
+# the motion back.
+_FIRST = 0.5
 
 
 class Passage(eqx.Module):
@@ -26,11 +38,25 @@ class Passage(eqx.Module):
     What a step across a kink estimates of its error may be zero by chance, and a step through a
     contact that is outside at both ends has seen no force at all. Such a step is repeated so that
     it ends at the surface that it passes first. The next one starts there, and what it does not
-    know of the force is then a fixed share of what it estimates.
+    know of the force is then a fixed share of what it estimates, as long as it is short.
+
+    - `stabilization`: of the accelerations. `rtol`: of the run.
     """
 
     system: AbstractSystem
     post_step: Any
+    stabilization: Baumgarte | None
+    rtol: Float[Array, ""]
+
+    @classmethod
+    def of(
+        cls, system: AbstractSystem, post_step: Any, stabilization: Baumgarte | None, rtol: Any
+    ) -> "Passage | None":
+        """None where there are no contacts."""
+        full = system.full
+        if full.state(jnp.zeros(()), full.q0, full.v0).gaps() is None:
+            return None
+        return cls(system, post_step, stabilization, jnp.asarray(rtol))
 
     def passed(
         self,
@@ -43,12 +69,7 @@ class Passage(eqx.Module):
 
         def gaps(share: Array) -> Array:
             t = t0 + share * span
-            q, v, *charts = between.evaluate(t)
-            system = self.post_step.in_chart(self.system, *charts) if charts else self.system
-            state = system.state(t, q, v)
-            each = self.system.full.state(t, state.q, state.v).gaps()
-            assert each is not None
-            return each
+            return self._gaps(t, between.evaluate(t))
 
         one, yes = jnp.ones_like(t0), jnp.ones(1, bool)
         side = jnp.sign(gaps(_START * one))
@@ -57,10 +78,89 @@ class Passage(eqx.Module):
             """How far the first one to pass its surface is from it, on the side of its start."""
             return jnp.min(jnp.where(side != 0, side * gaps(share), jnp.inf), keepdims=True)
 
-        size = jnp.maximum(1.0, jnp.max(jnp.abs(self.system.full.q0)))
-        noise = _ROUNDING * jnp.finfo(t0.dtype).eps * size
-        crossing = first_crossing(nearest, one[None], nearest(one), noise[None], yes, ~yes)
+        noise = self._noise[None]
+        crossing = first_crossing(nearest, one[None], nearest(one), noise, yes, ~yes)
         shortest = _SHORTEST * jnp.finfo(t0.dtype).eps * jnp.maximum(jnp.abs(t0), jnp.abs(t1))
         is_within = (crossing.share > _START) & (crossing.share < 1 - _END)
         is_within &= (crossing.share * span > shortest) & ((1 - crossing.share) * span > shortest)
         return crossing.exists & is_within, t0 + crossing.share * span
+
+    def next_end(
+        self, t: Float[Array, ""], y: Any, planned: Float[Array, ""], keep: Bool[Array, ""]
+    ) -> Float[Array, ""]:
+        """When the next step from the state `y` has to end, at the latest when it is planned to.
+
+        Before a contact it ends where its stages do not touch yet. In one that begins now, whose
+        force no derivative tells, it is a fraction of the time T in which Hertz's force stops the
+        speed u of approach: with the force κ d^(3/2) at a depth d, for a unit of mass,
+        κ (u T)^(3/2) T = u.
+        """
+        y = jax.lax.stop_gradient(y)
+        near = self._noise + _NOW * (planned - t) * jnp.abs(self._rates(t, y))
+        end: Array = jax.lax.cond(
+            keep & jnp.any(self._gaps(t, y) > -near),
+            lambda: self._to_contact(t, y, planned),
+            lambda: planned,
+        )
+        return end
+
+    def _to_contact(self, t: Array, y: Any, planned: Array) -> Array:
+        q, v, *chart = y
+        h, noise, system = planned - t, self._noise, self._local(y)
+        a = solve(system, t, q, v, self.stabilization).acceleration
+
+        def gaps(s: Array) -> Array:
+            return self._gaps(t + s, (q + s * v + 0.5 * s**2 * a, v, *chart))
+
+        def rates(s: Array) -> tuple[Array, Array]:
+            gap, rate = jax.jvp(gaps, (s,), (jnp.ones_like(s),))
+            return rate, gap
+
+        zero = jnp.zeros_like(t)
+        rate, bend, gap = jax.jvp(rates, (zero,), (jnp.ones_like(t),), has_aux=True)
+        # The root of g + g' s − c s²/2, in the form that is exact for each sign of the rate.
+        curvature = _AWAY * jnp.abs(bend)
+        root = jnp.sqrt(rate**2 + 2 * gap * curvature)
+        above, below = (
+            jnp.where(rate > 0, rate + root, 2 * gap),
+            jnp.where(rate > 0, curvature, root - rate),
+        )
+        lands = above / jnp.where(below > 0, below, 1)
+        soon = (gap > noise) & (below > 0) & (lands > _NOW * h)
+        begins = (jnp.abs(gap) <= noise - _NOW * h * rate) & (-rate * h > noise)
+
+        tried = 2 * _NOW * h
+        there = solve(system, t + tried, q + tried * v, v, self.stabilization).acceleration
+        _, push = jax.jvp(lambda q: self._gaps(t, (q, v, *chart)), (q,), (there - a,))
+        begins &= push > 0
+        speed, depth = jnp.where(begins, -rate, 1), jnp.where(begins, -rate * tried - gap, 1)
+        stiffness = jnp.where(begins, push, 1) / depth**1.5
+        turns = (stiffness * jnp.sqrt(speed)) ** -0.4
+        first = jnp.where(begins, _FIRST * self.rtol**0.2 * turns, jnp.inf)
+        longest = jnp.minimum(jnp.min(first), jnp.min(jnp.where(soon, lands, jnp.inf)))
+        return jnp.minimum(planned, t + longest)
+
+    @property
+    def _noise(self) -> Float[Array, ""]:
+        """What of gaps is rounding [m]."""
+        q = self.system.full.q0
+        return _ROUNDING * jnp.finfo(q.dtype).eps * jnp.maximum(1.0, jnp.max(jnp.abs(q)))
+
+    def _local(self, y: Any) -> AbstractSystem:
+        """The system in the chart of a state."""
+        system: AbstractSystem = self.system
+        return self.post_step.in_chart(system, y[2]) if len(y) == 3 else system
+
+    def _rates(self, t: Array, y: Any) -> Float[Array, " contacts"]:
+        """Of the gaps."""
+        q, v, *chart = y
+        one = jnp.ones_like(t)
+        rates: Array
+        _, rates = jax.jvp(lambda t, q: self._gaps(t, (q, v, *chart)), (t, q), (one, v))
+        return rates
+
+    def _gaps(self, t: Array, y: Any) -> Float[Array, " contacts"]:
+        state = self._local(y).state(t, *y[:2])
+        gaps = self.system.full.state(t, state.q, state.v).gaps()
+        assert gaps is not None
+        return gaps

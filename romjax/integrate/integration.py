@@ -195,11 +195,10 @@ def _limits(
     """
     if settings.dt is not None:
         return {"passage": None, "schedule": None, "corners": None}
-    full, schedule = system.full, Schedule.of(system)
-    touches = full.state(jnp.zeros(()), full.q0, full.v0).gaps() is not None
+    schedule = Schedule.of(system)
     corners = schedule.corners(ts)
     return {
-        "passage": Passage(system, post_step) if touches else None,
+        "passage": Passage.of(system, post_step, settings.baumgarte, settings.rtol),
         "schedule": schedule if schedule.limits_steps else None,
         "corners": corners if len(corners) else None,
     }

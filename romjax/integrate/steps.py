@@ -148,9 +148,10 @@ class Steps(NamedTuple):
             return keep, after
         passes, end = self.passage.passed(now.t, now.next_t, tried.between)
         cut = keep & passes
+        next_end = self.passage.next_end(after.t, tried.y, after.next_t, keep & ~cut)
         return keep & ~cut, after._replace(
             t=jnp.where(cut, now.t, after.t),
-            next_t=jnp.where(cut, end, after.next_t),
+            next_t=jnp.where(cut, end, next_end),
             controller_state=chosen(cut, now.controller_state, after.controller_state),
         )
 
