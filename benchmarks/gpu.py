@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import gpu_table
+import record
 from gpu_case import CASES, CONTROLS, note, ready
 
 LANES = (10_000, 1, 100_000, 100, 1000, 1_000_000)  # in the order in which they are compiled
@@ -128,6 +129,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     if not given.keep:
         (given.out / "gpu.jsonl").unlink(missing_ok=True)
+    note(given.out, machine=record.machine())
     Pool(given.cases, given.what, given.out, given.budget, given.beside).run(given.lanes)
     (given.out / "gpu.lock").unlink(missing_ok=True)
     print(gpu_table.write(given.out))

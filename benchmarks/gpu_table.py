@@ -30,7 +30,8 @@ def write(out: Path) -> str:
     """Write `gpu.txt` of all findings so far, and return it."""
     file = out / "gpu.jsonl"
     found = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
-    text = "\n\n".join([record.machine(), *_parts(found)]) + "\n"
+    machines = list(dict.fromkeys(x["machine"] for x in found if "machine" in x))
+    text = "\n\n".join([*machines, *_parts(found)]) + "\n"
     (out / "gpu.txt").write_text(text)
     return text
 
@@ -60,32 +61,36 @@ def _parts(found: list[Finding]) -> Iterator[str]:
     done = {*own, *((name, control, None) for name, control, _ in own)}
     done |= {(x["name"], "cpu", None) for x in cpus}
     done |= {(x["name"], "sweep", None) for x in found if "sweep" in x}
-    left = sorted(
-        {f"{_name(x)}: {x['left']}" for x in found if "left" in x and _key(x) not in done}
-    )
+    left: dict[tuple[str, str, str], set[int]] = {}
+    for x in found:
+        if "left" in x and _key(x) not in done:
+            counts = left.setdefault((x["name"], x["control"], x["left"]), set())
+            counts |= {x["lanes"]} if "lanes" in x else set()
     if left:
-        yield "Left out:\n" + "\n".join(left)
+        lines = []
+        for (name, control, why), counts in sorted(left.items()):
+            lanes = f", {', '.join(map(_count, sorted(counts)))} lanes" if counts else ""
+            lines.append(f"{name}, {control}{lanes}: {why}")
+        yield "Left out:\n" + "\n".join(lines)
 
 
 def _key(found: Finding) -> tuple[Any, ...]:
     return found["name"], found["control"], found.get("lanes")
 
 
-def _name(found: Finding) -> str:
-    lanes = f", {found['lanes']} lanes" if "lanes" in found else ""
-    return f"{found['name']}, {found['control']}{lanes}"
-
-
 def _rows(found: list[Finding], own: dict[tuple[Any, ...], Finding]) -> list[list[str]]:
     """One row for each number of lanes of each case."""
     truths = {x["name"]: np.array(x["q"]) for x in found if "truth" in x}
     cpus = {(x["name"], x["control"]): np.array(x["q"]) for x in found if "cpu" in x}
+    started = {(x["name"], x["control"]): x for x in found if "started" in x}
     head = "mechanism lanes per_second steps ms starts waits error CPU"
     rows = [head.replace("_", "\n").split(" ")]
     for name, control, lanes in sorted(own):
         x = own[name, control, lanes]
         states, alike = np.array(x["q"]), control.replace("graphs", "adaptive")
-        per_step = [f"{n / x['steps']:.0f}" if n else "" for n in x.get("started", (0, 0))]
+        # Once for each case, at its fewest lanes.
+        counts = started.pop((name, control), {"started": (0, 0)})
+        per_step = [f"{n / counts['steps']:.0f}" if n else "" for n in counts["started"]]
         row = [f"{name}, {control}", _count(lanes), f"{lanes / x['s']:.3g}"]
         if lanes / x["s"] >= 100:
             row[2] = f"{lanes / x['s']:.0f}"
