@@ -79,10 +79,11 @@ class Silent(AbstractSignal):
     """A pulse in the form of a bell that says nothing of itself."""
 
     middle: float
+    width: float = 1e-2
 
     def __call__(self, t):
-        x = (t - self.middle) / 1e-2
-        return jnp.exp(-(x**2)) / (1e-2 * jnp.sqrt(jnp.pi))
+        x = (t - self.middle) / self.width
+        return jnp.exp(-(x**2)) / (self.width * jnp.sqrt(jnp.pi))
 
 
 class Jump(AbstractSignal):
@@ -103,6 +104,29 @@ def test_steps_with_a_signal_that_says_nothing_end_at_outputs():
     np.testing.assert_allclose(end_of(run), [1 - 0.463, 1.0], atol=DIFFERENCED)
 
 
+def test_what_hides_between_two_outputs_is_looked_for():
+    """A bell of a hundredth of their distance, which no step of that length sees."""
+
+    @jax.jit
+    @jax.vmap
+    def end(middle):
+        run = rj.simulate(pushed(Silent(middle, 1e-4)), jnp.linspace(0.0, 1.0, 101), throw=False)
+        return jnp.stack([run.q[-1, 0], run.v[-1, 0]])
+
+    middles = np.linspace(0.4, 0.5, 64)
+    exact = np.stack([1 - middles, np.ones(64)], axis=1)
+    np.testing.assert_allclose(end(middles), exact, atol=DIFFERENCED)
+
+
+def test_only_what_hides_takes_more_steps():
+    ts = np.linspace(0.0, 1.0, 101)
+    wide, narrow = (
+        Schedule.of(pushed(Silent(0.463, x))).seeing(jnp.asarray(ts)) for x in (0.1, 1e-3)
+    )
+    assert np.sum(wide.hidden) == 0
+    assert 3 <= np.sum(narrow.hidden) <= 5
+
+
 def test_a_signal_of_ones_own_may_say_when_it_changes():
     run = rj.simulate(pushed(Jump(jnp.array(0.463))), TS, rtol=1e-8)
     np.testing.assert_allclose(end_of(run), [0.537**2 / 2, 0.537], rtol=DIFFERENCED)
@@ -116,6 +140,8 @@ def test_a_system_of_functions_that_changes_with_time_ends_steps_at_outputs():
     assert not Schedule.of(system).is_known
     run = rj.simulate(system, np.linspace(0.0, 1.0, 101))
     np.testing.assert_allclose(end_of(run), [1 - 0.463, 1.0], atol=DIFFERENCED)
+    hidden = Schedule.of(system).seeing(jnp.linspace(0.0, 1.0, 11)).hidden
+    assert hidden.tolist() == [False] * 3 + [True] * 3 + [False] * 4
 
 
 @pytest.mark.parametrize("name", ["four_bar", "flywheel", "vehicle_axle", "robot_arm"])

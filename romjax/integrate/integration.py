@@ -195,7 +195,7 @@ def _limits(
     """
     if settings.dt is not None:
         return {"passage": None, "schedule": None, "corners": None}
-    schedule = Schedule.of(system)
+    schedule = Schedule.of(system).seeing(ts)
     corners = schedule.corners(ts)
     return {
         "passage": Passage.of(system, post_step, settings.baumgarte, settings.rtol),

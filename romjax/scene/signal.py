@@ -37,8 +37,9 @@ class AbstractSignal(eqx.Module):
     """A function of time [s]; subclass it with one `__call__` for a signal of your own.
 
     What is shorter than a step, the step does not see. A signal therefore says where steps have to
-    end, by `corners`, or how long they may be, by `longest_step`. The steps of a run with a signal
-    that says neither end at all outputs, which then have to be as close as what happens.
+    end, by `corners`, or how long they may be, by `longest_step`. A run with a signal that says
+    neither looks at it sixteen times between two outputs, at all of which its steps end. What is
+    hidden between the looks, it does not see.
     """
 
     # Whether it has two continuous derivatives, as a motion has that finite forces can follow.

@@ -6,12 +6,20 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Bool, Float
 
 from ..common import compat
 from ..common.arrays import Time
 from ..scene.signal import AbstractSignal
 from .base import AbstractSystem
+
+# What says nothing of when it changes is looked at so many times between two outputs.
+_LOOKS = 16
+# So many of these parts are looked at as one array.
+_AT_ONCE = 64
+# A step sees what a polynomial through every fourth look tells but for this share of all changes.
+_SEEN = 1e-4
 
 
 class Stack(eqx.Module):
@@ -35,12 +43,16 @@ class Schedule(eqx.Module):
     """The signals of a system.
 
     - `stacked`: those of a `Stack`, with its leading axis. `single`: all others.
-    - `is_known`: whether they say when they change, and nothing else changes with time.
+    - `changing`: the full system, where something else changes with time.
+    - `outputs`, `hidden`: where something says nothing of when it changes, the times of outputs,
+      and whether it does so in the time up to the next one too fast for a step of that length.
     """
 
     stacked: tuple[AbstractSignal, ...]
     single: tuple[AbstractSignal, ...]
-    is_known: bool = eqx.field(static=True)
+    changing: AbstractSystem | None
+    outputs: Float[Array, " outputs"] | None = None
+    hidden: Bool[Array, " parts"] | None = None
 
     @classmethod
     def of(cls, system: AbstractSystem) -> "Schedule":
@@ -50,10 +62,16 @@ class Schedule(eqx.Module):
         stacks = [part for part in parts if isinstance(part, Stack)]
         stacked = [signal for stack in stacks for signal in _signals(stack)]
         single = [part for part in parts if _is_signal(part)]
-        known = all(signal.is_known for signal in stacked + single)
         # Elements of romjax change with time by their signals only; tracing others takes a while.
         own = stacks and all(stack.kind.__module__.startswith("romjax.") for stack in stacks)
-        return cls(tuple(stacked), tuple(single), known and (bool(own) or not _changes(full)))
+        changing = None if own or not _changes(full) else full
+        return cls(tuple(stacked), tuple(single), changing)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the signals say when they change, and nothing else changes with time."""
+        known = all(signal.is_known for signal in self.stacked + self.single)
+        return known and self.changing is None
 
     def corners(self, ts: Float[Array, " outputs"]) -> Float[Array, " k"]:
         """When the steps of a run with outputs at `ts` have to end [s]; infinite times are none."""
@@ -62,10 +80,41 @@ class Schedule(eqx.Module):
         known = [x.astype(ts.dtype) for x in times if x.size]
         return jnp.concatenate([ts[:0] if self.is_known else ts, *known])
 
+    def seeing(self, ts: Float[Array, " outputs"]) -> "Schedule":
+        """With what changes between the outputs of a run, if something says nothing of that."""
+        if self.is_known:
+            return self
+        shares = np.arange(_LOOKS + 1) / _LOOKS
+        # Lagrange's polynomials of every fourth look.
+        told = np.linalg.solve(np.vander(shares[::4]).T, np.vander(shares, 5).T).T
+
+        def part(ends: tuple[Array, Array]) -> tuple[Array, ...]:
+            """Least and largest values between two outputs, and by how much they are not told."""
+            begin, end = ends
+            values = jax.vmap(self._unknown)(begin + (end - begin) * jnp.asarray(shares, ts.dtype))
+            rest = jnp.abs(values - jnp.asarray(told, ts.dtype) @ values[::4])
+            return values.min(axis=0), values.max(axis=0), rest.max(axis=0)
+
+        least, largest, rest = jax.lax.map(part, (ts[:-1], ts[1:]), batch_size=_AT_ONCE)
+        least, largest = least.min(axis=0), largest.max(axis=0)
+        rounding = 100 * jnp.finfo(ts.dtype).eps * jnp.maximum(jnp.abs(least), jnp.abs(largest))
+        short = jnp.any(rest > (_SEEN * (largest - least) + rounding)[None], axis=1)
+        # What is seen in one part may be hidden in the next.
+        hidden = short.at[1:].max(short[:-1]).at[:-1].max(short[1:])
+        return Schedule(self.stacked, self.single, self.changing, ts, hidden)
+
+    def _unknown(self, t: Float[Array, ""]) -> Float[Array, " c"]:
+        """What says nothing of when it changes, at a time; forces and constraints at the start."""
+        stacked = [jax.vmap(lambda x: x(t))(one) for one in self.stacked if not one.is_known]
+        values = stacked + [one(t) for one in self.single if not one.is_known]
+        if (full := self.changing) is not None:
+            values += [full.force(t, full.q0, full.v0), full.constraint(t, full.q0)]
+        return jnp.concatenate([x.astype(t.dtype).reshape(-1) for x in values])
+
     @property
     def limits_steps(self) -> bool:
         """Whether there is a longest step."""
-        return any(
+        return self.hidden is not None or any(
             type(signal).longest_step is not AbstractSignal.longest_step
             for signal in self.stacked + self.single
         )
@@ -74,7 +123,13 @@ class Schedule(eqx.Module):
         """The longest step from a time t that still sees all signals [s]."""
         stacked = [jax.vmap(lambda x: x.longest_step(t))(signal) for signal in self.stacked]
         each = [x.reshape(-1) for x in stacked] + [x.longest_step(t)[None] for x in self.single]
-        return jnp.min(jnp.concatenate(each), initial=jnp.inf)
+        longest = jnp.min(jnp.concatenate([t[None][:0], *each]), initial=jnp.inf)
+        if self.outputs is None or self.hidden is None:
+            return longest
+        part = jnp.searchsorted(self.outputs, t, side="right") - 1
+        part = jnp.clip(part, 0, len(self.hidden) - 1)
+        look = (self.outputs[part + 1] - self.outputs[part]) / _LOOKS
+        return jnp.where(self.hidden[part], jnp.minimum(longest, look), longest)
 
 
 def _is_signal(x: Any) -> bool:
