@@ -40,8 +40,11 @@ from .files.scene_file import SceneFile as SceneFile
 from .files.scene_file import load_scene as load_scene
 from .files.scene_file import scene_file as scene_file
 from .integrate.adjoint import forward_mode as forward_mode
-from .integrate.branching import Branching as Branching
-from .integrate.energy_balance import EnergyBalance as EnergyBalance
+from .integrate.follow.branching import Branching as Branching
+from .integrate.follow.energy_balance import EnergyBalance as EnergyBalance
+from .integrate.follow.monitor import AbstractMonitor as AbstractMonitor
+from .integrate.follow.monitor import Moment as Moment
+from .integrate.follow.monitor import MonitoredStep as MonitoredStep
 from .integrate.reactions import reactions as reactions
 from .integrate.rodas5p import Rodas5P as Rodas5P
 from .integrate.simulate import simulate as simulate

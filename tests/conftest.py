@@ -23,8 +23,9 @@ from romjax.compiling.program import Program
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
-# Pieces of memory that a process may have mapped before programs are forgotten.
-MOST_MAPS = 30_000
+# Pieces of memory that a process may have mapped before programs are forgotten, and how much of it
+# may be in use [bytes].
+MOST_MAPS, MOST_MEMORY = 30_000, 2.5e9
 
 # Required of a fast test with its fixtures: programs that it compiles, operations of JAX outside of
 # them, of which the first test of a process has most, and seconds of a processor. What compiles
@@ -114,11 +115,14 @@ def room_for_programs():
     """Forget compiled programs before there are too many of them.
 
     Each takes hundreds of mapped pieces of memory, Linux allows a process 65530, and LLVM crashes
-    where it gets no more.
+    where it gets no more. And what is traced stays in memory with them.
     """
     yield
-    maps = Path("/proc/self/maps")
-    if maps.exists() and len(maps.read_text().splitlines()) > MOST_MAPS:
+    maps, sizes = Path("/proc/self/maps"), Path("/proc/self/statm")
+    if not maps.exists():
+        return
+    used = int(sizes.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    if used > MOST_MEMORY or len(maps.read_text().splitlines()) > MOST_MAPS:
         for program in [x for x in gc.get_objects() if isinstance(x, Program)]:
             program._compiled.cache_clear()
         jax.clear_caches()

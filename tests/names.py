@@ -49,6 +49,7 @@ INSTANCES = {
     "rom": rj.ReducedSystem,
     "run": rj.Trajectory,
     "scene": rj.Scene,
+    "step": rj.MonitoredStep,
     "system": rj.AbstractSystem,
     "trajectory": rj.Trajectory,
 }

@@ -305,8 +305,6 @@ def test_wrong_settings():
     impact = rj.Impact(height)
     with pytest.raises(rj.InputError, match="max_events = 0 must be at least 1"):
         thrown(impact, max_events=0)
-    with pytest.raises(rj.InputError, match="events and dense=True need romjax's own integration"):
-        jax.grad(lambda g: thrown(impact, g=g, adjoint=diffrax.DirectAdjoint()).q[-1, 0])(G)
 
 
 def test_more_events_than_there_is_room_for():

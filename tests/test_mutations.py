@@ -11,7 +11,7 @@ COUNT = 57
 KINDS = {"sign", "factor", "index", "term", "argument"}
 # The folders of the package that compute, and the one that reads matrices.
 ROOMS = {
-    *("analysis", "assembly", "basis", "events", "integrate", "linalg"),
+    *("analysis", "assembly", "basis", "events", "integrate", "linalg", "march"),
     *("files", "measure", "reduction", "scene", "study", "system"),
     *("reduction/charts", "reduction/hyper", "reduction/local", "reduction/tables"),
 }

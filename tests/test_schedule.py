@@ -168,18 +168,3 @@ def test_a_pulse_is_differentiable_and_batchable_by_its_corners():
     np.testing.assert_allclose(batch, exact, rtol=SOLVED)
     slopes = jax.jit(jax.jacrev(ends, argnums=(0, 1)))(0.463, 1e-2)
     np.testing.assert_allclose(slopes, [[-1.0, 0.0], [-1.0, 0.0]], atol=DIFFERENCED)
-
-
-def test_the_loop_of_diffrax_sees_a_pulse():
-    @jax.jit
-    def last(start):
-        run = rj.simulate(
-            pushed(pulse(start, 1e-3, 1e-3)),
-            TS,
-            adjoint=diffrax.RecursiveCheckpointAdjoint(),
-            solver=diffrax.Tsit5(),
-            throw=False,
-        )
-        return run.q[-1, 0]
-
-    np.testing.assert_allclose(last(0.463), 1 - 0.464, rtol=DIFFERENCED)

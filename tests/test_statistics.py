@@ -10,7 +10,7 @@ import zoo
 
 import romjax as rj
 from romjax.integrate import settings
-from romjax.integrate.branching import Branching
+from romjax.integrate.follow.branching import Branching
 from romjax.integrate.parts import Parts
 from romjax.integrate.statistics import Statistics
 from romjax.integrate.status import Status

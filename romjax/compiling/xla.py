@@ -150,7 +150,7 @@ def jit(function: Callable[..., Any] | None = None, /, **settings: Any) -> Any:
 
 
 def filter_jit(function: Callable[..., Any]) -> Any:
-    """As `jit`, but only arrays among the arguments are traced, as in `equinox.filter_jit`."""
+    """As `jit`, but only arrays among the arguments are traced, as Equinox has it."""
     return Jitted(function, {}, eqx.filter_jit)
 
 

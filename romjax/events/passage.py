@@ -3,11 +3,11 @@
 from typing import Any
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from ..march.cuts import AbstractPassage
 from ..system.base import AbstractSystem
 from ..system.dynamics import solve
 from ..system.stabilization import Baumgarte
@@ -32,7 +32,7 @@ _NOW = 1e-5
 _FIRST = 0.5
 
 
-class Passage(eqx.Module):
+class Passage(AbstractPassage):
     """Which steps pass the surface of a contact, where its force has a kink.
 
     What a step across a kink estimates of its error may be zero by chance, and a step through a

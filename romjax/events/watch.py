@@ -8,16 +8,17 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..integrate.tolerances import Tolerances
+from ..march.cuts import AbstractWatch, Arrival, Cut, Watching
+from ..march.record import Record
+from ..march.scales import Scales
+from ..march.tolerances import Tolerances
 from ..system.base import AbstractSystem
 from ..system.dynamics import solve
 from ..system.stabilization import Baumgarte
 from .base import AbstractEvent
 from .impact import collide
-from .record import Events, Record
-from .scales import Scales
+from .record import Events
 from .search import first_crossing
-from .state import Arrival, Cut, Watching
 
 # A step that ends so near to an event, in lengths of the step and of rtol, is carried to it by a
 # Taylor series, whose derivative is wrong by as much; and no nearer than this.
@@ -31,7 +32,7 @@ _AT_ONCE = 1e-7
 _SHORTEST = 16
 
 
-class Watch(eqx.Module):
+class Watch(AbstractWatch):
     """The events of a run, and how its steps end at them.
 
     A step that contains an event is repeated so that it ends there: dense output tells where, then

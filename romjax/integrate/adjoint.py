@@ -12,13 +12,9 @@ from ..common.compat import trace_context
 _forwards = trace_context(False)
 
 
-def default_adjoint(solver: diffrax.AbstractSolver[Any]) -> diffrax.AbstractAdjoint | None:
-    """Forward mode inside of `forward_mode()`, elsewhere reverse mode: romjax's own (None), but for
-    solvers with a root finder, whose loops need an adjoint of diffrax.
-    """
-    if _forwards.value:
-        return diffrax.ForwardMode()
-    return diffrax.RecursiveCheckpointAdjoint() if has_root_finder(solver) else None
+def is_forward(adjoint: diffrax.AbstractAdjoint | None) -> bool:
+    """Whether derivatives are taken in forward mode: as it is given, or inside `forward_mode()`."""
+    return isinstance(adjoint, diffrax.ForwardMode) or (adjoint is None and _forwards.value)
 
 
 def has_root_finder(solver: diffrax.AbstractSolver[Any]) -> bool:

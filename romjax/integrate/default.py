@@ -17,6 +17,7 @@ from ..compiling.program import program_once
 from ..system.base import AbstractSystem
 from ..system.frequencies import Frequencies, frequencies
 from ..system.stabilization import Baumgarte
+from .adjoint import has_root_finder
 from .rodas5p import Rodas5P
 from .trajectory import Trajectory
 
@@ -160,7 +161,8 @@ def warn_of_fast_stabilization(
 ) -> None:
     """Warn if Baumgarte's terms, and not the mechanism, have set the step of an explicit method."""
     baumgarte = trajectory.stats.stabilization
-    if not isinstance(baumgarte, Baumgarte):
+    is_stiff = isinstance(trajectory.solver, Rodas5P) or has_root_finder(trajectory.solver)
+    if not isinstance(baumgarte, Baumgarte) or is_stiff:
         return
     numbers = (baumgarte.alpha, baumgarte.beta, trajectory.stats.num_accepted_steps)
     if any(concrete(x) is None for x in (*numbers, trajectory.t, q0, system.q0)):

@@ -1,19 +1,19 @@
 """Dense output: a run between its outputs."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
 from ..common.arrays import Vector, as_array, concrete
 from ..common.checks import check_finite, check_shape
 from ..common.errors import InputError
 from ..compiling.program import program
+from ..march.pieces import Pieces
 from ..reduction.system import has_charts
 from ..system.base import AbstractSystem
 from ..system.consistent import project
@@ -48,39 +48,6 @@ def output_of(
         return saved
 
     return output
-
-
-class Pieces(NamedTuple):
-    """The motion within each accepted step, with room for some.
-
-    - `number`: of steps. `ends` (rows,): when they end; infinite in unused rows.
-    - `between`: what interpolates within each, leading axis rows.
-    """
-
-    number: Int[Array, ""]
-    ends: Float[Array, " rows"]
-    between: diffrax.AbstractLocalInterpolation
-
-    @classmethod
-    def empty(cls, rows: int, between: Any, t0: Float[Array, ""]) -> "Pieces":
-        """Before the first step, for interpolations of the shapes of `between`."""
-        empty = jax.tree.map(lambda x: jnp.zeros((rows, *x.shape), x.dtype), between)
-        return cls(jnp.zeros((), int), jnp.full(rows, jnp.inf, t0.dtype), empty)
-
-    def put(
-        self,
-        keep: Bool[Array, ""],
-        end: Float[Array, ""],
-        between: diffrax.AbstractLocalInterpolation,
-    ) -> "Pieces":
-        """With a step, if it was accepted."""
-
-        def put(rows: Array, row: Array) -> Array:
-            at = jnp.minimum(self.number, len(rows) - 1)
-            return rows.at[at].set(jnp.where(keep, row, rows[at]))
-
-        ends, pieces = jax.tree.map(put, (self.ends, self.between), (end, between))
-        return Pieces(self.number + jnp.where(keep, 1, 0), ends, pieces)
 
 
 class DenseOutput(eqx.Module):

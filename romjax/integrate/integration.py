@@ -1,50 +1,67 @@
 """The integration of the equations of motion."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix
 from jaxtyping import Array, Float, Int
 
-from ..common.errors import InputError
 from ..events.check import check_quantities
 from ..events.passage import Passage
 from ..events.record import Events
 from ..events.watch import Watch
+from ..march.follower import AbstractFollower
+from ..march.march import DENSE, EVENTS, Ended, March
+from ..march.outputs import Outputs
+from ..march.pieces import PieceFollower
+from ..march.progress_bar import ProgressBar
+from ..march.record import RecordFollower
+from ..march.reverse import differentiable_run
+from ..march.step_size import StepSizeControl
+from ..march.steps import Progress, Steps
+from ..march.tolerances import Tolerances
 from ..system.base import AbstractSystem
 from ..system.consistent import project_start
 from ..system.schedule import Schedule
-from .audit import Audit, Auditor, Findings
-from .dense import Pieces, output_of, post_step_of
-from .march import March
+from .dense import output_of, post_step_of
+from .follow.audit import Audit, Findings
+from .follow.monitor import Monitors
 from .outputs import Output
 from .post_step import PostStep, PostStepSolver
-from .reverse import Ended, differentiable_run, ended
 from .settings import Settings
-from .step_size import StepSizeControl
-from .steps import Steps
 from .term import ChartedMotionTerm, ChartedState, MotionTerm, State
-from .tolerances import Tolerances
+from .whole_implicit import WholeImplicit, takes_two_terms
+
+# Followers by their names, beside those whose rows are differentiated.
+AUDIT, MONITORS, PROGRESS = "audit", "monitors", "progress"
 
 
 class Integrated(NamedTuple):
-    """What an integration gives, whether it gets to its end or not."""
+    """An integration, whether it got to its end or not.
 
+    - `march`: how it ended, and what its followers have seen.
+    - `start`: q and v, projected where all steps are.
+    - `ts`, `outputs`, `imbalance`: those that were asked for, after a stop as they are there.
+    - `events`: what happened, in words of the mechanism.
+    """
+
+    march: Ended
+    start: tuple[Float[Array, " n"], Float[Array, " n"]]
+    ts: Float[Array, " k"]
     outputs: Output
-    start: tuple[Float[Array, " n"], Float[Array, " n"]]  # q and v, projected where all steps are
-    result: diffrax.RESULTS
-    steps: Int[Array, ""]
-    accepted: Int[Array, ""]
-    findings: Findings | None
     imbalance: Float[Array, " k"] | None
-    ts: Float[Array, " k"]  # of the outputs: after a stop, its own
     events: Events | None
-    pieces: Pieces | None  # of dense output
+
+    @property
+    def findings(self) -> Findings | None:
+        """Of the audit."""
+        return self.march.seen.get(AUDIT)
 
 
 def integrate(
@@ -59,27 +76,17 @@ def integrate(
 
     `count`: how many of `ts` are asked for; None for all.
 
-    Never raises: how it went is in `result`.
+    Never raises: how it went is in `march`.
     """
     post_step = post_step_of(system, settings.projection)
     if settings.projection is not None and settings.projects_start:
         q0, v0 = project_start(system, ts[0], q0, v0)
     term, solver, y0 = _problem(system, q0, v0, post_step, settings)
-    tolerances = Tolerances.of(system.structure, settings.rtol, settings.atol, settings.follow)
+    positions = system.structure.is_position
+    tolerances = Tolerances.of(positions, settings.rtol, settings.atol, settings.follow)
     controller, first = _step_size_control(ts, settings, tolerances)
-
-    output = output_of(system, settings.projection)
-    if settings.adjoint is not None and not settings.is_forward:
-        if settings.dt is None:
-            corners = Schedule.of(system).corners(ts)
-            if len(corners):
-                controller = diffrax.ClipStepSizeController(controller, step_ts=corners)
-        parts = term, solver, controller, first
-        return _by_diffrax(parts, output, ts, (q0, v0), y0, settings)
-    most, asked = settings.max_steps, jnp.asarray(len(ts) if count is None else count)
     watch = _watch(system, post_step, ts, settings, tolerances)
-    # Dense output has room for so many steps.
-    room = jnp.minimum(jnp.asarray(most), settings.dense) if settings.dense else jnp.asarray(most)
+    most = jnp.asarray(settings.max_steps)
     steps = Steps(
         term=term,
         solver=solver,
@@ -87,81 +94,61 @@ def integrate(
         t0=ts[0],
         t1=ts[-1],
         dt0=first,
-        max_steps=room,
+        # Dense output has room for so many steps.
+        max_steps=jnp.minimum(most, settings.dense) if settings.dense else most,
         watch=watch,
         **_limits(system, post_step, ts, settings),
     )
-    audit = None
+    # A number that is known limits how many states a derivative may have to remember.
+    known = settings.max_steps if isinstance(settings.max_steps, int) else None
+    if known is None or settings.forward:
+        known, steps = None, steps.without_transpose()
+    start = steps.start(y0)
+    others = _followers(system, post_step, tolerances, steps, start, settings)
+    asked = jnp.asarray(len(ts) if count is None else count)
+    output = output_of(system, settings.projection)
+    outputs = Outputs(output, ts, asked, _imbalance if settings.audit else None)
+    march = March(steps, steps.trial, outputs, others)
+    if known is None:
+        run = march.run(start, march.before(start))[1]
+    else:
+        run = differentiable_run(march, start, known)
+    rows, imbalance, events = run.outputs.rows, run.outputs.beside, None
+    if watch is not None and run.watching is not None:
+        rows, imbalance, ts = _held(run, ts, output)
+        events = watch.describe(run.seen[EVENTS], run.watching)
+    return Integrated(run, (q0, v0), ts, rows, imbalance, events)
+
+
+def _followers(
+    system: AbstractSystem,
+    post_step: PostStep | None,
+    tolerances: Tolerances,
+    steps: Steps,
+    start: Progress,
+    settings: Settings,
+) -> dict[str, AbstractFollower]:
+    """Who follows a run beside its outputs; what was not asked for is no part of the program."""
+    followers: dict[str, AbstractFollower] = {}
     if settings.audit:
         controlled = settings.dt is None
-        audit = Auditor(system, post_step, settings.baumgarte, tolerances, controlled).functions()
-    run = _march(steps, output, ts, asked, y0, audit, settings)
-    outputs, imbalance, times, events = run.outputs, run.imbalance, ts, None
-    if watch is not None and run.record is not None and run.watching is not None:
-        outputs, imbalance, times = _held(run, ts, output)
-        events = watch.describe(run.record, run.watching)
-    return Integrated(
-        outputs=outputs,
-        start=(q0, v0),
-        result=run.result,
-        steps=run.steps,
-        accepted=run.accepted,
-        findings=run.findings,
-        imbalance=imbalance,
-        ts=times,
-        events=events,
-        pieces=run.pieces,
-    )
+        followers[AUDIT] = Audit(system, post_step, settings.baumgarte, tolerances, controlled)
+    if settings.events:
+        followers[EVENTS] = RecordFollower(settings.max_events)
+    if settings.dense:
+        step = start.y, start.solver_state, start.watching, start.t, start.next_t
+        between = eqx.filter_eval_shape(steps.trial, *step).between
+        followers[DENSE] = PieceFollower(settings.dense, between)
+    if settings.monitors:
+        followers[MONITORS] = Monitors(system, post_step, settings.monitors)
+    if not isinstance(settings.meter, diffrax.NoProgressMeter):
+        followers[PROGRESS] = ProgressBar(settings.meter, steps.t0, steps.t1)
+    return followers
 
 
-def _by_diffrax(
-    parts: tuple[Any, Any, Any, Float[Array, ""]],
-    output: Callable[[Array, Any], Output],
-    ts: Float[Array, " k"],
-    start: tuple[Float[Array, " n"], Float[Array, " n"]],
-    y0: Any,
-    settings: Settings,
-) -> Integrated:
-    """By the loop of diffrax, whose adjoint takes the derivatives.
-
-    `parts`: the differential equation, the method, the step size control and the first step.
-    """
-    if settings.events or settings.dense:
-        raise InputError(
-            "simulate: events and dense=True need romjax's own integration, but the adjoint is "
-            f"diffrax's "
-            f"{type(settings.adjoint).__name__}; leave it out, use `with romjax.forward_mode():`, "
-            "and within transformations an explicit solver or romjax.Rodas5P()."
-        )
-    assert settings.adjoint is not None
-    term, solver, controller, first = parts
-    solution = diffrax.diffeqsolve(
-        term,
-        solver,
-        t0=ts[0],
-        t1=ts[-1],
-        dt0=first,
-        y0=y0,
-        saveat=diffrax.SaveAt(ts=ts),
-        stepsize_controller=controller,
-        adjoint=settings.adjoint,
-        max_steps=settings.max_steps,
-        progress_meter=settings.meter,
-        throw=False,
-    )
-    outputs, stats = jax.vmap(output)(ts, solution.ys), solution.stats
-    return Integrated(
-        outputs=outputs,
-        start=start,
-        result=solution.result,
-        steps=stats["num_steps"],
-        accepted=stats["num_accepted_steps"],
-        findings=None,
-        imbalance=None,
-        ts=ts,
-        events=None,
-        pieces=None,
-    )
+def _imbalance(seen: Mapping[str, Any]) -> Float[Array, ""]:
+    findings: Findings = seen[AUDIT]
+    return findings.balance.imbalance
 
 
 def _watch(
@@ -194,12 +181,12 @@ def _limits(
     limits fixed steps.
     """
     if settings.dt is not None:
-        return {"passage": None, "schedule": None, "corners": None}
+        return {"passage": None, "longest": None, "corners": None}
     schedule = Schedule.of(system).seeing(ts)
     corners = schedule.corners(ts)
     return {
         "passage": Passage.of(system, post_step, settings.baumgarte, settings.rtol),
-        "schedule": schedule if schedule.limits_steps else None,
+        "longest": schedule.longest_step if schedule.limits_steps else None,
         "corners": corners if len(corners) else None,
     }
 
@@ -208,51 +195,21 @@ def _held(
     run: Ended, ts: Float[Array, " size"], output: Callable[[Array, Any], Output]
 ) -> tuple[Output, Float[Array, " size"] | None, Float[Array, " size"]]:
     """Outputs, imbalances and times, those after a stop as they are at the stop."""
-    assert run.record is not None
+    record, saved = run.seen[EVENTS], run.outputs
     assert run.watching is not None
-    last = jnp.maximum(run.record.number - 1, 0)
-    t, y = jax.tree.map(lambda x: x[last], (run.record.time, run.record.after))
-    held = run.watching.stopped & (jnp.arange(len(ts)) >= run.number)
+    last = jnp.maximum(record.number - 1, 0)
+    t, y = jax.tree.map(lambda x: x[last], (record.time, record.after))
+    held = run.watching.stopped & (jnp.arange(len(ts)) >= saved.number)
 
     def hold(rows: Array, row: Array) -> Array:
         chosen: Array = jnp.where(held.reshape(-1, *[1] * row.ndim), row, rows)
         return chosen
 
-    outputs: Output = jax.tree.map(hold, run.outputs, output(t, y))
-    imbalance = run.imbalance
-    if imbalance is not None and run.findings is not None:
-        imbalance = hold(imbalance, run.findings.balance.imbalance)
+    outputs: Output = jax.tree.map(hold, saved.rows, output(t, y))
+    imbalance = saved.beside
+    if imbalance is not None:
+        imbalance = hold(imbalance, _imbalance(run.seen))
     return outputs, imbalance, hold(ts, t)
-
-
-def _march(
-    steps: Steps,
-    output: Callable[[Array, Any], Output],
-    ts: Float[Array, " size"],
-    asked: Int[Array, ""],
-    y0: Any,
-    audit: Audit | None,
-    settings: Settings,
-) -> Ended:
-    """By romjax's own loop, which can be differentiated if its most steps are known."""
-    most = settings.max_steps
-    # A number that is known limits how many states a derivative may have to remember.
-    known = most if isinstance(most, int) and not settings.is_forward else None
-    if known is None:
-        steps = steps.without_transpose()
-    march = March(
-        steps=steps,
-        trial=steps.trial,
-        output=output,
-        ts=ts,
-        asked=asked,
-        meter=settings.meter,
-        audit=audit,
-        events=settings.max_events,
-        dense=settings.dense,
-    )
-    start = steps.start(y0)
-    return ended(march.run(start)) if known is None else differentiable_run(march, start, known)
 
 
 def _problem(
@@ -281,7 +238,7 @@ def _with_tolerances(settings: Settings) -> diffrax.AbstractSolver[Any]:
             rtol, atol = jnp.asarray(settings.rtol), jnp.asarray(settings.atol)
             finder = dataclasses.replace(finder, rtol=rtol, atol=atol, norm=optimistix.rms_norm)
             solver = dataclasses.replace(solver, root_finder=finder)  # type: ignore[call-arg]
-    return solver
+    return WholeImplicit(solver) if takes_two_terms(solver) else solver
 
 
 def _step_size_control(

@@ -26,7 +26,7 @@ def judge_run(
     settings: Settings,
 ) -> Int[Array, ""]:
     """The status of a run, from its outputs and the constraints at its `start`."""
-    result, (q0, _) = run.result, run.start
+    result, (q0, _) = run.march.result, run.start
     own = run.outputs.in_system()
     # Drift can be finite in q and past all numbers in C.
     numbers = (own.q, own.v, run.outputs.violation)

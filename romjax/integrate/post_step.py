@@ -169,8 +169,7 @@ def _split(terms: PyTree, y: PyTree) -> tuple[Any, AbstractSystem, PyTree, Chart
     if not isinstance(term, ChartedMotionTerm):
         raise ValueError(
             f"PostStepSolver: a {type(term).__name__} is no motion that could be projected or "
-            "change its chart; use adjoint=diffrax.RecursiveCheckpointAdjoint() or "
-            "diffrax.ForwardMode()."
+            "change its chart; use romjax.simulate."
         )
     q, v, chart = y
     motion = term.in_chart(chart)

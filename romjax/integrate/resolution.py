@@ -8,11 +8,11 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..common.arrays import namespace
+from ..march.tolerances import Tolerances
 from ..system.base import AbstractSystem
 from ..system.structure import Structure
 from .adjoint import has_root_finder
 from .settings import Settings
-from .tolerances import Tolerances
 from .trajectory import Trajectory
 
 # Tolerances that a motion has to be large: a hundredth of those that a motion of a metre is, or so
@@ -40,7 +40,7 @@ def is_resolved(
     motion = _Motion.of(structure, q, v)
     # The root finders of implicit methods ask for tolerances in metres, whatever size motions have.
     follow = settings.follow & (not has_root_finder(settings.solver))
-    tolerances = Tolerances.of(structure, settings.rtol, settings.atol, follow)
+    tolerances = Tolerances.of(structure.is_position, settings.rtol, settings.atol, follow)
     by_q, by_v = tolerances.largest(q, v)
     by_position, by_velocity = motion.distance / by_q, motion.speed / by_v
     share = jnp.where(motion.counts, jnp.minimum(by_position, by_velocity), 0.0)

@@ -1,6 +1,5 @@
 """The run of a simulation: one compiled program, and the trajectory that its numbers are."""
 
-import dataclasses
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -12,16 +11,15 @@ from jaxtyping import Array, Float, Int
 from ..common import compat, precision
 from ..common.identity import Remembered
 from ..compiling.program import program
-from ..events.record import Events
+from ..march.march import DENSE
 from ..system.base import AbstractSystem, Run
 from ..system.flags import Flag
 from ..system.stabilization import Baumgarte, Stabilization
 from ..system.start import Start
 from .adjoint import has_root_finder
-from .audit import Findings
-from .dense import DenseOutput, Pieces
+from .dense import DenseOutput
 from .derived import Derived, OnDemand, metric_of, multipliers_at
-from .integration import integrate
+from .integration import AUDIT, MONITORS, Integrated, integrate
 from .judge import drift_of, judge_run
 from .outputs import Output, capacity, cut, padded
 from .parts import Parts
@@ -41,31 +39,21 @@ def run(
 ) -> tuple[Trajectory, Start]:
     """The trajectory of a system that is `bare` of names, and the constraints at its start."""
     result, derived = _run(system, bare, ts, q0, v0, settings)
-    trajectory = _trajectory(system, result, derived, settings)
-    if result.pieces is not None:
-        start = jnp.asarray(ts[0])
-        dense = DenseOutput(Parts.of(system), result.stabilization, start, result.pieces)
-        trajectory = dataclasses.replace(trajectory, dense=dense)
-    return trajectory, result.start
+    dense, pieces = None, result.run.march.seen.get(DENSE)
+    if pieces is not None:
+        dense = DenseOutput(Parts.of(system), result.stabilization, jnp.asarray(ts[0]), pieces)
+    return _trajectory(system, result, derived, dense, settings), result.start
 
 
 class _Result(NamedTuple):
     """What a run gives but for names."""
 
-    ts: Float[Array, " k"]
-    outputs: Output
+    run: Integrated
     start: Start
     status: Int[Array, ""]
     flags: Int[Array, ""]
-    steps: Int[Array, ""]
-    accepted: Int[Array, ""]
-    rejected: Int[Array, ""]
     atol: Float[Array, ""]
     stabilization: Stabilization
-    findings: Findings | None
-    imbalance: Float[Array, " k"] | None
-    events: Events | None
-    pieces: Pieces | None
 
 
 def _run(
@@ -80,7 +68,7 @@ def _run(
     settings = settings.limited(not compat.is_outermost())
     if not compat.is_outermost():
         return _differentiable(bare, ts, q0, v0, settings)
-    settings = settings._replace(max_steps=np.asarray(settings.max_steps), adjoint=None)
+    settings = settings._replace(max_steps=np.asarray(settings.max_steps), forward=False)
     if has_root_finder(settings.solver):
         # Its root finder contains functions, which are no part of a stored program.
         result, derived = _differentiable(bare, ts, q0, v0, settings)
@@ -90,8 +78,8 @@ def _run(
     times = ts if size == count else _with_room(ts, size)
     result = _plain(bare, times, np.asarray(count), q0, v0, settings)
     # After a stop only, times are others than those that were asked for.
-    stopped = None if result.events is None else result.ts
-    outputs, imbalance, stopped = cut((result.outputs, result.imbalance, stopped), count)
+    run, stopped = result.run, None if result.run.events is None else result.run.ts
+    outputs, imbalance, stopped = cut((run.outputs, run.imbalance, stopped), count)
     ts = ts if stopped is None else stopped
     own = outputs.in_system()
     demand = compat.make_module(
@@ -103,7 +91,8 @@ def _run(
         chart=own.chart,
         stabilization=_baumgarte(result.stabilization),
     )
-    return result._replace(ts=ts, outputs=outputs, imbalance=imbalance), demand
+    run = run._replace(ts=ts, outputs=outputs, imbalance=imbalance)
+    return result._replace(run=run), demand
 
 
 _padded = Remembered()
@@ -126,11 +115,11 @@ def _differentiable(
     settings: Settings,
 ) -> tuple[_Result, Derived]:
     result = _integrated(system, ts, None, q0, v0, settings)
-    outputs, used = result.outputs, _baumgarte(result.stabilization)
-    own = outputs.in_system()
+    run, used = result.run, _baumgarte(result.stabilization)
+    own = run.outputs.in_system()
     # XLA leaves out what nobody uses.
     multipliers = jax.vmap(lambda t, q, v, chart: multipliers_at(system, t, q, v, chart, used))(
-        result.ts, own.q, own.v, own.chart
+        run.ts, own.q, own.v, own.chart
     )
     return result, Derived(multipliers, metric_of(system))
 
@@ -153,25 +142,22 @@ def _integrated(
         run = run._replace(ts=ts, outputs=outputs, imbalance=imbalance)
     tolerance = precision.of(run.start[0].dtype).start_tolerance
     start = Start.of(system, ts[0], *run.start, tolerance)
-    return _Result(
-        ts=run.ts,
-        outputs=run.outputs,
-        start=start,
-        status=judge_run(system, ts, run, start, settings),
-        flags=_flags(system, run.ts, run.outputs, settings)
-        | (0 if run.findings is None else run.findings.flags),
-        steps=run.steps,
-        accepted=run.accepted,
-        rejected=run.steps - run.accepted,
-        atol=_absolute(run.outputs, settings),
-        stabilization=settings.baumgarte or settings.projection,
-        findings=jax.lax.stop_gradient(run.findings),
-        imbalance=jax.lax.stop_gradient(run.imbalance),
-        events=run.events,
-        pieces=run.pieces,
-    )
+    status = judge_run(system, ts, run, start, settings)
+    flags = _flags(system, run.ts, run.outputs, settings)
+    if run.findings is not None:
+        flags |= run.findings.flags
+    # What describes the run in other words is no result of the program once more.
+    seen = {name: each for name, each in run.march.seen.items() if name in _RESULTS}
+    if AUDIT in seen:
+        seen[AUDIT] = jax.lax.stop_gradient(seen[AUDIT])
+    march = run.march._replace(result=None, watching=None, seen=seen)
+    run = run._replace(march=march, imbalance=jax.lax.stop_gradient(run.imbalance))
+    atol, stabilization = _absolute(run.outputs, settings), settings.baumgarte
+    return _Result(run, start, status, flags, atol, stabilization or settings.projection)
 
 
+# Followers whose findings are results of a run as they are.
+_RESULTS = AUDIT, DENSE, MONITORS
 # Arrays of NumPy will do for it too.
 _plain: Any = program(_integrated)
 
@@ -182,20 +168,22 @@ def _baumgarte(stabilization: Stabilization) -> Baumgarte | None:
 
 def _trajectory(
     system: AbstractSystem,
-    run: _Result,
+    result: _Result,
     derived: Derived | OnDemand,
+    dense: DenseOutput | None,
     settings: Settings,
 ) -> Trajectory:
     controlled, frequencies = settings.dt is None, settings.frequencies
+    run, march, findings = result.run, result.run.march, result.run.findings
     statistics = compat.make_module(
         Statistics,
-        num_steps=run.steps,
-        num_accepted_steps=run.accepted,
-        num_rejected_steps=run.rejected,
+        num_steps=march.steps,
+        num_accepted_steps=march.accepted,
+        num_rejected_steps=march.steps - march.accepted,
         rtol=settings.rtol if controlled else None,
-        atol=run.atol if controlled else None,
+        atol=result.atol if controlled else None,
         fastest_frequency=None if frequencies is None else frequencies.fastest,
-        stabilization=run.stabilization,
+        stabilization=result.stabilization,
     )
     return compat.make_module(
         Trajectory,
@@ -205,13 +193,14 @@ def _trajectory(
         violation=run.outputs.violation,
         derived=derived,
         stats=statistics,
-        status=run.status,
-        flags=run.flags,
-        balance=None if run.findings is None else run.findings.balance,
-        branching=None if run.findings is None else run.findings.branching,
+        status=result.status,
+        flags=result.flags,
+        balance=None if findings is None else findings.balance,
+        branching=None if findings is None else findings.branching,
         imbalance=run.imbalance,
         events=run.events,
-        dense=None,
+        dense=dense,
+        followed=march.seen.get(MONITORS, ()),
         coordinates=system.full.structure.coordinates,
         solver_parts=Parts.of(settings.solver),
     )

@@ -17,6 +17,7 @@ from ..system.base import AbstractSystem, check_system
 from ..system.frequencies import Frequencies
 from ..system.stabilization import Baumgarte, Projection, Stabilization
 from .default import default_stabilization
+from .follow.monitor import AbstractMonitor
 
 # Where derivatives in reverse mode must know how many steps there may be, and none is given.
 _MOST_STEPS = 100_000
@@ -34,12 +35,13 @@ class Settings(NamedTuple):
     - `stabilization`: "default" until `resolve` replaces it. `projects_start`: whether a start that
       violates the constraints is projected too, or refused.
     - `frequencies`: of the system at its start, where a choice needs them.
-    - `adjoint`: diffrax's way to differentiate; None for romjax's own in reverse mode, whose steps
-      forward mode takes too. `max_steps` may be an array
-      where nobody differentiates.
-    - `meter`: what shows the progress. `audit`: whether the balance of energy is drawn up.
+    - `forward`: whether derivatives are taken in forward mode. `max_steps` may be an array where
+      nobody differentiates.
+    - `meter`: what shows the progress. `audit`: whether the balance of energy is drawn up; not
+      without coordinates, where no equation of motion is integrated that could gain energy.
     - `events`: that are watched; `max_events`: how many of them there is room for.
     - `dense`: for how many steps dense output has room; 0 without it.
+    - `monitors`: of users, that follow the run.
     """
 
     solver: diffrax.AbstractSolver[Any]
@@ -50,13 +52,14 @@ class Settings(NamedTuple):
     stabilization: Stabilization | Literal["default"]
     projects_start: bool
     frequencies: Frequencies | None
-    adjoint: diffrax.AbstractAdjoint | None
+    forward: bool
     max_steps: int | Int[Array | np.ndarray, ""] | None
     meter: diffrax.AbstractProgressMeter[Any]
     audit: bool
     events: tuple[AbstractEvent, ...]
     max_events: int
     dense: int
+    monitors: tuple[AbstractMonitor, ...]
 
     def resolve(self, system: AbstractSystem, ts: Float[Array, " k"]) -> "Settings":
         """The same with the stabilization of this system; no projection of no constraints."""
@@ -75,7 +78,7 @@ class Settings(NamedTuple):
         if self.max_steps is not None:
             return self
         largest = int(np.iinfo(jax.dtypes.canonicalize_dtype(int)).max)
-        return self._replace(max_steps=_MOST_STEPS if traced and not self.is_forward else largest)
+        return self._replace(max_steps=_MOST_STEPS if traced and not self.forward else largest)
 
     @property
     def baumgarte(self) -> Baumgarte | None:
@@ -86,11 +89,6 @@ class Settings(NamedTuple):
     def projection(self) -> Projection | None:
         """The projection that follows each step."""
         return self.stabilization if isinstance(self.stabilization, Projection) else None
-
-    @property
-    def is_forward(self) -> bool:
-        """Whether derivatives are taken in forward mode."""
-        return isinstance(self.adjoint, diffrax.ForwardMode)
 
     @property
     def holds_constraints(self) -> bool:
@@ -113,18 +111,18 @@ def check_choices(
     controlled: bool,
 ) -> None:
     """Raise InputError for what is no system, no method, or no way to hold constraints or to
-    differentiate, for an adjoint that grows without bounds, and for a method that cannot choose its
-    steps where these are `controlled`.
+    differentiate, and for a method that cannot choose its steps where these are `controlled`.
     """
     check_system("simulate", system)
     if adjoint is not None:
         remedy = "an object such as diffrax.ForwardMode()"
         check_kind("simulate", "adjoint", adjoint, diffrax.AbstractAdjoint, remedy)
-    if isinstance(adjoint, diffrax.BacksolveAdjoint):
+    if not isinstance(adjoint, diffrax.ForwardMode | diffrax.RecursiveCheckpointAdjoint | None):
         raise InputError(
-            "simulate: adjoint=BacksolveAdjoint() integrates the motion backwards in time, where "
-            "dampers and the stabilisation of the constraints make it grow; use "
-            "diffrax.RecursiveCheckpointAdjoint() or diffrax.ForwardMode()."
+            f"simulate: adjoint={type(adjoint).__name__}(), but derivatives are taken in forward "
+            "mode by diffrax.ForwardMode(), and in reverse mode, by checkpoints of romjax's own, "
+            "without an adjoint. (Backwards in time, dampers and the stabilisation of the "
+            "constraints make a motion grow.)"
         )
     if solver is not None:
         remedy = "an object such as romjax.Rodas5P() or diffrax.Tsit5()"

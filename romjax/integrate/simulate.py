@@ -22,13 +22,13 @@ from ..system.consistent import check_start_shapes
 from ..system.stabilization import Baumgarte, Projection, Stabilization
 from ..system.start import Start
 from ..system.structure import without_names
-from .adjoint import default_adjoint, has_root_finder
+from .adjoint import has_root_finder, is_forward
 from .default import default_method, start_frequencies, warn_of_fast_stabilization
 from .doubt import is_doubtful, is_unresolved, warn_of_doubt
 from .failures import raise_failure
+from .follow.monitor import AbstractMonitor, check_monitors
 from .left_out import flag_left_out
 from .resolution import finer
-from .rodas5p import Rodas5P
 from .run import run
 from .settings import Settings, check_choices, check_numbers, check_times, progress_meter
 from .trajectory import Trajectory
@@ -53,6 +53,7 @@ def simulate(
     events: Sequence[AbstractEvent] = (),
     max_events: int = 256,
     dense: bool | int = False,
+    follow: Sequence[AbstractMonitor] = (),
     progress: bool = False,
     throw: bool = True,
     audit: bool = True,
@@ -78,7 +79,7 @@ def simulate(
     - `rtol`, `atol`: tolerances of the step size control. Unless `atol` is given, errors are
       relative to how far and how fast the motion has got, of whatever size it is; but where it
       has moved by more than a metre or a radian, or faster than one a second, they are `rtol` in
-      these units and relative to each coordinate (`romjax/integrate/tolerances.py`). The
+      these units and relative to each coordinate (`romjax/march/tolerances.py`). The
       iterations of implicit methods of diffrax take `rtol` in metres for `atol`; with these, a
       motion of less than a centimetre is repeated with both as much smaller as it is (not while
       JAX traces, where `Trajectory.flags` says so).
@@ -89,8 +90,9 @@ def simulate(
       steps, and where energy does not balance with it, as it may at singular positions, the run
       is repeated with projection. While JAX traces, no run can be repeated, and mechanisms with
       closed loops are projected from the first.
-    - `adjoint`: how derivatives are taken, where the run is part of a transformation; reverse mode
-      with checkpoints unless given, or inside `with romjax.forward_mode():`.
+    - `adjoint`: `diffrax.ForwardMode()` where derivatives are taken in forward mode, as inside
+      `with romjax.forward_mode():`. Without it they are taken in reverse mode, with checkpoints,
+      of any method; `diffrax.RecursiveCheckpointAdjoint()` stands for the same.
     - `max_steps`: most steps before giving up; None for no limit, but for 100 000 within
       transformations of JAX, unless derivatives are taken in forward mode.
     - `events`: moments to look for (`Crossing`, `Stop`, `Impact`): `Trajectory.events` says when
@@ -98,12 +100,13 @@ def simulate(
       run, and derivatives. `max_events`: how many there is room for.
     - `dense`: keep the motion within each step, so that `Trajectory.at` gives it at any time; with
       room for 1024 steps, or for the number that is given.
+    - `follow`: monitors of your own (`AbstractMonitor`), which see each accepted step;
+      `Trajectory.followed` has what each has seen.
     - `progress`: show a progress bar.
     - `throw`: raise if the simulation fails; otherwise see `Trajectory.status`.
     - `audit`: draw up the balance of energy, `Trajectory.balance`. A run that gains or loses more
       than its tolerances explain is flagged (`Trajectory.is_valid`, `warnings()`), with a Python
-      warning where JAX does not trace. Not where an `adjoint` of diffrax for reverse mode is
-      given, and not of implicit methods in reverse mode.
+      warning where JAX does not trace.
 
     Raises ValueError for a wrong argument or a start that violates the constraints (naming the
     joint and the amount); SimulationError if the integration does not reach its end, or not all
@@ -114,8 +117,9 @@ def simulate(
     tell_of_jit()
     q, v = _check_start(system, q0, v0)
     times = check_times(ts, q.dtype)
-    # Events ask for bodies and coordinates by their names.
-    bare = system if (watched := check_events(events, max_events)) else without_names(system)
+    # Events and monitors ask for bodies and coordinates by their names.
+    watched, monitors = check_events(events, max_events), check_monitors(follow)
+    bare = system if watched or monitors else without_names(system)
     again = functools.partial(_training, solver, stabilization, audit)
     step, frequencies = None if dt is None else as_number(dt, q.dtype), None
     if solver is None or stabilization == "default":
@@ -130,20 +134,18 @@ def simulate(
         stabilization=_stabilization(system, stabilization),
         projects_start=isinstance(stabilization, Projection),
         frequencies=frequencies,
-        adjoint=default_adjoint(solver) if adjoint is None else adjoint,
+        forward=is_forward(adjoint),
         max_steps=max_steps,
         meter=progress_meter(progress),
-        # Without coordinates no equation of motion is integrated that could gain energy.
         audit=audit and system.n > 0,
         events=watched,
         max_events=max_events,
         dense=_DENSE_STEPS if dense is True else int(dense),
+        monitors=monitors,
     )
-    free = atol is None and has_root_finder(solver), isinstance(stabilization, str)
-    trajectory, start = _run_well(system, bare, times, (q, v), settings, *free)
+    trajectory, start = _run_well(system, bare, times, (q, v), settings)
     trajectory = flag_left_out(system, trajectory, settings.rtol, again)
-    is_stiff = isinstance(solver, Rodas5P) or has_root_finder(solver)
-    if isinstance(stabilization, Baumgarte) and not is_stiff:
+    if isinstance(stabilization, Baumgarte):
         warn_of_fast_stabilization(bare, trajectory, q, v)
     if throw:
         trajectory = raise_failure(system, trajectory, start)
@@ -157,12 +159,13 @@ def _run_well(
     ts: Float[Array, " k"],
     start: tuple[Float[Array, " n"], Float[Array, " n"]],
     settings: Settings,
-    fits: bool,
-    passes: bool,
 ) -> tuple[Trajectory, Start]:
     """A run, repeated with what suits its motion, unless JAX traces, and the constraints at its
-    start. `fits`: whether the tolerances may be others; `passes`: whether projection may take part.
+    start.
     """
+    # What was given stays.
+    fits = bool(settings.follow) and has_root_finder(settings.solver)
+    passes = settings.stabilization == "default"
     trajectory, constraints = run(system, bare, ts, *start, settings)
     if fits and is_unresolved(trajectory):
         # A run whose tolerances are above its motion shows that badly: the next one counts.

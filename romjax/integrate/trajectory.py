@@ -8,7 +8,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..common.arrays import Vector, as_number
 from ..common.checks import unknown_name
@@ -21,10 +21,10 @@ from ..scene.scene import Scene
 from ..system.base import AbstractSystem
 from ..system.flags import WORDS, Flag
 from .allowed_errors import allowed_errors
-from .branching import Branching
 from .dense import DenseOutput
 from .derived import Derived, OnDemand
-from .energy_balance import EnergyBalance
+from .follow.branching import Branching
+from .follow.energy_balance import EnergyBalance
 from .parts import Parts
 from .statistics import Statistics
 from .status import REMEDIES, Status
@@ -50,6 +50,7 @@ class Trajectory(eqx.Module):
       constraints cannot lose rank.
     - `events`: what happened, a `romjax.Events`; None where no events were watched.
     - `dense`: the motion between the outputs, by which `at` goes; None without `dense=True`.
+    - `followed`: what each monitor has seen, in the order of `follow`; not saved with the run.
     - `coordinates`: what the columns of q are (`romjax.Coordinate`); `labels` and `descriptions`
       name them, shortly and in words. `run["cart.x"]` is one by its label, `run["cart.x'"]` its
       rate.
@@ -72,6 +73,7 @@ class Trajectory(eqx.Module):
     imbalance: Float[Array, " k"] | None = None
     events: Events | None = None
     dense: DenseOutput | None = None
+    followed: tuple[PyTree, ...] = ()
 
     def __getitem__(self, label: str) -> Float[Array, " k"]:
         """One coordinate by its `label`, such as "cart.x", or its rate by "cart.x'"; (k,), in the

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from ...common.errors import InputError
-from ...integrate.branching import Branching
-from ...integrate.energy_balance import EnergyBalance
+from ...integrate.follow.branching import Branching
+from ...integrate.follow.energy_balance import EnergyBalance
 from ...integrate.status import Status
 from ...integrate.trajectory import Trajectory
 from ...scene.coordinate import Coordinate

@@ -10,9 +10,9 @@ from jaxtyping import Array
 
 from ...common.errors import InputError
 from ...events.record import Events
-from ...integrate.branching import Branching
 from ...integrate.derived import Derived
-from ...integrate.energy_balance import EnergyBalance
+from ...integrate.follow.branching import Branching
+from ...integrate.follow.energy_balance import EnergyBalance
 from ...integrate.parts import Parts
 from ...integrate.rodas5p import Rodas5P
 from ...integrate.statistics import Statistics

@@ -8,8 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..system.structure import Structure
-
 # What rounding leaves of positions in a step, in units in the last place of the farthest, or of
 # these [m, and rad or 1]: zero is as far from the numbers that forces depend on.
 _ROUNDING, _NEAREST = 20, (1e-3, 1.0)
@@ -49,9 +47,11 @@ class Tolerances(eqx.Module):
     positions: tuple[bool, ...] = eqx.field(static=True)  # whether coordinates are those of bodies
 
     @classmethod
-    def of(cls, structure: Structure, rtol: Any, atol: Any, follow: Any) -> "Tolerances":
-        positions = tuple(structure.is_position.tolist())
-        return cls(jnp.asarray(rtol), jnp.asarray(atol), jnp.asarray(follow), positions)
+    def of(
+        cls, positions: Bool[np.ndarray, " n"], rtol: Any, atol: Any, follow: Any
+    ) -> "Tolerances":
+        numbers = jnp.asarray(rtol), jnp.asarray(atol), jnp.asarray(follow)
+        return cls(*numbers, tuple(positions.tolist()))
 
     def start(self, y: Any) -> Reach:
         """Before the first step."""

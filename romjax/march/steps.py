@@ -9,10 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from ..events.passage import Passage
-from ..events.state import Arrival, Cut, Watching
-from ..events.watch import Watch
-from ..system.schedule import Schedule
+from .cuts import AbstractPassage, AbstractWatch, Arrival, Cut, Watching
 
 # Steps end at the end of the run if they come so near, in units in the last place: dense output of
 # a shorter step would be rounding only.
@@ -48,7 +45,10 @@ class Steps(NamedTuple):
     """How steps are taken.
 
     `attempt` computes a step by the function `trial`, which is that of the method unless another
-    one takes its part. `watch`: the events at which steps end; None for none.
+    one takes its part. What ends steps but for the errors in them, each None where nothing does:
+
+    - `watch`: events. `passage`: what steps must not pass.
+    - `longest`: how long a step from a time may be; `corners`: times at which steps end.
     """
 
     term: diffrax.AbstractTerm[Any, Any]
@@ -58,9 +58,9 @@ class Steps(NamedTuple):
     t1: Float[Array, ""]
     dt0: Float[Array, ""]
     max_steps: Int[Array, ""]
-    watch: Watch | None
-    passage: Passage | None
-    schedule: Schedule | None
+    watch: AbstractWatch | None
+    passage: AbstractPassage | None
+    longest: Callable[[Float[Array, ""]], Float[Array, ""]] | None
     corners: Float[Array, " k"] | None
 
     def start(self, y0: PyTree) -> Progress:
@@ -192,8 +192,8 @@ class Steps(NamedTuple):
     def _limited(self, t: Array, next_t: Array, keep: Array) -> Array:
         # What would end beyond the end, or just before it, ends there; after a rejection, half way.
         t1 = self._next_end(t)
-        if self.schedule is not None:
-            next_t = jnp.minimum(next_t, t + self.schedule.longest_step(t))
+        if self.longest is not None:
+            next_t = jnp.minimum(next_t, t + self.longest(t))
         end = t1 - self._rounding(t1)
         return jnp.where(next_t > end, jnp.where(keep, t1, t + 0.5 * (t1 - t)), next_t)
 

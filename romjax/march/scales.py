@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..integrate.tolerances import Reach, Tolerances
+from .tolerances import Reach, Tolerances
 
 # A quantity is on neither side of its level within so many tolerances of the state.
 _FLOOR = 10.0

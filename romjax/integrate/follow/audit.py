@@ -1,7 +1,6 @@
 """The audit of a run: the balance of its energy, and whether it stayed on its branch."""
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -10,18 +9,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int
 
-from ..common import compat
-from ..linalg.dense import multiply
-from ..system.base import AbstractSystem
-from ..system.dynamics import constraint_state, solve
-from ..system.flags import Flag
-from ..system.stabilization import Baumgarte
-from ..system.state import AbstractState, Power
+from ...common import compat
+from ...linalg.dense import multiply
+from ...march.follower import AbstractFollower, Step
+from ...march.steps import Progress
+from ...march.tolerances import Tolerances
+from ...system.base import AbstractSystem
+from ...system.dynamics import constraint_state, solve
+from ...system.flags import Flag
+from ...system.stabilization import Baumgarte
+from ...system.state import AbstractState, Power
+from ..post_step import Chart, PostStep
 from .branching import Branching
 from .energy_balance import EnergyBalance, Momentary
-from .post_step import Chart, PostStep
-from .steps import Progress, Trial
-from .tolerances import Tolerances
 
 # Nodes of Gauss' quadrature in each step: exact for what changes like a polynomial of degree 7.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
@@ -42,14 +42,7 @@ class Findings(NamedTuple):
         return self.balance.flags + branching + beyond
 
 
-class Audit(NamedTuple):
-    """How a run is audited, by functions of what steps start from, end in and contain."""
-
-    start: Callable[[Progress], Findings]
-    follow: Callable[..., Findings]  # (before, after, tried, findings)
-
-
-class Auditor(eqx.Module):
+class Audit(AbstractFollower):
     """The audit of a run of a system.
 
     E = T + V changes by the work of the forces that have no potential energy, and of joints that
@@ -63,8 +56,7 @@ class Auditor(eqx.Module):
     tolerances: Tolerances
     controlled: bool = eqx.field(static=True)  # not in fixed steps
 
-    def functions(self) -> Audit:
-        return Audit(self.start, self.follow)
+    calls_users: ClassVar[bool] = True
 
     def start(self, start: Progress) -> Findings:
         """Before the first step."""
@@ -84,15 +76,9 @@ class Auditor(eqx.Module):
         """
         return self.system.structure.loops and self.stabilization is not None
 
-    def follow(
-        self,
-        before: Progress,
-        after: Progress,
-        tried: Trial,
-        findings: Findings,
-    ) -> Findings:
+    def follow(self, step: Step, seen: Findings) -> Findings:
         """With a step, if it was accepted."""
-        keep = after.accepted > before.accepted
+        (before, after, tried, _), keep, findings = step, step.kept, seen
         branching = findings.branching
         if branching is not None:
             system, state = self._at(after.t, after.y)

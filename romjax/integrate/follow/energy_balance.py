@@ -5,9 +5,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..common.plain import plain
-from ..system.flags import Flag
-from ..system.state import Power
+from ...common.plain import plain
+from ...system.flags import Flag
+from ...system.state import Power
 
 # What the step size control may do to the energy: so many times the largest error that it accepts
 # in one step, and this share of the sum over all steps. Few errors of steps add up with one sign.

@@ -1,7 +1,10 @@
-"""What is known of events between the steps of a run and at their ends."""
+"""Events that end steps: who watches them, and what is known between steps and at their ends."""
 
+import abc
 from typing import Any, NamedTuple
 
+import diffrax
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
@@ -67,3 +70,62 @@ class Cut(NamedTuple):
     is_due: Bool[Array, ""]
     at: Float[Array, ""]
     lasting: Bool[Array, ""]
+
+
+class AbstractWatch(eqx.Module):
+    """One that knows where events lie in steps, and what happens there."""
+
+    @abc.abstractmethod
+    def start(self, t: Float[Array, ""], y: Any) -> Watching:
+        """Before the first step."""
+
+    @abc.abstractmethod
+    def arrive(
+        self, watching: Watching, t0: Float[Array, ""], t1: Float[Array, ""], y: Any
+    ) -> Arrival:
+        """The end of a step from t0 to t1 in the state `y`, carried to the events in reach."""
+
+    @abc.abstractmethod
+    def cut(
+        self,
+        watching: Watching,
+        t0: Float[Array, ""],
+        between: diffrax.AbstractLocalInterpolation,
+        arrival: Arrival,
+    ) -> Cut:
+        """The first event within a step, but for those at which it ends."""
+
+    @abc.abstractmethod
+    def follow(
+        self,
+        watching: Watching,
+        keep: Bool[Array, ""],
+        cut: Cut,
+        y0: Any,
+        end: Array,
+        arrival: Arrival,
+    ) -> Watching:
+        """After a step from the state `y0` that was to `end` at a time, and was kept or cut."""
+
+    @abc.abstractmethod
+    def is_stopped(self, watching: Watching) -> Bool[Array, ""]:
+        """Whether an event ends the run."""
+
+
+class AbstractPassage(eqx.Module):
+    """What steps must not pass, but end at."""
+
+    @abc.abstractmethod
+    def passed(
+        self,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        between: diffrax.AbstractLocalInterpolation,
+    ) -> tuple[Bool[Array, ""], Float[Array, ""]]:
+        """Whether a step passes something, and where it has to end instead."""
+
+    @abc.abstractmethod
+    def next_end(
+        self, t: Float[Array, ""], y: Any, planned: Float[Array, ""], keep: Bool[Array, ""]
+    ) -> Float[Array, ""]:
+        """When the next step from the state `y` has to end, at the latest when it is planned to."""

@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..common import precision
-from ..common.plain import plain
-from ..linalg.kkt import KKT
-from ..system.flags import Flag
+from ...common import precision
+from ...common.plain import plain
+from ...linalg.kkt import KKT
+from ...system.flags import Flag
 
 # Branches are told apart while |C| is below this share of σ². Of 336 runs through change points,
 # those that left their branch had 0.6 and more, and 163 of 171 right ones below 0.04.

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
+from .follower import AbstractFollower, Step
 from .steps import Progress
 
 
@@ -46,3 +47,15 @@ class Checkpoints(NamedTuple):
 
     def _free(self, stride: Int[Array, ""]) -> Array:
         return (self.step < 0) | (self.step % stride != 0)
+
+
+class CheckpointFollower(AbstractFollower):
+    """States before steps of a run, with room for some: `slots`."""
+
+    slots: int
+
+    def start(self, start: Progress) -> Checkpoints:
+        return Checkpoints.none(start, self.slots)
+
+    def follow(self, step: Step, seen: Checkpoints) -> Checkpoints:
+        return seen.put(step.before, step.after)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from equinox.internal import unvmap_any
 from jaxtyping import Array, Float, Int, PyTree
 
-from ..events.state import Watching
+from .cuts import Watching
 from .steps import chosen
 
 

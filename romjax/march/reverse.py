@@ -11,23 +11,20 @@ two checkpoints, and with its transpose. Nested checkpoints, as those of
 `diffrax.RecursiveCheckpointAdjoint`, need more copies of it and compute more of them anew.
 """
 
+import dataclasses
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from equinox.internal import unvmap_any
 from jaxtyping import Array, Float, Int, PyTree
 
-from ..events.record import Record
-from ..events.state import Watching
-from .audit import Audit, Findings
-from .checkpoints import Checkpoints
-from .dense import Pieces
-from .march import March, Saved
+from .checkpoints import CheckpointFollower
+from .follower import AbstractFollower, Step
+from .march import DENSE, EVENTS, OUTPUTS, Ended, March
 from .steps import Progress, Trial, chosen
 from .transpose import StepStart, Transposed, TransposedSteps
 
@@ -35,36 +32,31 @@ from .transpose import StepStart, Transposed, TransposedSteps
 _CHECKPOINTS = 512
 
 
-class Ended(NamedTuple):
-    """How a march has ended."""
-
-    outputs: PyTree
-    result: diffrax.RESULTS
-    steps: Int[Array, ""]
-    accepted: Int[Array, ""]
-    findings: Findings | None
-    imbalance: Float[Array, " size"] | None
-    number: Int[Array, ""]  # of outputs that the run got to
-    watching: Watching | None
-    record: Record | None
-    pieces: Pieces | None
+# Among what followers have seen.
+_CHECKPOINTED = "checkpoints"
 
 
-def ended(run: tuple[Progress, Saved, Findings | None, Any]) -> Ended:
-    """Of what a march returns."""
-    end, saved, findings, _ = run
-    return Ended(
-        outputs=saved.outputs,
-        result=end.result,
-        steps=end.steps,
-        accepted=end.accepted,
-        findings=findings,
-        imbalance=saved.imbalance,
-        number=saved.number,
-        watching=end.watching,
-        record=saved.record,
-        pieces=saved.pieces,
-    )
+class Closed(AbstractFollower):
+    """A follower whose `function` has all that it closes over as numbers of its own."""
+
+    follower: AbstractFollower
+    function: Callable[[Step, PyTree], PyTree]
+
+    @classmethod
+    def of(cls, follower: AbstractFollower, step: Step, seen: PyTree) -> AbstractFollower:
+        """The follower itself, if it calls no functions of users."""
+        if not follower.calls_users:
+            return follower
+        return cls(follower, eqx.filter_closure_convert(follower.follow, step, seen))
+
+    def start(self, start: Progress) -> PyTree:
+        return self.follower.start(start)
+
+    def follow(self, step: Step, seen: PyTree) -> PyTree:
+        return self.function(step, seen)
+
+    def end(self, end: Progress, stopped: Array, seen: PyTree) -> PyTree:
+        return self.follower.end(end, stopped, seen)
 
 
 class Differentiated(NamedTuple):
@@ -82,24 +74,20 @@ def differentiable_run(march: March, start: Progress, most: int) -> Ended:
     slots = _power_of_two(max(min(_CHECKPOINTS, most), math.sqrt(most)))
     longest = _power_of_two(most / slots)
     # As functions with what they close over in reach, which may be the numbers of the user.
-    step = start.y, start.solver_state, start.watching, start.t, start.next_t
-    trial = eqx.filter_closure_convert(march.trial, *step)
-    output = eqx.filter_closure_convert(march.output, start.t, start.y)
-    audit = march.audit
-    if audit is not None:
-        tried = eqx.filter_eval_shape(march.trial, *step)
-        findings = eqx.filter_eval_shape(audit.start, start)
-        march = march._replace(
-            audit=Audit(
-                eqx.filter_closure_convert(audit.start, start),
-                eqx.filter_closure_convert(audit.follow, start, start, tried, findings),
-            )
-        )
-    by = Differentiated(trial, output, march.ts, start.y, start.solver_state)
-    # All else chooses the steps.
-    choice = _without(march, "trial", "output", "ts"), _without(start, "y", "solver_state")
-    arrays, others = eqx.partition(choice, eqx.is_array)
-    choice = eqx.combine(jax.lax.stop_gradient(arrays), others)
+    state = start.y, start.solver_state, start.watching, start.t, start.next_t
+    seen, tried = march.before(start), eqx.filter_eval_shape(march.trial, *state)
+    step = Step(start, start, tried, {})
+    trial = eqx.filter_closure_convert(march.trial, *state)
+    output = eqx.filter_closure_convert(march.outputs.output, start.t, start.y)
+    others = {name: Closed.of(f, step, seen[name]) for name, f in march.others.items()}
+    by = Differentiated(trial, output, march.outputs.ts, start.y, start.solver_state)
+    # All else chooses the steps, or only follows them.
+    nothing: Any = None
+    outputs = dataclasses.replace(march.outputs, output=nothing, ts=nothing)
+    rest = march._replace(trial=nothing, outputs=outputs, others=others)
+    choice = rest, start._replace(y=None, solver_state=None), seen
+    arrays, static = eqx.partition(choice, eqx.is_array)
+    choice = eqx.combine(jax.lax.stop_gradient(arrays), static)
     run: Ended = _run(by, choice, slots, longest)
     return run
 
@@ -108,35 +96,33 @@ def _power_of_two(least: int | float) -> int:
     return 1 << max(math.ceil(math.log2(least)), 0)
 
 
-def _without(whole: Any, *names: str) -> Any:
-    return whole._replace(**dict.fromkeys(names))
-
-
-def _joined(by: Differentiated, choice: tuple[March, Progress]) -> tuple[March, Progress]:
-    march, start = choice
-    march = march._replace(trial=by.trial, output=by.output, ts=by.ts)
-    return march, start._replace(y=by.y, solver_state=by.solver_state)
+def _joined(by: Differentiated, choice: Any) -> tuple[March, Progress, dict[str, Any]]:
+    march, start, seen = choice
+    outputs = dataclasses.replace(march.outputs, output=by.output, ts=by.ts)
+    march = march._replace(trial=by.trial, outputs=outputs)
+    return march, start._replace(y=by.y, solver_state=by.solver_state), seen
 
 
 @eqx.filter_custom_vjp
 def _run(by: Differentiated, choice: Any, slots: int, longest: int) -> Ended:
     del slots, longest
-    march, start = _joined(by, choice)
-    return ended(march.run(start))
+    march, start, seen = _joined(by, choice)
+    return march.run(start, seen)[1]
 
 
 def _run_with_checkpoints(
     perturbed: Any, by: Differentiated, choice: Any, slots: int, longest: int
 ) -> Any:
     del perturbed, longest
-    march, start = _joined(by, choice)
-    run = march.run(
-        start, lambda before, after, seen: seen.put(before, after), Checkpoints.none(start, slots)
-    )
-    end, saved, _, checkpoints = run
-    missing = (saved.number < march.asked) & ~march.steps.is_stopped(end)
-    happened = jnp.zeros((), int) if saved.record is None else saved.record.number
-    return ended(run), (checkpoints, end.accepted, end.t, saved.number, happened, missing)
+    march, start, seen = _joined(by, choice)
+    checkpoints = CheckpointFollower(slots)
+    march = march._replace(others={**march.others, _CHECKPOINTED: checkpoints})
+    end, ended = march.run(start, {**seen, _CHECKPOINTED: checkpoints.start(start)})
+    number, record = ended.outputs.number, ended.seen.get(EVENTS)
+    missing = (number < march.outputs.asked) & ~march.steps.is_stopped(end)
+    happened = jnp.zeros((), int) if record is None else record.number
+    kept = ended.seen.pop(_CHECKPOINTED)
+    return ended, (kept, end.accepted, end.t, number, happened, missing)
 
 
 def _transpose(
@@ -151,11 +137,8 @@ def _transpose(
     del slots
     checkpoints, accepted, t, saved, happened, missing = residuals
     march, stride = _joined(by, choice)[0], checkpoints.stride
-    # A checkpoint has all of a start; `by` lacks what is not differentiated.
-    start = checkpoints.get(jnp.zeros((), int))
-    by_saved = (cotangents.outputs, cotangents.record, cotangents.pieces)
-    by_saved = _filled(by_saved, march, start)
-    steps = TransposedSteps(*eqx.partition(by[:3], perturbed[:3]), *by_saved)
+    by_rows = _filled(cotangents.seen, choice[2])
+    steps = TransposedSteps(*eqx.partition(by[:3], perturbed[:3]), *by_rows)
 
     def segment(carry: tuple[Array, Transposed]) -> tuple[Array, Transposed]:
         index, later = carry
@@ -178,7 +161,8 @@ def _transpose(
     _, first = jax.lax.while_loop(
         lambda carry: unvmap_any(carry[0] >= 0), segment, ((accepted - 1) // stride, end)
     )
-    nan = jnp.where(missing & _uses_later(cotangents.outputs, saved), jnp.nan, 0.0)
+    unknown = missing & _uses_later(by_rows[0], saved) | _counts(cotangents.seen, choice[2])
+    nan = jnp.where(unknown, jnp.nan, 0.0)
     numbers, y, solver_state = jax.tree.map(lambda x: x + nan.astype(x.dtype), first[:3])
     trial, output, ts = numbers
     return Differentiated(trial, output, ts, y, solver_state)
@@ -197,22 +181,30 @@ def _uses_later(cotangents: PyTree, number: Int[Array, ""]) -> Array:
     return jnp.any(jnp.array([counts(x) for x in leaves], bool))
 
 
+def _counts(cotangents: dict[str, Any], seen: dict[str, Any]) -> Array:
+    """Whether something depends on what followers have seen that are constants here."""
+    others = [cotangents[name] for name in seen if name not in (OUTPUTS, EVENTS, DENSE)]
+    leaves = jax.tree.leaves(eqx.filter(others, eqx.is_inexact_array))
+    return jnp.any(jnp.array([jnp.any(x != 0) for x in leaves], bool))
+
+
 _run.def_fwd(_run_with_checkpoints)  # type: ignore[no-untyped-call]
 _run.def_bwd(_transpose)  # type: ignore[no-untyped-call]
 
 
-def _filled(cotangents: PyTree, march: March, start: Progress) -> PyTree:
-    """With zeros where nothing depends on what was saved."""
+def _filled(cotangents: dict[str, Any], seen: dict[str, Any]) -> tuple[PyTree, PyTree, PyTree]:
+    """Of outputs, events and dense output, with zeros where nothing depends on what was saved."""
 
-    def saved() -> tuple[PyTree, PyTree, PyTree]:
-        saved = march.nothing_saved(start)
-        return saved.outputs, saved.record, saved.pieces
+    def filled(name: str, part: Callable[[Any], Any] = lambda rows: rows) -> PyTree:
+        if name not in seen:
+            return None
+        return jax.tree.map(
+            lambda x, bar: jnp.zeros(x.shape, x.dtype) if bar is None else bar,
+            part(seen[name]),
+            part(cotangents[name]),
+        )
 
-    return jax.tree.map(
-        lambda x, bar: jnp.zeros(x.shape, x.dtype) if bar is None else bar,
-        jax.eval_shape(saved),
-        cotangents,
-    )
+    return filled(OUTPUTS, lambda saved: saved.rows), filled(EVENTS), filled(DENSE)
 
 
 def _starts(march: March, first: Progress, size: Int[Array, ""], longest: int) -> StepStart:

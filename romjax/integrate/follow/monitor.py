@@ -1,0 +1,122 @@
+"""What users follow in a run: monitors of their own."""
+
+import abc
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PyTree
+
+from ...common.checks import check_kind
+from ...common.errors import InputError
+from ...march.follower import AbstractFollower, Step
+from ...march.steps import Progress, chosen
+from ...system.base import AbstractSystem
+from ..post_step import PostStep
+
+
+class Moment(NamedTuple):
+    """A state of the mechanism.
+
+    - `t` [s]: when. `q`, `v` (n,): physical coordinates and their rates.
+    """
+
+    t: Float[Array, ""]
+    q: Float[Array, " n"]
+    v: Float[Array, " n"]
+
+
+class MonitoredStep(NamedTuple):
+    """An accepted step of a run.
+
+    - `system`: the mechanism in physical coordinates; of a reduced one, the full one.
+    - `before`, `after`: its ends, the second one after what happens at an event there.
+    - `at`: the motion within the step, a function of the time [s].
+    """
+
+    system: AbstractSystem
+    before: Moment
+    after: Moment
+    at: Callable[[Float[Array, ""]], Moment]
+
+
+class AbstractMonitor(eqx.Module):
+    """What is followed in a run, step by step: a largest force, a first passage, a histogram.
+
+    A subclass has two methods, traced with the run. What they return is a pytree of arrays, whose
+    shapes and types stay as `start` has them. It is in `Trajectory.followed` at the end.
+    It has derivatives in forward mode; in reverse mode they are NaN.
+    """
+
+    @abc.abstractmethod
+    def start(self, system: AbstractSystem, start: Moment) -> PyTree:
+        """What there is to tell before the first step."""
+
+    @abc.abstractmethod
+    def follow(self, step: MonitoredStep, seen: PyTree) -> PyTree:
+        """The same with an accepted step, from what was `seen` before it."""
+
+
+class Monitors(AbstractFollower):
+    """The monitors of a run of a system, whose states are those of the integration."""
+
+    system: AbstractSystem
+    post_step: PostStep | None
+    monitors: tuple[AbstractMonitor, ...]
+
+    calls_users: ClassVar[bool] = True
+
+    def start(self, start: Progress) -> tuple[PyTree, ...]:
+        moment = self._moment(start.t, start.y)
+        return tuple(
+            jax.tree.map(jnp.asarray, each.start(self.system.full, moment))
+            for each in self.monitors
+        )
+
+    def follow(self, step: Step, seen: tuple[PyTree, ...]) -> tuple[PyTree, ...]:
+        before, after, between = step.before, step.after, step.tried.between
+        monitored = MonitoredStep(
+            system=self.system.full,
+            before=self._moment(before.t, before.y),
+            after=self._moment(after.t, after.y),
+            at=lambda t: self._moment(t, between.evaluate(t)),
+        )
+        new = tuple(
+            _alike(each, each.follow(monitored, old), old)
+            for each, old in zip(self.monitors, seen, strict=True)
+        )
+        followed: tuple[PyTree, ...] = chosen(step.kept, new, seen)
+        return followed
+
+    def _moment(self, t: Float[Array, ""], y: Any) -> Moment:
+        q, v, *charts = y
+        system = self.system
+        if charts:
+            assert self.post_step is not None
+            system = self.post_step.in_chart(system, charts[0])
+        if system.full is system:
+            return Moment(t, q, v)
+        state = system.state(t, q, v)
+        return Moment(t, state.q, state.v)
+
+
+def check_monitors(follow: Sequence[AbstractMonitor]) -> tuple[AbstractMonitor, ...]:
+    """As a tuple; raise InputError for what is no monitor."""
+    for index, monitor in enumerate(follow):
+        remedy = "an object of a subclass of romjax.AbstractMonitor"
+        check_kind("simulate", f"follow[{index}]", monitor, AbstractMonitor, remedy)
+    return tuple(follow)
+
+
+def _alike(monitor: AbstractMonitor, new: PyTree, old: PyTree) -> PyTree:
+    """What was seen with a step; raise InputError unless it has the shapes of what was before."""
+    new = jax.tree.map(jnp.asarray, new)
+    shapes = [jax.tree.map(lambda x: f"{x.dtype}{list(x.shape)}", each) for each in (new, old)]
+    if shapes[0] != shapes[1]:
+        raise InputError(
+            f"simulate: {type(monitor).__name__}.follow returns {shapes[0]}, and what was seen "
+            f"before is {shapes[1]}; both must have the same structure, shapes and types."
+        )
+    return new

@@ -1,0 +1,54 @@
+"""What is seen on the way of a march: followers of its steps."""
+
+import abc
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+from jaxtyping import Array, Bool, PyTree
+
+from .steps import Progress, Trial
+
+
+class Step(NamedTuple):
+    """A step of a march, as its followers see it.
+
+    - `before`, `after`: how far the run is. `tried`: what was computed for the step.
+    - `seen`: what other followers, by their names, have seen with it; only the outputs know.
+    """
+
+    before: Progress
+    after: Progress
+    tried: Trial
+    seen: Mapping[str, Any]
+
+    @property
+    def kept(self) -> Bool[Array, ""]:
+        """Whether the step was accepted."""
+        return self.after.accepted > self.before.accepted
+
+
+class AbstractFollower(eqx.Module):
+    """One that follows the steps of a march; what it has seen comes out at the end.
+
+    That is a pytree of arrays whose shapes never change. In reverse mode it is a constant, but for
+    the rows of outputs, of events and of dense output.
+
+    - `calls_users`: whether `follow` calls functions of users, which may close over numbers that
+      are differentiated.
+    """
+
+    calls_users: ClassVar[bool] = False
+
+    @abc.abstractmethod
+    def start(self, start: Progress) -> PyTree:
+        """What it has seen before the first step."""
+
+    @abc.abstractmethod
+    def follow(self, step: Step, seen: PyTree) -> PyTree:
+        """With a step, which says whether it was accepted."""
+
+    def end(self, end: Progress, stopped: Bool[Array, ""], seen: PyTree) -> PyTree:
+        """After the last step; `stopped`: whether an event has ended the run."""
+        del end, stopped
+        return seen

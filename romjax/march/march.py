@@ -1,0 +1,80 @@
+"""The loop over the steps of a run."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import diffrax
+import jax
+from equinox.internal import unvmap_any
+from jaxtyping import Array, Int, PyTree
+
+from .cuts import Watching
+from .follower import AbstractFollower, Step
+from .outputs import Outputs, Saved
+from .steps import Progress, Steps, Trial
+
+# The outputs among what followers have seen; names of others that derivatives pass through.
+OUTPUTS, EVENTS, DENSE = "outputs", "events", "dense"
+
+
+class Ended(NamedTuple):
+    """How a march has ended, and what each of its followers has seen, by names."""
+
+    result: diffrax.RESULTS | None  # None once it is told in words
+    steps: Int[Array, ""]
+    accepted: Int[Array, ""]
+    watching: Watching | None
+    seen: dict[str, Any]
+
+    @property
+    def outputs(self) -> Saved:
+        saved: Saved = self.seen[OUTPUTS]
+        return saved
+
+
+class March(NamedTuple):
+    """An integration from the first to the last output time, and those who follow it.
+
+    The steps, their acceptance and the outputs are those of `diffrax.diffeqsolve`. What that brings
+    beyond them (infinite intervals, say) takes half a second to trace and to compile, a fifth of
+    the time to the first result of a small mechanism, and its events change no state.
+    The largest number of steps is traced here, so that another one needs no other program.
+
+    In a batch, lanes go on until the last one ends. One that has ended changes nothing any more:
+    JAX would choose between all rows of old and new outputs at each step instead.
+
+    - `trial`: computes a step; that of the `steps`, or one that takes its part.
+    - `others`: followers by their names. What they see of a step is known to the `outputs`.
+    """
+
+    steps: Steps
+    trial: Callable[[PyTree, PyTree, Any, Array, Array], Trial]
+    outputs: Outputs
+    others: Mapping[str, AbstractFollower]
+
+    def before(self, start: Progress) -> dict[str, Any]:
+        """What followers have seen before the first step."""
+        return {OUTPUTS: self.outputs.start(start)} | {
+            name: follower.start(start) for name, follower in self.others.items()
+        }
+
+    def run(self, start: Progress, seen: dict[str, Any]) -> tuple[Progress, Ended]:
+        """From a start to the end, with what was `seen` before."""
+
+        def step(carry: tuple[Progress, dict[str, Any]]) -> tuple[Progress, dict[str, Any]]:
+            before, seen = carry
+            after, tried = self.steps.attempt(before, self.trial)
+            made = Step(before, after, tried, {})
+            others = {name: f.follow(made, seen[name]) for name, f in self.others.items()}
+            outputs = self.outputs.follow(made._replace(seen=others), seen[OUTPUTS])
+            return after, others | {OUTPUTS: outputs}
+
+        end, seen = jax.lax.while_loop(
+            lambda carry: unvmap_any(self.steps.unfinished(carry[0])), step, (start, seen)
+        )
+        stopped = self.steps.is_stopped(end)
+        exhausted = ~((end.t >= self.steps.t1) | stopped) & diffrax.is_successful(end.result)
+        result = diffrax.RESULTS.where(exhausted, diffrax.RESULTS.max_steps_reached, end.result)
+        followers = {**self.others, OUTPUTS: self.outputs}
+        seen = {name: f.end(end, stopped, seen[name]) for name, f in followers.items()}
+        return end, Ended(result, end.steps, end.accepted, end.watching, seen)

@@ -1,0 +1,129 @@
+"""Monitors of a user's own: one class, and nothing else, in any transformation."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import zoo
+from comparison import assert_close
+from tolerances import DIFFERENCED, IDENTITY, SOLVED
+
+import romjax as rj
+
+END = 2.0
+TS = np.linspace(0.0, END, 5)
+# ∫ v² dt of x = cos 2t, up to the end.
+ACTION = 2 * END - np.sin(4 * END) / 2
+METHODS = {
+    "Dopri8": zoo.DOPRI8,
+    "Rodas5P": zoo.RODAS5P,
+    "Kvaerno5": diffrax.Kvaerno5(),
+    "of two terms": diffrax.KenCarp4(),
+}
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
+
+
+class Action(rj.AbstractMonitor):
+    """∫ v·v dt, and the number of steps that it took."""
+
+    def start(self, system, start):
+        return {"action": jnp.zeros_like(start.t), "steps": jnp.zeros((), int)}
+
+    def follow(self, step, seen):
+        begin, span = step.before.t, step.after.t - step.before.t
+        squares = [jnp.sum(step.at(begin + (1 + x) / 2 * span).v ** 2) for x in NODES]
+        added = span / 2 * jnp.sum(jnp.stack(squares) * WEIGHTS)
+        return {"action": seen["action"] + added, "steps": seen["steps"] + 1}
+
+
+class Last(rj.AbstractMonitor):
+    """The state that came last."""
+
+    def start(self, system, start):
+        return start
+
+    def follow(self, step, seen):
+        return step.after
+
+
+class Growing(rj.AbstractMonitor):
+    """One whose memory grows, which no compiled loop can have."""
+
+    def start(self, system, start):
+        return jnp.zeros(1)
+
+    def follow(self, step, seen):
+        return jnp.append(seen, step.after.t)
+
+
+def swing(start, *monitors, **settings):
+    """The motion from a deflection at rest, by default with its action."""
+    follow = monitors or (Action(),)
+    system = zoo.oscillator()
+    return zoo.run(system, TS, q0=start[None], v0=jnp.zeros(1), follow=follow, **settings)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_each_accepted_step_is_seen_once(method):
+    run = swing(jnp.ones(()), Action(), Last(), solver=METHODS[method], audit=True)
+    seen, last = run.followed
+    # Within steps the motion is that of dense output, which errs by more than their ends.
+    assert abs(seen["action"] - ACTION) <= DIFFERENCED
+    assert seen["steps"] == run.stats.num_accepted_steps
+    assert last.t == END
+    assert_close(last.q, run.q[-1], IDENTITY)
+    assert run.balance is not None
+
+
+def test_under_jit_and_vmap():
+    starts = jnp.array([0.5, 1.0, 3.0])
+    seen = jax.jit(jax.vmap(lambda x: swing(x).followed[0]["action"]))(starts)
+    assert_close(seen, ACTION * np.asarray(starts) ** 2, DIFFERENCED)
+
+
+def test_derivatives():
+    """Of the motion beside it by both modes; its own by forward mode, and no numbers by reverse."""
+
+    def end(x):
+        return swing(x).q[-1, 0]
+
+    def action(x):
+        return swing(x).followed[0]["action"]
+
+    one = jnp.ones(())
+    assert_close(jax.jit(jax.grad(end))(one), np.cos(2 * END), SOLVED)
+    assert np.isnan(jax.jit(jax.grad(action))(one))
+    with rj.forward_mode():
+        assert_close(jax.jit(jax.jacfwd(action))(one), 2 * ACTION, DIFFERENCED)
+
+
+def test_with_events():
+    """Of a step to an impact, the end is after it."""
+
+    class Rebounds(rj.AbstractMonitor):
+        def start(self, system, start):
+            return jnp.zeros((), int)
+
+        def follow(self, step, seen):
+            turned = (step.at(step.after.t).v[0] < -0.1) & (step.after.v[0] > 0.1)
+            return seen + jnp.where(turned, 1, 0)
+
+    wall = rj.Impact(lambda system, t, q, v: q[0], restitution=0.5)
+    run = swing(jnp.ones(()), Rebounds(), events=[wall], solver=zoo.DOPRI8)
+    assert run.followed[0] == run.events.count == 1
+
+
+def test_of_reduced_systems_the_physical_state_is_seen():
+    system = zoo.system(zoo.bars)
+    rom = rj.reduce(system, rj.pod(zoo.motion(zoo.bars), rank=2), "minimal")
+    run = zoo.run(rom, np.linspace(0.0, 0.1, 3), follow=[Last()])
+    assert run.followed[0].q.shape == (system.n,)
+    assert_close(run.followed[0].q, run.q[-1], IDENTITY)
+
+
+def test_what_is_no_monitor():
+    with pytest.raises(rj.InputError, match=r"follow\[0\] is the class Action.*AbstractMonitor"):
+        swing(jnp.ones(()), Action)
+    with pytest.raises(rj.InputError, match=r"Growing\.follow returns float64\[2\].*float64\[1\]"):
+        swing(jnp.ones(()), Growing())
