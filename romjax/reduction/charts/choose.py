@@ -23,6 +23,10 @@ _SNAPSHOTS = 100
 _SWEEPS = 10
 # A column of C_q that varies by less is constant.
 _CONSTANT = 1e-12
+# At so many configurations.
+_VARIED = 3
+# A coordinate that moves by a smaller share of what moves most is held.
+_HELD = 1e-9
 
 
 class Candidate(NamedTuple):
@@ -72,22 +76,67 @@ def _best(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"])
     rows = tuple(range(total)) if seen is None else seen.rows
     root = mass_root(system, q[0]) if seen is None else seen.root
 
-    # Any configuration is as good as another for telling which columns are constant.
-    anywhere = np.asarray(q)[:1] + np.cos(np.arange(3 * n).reshape(3, n) ** 1.5)
-    times = np.asarray(t)[0] + np.arange(3.0)
-    varied = np.asarray(jacobians(system, times, anywhere))[:, rows]
-    steady = np.ptp(varied, axis=0).max(axis=0) <= _CONSTANT * np.abs(varied).max()
-    scaled, rank = varied[0] * steady / np.diagonal(root), len(rows)
-    r, pivots = scipy.linalg.qr(scaled, mode="r", pivoting=True)
-    if abs(r[-1, rank - 1]) > abs(r[0, 0]) / WORST_CONDITION:
-        dependent = np.sort(pivots[:rank])
-        chart = Chart.of_coordinates(dependent, rows, varied[0])
-        return Candidate(chart, float(np.linalg.cond(varied[0][:, dependent])))
+    nothing, sizes = np.zeros(0, int), np.diagonal(root)
+    affine = _closed_form(system, t, q, rows, sizes, nothing)
+    if affine is None and (held := _held(system, t, q)).size:
+        affine = _closed_form(system, t, q, rows, sizes, held)
+    if affine is not None:
+        return affine
 
     seen = seen or survey(system, t, q, _SNAPSHOTS)
     directions = best_directions(seen)
     chart = seen.chart(directions.independent, directions.dependent)
     return Candidate(chart, directions.condition)
+
+
+def _closed_form(
+    system: AbstractSystem,
+    t: Float[Array, " h"],
+    q: Float[Array, "h n"],
+    rows: tuple[int, ...],
+    sizes: np.ndarray,
+    held: np.ndarray,
+) -> Candidate | None:
+    """The chart whose dependent coordinates enter the constraints with constant coefficients while
+    those that are `held` stay where they are, if there are enough; `sizes` (n,): roots of masses.
+    """
+    # Any configuration is as good as another for telling which columns are constant.
+    n, first = system.n, np.asarray(q)[:1]
+    anywhere = first + np.cos(np.arange(_VARIED * n).reshape(_VARIED, n) ** 1.5)
+    anywhere[:, held] = first[:, held]
+    times = np.asarray(t)[0] + np.arange(float(_VARIED))
+    varied = np.asarray(jacobians(system, times, anywhere))[:, rows]
+    if held.size and np.intersect1d(held, _still(varied)).size < held.size:
+        return None
+    steady = np.ptp(varied, axis=0).max(axis=0) <= _CONSTANT * np.abs(varied).max()
+    scaled, rank = varied[0] * steady / sizes, len(rows)
+    r, pivots = scipy.linalg.qr(scaled, mode="r", pivoting=True)
+    if abs(r[-1, rank - 1]) <= abs(r[0, 0]) / WORST_CONDITION:
+        return None
+    dependent = np.sort(pivots[:rank])
+    chart = Chart.of_coordinates(dependent, rows, varied[0])
+    return Candidate(chart, float(np.linalg.cond(varied[0][:, dependent])))
+
+
+def _held(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"]) -> np.ndarray:
+    """Numbers of coordinates that joints to the ground hold where they are, as the angle of a body
+    that is clamped.
+    """
+    moved = np.ptp(np.asarray(q), axis=0)
+    first = np.zeros(_VARIED, int)
+    still = _still(np.asarray(jacobians(system, t[first], q[first])))
+    held: np.ndarray = still[moved[still] <= _HELD * np.max(moved)]
+    return held
+
+
+def _still(slopes: np.ndarray) -> np.ndarray:
+    """Numbers of coordinates that do not move by any velocity that constraints allow, with C_q
+    (K, m, n) at some configurations.
+    """
+    free = [scipy.linalg.null_space(x) for x in slopes]
+    return np.flatnonzero(
+        np.max([np.max(np.abs(x), axis=1, initial=0) for x in free], axis=0) <= _HELD
+    )
 
 
 def best_directions(seen: Survey) -> Directions:
