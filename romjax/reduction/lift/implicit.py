@@ -12,14 +12,19 @@ from jaxtyping import Array, Float
 from ...common import precision
 from ...common.arrays import Time
 from ...compiling.program import program_once
-from ...linalg.dense import improve_inverse, multiply, solve_by_inverse
+from ...linalg.dense import improve_inverse, multiply, solve_by_inverse, solve_by_similar
 from ...system.base import AbstractSystem
 from ...system.constraints import differentiate
 from ..charts.chart import Chart
 from .base import AbstractLift, Motion, Physical, Reduced
 
-# Most matrices of Newton's method, and most steps with each.
-_MATRICES, _STEPS = 6, 8
+# Most matrices of Newton's method, and most steps with each, while each of these is shorter by this
+# factor than the one before.
+_MATRICES, _STEPS, _SLOWEST = 7, 16, 0.5
+# Steps of Newton's method, each with its own matrix, for the guesses of another system.
+_FULL_STEPS = 8
+# So many right sides for each unknown are solved by an inverse, fewer by that of a similar matrix.
+_FEW = 8
 
 
 class ImplicitLift(AbstractLift):
@@ -57,15 +62,18 @@ class ImplicitLift(AbstractLift):
         rows = chart.jacobian(full, t, q)
         right = [multiply(rows, self.modes), chart.drives(full, t, q)[:, None]]
         matrix = multiply(rows, dependent)
-        inverse = improve_inverse(inverse, jax.lax.stop_gradient(matrix))
+        solve = solve_by_similar
+        if len(matrix) < _FEW * (self.modes.shape[1] + 2):
+            solve = solve_by_inverse
+            inverse = improve_inverse(inverse, jax.lax.stop_gradient(matrix))
 
-        solved = solve_by_inverse(matrix, inverse, jnp.concatenate(right, axis=1))
+        solved = solve(matrix, inverse, jnp.concatenate(right, axis=1))
         follow = -multiply(dependent, solved)
         tangent = self.modes + follow[:, :-1]
         v = multiply(tangent, w) + follow[:, -1]
         constraint = functools.partial(chart.constraint, full)
         curvature = differentiate(constraint, t, q, v).curvature
-        bias = -multiply(dependent, solve_by_inverse(matrix, inverse, curvature))
+        bias = -multiply(dependent, solve(matrix, inverse, curvature))
         return Motion(q, v, tangent, bias)
 
     def restrict(self, full: AbstractSystem, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
@@ -91,28 +99,39 @@ class ImplicitLift(AbstractLift):
         def newton(_: Any, start: Array) -> tuple[Array, Array]:
             enough = limits.newton_converged * jnp.maximum(1, jnp.max(jnp.abs(origin)))
 
-            def unfinished(most: int) -> Callable[[Any], Array]:
-                return lambda x: (jnp.max(jnp.abs(x[1])) > enough) & (x[-1] < most)
-
             def renew(carry: Any) -> Any:
-                # A matrix costs as much as many steps.
-                d, step, inverse, count = carry
-                rows = chart.jacobian(full, t, origin + multiply(dependent, d))
-                inverse = improve_inverse(inverse, multiply(rows, dependent))
+                d, size, inverse, count = carry
+
+                def improved() -> Array:
+                    rows = chart.jacobian(full, t, origin + multiply(dependent, d))
+                    return improve_inverse(inverse, multiply(rows, dependent))
+
+                # A matrix costs as much as many steps: the first ones do with that of the snapshot.
+                inverse = jax.lax.cond(count > 0, improved, lambda: inverse)
 
                 def chord(carry: Any) -> Any:
-                    d, _, count = carry
+                    d, size, _, count = carry
                     step = multiply(inverse, violation(d))
-                    return d - step, step, count + 1
+                    return d - step, jnp.max(jnp.abs(step)), size, count + 1
 
-                d, step, _ = jax.lax.while_loop(unfinished(_STEPS), chord, (d, step, 0))
-                return d, step, inverse, count + 1
+                def converging(carry: Any) -> Array:
+                    _, size, before, count = carry
+                    faster = (size < _SLOWEST * before) | (count < 2)
+                    more: Array = (size > enough) & faster & (count < _STEPS)
+                    return more
 
-            first = (start, jnp.full_like(start, jnp.inf), inverse, 0)
-            d, step, last, _ = jax.lax.while_loop(unfinished(_MATRICES), renew, first)
+                start = (d, size, jnp.full_like(size, jnp.inf), 0)
+                d, size, _, _ = jax.lax.while_loop(converging, chord, start)
+                return d, size, inverse, count + 1
+
+            def unfinished(carry: Any) -> Array:
+                more: Array = (carry[1] > enough) & (carry[-1] < _MATRICES)
+                return more
+
+            first = (start, jnp.asarray(jnp.inf, start.dtype), inverse, 0)
+            d, size, last, _ = jax.lax.while_loop(unfinished, renew, first)
             # The last step is the error before it.
-            converged = jnp.max(jnp.abs(step)) <= limits.newton_accepted
-            return jnp.where(converged, d, jnp.nan), last
+            return jnp.where(size <= limits.newton_accepted, d, jnp.nan), last
 
         # What is prescribed turns on with time, whatever the independent coordinates do.
         far = jnp.sum((self.snapshots - z[None]) ** 2, axis=1)
@@ -150,7 +169,7 @@ def _of_another(lift: ImplicitLift, full: AbstractSystem) -> ImplicitLift:
             step = jnp.linalg.solve(matrix, chart.constraint(full, t, q))
             return d - step, jnp.max(jnp.abs(step))
 
-        d, steps = jax.lax.scan(newton, own + lead, None, length=_STEPS)
+        d, steps = jax.lax.scan(newton, own + lead, None, length=_FULL_STEPS)
         found = steps[-1] <= precision.of(d.dtype).newton_accepted
         d = jnp.where(found & (lift.pace > 0), d, own)
         return d - own, d
