@@ -1,6 +1,7 @@
 """The command line: the same verbs as the library."""
 
 import argparse
+import itertools
 import json
 import os
 import sys
@@ -192,10 +193,11 @@ def _of_chapter(
     options: argparse.Namespace, example: Example, system: AbstractSystem, end: float, rate: float
 ) -> ReductionStudy:
     """POD and SOD in all formulations of the chapter."""
-    with tqdm(total=7, bar_format="{desc:32} {bar:24} {elapsed}", file=sys.stderr) as bar:
+    layout, stages = "{desc:32} {bar:24} {elapsed}", itertools.count()
+    with tqdm(total=7, bar_format=layout, file=sys.stderr, disable=None) as bar:
 
         def advance(stage: str) -> None:
-            bar.update(1 if bar.desc else 0)
+            bar.update(min(1, next(stages)))  # the stage before is done
             bar.set_description_str(stage)
 
         return reduction_study(

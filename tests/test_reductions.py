@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 import zoo
 from comparison import assert_close
+from matplotlib.figure import Figure
 from tolerances import IDENTITY, SOLVED
 from zoo import run
 
 import romjax as rj
+from romjax.plot.labels import Label, place
 from romjax.trials.advice import advice, in_order, remark
 from romjax.trials.candidates import families
 from romjax.trials.facts import Facts, freedoms
@@ -34,7 +36,8 @@ def test_models_are_chosen_by_structure():
     assert kinds(bodies=8, freedoms=8, loops=False)[0] == "hyper"
     assert "hyper" not in kinds(bodies=8, freedoms=8, loops=False, space=True)
     bent = {"modes": 4, "freedoms": 5, "caps": (40.0, 80.0)}
-    assert kinds(**bent)[:2] == ["local", "capped"]
+    assert kinds(**bent)[:2] == ["capped", "local"]
+    assert kinds(bodies=8, freedoms=8, loops=False, steps=5000)[:2] == ["minimal", "hyper"]
     assert kinds(**bent, drives=1)[0] == "galerkin"
     assert "local" not in kinds()
     assert "capped" not in kinds(modes=4, freedoms=5)
@@ -42,12 +45,25 @@ def test_models_are_chosen_by_structure():
 
 @pytest.mark.instant
 def test_kinds_of_models_begin_with_the_coarsest():
-    by_name = {f.name: f for f in families(Facts(2, 4, 5, caps=(40.0, 80.0)))}
-    assert [one.cap for one in by_name["capped"].candidates] == [40.0, 80.0]
-    shares = [float(one.formulation.tol) for one in by_name["local"].candidates]
-    assert shares == sorted(shares, reverse=True)
-    assert len(shares) in (2, 3)
+    """Scales go on from there by errors, and between what is wrong and what is right."""
+    facts = Facts(2, 4, 5, caps=(10.0, 20.0, 40.0, 80.0))
+    by_name = {f.name: f for f in families(facts)}
     assert [one.decomposition.rank for one in by_name["table"].candidates] == [2, 5]
+    for name, first in (("local", 1e-3), ("capped", 40.0)):
+        family = by_name[name]
+        (one,) = family.candidates
+        assert one.level == first
+        finer = family.finer(one, excess=30.0)
+        assert (finer.level < first) == (name == "local")
+        middle = family.coarser(finer, excess=0.5, wrong=one)
+        assert_close(middle.level**2, one.level * finer.level, IDENTITY)
+        assert family.coarser(finer, excess=0.5, wrong=None) is None
+        coarser = family.coarser(finer, excess=1e-3, wrong=None)
+        assert (coarser.level > finer.level) == (name == "local")
+    capped = by_name["capped"]
+    last = capped.finer(capped.candidates[0], excess=1e6)
+    assert last.cap == 80.0
+    assert capped.finer(last, excess=1e6) is None
 
 
 @pytest.mark.parametrize(
@@ -170,6 +186,7 @@ def found() -> rj.Reductions:
         rows=rows,
         models=(system,) * 3,
         runs=(motion,) * 3,
+        tol=1e-3,
         full=FULL,
         system=system,
         truth=motion,
@@ -201,10 +218,30 @@ def test_a_summary_has_all_in_80_columns(found):
 
 
 def test_the_figure_rings_the_recommended_model(found):
-    """Filled and hollow points of each kind, and a line for the full model."""
+    """And frames the drop point of each kind; labels cover neither each other nor a point."""
     (axes,) = rj.plot.reductions(found).axes
     rings = [line for line in axes.lines if line.get_markersize() == 14]
     assert [tuple(map(float, np.ravel(ring.get_data()))) for ring in rings] == [(1.0, 2e-5)]
+    frames = [line for line in axes.lines if line.get_markersize() == 10 and len(line.get_xdata())]
+    assert [tuple(map(float, np.ravel(one.get_data()))) for one in frames] == [(1.0, 2e-5)]
+    assert any(list(line.get_ydata()) == [found.tol] * 2 for line in axes.lines)
+
+
+@pytest.mark.instant
+def test_labels_cover_neither_each_other_nor_points():
+    """Those of points on one spot are one."""
+    figure = Figure(figsize=(6, 4))
+    axes = figure.subplots()
+    axes.set(xscale="log", yscale="log", xlim=(1, 100), ylim=(1e-8, 1))
+    spots = [(10.0, 1e-4), (10.05, 1e-4), (13.0, 1.2e-4), (15.0, 1e-4), (99.0, 0.9)]
+    place(figure, axes, [Label(x, y, f"r={i}", "C0") for i, (x, y) in enumerate(spots)])
+    boxes = [text.get_window_extent() for text in axes.texts]
+    assert [text.get_text() for text in axes.texts] == ["r=0; r=1", "r=2", "r=3", "r=4"]
+    points = axes.transData.transform(spots)
+    for number, box in enumerate(boxes):
+        assert not box.count_overlaps(boxes[:number])
+        assert not box.count_contains(points)
+        assert axes.bbox.count_contains(box.corners()) == 4
 
 
 @pytest.mark.instant

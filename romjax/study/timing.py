@@ -21,6 +21,20 @@ def timed(call: Callable[[], T]) -> tuple[T, float]:
     return result, time.perf_counter() - begin
 
 
+class Spent(NamedTuple):
+    """The time of a call [s], and how long the processor works on it, whatever else it does."""
+
+    time: float
+    work: float
+
+
+def spent(call: Callable[[], Any]) -> Spent:
+    """What a call takes until all its arrays are there."""
+    begin = time.process_time()
+    _, taken = timed(call)
+    return Spent(taken, time.process_time() - begin)
+
+
 class Alternating(NamedTuple):
     """Times of calls [s], and how many times as fast as the first each is, (calls,)."""
 
@@ -33,13 +47,19 @@ def alternating(calls: Sequence[Callable[[], Any]], spend: float) -> Alternating
 
     A busy machine slows down a whole round, and not the ratios within it.
     """
-    once = [min(timed(call)[1] for _ in range(2)) for call in calls]
+    once = [_shortest(call) for call in calls]
     longest = float(np.clip(once[0], _SHORTEST, _LONGEST))
     counts = [max(1, round(longest / taken)) for taken in once]
     total = sum(count * taken for count, taken in zip(counts, once, strict=True))
     rounds = int(np.clip(spend / total, *_ROUNDS))
     times = np.array([_turn(calls, counts) for _ in range(rounds)])
     return Alternating(np.median(times, axis=0), np.median(times[:, :1] / times, axis=0))
+
+
+def _shortest(call: Callable[[], Any]) -> float:
+    """The time of a call [s], of a short one the least of two."""
+    first = timed(call)[1]
+    return first if first > _LONGEST else min(first, timed(call)[1])
 
 
 def _turn(calls: Sequence[Callable[[], Any]], counts: Sequence[int]) -> list[float]:

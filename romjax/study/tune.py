@@ -153,7 +153,10 @@ def tune_baumgarte(
     logs = jax.tree.map(jnp.log, first)
     state, best, last_fall = optimizer.init(logs), (np.inf, logs, 0), 0
     path: list[tuple[Any, ...]] = []
-    with forward_mode(), tqdm(total=steps, disable=not progress, desc="tune", unit="step") as bar:
+    with (
+        forward_mode(),
+        tqdm(total=steps, disable=None if progress else True, desc="tune", unit="step") as bar,
+    ):
         for step in range(steps):
             next_logs, next_state, loss, drift, flags, finite = advance(logs, state)
             if not finite:

@@ -15,11 +15,14 @@ from ..integrate.trajectory import Trajectory
 from ..reduction.reduce import reduce
 from ..study.accuracy.model import Model, Reduction
 from ..study.compare import compare
-from ..study.timing import timed
+from ..study.timing import Spent, spent, timed
 from ..system.base import AbstractSystem
 from ..system.reduced import AbstractReducedSystem
 from ..system.training import forget_training
 from .candidates import Candidate
+
+# [s] Where unseen runs take longer, they are for models that may pay.
+_LONG = 1.0
 
 
 class Settings(NamedTuple):
@@ -44,8 +47,8 @@ class Truth(NamedTuple):
 class Attempt:
     """A model with its run from the start of the scene.
 
-    - `runs`: how many it was trained with. `made`, `compiled`, `once` [s]: to train and make it, to
-      compile, and of one run.
+    - `runs`: how many it was trained with. `made`, `compiled` [s]: to train and make it, and to
+      compile; `work` [s]: of the processor on one run.
     - `trained`, `unseen`: the largest errors of the runs that it was made of, and of others.
     """
 
@@ -55,7 +58,7 @@ class Attempt:
     runs: int
     made: float
     compiled: float
-    once: float
+    work: float
     trained: float
     unseen: float
 
@@ -113,13 +116,23 @@ def named(model: Model, runs: int) -> str:
 
 
 def attempt(
-    model: Model, making: float, training: list[Truth], unseen: list[Truth], settings: Settings
+    model: Model,
+    making: float,
+    training: list[Truth],
+    unseen: list[Truth],
+    full: Spent,
+    settings: Settings,
 ) -> Attempt:
-    """The model run and judged."""
+    """The model run and judged; `full`: what a run of the full one takes."""
     first, *others = training
     method = settings.rtol, settings.solver
     run, with_compiling = timed(lambda: simulated(model.system, first.run.t, *method))
-    _, once = timed(lambda: simulated(model.system, first.run.t, *method))
+    again = spent(lambda: simulated(model.system, first.run.t, *method))
+    trained = max([error(first.run, run), *(error_of(model, x, settings) for x in others)])
+    # What is wrong where it was trained, or slow, is not worth long runs.
+    paying = trained <= settings.tol and again.work < full.work
+    if not paying and len(unseen) * again.work > _LONG:
+        unseen = []
     needs = 0.0 if model.cap is not None else sum(truth.time for truth in training)
     beyond = [error_of(model, truth, settings) for truth in unseen]
     return Attempt(
@@ -128,9 +141,9 @@ def attempt(
         run=run,
         runs=0 if model.cap is not None else len(training),
         made=making + needs,
-        compiled=max(0.0, with_compiling - once),
-        once=once,
-        trained=max([error(first.run, run), *(error_of(model, x, settings) for x in others)]),
+        compiled=max(0.0, with_compiling - again.time),
+        work=again.work,
+        trained=trained,
         unseen=max(beyond, default=np.nan),
     )
 

@@ -1,7 +1,8 @@
 """Which reductions are worth trying for a mechanism, by its structure."""
 
 import dataclasses
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 
 from ..basis.decomposition.base import AbstractDecomposition
 from ..basis.decomposition.pod import POD
@@ -13,8 +14,16 @@ from ..reduction.local.formulation import Local
 from ..reduction.tables.formulation import Tabulated
 from .facts import Facts
 
-# Shares of the largest singular value down to which modes are kept, coarse to fine.
-_SHARES = (1e-3, 1e-4, 1e-5)
+# The share of the largest singular value down to which modes are kept: the least, at first, and
+# the most.
+_SHARES = (1e-10, 1e-3, 0.5)
+# Next to a model that errs too much comes one that should err by this share of what is asked. By
+# how much the error is to fall at least, and at most.
+_AIM, _FALL = 0.3, (0.2, 3e-4)
+# A model that errs by so many times less than it may has more modes than it needs.
+_SPARE = 0.02
+# Of the caps, in the order of their frequencies, the first to try; errors fall with their square.
+_FIRST_CAP, _OF_CAPS = 2, -2.0
 # How well tables hold the constraints between their nodes: as models have to, in less time.
 _TABLE = 1e-5
 # Fewer hinged bodies are as fast one by one as sampled.
@@ -23,20 +32,45 @@ _MANY_BODIES = 6
 _FEW = 3
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Candidate:
     """A reduction to try: a `formulation` and the `decomposition` of its basis, which says how many
-    modes; or a `cap` [Hz] on the modes of bodies instead.
+    modes; or a `cap` [Hz] on the modes of bodies instead. `level`: where it is on the scale of its
+    kind.
     """
 
     formulation: AbstractFormulation | None = None
     decomposition: AbstractDecomposition | None = None
     cap: float | None = None
+    level: float = math.nan
+
+
+@dataclasses.dataclass(frozen=True)
+class Scale:
+    """Candidates of a kind by their level, between the `least` and the `most`: errors grow with its
+    power `order`, about.
+    """
+
+    make: Callable[[float], Candidate]
+    least: float
+    most: float
+    order: float = 1.0
+
+    def other(self, than: Candidate, factor: float) -> Candidate | None:
+        """The candidate that should err by a factor as much as a given one; None where the scale
+        ends.
+        """
+        level = min(max(than.level * factor ** (1 / self.order), self.least), self.most)
+        return None if level == than.level else self.make(level)
+
+    def between(self, one: Candidate, other: Candidate) -> Candidate:
+        """Half way from one candidate to another one."""
+        return self.make(math.sqrt(one.level * other.level))
 
 
 @dataclasses.dataclass(frozen=True)
 class Family:
-    """Candidates of one kind, the coarsest first.
+    """Candidates of one kind: one after the other, or the first and the `scale` of all.
 
     `trained`: whether a run is what the model knows, so that several may be better than one.
     """
@@ -44,35 +78,56 @@ class Family:
     name: str
     candidates: tuple[Candidate, ...]
     trained: bool = True
+    scale: Scale | None = None
+
+    def finer(self, than: Candidate, excess: float) -> Candidate | None:
+        """What to try next to a candidate that errs by `excess` times what is asked."""
+        if self.scale is not None:
+            least, most = _FALL
+            return self.scale.other(than, min(max(_AIM / excess, most), least))
+        later = self.candidates[self.candidates.index(than) + 1 :]
+        return later[0] if later else None
+
+    def coarser(self, than: Candidate, excess: float, wrong: Candidate | None) -> Candidate | None:
+        """What may do as well as a candidate that errs by `excess` times what is asked, where a
+        coarser one is known to be `wrong` or not.
+        """
+        if self.scale is None:
+            return None
+        if wrong is not None:
+            return self.scale.between(wrong, than)
+        return self.scale.other(than, _AIM / excess) if excess < _SPARE else None
 
 
 def families(facts: Facts) -> list[Family]:
     """What is worth trying, the most promising kind first.
 
-    Where bodies bend, their few slow shapes are all that a motion excites, whatever it is: local
-    bases and caps keep the joints as they are. One or two freedoms of rigid bodies in the plane are
-    looked up. Trees of many hinged bodies are sampled. Minimal coordinates are for motions that
-    stiffness confines, or for what is left when loops are closed; a subspace of all coordinates
-    suits motions that turn little, and driven ones, which go the same way again.
+    Where bodies bend, their few slow shapes are all that a motion excites, whatever it is: caps and
+    local bases keep the joints as they are. A cap needs neither a training nor a program, so it
+    comes first. One or two freedoms of rigid bodies in the plane are looked up. Trees of many
+    hinged bodies are sampled. Minimal coordinates are for motions that stiffness confines, or for
+    what is left when loops are closed; a subspace of all coordinates suits motions that turn
+    little, and driven ones, which go the same way again.
     """
-    local = Family("local", tuple(Candidate(Local(tol=share), POD()) for share in _SHARES))
-    capped = Family("capped", tuple(Candidate(cap=hertz) for hertz in facts.caps), trained=False)
-    minimal = Family("minimal", tuple(Candidate(Minimal(), one) for one in _ranks(facts)))
-    galerkin = Family("galerkin", tuple(Candidate(Galerkin(), POD(tol=share)) for share in _SHARES))
+    local, hyper = _by_share("local", _local), _by_share("hyper", _sampled)
+    galerkin = _by_share("galerkin", _subspace)
+    capped = _by_cap(facts.caps)
+    minimal = _by_share("minimal", _independent)
+    if ranks := _ranks(facts):
+        minimal = Family("minimal", tuple(Candidate(Minimal(), POD(rank)) for rank in ranks))
     table = Family(
         "table", tuple(Candidate(Tabulated(_TABLE), POD(rank)) for rank in _table(facts))
     )
-    hyper = Family(
-        "hyper", tuple(Candidate(HyperReduced(), POD(tol=share)) for share in _SHARES[:2])
-    )
     chain = not (facts.modes or facts.space or facts.loops or facts.drives)
     if facts.modes:
-        order = [local, capped, minimal, galerkin]
+        order = [capped, local, minimal, galerkin]
         if facts.drives:
-            order = [galerkin, local, capped, minimal]
+            order = [galerkin, capped, local, minimal]
         order += [table] if facts.drives == 0 else []
     elif facts.drives or facts.rigid == 0:
         order = [minimal, table, galerkin]
+    elif chain and facts.stiff:
+        order = [minimal, hyper, galerkin]
     elif chain and facts.bodies >= _MANY_BODIES:
         order = [hyper, minimal, galerkin]
     else:
@@ -80,13 +135,45 @@ def families(facts: Facts) -> list[Family]:
     return [family for family in order if family.candidates]
 
 
-def _ranks(facts: Facts) -> list[AbstractDecomposition]:
-    """Numbers of modes for minimal coordinates: all of few freedoms, or what the motion shows."""
-    if facts.modes:
-        return [POD(tol=share) for share in _SHARES]
-    if facts.freedoms <= _FEW:
-        return [POD(rank) for rank in range(max(1, facts.freedoms), max(0, facts.freedoms - 2), -1)]
-    return [*(POD(tol=share) for share in _SHARES[:2]), POD(facts.freedoms)]
+def _by_share(name: str, make: Callable[[float], Candidate]) -> Family:
+    """Models of as many modes as a share of the largest singular value leaves."""
+    least, first, most = _SHARES
+    return Family(name, (make(first),), scale=Scale(make, least, most))
+
+
+def _subspace(share: float) -> Candidate:
+    return Candidate(Galerkin(), POD(tol=share), level=share)
+
+
+def _independent(share: float) -> Candidate:
+    return Candidate(Minimal(), POD(tol=share), level=share)
+
+
+def _sampled(share: float) -> Candidate:
+    return Candidate(HyperReduced(), POD(tol=share), level=share)
+
+
+def _local(share: float) -> Candidate:
+    return Candidate(Local(tol=share), POD(), level=share)
+
+
+def _capped(hertz: float) -> Candidate:
+    return Candidate(cap=hertz, level=hertz)
+
+
+def _by_cap(caps: Sequence[float]) -> Family:
+    """Models with no mode above a frequency."""
+    if not caps:
+        return Family("capped", (), trained=False)
+    first = _capped(caps[min(_FIRST_CAP, len(caps) - 1)])
+    return Family("capped", (first,), False, Scale(_capped, caps[0], caps[-1], _OF_CAPS))
+
+
+def _ranks(facts: Facts) -> list[int]:
+    """Numbers of modes for minimal coordinates of few freedoms of rigid bodies: all, or less."""
+    if facts.modes or facts.freedoms > _FEW:
+        return []
+    return list(range(max(1, facts.freedoms), max(0, facts.freedoms - 2), -1))
 
 
 def _table(facts: Facts) -> Sequence[int]:

@@ -16,8 +16,9 @@ from ..study.accuracy.models import default_caps
 from ..system import unit_length
 from ..system.structure import without_names
 
-# Caps in units of the lowest frequency of a body: one program runs them all.
-_CAPS = (1.0, 2.5, 5.0)
+# Caps in units of the lowest frequency of a body: one program runs them all. Below it too, where
+# dampers between bodies act on what modes leave over of their inertia, which a cap adds to.
+_CAPS = tuple(1.4**i for i in range(-6, 24))
 # Steps that follow a motion itself, of some swings.
 _FEW_STEPS = 400
 
@@ -30,7 +31,7 @@ class Facts:
     - `freedoms`: of rigid and elastic motion, as the joints leave them at the start.
     - `space`, `loops`, `contacts`: whether bodies move in space, joints close loops, points touch.
     - `drives`: how many motions are prescribed.
-    - `caps` [Hz]: of the modes, worth trying.
+    - `caps` [Hz]: of the modes, from below the lowest of their frequencies to the highest.
     - `explicit`: whether an explicit method is fast enough for the full model; `steps`: that its
       run takes.
     """
@@ -67,6 +68,11 @@ class Facts:
     def quick(self) -> bool:
         """Whether bodies are rigid, and so few steps follow the motion that nothing is stiff."""
         return not self.modes and self.explicit and self.steps < _FEW_STEPS
+
+    @property
+    def stiff(self) -> bool:
+        """Whether rigid bodies take many steps, so that something between them is stiff."""
+        return not (self.modes or self.quick)
 
     @property
     def rigid(self) -> int:

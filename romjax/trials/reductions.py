@@ -1,11 +1,9 @@
 """What reduction gains for a mechanism: the models that its structure suggests, tried."""
 
-import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import diffrax
-from tqdm import tqdm
 
 from ..common.arrays import Vector
 from ..common.checks import check_kind
@@ -16,6 +14,7 @@ from ..study.timing import alternating
 from ..system.base import AbstractSystem
 from .advice import advice, in_order, paying, remark
 from .attempt import Attempt, Settings, simulated
+from .progress import Progress
 from .result import Reductions
 from .row import ReductionRow
 from .search import Search
@@ -54,8 +53,8 @@ def reductions(
     - `budget`: time of a processor to spend on models [s], about, besides that of the full one, so
       that a busy machine tries as many; the most promising come first, and what there was no time
       for is named.
-    - `progress`: show a progress bar, and each model as soon as it was tried. Ctrl-C ends the study
-      with what has been measured.
+    - `progress`: tell of each model as soon as it was tried, in a terminal with a progress bar.
+      Ctrl-C ends the study with what has been measured.
 
     Raises InputError for numbers without meaning, SimulationError if the full model fails.
     """
@@ -65,14 +64,13 @@ def reductions(
             f"reductions: tol={tol}, rtol={rtol}, budget={budget}; both tolerances must lie "
             "between 0 and 1, and there must be time to spend."
         )
-    layout = "{desc:24} {n_fmt} models, {elapsed}"
-    with tqdm(disable=not progress, bar_format=layout) as bar:
-        search = Search.begun(scene, ts, Settings(tol, rtol, solver), bar)
+    with Progress(progress) as told:
+        search = Search.begun(scene, ts, Settings(tol, rtol, solver), told)
         try:
-            search.try_all(time.process_time() + _TRYING * budget)
+            search.try_all(_TRYING * budget)
         except KeyboardInterrupt:
             search.skipped["the rest"] = INTERRUPTED
-        bar.set_description_str("times")
+        told.doing("times")
         return _result(search, _TIMING * budget)
 
 
@@ -117,6 +115,7 @@ def _result(search: Search, spend: float) -> Reductions:
         rows=tuple(order),
         models=tuple(tried.model.system for tried in picked),
         runs=tuple(tried.run for tried in picked),
+        tol=tol,
         full=full,
         system=search.system,
         truth=search.training[0].run,

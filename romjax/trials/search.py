@@ -1,7 +1,6 @@
 """The search for models that pay, within a time."""
 
 import dataclasses
-import sys
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -17,10 +16,11 @@ from ..integrate.rodas5p import Rodas5P
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..scene.scene import Scene
-from ..study.timing import timed
+from ..study.timing import Spent, spent, timed
 from .attempt import Attempt, Settings, Truth, attempt, error, made, named, simulated
-from .candidates import Family, families
+from .candidates import Candidate, Family, families
 from .facts import Facts
+from .progress import Progress
 from .variants import TRAINING, UNSEEN, Change, variants
 
 NO_TIME = "no time left in the budget"
@@ -28,43 +28,63 @@ NO_TIME = "no time left in the budget"
 _SHARPER, _SHARPEST = 1e-2, 1e-12
 # [s] Of other starts, runs that take longer have the tolerance of the models.
 _LONG = 1.0
-# Models of one kind at most, and the share of `tol` below which a finer one is not asked for.
-_MOST, _ENOUGH = 4, 0.05
-# Where nothing is stiff, the second model of a kind would say what the first one did.
-_MOST_QUICK = 2
+# Models and refusals of one kind at most. Where nothing is stiff, the second model of a kind would
+# say what the first one did.
+_MOST, _MOST_REFUSED, _MOST_QUICK = 5, 3, 2
+# Models between one that is right and one that is wrong, at most.
+_BETWEEN = 2
+# Next to a model that fails, or is refused, comes one as if it had erred by so many times too much.
+_FAILED = 10.0
 # A model that errs by so many times more where it was not trained needs more runs.
 _REPEATS = 5.0
-# A kind is given up where its model takes so many times as long as the full one.
-_SLOW = 1.5
+# A kind is given up where its model takes so many times as long as the full one, and errs too much:
+# finer ones take longer; ranks that are tried one by one go down.
+_SLOW, _SLOW_RANK = 0.8, 3.0
 
 
 @dataclasses.dataclass
 class Try:
-    """How far a kind of models has come: the number of the next candidate, and of training runs."""
+    """How far a kind of models has come: the next candidate, None where there is none, and of how
+    many training runs; how many models and refusals there were; the coarsest that is right, and
+    the finest that is wrong.
+    """
 
     family: Family
-    candidate: int = 0
+    candidate: Candidate | None
     runs: int = 1
     models: int = 0
-    done: bool = False
+    refused: int = 0
+    right: tuple[Candidate, Attempt] | None = None
+    wrong: Candidate | None = None
+
+    @classmethod
+    def of(cls, family: Family) -> "Try":
+        """The first candidate of a kind."""
+        return cls(family, family.candidates[0])
+
+    def next(self, excess: float) -> None:
+        """To what may be right where the last model errs by `excess` times what is asked."""
+        assert self.candidate is not None
+        excess = excess if np.isfinite(excess) else _FAILED
+        self.candidate = self.family.finer(self.candidate, excess)
 
 
 @dataclasses.dataclass
 class Search:
     """A mechanism with its accurate runs, and the models that were tried.
 
-    - `full`: its run at the tolerance of the models, which takes `once` [s] and `compiled` [s] to
+    - `full`: its run at the tolerance of the models, what it takes `once`, and `compiled` [s] to
       compile.
-    - `bar`: of progress.
+    - `progress`: what is told meanwhile.
     """
 
     scene: Scene
     system: AssembledSystem
     ts: Float[Array, " k"]
     settings: Settings
-    bar: Any
+    progress: Progress
     full: Trajectory
-    once: float
+    once: Spent
     compiled: float
     training: list[Truth]
     facts: Facts
@@ -74,17 +94,19 @@ class Search:
     skipped: dict[str, str] = dataclasses.field(default_factory=dict)
 
     @classmethod
-    def begun(cls, scene: Scene, ts: Any, settings: Settings, bar: Any) -> "Search":
+    def begun(cls, scene: Scene, ts: Any, settings: Settings, progress: Progress) -> "Search":
         """With the full model's runs from the start of the scene; raises SimulationError if they
         fail.
         """
         system = assemble(scene)
         times = as_array(ts).astype(system.q0.dtype)
-        bar.set_description_str("full model")
+        progress.doing("full model")
         rtol, solver = settings.rtol, settings.solver
         full, first = timed(lambda: simulate(system, times, rtol=rtol, solver=solver))
-        _, once = timed(lambda: simulate(system, times, rtol=rtol, solver=solver))
-        _tell(bar, f"full: {system.n} coordinates, {_steps(full)} steps in {1e3 * once:.1f} ms")
+        once = spent(lambda: simulate(system, times, rtol=rtol, solver=solver))
+        progress.tell(
+            f"full: {system.n} coordinates, {_steps(full)} steps in {1e3 * once.time:.1f} ms"
+        )
         truth = _truth(system, full, _sharp(rtol))
         facts = Facts.of(scene, system, full, isinstance(full.solver, Rodas5P))
         return cls(
@@ -92,96 +114,128 @@ class Search:
             system=system,
             ts=times,
             settings=settings,
-            bar=bar,
+            progress=progress,
             full=full,
             once=once,
-            compiled=max(0.0, first - once),
-            training=[truth or Truth(system, full, once)],
+            compiled=max(0.0, first - once.time),
+            training=[truth or Truth(system, full, once.time)],
             facts=facts,
         )
 
     def own(self) -> tuple[float, float]:
         """The errors of the full model on the training and unseen, NaN where runs take long."""
         method, beyond = (self.settings.rtol, self.full.solver), list[float]()
-        if self.once < _LONG:
+        if self.once.time < _LONG:
             runs = [simulated(truth.system, self.ts, *method, audit=True) for truth in self.unseen]
             beyond = [error(x.run, run) for x, run in zip(self.unseen, runs, strict=True)]
         return error(self.training[0].run, self.full), max(beyond, default=np.nan)
 
-    def try_all(self, deadline: float) -> None:
-        """Try kinds of models in turns, the most promising first, until the processor's time comes
-        to the deadline [s].
+    def try_all(self, spend: float) -> None:
+        """Try kinds of models, the most promising first, each until it is right or hopeless, while
+        the processor's time is within what there is to spend [s]; then, of models that are far more
+        accurate than is asked, coarser ones.
         """
         self.unseen = self.truths(UNSEEN)
-        tries, taken = [Try(family) for family in families(self.facts)], [0.0]
-        while open_ones := [one for one in tries if not one.done]:
-            for one in open_ones:
-                begin = time.process_time()
+        clock = _Clock(time.process_time() + spend)
+        tries = [Try.of(family) for family in families(self.facts)]
+        for number, one in enumerate(tries):
+            while one.candidate is not None:
                 # One model at least.
-                if self.attempts and begin + np.mean(taken) > deadline:
-                    names = [one.family.name for one in tries if not (one.models or one.candidate)]
+                if self.attempts and not clock.has_time():
+                    names = [x.family.name for x in tries[number:] if not (x.models or x.refused)]
                     self.skipped.update(dict.fromkeys(names, NO_TIME))
                     return
+                with clock:
+                    self.step(one)
+        right = [(one.right[1].work, one) for one in tries if one.right is not None]
+        for _, one in sorted(right, key=lambda pair: pair[0]):
+            self.coarsen(one, clock)
+
+    def coarsen(self, one: Try, clock: "_Clock") -> None:
+        """Between the coarsest model of a kind that is right and the finest that is wrong."""
+        for _ in range(_BETWEEN):
+            assert one.right is not None
+            candidate, tried = one.right
+            excess = tried.error / self.settings.tol
+            one.candidate = one.family.coarser(candidate, excess, one.wrong)
+            if one.candidate is None or not clock.has_time():
+                return
+            count = len(self.attempts)
+            with clock:
                 self.step(one)
-                taken.append(time.process_time() - begin)
+            if len(self.attempts) == count:  # as many modes as one of both
+                return
 
     def step(self, one: Try) -> None:
         """Try the next candidate of a kind."""
-        family = one.family
-        self.bar.set_description_str(family.name)
+        family, candidate = one.family, one.candidate
+        assert candidate is not None
+        self.progress.doing(family.name)
         if one.runs > len(self.training):
             self.training += self.truths(TRAINING)
         training = self.training[: one.runs]
         try:
-            model, making = made(self.system, family.candidates[one.candidate], training)
+            model, making = made(self.system, candidate, training)
             if named(model, len(training)) in [tried.name for tried in self.attempts]:
-                _finer(one)
+                one.next(_FAILED)
                 return
-            tried = attempt(model, making, training, self.unseen, self.settings)
+            tried = attempt(model, making, training, self.unseen, self.once, self.settings)
         except (InputError, ReductionError) as refusal:
+            one.refused += 1
             if not one.models:
                 self.refused[family.name] = str(refusal)
-            _finer(one)
+            one.next(_FAILED)
+            if one.refused == _MOST_REFUSED:
+                one.candidate = None
             return
         self.refused.pop(family.name, None)
         one.models += 1
         self.attempts.append(tried)
-        self.bar.update()
-        _tell(self.bar, _line(tried, self.once))
+        self.progress.tell(_line(tried, self.once.work), models=1)
         self.judge(one, tried)
 
     def judge(self, one: Try, tried: Attempt) -> None:
         """Say what to try next of a kind."""
-        slower = tried.once / self.once
-        enough = tried.error <= _ENOUGH * self.settings.tol
-        too_slow = slower > (_SLOW if tried.error <= self.settings.tol else 2 * _SLOW)
+        candidate, excess = one.candidate, tried.error / self.settings.tol
+        assert candidate is not None
+        slow = _SLOW_RANK if one.family.scale is None else _SLOW
         repeats = tried.unseen > max(self.settings.tol, _REPEATS * tried.trained)
         most = _MOST_QUICK if self.facts.quick else _MOST
-        if enough or too_slow or one.models == most:
-            one.done = True
+        if excess > 1:
+            one.wrong = candidate
+        if excess <= 1:
+            one.right, one.candidate = (candidate, tried), None
+        elif tried.work > slow * self.once.work or one.models >= most:
+            one.candidate = None
         elif one.family.trained and one.runs == 1 and repeats:
             one.runs = 1 + len(TRAINING)
         else:
-            _finer(one)
+            one.next(excess)
 
     def truths(self, changes: Sequence[Change]) -> list[Truth]:
         """Accurate runs of other starts or speeds, of those that can be simulated."""
-        self.bar.set_description_str("other starts" if not self.facts.drives else "other speeds")
+        self.progress.doing("other starts" if not self.facts.drives else "other speeds")
         systems = variants(self.scene, self.system, self.training[0].run, changes)
-        rtol = self.settings.rtol if self.once > _LONG else _sharp(self.settings.rtol)
+        rtol = self.settings.rtol if self.once.time > _LONG else _sharp(self.settings.rtol)
         found = [_truth(system, self.full, rtol) for system in systems]
         return [truth for truth in found if truth is not None]
 
 
-def _tell(bar: Any, words: str) -> None:
-    """A line that stays above the bar, if there is one."""
-    if not bar.disable:
-        bar.write(words, file=sys.stderr)
+class _Clock:
+    """The processor's time, up to a deadline [s]; within it, `with clock:` measures a step."""
 
+    def __init__(self, deadline: float) -> None:
+        self.deadline, self.begin, self.taken = deadline, 0.0, list[float]()
 
-def _finer(one: Try) -> None:
-    one.candidate += 1
-    one.done = one.candidate == len(one.family.candidates)
+    def __enter__(self) -> None:
+        self.begin = time.process_time()
+
+    def __exit__(self, *_: Any) -> None:
+        self.taken.append(time.process_time() - self.begin)
+
+    def has_time(self) -> bool:
+        """Whether a step is likely to come to its end."""
+        return time.process_time() + float(np.mean(self.taken or [0.0])) <= self.deadline
 
 
 def _truth(system: AssembledSystem, like: Trajectory, rtol: float) -> Truth | None:
@@ -205,6 +259,6 @@ def _line(tried: Attempt, full: float) -> str:
     """What is known of a model as soon as it was tried."""
     beyond = "" if np.isnan(tried.unseen) else f", unseen {tried.unseen:.1e}"
     return (
-        f"{tried.name}: {_steps(tried.run)} steps in {1e3 * tried.once:.1f} ms, "
-        f"{full / tried.once:.1f} times as fast, error {tried.trained:.1e}{beyond}"
+        f"{tried.name}: {_steps(tried.run)} steps in {1e3 * tried.work:.1f} ms, "
+        f"{full / tried.work:.1f} times as fast, error {tried.trained:.1e}{beyond}"
     )

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
 
 from ...study.ranks.rank_study import RankStudy
+from ..labels import Label, place
 from ..style import COLOURS, MARKERS, SMALL, DisplayedFigure
 
 
@@ -21,16 +22,18 @@ def reduction(study: RankStudy) -> DisplayedFigure:
     their steps (`RankStudy.best`); the dashed line is the time of the full model.
     """
     figure, axes = blank()
+    labels = list[Label]()
     for index, name in enumerate(dict.fromkeys(row.formulation for row in study.rows), start=1):
         rows = [r for r in study.rows if r.formulation == name and np.isfinite(r.error)]
         if not rows:
             continue
         points = [Point(row.least, row.trained, row.error, str(row.rank)) for row in rows]
-        draw(axes, index, f'"{name}"', points, apart=study.variations > 0)
+        labels += draw(axes, index, f'"{name}"', points, apart=study.variations > 0)
         if study.paying(name):
             best = study.best(name)
             ring(axes, index, best.least, best.error)
     explain(figure, axes, study.full, study.variations, "modes that pay")
+    place(figure, axes, labels)
     return figure
 
 
@@ -52,8 +55,10 @@ def blank() -> tuple[DisplayedFigure, Axes]:
     return figure, axes
 
 
-def draw(axes: Axes, index: int, name: str, points: Sequence[Point], apart: bool) -> None:
-    """Models of one kind, the `index` of its colour; with errors of the training `apart`."""
+def draw(axes: Axes, index: int, name: str, points: Sequence[Point], apart: bool) -> list[Label]:
+    """Models of one kind, the `index` of its colour; with errors of the training `apart`. What is
+    to stand beside them, once all is drawn.
+    """
     colour, marker = COLOURS[index % len(COLOURS)], MARKERS[index % len(MARKERS)]
     times = [1e3 * point.time for point in points]
     trained, errors = [point.trained for point in points], [point.error for point in points]
@@ -62,16 +67,20 @@ def draw(axes: Axes, index: int, name: str, points: Sequence[Point], apart: bool
     if apart:
         axes.plot(times, trained, linestyle="", markerfacecolor="white", **style)
     axes.plot(times, errors, linewidth=1.2, label=name, **style)
-    for point, time in zip(points, times, strict=True):
-        axes.annotate(
-            point.words, (time, point.error), (4, 4), textcoords="offset points", fontsize=SMALL
-        )
+    pairs = zip(points, times, strict=True)
+    return [Label(time, point.error, point.words, colour) for point, time in pairs]
 
 
 def ring(axes: Axes, index: int, time: float, error: float) -> None:
     """Around a model that is recommended."""
     colour = COLOURS[index % len(COLOURS)]
     axes.plot(1e3 * time, error, "o", ms=14, mfc="none", mec=colour, mew=1.4)
+
+
+def frame(axes: Axes, index: int, time: float, error: float) -> None:
+    """Around the first model of a kind that is right."""
+    colour = COLOURS[index % len(COLOURS)]
+    axes.plot(1e3 * time, error, "s", ms=10, mfc="none", mec=colour, mew=1.0)
 
 
 def explain(figure: Figure, axes: Axes, full: float, unseen: int, ringed: str) -> None:

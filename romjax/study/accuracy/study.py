@@ -68,7 +68,7 @@ def accuracy(
     begin = time.perf_counter()
     system = _in_double_precision(assemble(what) if isinstance(what, Scene) else what)
     layout = "{desc:48} {n_fmt} runs, {elapsed}"
-    with tqdm(disable=not progress, bar_format=layout, desc="full model") as bar:
+    with tqdm(disable=None if progress else True, bar_format=layout, desc="full model") as bar:
         return run_study(system, jnp.asarray(ts, system.q0.dtype), settings, begin, bar)
 
 
