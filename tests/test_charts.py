@@ -18,6 +18,7 @@ from romjax.linalg.pattern import Pattern
 from romjax.march.step_size import StepSizeControl
 from romjax.march.tolerances import Tolerances
 from romjax.reduction.charts.atlas import choose_atlas
+from romjax.reduction.charts.choose import choose_chart
 from romjax.system.state import FullState
 from romjax.system.structure import Structure
 
@@ -209,3 +210,16 @@ def test_other_terms_are_refused():
     solver = PostStepSolver(diffrax.Tsit5(), Nothing())
     with pytest.raises(ValueError, match=r"ODETerm is no motion .*romjax\.simulate"):
         diffrax.diffeqsolve(term, solver, 0.0, 1.0, 0.1, jnp.ones(1))
+
+
+def test_a_clamped_chain_is_in_closed_form():
+    """The clamped bar does not turn: its angle enters the next joint as a constant."""
+    system = rj.assemble(rj.gallery.segmented_beam(4, length=1.0))
+    q = np.tile(np.asarray(system.q0), (5, 1))
+    angle = np.linspace(0.0, 0.5, 5)  # of the last bar about its hinge
+    q[:, -3:] = np.stack([0.75 + 0.125 * np.cos(angle), 0.125 * np.sin(angle), angle], axis=1)
+    found = choose_chart(system, np.zeros(5), q)
+    assert found.chart.affine
+    assert len(found.chart.independent.T) == 3
+    turns = np.flatnonzero(np.sum(found.chart.independent, axis=1))
+    np.testing.assert_array_equal(turns, [5, 8, 11])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from tolerances import IDENTITY
 
-from romjax.linalg.dense import invert, invert_any
+from romjax.linalg.dense import invert, invert_any, solve_by_similar
 
 # Of each way the least and the largest.
 SIZES = (1, 2, 3, 6, 7, 24, 128, 130)
@@ -52,3 +52,21 @@ def test_the_derivative_of_an_inverse():
     inverse, found = map(np.asarray, slope(matrix, change))
     expected = -inverse @ change @ inverse
     np.testing.assert_allclose(found, expected, atol=IDENTITY * CONDITION * np.abs(expected).max())
+
+
+@jax.jit
+def refined(matrix, inverse, right, change):
+    return jax.jvp(lambda a: solve_by_similar(a, inverse, right), (matrix,), (change,))
+
+
+def test_solutions_by_the_inverse_of_a_similar_matrix():
+    """And their derivative, −A⁻¹ dA x."""
+    matrix, change = definite(20), definite(21)[1:, 1:]
+    nearby = matrix + 0.2 * matrix @ change / np.linalg.norm(change, 2)
+    right = np.random.default_rng(0).normal(size=(20, 2))
+    x, along = map(np.asarray, refined(matrix, np.linalg.inv(nearby), right, change))
+    expected = np.linalg.solve(matrix, right)
+    tol = IDENTITY * CONDITION
+    np.testing.assert_allclose(x, expected, atol=tol * np.abs(expected).max())
+    slope = -np.linalg.solve(matrix, change @ expected)
+    np.testing.assert_allclose(along, slope, atol=tol * np.abs(slope).max())

@@ -100,14 +100,7 @@ def _closed_form(
     """The chart whose dependent coordinates enter the constraints with constant coefficients while
     those that are `held` stay where they are, if there are enough; `sizes` (n,): roots of masses.
     """
-    # Any configuration is as good as another for telling which columns are constant.
-    n, first = system.n, np.asarray(q)[:1]
-    anywhere = first + np.cos(np.arange(_VARIED * n).reshape(_VARIED, n) ** 1.5)
-    anywhere[:, held] = first[:, held]
-    times = np.asarray(t)[0] + np.arange(float(_VARIED))
-    varied = np.asarray(jacobians(system, times, anywhere))[:, rows]
-    if held.size and np.intersect1d(held, _still(varied)).size < held.size:
-        return None
+    varied = _varied(system, t, q, held)[:, rows]
     steady = np.ptp(varied, axis=0).max(axis=0) <= _CONSTANT * np.abs(varied).max()
     scaled, rank = varied[0] * steady / sizes, len(rows)
     r, pivots = scipy.linalg.qr(scaled, mode="r", pivoting=True)
@@ -118,14 +111,31 @@ def _closed_form(
     return Candidate(chart, float(np.linalg.cond(varied[0][:, dependent])))
 
 
+def _varied(
+    system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"], held: np.ndarray
+) -> np.ndarray:
+    """C_q at some configurations, but for what is `held`: any are as good as others for telling
+    which columns are constant.
+    """
+    first = np.asarray(q)[:1]
+    anywhere = first + np.cos(np.arange(_VARIED * system.n).reshape(_VARIED, -1) ** 1.5)
+    anywhere[:, held] = first[:, held]
+    times = np.asarray(t)[0] + np.arange(float(_VARIED))
+    return np.asarray(jacobians(system, times, anywhere))
+
+
 def _held(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"]) -> np.ndarray:
     """Numbers of coordinates that joints to the ground hold where they are, as the angle of a body
-    that is clamped.
+    that is clamped, wherever all others are.
     """
-    moved = np.ptp(np.asarray(q), axis=0)
-    first = np.zeros(_VARIED, int)
+    moved, first = np.ptp(np.asarray(q), axis=0), np.zeros(_VARIED, int)
     still = _still(np.asarray(jacobians(system, t[first], q[first])))
     held: np.ndarray = still[moved[still] <= _HELD * np.max(moved)]
+    while held.size:
+        fewer = np.intersect1d(held, _still(_varied(system, t, q, held)))
+        if fewer.size == held.size:
+            break
+        held = fewer
     return held
 
 
