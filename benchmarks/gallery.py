@@ -4,10 +4,12 @@ beside this file.
 """
 
 import gc
+import json
 import sys
 import traceback
 from collections.abc import Iterator
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -29,6 +31,28 @@ def studied(example: Example, budget: float) -> rj.Reductions:
     return rj.reductions(example.make(), ts, tol=TOL, budget=budget, progress=True, **settings)
 
 
+class Scene(NamedTuple):
+    """What is kept of a scene: all that is said of it, its row of the table, and how many times as
+    fast its best model is, None where none pays.
+    """
+
+    name: str
+    text: str
+    row: list[str]
+    times: float | None
+
+
+def measured(example: Example, budget: float) -> Scene | None:
+    """The models of a scene in words; None if they were interrupted."""
+    found = studied(example, budget)
+    if INTERRUPTED in found.skipped.values():
+        return None
+    text = f"{example.name}, {example.end:g} s.\n\n{found.summary()}"
+    best = found.recommended
+    times = None if best is None else best.speed_up
+    return Scene(example.name, text, row(example.name, found), times)
+
+
 def row(name: str, found: rj.Reductions) -> list[str]:
     """The best model of a scene, or the nearest to one."""
     full, best = found.full, found.recommended
@@ -39,7 +63,15 @@ def row(name: str, found: rj.Reductions) -> list[str]:
     return [name, best.name, f"{best.steps}", f"{full.steps}", times, *errors]
 
 
-def measure(budget: float) -> Iterator[record.Section]:
+def kept(resume: Path | None) -> dict[str, Scene]:
+    """What a run before has measured, by the names of scenes."""
+    if resume is None or not resume.exists():
+        return {}
+    scenes = [Scene(**json.loads(line)) for line in resume.read_text().splitlines()]
+    return {scene.name: scene for scene in scenes}
+
+
+def measure(budget: float, scenes: list[str], resume: Path | None) -> Iterator[record.Section]:
     """A sentence and the models of each scene, then the table of the best."""
     yield record.Section(
         f"Models are tried for {budget:g} s of a processor a scene; the best is fast, and errs by\n"
@@ -47,28 +79,29 @@ def measure(budget: float) -> Iterator[record.Section]:
         "medians of runs in turns with the full model, each by the method that suits it."
     )
     rows, ratios, counts, going = [HEADER], {}, dict.fromkeys(FAST, 0), True
-    failures = []
-    for example in EXAMPLES:
+    failures, before = [], kept(resume)
+    for example in [one for one in EXAMPLES if not scenes or one.name in scenes]:
         try:
-            found = studied(example, budget)
+            scene = before.get(example.name) or measured(example, budget)
         except KeyboardInterrupt:
-            going = False
-            break
+            scene = None
         except Exception as error:  # the others are worth measuring
             traceback.print_exc()
             failures.append(f"{example.name}: {error}")
             continue
-        going = INTERRUPTED not in found.skipped.values()
-        if not going:
+        if scene is None:
+            going = False
             break
-        print(f"{example.name}\n{found.summary()}\n", file=sys.stderr, flush=True)
-        yield record.Section(f"{example.name}, {example.end:g} s.\n\n{found.summary()}")
-        rows.append(row(example.name, found))
-        best = found.recommended
-        if best is not None:
-            ratios[f"{example.name}: full / best"] = best.speed_up
+        if resume is not None and example.name not in before:
+            with resume.open("a") as file:
+                file.write(json.dumps(scene._asdict()) + "\n")
+        print(f"{scene.text}\n", file=sys.stderr, flush=True)
+        yield record.Section(scene.text)
+        rows.append(scene.row)
+        if scene.times is not None:
+            ratios[f"{scene.name}: full / best"] = scene.times
             for least in FAST:
-                counts[least] += best.speed_up >= least
+                counts[least] += scene.times >= least
         jax.clear_caches()
         gc.collect()
     for least, count in counts.items():
@@ -81,5 +114,19 @@ def measure(budget: float) -> Iterator[record.Section]:
 
 
 if __name__ == "__main__":
-    budget = {"type": float, "default": 40.0, "metavar": "S"}
-    record.main(measure, choices={"budget": {**budget, "help": "time for a scene (%(default)s)"}})
+    choices = {
+        "budget": {
+            "type": float,
+            "default": 40.0,
+            "metavar": "S",
+            "help": "time for a scene (%(default)s)",
+        },
+        "scenes": {"nargs": "*", "default": [], "metavar": "NAME", "help": "these only"},
+        "resume": {
+            "type": Path,
+            "metavar": "FILE",
+            "help": "file of JSON lines to which each scene is added as soon as it is measured; "
+            "those that are in it are not measured again",
+        },
+    }
+    record.main(measure, choices=choices)

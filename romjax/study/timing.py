@@ -11,7 +11,7 @@ T = TypeVar("T")
 # [s] What takes shorter is repeated until it takes as long, so that what else the machine does
 # slows all calls down alike; with a longer one others are compared for no longer than that.
 _SHORTEST, _LONGEST = 0.02, 0.25
-_ROUNDS = 3, 11
+_ROUNDS = 3, 40
 
 
 def timed(call: Callable[[], T]) -> tuple[T, float]:

@@ -12,13 +12,11 @@ from ..assembly.assembled import AssembledSystem
 from ..common.errors import InputError, ReductionError
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
-from ..reduction.reduce import reduce
 from ..study.accuracy.model import Model, Reduction
 from ..study.compare import compare
 from ..study.timing import Spent, spent, timed
 from ..system.base import AbstractSystem
 from ..system.reduced import AbstractReducedSystem
-from ..system.training import forget_training
 from .candidates import Candidate
 
 # [s] Where unseen runs take longer, they are for models that may pay.
@@ -99,9 +97,9 @@ def made(full: AssembledSystem, candidate: Candidate, training: list[Truth]) -> 
         assert candidate.decomposition is not None
         runs = [truth.run for truth in training]
         basis = candidate.formulation.basis(full, runs, candidate.decomposition)
-        # All formulations but those for reference make such systems.
-        rom = cast(AbstractReducedSystem, reduce(full, basis, candidate.formulation))
-        forget_training(rom)  # the table says how much it errs
+        # All formulations but those for reference make such systems. What else would reduce the
+        # mechanism, as `reduce` says where one does not, the table tells.
+        rom = cast(AbstractReducedSystem, candidate.formulation.reduce(full, basis))
         return Model(full, Reduction(rom, basis, candidate.formulation, 0.0))
 
     return timed(make)

@@ -14,7 +14,7 @@ from ...basis.basis import Basis
 from ...basis.decomposition.base import AbstractDecomposition
 from ...basis.snapshots import Motions
 from ...common import compat
-from ...common.errors import InputError, ReductionError
+from ...common.errors import InputError, ReductionError, UnsuitedError
 from ...compiling.program import program_once
 from ...system.base import AbstractSystem
 from ...system.validity import TrainingBox
@@ -156,10 +156,9 @@ def _checked(system: AbstractSystem, basis: Basis) -> AssembledSystem:
     return full
 
 
-def _refusal(why: str) -> ReductionError:
-    return ReductionError(
-        f"reduce: hyper-reduction is for trees of rigid bodies on hinges, but here {why}; take "
-        "formulation=romjax.Minimal() or romjax.Local()."
+def _refusal(why: str) -> UnsuitedError:
+    return UnsuitedError(
+        f"reduce: hyper-reduction is for trees of rigid bodies on hinges, but here {why}."
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...common.arrays import as_jax
-from ...common.errors import ReductionError
+from ...common.errors import ReductionError, UnsuitedError
 from ...system.base import AbstractSystem
 from ..charts.survey import jacobians
 from .frames import BLOCK, Frames, Point, advance, start, violations
@@ -125,9 +125,9 @@ class _Walk(NamedTuple):
         violated = np.abs(violations(self.system, self.frames.time, as_jax(points.q + turn)))
         if left > CLOSED * (1 + np.max(np.abs(points.q))) or np.max(violated) > CLOSED:
             check(self.system, self.frames, *_grid(points, step, turn).in_a_row())
-            raise ReductionError(
+            raise UnsuitedError(
                 f"reduce: after one round the mechanism is {left:.1e} beside where it started, so "
-                "that no table holds all of its rounds; take formulation=romjax.Minimal()."
+                "that no table holds all of its rounds."
             )
         before, after = slice(count - SIDE, count), slice(SIDE + 1)
         q = np.concatenate([points.q[before] - turn, points.q[:count], points.q[after] + turn])

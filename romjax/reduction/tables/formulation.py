@@ -13,7 +13,7 @@ from ...basis.build import modes_of
 from ...basis.snapshots import weigh
 from ...basis.subspace import span
 from ...common.arrays import as_jax, concrete, put
-from ...common.errors import InputError, ReductionError
+from ...common.errors import InputError, UnsuitedError
 from ...compiling.program import program_once
 from ...system.base import AbstractSystem
 from ...system.validity import TrainingBox
@@ -68,9 +68,8 @@ class Tabulated(AbstractFormulation):
         freedoms or an open curve.
         """
         if system.full.structure.quaternions:
-            raise ReductionError(
-                "Tabulated: tables are made of mechanisms in the plane; in space use "
-                "romjax.Minimal, which has one coordinate for one freedom."
+            raise UnsuitedError(
+                "reduce: tables are made of mechanisms in the plane, and bodies move in space."
             )
         q, v, t = start(system, basis)
         known = concrete(q) is not None

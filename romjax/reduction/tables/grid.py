@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...common.errors import ReductionError
+from ...common.errors import UnsuitedError
 from ...compiling.program import program_once
 from ...linalg.dense import multiply
 from ...system.base import AbstractSystem
@@ -107,7 +107,7 @@ def refined(
     `count` is the first, at which the constraints hold to `tol` halfway between them.
 
     Numbers are multiples of `multiple`; errors do not count in a `margin` at both ends, a share of
-    the whole width. Raises ReductionError where more nodes do not help, and for
+    the whole width. Raises UnsuitedError where more nodes do not help, and for
     a grid that a table cannot hold.
     """
     tried, error = 0, np.inf
@@ -124,9 +124,9 @@ def refined(
             break
         more = min(2.0, 1.1 * (error / tol) ** (1 / _ORDER))
         count = multiple * math.ceil(more * count / multiple)
-    raise ReductionError(
+    raise UnsuitedError(
         f"reduce: a table of {tried**frames.freedoms} nodes violates the constraints by "
-        f"{error:.1e}, more than tol={tol:g}; take a larger tol, or formulation=romjax.Minimal()."
+        f"{error:.1e}, more than tol={tol:g}; take a larger tol."
     )
 
 
@@ -136,15 +136,15 @@ def check(
     q: Float[Array, "K n"],
     along: Float[Array, "K n d"],
 ) -> None:
-    """Raise ReductionError for configurations and directions that no table holds: where the
+    """Raise UnsuitedError for configurations and directions that no table holds: where the
     constraints change with time, or come to a singular position.
     """
     now = np.asarray(violations(system, frames.time, q))
     for later in (1.0, np.e):
         if np.max(np.abs(violations(system, frames.time + later, q) - now)) > CLOSED:
-            raise ReductionError(
+            raise UnsuitedError(
                 "reduce: the constraints change with time, so that a table of configurations "
-                "does not hold; take formulation=romjax.Minimal()."
+                "does not hold."
             )
     free, rows = np.array(frames.numbers), np.array(frames.rows)
     block = np.asarray(jacobians(system, jnp.full(len(q), frames.time), q))[:, rows][:, :, free]
@@ -157,7 +157,7 @@ def check(
     # Where two branches of configurations cross, the orientation changes.
     signs = np.sign(np.linalg.det(np.concatenate([scaled, directions], axis=1)))
     if not worst <= WORST_CONDITION or np.any(signs != signs[0]):
-        raise ReductionError(
+        raise UnsuitedError(
             "reduce: the mechanism passes a singular position, where its configurations branch "
-            "and no table leads on; take formulation=romjax.Galerkin()."
+            "and no table leads on."
         )

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...common.arrays import as_jax
-from ...common.errors import ReductionError
+from ...common.errors import ReductionError, UnsuitedError
 from ...compiling.program import program_once
 from ...linalg.dense import multiply
 from ...system.base import AbstractSystem
@@ -83,7 +83,7 @@ def _on_surface(
 ) -> np.ndarray:
     """The configurations (P, n) with these coordinates (P, 2), each on a way from another one.
 
-    Raises ReductionError if the mechanism cannot take one of them.
+    Raises UnsuitedError if the mechanism cannot take one of them.
     """
     blocks, directions = list[np.ndarray](), as_jax(along)
     for first in range(0, len(targets), _BLOCK):
@@ -95,10 +95,9 @@ def _on_surface(
     violated = np.max(np.abs(violations(system, frames.time, as_jax(q))), axis=1)
     missed = np.flatnonzero(~(violated <= CLOSED * (1 + np.max(np.abs(begins)))))  # or NaN
     if missed.size:
-        raise ReductionError(
+        raise UnsuitedError(
             f"reduce: the mechanism cannot take {missed.size} of {len(targets)} positions in the "
-            "rectangle around its snapshots, of which a table has to hold all; take "
-            "formulation=romjax.Minimal()."
+            "rectangle around its snapshots, of which a table has to hold all."
         )
     return q
 

@@ -96,8 +96,7 @@ class RankSearch:
             f"{self.name}: no rank up to {most} reaches tol={tol:g}; "
             + (f"the best error is {best:.1e}. " if np.isfinite(best) else "")
             + (f"{refusal} " if refusal else "")
-            + "Simulate the training run more accurately, ask for less"
-            + (', or use formulation="minimal".' if self.formulation.in_subspace else ".")
+            + "Simulate the training run more accurately, or ask for less."
         )
 
     def candidate(self, basis: Basis) -> Candidate:
