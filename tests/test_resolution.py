@@ -75,6 +75,19 @@ def test_what_doubles_cannot_resolve_is_told():
     assert run.flags == rj.Flag.RESOLUTION
 
 
+def test_rounding_that_adds_up_is_told():
+    """A micrometre at a kilometre from the origin, for some cycles and for many."""
+    few = rj.simulate(spring(1e-6, at=1000.0), TS)
+    assert few.is_valid
+    with pytest.warns(UserWarning, match="tolerances are hardly smaller than the motion"):
+        many = rj.simulate(spring(1e-6, at=1000.0), 10 * TS)
+    for run, least, most in ((few, 0.0, ERROR), (many, ERROR, 10 * ERROR)):
+        displacement = run.q[:, 0] - 1000.0
+        exact = displacement[0] * np.cos(10 * run.t)
+        # In ways of the motion, from one side to the other.
+        assert least <= np.max(np.abs(displacement - exact)) / 2e-6 <= most
+
+
 def test_given_tolerances_are_kept():
     with pytest.warns(UserWarning, match="Choose rtol and atol"):
         run = rj.simulate(spring(1e-4), TS, rtol=1e-6, atol=1e-6, audit=False)

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from ..common.arrays import namespace
 from ..march.tolerances import Tolerances
@@ -18,9 +18,11 @@ from .trajectory import Trajectory
 # Tolerances that a motion has to be large: a hundredth of those that a motion of a metre is, or so
 # many, of which errors of long runs leave some digits.
 _SHARE, _ENOUGH = 1e-2, 1e4
-# Where tolerances follow the motion, a twentieth of those that it would be large without rounding,
-# but no more than so many. What is left of single precision has as many units in the last place.
-_FOLLOWED, _PLENTY, _LEAST = 5e-2, 5e6, 50
+# Where tolerances follow the motion, rounding may make an error of so many tolerances of its size;
+# or of a share of it that leaves some digits at any tolerance.
+_ALLOWED, _FINE = 100.0, 2e-7
+# Of what rounding may leave in a step, the usual share.
+_USUAL = 0.1
 # Displacements and velocities below are rounding errors of a mechanism at rest.
 _REST = 1e-10
 # No relative tolerance is below, in units in the last place: rounding errors of some steps.
@@ -28,10 +30,18 @@ _DIGITS = 500
 
 
 def is_resolved(
-    system: AbstractSystem, settings: Settings, q: Float[Array, "k n"], v: Float[Array, "k n"]
+    system: AbstractSystem,
+    settings: Settings,
+    q: Float[Array, "k n"],
+    v: Float[Array, "k n"],
+    steps: Int[Array, ""],
 ) -> Bool[Array, ""]:
     """Whether the largest motion is much larger than what the step size control tolerates in it, in
-    positions and velocities; true at rest.
+    positions and velocities, by `steps` that were accepted; true at rest.
+
+    Where tolerances follow the motion, that is but for rounding: errors R of N steps that are
+    independent change the rate of a motion as a random walk does, and its phase so by R N^(3/2)
+    (D. Brouwer, "On the accumulation of errors in numerical integration", Astron. J. 46, 1937).
 
     Where bodies move, their translations count alone: a wheel may turn as far as it will while its
     axle moves by less than the tolerance.
@@ -44,11 +54,12 @@ def is_resolved(
     by_q, by_v = tolerances.largest(q, v)
     by_position, by_velocity = motion.distance / by_q, motion.speed / by_v
     share = jnp.where(motion.counts, jnp.minimum(by_position, by_velocity), 0.0)
-    given = jnp.minimum(_SHARE / tolerances.rtol, _ENOUGH)
-    least = _LEAST * jnp.finfo(q.dtype).eps
-    followed = jnp.minimum(_FOLLOWED / jnp.maximum(tolerances.rtol, least), _PLENTY)
-    enough: Bool[Array, ""] = jnp.max(share) >= jnp.where(follow, followed, given)
-    return ~jnp.any(motion.counts) | enough
+    given = jnp.max(share) >= jnp.minimum(_SHARE / tolerances.rtol, _ENOUGH)
+    rounding = _USUAL * tolerances.rounding(tolerances.reached(q, v)) * steps**1.5
+    least = _DIGITS * jnp.finfo(q.dtype).eps
+    allowed = jnp.maximum(_ALLOWED * jnp.maximum(tolerances.rtol, least), _FINE)
+    followed = jnp.any(motion.counts & (rounding <= allowed * motion.distance))
+    return ~jnp.any(motion.counts) | jnp.where(follow, followed, given)
 
 
 def finer(structure: Structure, settings: Settings, run: Trajectory) -> Settings:

@@ -143,7 +143,7 @@ def _integrated(
     tolerance = precision.of(run.start[0].dtype).start_tolerance
     start = Start.of(system, ts[0], *run.start, tolerance)
     status = judge_run(system, ts, run, start, settings)
-    flags = _flags(system, run.ts, run.outputs, settings)
+    flags = _flags(system, run.ts, run.outputs, run.march.accepted, settings)
     if run.findings is not None:
         flags |= run.findings.flags
     # What describes the run in other words is no result of the program once more.
@@ -213,13 +213,17 @@ def _absolute(outputs: Output, settings: Settings) -> Float[Array, ""]:
 
 
 def _flags(
-    system: AbstractSystem, ts: Float[Array, " k"], outputs: Output, settings: Settings
+    system: AbstractSystem,
+    ts: Float[Array, " k"],
+    outputs: Output,
+    steps: Int[Array, ""],
+    settings: Settings,
 ) -> Int[Array, ""]:
     """What the system says against its own motion, and whether its tolerances resolve it."""
     flags, drift = jnp.zeros((), int), jnp.zeros_like(ts)
     if settings.dt is None:
         drift = drift_of(outputs.q, settings.rtol)
-        resolved = is_resolved(system, settings, outputs.q, outputs.v)
+        resolved = is_resolved(system, settings, outputs.q, outputs.v, steps)
         flags = jnp.where(resolved, 0, int(Flag.RESOLUTION))
     full = system.full
     if full.validity is not None:

@@ -79,9 +79,8 @@ class Tolerances(eqx.Module):
     ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
         """In positions and velocities, of a step h to or from the state `y`."""
         q, v, *_ = (jax.lax.stop_gradient(x) for x in y)
-        rounding = _ROUNDING * jnp.finfo(q.dtype).eps * reach.farthest
         far, fast = (self.each(jnp.minimum(x, 1)) for x in (reach.distance, reach.speed))
-        noise = self.each(rounding)
+        noise = self.rounding(reach)
         by_q = self.rtol * jnp.maximum(far, jnp.abs(q - reach.origin)) + noise
         by_v = self.rtol * jnp.maximum(fast, jnp.abs(v)) + noise / h
         return (
@@ -89,12 +88,21 @@ class Tolerances(eqx.Module):
             jnp.where(self.follow, by_v, self.atol + self.rtol * jnp.abs(v)),
         )
 
+    def rounding(self, reach: Reach) -> Float[Array, " n"]:
+        """What it leaves of positions in a step."""
+        return self.each(_ROUNDING * jnp.finfo(reach.farthest.dtype).eps * reach.farthest)
+
+    def reached(self, q: Float[Array, "k n"], v: Float[Array, "k n"]) -> Reach:
+        """How far the motion has got in all states of a run."""
+        each = jax.vmap(self.extended, in_axes=(None, 0))(self.start((q[0], v[0])), (q, v))
+        reach: Reach = jax.tree.map(lambda x: jnp.max(x, axis=0), each)
+        return reach
+
     def largest(
         self, q: Float[Array, "k n"], v: Float[Array, "k n"]
     ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
         """The largest errors in any of the states of a run, but for rounding in velocities."""
-        each = jax.vmap(self.extended, in_axes=(None, 0))(self.start((q[0], v[0])), (q, v))
-        reach = jax.tree.map(lambda x: jnp.max(x, axis=0), each)
+        reach = self.reached(q, v)
         errors = jax.vmap(lambda *y: self.errors(reach, y, jnp.asarray(jnp.inf)))(q, v)
         by_q, by_v = (jnp.max(rows, axis=0) for rows in errors)
         return by_q, by_v
