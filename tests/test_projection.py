@@ -61,6 +61,14 @@ def test_a_motion_at_rest_has_an_absolute_error(projected):
     assert np.isfinite(rj.compare(rest, projected).error)
 
 
+def test_a_motion_that_failed_has_no_error(projected):
+    """NaN from where it failed on: not the error of a motion that is right."""
+    q = np.where(np.arange(len(projected.t))[:, None] < len(projected.t) // 2, projected.q, np.nan)
+    failed = eqx.tree_at(lambda m: m.q, projected, q)
+    assert np.isnan(rj.compare(projected, failed).error)
+    assert np.isnan(rj.compare(failed, projected).error)
+
+
 def test_every_step_is_on_the_constraints(pendulum):
     """Not the saved points alone: C and Ċ after each accepted step, at rounding."""
     solver = PostStepSolver(diffrax.Tsit5(), ProjectState(2))

@@ -24,8 +24,9 @@ class Comparison(eqx.Module):
     """The errors of one motion against another.
 
     - `error`: ‖M₀^½ (q̃ − q)‖ / ‖M₀^½ (q − q₀)‖ over all output times, M₀ the mass matrix at the
-      start: one number without units. Of a motion that rests, the absolute ‖M₀^½ (q̃ − q)‖. In
-      space, quaternions have unit length and that sign which makes the difference smallest.
+      start: one number without units. Of a motion that rests, the absolute ‖M₀^½ (q̃ − q)‖; if
+      one of both failed, NaN. In space, quaternions have unit length and that sign which makes the
+      difference smallest.
     - `history` (k, n): the chapter's equation 39.17, Δq_i(t) / max |q_i − q_i(0)|. All four of a
       quaternion hold the angle between the two turns, over the largest angle from the start.
     - `per_coordinate` (n,): its largest magnitude in time.
@@ -152,7 +153,7 @@ def _single(difference: Float[Array, "k n"], quaternions: Sequence[int]) -> Floa
 
 
 def _norm(x: Float[Array, "..."], axis: int | None = None, keepdims: bool = False) -> Array:
-    """Euclidean norm whose gradient is zero, not NaN, where x vanishes."""
+    """Euclidean norm whose gradient is zero, not NaN, where x vanishes; NaN where x is."""
     squared = jnp.sum(x**2, axis=axis, keepdims=keepdims)
-    positive = squared > 0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, squared, 1)), 0)
+    nothing = squared == 0
+    return jnp.where(nothing, 0, jnp.sqrt(jnp.where(nothing, 1, squared)))
