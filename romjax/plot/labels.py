@@ -12,7 +12,7 @@ from matplotlib.transforms import Bbox
 
 from .style import SMALL
 
-# Points of one colour that are nearer than this have one label [pt].
+# Points that are nearer than this have one label [pt].
 _SAME = 6.0
 # Distances from a point at which words are tried [pt], and directions, the best first.
 _REACHES = (5.0, 14.0, 24.0, 36.0)
@@ -69,13 +69,14 @@ def _written(axes: Axes, label: Label, reach: float, direction: tuple[int, int])
 
 
 def _merged(axes: Axes, labels: Sequence[Label], same: float) -> list[Label]:
-    """One label for those of one colour whose points are on the same spot [px]."""
+    """One label for those whose points are on the same spot [px]."""
     kept = list[Label]()
     for label in labels:
         for number, other in enumerate(kept):
             pair = axes.transData.transform([(label.x, label.y), (other.x, other.y)])
-            if label.colour == other.colour and np.linalg.norm(pair[0] - pair[1]) < same:
-                kept[number] = other._replace(words=f"{other.words}; {label.words}")
+            if np.linalg.norm(pair[0] - pair[1]) < same:
+                said = dict.fromkeys([*other.words.split("; "), label.words])
+                kept[number] = other._replace(words="; ".join(said))
                 break
         else:
             kept.append(label)

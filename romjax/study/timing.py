@@ -45,7 +45,8 @@ class Alternating(NamedTuple):
 def alternating(calls: Sequence[Callable[[], Any]], spend: float) -> Alternating:
     """Medians of rounds in which all calls take turns for equal times, `spend` [s] in all about.
 
-    A busy machine slows down a whole round, and not the ratios within it.
+    A busy machine slows down a whole round, and not the ratios within it. On a CPU the time is that
+    of the processor, since what else it does may take it away for longer than a short call lasts.
     """
     once = [_shortest(call) for call in calls]
     longest = float(np.clip(once[0], _SHORTEST, _LONGEST))
@@ -65,9 +66,10 @@ def _shortest(call: Callable[[], Any]) -> float:
 def _turn(calls: Sequence[Callable[[], Any]], counts: Sequence[int]) -> list[float]:
     """The time of each call [s], on average over as many as it `counts`."""
     taken = []
+    clock = time.process_time if jax.default_backend() == "cpu" else time.perf_counter
     for call, count in zip(calls, counts, strict=True):
-        begin = time.perf_counter()
+        begin = clock()
         for _ in range(count):
             jax.block_until_ready(call())
-        taken.append((time.perf_counter() - begin) / count)
+        taken.append((clock() - begin) / count)
     return taken

@@ -41,8 +41,9 @@ def reductions(
     repeats its training is trained with three runs. Errors are measured on the training, and on
     three runs that no model has seen: at other speeds of the drives, else from other starts. All
     models run by the method that suits them, at one tolerance, and are timed in turns with the full
-    one, so that what else the machine does slows all of them alike; without the audit of energy,
-    which takes as long again to compile, and which the runs that errors are measured against have.
+    one, on a CPU by the time of the processor, so that what else the machine does changes little;
+    without the audit of energy, which takes as long again to compile, and which the runs that
+    errors are measured against have.
 
     **Arguments:**
 

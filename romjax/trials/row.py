@@ -9,7 +9,8 @@ class ReductionRow(NamedTuple):
     - `name`: what tables call it; `formulation`, `rank`: how it was made, the rank the number of
       its coordinates; `runs`: how many it was trained with, 0 of what needs none.
     - `steps`: of the training run; `time` [s]: the median of runs that alternate with the others,
-      and `speed_up`, the median of how many times as fast as the full model it was.
+      on a CPU that of the processor, and `speed_up`, the median of how many times as fast as the
+      full model it was.
     - `trained`: error on the runs it was made of; `unseen`: the largest on starts or speeds that it
       was not. Infinite where a run fails, NaN where none could be made.
     - `made`, `compiled` [s]: how long it took, training runs included. `pays_after`: runs until
