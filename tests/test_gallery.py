@@ -50,6 +50,13 @@ def test_every_scene_has_a_fact():
     assert len(FACTS) >= 16
 
 
+@pytest.mark.instant
+@pytest.mark.parametrize("name", ["bricard", "flyball-governor", "rotor", "spatial-arm"])
+def test_a_scene_in_space_is_made_without_compiling(name):
+    """In each process some operations of JAX would take longer than all else that makes it."""
+    assert find(name).make().bodies
+
+
 @pytest.mark.parametrize("name", FAST)
 def test_scene(name):
     """Tightly, and without the balance of energy."""

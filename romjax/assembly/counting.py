@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.arrays import Time
+from ..compiling.program import program_once
 from ..linalg.indexing import take
 from ..linalg.inverse_mass import InverseMass, PlainInverse
 from ..scene.body.base import AbstractBody
@@ -139,12 +140,27 @@ def _in_space(part: Any) -> bool:
     return bool(getattr(part, "counted", ())) and part.markers[0].dimension == 3
 
 
-@jax.jit
 def started(system: Any) -> Any:
     """The system whose counters start at their angles, with inertias that suit what they count.
 
     A counter that stands at zero violates its constraint by the angle.
     """
+    return eqx.tree_at(
+        lambda s: (
+            s.q0,
+            s.v0,
+            next(g for g in s.bodies if isinstance(g.bodies, Counter)).bodies.inertia,
+        ),
+        system,
+        _start(system),
+    )
+
+
+@program_once
+def _start(
+    system: Any,
+) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " counters"]]:
+    """The start of a system with that of its counters, and the counters' inertias."""
     group = next(group for group in system.bodies if isinstance(group.bodies, Counter))
     holding = next(group for group in system.joints if isinstance(group.joints, Counting))
     own, rows = group.coordinates.array[:, 0], holding.rows.array[:, 0]
@@ -155,16 +171,8 @@ def started(system: Any) -> Any:
     mobility = jnp.sum(inverse.apply(sides, system.pattern.bodies) * sides, axis=2)
     mobility = jnp.sum(take(mobility, system.pattern.sides_of_nodes), axis=1)
     mobility = system.pattern.join_rows(mobility)
-    return eqx.tree_at(
-        lambda s: (s.q0, s.v0, next(g for g in s.bodies if isinstance(g.bodies, Counter)).bodies),
-        system,
-        (
-            system.q0.at[own].set(angle[rows]),
-            system.v0.at[own].set(speed[rows]),
-            eqx.tree_at(
-                lambda c: c.inertia,
-                group.bodies,
-                COUNTER_INERTIA / jax.lax.stop_gradient(mobility[rows]),
-            ),
-        ),
+    return (
+        system.q0.at[own].set(angle[rows]),
+        system.v0.at[own].set(speed[rows]),
+        COUNTER_INERTIA / jax.lax.stop_gradient(mobility[rows]),
     )

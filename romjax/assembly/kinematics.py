@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from ..common.arrays import as_jax, put
 from ..common.compat import is_traced
+from ..compiling.program import program_once
 from ..linalg.dense import multiply
 from ..linalg.indexing import Index
 from ..scene.body.base import AbstractBody
@@ -188,7 +189,7 @@ def prepare_points(
     return Markers(points, turns, shapes, foreshortening, frames, padded)
 
 
-@jax.jit
+@program_once
 def _shapes(
     bodies: AbstractBody, points: Float[Array, "count d"]
 ) -> Float[Array, "count motions modes"]:
@@ -197,7 +198,7 @@ def _shapes(
     return shapes
 
 
-@jax.jit
+@program_once
 def _foreshortening(
     bodies: AbstractBody, points: Float[Array, "count d"]
 ) -> Float[Array, "count d modes modes"]:

@@ -2,11 +2,10 @@
 
 import math
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.arrays import Number
+from ..common.arrays import Number, namespace, untraced
 from ..scene.body.spatial.rigid import RigidBody
 from ..scene.effect.damper import Damper
 from ..scene.effect.gravity import Gravity
@@ -75,16 +74,17 @@ def flyball_governor(
 def _arm(name: str, top: np.ndarray, tip: np.ndarray, ball: Number, speed: Number) -> RigidBody:
     """A rod with a point mass at its tip, its frame in the common centre of mass."""
     bare = rod(name, top, tip, _DENSITY * _EDGE**2, _EDGE)
-    mass = bare.mass + ball
-    centre = (0.5 * bare.mass + ball) / mass  # from the top
-    across = bare.mass * (centre - 0.5) ** 2 + ball * (1 - centre) ** 2
+    own, inertia, ball = untraced(bare.mass, bare.inertia, ball)
+    mass = own + ball
+    centre = (0.5 * own + ball) / mass  # from the top
+    across = own * (centre - 0.5) ** 2 + ball * (1 - centre) ** 2
     position = top + centre * (tip - top)
     spin = np.array([0.0, 0.0, 1.0]) * speed
-    line = jnp.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) - centre * np.array([[0.0, 0.0, 1.0]])
+    line = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) - centre * np.array([[0.0, 0.0, 1.0]])
     return RigidBody(
         name,
         mass,
-        bare.inertia + across * np.array([1.0, 1.0, 0.0]),
+        inertia + across * np.array([1.0, 1.0, 0.0]),
         position=position,
         orientation=bare.orientation,
         velocity=np.cross(spin, position),
@@ -98,4 +98,6 @@ def _with_ball(line: Float[Array, "2 3"], radius: float) -> Float[Array, "points
     """A line with circles in two planes around its end."""
     angle = np.linspace(0.0, 2 * np.pi, 25)
     around = radius * np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
-    return jnp.concatenate([line, line[1:] + around, line[1:] + around[:, [1, 0, 2]], line[1:]])
+    parts = [line, line[1:] + around, line[1:] + around[:, [1, 0, 2]], line[1:]]
+    outline: Array = namespace(line).concatenate(parts)
+    return outline

@@ -36,5 +36,5 @@ def rod(
 
 def towards(body: AbstractBody, point: Vector | str, axis: Vector) -> Marker:
     """The marker of a body whose z axis is along an `axis` of space at the start."""
-    turn, along = untraced(body.start()[0][3:7], as_array(axis))
-    return body.at(point, axis=quaternions.rotate(quaternions.conjugate(turn), along))
+    q, along = untraced(body.start()[0], as_array(axis))
+    return body.at(point, axis=quaternions.rotate(quaternions.conjugate(q[3:7]), along))

@@ -31,10 +31,11 @@ else:
 
 def rotation(axis: Vector, angle: Number) -> Float[Array, "4"]:
     """The rotation by an `angle` [rad] about an `axis` (3,), a vector of any length but zero."""
-    along, half = untraced(as_array(axis), 0.5 * as_array(angle))
+    along, turn = untraced(as_array(axis), as_array(angle))
     _check_axis("rotation", along)
     xp = namespace(along)
     unit = along / xp.sqrt((along**2).sum())
+    half = 0.5 * turn
     return as_array(xp.concatenate([xp.cos(half)[None], xp.sin(half) * unit]))
 
 

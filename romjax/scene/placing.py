@@ -99,12 +99,15 @@ def _local(body: Any, q: Array, point: Vector) -> Pose:
     unturned = as_array(0.0 if d == 2 else (1.0, 0.0, 0.0, 0.0))
     if not body.modes:
         return Pose(at, unturned)
+    place, shapes, q = untraced(at, body.mode_shapes(at), q)
     amplitudes = q[body.frame_size :]
-    moved = body.mode_shapes(at) @ amplitudes
-    arm = at + moved[:d]
+    moved = shapes @ amplitudes
+    arm = place + moved[:d]
     if body.foreshortens:
-        arm = arm - 0.5 * (body.foreshortening(at) @ amplitudes) @ amplitudes
-    return Pose(arm, moved[2] if d == 2 else quaternions.small_turn(moved[d:]))
+        (second, amplitudes) = untraced(body.foreshortening(at), amplitudes)
+        arm = arm - 0.5 * (second @ amplitudes) @ amplitudes
+    turn = moved[2] if d == 2 else quaternions.small_turn(moved[d:])
+    return Pose(as_array(arm), as_array(turn))
 
 
 def _moved(origin: Any, turn: Any, arm: Any, sign: int = 1) -> Any:
