@@ -126,10 +126,8 @@ def families(facts: Facts) -> list[Family]:
         order += [table] if facts.drives == 0 else []
     elif facts.drives or facts.rigid == 0:
         order = [minimal, table, galerkin]
-    elif chain and facts.stiff:
-        order = [minimal, hyper, galerkin]
     elif chain and facts.bodies >= _MANY_BODIES:
-        order = [hyper, minimal, galerkin]
+        order = [minimal, hyper, galerkin] if facts.stiff else [hyper, minimal, galerkin]
     else:
         order = [table, minimal, galerkin]
     return [family for family in order if family.candidates]
