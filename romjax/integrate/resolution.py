@@ -51,11 +51,13 @@ def is_resolved(
     # The root finders of implicit methods ask for tolerances in metres, whatever size motions have.
     follow = settings.follow & (not has_root_finder(settings.solver))
     tolerances = Tolerances.of(structure.is_position, settings.rtol, settings.atol, follow)
-    by_q, by_v = tolerances.largest(q, v)
+    reach = tolerances.reached(q, v)
+    # Rounding, which velocities have by the step, is counted apart.
+    by_q, by_v = tolerances.errors(reach, q, v, jnp.asarray(jnp.inf))
     by_position, by_velocity = motion.distance / by_q, motion.speed / by_v
     share = jnp.where(motion.counts, jnp.minimum(by_position, by_velocity), 0.0)
     given = jnp.max(share) >= jnp.minimum(_SHARE / tolerances.rtol, _ENOUGH)
-    rounding = _USUAL * tolerances.rounding(tolerances.reached(q, v)) * steps**1.5
+    rounding = _USUAL * tolerances.rounding(reach) * steps**1.5
     least = _DIGITS * jnp.finfo(q.dtype).eps
     allowed = jnp.maximum(_ALLOWED * jnp.maximum(tolerances.rtol, least), _FINE)
     followed = jnp.any(motion.counts & (rounding <= allowed * motion.distance))

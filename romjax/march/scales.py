@@ -44,11 +44,14 @@ class Scales(NamedTuple):
     ) -> "Scales":
         """In a state that the motion has got to, of a run that lasts for `span` [s]."""
         by_q, by_v = (jnp.abs(jax.lax.stop_gradient(x)) for x in slopes)
-        q_errors, v_errors = (_FLOOR * x for x in tolerances.errors(reach, y, _STEP * span))
+        q_errors, v_errors = (
+            _FLOOR * x for x in tolerances.errors(reach, y[0][None], y[1][None], _STEP * span)
+        )
         floor, least = by_q @ q_errors + by_v @ v_errors, by_q @ v_errors
-        far, fast = (tolerances.each(x) for x in (reach.farthest, reach.speed))
         unit = _ROUNDING * jnp.finfo(floor.dtype).eps
-        return cls(floor, least, unit * (by_q @ far + by_v @ fast), reach, by_q, by_v)
+        return cls(
+            floor, least, unit * (by_q @ reach.farthest + by_v @ reach.speed), reach, by_q, by_v
+        )
 
     def after(
         self,

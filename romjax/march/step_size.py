@@ -10,7 +10,7 @@ import optimistix
 from jaxtyping import Array, Float
 
 from .steps import chosen
-from .tolerances import Tolerances, in_one_chart
+from .tolerances import Tolerances, in_one_chart, next_origin
 
 
 class StepSizeControl(diffrax.AbstractAdaptiveStepSizeController[Any, Any]):
@@ -55,15 +55,14 @@ class StepSizeControl(diffrax.AbstractAdaptiveStepSizeController[Any, Any]):
         state, reach = controller_state
         # What is not finite has an error that is not.
         y1 = jax.tree.map(lambda a, b: jnp.where(jnp.isfinite(a), a, b), y1_candidate, y0)
-        ends = y0, in_one_chart(y0, y1)
-        longer = self.tolerances.extended(reach, ends[1])
-        allowed = (self.tolerances.errors(longer, y, t1 - t0) for y in ends)
-        error = optimistix.rms_norm(
-            jax.tree.map(lambda e, a, b: e / jnp.maximum(a, b), tuple(y_error[:2]), *allowed)
-        )
+        end = in_one_chart(y0, y1)
+        longer = self.tolerances.extended(reach, end)
+        q, v = (jnp.stack(pair) for pair in zip(y0[:2], end[:2], strict=True))
+        by_q, by_v = self.tolerances.errors(longer, q, v, t1 - t0)
+        error = optimistix.rms_norm((y_error[0] / by_q, y_error[1] / by_v))
         none = jnp.zeros_like(error)
         keep, *others, state, result = self.steps.adapt_step_size(
             t0, t1, none, none, args, error, error_order, state
         )
-        after = self.tolerances.after(reach, y0, y1)
+        after = longer._replace(origin=next_origin(longer, y0, y1))
         return keep, *others, (state, chosen(jnp.asarray(keep), after, reach)), result

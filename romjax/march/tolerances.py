@@ -14,18 +14,31 @@ _ROUNDING, _NEAREST = 20, (1e-3, 1.0)
 
 
 class Reach(NamedTuple):
-    """How far a motion has got. Pairs are of the positions of bodies [m], and of all other
-    coordinates: angles, amplitudes, and those of systems of which no bodies are known.
+    """How far a motion has got: for each coordinate, what is largest among those of its kind. There
+    are two, positions of bodies [m] and all others: angles, amplitudes, and the coordinates of
+    systems of which no bodies are known.
 
     - `origin`: from where distances count, the first positions in the chart of the state.
-    - `distance`: the largest of them. `speed`: the largest rate.
-    - `farthest`: the largest position itself, of which rounding is a share; at least `_NEAREST`.
+    - `sizes`: of three rows, the `distance` from there, the `speed`, and the `farthest` position
+      itself, of which rounding is a share, at least `_NEAREST`.
+
+    As one array, since each operation on three would be three more in every program.
     """
 
     origin: Float[Array, " n"]
-    distance: Float[Array, "2"]
-    speed: Float[Array, "2"]
-    farthest: Float[Array, "2"]
+    sizes: Float[Array, "3 n"]
+
+    @property
+    def distance(self) -> Float[Array, " n"]:
+        return self.sizes[0]
+
+    @property
+    def speed(self) -> Float[Array, " n"]:
+        return self.sizes[1]
+
+    @property
+    def farthest(self) -> Float[Array, " n"]:
+        return self.sizes[2]
 
 
 class Tolerances(eqx.Module):
@@ -55,78 +68,72 @@ class Tolerances(eqx.Module):
 
     def start(self, y: Any) -> Reach:
         """Before the first step."""
-        q, zero = jax.lax.stop_gradient(y[0]), jnp.zeros(2, y[0].dtype)
-        return self.extended(Reach(q, zero, zero, jnp.asarray(_NEAREST, q.dtype)), y)
+        q = jax.lax.stop_gradient(y[0])
+        nearest = np.where(self.positions, *_NEAREST)
+        sizes = jnp.asarray(np.stack([0 * nearest, 0 * nearest, nearest]), q.dtype)
+        return self.extended(Reach(q, sizes), y)
 
     def extended(self, reach: Reach, y: Any) -> Reach:
         """With a state in the same chart."""
         q, v, *_ = (jax.lax.stop_gradient(x) for x in y)
-        return Reach(
-            reach.origin,
-            jnp.maximum(reach.distance, self._largest(q - reach.origin)),
-            jnp.maximum(reach.speed, self._largest(v)),
-            jnp.maximum(reach.farthest, self._largest(q)),
-        )
+        sizes = self._largest(jnp.abs(jnp.stack([q - reach.origin, v, q])))
+        return Reach(reach.origin, jnp.maximum(reach.sizes, sizes))
 
     def after(self, reach: Reach, y0: Any, y1: Any) -> Reach:
         """After a step from the state `y0` to `y1`, which may be in another chart."""
-        changes = _changes_chart(y0, y1)
         longer = self.extended(reach, in_one_chart(y0, y1))
-        return longer._replace(origin=jnp.where(changes, y1[0], longer.origin))
+        return longer._replace(origin=next_origin(longer, y0, y1))
 
     def errors(
-        self, reach: Reach, y: Any, h: Float[Array, ""]
+        self,
+        reach: Reach,
+        q: Float[Array, "k n"],
+        v: Float[Array, "k n"],
+        h: Float[Array, ""],
     ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-        """In positions and velocities, of a step h to or from the state `y`."""
-        q, v, *_ = (jax.lax.stop_gradient(x) for x in y)
-        far, fast = (self.each(jnp.minimum(x, 1)) for x in (reach.distance, reach.speed))
+        """In positions and velocities, the largest in any of k states, of steps h to or from it."""
+        q, v = jax.lax.stop_gradient((q, v))
+        moved = jnp.max(jnp.abs(jnp.stack([q - reach.origin[None], v])), axis=1)
         noise = self.rounding(reach)
-        by_q = self.rtol * jnp.maximum(far, jnp.abs(q - reach.origin)) + noise
-        by_v = self.rtol * jnp.maximum(fast, jnp.abs(v)) + noise / h
-        return (
-            jnp.where(self.follow, by_q, self.atol + self.rtol * jnp.abs(q)),
-            jnp.where(self.follow, by_v, self.atol + self.rtol * jnp.abs(v)),
-        )
+        followed = self.rtol * jnp.maximum(jnp.minimum(reach.sizes[:2], 1), moved)
+        followed += jnp.stack([noise, noise / h])
+        given = self.atol + self.rtol * jnp.max(jnp.abs(jnp.stack([q, v])), axis=1)
+        by_q, by_v = jnp.where(self.follow, followed, given)
+        return by_q, by_v
 
     def rounding(self, reach: Reach) -> Float[Array, " n"]:
         """What it leaves of positions in a step."""
-        return self.each(_ROUNDING * jnp.finfo(reach.farthest.dtype).eps * reach.farthest)
+        return _ROUNDING * jnp.finfo(reach.sizes.dtype).eps * reach.farthest
 
     def reached(self, q: Float[Array, "k n"], v: Float[Array, "k n"]) -> Reach:
         """How far the motion has got in all states of a run."""
-        each = jax.vmap(self.extended, in_axes=(None, 0))(self.start((q[0], v[0])), (q, v))
-        reach: Reach = jax.tree.map(lambda x: jnp.max(x, axis=0), each)
-        return reach
+        start = self.start((q[0], v[0]))
+        sizes = self._largest(jnp.max(jnp.abs(jnp.stack([q - q[:1], v, q])), axis=1))
+        return Reach(start.origin, jnp.maximum(start.sizes, sizes))
 
-    def largest(
-        self, q: Float[Array, "k n"], v: Float[Array, "k n"]
-    ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-        """The largest errors in any of the states of a run, but for rounding in velocities."""
-        reach = self.reached(q, v)
-        errors = jax.vmap(lambda *y: self.errors(reach, y, jnp.asarray(jnp.inf)))(q, v)
-        by_q, by_v = (jnp.max(rows, axis=0) for rows in errors)
-        return by_q, by_v
-
-    def _largest(self, x: Float[Array, " n"]) -> Float[Array, "2"]:
-        """Of a pair."""
-        sizes, which = jnp.abs(x), np.array(self.positions, bool)
-        both = (jnp.max(sizes, where=own, initial=0.0) for own in (which, ~which))
-        return jnp.stack(list(both))
-
-    def each(self, pair: Float[Array, "2"]) -> Float[Array, " n"]:
-        """What of a pair is for each coordinate."""
-        own: Array = jnp.where(np.array(self.positions, bool), pair[0], pair[1])
-        return own
+    def _largest(self, sizes: Float[Array, "rows n"]) -> Float[Array, "rows n"]:
+        """The largest of each row among the coordinates of each kind."""
+        which = np.array(self.positions, bool)
+        if not len(which):
+            return sizes
+        if which.all() or not which.any():
+            return jnp.max(sizes, axis=1, keepdims=True)
+        # By products, which are an operation each, where a choice is several.
+        kinds = (each[None].astype(sizes.dtype) for each in (which, ~which))
+        one, other = (kind * jnp.max(kind * sizes, axis=1, keepdims=True) for kind in kinds)
+        largest: Array = one + other
+        return largest
 
 
 def in_one_chart(y0: Any, y1: Any) -> Any:
     """The end of a step, or its start again where another chart begins, whose coordinates do not
     compare with those before.
     """
-    changes = _changes_chart(y0, y1)
-    return jax.tree.map(lambda a, b: jnp.where(changes, a, b), y0, y1)
+    if len(y0) < 3:
+        return y1
+    return jax.tree.map(lambda a, b: jnp.where(y0[2] != y1[2], a, b), y0, y1)
 
 
-def _changes_chart(y0: Any, y1: Any) -> Bool[Array, ""]:
-    changes: Array = y0[2] != y1[2] if len(y0) == 3 else jnp.zeros((), bool)
-    return changes
+def next_origin(reach: Reach, y0: Any, y1: Any) -> Float[Array, " n"]:
+    """From where distances count after a step: from its end, where another chart begins."""
+    return reach.origin if len(y0) < 3 else jnp.where(y0[2] != y1[2], y1[0], reach.origin)

@@ -123,7 +123,9 @@ class Audit(AbstractFollower):
         if not self.controlled:
             least = share * len(v) * self.tolerances.atol**2
             return Momentary(energy.total, energy.kinetic, least, zero, zero)
-        q_errors, v_errors = self.tolerances.errors(after.controller_state[1], y, t - before.t)
+        q_errors, v_errors = self.tolerances.errors(
+            after.controller_state[1], y[0][None], v[None], t - before.t
+        )
         squares = (energy.slope * q_errors) ** 2 + (energy.momentum * v_errors) ** 2
         tolerated = jnp.sqrt(2 * len(v) * jnp.sum(squares))
         least = share * jnp.sum(v_errors**2)
