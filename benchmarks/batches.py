@@ -9,6 +9,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -44,6 +45,12 @@ PRECISION = {
 }
 ERROR = 5e-6  # at which the models are compared
 RATE = 1e-6  # relative tolerance of the other tables
+# By which a user compiles a batch of so many lanes, with these tolerances.
+COMPILED = {
+    ("rj.jit", FULL, LANES): PRECISION[FULL][:2],
+    ("jax.jit", FULL, LANES): (RATE,),
+    ("jax.jit", KVAERNO5, LANES // 4): PRECISION[KVAERNO5],
+}
 COUNTS = {"cpu": (1, 16, 256, 2048), "gpu": (1, 16, 256, 4096, 65_536, 1_000_000)}
 
 
@@ -96,6 +103,23 @@ def precision() -> list[list[Any]]:
     return rows
 
 
+def compiled() -> list[list[Any]]:
+    """How, model, lanes, tolerance and rate [1/s of a processor], without flags for the process."""
+    rows = []
+    for (how, model, lanes), tolerances in COMPILED.items():
+        batch = (rj.jit if how == "rj.jit" else jax.jit)(jax.vmap(lane(model), (None, 0)))
+        for rtol in tolerances:
+            taken = []
+            for _ in range(3):
+                start = time.process_time()
+                jax.block_until_ready(batch(rtol, jnp.asarray(forces(lanes))))
+                taken.append(time.process_time() - start)
+                if taken[-1] > SLOW and len(taken) > 1:
+                    break
+            rows.append([how, list(model), lanes, rtol, lanes / min(taken[1:])])
+    return rows
+
+
 def rates(settings: list[tuple[int, int]]) -> list[list[Any]]:
     """Model and rates of its sweeps, by lanes and lanes of a chunk."""
 
@@ -114,13 +138,16 @@ def rates(settings: list[tuple[int, int]]) -> list[list[Any]]:
 
 def of(what: str) -> Any:
     """One table, in a process of its own."""
-    rj.speed_up_xla()
+    if what != "compiled":
+        rj.speed_up_xla()
     jax.config.update("jax_enable_x64", True)
     device = jax.devices()[0]
     if what == "device":
         return [device.platform, device.device_kind]
     if what == "precision":
         return precision()
+    if what == "compiled":
+        return compiled()
     if what == "lanes":
         own = LANES if device.platform == "cpu" else max(COUNTS["gpu"])
         return rates([(count, min(count, own)) for count in COUNTS[device.platform]])
@@ -167,6 +194,28 @@ def with_errors(rows: list[list[Any]]) -> tuple[list[list[str]], dict[str, float
     return lines, ratios
 
 
+def by_compiler(rows: list[list[Any]], errors: list[list[Any]]) -> record.Section:
+    """What `rj.jit` saves, of batches whose errors are known by model and tolerance."""
+    known = {(tuple(model), rtol): error for model, rtol, error, *_ in errors}
+    table = [["by", "model", "r", "method", "lanes", "rtol", "per second"]]
+    points, found = {}, {}
+    for how, model, lanes, rtol, rate in rows:
+        table.append([how, *map(str, model), str(lanes), f"{rtol:.0e}", f"{rate:.3g}"])
+        found[how, tuple(model), rtol] = rate
+        points.setdefault((how, tuple(model)), []).append((known[tuple(model), rtol], 1 / rate))
+    own, other = (at_error(points[key], ERROR) for key in (("rj.jit", FULL), ("jax.jit", KVAERNO5)))
+    name = "full: rj.jit / jax.jit, per second"
+    ratios = {name: found["rj.jit", FULL, RATE] / found["jax.jit", FULL, RATE]}
+    if own and other:
+        ratios["full: Kvaerno5, jax.jit / Rodas5P, rj.jit"] = other / own
+    return record.Section(
+        "By the function that a user compiles `jax.vmap(run)` with, without flags for the\n"
+        f"process: per second of a processor; ratio of methods at an error of {ERROR:.0e}:",
+        table,
+        ratios,
+    )
+
+
 def measure() -> Iterator[record.Section]:
     """Errors and rates, rates by lanes, rates by devices; of a GPU, rates by lanes."""
     kind, name = child("device")
@@ -177,12 +226,14 @@ def measure() -> Iterator[record.Section]:
     )
     own = ["model", "r", "method"]
     if kind == "cpu":
-        rows, ratios = with_errors(child("precision"))
+        errors = child("precision")
+        rows, ratios = with_errors(errors)
         yield record.Section(
             f"Errors (the worst of {CHECKED} lanes) and rates, {LANES} lanes, one core:",
             [[*own, "rtol", "error", "steps", "per second"], *rows],
             ratios,
         )
+        yield by_compiler(child("compiled"), errors)
     found, counts = child("lanes"), COUNTS[kind]
     place = counts.index(LANES)
     yield record.Section(

@@ -126,8 +126,8 @@ def jit(function: Callable[..., Any] | None = None, /, **settings: Any) -> Any:
 
     For functions of your own with runs in them, and for their batches and derivatives:
     `rj.jit(jax.vmap(run))` makes more than twice as many runs per second as
-    `jax.jit(jax.vmap(run))` (`benchmarks/batches.txt`), and compiles in half the time. A simulation
-    outside of a function of your own needs none of it.
+    `jax.jit(jax.vmap(run))` (`benchmarks/batches.txt`), and takes no longer to compile. A
+    simulation outside of a function of your own needs none of it.
 
     Only the outermost program of a call has options: put this around `vmap`, `grad` and `jacfwd`,
     not within. Inside of another program or transformation, on other devices than a CPU, and where
