@@ -67,7 +67,7 @@ def _left(omega: Float[Array, "3"]) -> Float[Array, "4 4"]:
 def _counted(
     system: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
 ) -> Float[Array, " n"]:
-    """With the rates of counters, each of which is in one constraint only."""
+    """Return `v` with the rates of counters filled in; each counter is in one constraint only."""
     counters = np.array(system.structure.counters, int)
     if not counters.size:
         return v

@@ -68,7 +68,7 @@ def axial_warning(
 def spread(
     count: int, t: Float[Array, " k"], q: Float[Array, "k n"], v: Float[Array, "k n"]
 ) -> list[Any]:
-    """Some of many states, first and last among them, that are spread evenly over the outputs."""
+    """Return `count` of the states, evenly spread over the outputs, with the first and the last."""
     rows = np.unique(np.linspace(0, len(t) - 1, count).round().astype(int))
     return [np.asarray(x)[rows] for x in (t, q, v)]
 
@@ -90,7 +90,7 @@ def warn_of_axial_loads(
 def _loads(
     system: AbstractSystem, t: Float[Array, " k"], q: Float[Array, "k n"], v: Float[Array, "k n"]
 ) -> Float[Array, "k beams"]:
-    """At states in the coordinates of a system, full or reduced."""
+    """Return the axial loads of all beams at states of a full or reduced system."""
 
     def at(now: tuple[Array, Array, Array]) -> Array:
         state, full = system.state(*now), cast("AssembledSystem", system.full)

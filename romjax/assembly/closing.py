@@ -146,7 +146,7 @@ def _turning_alike(system: AssembledSystem, q: Float[Array, " n"]) -> Float[Arra
 
 
 def _set_speeds(structure: Structure, v: Float[Array, " n"]) -> Bool[Array, " n"]:
-    """Which velocities belong to a vector of a body that is not zero."""
+    """Say of each velocity whether it belongs to a vector of a body that is not zero."""
     fields, count = fields_of(structure)
     moving = jnp.zeros(count, bool).at[fields].max(v != 0).at[-1].set(False)
     return moving[fields]

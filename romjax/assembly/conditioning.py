@@ -27,8 +27,10 @@ def conditioning_warning(
     v: Float[Array, "k n"],
     rtol: float,
 ) -> str:
-    """That rounding in the accelerations is no more small against `rtol`, in words; "" if it is, or
-    while JAX traces. At three states of a run of a full or reduced `system`, in its coordinates.
+    """Return a warning if rounding in the accelerations is no more small against `rtol`.
+
+    It looks at three states of a run of a full or reduced `system`, in its coordinates. The text is
+    empty if all is well, and while JAX traces.
 
     Joints on a body that is lighter than its neighbours by a factor ε give rows of the scaled Schur
     complement that differ by ε only: its least pivot p is about ε, and the multipliers lose ε⁻¹ of

@@ -131,7 +131,7 @@ def without_counters(groups: Sequence[G]) -> tuple[G, ...]:
 
 
 def bodies_coordinates(parts: Sequence[Any], q: np.ndarray, n: int) -> np.ndarray:
-    """Of coordinates (k, n + counters), those of the bodies; others as they are."""
+    """Return `q` (k, n + counters) without the counters; other arrays stay as they are."""
     counted = sum(len(part.counted) for part in parts if _in_space(part))
     return q[:, :n] if q.ndim == 2 and q.shape[1] == n + counted else q
 

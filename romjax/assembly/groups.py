@@ -123,7 +123,7 @@ class BodyGroup(Stack):
 def _quadratic_velocity_force(
     body: AbstractBody, q: Float[Array, " size"], v: Float[Array, " size"]
 ) -> Float[Array, " size"]:
-    """That which the body knows; else by autodiff of its mass matrix."""
+    """Return the force that the body defines, or else that from its mass matrix by autodiff."""
     own = body.quadratic_velocity_force(q, v)
     force: Array = quadratic_velocity_force(body.mass_matrix)(q, v) if own is None else own
     return force

@@ -80,7 +80,7 @@ def part(
 
 
 def _some(markers: Markers, rows: np.ndarray, number: dict[int, int]) -> Markers:
-    """Some of the markers, on other numbers of coordinates."""
+    """Return the markers of the given `rows`, with their coordinates renumbered by `number`."""
     shapes = markers.foreshortening
     return Markers(
         pick(markers.points, rows),

@@ -10,7 +10,7 @@ from ..scene.marker import Pose
 
 
 class PoseGradient(NamedTuple):
-    """Of one pose, or of several with a leading axis, by all coordinates after x, y (and z).
+    """The gradient of a pose, or of several (leading axis), by all coordinates after x, y (and z).
 
     A frame that moves without turning takes its markers along: by its x, y and z the derivative of
     a position is the unit matrix, that of a turn zero.

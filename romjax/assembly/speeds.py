@@ -22,8 +22,9 @@ _SAME = 1e-9
 
 
 def fields_of(structure: Structure) -> tuple[np.ndarray, int]:
-    """To which vector of `_NAMES` each velocity belongs, counted over all bodies; and how many
-    there are, the last one of coordinates that no body has.
+    """Return the number of the vector that each velocity belongs to, and the number of vectors.
+
+    Each body has those of `_NAMES`; the last vector is for coordinates that no body has.
     """
     bodies, kinds = len(structure.frames), len(_NAMES)
     numbers = np.arange(len(structure.coordinates))

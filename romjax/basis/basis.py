@@ -83,7 +83,7 @@ class Basis(eqx.Module):
         return dataclasses.replace(self, modes=modes, snapshots=snapshots)
 
     def of_unit_length(self, columns: Sequence[int]) -> "Basis":
-        """With snapshots and offset by quaternions of unit length, which begin at `columns`."""
+        """Return the basis with its quaternions, which begin at `columns`, of unit length."""
         snapshots, offset = self.snapshots.of_unit_length(columns), self.offset
         if snapshots.turns is not None:
             offset = by_turn(snapshots.turns, offset)

@@ -137,7 +137,7 @@ class SnapshotSet(eqx.Module):
 
     @property
     def motions(self) -> tuple["Motion", ...]:
-        """Those that the snapshots are from; () where nobody knows."""
+        """The motions that the snapshots are from; () where that is not known."""
         return _motions.get(self.weights) or ()
 
     def turned(self, turns: Turns | None) -> "SnapshotSet":
@@ -167,7 +167,7 @@ class SnapshotSet(eqx.Module):
         return cls(zero, q, rest, zero, metric, Noise(least, least), (), ())
 
     def of_coordinates(self, numbers: np.ndarray) -> "SnapshotSet":
-        """Those of some coordinates only, by their numbers, without names."""
+        """Return the snapshots of the coordinates with these numbers only, without names."""
         changes = self.changes
         if changes is not None:
             q, v = (pick(x, np.s_[:, numbers]) for x in (changes.q, changes.v))

@@ -46,7 +46,7 @@ class PodStream(eqx.Module):
 
     @classmethod
     def start(cls, metric: Any, offset: Any, most: int | None = None) -> "PodStream":
-        """Before the first block.
+        """Return an empty stream, to which blocks of snapshots can be added.
 
         **Arguments:**
 
@@ -70,7 +70,7 @@ class PodStream(eqx.Module):
         )
 
     def add(self, t: Any, q: Any, v: Any) -> "PodStream":
-        """With the snapshots `q`, `v` (h, n) at the times `t` (h,), which follow those before."""
+        """Return the stream with the snapshots `q`, `v` (h, n) at the times `t` (h,) appended."""
         # By NumPy, which compiles nothing for blocks of another length.
         t, q = np.asarray(t, self.factor.dtype), np.asarray(q, self.factor.dtype)
         block_t, block_q = t, q

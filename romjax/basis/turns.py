@@ -1,4 +1,4 @@
-"""Of the quaternions of any length that turn a body alike, the one that a snapshot holds."""
+"""How snapshots choose one of the quaternions of any length that turn a body alike."""
 
 from collections.abc import Sequence
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     Given = TypeVar("Given", default=Number)
 
     class Converted(Generic[Held, Given]):
-        """Of a field that holds the first type and takes the second too, a number unless told.
+        """The type of a field that holds the first type and takes the second, by default numbers.
 
         To checkers it is a descriptor, whose `__set__` gives the type of the argument of a
         constructor (https://typing.python.org/en/latest/spec/dataclasses.html).

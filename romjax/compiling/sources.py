@@ -48,7 +48,7 @@ def _place(target: Place, places: Set[Place]) -> Place:
 
 @functools.cache
 def _sources() -> dict[Place, tuple[str, frozenset[Place]]]:
-    """Of each place a digest of its sources, and the places that it imports."""
+    """Return for each place a digest of its sources, and the places that it imports."""
     texts: dict[Place, list[str]] = {}
     imported: dict[Place, set[Place]] = {}
     for file in sorted(_PACKAGE.rglob("*.py")):

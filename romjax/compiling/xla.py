@@ -93,22 +93,22 @@ class Jitted:
         return self if owner is None else types.MethodType(self, owner)
 
     def lower(self, *args: Any, **kwargs: Any) -> Any:
-        """As of `jax.jit`: traced, for `.compile()`."""
+        """Trace and lower the function for `.compile()`, as `jax.jit` does."""
         with tracing_with_options():
             return self._outermost.lower(*args, **kwargs)
 
     def trace(self, *args: Any, **kwargs: Any) -> Any:
-        """As of `jax.jit`: the jaxpr, for `.lower()`."""
+        """Trace the function to a jaxpr for `.lower()`, as `jax.jit` does."""
         with tracing_with_options():
             return self._outermost.trace(*args, **kwargs)
 
     def eval_shape(self, *args: Any, **kwargs: Any) -> Any:
-        """As of `jax.jit`: shapes and types of the results."""
+        """Return the shapes and types of the results, as `jax.jit` does."""
         with tracing_with_options():
             return self._inside.eval_shape(*args, **kwargs)
 
     def clear_cache(self) -> None:
-        """As of `jax.jit`: forget what is compiled."""
+        """Forget the compiled programs, as `jax.jit` does."""
         self._inside.clear_cache()
         self._outermost.clear_cache()
 
@@ -150,7 +150,7 @@ def jit(function: Callable[..., Any] | None = None, /, **settings: Any) -> Any:
 
 
 def filter_jit(function: Callable[..., Any]) -> Any:
-    """As `jit`, but only arrays among the arguments are traced, as Equinox has it."""
+    """Compile a function as `jit` does, but trace only the arrays among its arguments (Equinox)."""
     return Jitted(function, {}, eqx.filter_jit)
 
 

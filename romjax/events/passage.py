@@ -33,7 +33,7 @@ _FIRST = 0.1
 
 
 class Passage(AbstractPassage):
-    """Which steps pass the surface of a contact, where its force has a kink.
+    """Finds the steps that pass the surface of a contact, where its force has a kink.
 
     What a step across a kink estimates of its error may be zero by chance, and a step through a
     contact that is outside at both ends has seen no force at all. Such a step is repeated so that
@@ -52,7 +52,7 @@ class Passage(AbstractPassage):
     def of(
         cls, system: AbstractSystem, post_step: Any, stabilization: Baumgarte | None, rtol: Any
     ) -> "Passage | None":
-        """None where there are no contacts."""
+        """Return the object for a system, or None if it has no contacts."""
         full = system.full
         if full.state(jnp.zeros(()), full.q0, full.v0).gaps() is None:
             return None
@@ -152,7 +152,7 @@ class Passage(AbstractPassage):
         return self.post_step.in_chart(system, y[2]) if len(y) == 3 else system
 
     def _rates(self, t: Array, y: Any) -> Float[Array, " contacts"]:
-        """Of the gaps."""
+        """Return the time derivatives of the gaps of all contacts."""
         q, v, *chart = y
         one = jnp.ones_like(t)
         rates: Array

@@ -131,10 +131,10 @@ def _alternating(nodes: Array, between: Array) -> Array:
 
 
 def _each(rows: Array, index: Array) -> Array:
-    """Of each column, the row with its index."""
+    """Return from each column the entry in the row that `index` gives for it."""
     return jnp.take_along_axis(rows, index[None], axis=0)[0]
 
 
 def _each_at(function: Callable[[Array], Any], shares: Array) -> Any:
-    """Of each quantity, what the function gives of it at a share of its own."""
+    """Evaluate each quantity of `function` at a share of the step of its own."""
     return jax.tree.map(jnp.diagonal, jax.vmap(function)(shares))

@@ -51,7 +51,7 @@ class Watch(AbstractWatch):
     most: int = eqx.field(static=True)
 
     def start(self, t: Float[Array, ""], y: Any) -> Watching:
-        """Before the first step."""
+        """Return the state of the watch before the first step."""
         system, (q, v, *_) = self._local(y), y
         values, transpose = jax.vjp(lambda t, q, v: self._values(system, t, q, v), t, q, v)
         by_t, by_q, by_v = jax.vmap(transpose)(jnp.eye(len(values), dtype=q.dtype))
@@ -150,7 +150,7 @@ class Watch(AbstractWatch):
         end: Array,
         arrival: Arrival,
     ) -> Watching:
-        """After a step from the state `y0` that was to `end` at a time, and was kept or cut."""
+        """Return the state of the watch after a step from `y0` that should have ended at `end`."""
         values, hits = arrival.values, arrival.hits
         is_apart = jnp.abs(values) > watching.scales.floor
         side = jnp.where(is_apart, jnp.sign(values), watching.side)
@@ -218,7 +218,7 @@ class Watch(AbstractWatch):
         return jnp.maximum(_REACH * self.tolerances.rtol, _NEAREST) * (t1 - t0)
 
     def _passes(self, side: Array, rates: Array) -> Bool[Array, " events"]:
-        """Which quantities move through their levels, in the direction that is asked for."""
+        """Say of each quantity whether it crosses its level in the direction that is asked for."""
         falls = (side > 0) & (rates < 0) & self._falling
         rises = (side < 0) & (rates > 0) & self._rising
         return falls | rises
@@ -245,7 +245,7 @@ class Watch(AbstractWatch):
         return values, rates, a
 
     def _collided(self, watching: Watching, system: AbstractSystem, arrival: Arrival) -> Arrival:
-        """With the impacts among the events."""
+        """Return the arrival with the velocities after the impacts among the events."""
         rows = [i for i, event in enumerate(self.events) if event.resets]
         if not rows:
             return arrival

@@ -67,7 +67,7 @@ class Builder:
         return list(table) if isinstance(table, dict) else []
 
     def _ground(self) -> Ground | None:
-        """None if its points have mistakes."""
+        """Return the ground with its points, or None if they have mistakes."""
         if self.problems.touch(("ground",)):
             return None
         points = self.tables.get("ground", {}).get("points", {})
@@ -93,7 +93,7 @@ class Builder:
             yield part
 
     def _check_marker(self, place: Place, marker: Marker, turning: bool) -> None:
-        """Of bodies that know few points."""
+        """Report a marker at a point that its body does not know."""
         body = self._bodies.get(marker.body)
         if body is not None:
             self._try(place, {}, lambda: body.check_marker("It", marker, turning))

@@ -120,7 +120,7 @@ def form_of(annotation: Any) -> Form | None:
 
 
 def _of_union(arguments: tuple[Any, ...]) -> Form | None:
-    """Of what is not None among them; of several kinds of numbers, any numbers."""
+    """Return the form of a union without None; several kinds of numbers make any numbers."""
     some = [argument for argument in arguments if argument is not type(None)]
     if len(some) == 1:
         return form_of(some[0])

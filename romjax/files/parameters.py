@@ -19,7 +19,7 @@ def is_reference(value: Any) -> bool:
 
 
 def free_parameters(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Those with numbers of their own, as floats or arrays; the others stand for these."""
+    """Return the parameters that have numbers, as floats or arrays; the others refer to these."""
     return {
         name: np.array(value, float) if isinstance(value, list) else float(value)
         for name, value in table.items()

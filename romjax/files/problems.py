@@ -64,7 +64,7 @@ class Problems:
 
 
 def unknown(what: str, name: Any, known: Sequence[str]) -> str:
-    """That there is no `what` of a name, with the nearest one."""
+    """Return the message that there is no `what` of a name, with the nearest one."""
     words = str(unknown_name("", what, name, known)).removeprefix(": ")
     return words[0].upper() + words[1:]
 

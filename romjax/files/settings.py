@@ -47,7 +47,7 @@ class Settings:
 
     @classmethod
     def of(cls, table: Mapping[str, Any]) -> "Settings":
-        """Of the table of a file, which may say 2 for 2.0."""
+        """Make the settings from the table of a file, which may say 2 for 2.0."""
         floats = {field.name for field in dataclasses.fields(cls) if field.type is float}
         values: dict[str, Any] = {key: float(x) if key in floats else x for key, x in table.items()}
         return cls(**values)

@@ -195,7 +195,7 @@ class _Writer:
         return value
 
     def _marker(self, marker: Marker) -> Any:
-        """By text, "body" or "body.point", or by a table."""
+        """Return the text for a marker, "body" or "body.point", or a table where no text fits."""
         named = self._bodies[marker.body].named_points() if marker.body != GROUND else {}
         points: dict[str, Any] = {"": (0.0,) * marker.dimension, **named}
         unturned = 0.0 if marker.dimension == 2 else (1.0, 0.0, 0.0, 0.0)

@@ -41,7 +41,7 @@ def spinning_top(
 
 
 def _cone(arm: float, radius: float) -> np.ndarray:
-    """From the tip to the rim, around it, and back to the tip at every quarter."""
+    """Return a line from the tip to the rim, around it, and back to the tip at every quarter."""
     angle = np.linspace(0.0, 2 * np.pi, 25)
     rim = np.stack([radius * np.cos(angle), 0.3 * arm + 0 * angle, radius * np.sin(angle)], axis=1)
     tip = np.array([[0.0, -arm, 0.0]])

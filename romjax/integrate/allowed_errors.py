@@ -17,7 +17,7 @@ def allowed_errors(
     atol: Any,
     fastest: Any,
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Of positions and of velocities; see `Trajectory.noise`."""
+    """Return the allowed errors of positions and of velocities; see `Trajectory.noise`."""
     span, count = t[-1] - t[0], 2 * v.shape[1]
     allowed = atol + rtol * jnp.sqrt(jnp.mean(v**2, axis=0))
     # The control looks at the root mean square over all coordinates and velocities.

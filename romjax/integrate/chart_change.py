@@ -17,13 +17,13 @@ _LEAVE = 0.5
 
 
 class ChartChange(eqx.Module):
-    """After each step, another chart where the motion has left its own."""
+    """Changes the chart after each step in which the motion has left its own."""
 
     atlas: AtlasLift
 
     @classmethod
     def of(cls, system: Any) -> "ChartChange":
-        """For a system with charts."""
+        """Return the object for a system with charts."""
         return cls(system.lift)
 
     def start(self, system: Any) -> Float[Array, ""]:

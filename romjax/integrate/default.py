@@ -49,7 +49,7 @@ def start_frequencies(
     q: Float[Array, " n"],
     v: Float[Array, " n"],
 ) -> Frequencies:
-    """Of a system at the first of some times; those of its own start are remembered with it."""
+    """Return the frequencies at the first of some times; those of the own start are remembered."""
     t = ts[0] if is_traced(ts) else as_number(np.asarray(ts)[0], q.dtype)
     # What is a part of the user's program is a tracer.
     if not is_outermost() or q is not system.q0 or v is not system.v0:

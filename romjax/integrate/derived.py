@@ -33,7 +33,7 @@ class Derived(NamedTuple):
     parts: Parts | None = None
 
     def every(self, stride: int) -> "Derived":
-        """At every `stride`-th output time."""
+        """Return the object for every `stride`-th output time only."""
         return self._replace(multipliers=self.multipliers[::stride])
 
 
@@ -82,7 +82,7 @@ class OnDemand(eqx.Module):
         return metric
 
     def every(self, stride: int) -> "OnDemand":
-        """At every `stride`-th output time."""
+        """Return the object for every `stride`-th output time only."""
         arrays = {name: getattr(self, name) for name in ("t", "q", "v", "chart")}
         return dataclasses.replace(self, **jax.tree.map(lambda x: x[::stride], arrays))
 

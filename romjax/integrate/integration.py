@@ -60,7 +60,7 @@ class Integrated(NamedTuple):
 
     @property
     def findings(self) -> Findings | None:
-        """Of the audit."""
+        """The findings of the audit; None for a run without one."""
         return self.march.seen.get(AUDIT)
 
 

@@ -151,7 +151,7 @@ def _beginning_as(
 
 
 def _error(rom: AbstractSystem, motion: Trajectory, simulate: Simulate) -> TrainingError:
-    """That on one motion."""
+    """Return the training error of a reduced model on one motion."""
     least = max(_SHARPEST, _DIGITS * float(np.finfo(motion.q.dtype).eps))
     given = _USUAL if motion.stats.rtol is None else float(motion.stats.rtol)
     rtol, times = max(given, least), np.asarray(motion.t)
@@ -163,7 +163,7 @@ def _error(rom: AbstractSystem, motion: Trajectory, simulate: Simulate) -> Train
 
 
 def _history(structure: Structure, q: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Up to each time, the largest difference over the longest way."""
+    """Return the largest difference so far over the longest way so far, at each time."""
     if structure.quaternions:
         q, other = (_of_unit_length(x, structure.quaternions) for x in (q, other))
         table = quaternion_columns(structure.quaternions)

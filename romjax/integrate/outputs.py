@@ -38,7 +38,7 @@ class Output(NamedTuple):
     own: Own | None  # None where the physical coordinates are the system's
 
     def in_system(self) -> Own:
-        """In the coordinates of the system."""
+        """Return the state in the coordinates of the system, reduced ones for a reduced system."""
         return self.own or Own(self.q, self.v, None, self.violation)
 
 

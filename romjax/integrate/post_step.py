@@ -46,7 +46,7 @@ class PostStep(Protocol):
 
 
 class ProjectState(eqx.Module):
-    """After each step, the nearest state with C = 0 and Ċ = 0 in the mass metric."""
+    """Moves the state after each step to the nearest with C = 0 and Ċ = 0 in the mass metric."""
 
     sweeps: int = eqx.field(static=True)
 

@@ -65,7 +65,7 @@ def is_resolved(
 
 
 def finer(structure: Structure, settings: Settings, run: Trajectory) -> Settings:
-    """With tolerances for the motion of a run, as those that it has are for one of a metre."""
+    """Scale the tolerances, which suit motions of about a metre, to the size of a run's motion."""
     # Under `grad` alone, runs are known but for their derivatives.
     q, v, rtol = (np.asarray(jax.lax.stop_gradient(x)) for x in (run.q, run.v, settings.rtol))
     every = _Motion.of(structure, q, v)

@@ -205,8 +205,10 @@ def _training(
 def _stabilization(
     system: AbstractSystem, given: Stabilization | Literal["default"]
 ) -> Stabilization | Literal["default"]:
-    """As it is given, but projection instead of the default of a mechanism with loops while JAX
-    traces: such a run cannot be repeated.
+    """Return the stabilization of a run.
+
+    It is the given one, but for mechanisms with loops, while JAX traces, projection is the default:
+    such a run cannot be repeated.
     """
     if given == "default" and system.structure.loops and not is_outermost():
         return Projection()

@@ -34,7 +34,7 @@ class SingularPosition(NamedTuple):
     is_passed: bool
 
     def describe(self) -> str:
-        """In words, with the joints."""
+        """Return the position in words, with the joints."""
         return (
             f"near t = {self.time:.4g} s the constraints of {', '.join(self.joints)} become "
             f"dependent (condition {self.condition:.2g}): a singular position, at which the "

@@ -130,7 +130,7 @@ class Trajectory(eqx.Module):
 
     @property
     def quaternions(self) -> tuple[int, ...]:
-        """At which coordinates the quaternions of bodies in space begin."""
+        """The numbers of the coordinates at which the quaternions of bodies in space begin."""
         return quaternions_of(self.coordinates)
 
     @property

@@ -165,7 +165,7 @@ def _write(x: Blocks, i: Any, block: Block) -> Blocks:
 
 
 def _add(x: Blocks, front: Front, p: int, change: Block) -> Blocks:
-    """With a change added to the slot of target p of a step, or alone where it is the first."""
+    """Add a change to the slot of target p of a step, or store it there where it is the first."""
     i, first = front.onto[p], front.first[p]
     if isinstance(x, tuple):
         return _write(x, i, change if first else _read(x, i) + change)

@@ -46,7 +46,7 @@ class Forest:
 
     @classmethod
     def of(cls, matrix: np.ndarray) -> "Forest | None":
-        """Of a matrix (m, m) by its entries that are not zero; None if they make no forest."""
+        """Return the forest that the nonzero entries of a matrix (m, m) make, if they make one."""
         size = len(matrix)
         links = np.abs(matrix) > _ZERO * np.max(np.abs(matrix), initial=0)
         ends = [np.flatnonzero(row) for row in links]
@@ -86,7 +86,7 @@ class Branches(AbstractInverse):
 
     @classmethod
     def of(cls, matrix: Float[Array, "m m"], forest: Forest) -> "Branches":
-        """Of a matrix D whose pattern is that of the forest."""
+        """Factor a matrix D whose pattern is that of the forest."""
         rows, unknowns = forest.rows.array[0], np.arange(len(matrix))
         scale, levels = 1 / matrix[rows, unknowns], forest.ancestors.array
         factors = list[Array]()

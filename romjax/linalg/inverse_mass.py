@@ -25,18 +25,18 @@ class AbstractBodyInverse(eqx.Module):
 
     @abc.abstractmethod
     def to_rates(self, x: Rows) -> Rows:
-        """X T: rows by coordinates, as rows by rates."""
+        """Return X T, which makes rows by coordinates rows by rates."""
 
     @abc.abstractmethod
     def weigh(self, x: Rows) -> Rows:
-        """X W, with a symmetric W."""
+        """Return X W, with a symmetric W."""
 
     @abc.abstractmethod
     def from_rates(self, x: Rows) -> Rows:
-        """X Tᵀ."""
+        """Return X Tᵀ."""
 
     def apply(self, x: Rows) -> Rows:
-        """X M⁻¹."""
+        """Return X M⁻¹."""
         return self.from_rates(self.weigh(self.to_rates(x)))
 
 
@@ -68,23 +68,23 @@ class InverseMass(eqx.Module):
 
     @classmethod
     def of(cls, mass: Float[Array, "bodies size *size"]) -> "InverseMass":
-        """Of mass matrices, or of their diagonals (bodies, size)."""
+        """Invert mass matrices, or their diagonals (bodies, size)."""
         return cls((PlainInverse(1 / mass if mass.ndim == 2 else invert(mass)),))
 
     def to_rates(self, x: Blocks, bodies: np.ndarray) -> Blocks:
-        """X T."""
+        """Return X T."""
         return self._each(lambda one, x: one.to_rates(x), x, bodies)
 
     def weigh(self, x: Blocks, bodies: np.ndarray) -> Blocks:
-        """X W."""
+        """Return X W."""
         return self._each(lambda one, x: one.weigh(x), x, bodies)
 
     def from_rates(self, x: Blocks, bodies: np.ndarray) -> Blocks:
-        """X Tᵀ."""
+        """Return X Tᵀ."""
         return self._each(lambda one, x: one.from_rates(x), x, bodies)
 
     def apply(self, x: Blocks, bodies: np.ndarray) -> Blocks:
-        """X M⁻¹."""
+        """Return X M⁻¹."""
         return self._each(lambda one, x: one.apply(x), x, bodies)
 
     def _each(

@@ -115,9 +115,10 @@ class KKT(eqx.Module):
         return _solution(self, force, gamma)
 
     def pivots(self) -> Float[Array, " rows"]:
-        """Of the scaled Schur complement, one for each row and padded row: with a row that nearly
-        depends on the others, about the square of the smallest singular value of the scaled C_q;
-        with one that repeats others, the proximal term.
+        """Return the pivots of the scaled Schur complement, one for each row and padded row.
+
+        Where a row nearly depends on the others, the least pivot is about the square of the
+        smallest singular value of the scaled C_q; where one repeats others, the proximal term.
         """
         assert self.factor is not None
         return self.factor.pivots()

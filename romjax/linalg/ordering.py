@@ -23,7 +23,7 @@ class Front(NamedTuple):
 
 
 class Schedule(NamedTuple):
-    """In what order nodes are eliminated: a step for each node.
+    """The order in which nodes are eliminated: a step for each node.
 
     Nodes are numbered by their steps, so that all neighbours that a node still has come later.
     """

@@ -49,7 +49,7 @@ class Pattern:
         bodies: Sequence[Sequence[int]],
         joints: Sequence[tuple[Sequence[int], Sequence[int]]],
     ) -> "Pattern":
-        """Of the coordinates of each body, and the bodies and constraints of each joint.
+        """Make the pattern from each body's coordinates and each joint's bodies and constraints.
 
         Joints between the same bodies share a node as long as they fit into the tallest one.
         """

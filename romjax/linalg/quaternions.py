@@ -146,6 +146,6 @@ def _signed(p: Quaternion, signs: list[list[int]]) -> Float[Numbers, "... rows 4
 
 
 def _constant(values: Any, x: Float[Numbers, "... k"]) -> np.ndarray:
-    """With axes of length one for the leading ones of x, as no rank is promoted."""
+    """Return `values` as an array of the rank of x, with leading axes of length one."""
     constant = np.array(values, x.dtype)
     return constant.reshape((1,) * (x.ndim - 1) + constant.shape)

@@ -27,7 +27,7 @@ class Checkpoints(NamedTuple):
         return cls(jnp.full(slots, -1), jnp.ones((), int), rows)
 
     def put(self, before: Progress, after: Progress) -> "Checkpoints":
-        """With the state `before` a step, if the step was accepted and its number is a multiple."""
+        """Store the state `before` an accepted step if the stride divides the step's number."""
         full = ~jnp.any(self._free(self.stride))
         stride = jnp.where(full, 2 * self.stride, self.stride)
         due = (after.accepted > before.accepted) & (before.accepted % stride == 0)

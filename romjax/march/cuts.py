@@ -77,7 +77,7 @@ class AbstractWatch(eqx.Module):
 
     @abc.abstractmethod
     def start(self, t: Float[Array, ""], y: Any) -> Watching:
-        """Before the first step."""
+        """Return the state of the watch before the first step."""
 
     @abc.abstractmethod
     def arrive(
@@ -105,7 +105,7 @@ class AbstractWatch(eqx.Module):
         end: Array,
         arrival: Arrival,
     ) -> Watching:
-        """After a step from the state `y0` that was to `end` at a time, and was kept or cut."""
+        """Return the state of the watch after a step from `y0` that should have ended at `end`."""
 
     @abc.abstractmethod
     def is_stopped(self, watching: Watching) -> Bool[Array, ""]:

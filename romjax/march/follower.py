@@ -46,9 +46,9 @@ class AbstractFollower(eqx.Module):
 
     @abc.abstractmethod
     def follow(self, step: Step, seen: PyTree) -> PyTree:
-        """With a step, which says whether it was accepted."""
+        """Return `seen` with a step added; the step says whether it was accepted."""
 
     def end(self, end: Progress, stopped: Bool[Array, ""], seen: PyTree) -> PyTree:
-        """After the last step; `stopped`: whether an event has ended the run."""
+        """Return `seen` after the last step; `stopped`: whether an event has ended the run."""
         del end, stopped
         return seen

@@ -59,7 +59,7 @@ class March(NamedTuple):
         }
 
     def run(self, start: Progress, seen: dict[str, Any]) -> tuple[Progress, Ended]:
-        """From a start to the end, with what was `seen` before."""
+        """Integrate from a start to the end, with what was `seen` before."""
 
         def step(carry: tuple[Progress, dict[str, Any]]) -> tuple[Progress, dict[str, Any]]:
             before, seen = carry

@@ -68,8 +68,9 @@ class Outputs(AbstractFollower):
         return saved
 
     def end(self, end: Progress, stopped: Bool[Array, ""], seen: Saved) -> Saved:
-        """Those that the run does not get to are infinite, and so in their derivatives, which would
-        be zero if they were constants.
+        """Make the outputs infinite that the run does not get to.
+
+        So are their derivatives, which would be zero if the outputs were constants.
         """
         missing = (jnp.arange(len(self.ts)) >= seen.number) & ~stopped
         sizes = [jnp.sum(x**2) for x in jax.tree.leaves(end.y)]

@@ -24,7 +24,7 @@ class Pieces(NamedTuple):
 
     @classmethod
     def empty(cls, rows: int, between: Any, t0: Float[Array, ""]) -> "Pieces":
-        """Before the first step, for interpolations of the shapes of `between`."""
+        """Return an empty record for interpolations of the shapes of `between`."""
         empty = jax.tree.map(lambda x: jnp.zeros((rows, *x.shape), x.dtype), between)
         return cls(jnp.zeros((), int), jnp.full(rows, jnp.inf, t0.dtype), empty)
 
@@ -34,7 +34,7 @@ class Pieces(NamedTuple):
         end: Float[Array, ""],
         between: diffrax.AbstractLocalInterpolation,
     ) -> "Pieces":
-        """With a step, if it was accepted."""
+        """Store the interpolation of a step, if it was accepted."""
 
         def put(rows: Array, row: Array) -> Array:
             at = jnp.minimum(self.number, len(rows) - 1)

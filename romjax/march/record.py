@@ -23,13 +23,13 @@ class Record(NamedTuple):
 
     @classmethod
     def empty(cls, most: int, events: int, t0: Float[Array, ""], y0: Any) -> "Record":
-        """Before the first event; rows that stay unused repeat the start, which is finite."""
+        """Return an empty record; rows that stay unused repeat the start, which is finite."""
         rows = jax.tree.map(lambda x: jnp.broadcast_to(x, (most, *jnp.shape(x))), y0)
         zeros = jnp.zeros((most, events), t0.dtype)
         return cls(jnp.zeros((), int), jnp.full(most, t0), zeros > 0, zeros, rows, rows)
 
     def put(self, keep: Bool[Array, ""], arrival: Arrival) -> "Record":
-        """With what happened at the end of a step, if it was kept."""
+        """Store what happened at the end of a step, if it was kept."""
         happens = keep & arrival.happens
         number = self.number
         fits = happens & (number < len(self.time))

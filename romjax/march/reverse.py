@@ -193,7 +193,7 @@ _run.def_bwd(_transpose)  # type: ignore[no-untyped-call]
 
 
 def _filled(cotangents: dict[str, Any], seen: dict[str, Any]) -> tuple[PyTree, PyTree, PyTree]:
-    """Of outputs, events and dense output, with zeros where nothing depends on what was saved."""
+    """Return the cotangents of outputs, events and dense output, zeros where they are missing."""
 
     def filled(name: str, part: Callable[[Any], Any] = lambda rows: rows) -> PyTree:
         if name not in seen:

@@ -42,7 +42,7 @@ class Scales(NamedTuple):
         slopes: tuple[Float[Array, "events n"], Float[Array, "events n"]],
         span: Float[Array, ""],
     ) -> "Scales":
-        """In a state that the motion has got to, of a run that lasts for `span` [s]."""
+        """Return the scales in the state `y` of a run that lasts for `span` [s]."""
         by_q, by_v = (jnp.abs(jax.lax.stop_gradient(x)) for x in slopes)
         q_errors, v_errors = (
             _FLOOR * x for x in tolerances.errors(reach, y[0][None], y[1][None], _STEP * span)
@@ -61,7 +61,7 @@ class Scales(NamedTuple):
         span: Float[Array, ""],
         keep: Bool[Array, ""],
     ) -> "Scales":
-        """After a step from the state `y0` to `y1`, if it was kept."""
+        """Return the scales after a step from the state `y0` to `y1`, if it was kept."""
         reach = tolerances.after(self.reach, y0, y1)
         later = Scales.of(tolerances, reach, y1, (self.by_q, self.by_v), span)
         kept: Scales = jax.tree.map(lambda a, b: jnp.where(keep, a, b), later, self)

@@ -64,7 +64,7 @@ class Steps(NamedTuple):
     corners: Float[Array, " k"] | None
 
     def start(self, y0: PyTree) -> Progress:
-        """Before the first step."""
+        """Return the progress before the first step."""
         t0, zero = self.t0, jnp.zeros((), int)
         order: Any = self.solver.error_order(self.term)
         first, controller_state = self.controller.init(

@@ -67,20 +67,20 @@ class Tolerances(eqx.Module):
         return cls(*numbers, tuple(positions.tolist()))
 
     def start(self, y: Any) -> Reach:
-        """Before the first step."""
+        """Return the reach of the motion before the first step."""
         q = jax.lax.stop_gradient(y[0])
         nearest = np.where(self.positions, *_NEAREST)
         sizes = jnp.asarray(np.stack([0 * nearest, 0 * nearest, nearest]), q.dtype)
         return self.extended(Reach(q, sizes), y)
 
     def extended(self, reach: Reach, y: Any) -> Reach:
-        """With a state in the same chart."""
+        """Return the reach with a state in the same chart added."""
         q, v, *_ = (jax.lax.stop_gradient(x) for x in y)
         sizes = self._largest(jnp.abs(jnp.stack([q - reach.origin, v, q])))
         return Reach(reach.origin, jnp.maximum(reach.sizes, sizes))
 
     def after(self, reach: Reach, y0: Any, y1: Any) -> Reach:
-        """After a step from the state `y0` to `y1`, which may be in another chart."""
+        """Return the reach after a step from `y0` to `y1`, which may be in another chart."""
         longer = self.extended(reach, in_one_chart(y0, y1))
         return longer._replace(origin=next_origin(longer, y0, y1))
 
@@ -91,7 +91,10 @@ class Tolerances(eqx.Module):
         v: Float[Array, "k n"],
         h: Float[Array, ""],
     ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-        """In positions and velocities, the largest in any of k states, of steps h to or from it."""
+        """Return the allowed errors of positions and velocities, the largest for any of k states.
+
+        They are those of steps of the length h that end or begin there.
+        """
         q, v = jax.lax.stop_gradient((q, v))
         moved = jnp.max(jnp.abs(jnp.stack([q - reach.origin[None], v])), axis=1)
         noise = self.rounding(reach)
@@ -135,5 +138,5 @@ def in_one_chart(y0: Any, y1: Any) -> Any:
 
 
 def next_origin(reach: Reach, y0: Any, y1: Any) -> Float[Array, " n"]:
-    """From where distances count after a step: from its end, where another chart begins."""
+    """Return the origin of distances after a step, which is its end where another chart begins."""
     return reach.origin if len(y0) < 3 else jnp.where(y0[2] != y1[2], y1[0], reach.origin)

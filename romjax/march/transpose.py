@@ -45,7 +45,7 @@ class TransposedSteps(NamedTuple):
     def transpose(
         self, start: StepStart, number: Array, later: Transposed, active: Array
     ) -> Transposed:
-        """Before the step of this `number`, where it is `active`."""
+        """Return the cotangents before the step of this `number`, where it is `active`."""
         is_first = number == 0
         t0, t1, ts = start.t, later.t, eqx.combine(self.numbers, self.constants)[2]
 
@@ -113,5 +113,5 @@ class TransposedSteps(NamedTuple):
 
 
 def add(a: PyTree, b: PyTree) -> PyTree:
-    """Of two pytrees, the second of which may lack parts that are zero."""
+    """Return the sum of two pytrees; parts that are zero may be missing in the second."""
     return jax.tree.map(lambda x, y: x if y is None else x + y, a, b)

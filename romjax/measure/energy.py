@@ -117,7 +117,7 @@ def part_energies(system: AbstractSystem, run: Trajectory) -> PartEnergies:
 
 
 def _of_parts(full: Any, t: Array, q: Array, v: Array) -> tuple[list[Array | None], ...]:
-    """Of each group of bodies, then of each group of effects; None of those that have none."""
+    """Return the energies of each group of bodies, then of effects; None for those without any."""
     bodies = without_counters(full.bodies)
     stored, given = list[Array | None](), list[Array | None]()
     if full.effect_markers is not None:

@@ -38,12 +38,12 @@ class Forces(eqx.Module):
 
     @property
     def force(self) -> Float[Array, "*k d"]:
-        """On the first marker [N], by the inertial axes; (*k, 3) in space."""
+        """The force on the first marker [N], by the inertial axes; (*k, 3) in space."""
         return self.wrenches[0].force
 
     @property
     def torque(self) -> Float[Array, "..."]:
-        """On the first marker [N m], about it; (*k, 3) in space."""
+        """The torque on the first marker [N m], about it; (*k, 3) in space."""
         return self.wrenches[0].torque
 
     @property

@@ -44,8 +44,9 @@ class Measurement(eqx.Module):
 
     @property
     def rotation(self) -> Float[Array, "*k 3 3"]:
-        """In space: the rotation matrix, against the inertial frame or against the second marker;
-        its columns are the marker's axes.
+        """The rotation matrix in space, against the inertial frame or against the second marker.
+
+        Its columns are the marker's axes.
         """
         return self._pose().rotation
 

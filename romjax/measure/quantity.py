@@ -29,7 +29,7 @@ class AbstractQuantity(eqx.Module):
     def __call__(
         self, system: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
     ) -> Float[Array, ""]:
-        """At the state `q`, `v` of a full or reduced `system` at the time `t` [s]."""
+        """Return the value at the state `q`, `v` of a full or reduced `system`, at `t` [s]."""
         state = system.state(t, q, v)
         return self.value(system.full, t, state.q, state.v)
 
@@ -37,7 +37,7 @@ class AbstractQuantity(eqx.Module):
     def value(
         self, full: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
     ) -> Float[Array, ""]:
-        """At the physical state (`t`, `q`, `v`) of a full system."""
+        """Return the value at the physical state (`t`, `q`, `v`) of a full system."""
 
 
 class Coordinate(AbstractQuantity):
@@ -68,7 +68,7 @@ class AbstractMarkerQuantity(AbstractQuantity):
 
     @abc.abstractmethod
     def of_pose(self, pose: Pose) -> Float[Array, ""]:
-        """From the `pose` of a in the frame of b."""
+        """Return the value from the `pose` of a in the frame of b."""
 
 
 class Gap(AbstractMarkerQuantity):

@@ -150,7 +150,7 @@ def _markers_on(markers: Markers | None, first: int) -> tuple[int, ...]:
 
 
 def _at(fixed: tuple[Any, _Cut], t: Array, q: Array, v: Array) -> Resultants:
-    """At one output, of a system and the cuts of a beam."""
+    """Return the resultants at one output for a system and the cuts of a beam."""
     system, cut = fixed
     a, multipliers = solved(system, t, q, v)
     full, count = system.full, len(cut.cuts)

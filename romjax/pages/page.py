@@ -53,7 +53,7 @@ def summary(result: Accuracy) -> str:
 
 
 def recommendations(result: Accuracy, lanes: int = 1) -> list[Recommendation]:
-    """Those for all of the usual errors that something reaches."""
+    """Return a recommendation for each of the usual errors that some row of the study reaches."""
     front = result.front(Condition(SINGLE_RUN.precision, lanes))
     least = min((row.error for row in front), default=math.inf)
     return [result.recommend(error, lanes=lanes) for error in ERRORS if error >= least]

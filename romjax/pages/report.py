@@ -76,7 +76,7 @@ def best(result: Reductions) -> dict[str, Trajectory]:
 
 
 def _bases(truth: Trajectory) -> dict[str, Basis]:
-    """Those of the motion, as far as it has any."""
+    """Return the bases of the motion by POD and SOD, as far as it has any."""
     found = {}
     for decomposition in (POD(), SOD()):
         with contextlib.suppress(InputError):

@@ -65,7 +65,7 @@ class Picture:
 
 
 def _shown(outline: MovingOutline) -> np.ndarray:
-    """Its points in each frame; of a trace, those of all frames at once."""
+    """Return the points of an outline in each frame; a trace shows those of all frames at once."""
     if outline.style != "trace":
         return outline.points
     path = outline.points[:, 0]

@@ -57,7 +57,10 @@ class ReducedSystem(AbstractReducedSystem):
         summary: str = "",
         turns: Turns | None = None,
     ) -> "ReducedSystem":
-        """From the `start` nearest to physical (q, v, t); the fields are as `ReducedSystem` has."""
+        """Make the system with the `start` nearest to physical (q, v, t).
+
+        The fields are as `ReducedSystem` has.
+        """
         q, v, time = start
         z, w = _restrict(lift, full, turns, q, v)
         m = 0 if combinations is None else combinations.shape[1]

@@ -34,7 +34,7 @@ def frame_size(dimension: int) -> int:
 
 
 def frame_coordinates(owner: str, dimension: int) -> tuple[Coordinate, ...]:
-    """Those of a body's frame: its position, then an angle or a quaternion."""
+    """Return the coordinates of a body's frame: its position, then an angle or a quaternion."""
     axes = "xy" if dimension == 2 else "xyz"
     position = [Coordinate(owner, x, "m", x, f"position {x} of {owner}") for x in axes]
     if dimension == 2:
@@ -48,7 +48,7 @@ def frame_coordinates(owner: str, dimension: int) -> tuple[Coordinate, ...]:
 
 
 def quaternions_of(coordinates: Sequence[Coordinate]) -> tuple[int, ...]:
-    """At which of the coordinates the quaternions of bodies in space begin."""
+    """Return the numbers of the coordinates at which quaternions of bodies in space begin."""
     starts = range(len(coordinates) - 3)
     return tuple(
         i

@@ -22,7 +22,7 @@ class NamedPoints(eqx.Module):
 
     @classmethod
     def of(cls, given: Any) -> "NamedPoints":
-        """Of a mapping from names to positions, or of some that are made."""
+        """Make named points from a mapping of names to positions; NamedPoints stay as they are."""
         if isinstance(given, NamedPoints):
             return given
         named = dict(given)

@@ -142,7 +142,7 @@ def apart(
 
 
 def _single(difference: Float[Array, "k n"], quaternions: Sequence[int]) -> Float[Array, "k n"]:
-    """Of each coordinate; of a quaternion the angle [rad] of the turn between, in all four."""
+    """Return the difference of each coordinate; of a quaternion the angle [rad], in all four."""
     if not quaternions:
         return difference
     table = quaternion_columns(quaternions)

@@ -111,7 +111,7 @@ def _size(x: Any) -> Any:
 def _differences(
     evaluate: Callable[[Any], Any], start: np.ndarray, steps: np.ndarray
 ) -> np.ndarray:
-    """By NumPy but for the function: each operation of JAX on its own would be compiled."""
+    """Return central differences, by NumPy since each operation of JAX would be compiled."""
     slopes = np.zeros_like(start)
     for i, step in enumerate(steps):
         quotients = []

@@ -86,7 +86,7 @@ class ProjectedSystem(AbstractSystem):
         return dataclasses.replace(self, full=full)
 
     def starting_at(self, q: Any, v: Any, t: Any = None) -> "ProjectedSystem":
-        """From the start nearest to physical coordinates and velocities, in the Euclidean norm."""
+        """Return the system with the start nearest to physical (q, v) in the Euclidean norm."""
         del t
         q0, v0 = self.modes.T @ (jnp.asarray(q) - self.offset), self.modes.T @ jnp.asarray(v)
         return dataclasses.replace(self, q0=q0, v0=v0)

@@ -65,7 +65,7 @@ class Ranks:
 
     @classmethod
     def of(cls, rate: float, motion: Trajectory) -> "Ranks":
-        """Of a motion sampled at that rate."""
+        """Find the ranks of a motion sampled at that rate."""
         bases = (POD("drop")(motion), SOD("drop")(motion))
         return cls(rate, naive_sod(motion).rank, *(basis.rank for basis in bases))
 

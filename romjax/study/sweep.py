@@ -48,14 +48,15 @@ class Sweep:
 
     @property
     def success(self) -> np.ndarray:
-        """Which lanes ended, and kept their energy, dissipation and branch, (lanes,)."""
+        """Whether each lane ended, and kept its energy, dissipation and branch, (lanes,)."""
         success: np.ndarray = (self.status == Status.SUCCESS) & (self.flags & DOUBTS == 0)
         return success
 
     @property
     def is_valid(self) -> np.ndarray:
-        """Which lanes ended, and nothing speaks against them, (lanes,): reduced models among them
-        stay where they were trained.
+        """Whether each lane ended and nothing speaks against it, (lanes,).
+
+        A reduced model among them has to stay where it was trained.
         """
         valid: np.ndarray = (self.status == Status.SUCCESS) & (self.flags == 0)
         return valid

@@ -98,6 +98,6 @@ def start_of(
 def _largest_violation(
     system: AbstractSystem, t: Float[Array, ""], z: Reduced, w: Reduced
 ) -> Float[Array, ""]:
-    """By the constraints or their rates."""
+    """Return the largest violation of a constraint or of its rate."""
     state = differentiate(system.constraint, t, z, w)
     return jnp.max(jnp.abs(jnp.stack([state.violation, state.rate])))

@@ -141,7 +141,7 @@ class _Split(NamedTuple):
 
 
 def _splits(candidates: ReducedConstraints, count: int) -> Iterator[_Split]:
-    """At each snapshot."""
+    """Split the coordinates at each snapshot by the constraints that are kept."""
     scale = np.asarray(candidates.scale)
     kept = (np.asarray(candidates.combinations(count)) / scale[:, None]).T
     for jacobian in np.asarray(candidates.rows):

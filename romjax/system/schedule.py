@@ -81,7 +81,10 @@ class Schedule(eqx.Module):
         return jnp.concatenate([ts[:0] if self.is_known else ts, *known])
 
     def seeing(self, ts: Float[Array, " outputs"]) -> "Schedule":
-        """With what changes between the outputs of a run, if something says nothing of that."""
+        """Return the schedule with the changes that are found between the outputs of a run.
+
+        Nothing is searched for if all loads say when they change.
+        """
         if self.is_known:
             return self
         shares = np.arange(_LOOKS + 1) / _LOOKS

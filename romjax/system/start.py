@@ -49,7 +49,7 @@ class Start(NamedTuple):
         share: float,
         share_of_rates: float | None = None,
     ) -> "Start":
-        """That of the state (q, v), by the rule of this module; one share for both unless told."""
+        """Return the start at (q, v), by this module's rule; one share for both unless told."""
         state = constraint_state(system, t, q, v)
         q, v = jax.lax.stop_gradient((q, v))
         rates = share if share_of_rates is None else share_of_rates
@@ -98,8 +98,9 @@ def length_of(
 
 
 class _Units(NamedTuple):
-    """By what each coordinate is measured: L of positions, what a turn by 1 rad changes of others;
-    those of modes do not count, since each point moves with its frame, too.
+    """The unit of each coordinate: L for positions, what a turn by 1 rad changes for others.
+
+    Modes do not count, since each point moves with its frame, too.
     """
 
     length: Float[Array, ""]
@@ -136,7 +137,7 @@ class _Units(NamedTuple):
 
 
 def _kinds(structure: Structure) -> tuple[np.ndarray, np.ndarray]:
-    """Which coordinates are positions of bodies, and which are turns, those of counters too."""
+    """Say which coordinates are positions of bodies, and which are turns, counters included."""
     turns = np.zeros(len(structure.coordinates), bool)
     turns[structure.turns] = True
     turns[np.array(structure.counters, int)] = True

@@ -37,7 +37,7 @@ class Energy(NamedTuple):
         return self.kinetic + self.elastic + self.potential
 
     def by_coordinates(self, tangent: Float[Array, "n r"]) -> "Energy":
-        """With the derivatives by coordinates z on which q depends, `tangent` = ∂q/∂z."""
+        """Return the energy with derivatives by coordinates z of q(z), `tangent` = ∂q/∂z."""
         momentum, slope = multiply(tangent.T, self.momentum), multiply(tangent.T, self.slope)
         return self._replace(momentum=momentum, slope=slope)
 
@@ -127,7 +127,7 @@ class AbstractState(abc.ABC):
 
 @dataclasses.dataclass(frozen=True)
 class FullState(AbstractState):
-    """Of a system whose coordinates are the physical ones.
+    """The state of a system whose coordinates are the physical ones.
 
     - `pattern`: where the blocks sit; `mass_blocks`, `jacobian_blocks`: those of M and of C_q, as
       `KKT` takes them; `force_vector`: Q. Functions, so that only what is asked for is traced.
@@ -184,8 +184,10 @@ class FullState(AbstractState):
         return self.apply_mass(a) - self.force()
 
     def kkt(self, free: Float[Array, " n"] | None = None) -> KKT:
-        """With ones in `free`, and zeros elsewhere, that of motions in which only those coordinates
-        take part: all others stay, whatever the constraints ask for.
+        """Return the KKT system of the state.
+
+        With `free`, ones for some coordinates and zeros elsewhere, it is that of motions of only
+        those coordinates: all others stay, whatever the constraints ask for.
         """
         sides, mass = self.jacobian_blocks(), self._mass
         if free is None:

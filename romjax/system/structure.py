@@ -52,7 +52,7 @@ class Structure:
 
     @classmethod
     def unnamed(cls, n: int, m: int) -> "Structure":
-        """Of `n` coordinates and `m` constraints of which nothing else is known."""
+        """Return the structure of `n` coordinates and `m` constraints, nothing else being known."""
         coordinates = tuple(Coordinate("", f"q{i + 1}") for i in range(n))
         constraints = tuple(f"constraint {i + 1}" for i in range(m))
         return cls(coordinates, constraints, (True,) * n, flexible=True, loops=m > 0)
@@ -79,14 +79,14 @@ class Structure:
 
     @functools.cached_property
     def is_position(self) -> np.ndarray:
-        """Of each coordinate, whether it is one of the position of a body, (n,)."""
+        """Whether each coordinate is one of the position of a body, (n,)."""
         mask = np.zeros(len(self.coordinates), bool)
         mask[self.positions] = True
         return mask
 
     @functools.cached_property
     def turns(self) -> np.ndarray:
-        """Those of its angle or its quaternion, (bodies, 1 or 4)."""
+        """The coordinates that are each body's angle or quaternion, by number, (bodies, 1 or 4)."""
         return self._from_frames(*((3, 7) if self.quaternions else (2, 3)))
 
     def _from_frames(self, first: int, end: int) -> np.ndarray:

@@ -47,7 +47,7 @@ def training_of(system: AbstractSystem) -> Training | None:
 
 
 def forget_training(rom: AbstractSystem) -> None:
-    """For those who measure by themselves how far a model errs on its training."""
+    """Drop the known error of a model on its training, for callers that measure it anew."""
     error = _error(rom)
     if error is not None:
         _trainings.put(error, None)

@@ -23,7 +23,7 @@ def paying(rows: Sequence[ReductionRow], tol: float) -> list[ReductionRow]:
 
 
 def in_order(rows: Sequence[ReductionRow], tol: float) -> list[ReductionRow]:
-    """Those that pay, then accurate ones, then the rest by their errors."""
+    """Sort rows: those that pay, then accurate ones, then the rest by their errors."""
     best = paying(rows, tol)
     accurate = [row for row in rows if row not in best and row.error <= tol]
     rest = [row for row in rows if row.error > tol]

@@ -49,7 +49,7 @@ class Facts:
 
     @classmethod
     def of(cls, scene: Scene, system: AssembledSystem, run: Trajectory, implicit: bool) -> "Facts":
-        """Of a scene, its system, and a run that an `implicit` method was chosen for or not."""
+        """Collect the facts of a scene, its system, and a run that was or was not `implicit`."""
         structure = system.structure
         return cls(
             bodies=len(scene.bodies),
@@ -104,7 +104,7 @@ class Joined(NamedTuple):
 
 @program_once
 def joined(system: AssembledSystem, q: Float[Array, " n"]) -> Joined:
-    """That of the coordinates `q` at the start."""
+    """Return the constraints, their Jacobian and the potential energy at the start `q`."""
     time = jnp.zeros((), q.dtype)
     elastic, other = system.stored(time, q)
     rows = unit_length.jacobian(system, time, q)

@@ -63,7 +63,7 @@ class Try:
         return cls(family, family.candidates[0])
 
     def next(self, excess: float) -> None:
-        """To what may be right where the last model errs by `excess` times what is asked."""
+        """Go on to a model that may do where the last one errs by `excess` times what is asked."""
         assert self.candidate is not None
         excess = excess if np.isfinite(excess) else _FAILED
         self.candidate = self.family.finer(self.candidate, excess)
@@ -95,8 +95,9 @@ class Search:
 
     @classmethod
     def begun(cls, scene: Scene, ts: Any, settings: Settings, progress: Progress) -> "Search":
-        """With the full model's runs from the start of the scene; raises SimulationError if they
-        fail.
+        """Begin with the full model's runs from the start of the scene.
+
+        Raises SimulationError if they fail.
         """
         system = assemble(scene)
         times = as_array(ts).astype(system.q0.dtype)

@@ -68,7 +68,7 @@ def variants(
 
 
 def _driven(scene: Scene, system: AssembledSystem, speed: float) -> AssembledSystem:
-    """With all drives at another speed: rates of the start grow alike, so that joints still fit."""
+    """Scale the speed of all drives, and the rates of the start alike, so that joints still fit."""
     joints = list(scene.joints)
     for i in drives(scene):
         faster = at_speed(joints[i].signal, speed)  # type: ignore[attr-defined]

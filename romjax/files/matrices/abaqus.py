@@ -11,7 +11,7 @@ _COMMENT = "*"  # keywords and comments alike
 
 
 def read(stiffness: Path, mass: Path | None, degrees: Degrees) -> tuple[Entries, Entries]:
-    """Both matrices; that of the mass is beside the other one, unless given.
+    """Read both matrices; the file of the mass is beside the stiffness unless given.
 
     MATRIX INPUT has rows of node, component, node, component and value, with commas; COORDINATE
     rows of row, column and value, and `degrees` says what the rows are.

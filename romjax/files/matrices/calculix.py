@@ -32,7 +32,7 @@ class Rows(NamedTuple):
 def read(
     stiffness: Path, mass: Path | None, deck: Deck | None, places: Nodes, dimension: int
 ) -> Rows:
-    """Both matrices; the mass is beside the stiffness unless given, as is what the rows are.
+    """Read both matrices; files of the mass (unless given) and of the rows are beside the first.
 
     Raises InputError for rows that the deck does not tell.
     """

@@ -95,7 +95,7 @@ def _grids(path: Path) -> list[tuple[float, ...]]:
 
 
 def _sorted(numbers: list[Any], places: list[Any]) -> Nodes:
-    """By rising number; raises InputError for a number that is there twice."""
+    """Sort nodes by their numbers; raise InputError for a number that is there twice."""
     ids = np.array(numbers, np.int64)
     found = np.zeros((len(ids), 3))
     for row, place in zip(found, places, strict=True):

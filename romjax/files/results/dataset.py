@@ -50,7 +50,7 @@ def origin(kind: str) -> dict[str, Any]:
 
 
 def attributes_of(run: Trajectory, scene: Scene | None) -> dict[str, Any]:
-    """In words, how a run was made and how it went."""
+    """Return the attributes of a dataset: how a run was made and how it went, in words."""
     system = None if run.derived.parts is None else run.system
     held = run.stats.stabilization
     words = {

@@ -98,7 +98,7 @@ def _in_status(dataset: Any) -> Iterator[str]:
 
 
 def _dimensions(lanes: tuple[str, ...]) -> dict[str, list[tuple[str, ...]]]:
-    """Those that each variable may have."""
+    """Return the dimensions that each variable of a file of results may have."""
     scalars = [*STATISTICS, "status", "flags"]
     for owner, kind in (("balance", EnergyBalance), ("branching", Branching)):
         scalars += [f"{owner}_{field}" for field in kind._fields]

@@ -59,7 +59,7 @@ class Audit(AbstractFollower):
     calls_users: ClassVar[bool] = True
 
     def start(self, start: Progress) -> Findings:
-        """Before the first step."""
+        """Return the findings before the first step."""
         zero = jnp.zeros_like(start.t)
         energy = self._at(start.t, start.y)[1].energy().total
         balance = EnergyBalance(energy, *[zero] * 10)
@@ -77,7 +77,7 @@ class Audit(AbstractFollower):
         return self.system.structure.loops and self.stabilization is not None
 
     def follow(self, step: Step, seen: Findings) -> Findings:
-        """With a step, if it was accepted."""
+        """Return the findings with a step added, if it was accepted."""
         (before, after, tried, _), keep, findings = step, step.kept, seen
         branching = findings.branching
         if branching is not None:
@@ -132,7 +132,7 @@ class Audit(AbstractFollower):
         return Momentary(energy.total, energy.kinetic, least, tolerated, self.tolerances.rtol)
 
     def _work(self, t0: Array, t1: Array, between: diffrax.AbstractLocalInterpolation) -> Power:
-        """Of all forces without potential energy in a step [J]."""
+        """Return the work of all forces without potential energy in a step [J]."""
 
         def node(x: Array) -> Power:
             t = t0 + x * (t1 - t0)

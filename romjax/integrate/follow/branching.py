@@ -41,7 +41,7 @@ class Branching(NamedTuple):
 
     @classmethod
     def start(cls, t: Float[Array, ""], m: int) -> "Branching":
-        """At the time `t` [s] at which a run of a system with `m` constraints starts.
+        """Return the record at the time `t` [s] at which a run with `m` constraints starts.
 
         The first step, a short one, tells how many repeat others: the same once more for the start
         would make the program longer by a tenth.
@@ -55,7 +55,7 @@ class Branching(NamedTuple):
         violation: Float[Array, " m"],
         q: Float[Array, " n"],
     ) -> "Branching":
-        """With the state at the end of a step."""
+        """Return the record with the state at the end of a step added."""
         pivots = kkt.pivots()
         # Near a singular position there are more than elsewhere.
         repeated = jnp.minimum(self.repeated, _count_tiny(pivots))

@@ -70,7 +70,7 @@ class EnergyBalance(NamedTuple):
         now: "Momentary",
         work: Power,
     ) -> "EnergyBalance":
-        """With what there is at the end of a step, and the work in it [J]."""
+        """Return the balance with a step added: the energy at its end, and the work in it [J]."""
         energy, kinetic, least, tolerated, rtol = now
         unit = _ROUNDING * jnp.finfo(energy.dtype).eps
         change = energy - self.energy - work.total

@@ -103,7 +103,7 @@ class Monitors(AbstractFollower):
 
 
 def check_monitors(follow: Sequence[AbstractMonitor]) -> tuple[AbstractMonitor, ...]:
-    """As a tuple; raise InputError for what is no monitor."""
+    """Return the monitors as a tuple; raise InputError for what is no monitor."""
     for index, monitor in enumerate(follow):
         remedy = "an object of a subclass of romjax.AbstractMonitor"
         check_kind("simulate", f"follow[{index}]", monitor, AbstractMonitor, remedy)

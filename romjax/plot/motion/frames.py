@@ -25,7 +25,7 @@ class Model(NamedTuple):
     undeformed: list[MovingOutline]
 
     def deformed(self, scale: float) -> list[MovingOutline]:
-        """Its outlines with the deformation times `scale`."""
+        """Return the outlines of the model with the deformation times `scale`."""
         if not self.undeformed or scale == 1:
             return self.actual
         return [
@@ -85,7 +85,7 @@ def _held(name: str, q: Float[np.ndarray, "frames n"]) -> tuple[Float[np.ndarray
 
 
 def _finite(outline: MovingOutline) -> MovingOutline:
-    """Without the points that are not finite at some time: a curve may have no point there."""
+    """Remove the points that are not finite at some time: a curve may have no point there."""
     good = np.all(np.isfinite(outline.points), axis=(0, 2))
     return outline if np.all(good) else outline._replace(points=outline.points[:, good])
 

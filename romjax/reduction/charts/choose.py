@@ -150,7 +150,7 @@ def _still(slopes: np.ndarray) -> np.ndarray:
 
 
 def best_directions(seen: Survey) -> Directions:
-    """Those whose worst snapshot is best: single coordinates, or averages over the motion.
+    """Return the directions whose worst snapshot is best: coordinates, or averages over the motion.
 
     Of a mechanism without freedom all coordinates are dependent.
     """

@@ -69,7 +69,7 @@ class Galerkin(AbstractFormulation):
 
 
 def _count(system: AbstractSystem, candidates: ReducedConstraints, r: int, lengths: int) -> int:
-    """As many constraints as the motion of the snapshots allows; refuse if joints come apart.
+    """Return how many constraints the motion of the snapshots allows; refuse if joints come apart.
 
     All of them where the modes hold all directions but those that are `lengths` of quaternions: the
     model is the same mechanism, in other coordinates.

@@ -7,7 +7,7 @@ from .base import AbstractFormulation
 
 
 def tried_instead(system: AbstractSystem, basis: Basis, refused: AbstractFormulation) -> str:
-    """Which formulation makes a model of the system from this basis, in words, by making it."""
+    """Say in words which formulation makes a model of the system from this basis, by making it."""
     for kind in AbstractFormulation.__subclasses__():
         if not kind.is_general or isinstance(refused, kind):
             continue

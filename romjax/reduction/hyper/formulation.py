@@ -73,7 +73,7 @@ class HyperReduced(AbstractFormulation):
     def basis(
         self, system: AbstractSystem, motion: Motions, decomposition: AbstractDecomposition
     ) -> Basis:
-        """That of `Minimal`: of the independent coordinates."""
+        """Return the basis of `Minimal`, which is one of the independent coordinates."""
         return Minimal().basis(system, motion, decomposition)
 
     def reduce(self, system: AbstractSystem, basis: Basis) -> HyperReducedSystem:

@@ -34,7 +34,7 @@ class Rotations(eqx.Module):
 
     @classmethod
     def of(cls, lift: ClosedFormLift, angles: np.ndarray, z: np.ndarray, tol: float) -> "Rotations":
-        """By pivoted QR of the rotations and their slopes at several z (K, r), up to `tol`."""
+        """Choose rotations by pivoted QR of values and slopes at several z (K, r), up to `tol`."""
         inner = np.asarray(lift.inner)[angles]
         offset = np.asarray(lift.offset)[independent(lift)[angles]]
         rotations = np.exp(1j * (offset + z @ inner.T))
@@ -85,7 +85,9 @@ def sample_kinematics(
     columns: tuple[int, ...],
     turned: tuple[tuple[int, int], ...],
 ) -> "SampledKinematics":
-    """Of the coordinates `columns` of q, of which `turned` are pairs x, y that turn with angles.
+    """Return the kinematics of the coordinates `columns` of q.
+
+    `turned`: those of them that are pairs x, y that turn with angles.
 
     Positions are affine in all rotations e, so that their slopes by the angles where these are
     zero, i h, hold all there is to know of them: A = h T.

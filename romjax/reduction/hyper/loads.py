@@ -36,7 +36,7 @@ class LinearLoads(eqx.Module):
     def of(
         cls, system: AssembledSystem, lift: ClosedFormLift, effects: tuple[int, ...]
     ) -> "LinearLoads | None":
-        """Of the groups of `effects`, which are linear; None if there are none."""
+        """Return the loads of the groups of `effects`, which are linear; None if there are none."""
         if not effects:
             return None
         return _linearized(_alone(system, effects), lift, system)
@@ -51,7 +51,7 @@ class LinearLoads(eqx.Module):
         return self.energy - multiply(z, self.force - 0.5 * multiply(self.stiffness, z))
 
     def power(self, w: Reduced) -> Power | None:
-        """Of the dampers [W]."""
+        """Return the power of the dampers [W]."""
         if self.damping is None:
             return None
         taken = multiply(w, multiply(self.damping, w))

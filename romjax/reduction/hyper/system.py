@@ -80,8 +80,9 @@ class HyperReducedSystem(AbstractReducedSystem):
         structure: Structure,
         summary: str,
     ) -> "HyperReducedSystem":
-        """From the reduced `start` z, w, t; `full`, `lift`, `sample`, `validity`, `structure` and
-        `summary` are fields.
+        """Make the system with the reduced `start` z, w, t.
+
+        `full`, `lift`, `sample`, `validity`, `structure` and `summary` are fields.
         """
         bodies = part(full, sample.bodies, sample.weights, sample.others)
         how = sample_kinematics(full, lift, sample.rotations, sample.columns, sample.turned)
@@ -141,7 +142,7 @@ class HyperReducedState(AbstractState):
 
     @functools.cached_property
     def _motion(self) -> Motion:
-        """Of all bodies; only for accelerations of outputs."""
+        """Return the motion of all bodies; only accelerations of outputs need it."""
         return self.system.lift.motion(self.system.full, self.t, self.z, self.w)
 
     @functools.cached_property

@@ -36,7 +36,7 @@ class SampledBox(AbstractValidity):
     def of_training(
         cls, box: TrainingBox, system: AbstractSystem, z: Array, w: Array
     ) -> "SampledBox":
-        """From the `box` of the snapshots, and the states z, w (K, r) of the training."""
+        """Make it from the `box` of the snapshots, and the states z, w (K, r) of the training."""
         return cls(box, _trained(system, z, w), box.error)
 
     def including(self, run: Run) -> "SampledBox":

@@ -30,14 +30,14 @@ class AtlasLift(AbstractLift):
     def of(
         cls, lifts: list[ImplicitLift], q: Float[Array, "h n"], root: Array, atlas: Atlas
     ) -> "AtlasLift":
-        """From the lift of each chart; in the chart of the first of the snapshots `q`."""
+        """Make the lift from those of the charts; it begins in that of the first row of `q`."""
         stacked = jax.tree.map(lambda *x: stack(x), *lifts)
         owners, (rows, scale) = np.asarray(atlas.owners), untraced(q, root)
         seen = as_jax(rows[atlas.seen] @ scale.T)
         return cls(stacked, as_jax(np.asarray(owners[0])), root, seen, as_jax(owners), atlas)
 
     def lift(self, number: Int[Array, ""]) -> ImplicitLift:
-        """That of one chart."""
+        """Return the lift of one chart."""
         lift: ImplicitLift = jax.tree.map(lambda x: x[number], self.lifts)
         return lift
 

@@ -33,8 +33,9 @@ class BodyBases(eqx.Module):
         metrics: Sequence[Array],
         columns: Sequence[tuple[int, ...]],
     ) -> "BodyBases":
-        """Of one Φ (K, k), one M_ff (K, K) and the columns in q for each body, in the order of
-        their coordinates.
+        """Make the bases from one Φ (K, k), one M_ff (K, K) and the columns in q for each body.
+
+        Bodies are in the order of their coordinates.
         """
         n, shapes = 0, dict[tuple[int, ...], list[int]]()
         narrow = []

@@ -52,8 +52,9 @@ class LocalSystem(AbstractReducedSystem):
         validity: AbstractValidity | None = None,
         summary: str = "",
     ) -> "LocalSystem":
-        """From the `start` nearest to physical (q, v, t); `full`, `bases`, `validity` and `summary`
-        are the fields.
+        """Make the system with the `start` nearest to physical (q, v, t).
+
+        `full`, `bases`, `validity` and `summary` are the fields.
         """
         rom = cls(full, _with_bases(full, bases), bases, start[2], validity, summary)
         return rom.starting_at(*start)

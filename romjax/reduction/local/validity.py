@@ -27,7 +27,7 @@ class LargestDeflections(AbstractValidity):
 
     @classmethod
     def of(cls, bases: BodyBases, q: Float[Array, "K n"]) -> "LargestDeflections":
-        """Of snapshots."""
+        """Return the largest deflections in snapshots."""
         return cls(*_largest(bases, q))
 
     def including(self, run: Run) -> "LargestDeflections":

@@ -39,7 +39,7 @@ class Frames(eqx.Module):
 
     @classmethod
     def of(cls, system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]) -> "Frames":
-        """Of a system near q (n,); raises UnsuitedError for other numbers of freedoms."""
+        """Return the frames near q (n,); raise UnsuitedError unless there are 1 or 2 freedoms."""
         if concrete(q) is None:
             raise ValueError(
                 "reduce: a table is made outside of jit, grad and vmap; inside, take the same one "
@@ -68,8 +68,10 @@ class Frames(eqx.Module):
     def slice(
         self, system: AbstractSystem, q: Float[Array, " n"], along: Float[Array, "n d"]
     ) -> tuple[Float[Array, "n m"], Float[Array, "n d"]]:
-        """X such that Δq = X c has C_q Δq = c and no part `along` the directions A, in the mass
-        metric; and the tangents T that the constraints allow, with Aᵀ M₀ T = 1.
+        """Return X and the tangents T that the constraints allow.
+
+        Δq = X c has C_q Δq = c and no part `along` the directions A in the mass metric; T is such
+        that Aᵀ M₀ T = 1.
         """
         own = np.array(self.numbers)
         rows = jacobian(system, self.time, q)[np.array(self.rows)][:, own]

@@ -42,7 +42,7 @@ def _hermite() -> np.ndarray:
 
 
 def polynomials(values: Float[Array, "P *c"], periodic: bool = False) -> Float[Array, "N p *c"]:
-    """On each of the N = P − 1 intervals between the nodes, highest power first.
+    """Return a polynomial for each of the N = P − 1 intervals between nodes, highest power first.
 
     `periodic`: without the first and the last `SIDE` intervals, whose nodes repeat others.
     """

@@ -51,7 +51,7 @@ class TableLift(AbstractLift):
         grid: Grid,
         modes: Float[Array, "n k"],
     ) -> "TableLift":
-        """With a table of the grid, and `modes` that are orthonormal in the mass metric."""
+        """Make the lift with a table of the grid; `modes` are orthonormal in the mass metric."""
         coefficients = tabulate(system, frames, grid, modes)
         # In the metric of the amplitudes alone, whatever the frames do.
         metric = put(frames.metric, np.s_[:, np.array(frames.numbers)], 0.0)

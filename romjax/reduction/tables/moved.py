@@ -53,7 +53,7 @@ def _solve(system: AbstractSystem, frames: Frames, nodes: Array, along: Array) -
 def _by_numbers(
     primals: tuple[AbstractSystem, Frames, Array, Array], changes: tuple[Any, Any, Any, Any]
 ) -> tuple[Array, Array]:
-    """By the implicit function theorem: dq = −X dC at the same q."""
+    """Differentiate the nodes by the implicit function theorem: dq = −X dC at the same q."""
     system, frames, _, along = primals
     q = _on_constraints(*primals)
 

@@ -117,7 +117,7 @@ def ritz(stiffness: Matrix, mass: Matrix, basis: np.ndarray) -> ComponentModes:
 
 
 def checked(stiffness: Matrix, mass: Matrix) -> tuple[Matrix, Matrix]:
-    """Both as sparse matrices, if they are square, alike, finite and symmetric."""
+    """Return both as sparse matrices, if they are square, of one size, finite and symmetric."""
     matrices = []
     for name, given in (("stiffness", stiffness), ("mass", mass)):
         matrix = sp.csc_array(given)

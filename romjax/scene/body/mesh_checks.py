@@ -58,7 +58,7 @@ class _Fields(NamedTuple):
         return made
 
     def strains(self, motions: np.ndarray) -> np.ndarray:
-        """By each of some motions, as a share of what all parts of rotations strain."""
+        """Return the strain of each motion, as a share of what all parts of rotations strain."""
         energy = np.einsum("fa,fg,ga->a", motions, self.stiffness, motions)
         parts = np.sum(motions**2 * np.diag(self.stiffness)[:, None])
         rounding = ROUNDING * np.sum(motions**2 * self.size[:, None])
@@ -104,7 +104,7 @@ def _fields(stiffness: Matrix, mass: Matrix, positions: np.ndarray, rows: np.nda
 
 
 def _check_translations(owner: str, stiffness: Matrix, rows: np.ndarray, fields: _Fields) -> None:
-    """Those of a free body strain nothing, wherever the nodes are."""
+    """Check that translations of the free body strain nothing, wherever the nodes are."""
     d, own = fields.dimension, np.diag(fields.stiffness)
     elastic = np.sum(own[d:]) / max(fields.radius**2, np.finfo(float).tiny)
     excess = own[:d] - STRAIN**2 * elastic - ROUNDING * fields.size[:d]
@@ -123,7 +123,7 @@ def _check_translations(owner: str, stiffness: Matrix, rows: np.ndarray, fields:
 
 
 def _check_rotations(owner: str, fields: _Fields) -> None:
-    """Those of a free body strain nothing if the nodes are where the matrices have them."""
+    """Check that rotations of the free body strain nothing: else nodes and matrices do not fit."""
     d = fields.dimension
     strains = fields.strains(fields.turning(np.eye(d)))
     axis = int(np.argmax(strains))
@@ -137,7 +137,7 @@ def _check_rotations(owner: str, fields: _Fields) -> None:
 
 
 def _cure(fields: _Fields) -> str:
-    """In what units or along which axes the nodes would fit, if in any."""
+    """Say in what units or along which axes the nodes would fit, if in any."""
     d = fields.dimension
     turns = [
         np.array(signs)[:, None] * np.eye(d)[list(order)]
@@ -222,7 +222,7 @@ def _check_units(
 
 
 def _check_density(owner: str, mass: float, positions: np.ndarray) -> None:
-    """Of a solid: its mass by the volume of the hull of its nodes."""
+    """Check the density of a solid, its mass by the volume of the hull of its nodes."""
     import scipy.spatial  # here, since it takes long to load and few ask for it
 
     if len(positions) <= 3 or np.linalg.matrix_rank(positions - positions[:1], 1e-9) < 3:

@@ -30,7 +30,7 @@ def planar_inertia(
     rigid: np.ndarray,
     elastic: np.ndarray,
 ) -> Inertia:
-    """In the plane."""
+    """Return the inertia of a mesh in the plane, with its elastic modes."""
     radius, around = np.zeros(mass.shape[0]), turned_fields(2, rows, elastic)[:, 0]
     radius[rows[:, 0]], radius[rows[:, 1]] = positions.T
     total, moment = rigid[:, 0] @ (mass @ rigid[:, 0]), rigid[:, 2] @ (mass @ rigid[:, 2])
@@ -49,7 +49,7 @@ def spatial_inertia(
     rigid: np.ndarray,
     elastic: np.ndarray,
 ) -> SpatialInertia:
-    """In space."""
+    """Return the inertia of a mesh in space, with its elastic modes."""
     del positions
     around = turned_fields(3, rows, elastic)
     terms = products(lambda fields: mass @ fields, rigid, elastic, around)
@@ -87,8 +87,9 @@ def turned_fields(dimension: int, rows: np.ndarray, elastic: np.ndarray) -> np.n
 def slow_enough(
     dimension: int, rows: np.ndarray, mass: Matrix, frequencies: np.ndarray, elastic: np.ndarray
 ) -> float:
-    """Up to which angular velocity [rad/s] frequencies err by a hundredth at most, where modal
-    coordinates have no places to turn.
+    """Return the angular velocity [rad/s] up to which frequencies err by a hundredth at most.
+
+    The error is that of modal coordinates, which have no places to turn.
 
     Turned about all axes a mode that is mass-normalised has the norms 1 in the plane, 2 in space;
     what is missing is the error of what rotation does to ω², as a share of Ω².
@@ -101,5 +102,5 @@ def slow_enough(
 
 
 def _nonzero(terms: dict[str, tuple[Any, float]]) -> dict[str, Any]:
-    """Those of the terms that are more than rounding of their sizes."""
+    """Return the terms that are larger than rounding of their sizes."""
     return {name: x for name, (x, size) in terms.items() if np.any(abs(x) > ROUNDING * size)}

@@ -40,7 +40,7 @@ def bending_roots(shapes: str, count: int) -> np.ndarray:
 
 
 def _coefficients(shapes: str, roots: np.ndarray) -> np.ndarray:
-    """Of cos bξ, sin bξ, exp(−bξ) and exp(b(ξ−1)) in each mode, ξ from 0 to 1, (4, modes).
+    """Return the coefficients (4, modes) of cos bξ, sin bξ, exp(−bξ) and exp(b(ξ−1)), 0 ≤ ξ ≤ 1.
 
     These four are of order one for every mode, where the textbook form cosh − σ sinh cancels all
     digits from the tenth on. ∫w² dξ = 1, which at a free end means w = ±2.

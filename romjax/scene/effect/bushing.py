@@ -74,5 +74,5 @@ class Bushing(AbstractMarkerEffect):
 
 
 def _delta(a: Pose, b: Pose) -> Float[Array, "3"]:
-    """Of `a` in the frame of `b`: x, y [m], angle [rad]."""
+    """Return the displacement of `a` in the frame of `b`: x, y [m], angle [rad]."""
     return jnp.append(b.local(a.position), a.angle - b.angle)

@@ -113,7 +113,10 @@ class AbstractContact(AbstractMarkerEffect):
         normal: Float[Array, " d"],
         rate: Callable[[], Float[Array, " d"]],
     ) -> Float[Array, " d"]:
-        """On `a` in the frame of `b` [N], from its depth and the rate of the touching point."""
+        """Return the force on `a` in the frame of `b` [N].
+
+        `depth`: that of `a` in the surface; `rate`: the velocity of the touching point.
+        """
         push = self.stiffness * depth**1.5
         if self.dissipation is not None:
             push *= jnp.maximum(1 - self.dissipation * (normal @ rate()), 0)

@@ -132,7 +132,7 @@ class Configuration:
 
 
 def _single(x: Any) -> Any:
-    """Of floating-point arrays, those in single precision."""
+    """Convert a floating-point array to single precision; other leaves stay as they are."""
     return jnp.asarray(x, jnp.float32) if eqx.is_inexact_array_like(x) else x
 
 

@@ -46,8 +46,9 @@ def queue(
 
 
 def promising(configurations: list[Configuration]) -> list[Configuration]:
-    """Those on the front, and on that of the full model alone, by turns; what has most digits of it
-    first.
+    """Return the configurations on the front, and on that of the full model alone, by turns.
+
+    What has most digits of a front comes first.
     """
     fronts = []
     full = [one for one in configurations if one.model.name == FULL]

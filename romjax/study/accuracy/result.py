@@ -46,7 +46,7 @@ class Accuracy:
 
     @property
     def conditions(self) -> list[Condition]:
-        """Those under which something was measured."""
+        """The conditions under which something was measured."""
         return list(dict.fromkeys(row.condition for row in self.rows))
 
     @property
@@ -92,8 +92,10 @@ class Accuracy:
         return Recommendation(error, row, self.models[row.model], settings, words)
 
     def break_even(self, row: Row) -> float | None:
-        """After how many runs a reduced model has saved what it took to make and to compile: that
-        over T_full − T_reduced, where the full model runs as cheaply as it can at the same error.
+        """Return the number of runs after which a reduced model has paid for itself.
+
+        That is the time to make and to compile it over T_full − T_reduced, where the full model
+        runs as cheaply as it can at the same error.
         The full model is compiled in any case, for the training run.
 
         None for the full model, and where that was not measured at this error; infinite where

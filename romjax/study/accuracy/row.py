@@ -10,7 +10,7 @@ FULL = "full"
 
 
 class Condition(NamedTuple):
-    """Under which runs were made: one work–precision diagram for each."""
+    """The condition under which runs were made; each has a work–precision diagram."""
 
     precision: str  # "f64", "f32"
     lanes: int  # that run at once
@@ -54,12 +54,12 @@ class Row(NamedTuple):
 
     @property
     def set_up(self) -> float:
-        """Until the first run starts [s]: to make the model, and to compile it."""
+        """The time until the first run starts [s]: to make the model, and to compile it."""
         return self.offline + self.compile
 
     @property
     def first(self) -> float:
-        """Until the first answer is there [s]."""
+        """The time until the first answer is there [s]."""
         return self.set_up + self.lanes * self.least
 
     @property

@@ -51,7 +51,7 @@ class Range:
         return 2 * (value - start) / (high - low)
 
     def holds(self, values: np.ndarray | float) -> np.ndarray:
-        """Which values lie within, both ends included."""
+        """Say of each value whether it lies within, both ends included."""
         return np.asarray((self.low <= np.asarray(values)) & (np.asarray(values) <= self.high))
 
 

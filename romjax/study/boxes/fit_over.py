@@ -188,7 +188,7 @@ class _Search:
         return trial, self._misfit(np.asarray(corrected(trial))), moved
 
     def result(self, best: _Point, runs: int, success: bool, rom: AbstractReducedSystem) -> BoxFit:
-        """With the covariance of the full model at the best point."""
+        """Return the fit, with the covariance of the full model at the best point."""
         present, spread = np.isfinite(self.measured), self._spread()
         residuals = ((np.asarray(best.seen) - self.measured) / spread)[present]
         warn_of_outcome("fit_over, at the best parameters", best.run.status, best.run.flags)

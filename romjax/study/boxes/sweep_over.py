@@ -76,7 +76,7 @@ def sweep_over(
 
 
 class _Lanes:
-    """Which lanes are computed, and how; `parts` are numbers of lanes with their sweeps."""
+    """The lanes that are computed, and how; `parts` are numbers of lanes with their sweeps."""
 
     def __init__(
         self,

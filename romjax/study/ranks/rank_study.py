@@ -74,7 +74,7 @@ class RankStudy:
         ]
 
     def best(self, formulation: str | None = None) -> RankRow:
-        """Of the rows that are `paying`, the one with the least product of error and steps.
+        """Return the one of the `paying` rows with the least product of error and steps.
 
         Steps grow with the frequency that a mode brings: it is worth that if the error falls by a
         larger factor than the steps grow. Raises InputError if no model pays.

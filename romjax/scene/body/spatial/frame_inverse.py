@@ -11,7 +11,7 @@ _FRAME = 7  # coordinates x, y, z, and the quaternion
 
 
 class FrameInverse(AbstractBodyInverse):
-    """Of a body with the coordinates x, y, z, p and q_f.
+    """The inverse mass matrix of a body with the coordinates x, y, z, p and q_f.
 
     With r = pᵀṗ/s, the rate of the length of p, is ṗ = ½ Gᵀ ω + p r, since G Gᵀ = s I and G p = 0.
     In the rates ẋ, ω and r the inertia of a rigid body is diag(m I, J, μ). Of a flexible one with

@@ -89,7 +89,7 @@ class RigidBody(AbstractBody):
     def quadratic_velocity_force(
         self, q: Float[Array, "7"], v: Float[Array, "7"]
     ) -> Float[Array, "7"]:
-        """Of Euler's equation J ω̇ = −ω × J ω, at ρ̈ = 0 of the length ρ = ln |p|.
+        """Return the force of Euler's equation J ω̇ = −ω × J ω, at ρ̈ = 0 of the length ρ = ln |p|.
 
         With r = pᵀṗ: 2 Gᵀ τ/s + μ (2 r²/s − ṗᵀṗ) p/s², where τ = 2 r h/s − ω × h and h = J ω. The
         first term of τ is there since ω̇ = 2 G p̈/s − 2 r ω/s.

@@ -91,7 +91,7 @@ def _apply(matrix: Float[Array, "6 *columns"], x: Float[Array, "6"]) -> Float[Ar
 
 
 def _delta(a: Pose, b: Pose) -> Float[Array, "6"]:
-    """Of `a` in the frame of `b`: x, y, z [m], rotation vector [rad]."""
+    """Return the displacement of `a` in the frame of `b`: x, y, z [m], rotation vector [rad]."""
     relative = _turn(a, b)
     # tan ½φ times the axis: the same for all multiples of a quaternion.
     tangent = relative[1:] / relative[0]
