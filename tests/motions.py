@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import romjax as rj
-from romjax.integrate.derived import Derived
-from romjax.integrate.parts import Parts
+from romjax.integrate.derived import EagerQuantities
+from romjax.integrate.partition import Partitioned
 from romjax.integrate.statistics import Statistics
 
 COUNT = 21
@@ -25,7 +25,7 @@ def through(system: rj.AbstractSystem, t=(0.0,), q=None, v=None) -> rj.Trajector
         t=jnp.asarray(t),
         q=jnp.asarray(q),
         v=jnp.asarray(v),
-        derived=Derived(
+        derived=EagerQuantities(
             multipliers=jnp.asarray(np.zeros((len(t), system.m))),
             metric=jnp.asarray(np.diag(np.arange(1.0, system.n + 1))),
         ),
@@ -33,7 +33,7 @@ def through(system: rj.AbstractSystem, t=(0.0,), q=None, v=None) -> rj.Trajector
         stats=Statistics(len(t), len(t), 0),
         status=jnp.asarray(0),
         coordinates=system.structure.coordinates,
-        solver_parts=Parts.of(diffrax.Tsit5()),
+        solver_parts=Partitioned.of(diffrax.Tsit5()),
     )
 
 

@@ -14,8 +14,8 @@ import zoo
 
 import romjax as rj
 from romjax.common import compat
-from romjax.integrate.derived import OnDemand
-from romjax.integrate.parts import Parts
+from romjax.integrate.derived import LazyQuantities
+from romjax.integrate.partition import Partitioned
 from romjax.integrate.status import REMEDIES, Status
 
 
@@ -42,7 +42,7 @@ def made_up(scene, system, rank=None):
     run = motions.motion(scene, end=0.1, count=11)
     own = (run.q, run.v) if rank is None else 2 * [np.zeros((11, rank))]
     states = {"t": run.t, "q": own[0], "v": own[1], "chart": None, "stabilization": None}
-    derived = compat.make_module(OnDemand, parts=Parts.of(system), **states)
+    derived = compat.make_module(LazyQuantities, parts=Partitioned.of(system), **states)
     return dataclasses.replace(run, derived=derived)
 
 

@@ -11,7 +11,7 @@ import zoo
 import romjax as rj
 from romjax.integrate import settings
 from romjax.integrate.follow.branching import Branching
-from romjax.integrate.parts import Parts
+from romjax.integrate.partition import Partitioned
 from romjax.integrate.statistics import Statistics
 from romjax.integrate.status import Status
 
@@ -102,7 +102,7 @@ SOLVERS = {
 @pytest.mark.parametrize("solver", SOLVERS.values(), ids=SOLVERS)
 def test_the_solver_is_kept(run, solver):
     """Through all transformations, and as one program for equal solvers."""
-    run = dataclasses.replace(run, solver_parts=Parts.of(solver))
+    run = dataclasses.replace(run, solver_parts=Partitioned.of(solver))
     traced = []
 
     @jax.jit
@@ -114,7 +114,7 @@ def test_the_solver_is_kept(run, solver):
     changed = dataclasses.replace(run, q=np.asarray(run.q) + 1)
     for other in (
         again,
-        same(dataclasses.replace(run, solver_parts=Parts.of(solver))),
+        same(dataclasses.replace(run, solver_parts=Partitioned.of(solver))),
         jax.tree.map(lambda x: x, run),
         run.every(2),
         changed,

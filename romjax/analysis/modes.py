@@ -11,7 +11,7 @@ from ..assembly.axial_loads import warn_of_axial_loads
 from ..common.arrays import Vector, as_array
 from ..common.checks import check_shape
 from ..common.errors import InputError
-from ..common.extras import frame
+from ..common.extras import data_frame
 from ..compiling.program import program_once
 from ..system.base import AbstractSystem, check_system
 from .tangent import independent_constraints, tangent_of
@@ -50,7 +50,7 @@ class Modes(NamedTuple):
         with np.errstate(divide="ignore"):  # of free motions
             period = 1 / frequency
         rows = {"frequency": frequency, "ratio": np.asarray(self.damping), "period": period}
-        return frame("Modes.table", rows, "the numbers are in .frequencies and .damping")
+        return data_frame("Modes.table", rows, "the numbers are in .frequencies and .damping")
 
 
 def modes(

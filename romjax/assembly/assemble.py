@@ -18,7 +18,7 @@ from ..scene.scene import Scene
 from ..system.mobility import check_mobility
 from ..system.structure import Structure
 from .assembled import AssembledSystem
-from .counting import counters_of, started
+from .counting import counters_of, with_counter_starts
 from .grouping import group
 from .groups import BodyGroup, EffectGroup, JointGroup
 from .kinematics import arrange, columns_of
@@ -85,7 +85,7 @@ def assemble(scene: Scene) -> AssembledSystem:
         ),
         pattern=Pattern.of([columns[name] for name in order], joined),
     )
-    system = started(system) if counters else system
+    system = with_counter_starts(system) if counters else system
     remedy = "Take out the joints that lock the mechanism."
     check_mobility("assemble", system, remedy, SceneError)
     return system

@@ -1,7 +1,7 @@
 """Angles in space that count full turns, for the joints and effects that ask for them.
 
 A quaternion is the same after two turns. So that torsion springs, gears, screws and motors know
-how often they have turned, the system has a coordinate more for each: the hand of a counter, with
+how often they have turned, the system has a coordinate more for each: the angle of a counter, with
 an inertia a trillionth of what turns, which a constraint holds at the angle of two markers. It is a
 coordinate as all others are: any solver, event, projection and derivative takes it as it is, and
 the balance of energy is exact. Nothing but the counting constraint acts on it, since the forces of
@@ -33,8 +33,8 @@ G = TypeVar("G")
 _ENDLESS = 1e30
 
 
-class Counter(AbstractBody):
-    """What counts an angle: a body of one coordinate, the angle [rad], in place of a frame's x."""
+class TurnCounter(AbstractBody):
+    """A body that counts full turns: its coordinate is an angle [rad], in place of a frame's x."""
 
     name: str = eqx.field(static=True)
     inertia: Float[Array, ""]
@@ -82,8 +82,8 @@ class Counter(AbstractBody):
         pass
 
 
-class Counting(AbstractJoint):
-    """Holds a counter at the angle of two markers, `a` against `b`."""
+class CounterJoint(AbstractJoint):
+    """A joint that holds a counter at the angle of two markers, `a` against `b`."""
 
     a: Marker
     b: Marker
@@ -101,25 +101,25 @@ class Counting(AbstractJoint):
         return a.angle_against(b, counter[0].position[0])[None]
 
 
-_COUNTING = (Counter, Counting)
+_COUNTING = (TurnCounter, CounterJoint)
 
 
 def counters_of(
     parts: Sequence[Any], names: Sequence[str]
-) -> tuple[list[Counter], list[Counting], list[tuple[Marker, ...]]]:
+) -> tuple[list[TurnCounter], list[CounterJoint], list[tuple[Marker, ...]]]:
     """The counters of parts with these `names`, what holds them, and the markers of each part with
     those of its counters.
     """
-    counters, holding, sides = list[Counter](), list[Counting](), []
+    counters, holding, sides = list[TurnCounter](), list[CounterJoint](), []
     for part, name in zip(parts, names, strict=True):
         markers = part.markers
         dtype = markers[0].point.dtype if markers else float
         for number, (a, b) in enumerate(part.counted if _in_space(part) else ()):
             own = f"counter of {name}" if number == 0 else f"counter {number + 1} of {name}"
-            hand = Marker(own, np.zeros(3, dtype), np.array([1, 0, 0, 0], dtype))
-            counters.append(Counter(own, jnp.asarray(_ENDLESS, dtype)))
-            holding.append(Counting(part.markers[a], part.markers[b], hand, own))
-            markers = (*markers, hand)
+            marker = Marker(own, np.zeros(3, dtype), np.array([1, 0, 0, 0], dtype))
+            counters.append(TurnCounter(own, jnp.asarray(_ENDLESS, dtype)))
+            holding.append(CounterJoint(part.markers[a], part.markers[b], marker, own))
+            markers = (*markers, marker)
         sides.append(markers)
     return counters, holding, sides
 
@@ -140,7 +140,7 @@ def _in_space(part: Any) -> bool:
     return bool(getattr(part, "counted", ())) and part.markers[0].dimension == 3
 
 
-def started(system: Any) -> Any:
+def with_counter_starts(system: Any) -> Any:
     """The system whose counters start at their angles, with inertias that suit what they count.
 
     A counter that stands at zero violates its constraint by the angle.
@@ -149,7 +149,7 @@ def started(system: Any) -> Any:
         lambda s: (
             s.q0,
             s.v0,
-            next(g for g in s.bodies if isinstance(g.bodies, Counter)).bodies.inertia,
+            next(g for g in s.bodies if isinstance(g.bodies, TurnCounter)).bodies.inertia,
         ),
         system,
         _start(system),
@@ -161,8 +161,8 @@ def _start(
     system: Any,
 ) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " counters"]]:
     """The start of a system with that of its counters, and the counters' inertias."""
-    group = next(group for group in system.bodies if isinstance(group.bodies, Counter))
-    holding = next(group for group in system.joints if isinstance(group.joints, Counting))
+    group = next(group for group in system.bodies if isinstance(group.bodies, TurnCounter))
+    holding = next(group for group in system.joints if isinstance(group.joints, CounterJoint))
     own, rows = group.coordinates.array[:, 0], holding.rows.array[:, 0]
     zero = jnp.zeros((), system.q0.dtype)
     angle, speed = jax.jvp(lambda q: system.constraint(zero, q), (system.q0,), (system.v0,))

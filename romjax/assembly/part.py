@@ -13,7 +13,7 @@ from ..linalg.indexing import Index
 from ..linalg.pattern import Pattern
 from ..system.structure import Structure
 from .assembled import AssembledSystem
-from .counting import Counter
+from .counting import TurnCounter
 from .groups import BodyGroup, EffectGroup
 from .kinematics import MarkerBlocks, Markers
 
@@ -30,7 +30,7 @@ def part(
     Its coordinates are those of the bodies, in the order of the groups. Raises ReductionError where
     angles in space count full turns: joints hold their counters, and a part has no joints.
     """
-    counters = [g.coordinates for g in system.bodies if isinstance(g.bodies, Counter)]
+    counters = [g.coordinates for g in system.bodies if isinstance(g.bodies, TurnCounter)]
     if counters:
         labels = [system.structure.labels[i] for c in counters for row in c.rows for i in row]
         raise ReductionError(

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from ..common.arrays import as_jax, pick, untraced
 from ..common.checks import check_kind
 from ..common.errors import InputError
-from ..common.identity import Remembered
+from ..common.identity_cache import IdentityCache
 from ..compiling.program import program
 from .turns import Turns, by_turn, by_turns
 
@@ -190,7 +190,7 @@ class SnapshotSet(eqx.Module):
 
 
 # By the weights of a set, which it keeps in other coordinates.
-_motions = Remembered()
+_motions = IdentityCache()
 
 # One motion of a mechanism or several, with sensitivities or not, or the snapshots of them.
 Motions = Motion | Sequence[Motion | Sensitivity] | SnapshotSet

@@ -10,7 +10,7 @@ import numpy as np
 
 from .arrays import concrete
 from .errors import InputError
-from .identity import Remembered
+from .identity_cache import IdentityCache
 
 # Names in a message.
 _LISTED = 20
@@ -50,7 +50,7 @@ def _describe(shape: tuple[int | None, ...]) -> str:
     return f"have shape ({', '.join(lengths)})"
 
 
-_finite = Remembered()  # of arrays of JAX, which never change
+_finite = IdentityCache()  # of arrays of JAX, which never change
 
 
 def check_finite(owner: str, field: str, value: Any, error: type[InputError] = InputError) -> None:

@@ -1,4 +1,4 @@
-"""Packages that come with an extra only, and methods whose code is in a room above their class."""
+"""Imports at run time: packages that only an extra brings, and functions of later folders."""
 
 import importlib
 from types import ModuleType
@@ -21,14 +21,15 @@ def extra(owner: str, module: str, name: str, instead: str = "") -> ModuleType:
         ) from error
 
 
-def frame(owner: str, rows: Any, instead: str) -> Any:
-    """A data frame of pandas (extra `study`); `owner` and `instead` are as `extra` has them."""
+def data_frame(owner: str, rows: Any, instead: str) -> Any:
+    """Return a data frame of pandas (extra `study`); `owner` and `instead` as in `extra`."""
     return extra(owner, "pandas", "study", instead).DataFrame(rows)
 
 
-def above(module: str, function: str) -> Any:
-    """A function of a room that its caller must not import, loaded when it is called.
+def lazy_import(module: str, function: str) -> Any:
+    """Return a function of a module that the caller must not import, loading it now.
 
-    Imports point one way, but a run has a method `save` all the same.
+    Folders import those below them only, but some methods, such as `Trajectory.save`, need code
+    from above.
     """
     return getattr(importlib.import_module(f"romjax.{module}"), function)

@@ -26,7 +26,7 @@ import jax
 import numpy as np
 
 from ..common import compat
-from ..common.identity import Remembered
+from ..common.identity_cache import IdentityCache
 from . import jaxprs, program_cache, xla
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -198,7 +198,7 @@ class _Kind:
         return jax.tree.unflatten(self.tree, leaves)
 
 
-_parts = Remembered()
+_parts = IdentityCache()
 
 
 def _taken_apart(arg: Any) -> tuple[_Kind, list[Any]]:

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from ..common.arrays import as_number, concrete
 from ..common.compat import is_outermost, is_traced
-from ..common.identity import Remembered
+from ..common.identity_cache import IdentityCache
 from ..compiling.program import program_once
 from ..system.base import AbstractSystem
 from ..system.frequencies import Frequencies, frequencies
@@ -40,7 +40,7 @@ _FASTER, _COMPARABLE = 3.0, 0.25
 _STEPS = 100
 
 
-_known = Remembered()
+_known = IdentityCache()
 
 
 def start_frequencies(

@@ -20,9 +20,9 @@ from ..system.consistent import project
 from ..system.stabilization import Baumgarte, Projection, Stabilization
 from ..system.structure import without_names
 from .chart_change import ChartChange
-from .derived import OnDemand
+from .derived import LazyQuantities
 from .outputs import Output, capacity, cut, output_at, padded
-from .parts import Parts
+from .partition import Partitioned
 from .post_step import PostStep, ProjectState
 
 
@@ -57,12 +57,12 @@ class DenseOutput(eqx.Module):
       starts [s].
     """
 
-    parts: Parts
+    parts: Partitioned
     stabilization: Stabilization
     start: Float[Array, ""]
     pieces: Pieces
 
-    def at(self, times: Vector) -> tuple[Float[Array, " k"], Output, OnDemand]:
+    def at(self, times: Vector) -> tuple[Float[Array, " k"], Output, LazyQuantities]:
         """The `times` as an array, the outputs there, and what follows from them.
 
         Raises InputError for times before the start or after the end of the run.
@@ -86,14 +86,14 @@ class DenseOutput(eqx.Module):
                 f"{float(ts[int(np.argmax(known))]):g} s lies outside of the run, from "
                 f"{float(self.start):g} to {float(end):g} s."
             )
-        system, count = without_names(self.parts.join()), len(ts)
+        system, count = without_names(self.parts.combine()), len(ts)
         projection = self.stabilization if isinstance(self.stabilization, Projection) else None
         size = capacity(count, 2 * system.full.n, ts.dtype)
         rows = ts if size == count or known is None else padded(ts, size)
         outputs = cut(_evaluated(system, projection, self.pieces, rows), count)
         own = outputs.in_system()
         used = self.stabilization if isinstance(self.stabilization, Baumgarte) else None
-        return ts, outputs, OnDemand(self.parts, ts, own.q, own.v, own.chart, used)
+        return ts, outputs, LazyQuantities(self.parts, ts, own.q, own.v, own.chart, used)
 
 
 @program

@@ -18,11 +18,11 @@ from ..system.stabilization import Baumgarte
 from ..system.structure import without_names
 from .chart_change import ChartChange
 from .outputs import capacity, cut, padded
-from .parts import Parts
+from .partition import Partitioned
 
 
-class Derived(NamedTuple):
-    """Values that are there.
+class EagerQuantities(NamedTuple):
+    """Quantities that were evaluated with the run.
 
     - `multipliers` (k, m), `metric` (n, n): as `Trajectory` has them.
     - `parts`: of the system that moved; None within transformations, where nobody asks for it.
@@ -30,21 +30,21 @@ class Derived(NamedTuple):
 
     multipliers: Float[Array, "k m"]
     metric: Float[Array, "n n"]
-    parts: Parts | None = None
+    parts: Partitioned | None = None
 
-    def every(self, stride: int) -> "Derived":
+    def every(self, stride: int) -> "EagerQuantities":
         """Return the object for every `stride`-th output time only."""
         return self._replace(multipliers=self.multipliers[::stride])
 
 
-class OnDemand(eqx.Module):
-    """Values that are evaluated when they are asked for: most runs are never asked.
+class LazyQuantities(eqx.Module):
+    """Quantities that are evaluated when they are asked for: most runs are never asked.
 
     Multipliers need the acceleration at each output time, which is a quarter of a simulation's
     program and, in a long chain, half of its time.
     """
 
-    parts: Parts  # of the system, with its names
+    parts: Partitioned  # of the system, with its names
     t: Float[Array, " k"]
     q: Float[Array, "k r"]
     v: Float[Array, "k r"]
@@ -54,7 +54,7 @@ class OnDemand(eqx.Module):
     @property
     def system(self) -> AbstractSystem:
         """The system that moved, without names."""
-        system: AbstractSystem = without_names(self.parts.join())
+        system: AbstractSystem = without_names(self.parts.combine())
         return system
 
     @property
@@ -81,7 +81,7 @@ class OnDemand(eqx.Module):
         metric: Float[Array, "n n"] = _metric(self.system)
         return metric
 
-    def every(self, stride: int) -> "OnDemand":
+    def every(self, stride: int) -> "LazyQuantities":
         """Return the object for every `stride`-th output time only."""
         arrays = {name: getattr(self, name) for name in ("t", "q", "v", "chart")}
         return dataclasses.replace(self, **jax.tree.map(lambda x: x[::stride], arrays))

@@ -115,7 +115,7 @@ def integrate(
         run = differentiable_run(march, start, known)
     rows, imbalance, events = run.outputs.rows, run.outputs.beside, None
     if watch is not None and run.watching is not None:
-        rows, imbalance, ts = _held(run, ts, output)
+        rows, imbalance, ts = _hold_after_stop(run, ts, output)
         events = watch.describe(run.seen[EVENTS], run.watching)
     return Integrated(run, (q0, v0), ts, rows, imbalance, events)
 
@@ -191,10 +191,10 @@ def _limits(
     }
 
 
-def _held(
+def _hold_after_stop(
     run: Ended, ts: Float[Array, " size"], output: Callable[[Array, Any], Output]
 ) -> tuple[Output, Float[Array, " size"] | None, Float[Array, " size"]]:
-    """Outputs, imbalances and times, those after a stop as they are at the stop."""
+    """Return outputs, imbalances and times, with those after a stop as they are at the stop."""
     record, saved = run.seen[EVENTS], run.outputs
     assert run.watching is not None
     last = jnp.maximum(record.number - 1, 0)

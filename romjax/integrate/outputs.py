@@ -20,8 +20,8 @@ _ROOM = 2**16
 _OFTEN = 20
 
 
-class Own(NamedTuple):
-    """A state in the coordinates of a reduced system."""
+class SystemOutput(NamedTuple):
+    """An output in the coordinates of the system that moves, which may be a reduced one."""
 
     q: Float[Array, "*k r"]
     v: Float[Array, "*k r"]
@@ -35,11 +35,11 @@ class Output(NamedTuple):
     q: Float[Array, "*k n"]  # physical
     v: Float[Array, "*k n"]
     violation: Float[Array, "*k"]  # largest |C| of the mechanism's own constraints
-    own: Own | None  # None where the physical coordinates are the system's
+    reduced: SystemOutput | None  # None where the physical coordinates are the system's
 
-    def in_system(self) -> Own:
+    def in_system(self) -> SystemOutput:
         """Return the state in the coordinates of the system, reduced ones for a reduced system."""
-        return self.own or Own(self.q, self.v, None, self.violation)
+        return self.reduced or SystemOutput(self.q, self.v, None, self.violation)
 
 
 @eqx.filter_jit
@@ -56,8 +56,8 @@ def output_at(
     if local.full is local:
         return Output(q, v, _largest(local.constraint(t, q)), None)
     state = local.state(t, q, v)
-    own = Own(q, v, chart, _largest(local.constraint(t, q)))
-    return Output(state.q, state.v, _largest(local.full.constraint(t, state.q)), own)
+    reduced = SystemOutput(q, v, chart, _largest(local.constraint(t, q)))
+    return Output(state.q, state.v, _largest(local.full.constraint(t, state.q)), reduced)
 
 
 def _largest(violation: Float[Array, " m"]) -> Float[Array, ""]:

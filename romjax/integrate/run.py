@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..common import compat, precision
-from ..common.identity import Remembered
+from ..common.identity_cache import IdentityCache
 from ..compiling.program import program
 from ..march.march import DENSE
 from ..system.base import AbstractSystem, Run
@@ -18,11 +18,11 @@ from ..system.stabilization import Baumgarte, Stabilization
 from ..system.start import Start
 from .adjoint import has_root_finder
 from .dense import DenseOutput
-from .derived import Derived, OnDemand, metric_of, multipliers_at
+from .derived import EagerQuantities, LazyQuantities, metric_of, multipliers_at
 from .integration import AUDIT, MONITORS, Integrated, integrate
 from .judge import drift_of, judge_run
 from .outputs import Output, capacity, cut, padded
-from .parts import Parts
+from .partition import Partitioned
 from .resolution import is_resolved
 from .settings import Settings
 from .statistics import Statistics
@@ -41,7 +41,9 @@ def run(
     result, derived = _run(system, bare, ts, q0, v0, settings)
     dense, pieces = None, result.run.march.seen.get(DENSE)
     if pieces is not None:
-        dense = DenseOutput(Parts.of(system), result.stabilization, jnp.asarray(ts[0]), pieces)
+        dense = DenseOutput(
+            Partitioned.of(system), result.stabilization, jnp.asarray(ts[0]), pieces
+        )
     return _trajectory(system, result, derived, dense, settings), result.start
 
 
@@ -63,7 +65,7 @@ def _run(
     q0: Float[Array, " n"],
     v0: Float[Array, " n"],
     settings: Settings,
-) -> tuple[_Result, Derived | OnDemand]:
+) -> tuple[_Result, EagerQuantities | LazyQuantities]:
     """The run, by a program of its own that others share, or as a part of the user's."""
     settings = settings.limited(not compat.is_outermost())
     if not compat.is_outermost():
@@ -72,7 +74,7 @@ def _run(
     if has_root_finder(settings.solver):
         # Its root finder contains functions, which are no part of a stored program.
         result, derived = _differentiable(bare, ts, q0, v0, settings)
-        return result, derived._replace(parts=Parts.of(system))
+        return result, derived._replace(parts=Partitioned.of(system))
     count = len(ts)
     size = capacity(count, 2 * bare.full.n, q0.dtype)
     times = ts if size == count else _with_room(ts, size)
@@ -83,8 +85,8 @@ def _run(
     ts = ts if stopped is None else stopped
     own = outputs.in_system()
     demand = compat.make_module(
-        OnDemand,
-        parts=Parts.of(system),
+        LazyQuantities,
+        parts=Partitioned.of(system),
         t=ts,
         q=own.q,
         v=own.v,
@@ -95,7 +97,7 @@ def _run(
     return result._replace(run=run), demand
 
 
-_padded = Remembered()
+_padded = IdentityCache()
 
 
 def _with_room(ts: Float[Array, " k"], size: int) -> Float[Array, " size"]:
@@ -113,7 +115,7 @@ def _differentiable(
     q0: Float[Array, " n"],
     v0: Float[Array, " n"],
     settings: Settings,
-) -> tuple[_Result, Derived]:
+) -> tuple[_Result, EagerQuantities]:
     result = _integrated(system, ts, None, q0, v0, settings)
     run, used = result.run, _baumgarte(result.stabilization)
     own = run.outputs.in_system()
@@ -121,7 +123,7 @@ def _differentiable(
     multipliers = jax.vmap(lambda t, q, v, chart: multipliers_at(system, t, q, v, chart, used))(
         run.ts, own.q, own.v, own.chart
     )
-    return result, Derived(multipliers, metric_of(system))
+    return result, EagerQuantities(multipliers, metric_of(system))
 
 
 def _integrated(
@@ -169,7 +171,7 @@ def _baumgarte(stabilization: Stabilization) -> Baumgarte | None:
 def _trajectory(
     system: AbstractSystem,
     result: _Result,
-    derived: Derived | OnDemand,
+    derived: EagerQuantities | LazyQuantities,
     dense: DenseOutput | None,
     settings: Settings,
 ) -> Trajectory:
@@ -202,7 +204,7 @@ def _trajectory(
         dense=dense,
         followed=march.seen.get(MONITORS, ()),
         coordinates=system.full.structure.coordinates,
-        solver_parts=Parts.of(settings.solver),
+        solver_parts=Partitioned.of(settings.solver),
     )
 
 

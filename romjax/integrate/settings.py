@@ -11,7 +11,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 from ..common.arrays import Vector, as_array, concrete
 from ..common.checks import check_finite, check_kind, check_positive, check_shape
 from ..common.errors import InputError
-from ..common.identity import Remembered
+from ..common.identity_cache import IdentityCache
 from ..events.base import AbstractEvent
 from ..system.base import AbstractSystem, check_system
 from ..system.frequencies import Frequencies
@@ -151,7 +151,7 @@ def check_numbers(max_steps: int | None, dense: int, **steps: ArrayLike | None) 
         )
 
 
-_increasing = Remembered()  # of arrays of JAX, which never change
+_increasing = IdentityCache()  # of arrays of JAX, which never change
 
 
 def check_times(ts: Vector, dtype: Any) -> Float[Array, " k"]:

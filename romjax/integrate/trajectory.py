@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from ..common.arrays import Vector, as_number
 from ..common.checks import unknown_name
 from ..common.errors import InputError
-from ..common.extras import above
+from ..common.extras import lazy_import
 from ..common.pictures import animated, inline
 from ..events.record import Events
 from ..scene.coordinate import Coordinate, quaternions_of
@@ -22,10 +22,10 @@ from ..system.base import AbstractSystem
 from ..system.flags import WORDS, Flag
 from .allowed_errors import allowed_errors
 from .dense import DenseOutput
-from .derived import Derived, OnDemand
+from .derived import EagerQuantities, LazyQuantities
 from .follow.branching import Branching
 from .follow.energy_balance import EnergyBalance
-from .parts import Parts
+from .partition import Partitioned
 from .statistics import Statistics
 from .status import REMEDIES, Status
 
@@ -62,11 +62,11 @@ class Trajectory(eqx.Module):
     q: Float[Array, "k n"]
     v: Float[Array, "k n"]
     violation: Float[Array, " k"]
-    derived: Derived | OnDemand
+    derived: EagerQuantities | LazyQuantities
     stats: Statistics
     status: Int[Array, ""]
     coordinates: tuple[Coordinate, ...] = eqx.field(static=True)
-    solver_parts: Parts
+    solver_parts: Partitioned
     flags: Int[Array, ""] = eqx.field(default_factory=lambda: jnp.zeros((), int))
     balance: EnergyBalance | None = None
     branching: Branching | None = None
@@ -110,7 +110,7 @@ class Trajectory(eqx.Module):
                 "Trajectory.system: the run does not know its system, since it was made within a "
                 "transformation of JAX, or saved without its scene; use the one that you simulated."
             )
-        system: AbstractSystem = self.derived.parts.join()
+        system: AbstractSystem = self.derived.parts.combine()
         return system
 
     @property
@@ -120,7 +120,7 @@ class Trajectory(eqx.Module):
         Raises InputError where the run does not know it, as `Trajectory.system`, or where it is no
         mechanism of bodies.
         """
-        scene: Scene = above("files.results.scenes", "scene_of")(self)
+        scene: Scene = lazy_import("files.results.scenes", "scene_of")(self)
         return scene
 
     @property
@@ -141,7 +141,7 @@ class Trajectory(eqx.Module):
     @property
     def solver(self) -> diffrax.AbstractSolver[Any]:
         """The method, as it was given to `simulate` or chosen by it."""
-        solver: diffrax.AbstractSolver[Any] = self.solver_parts.join()
+        solver: diffrax.AbstractSolver[Any] = self.solver_parts.combine()
         return solver
 
     @property
@@ -178,16 +178,16 @@ class Trajectory(eqx.Module):
         if Flag.BRANCH in flags and self.branching is not None:
             words[Flag.BRANCH] += f" ({self.branching.describe()})"
         if Flag.LEFT_OUT in flags:
-            words[Flag.LEFT_OUT] += f" ({above('integrate.left_out', 'describe')(self)})"
+            words[Flag.LEFT_OUT] += f" ({lazy_import('integrate.left_out', 'describe')(self)})"
         failure = [] if self.success else [self.summary()]
         parts = self.derived.parts
         others = []
         if parts is not None:
-            system = parts.join()
+            system = parts.combine()
             states = system.full, self.t, self.q, self.v
-            others.append(above("assembly.axial_loads", "axial_warning")(*states))
+            others.append(lazy_import("assembly.axial_loads", "axial_warning")(*states))
             if system.m and self.stats.rtol is not None:
-                of_masses = above("assembly.conditioning", "conditioning_warning")
+                of_masses = lazy_import("assembly.conditioning", "conditioning_warning")
                 others.append(of_masses(*states, float(self.stats.rtol)))
         return "; ".join([*failure, *words.values(), *filter(None, others)])
 
@@ -244,7 +244,7 @@ class Trajectory(eqx.Module):
         Raises ImportError, with what to install, without the extra; InputError for a measured array
         that has not one row for each output, and a scene with other coordinates than the run.
         """
-        return above("files.results.dataset", "dataset_of")(self, scene, measured)
+        return lazy_import("files.results.dataset", "dataset_of")(self, scene, measured)
 
     def save(
         self, path: str | os.PathLike[str], scene: Scene | None = None, **measured: Any
@@ -255,7 +255,7 @@ class Trajectory(eqx.Module):
 
         - `path`: of the file, such as "run.nc". `scene`, `measured`: as `to_xarray`.
         """
-        above("files.results.store", "write")(self.to_xarray(scene, **measured), path)
+        lazy_import("files.results.store", "write")(self.to_xarray(scene, **measured), path)
 
     def noise(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """What the tolerances allow as errors of positions and velocities, in the energy norm.

@@ -7,7 +7,7 @@ from typing import Any
 import equinox as eqx
 
 from ..common.errors import SceneError
-from ..common.extras import above
+from ..common.extras import lazy_import
 from ..common.pictures import inline, still
 from .body.base import AbstractBody
 from .effect.base import AbstractEffect
@@ -37,7 +37,7 @@ class Scene(eqx.Module):
 
         Raises SceneError for a part of one's own that has what no file can hold.
         """
-        above("files.write", "save")(self, path)
+        lazy_import("files.write", "save")(self, path)
 
     def check(self) -> None:
         """Raise a SceneError that names the first part that makes no sense."""

@@ -12,8 +12,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..common.arrays import concrete
 from ..common.checks import check_kind
-from ..common.extras import frame
-from ..common.identity import Remembered
+from ..common.extras import data_frame
+from ..common.identity_cache import IdentityCache
 from ..common.pictures import animated, inline
 from ..compiling.program import program
 from ..integrate.trajectory import Trajectory
@@ -51,7 +51,7 @@ class Comparison(eqx.Module):
         """
         columns = {"error": np.asarray(self.per_coordinate), "moving": np.asarray(self.moving)}
         rows = {"coordinate": list(self.labels), **columns}
-        table = frame("Comparison.table", rows, "the errors are in .per_coordinate")
+        table = data_frame("Comparison.table", rows, "the errors are in .per_coordinate")
         return table.sort_values("error", ascending=False, ignore_index=True)
 
     def _repr_html_(self) -> str | None:
@@ -64,7 +64,7 @@ class Comparison(eqx.Module):
 
 
 # Not to hold motions that nobody else needs any more.
-_motions = Remembered()
+_motions = IdentityCache()
 
 
 def compare(

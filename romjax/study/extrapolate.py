@@ -8,7 +8,7 @@ from jaxtyping import Array, ArrayLike
 
 from ..common.arrays import concrete
 from ..common.errors import InputError
-from ..integrate.derived import OnDemand
+from ..integrate.derived import LazyQuantities
 from ..integrate.trajectory import Trajectory
 from ..system.base import AbstractSystem
 from .compare import Comparison, compare
@@ -48,7 +48,7 @@ def extrapolate(
     q, v = tend(fine.q, coarse.q), tend(fine.v, coarse.v)
     residuals = jax.vmap(full.constraint)(fine.t, q)
     derived = fine.derived
-    if isinstance(derived, OnDemand):
+    if isinstance(derived, LazyQuantities):
         derived = dataclasses.replace(derived, q=q, v=v)
     return dataclasses.replace(
         fine,

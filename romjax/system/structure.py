@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from ..common.identity import Remembered
+from ..common.identity_cache import IdentityCache
 from ..scene.coordinate import Coordinate
 
 # So small that a counter adds nothing to what it counts.
@@ -103,7 +103,7 @@ class Structure:
         return hash((self.coordinates, self.constraints, kinds, places))
 
 
-_nameless = Remembered()
+_nameless = IdentityCache()
 
 
 def without_names(system: Any) -> Any:

@@ -8,7 +8,7 @@ import numpy as np
 from ..basis.basis import Basis
 from ..common.arrays import as_jax
 from ..common.compat import is_traced
-from ..common.identity import Remembered
+from ..common.identity_cache import IdentityCache
 from .base import AbstractSystem
 
 
@@ -25,7 +25,7 @@ class Training:
 
 # By the `error` of its validity, an array that a model keeps with other numbers and starts, also
 # where JAX traces these; whoever estimates that error replaces it.
-_trainings = Remembered()
+_trainings = IdentityCache()
 
 
 def remember_training(rom: AbstractSystem, basis: Basis) -> AbstractSystem:

@@ -5,7 +5,7 @@ import textwrap
 from typing import Any
 
 from ..common.errors import InputError
-from ..common.extras import frame
+from ..common.extras import data_frame
 from ..common.plain import table
 from ..integrate.trajectory import Trajectory
 from ..system.base import AbstractSystem
@@ -61,7 +61,7 @@ class Reductions:
 
     def table(self) -> Any:
         """All rows as a pandas data frame, the full model first (extra `study`)."""
-        return frame("Reductions.table", [self.full, *self.rows], "the rows are in .rows")
+        return data_frame("Reductions.table", [self.full, *self.rows], "the rows are in .rows")
 
     def cells(self, every: bool = False) -> tuple[list[str], list[list[str]]]:
         """The header and the rows of the table in words, the best of them or `every` one."""

@@ -10,10 +10,10 @@ from jaxtyping import Array
 
 from ...common.errors import InputError
 from ...events.record import Events
-from ...integrate.derived import Derived
+from ...integrate.derived import EagerQuantities
 from ...integrate.follow.branching import Branching
 from ...integrate.follow.energy_balance import EnergyBalance
-from ...integrate.parts import Parts
+from ...integrate.partition import Partitioned
 from ...integrate.rodas5p import Rodas5P
 from ...integrate.statistics import Statistics
 from ...integrate.trajectory import Trajectory
@@ -54,13 +54,15 @@ def trajectory_of(dataset: Any, solver: diffrax.AbstractSolver[Any]) -> Trajecto
         q=array("q"),
         v=array("v"),
         violation=array("violation"),
-        derived=Derived(
-            array("multipliers"), array("metric"), None if system is None else Parts.of(system)
+        derived=EagerQuantities(
+            array("multipliers"),
+            array("metric"),
+            None if system is None else Partitioned.of(system),
         ),
         stats=statistics,
         status=array("status"),
         coordinates=_coordinates(dataset),
-        solver_parts=Parts.of(solver),
+        solver_parts=Partitioned.of(solver),
         flags=array("flags"),
         balance=record(EnergyBalance, "balance"),
         branching=record(Branching, "branching"),
@@ -98,7 +100,7 @@ def solver_of(
         with contextlib.suppress(TypeError):
             given = kind()
     # As `Trajectory.solver` is made.
-    if given is None or " ".join(repr(Parts.of(given).join()).split()) != settings:
+    if given is None or " ".join(repr(Partitioned.of(given).combine()).split()) != settings:
         raise InputError(
             f"load: the run was made by {settings}, "
             f"not by {given!r}; give its method, romjax.load(path, solver=…), or open the file by "

@@ -49,7 +49,7 @@ def models(
     modal = [i for body in scene.bodies for i in columns[body.name][body.size - body.modes :]]
     count, shown, names = len(t), [], []
     for name, q in motions.items():
-        held, end = _held(name, q)
+        held, end = _hold_last_finite(name, q)
         shown.append(held)
         names.append(name if end == count else f"{name} (until {t[end - 1]:.4g} s)".strip())
     actual = np.concatenate(shown)
@@ -73,8 +73,10 @@ def models(
     return made
 
 
-def _held(name: str, q: Float[np.ndarray, "frames n"]) -> tuple[Float[np.ndarray, "frames n"], int]:
-    """A motion up to where it is finite, and its last position from there on; where that is."""
+def _hold_last_finite(
+    name: str, q: Float[np.ndarray, "frames n"]
+) -> tuple[Float[np.ndarray, "frames n"], int]:
+    """Return a motion that keeps its last finite position, and the number of finite frames."""
     finite = np.all(np.isfinite(q), axis=1)
     end = len(q) if np.all(finite) else int(np.argmin(finite))
     if end == 0:

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Float
 
-from ...common.identity import Remembered
+from ...common.identity_cache import IdentityCache
 from ...system import unit_length
 from ...system.base import AbstractSystem
 from .chart import Chart
@@ -47,7 +47,7 @@ class Directions(NamedTuple):
 
 
 # By snapshots, since a basis and the models made with it ask for the same chart.
-_chosen = Remembered()
+_chosen = IdentityCache()
 
 
 def choose_chart(
@@ -78,7 +78,7 @@ def _best(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"])
 
     nothing, sizes = np.zeros(0, int), np.diagonal(root)
     affine = _closed_form(system, t, q, rows, sizes, nothing)
-    if affine is None and (held := _held(system, t, q)).size:
+    if affine is None and (held := _fixed_coordinates(system, t, q)).size:
         affine = _closed_form(system, t, q, rows, sizes, held)
     if affine is not None:
         return affine
@@ -124,24 +124,28 @@ def _varied(
     return np.asarray(jacobians(system, times, anywhere))
 
 
-def _held(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"]) -> np.ndarray:
-    """Numbers of coordinates that joints to the ground hold where they are, as the angle of a body
-    that is clamped, wherever all others are.
+def _fixed_coordinates(
+    system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"]
+) -> np.ndarray:
+    """Return the numbers of coordinates that joints to the ground hold, wherever all others are.
+
+    The angle of a body that is clamped is one.
     """
     moved, first = np.ptp(np.asarray(q), axis=0), np.zeros(_VARIED, int)
-    still = _still(np.asarray(jacobians(system, t[first], q[first])))
+    still = _immobile_coordinates(np.asarray(jacobians(system, t[first], q[first])))
     held: np.ndarray = still[moved[still] <= _HELD * np.max(moved)]
     while held.size:
-        fewer = np.intersect1d(held, _still(_varied(system, t, q, held)))
+        fewer = np.intersect1d(held, _immobile_coordinates(_varied(system, t, q, held)))
         if fewer.size == held.size:
             break
         held = fewer
     return held
 
 
-def _still(slopes: np.ndarray) -> np.ndarray:
-    """Numbers of coordinates that do not move by any velocity that constraints allow, with C_q
-    (K, m, n) at some configurations.
+def _immobile_coordinates(slopes: np.ndarray) -> np.ndarray:
+    """Return the numbers of coordinates that no velocity moves that the constraints allow.
+
+    `slopes`: C_q (K, m, n) at some configurations.
     """
     free = [scipy.linalg.null_space(x) for x in slopes]
     return np.flatnonzero(

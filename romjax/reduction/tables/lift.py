@@ -16,7 +16,7 @@ from .expansion import along_motion, monomials, tabulate
 from .frames import Frames
 from .grid import Grid
 from .interpolation import evaluate
-from .moved import moved_nodes
+from .project_nodes import project_nodes
 
 # Gauss–Newton steps towards the nearest configuration of the table, from its nearest node.
 _STEPS = 4
@@ -104,7 +104,7 @@ class TableLift(AbstractLift):
         return jnp.concatenate([s, amplitudes]), jnp.concatenate([speeds, faster])
 
     def with_full(self, full: AbstractSystem) -> "TableLift":
-        grid = self.grid._replace(nodes=moved_nodes(full, self.frames, self.grid))
+        grid = self.grid._replace(nodes=project_nodes(full, self.frames, self.grid))
         coefficients = tabulate(full, self.frames, grid, self.modes)
         return dataclasses.replace(self, grid=grid, coefficients=coefficients)
 

@@ -7,7 +7,7 @@ import diffrax
 import numpy as np
 
 from ...common.errors import InputError
-from ...common.extras import frame
+from ...common.extras import data_frame
 from .model import Model
 from .recommendation import Recommendation
 from .row import SINGLE_RUN, Condition, Row
@@ -40,7 +40,7 @@ class Accuracy:
 
     def table(self) -> Any:
         """All rows as a pandas data frame, sorted by error (extra `study`)."""
-        return frame("Accuracy.table", self.rows, "the rows are in .rows").sort_values(
+        return data_frame("Accuracy.table", self.rows, "the rows are in .rows").sort_values(
             "error", ignore_index=True
         )
 

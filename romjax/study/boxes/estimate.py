@@ -12,15 +12,17 @@ from ...system.reduced import AbstractReducedSystem
 from .reduced_box import reduced_as
 
 
-def run_and_change(
+def run_with_error_estimate(
     coarse: AbstractReducedSystem,
     fine: AbstractReducedSystem,
     system: AbstractSystem,
     times: Float[Array, " k"],
     rtol: Any,
 ) -> tuple[AbstractReducedSystem, Trajectory, Float[Array, ""]]:
-    """The coarse model for a system with other numbers, its run from the start of that system, and
-    ‖q̃_{r+1} − q̃_r‖ relative to the motion: infinite where one of the two runs failed.
+    """Run the coarse model for a system with other numbers, and estimate the error of the run.
+
+    Returns that model, its run from the start of the system, and ‖q̃_{r+1} − q̃_r‖ relative to the
+    motion, which is infinite where one of the two runs failed.
     """
     rom, finer = reduced_as(coarse, system), reduced_as(fine, system)
     run, other = (simulate(x, times, rtol=rtol, throw=False) for x in (rom, finer))

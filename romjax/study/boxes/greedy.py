@@ -20,7 +20,7 @@ from ...system.reduced import AbstractReducedSystem
 from ..batch import simulate_all, stacked
 from ..ranks.rank_search import SAFETY, Accepted, RankSearch, held_out_error, sharper
 from .box import Box
-from .estimate import run_and_change
+from .estimate import run_with_error_estimate
 from .reduced_box import ReducedBox
 from .sensitivities import sensitivities
 
@@ -164,7 +164,7 @@ def _changes(
 
     def one(numbers: Any) -> tuple[Array, Run]:
         system = eqx.combine(numbers, structure)
-        rom, run, change = run_and_change(coarse, fine, system, times, rtol)
+        rom, run, change = run_with_error_estimate(coarse, fine, system, times, rtol)
         own = jax.vmap(rom.restrict)(run.q, run.v)
         return change, Run(times, *own, run.q, run.violation)
 

@@ -15,7 +15,7 @@ from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
 from ..ranks.rank_search import SAFETY, sharper
 from ..sweep import Sweep, sweep
-from .estimate import run_and_change
+from .estimate import run_with_error_estimate
 from .reduced_box import ReducedBox, reduced_as
 
 
@@ -108,7 +108,9 @@ class _Lanes:
                 rom, change = reduced_as(reduced.rom, system), jnp.zeros_like(times[0])
                 run = simulate(rom, times, rtol=rtol, throw=False)
             else:
-                _, run, change = run_and_change(reduced.rom, reduced.finer, system, times, rtol)
+                _, run, change = run_with_error_estimate(
+                    reduced.rom, reduced.finer, system, times, rtol
+                )
             return {"seen": see(run), "change": change, "flags": run.flags, "status": run.status}
 
         part = sweep(cheap, _at(self.points, numbers), **self.settings)

@@ -11,7 +11,7 @@ from tqdm import tqdm
 from ...basis.decomposition.base import AbstractDecomposition
 from ...basis.decomposition.pod import POD
 from ...common.errors import InputError, RankError, ReductionError
-from ...common.extras import frame
+from ...common.extras import data_frame
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
 from ...reduction.formulation.base import AbstractFormulation
@@ -94,7 +94,7 @@ class RankStudy:
 
     def table(self) -> Any:
         """All rows as a pandas data frame, with the speed-up (extra `study`)."""
-        table = frame("RankStudy.table", self.rows, "the rows are in .rows")
+        table = data_frame("RankStudy.table", self.rows, "the rows are in .rows")
         table["speed_up"] = self.full / table["least"]
         return table
 

@@ -1,11 +1,11 @@
-"""Values that are remembered for objects, by identity: equality would compare all their arrays."""
+"""A cache of values for objects by identity, since equality would compare all their arrays."""
 
 import weakref
 from typing import Any
 
 
-class Remembered:
-    """One value for each of some objects, as long as they are alive."""
+class IdentityCache:
+    """A cache of one value for each object, as long as the object is alive."""
 
     def __init__(self) -> None:
         self._values: dict[int, tuple[weakref.ref[Any], Any]] = {}

@@ -1,4 +1,4 @@
-"""The nodes of a table on the constraints of a system with other numbers."""
+"""Nodes of a table, projected onto the constraints of a system with other numbers."""
 
 from typing import Any, cast
 
@@ -18,18 +18,18 @@ _NEWTON, _ROUNDING = 20, 100
 
 
 @program_once
-def moved_nodes(
+def project_nodes(
     system: AbstractSystem,
     frames: Frames,
     grid: Grid,
 ) -> Float[Array, "*P n"]:
-    """The nodes on the constraints of a system with other numbers, moved across the directions."""
-    moved: Array = _on_constraints(system, frames, *grid.in_a_row())
-    return moved.reshape(grid.nodes.shape)
+    """Project the nodes onto the constraints of a system, across the table's directions."""
+    projected: Array = _on_constraints(system, frames, *grid.in_a_row())
+    return projected.reshape(grid.nodes.shape)
 
 
 def _solve(system: AbstractSystem, frames: Frames, nodes: Array, along: Array) -> Array:
-    """NaN if Newton's method does not converge."""
+    """Return the projected nodes by Newton's method; NaN if it does not converge."""
 
     def newton(carry: Any) -> Any:
         q, violation, count = carry

@@ -1,4 +1,4 @@
-"""Objects in pytrees of arrays."""
+"""Objects partitioned into arrays and static leaves."""
 
 from typing import Any
 
@@ -7,13 +7,13 @@ import jax
 import numpy as np
 
 from ..common.compat import is_outermost
-from ..common.identity import Remembered
+from ..common.identity_cache import IdentityCache
 
-_parts = Remembered()
+_parts = IdentityCache()
 
 
-class Parts(eqx.Module):
-    """An object as a pytree of arrays, so that what holds it passes through any transformation.
+class Partitioned(eqx.Module):
+    """An object partitioned into arrays and static leaves, to pass through any transformation.
 
     The numbers of a solver (tolerances of an iteration, say) or of a system may be traced; their
     functions are leaves that `jax.jit` does not accept, and become static.
@@ -24,15 +24,15 @@ class Parts(eqx.Module):
     tree: Any = eqx.field(static=True)
 
     @classmethod
-    def of(cls, whole: Any) -> "Parts":
-        """From the object itself; remembered with it, where JAX does not trace."""
+    def of(cls, whole: Any) -> "Partitioned":
+        """Partition an object; the result is remembered with it where JAX does not trace."""
         if not is_outermost():
-            return cls._made_of(whole)
-        parts: Parts = _parts.get(whole) or _parts.put(whole, cls._made_of(whole))
+            return cls._partition(whole)
+        parts: Partitioned = _parts.get(whole) or _parts.put(whole, cls._partition(whole))
         return parts
 
     @classmethod
-    def _made_of(cls, whole: Any) -> "Parts":
+    def _partition(cls, whole: Any) -> "Partitioned":
         leaves, tree = jax.tree.flatten(whole)
         arrays = [isinstance(x, jax.Array | np.ndarray) for x in leaves]
         return cls(
@@ -41,8 +41,8 @@ class Parts(eqx.Module):
             tree,
         )
 
-    def join(self) -> Any:
-        """The object itself."""
+    def combine(self) -> Any:
+        """Return the object that was partitioned."""
         arrays = iter(self.arrays)
         leaves = [next(arrays) if x is None else x for x in self.static]
         return jax.tree.unflatten(self.tree, leaves)
