@@ -14,8 +14,8 @@ from tolerances import DIFFERENCED, IDENTITY
 import romjax as rj
 from romjax import plot
 from romjax.basis.decomposition.base import Directions, RankCriterion, ValueLabel
-from romjax.basis.rank import FLOOR
 from romjax.basis.subspace import leading, singular_values
+from romjax.common import precision
 
 # Of a run of the five-bar linkage with eight modes for its twelve coordinates.
 REDUCED = 1e-3
@@ -162,7 +162,9 @@ class VelocityPOD(rj.AbstractDecomposition):
 
     def criterion(self, snapshots):
         values = singular_values(snapshots.velocities)
-        return RankCriterion(values, FLOOR[values.dtype], snapshots.noise.velocities)
+        return RankCriterion(
+            values, precision.of(values.dtype).singular_values, snapshots.noise.velocities
+        )
 
     def directions(self, snapshots, rank):
         vectors, values = leading(snapshots.velocities, rank)

@@ -5,10 +5,10 @@ import jax.scipy.linalg as jsl
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..common import precision
 from ..common.arrays import concrete
 from ..common.errors import InputError
 from ..compiling.program import program_once
-from .rank import FLOOR
 
 
 def orthonormalize(modes: Float[Array, "n r"], metric: Float[Array, "n n"]) -> Float[Array, "n r"]:
@@ -57,7 +57,7 @@ def _refuse_dependent(lengths: Float[Array, " r"], heights: Float[Array, " r"]) 
             why = "is not finite"
         elif size == 0:
             why = "is zero"
-        elif part <= FLOOR[heights.dtype]:
+        elif part <= precision.of(heights.dtype).singular_values:
             why = f"lies in the span of those before it, up to {part:.1e} of it"
         else:
             continue

@@ -16,9 +16,6 @@ Rank = int | str  # a number of modes, or "drop"
 # at each step, all the way to rounding: they have none.
 DROP = 100.0
 
-# Directions below this share of the largest one are rounding, whatever the number of snapshots.
-FLOOR = {jnp.dtype("float64"): 1e-12, jnp.dtype("float32"): 1e-6}
-
 
 class Choice(NamedTuple):
     """A rank and why; `floor` is relative to the largest value."""

@@ -9,12 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..common import precision
 from ..common.arrays import Numbers
 from ..common.errors import InputError
 from .basis import Basis
 from .build import modes_of
 from .decomposition.pod import POD
-from .rank import FLOOR, Rank, choose_rank
+from .rank import Rank, choose_rank
 from .snapshots import Noise, SnapshotSet, time_weights
 
 # Snapshots that are kept as they are, for a reduced model to look at.
@@ -101,7 +102,8 @@ class PodStream(eqx.Module):
         """The basis of all snapshots so far; `rank` and `tol` as in `pod`."""
         vectors, values, _ = jnp.linalg.svd(self.factor, full_matrices=False)
         zero = jnp.zeros((), values.dtype)
-        chosen = choose_rank("PodStream", values, rank, tol, FLOOR[values.dtype], zero)
+        floor = precision.of(values.dtype).singular_values
+        chosen = choose_rank("PodStream", values, rank, tol, floor, zero)
         squares = values**2
         missed = jnp.sum(squares[chosen.rank :]) + self.lost
         t, q, v = (jnp.asarray(x, values.dtype) for x in self.sample)

@@ -18,7 +18,8 @@ class Precision:
     - `newton_converged`, `newton_accepted`: last step of Newton's method for dependent
       coordinates, relative to them: what ends it, and the most with which its result is used.
     - `singular_values`, `gram_singular_values`: singular values of snapshots below this share of
-      the largest one are rounding; the second for those from the eigenvalues of a Gram matrix.
+      the largest one are rounding, whatever the number of snapshots; the second for those from the
+      eigenvalues of a Gram matrix.
     - `dependent_rows`: a singular value of the scaled C_q between these two belongs to rows that
       this precision tells neither from repeated nor from independent ones; None if there are none.
     """

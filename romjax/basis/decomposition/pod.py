@@ -3,20 +3,17 @@
 from typing import Any, ClassVar, final
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ...common import precision
 from ...common.arrays import Vector
 from ...common.errors import InputError
 from ...common.fields import Converted, number
 from ..basis import Basis
-from ..rank import FLOOR, Rank
+from ..rank import Rank
 from ..snapshots import Motions, WeightedSnapshots
 from ..subspace import Method, leading, singular_values
 from .base import AbstractDecomposition, Directions, RankCriterion
-
-# What the eigenvalue problem of the Gram matrix still sees: the values are roots.
-_GRAM_FLOOR = {jnp.dtype("float64"): 1e-7, jnp.dtype("float32"): 1e-3}
 
 
 @final
@@ -52,7 +49,9 @@ class POD(AbstractDecomposition):
 
     def criterion(self, snapshots: WeightedSnapshots) -> RankCriterion:
         values = singular_values(snapshots.positions, self.method)
-        floor = (_GRAM_FLOOR if self.method == "gram" else FLOOR)[values.dtype]
+        limits = precision.of(values.dtype)
+        gram = self.method == "gram"
+        floor = limits.gram_singular_values if gram else limits.singular_values
         return RankCriterion(values, floor, snapshots.noise.positions)
 
     def directions(self, snapshots: WeightedSnapshots, rank: int) -> Directions:

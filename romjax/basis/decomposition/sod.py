@@ -8,12 +8,13 @@ import jax.numpy as jnp
 import jax.scipy.linalg as jsl
 from jaxtyping import Array, Float
 
+from ...common import precision
 from ...common.arrays import Vector
 from ...common.errors import InputError
 from ...common.fields import Converted, number
 from ...compiling.program import program
 from ..basis import Basis
-from ..rank import FLOOR, Rank
+from ..rank import Rank
 from ..snapshots import Motions, WeightedSnapshots
 from ..subspace import leading, singular_values
 from .base import AbstractDecomposition, Directions, RankCriterion, ValueLabel
@@ -57,7 +58,8 @@ class SOD(AbstractDecomposition):
 
     def criterion(self, snapshots: WeightedSnapshots) -> RankCriterion:
         values = singular_values(snapshots.velocities)
-        return RankCriterion(values, FLOOR[values.dtype], snapshots.noise.velocities)
+        floor = precision.of(values.dtype).singular_values
+        return RankCriterion(values, floor, snapshots.noise.velocities)
 
     def directions(self, snapshots: WeightedSnapshots, rank: int) -> Directions:
         return Directions(*_smooth(snapshots, rank, self.compress))
@@ -92,7 +94,8 @@ def _smooth(
     _, spectrum, w = jnp.linalg.svd(jax.lax.stop_gradient(velocities), full_matrices=False)
     used = jnp.arange(len(spectrum)) < rank
     if compress == "noise":
-        level = jnp.maximum(FLOOR[spectrum.dtype] * spectrum[0], snapshots.noise.velocities)
+        floor = precision.of(spectrum.dtype).singular_values
+        level = jnp.maximum(floor * spectrum[0], snapshots.noise.velocities)
         used |= spectrum > jax.lax.stop_gradient(level)
     # U. Its derivative needs none of W, which turns to what is below the noise only.
     sizes = jax.lax.stop_gradient(jnp.where(used, spectrum, 1.0))
