@@ -136,7 +136,7 @@ def _add_files(verbs: Any) -> None:
 
 
 def _add_scene(verb: argparse.ArgumentParser) -> None:
-    """What every verb that simulates asks for."""
+    """Add the arguments of every verb that simulates."""
     verb.add_argument(
         "scene", help="a ready scene, a scene file, or a Python file that defines `scene`"
     )
@@ -282,5 +282,5 @@ def _schema(options: argparse.Namespace) -> int:
 
 
 def _given(option: Any, default: Any) -> Any:
-    """What was asked for, zero included, else the default."""
+    """Return the option as it was given, zero included, or else the default."""
     return default if option is None else option

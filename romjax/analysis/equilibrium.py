@@ -29,7 +29,7 @@ _SINGLE = (
 
 
 class _Reached(NamedTuple):
-    """How far the load has got."""
+    """The state of the continuation: the load so far, and the equilibrium under it."""
 
     q: Float[Array, " n"]
     multipliers: Float[Array, " M"]

@@ -99,7 +99,7 @@ class AssembledSystem(AbstractSystem):
         return jnp.concatenate([group.gaps(poses) for group in groups])
 
     def limits(self, q: Float[Array, " n"]) -> Float[Array, " effects"] | None:
-        """What changes its sign where effects pass their limits; None without any."""
+        """Return numbers that change sign where effects pass their limits; None without limits."""
         groups = [group for group in self.effects if group.effects.limited]
         if self.effect_markers is None or not groups:
             return None

@@ -119,8 +119,9 @@ def _in_turn(
     x: Float[Array, " n"],
     most: Sequence[Bool[Array | np.ndarray, " n"]],
 ) -> tuple[Float[Array, " n"], Bool[Array, ""]]:
-    """What `step` makes of x with the first set of coordinates free, or from x again with the next
-    set, if that is not good; and whether the first is not.
+    """Try `step` on x with one set of free coordinates after the other, until the result is good.
+
+    Returns the result, and whether the first set has failed.
     """
     frees = jnp.stack([jnp.asarray(free, x.dtype) for free in most])
 

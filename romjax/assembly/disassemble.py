@@ -54,7 +54,7 @@ def _in_order(parts: dict[int, Any]) -> list[Any]:
 def _marking(
     group: JointGroup | EffectGroup, markers: Markers | None, owners: list[str]
 ) -> Callable[[Any, int], Any]:
-    """What puts the markers of an element of a group on their bodies."""
+    """Return a function that puts the markers of an element of a group on their bodies."""
     assert markers is not None
     blocks, known = group.markers, markers
 

@@ -182,7 +182,7 @@ class JointGroup(Stack):
         return sides[: len(self.joints.markers)]
 
     def wrenches(self, t: Time, poses: Pose, multipliers: Float[Array, " m"]) -> tuple[Wrench, ...]:
-        """What the joints do to all of their markers, one row per joint.
+        """Return the wrenches of the joints on all of their markers, one row per joint.
 
         The constraint forces −C_qᵀ λ, as wrenches at the poses that the residual is a function of.
         """

@@ -40,13 +40,13 @@ class Markers(eqx.Module):
     amplitudes: Index = eqx.field(static=True)  # of the modal coordinates; n stands for padding
 
     def poses(self, q: Float[Array, " n"]) -> Pose:
-        """Where all markers are."""
+        """Return the poses of all markers."""
         extended = self._extend(q)
         poses: Pose = self._space.compose(self._frame(extended), self._local(extended))
         return poses
 
     def motion(self, q: Float[Array, " n"], v: Float[Array, " n"]) -> tuple[Pose, Twist]:
-        """Where all markers are, and how fast they move."""
+        """Return the poses and the twists of all markers."""
         poses, rates = jax.jvp(self.poses, (q,), (v,))
         return poses, poses.twist(rates)
 
@@ -91,7 +91,7 @@ class Markers(eqx.Module):
         return extended[frames[:, 2] if self.points.shape[1] == 2 else frames[:, 3:]]
 
     def _local(self, extended: Float[Array, " extended"]) -> Pose:
-        """Where the markers are in the frames of their bodies, which are bent."""
+        """Return the poses of the markers in the frames of their bodies, deformed as these are."""
         if not self.amplitudes.width:
             return Pose(self.points, self.turns)
         amplitudes, d = extended[self.amplitudes.array], self.points.shape[1]

@@ -36,11 +36,11 @@ class Located(eqx.Module):
         return pick(x, np.s_[..., np.array(self.columns, int)])
 
     def poses(self, q: Float[Array, " n"]) -> Pose:
-        """Where the markers are, at the coordinates `q` of the whole system."""
+        """Return the poses of the markers at the coordinates `q` of the whole system."""
         return self.markers.poses(self.own(q))
 
     def motion(self, q: Float[Array, " n"], v: Float[Array, " n"]) -> tuple[Pose, Twist]:
-        """Where the markers are, and how fast they move."""
+        """Return the poses and the twists of the markers."""
         return self.markers.motion(self.own(q), self.own(v))
 
     def pull_back(self, q: Float[Array, " n"], wrenches: Wrench) -> Float[Array, " n"]:

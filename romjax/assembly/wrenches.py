@@ -17,7 +17,7 @@ def effect_wrenches(
     q: Float[Array, " n"],
     v: Float[Array, " n"],
 ) -> Wrench:
-    """What the effects do to their markers, by the inertial axes, one row per marker."""
+    """Return the wrenches of the effects, by the inertial axes, one row per marker."""
     twists = None
     if any(group.effects.needs_twists for group in groups):
         poses, twists = markers.motion(q, v)
@@ -33,7 +33,7 @@ def joint_wrenches(
     q: Float[Array, " n"],
     multipliers: Float[Array, " m"],
 ) -> Wrench:
-    """What the joints do to their markers, by the inertial axes, one row per marker.
+    """Return the wrenches of the joints, by the inertial axes, one row per marker.
 
     With the multipliers λ of M q̈ + C_qᵀ λ = Q.
     """

@@ -96,7 +96,7 @@ class Basis(eqx.Module):
 
     @property
     def name(self) -> str:
-        """What made it, in words: "POD", "SOD", "given modes"."""
+        """The name of the decomposition: "POD", "SOD", or "given modes"."""
         return "given modes" if self.decomposition is None else self.decomposition.name
 
     @property

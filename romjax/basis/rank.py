@@ -85,7 +85,7 @@ class _Levels(NamedTuple):
 
     @property
     def source(self) -> str:
-        """What makes the floor."""
+        """The cause of the floor, in words."""
         return "rounding" if self.floor <= self.rounding else "integration errors"
 
     def above(self, level: float) -> int:

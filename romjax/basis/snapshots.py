@@ -20,7 +20,7 @@ from .turns import Turns, by_turn, by_turns
 
 @runtime_checkable
 class Motion(Protocol):
-    """What a basis is made from; a Trajectory is one.
+    """The protocol of motions that a basis is made from; a Trajectory is one.
 
     Three members are optional. `noise()`: the size of integration errors in the snapshots of
     positions and of velocities, in the energy norm. `descriptions`: what the coordinates are called
@@ -48,7 +48,7 @@ class Noise(NamedTuple):
 
 
 class Sensitivity(eqx.Module):
-    """How a motion changes with a parameter: a snapshot beside those of motions.
+    """The derivative of a motion by a parameter, as a snapshot beside those of motions.
 
     Of a subspace that holds them, reduced models have better gradients (Zahr, Farhat 2015,
     arXiv:1407.7618); of chains of beams, at equal rank, by a factor of two at most. Made by

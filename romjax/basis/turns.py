@@ -36,8 +36,10 @@ class Turns(eqx.Module):
     def of(
         cls, q: Float[Array, "h n"], weights: Float[Array, " h"], columns: Sequence[int]
     ) -> "Turns":
-        """About the mean turns of snapshots `q` with `weights`: p̄ is the eigenvector of Σ w p pᵀ
-        (Markley et al. 2007, doi:10.2514/1.28949), with its largest component positive.
+        """Return the turns about the mean turns p̄ of snapshots `q` with `weights`.
+
+        p̄ is the eigenvector of Σ w p pᵀ (Markley et al. 2007, doi:10.2514/1.28949), with its
+        largest component positive.
         """
         return cls(_means(q, weights, tuple(columns)), tuple(columns))
 

@@ -176,5 +176,5 @@ def scan_kind(solver: Any) -> Any:
 
 
 def control_arguments(solver: diffrax.AbstractSolver[Any]) -> Any:
-    """What a solver passes on to `contr` of its terms; diffrax asks a wrapper for it."""
+    """Return what a solver passes on to `contr` of its terms, as diffrax asks wrappers for it."""
     return solver.term_compatible_contr_kwargs

@@ -69,7 +69,7 @@ class Program:
         return compiled(*arrays)
 
     def compiled(self, *args: Any) -> Any:
-        """What runs for these arguments, compiled: a function of their arrays in one list."""
+        """Return the compiled program for these arguments, a function of a list of their arrays."""
         return self._of(args)[0]
 
     def _of(self, args: tuple[Any, ...]) -> tuple[Any, list[Any]]:
@@ -168,7 +168,7 @@ def program_often(function: F) -> F:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Kind:
-    """What a program is compiled for, of one argument.
+    """The part of an argument that a program is compiled for: all but its numbers.
 
     - `tree`: its structure; `static`: its leaves, None for an array with entries; `forms`: of
       these arrays.
@@ -229,14 +229,14 @@ class _Empty(NamedTuple):
 
 
 def _static(x: Any) -> Any:
-    """What is known of a leaf before the program runs: None of an array with entries."""
+    """Return a leaf that is known before the program runs, or None for an array with entries."""
     if isinstance(x, jax.Array | np.ndarray):
         return None if x.size else _Empty(x.shape, x.dtype)
     return x
 
 
 def _form(x: Any) -> tuple[Any, ...]:
-    """What a program is compiled for, of an array: shape, type and, of several devices, which."""
+    """Return the shape and the type of an array, and its device if there are several."""
     elsewhere = _has_several_devices() and isinstance(x, jax.Array) and x.committed
     return x.shape, x.dtype, x.sharding if elsewhere else None
 

@@ -50,7 +50,7 @@ _written = [math.inf]
 
 
 def folder() -> Path | None:
-    """Where compiled programs are kept; None if nowhere."""
+    """Return the folder in which compiled programs are kept; None if they are not kept."""
     name = os.environ.get("ROMJAX_CACHE_DIR")
     if name is not None:
         # A folder of its own in there, since the user may keep other files beside.
@@ -126,7 +126,7 @@ def store(text: str, compiled: Any) -> None:
 
 
 def _read(file: Path | None) -> bytes | None:
-    """What a file of the user's holds, which is used now; None if there is none."""
+    """Return the contents of a file of the user's, and mark it as used; None if there is none."""
     if file is None:
         return None
     try:
@@ -205,7 +205,7 @@ def _digest(*parts: bytes) -> str:
 
 @functools.cache
 def _machine() -> bytes:
-    """What decides on a compiled program beside itself: versions, flags, processor."""
+    """Return a digest of what compiled programs depend on: versions, flags and processor."""
     digest = hashlib.sha256()
     versions = [f"{name} {version(name)}" for name in _PACKAGES]
     flags, device = os.environ.get("XLA_FLAGS", ""), jax.local_devices()[0]
@@ -237,7 +237,7 @@ class _Describer(pickle.Pickler):
         self.modules = set[str]()  # of romjax, whose classes and functions are written
 
     def reducer_override(self, obj: Any) -> Any:
-        """How to write an object out that is none of Python's basic types."""
+        """Say how to write an object that is none of Python's basic types."""
         if isinstance(obj, jax.tree_util.PyTreeDef):
             return tuple, ((obj.node_data(), tuple(obj.children())),)
         named = isinstance(obj, type | types.FunctionType | types.BuiltinFunctionType)

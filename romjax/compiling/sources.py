@@ -40,7 +40,7 @@ def _digest_of(places: frozenset[Place]) -> str:
 
 
 def _place(target: Place, places: Set[Place]) -> Place:
-    """Where a module belongs, or what it defines: the longest path that is a place."""
+    """Return the place that a module, or a name in it, belongs to: the longest path that is one."""
     paths = (target[:length] for length in range(len(target), 0, -1))
     # What is imported from the package itself is a name of any of its folders.
     return next((path for path in paths if path in places), ("__init__",))
@@ -66,7 +66,7 @@ def _sources() -> dict[Place, tuple[str, frozenset[Place]]]:
 
 
 def _imports(parts: Place, text: str) -> Iterator[Place]:
-    """What a module imports, by its place in the package and its text: modules, and their names."""
+    """List the modules that a module imports, and their names, from its place and its text."""
     for dots, module, names in _IMPORT.findall(text):
         origin = parts[: len(parts) - len(dots)] + tuple(filter(None, module.split(".")))
         yield from ((*origin, name) for name in _NAME.findall(names))

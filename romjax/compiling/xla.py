@@ -39,7 +39,7 @@ def known_options() -> dict[str, Any] | None:
 
 @contextlib.contextmanager
 def tracing_with_options() -> Iterator[None]:
-    """What is traced inside is part of a program that has the options, where there are any."""
+    """Mark all that is traced inside as part of a program that has the compiler's options."""
     token = _has_options.set(True)
     try:
         yield
@@ -89,7 +89,7 @@ class Jitted:
             return self._outermost(*args, **kwargs)
 
     def __get__(self, owner: Any, kind: Any = None) -> Any:
-        """Bound to its object, where it is a method."""
+        """Bind a method to its object."""
         return self if owner is None else types.MethodType(self, owner)
 
     def lower(self, *args: Any, **kwargs: Any) -> Any:

@@ -55,7 +55,7 @@ class Impact(AbstractEvent):
 
 
 class Collision(NamedTuple):
-    """What happens at an instant.
+    """The outcome of a collision, which takes no time.
 
     - `v` (n,): after it. `impulses` (impacts,) [N s], `rates` (impacts,): of the gaps, after it.
     - `work`: of all impulses, those of the joints included [J].

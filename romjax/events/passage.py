@@ -88,7 +88,7 @@ class Passage(AbstractPassage):
     def next_end(
         self, t: Float[Array, ""], y: Any, planned: Float[Array, ""], keep: Bool[Array, ""]
     ) -> Float[Array, ""]:
-        """When the next step from the state `y` has to end, at the latest when it is planned to.
+        """Return the time at which the next step from `y` has to end, at most the `planned` one.
 
         Before a contact it ends where its stages do not touch yet. In one that begins now, whose
         force no derivative tells, it is a fraction of the time T in which Hertz's force stops the
@@ -142,7 +142,7 @@ class Passage(AbstractPassage):
 
     @property
     def _noise(self) -> Float[Array, ""]:
-        """What of gaps is rounding [m]."""
+        """Return the rounding errors of gaps [m]."""
         q = self.system.full.q0
         return _ROUNDING * jnp.finfo(q.dtype).eps * jnp.maximum(1.0, jnp.max(jnp.abs(q)))
 

@@ -6,7 +6,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 
 class Events(eqx.Module):
-    """What happened in a run, in the order of time; rows from `count` on are unused.
+    """The events of a run, in the order of time; rows from `count` on are unused.
 
     - `count`: how often something happened. `time` (most,) [s]; infinite in unused rows.
     - `happened` (most, events): which events did, one column for each that was given.

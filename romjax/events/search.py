@@ -28,7 +28,7 @@ class Crossings(NamedTuple):
 
 
 class _Points(NamedTuple):
-    """Where in a step quantities were looked at, each at points of its own."""
+    """The points of a step at which quantities were evaluated, each at points of its own."""
 
     shares: Float[Array, "points events"]
     values: Float[Array, "points events"]
@@ -42,7 +42,7 @@ def first_crossing(
     falling: Bool[Array, " events"],
     rising: Bool[Array, " events"],
 ) -> Crossings:
-    """Where in a step one of the quantities `at` a share of it first crosses zero.
+    """Find where in a step one of the quantities `at` a share of it first crosses zero.
 
     A quantity that comes near its level and goes away between two looks may have crossed it twice:
     it is followed to where it turns.

@@ -174,7 +174,7 @@ class Watch(AbstractWatch):
         )
 
     def describe(self, record: Record, watching: Watching) -> Events:
-        """What happened, in physical coordinates."""
+        """Return the record of events in physical coordinates."""
 
         def at(t: Array, before: Any, after: Any) -> tuple[Array, Array, Array]:
             system, (q, v, *_) = self._local(before), before

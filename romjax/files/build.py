@@ -126,7 +126,7 @@ class Builder:
         return placed
 
     def _pose(self, place: Place, text: Any) -> Any:
-        """Where a marker is at the start."""
+        """Return the pose of a marker at the start."""
         owner, point, _ = self._marker_parts(place, text)
         return self._try(place, {}, lambda: owner.pose(point))
 
@@ -196,7 +196,7 @@ class Builder:
         return self._try(place, table, lambda: maker.make(**given))
 
     def _given(self, place: Place, maker: Maker, table: Mapping[str, Any]) -> dict[str, Any]:
-        """What the constructor of a part is called with."""
+        """Return the arguments for the constructor of a part."""
         given: dict[str, Any] = {}
         failed = False
         for name, argument in maker.arguments.items():
@@ -286,7 +286,7 @@ class Builder:
         raise _FailedError
 
     def _try(self, place: Place, table: Mapping[str, Any], make: Any) -> Any:
-        """What `make` returns; what it raises is a mistake, of a key that its words name."""
+        """Return what `make` does; an error that it raises is noted, with the key that it names."""
         try:
             return make()
         except _FailedError:

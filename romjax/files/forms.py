@@ -38,7 +38,7 @@ class Numbers:
     worded: bool = False
 
     def within(self, value: Any) -> "Numbers | None":
-        """What stands under the word of a table, or None of numbers and of arrays in files."""
+        """Return the form under the word of a table; None for numbers and for arrays in files."""
         if not self.worded or not isinstance(value, dict) or "file" in value or len(value) != 1:
             return None
         return dataclasses.replace(self, worded=False)

@@ -15,7 +15,7 @@ ARRAY_KEYS = ("file", "array")
 
 
 def wrong_numbers(form: Numbers, value: Any) -> str:
-    """What is wrong with a value that should be numbers, in words; nothing if it is right."""
+    """Say in words what is wrong with a value that should be numbers; empty if it is right."""
     within = form.within(value)
     if within:
         return next(filter(None, (wrong_numbers(within, x) for x in value.values())), "")

@@ -60,7 +60,7 @@ def resolve_parameters(
 
 
 def check_given(owner: str, given: Mapping[str, Any], free: Mapping[str, Any]) -> str:
-    """What is wrong with parameters that a caller gives, in words."""
+    """Say in words what is wrong with the parameters that a caller gives."""
     for name, value in given.items():
         if name not in free:
             return f"{owner}: {unknown('parameter', name, list(free))}"

@@ -20,7 +20,7 @@ EMPTY: Any = object()
 
 @dataclasses.dataclass(frozen=True)
 class Argument:
-    """What a constructor takes under a `name`; `form` is None if no file can hold it."""
+    """An argument of a constructor; `form` is None if no file can hold it."""
 
     name: str
     form: Form | None
@@ -60,7 +60,7 @@ class Maker:
 
 
 def turn_within(value: Any) -> tuple[str | int, ...]:
-    """Where the offset of a signal, or of one that is a part of it, is given in degrees."""
+    """Return the keys to an offset in degrees of a signal, or of one that is a part of it."""
     entries = value.items() if isinstance(value, Mapping) else enumerate(value)
     for key, part in entries:
         if key == "offset" + DEGREES:
@@ -128,7 +128,7 @@ def _makers_of(part: type) -> list[Maker]:
 
 
 def _fields(part: type) -> dict[str, Argument]:
-    """What is known of the fields of a part."""
+    """Return the fields of a part with their forms."""
     hints, found = _hints(part), {}
     for field in dataclasses.fields(part):
         hint = hints.get(field.name, field.type)
@@ -140,7 +140,7 @@ def _fields(part: type) -> dict[str, Argument]:
 
 
 def _arguments(call: Any, fields: Mapping[str, Argument]) -> dict[str, Argument]:
-    """What a function takes to make a part that has some fields."""
+    """Return the arguments of a function that makes a part with some fields."""
     hints, found = _hints(call), {}
     for name, parameter in inspect.signature(call).parameters.items():
         if name == "self" or parameter.kind is parameter.VAR_KEYWORD:

@@ -28,7 +28,7 @@ def solver_of(name: Method | None) -> diffrax.AbstractSolver[Any] | None:
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """How a scene of a file is run from the command line.
+    """The settings with which the command line runs the scene of a file.
 
     - `end`: simulated time [s]. `rate`: outputs per second [Hz].
     - `rtol`: tolerance of all runs.

@@ -50,7 +50,7 @@ def start_rows(placed: Scene, closed: Scene, closes: bool) -> list[list[str]]:
 
 
 class _Move(NamedTuple):
-    """What closing a scene changes in one body: `share` of what is far."""
+    """A change that closing a scene makes to one body; `share`: of one that counts as far."""
 
     name: str
     distance: float  # [m]

@@ -60,7 +60,7 @@ def _bytes(problems: Problems) -> bytes:
 
 
 def _syntax(words: str) -> str:
-    """What the reader of TOML says, and the remedy for the most common mistakes."""
+    """Return the message of the reader of TOML, with a remedy for the most common mistakes."""
     at = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", words)
     cause = words[: at.start()] if at else words
     place = f"line {at[1]}, column {at[2]}: " if at and at[1] else "end of file: "
@@ -77,7 +77,7 @@ def _syntax(words: str) -> str:
 
 
 def _depth(value: Any) -> int:
-    """How deep tables and lists are nested."""
+    """Return how deep tables and lists are nested."""
     deepest, level = 0, [value]
     while level:
         below: list[Any] = []

@@ -140,7 +140,7 @@ def _list(values: Sequence[Any]) -> tomlkit.items.Array:
 
 
 class _Writer:
-    """What the parts of a scene look like in a file, as tables, lists, texts and numbers."""
+    """Writes the parts of a scene as tables, lists, texts and numbers of a file."""
 
     def __init__(
         self,
@@ -172,7 +172,7 @@ class _Writer:
         return values
 
     def _large(self, name: str, value: Any) -> dict[str, str] | None:
-        """Where an array is that is too large for the text, once it is there."""
+        """Store an array that is too large for the text, and return the table that refers to it."""
         if self._arrays is None or np.size(value) <= _LARGEST or isinstance(value, str | tuple):
             return None
         key = f"{name} {len(self._arrays) + 1}"

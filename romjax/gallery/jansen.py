@@ -50,7 +50,7 @@ def jansen(
 
 
 def _left_leg(pin: Point) -> dict[str, Point]:
-    """Where its points are [m]."""
+    """Return the points of the left leg [m]."""
     bearing = (-0.38, -0.08)
     top, hip = meeting(bearing, pin, 0.42, 0.50), meeting(pin, bearing, 0.62, 0.39)
     back = meeting(bearing, top, 0.40, 0.56)

@@ -30,7 +30,7 @@ def _has_root_finder(kind: type) -> bool:
 
 @contextlib.contextmanager
 def forward_mode() -> Iterator[None]:
-    """Inside, simulations without an `adjoint` of their own are differentiated forwards.
+    """Differentiate simulations without an `adjoint` of their own forwards inside this context.
 
     With `jax.jvp`, `jax.jacfwd`, `jax.linearize`; for functions of a few parameters, which then
     need no `adjoint=diffrax.ForwardMode()`. Functions that are jitted already follow the mode too.

@@ -69,7 +69,7 @@ def _frequencies(
     q: Float[Array, " n"],
     v: Float[Array, " n"],
 ) -> Frequencies:
-    """Compiled once for all methods; a setting, so not differentiated."""
+    """Return the frequencies, compiled once for all methods; a setting is not differentiated."""
     return jax.lax.stop_gradient(frequencies(system, t, q, v))
 
 

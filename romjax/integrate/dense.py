@@ -27,7 +27,7 @@ from .post_step import PostStep, ProjectState
 
 
 def post_step_of(system: AbstractSystem, projection: Projection | None) -> PostStep | None:
-    """What changes the state after each step; None if nothing does."""
+    """Return the object that changes the state after each step; None if nothing does."""
     if projection is not None:
         return ProjectState(projection.sweeps)
     return ChartChange.of(system) if has_charts(system) else None
@@ -36,7 +36,7 @@ def post_step_of(system: AbstractSystem, projection: Projection | None) -> PostS
 def output_of(
     system: AbstractSystem, projection: Projection | None
 ) -> Callable[[Float[Array, ""], Any], Output]:
-    """What is saved of the state that a system has at a time, as a function of both."""
+    """Return the function of a time and a state that gives the output to save."""
     post_step = post_step_of(system, projection)
 
     def output(t: Array, y: Any) -> Output:

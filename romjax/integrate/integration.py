@@ -128,7 +128,7 @@ def _followers(
     start: Progress,
     settings: Settings,
 ) -> dict[str, AbstractFollower]:
-    """Who follows a run beside its outputs; what was not asked for is no part of the program."""
+    """Return the followers beside the outputs; those not asked for are no part of the program."""
     followers: dict[str, AbstractFollower] = {}
     if settings.audit:
         controlled = settings.dt is None
@@ -158,7 +158,7 @@ def _watch(
     settings: Settings,
     tolerances: Tolerances,
 ) -> Watch | None:
-    """What watches the events of a run; None where there are none."""
+    """Return the watch for the events of a run; None where there are none."""
     if not settings.events:
         return None
     check_quantities(system, settings.events)
@@ -177,8 +177,9 @@ def _watch(
 def _limits(
     system: AbstractSystem, post_step: PostStep | None, ts: Float[Array, " k"], settings: Settings
 ) -> dict[str, Any]:
-    """What limits steps but for the errors in them, as `Steps` has it: contacts and loads; nothing
-    limits fixed steps.
+    """Return what limits steps besides their errors, contacts and loads, as arguments of `Steps`.
+
+    Nothing limits fixed steps.
     """
     if settings.dt is not None:
         return {"passage": None, "longest": None, "corners": None}
@@ -244,7 +245,7 @@ def _with_tolerances(settings: Settings) -> diffrax.AbstractSolver[Any]:
 def _step_size_control(
     ts: Float[Array, " k"], settings: Settings, tolerances: Tolerances
 ) -> tuple[diffrax.AbstractStepSizeController[Any, Any], Float[Array, ""]]:
-    """How steps are chosen, and the first one."""
+    """Return the step size control and the first step."""
     if settings.dt is not None:
         return diffrax.ConstantStepSize(), jnp.asarray(settings.dt)
     # Time hardly advances by less; a motion that turns NaN rejects steps until it gets there.

@@ -86,7 +86,7 @@ def _allowed(xp: Any, rtol: Any, measured: float) -> Any:
 
 
 def describe(run: Trajectory) -> str:
-    """How much a model errs on what it was made of, for the words of a flag."""
+    """Say for a flag how much a model errs on the motions that it was made of."""
     training = None if run.derived.parts is None else training_of(run.system)
     if training is None or not training.errors:
         return "more modes help"

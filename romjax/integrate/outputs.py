@@ -46,7 +46,7 @@ class Output(NamedTuple):
 def output_at(
     system: AbstractSystem, post_step: PostStep | None, t: Float[Array, ""], y: Any
 ) -> Output:
-    """What is saved of an integrated state; jitted so that it is traced once."""
+    """Return the output to save for an integrated state; jitted so that it is traced once."""
     q, v, *charts = y
     chart = charts[0] if charts else None
     local = system
@@ -91,7 +91,7 @@ def cut(outputs: Any, count: int) -> Any:
 
 @functools.lru_cache
 def _calls(count: int, shapes: tuple[tuple[int, ...], ...]) -> Iterator[int]:
-    """How often so many rows of arrays of these shapes were asked for."""
+    """Count how often so many rows of arrays of these shapes were asked for."""
     del count, shapes
     return itertools.count(1)
 

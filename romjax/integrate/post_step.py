@@ -21,7 +21,7 @@ Chart = Float[Array, ""] | None
 
 @runtime_checkable
 class PostStep(Protocol):
-    """What happens to a state after each accepted step.
+    """The protocol of objects that change the state after each accepted step.
 
     A system that has several charts (coordinates that each hold in a part of its motion) numbers
     them. The number is a float, so that it can be part of the integrated state. Without charts it

@@ -83,8 +83,10 @@ def finer(structure: Structure, settings: Settings, run: Trajectory) -> Settings
 
 
 class _Motion(NamedTuple):
-    """How far the coordinates are from zero and from the start, how fast they get, and which of
-    them count: of those that move at all, the translations of bodies, or all if none of these does.
+    """The reach of a motion: largest distances of coordinates from zero and the start, and rates.
+
+    Those that count are, of the coordinates that move at all, the translations of bodies, or all if
+    none of these moves.
     """
 
     farthest: Any

@@ -48,7 +48,7 @@ def run(
 
 
 class _Result(NamedTuple):
-    """What a run gives but for names."""
+    """The result of a run without names."""
 
     run: Integrated
     start: Start
@@ -221,7 +221,7 @@ def _flags(
     steps: Int[Array, ""],
     settings: Settings,
 ) -> Int[Array, ""]:
-    """What the system says against its own motion, and whether its tolerances resolve it."""
+    """Return the system's flags for its motion, and that of tolerances too coarse for it."""
     flags, drift = jnp.zeros((), int), jnp.zeros_like(ts)
     if settings.dt is None:
         drift = drift_of(outputs.q, settings.rtol)

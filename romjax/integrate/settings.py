@@ -99,7 +99,7 @@ class Settings(NamedTuple):
 
 @functools.cache
 def progress_meter(shown: bool) -> diffrax.AbstractProgressMeter[Any]:
-    """What shows the progress of a run, or does not; made once, since making it takes 7 µs."""
+    """Return the progress meter of a run; made once, since making it takes 7 µs."""
     return diffrax.TqdmProgressMeter() if shown else diffrax.NoProgressMeter()
 
 

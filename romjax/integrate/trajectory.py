@@ -160,7 +160,7 @@ class Trajectory(eqx.Module):
         return self.success & (self.flags == Flag.NONE)
 
     def warnings(self) -> str:
-        """What speaks against this run, in words; empty if nothing does.
+        """Say in words what speaks against this run; empty if nothing does.
 
         That it failed, that its energy does not balance, what is wrong with a reduced model's
         motion, and of its parts, which are evaluated here, that beams without stiffening carry
@@ -258,7 +258,7 @@ class Trajectory(eqx.Module):
         lazy_import("files.results.store", "write")(self.to_xarray(scene, **measured), path)
 
     def noise(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """What the tolerances allow as errors of positions and velocities, in the energy norm.
+        """Return the errors of positions and velocities that tolerances allow, in the energy norm.
 
         The step size control holds the errors of velocities below atol + rtol |v|. Those that point
         out of the motion's own directions oscillate with the fastest frequency ω of the system, and

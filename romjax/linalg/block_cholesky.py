@@ -78,7 +78,7 @@ class Factor(eqx.Module):
         )
 
     def pivots(self) -> Float[Array, " rows"]:
-        """What elimination leaves of each diagonal element, given all others of its block."""
+        """Return what elimination leaves of each diagonal element, given the rest of its block."""
         diagonal: Float[Array, " rows"] = (
             1 / jnp.diagonal(self.inverses, axis1=-2, axis2=-1).ravel()
         )

@@ -12,7 +12,7 @@ Edge = tuple[int, int]
 
 
 class Front(NamedTuple):
-    """Where what earlier steps give to nodes, or to edges, is gathered until its own step.
+    """The slots in which updates of nodes, or of edges, are gathered until their own step.
 
     Slots are used again: a chain needs one. The last one is for what is not there.
     """

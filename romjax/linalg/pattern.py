@@ -75,7 +75,7 @@ class Pattern:
         )
 
     def flat_indices(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Where entries of C_q stand among all entries of the blocks; −1 where there is none.
+        """Return the indices of entries of C_q among those of all blocks; −1 where there is none.
 
         For constraints `rows` (joints, height) and coordinates `columns` (2, joints, size) of the
         bodies on both sides, n where there is none.

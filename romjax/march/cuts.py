@@ -12,7 +12,7 @@ from .scales import Scales
 
 
 class Watching(NamedTuple):
-    """What is known of the events between two steps.
+    """The state of the watch for events between two steps.
 
     - `side` (events,): 1 above the level, −1 below it, 0 not told apart from it: at rest there.
     - `scales`: what is told apart. `last` (events,): when each happened.
@@ -62,7 +62,7 @@ class Arrival(NamedTuple):
 
 
 class Cut(NamedTuple):
-    """Where a step must end `at`, if it `is_due`: at the first event within it.
+    """The end `at` which the first event within a step cuts it, if one `is_due`.
 
     - `lasting`: whether it cannot end so, since a contact lasts.
     """
@@ -113,7 +113,7 @@ class AbstractWatch(eqx.Module):
 
 
 class AbstractPassage(eqx.Module):
-    """What steps must not pass, but end at."""
+    """Places that steps must not pass, but end at: the surfaces of contacts."""
 
     @abc.abstractmethod
     def passed(
@@ -128,4 +128,4 @@ class AbstractPassage(eqx.Module):
     def next_end(
         self, t: Float[Array, ""], y: Any, planned: Float[Array, ""], keep: Bool[Array, ""]
     ) -> Float[Array, ""]:
-        """When the next step from the state `y` has to end, at the latest when it is planned to."""
+        """Return the time at which the next step from `y` has to end, at most the `planned` one."""

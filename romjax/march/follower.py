@@ -42,7 +42,7 @@ class AbstractFollower(eqx.Module):
 
     @abc.abstractmethod
     def start(self, start: Progress) -> PyTree:
-        """What it has seen before the first step."""
+        """Return what the follower has seen before the first step."""
 
     @abc.abstractmethod
     def follow(self, step: Step, seen: PyTree) -> PyTree:

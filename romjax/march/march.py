@@ -18,7 +18,7 @@ OUTPUTS, EVENTS, DENSE = "outputs", "events", "dense"
 
 
 class Ended(NamedTuple):
-    """How a march has ended, and what each of its followers has seen, by names."""
+    """The outcome of a march, and what each of its followers has seen, by names."""
 
     result: diffrax.RESULTS | None  # None once it is told in words
     steps: Int[Array, ""]
@@ -53,7 +53,7 @@ class March(NamedTuple):
     others: Mapping[str, AbstractFollower]
 
     def before(self, start: Progress) -> dict[str, Any]:
-        """What followers have seen before the first step."""
+        """Return what the followers have seen before the first step."""
         return {OUTPUTS: self.outputs.start(start)} | {
             name: follower.start(start) for name, follower in self.others.items()
         }

@@ -45,7 +45,7 @@ class Pieces(NamedTuple):
 
 
 class PieceFollower(AbstractFollower):
-    """What interpolates within accepted steps, of the shapes of `between`, with room for `rows`."""
+    """Saves the interpolations of accepted steps, shaped like `between`, with room for `rows`."""
 
     rows: int
     between: Any

@@ -60,7 +60,7 @@ class Closed(AbstractFollower):
 
 
 class Differentiated(NamedTuple):
-    """What the derivative of a march is taken by: all numbers of its steps, and where it starts."""
+    """The arguments by which a march is differentiated: numbers of its steps, and its start."""
 
     trial: Callable[[PyTree, PyTree, Any, Array, Array], Trial]
     output: Callable[[Float[Array, ""], PyTree], PyTree]
@@ -208,7 +208,7 @@ def _filled(cotangents: dict[str, Any], seen: dict[str, Any]) -> tuple[PyTree, P
 
 
 def _starts(march: March, first: Progress, size: Int[Array, ""], longest: int) -> StepStart:
-    """Where `size` accepted steps start, the `first` of them given."""
+    """Return the starts of `size` accepted steps, the `first` of which is given."""
 
     def unfinished(now: Progress) -> Array:
         return (now.accepted - first.accepted < size - 1) & march.steps.unfinished(now)

@@ -17,7 +17,7 @@ _STEP = 1e-3
 
 
 class Scales(NamedTuple):
-    """How small changes of the quantities of events are told apart so far in a run.
+    """The smallest changes of the quantities of events that a run can tell apart so far.
 
     - `floor` (events,): how far from its level a quantity is told apart from it. `least` (events,):
       the least rate of a gap that is told apart from zero. `noise` (events,): what of the values is

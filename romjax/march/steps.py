@@ -17,7 +17,7 @@ _NEAR_END = 100
 
 
 class Progress(NamedTuple):
-    """How far a run is, between two steps."""
+    """The state of a run between two steps."""
 
     y: PyTree
     solver_state: PyTree
@@ -31,7 +31,7 @@ class Progress(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """What a method computes in a step, and what happens at its end, where events are watched."""
+    """The result of one step of a method, with the event at its end if events are watched."""
 
     y: PyTree
     solver_state: PyTree
@@ -42,7 +42,7 @@ class Trial(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """How steps are taken.
+    """The rules by which steps are taken: method, step size control, and what ends steps.
 
     `attempt` computes a step by the function `trial`, which is that of the method unless another
     one takes its part. What ends steps but for the errors in them, each None where nothing does:

@@ -14,9 +14,10 @@ _ROUNDING, _NEAREST = 20, (1e-3, 1.0)
 
 
 class Reach(NamedTuple):
-    """How far a motion has got: for each coordinate, what is largest among those of its kind. There
-    are two, positions of bodies [m] and all others: angles, amplitudes, and the coordinates of
-    systems of which no bodies are known.
+    """The reach of a motion so far: for each coordinate, the largest among those of its kind.
+
+    There are two kinds, positions of bodies [m] and all others: angles, amplitudes, and the
+    coordinates of systems of which no bodies are known.
 
     - `origin`: from where distances count, the first positions in the chart of the state.
     - `sizes`: of three rows, the `distance` from there, the `speed`, and the `farthest` position
@@ -105,11 +106,11 @@ class Tolerances(eqx.Module):
         return by_q, by_v
 
     def rounding(self, reach: Reach) -> Float[Array, " n"]:
-        """What it leaves of positions in a step."""
+        """Return the rounding errors of positions in a step."""
         return _ROUNDING * jnp.finfo(reach.sizes.dtype).eps * reach.farthest
 
     def reached(self, q: Float[Array, "k n"], v: Float[Array, "k n"]) -> Reach:
-        """How far the motion has got in all states of a run."""
+        """Return the reach of the motion over all states of a run."""
         start = self.start((q[0], v[0]))
         sizes = self._largest(jnp.max(jnp.abs(jnp.stack([q - q[:1], v, q])), axis=1))
         return Reach(start.origin, jnp.maximum(start.sizes, sizes))

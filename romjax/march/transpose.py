@@ -13,7 +13,7 @@ from .steps import chosen
 
 
 class StepStart(NamedTuple):
-    """Where a step starts."""
+    """The state at which a step starts."""
 
     y: PyTree
     solver_state: PyTree
@@ -22,7 +22,7 @@ class StepStart(NamedTuple):
 
 
 class Transposed(NamedTuple):
-    """What the transposes of all later steps leave for the earlier ones."""
+    """The cotangents that the transposes of all later steps leave for the earlier ones."""
 
     numbers: Any  # derivatives by trial, output and ts
     y: PyTree  # by the state where the next step starts
@@ -98,7 +98,7 @@ class TransposedSteps(NamedTuple):
         return result
 
     def at_event(self, happens: Array | None, later: Transposed) -> tuple[Array, Any]:
-        """How many events were before a step, and the cotangents of what happened at its end."""
+        """Return the number of events before a step, and the cotangents of the event at its end."""
         if happens is None:
             return later.happened, None
         number = later.happened - jnp.where(happens, 1, 0)

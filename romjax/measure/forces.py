@@ -25,7 +25,7 @@ _SIDES = "abcdefgh"
 
 
 class Forces(eqx.Module):
-    """What one joint or effect does to its markers, along a run of k outputs.
+    """The wrenches of one joint or effect on its markers, along a run of k outputs.
 
     Wrenches act on the bodies that carry the markers; torques are about the markers.
 
@@ -48,8 +48,9 @@ class Forces(eqx.Module):
 
     @property
     def power(self) -> Float[Array, "*k"]:
-        """What it puts into the mechanism [W], at all its markers together. For a joint that
-        prescribes a motion this is the power of the drive; all other joints have none.
+        """The power that it puts into the mechanism [W], at all its markers together.
+
+        For a joint that prescribes a motion this is the power of the drive; other joints have none.
         """
         terms = [w.power(twist) for w, twist in zip(self.wrenches, self.twists, strict=True)]
         return sum(terms[1:], terms[0])

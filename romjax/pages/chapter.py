@@ -16,7 +16,7 @@ _RANKS = ["rank at", "naive SOD", "POD", "SOD"]
 
 
 def line(run: Run) -> str:
-    """What is known of a model as soon as it has run."""
+    """Return a line about a model that has run."""
     steps = int(run.trajectory.stats.num_steps)
     text = f"{run.name}: {run.system.n} coordinates, {steps} steps in {1e3 * run.run_time:.1f} ms"
     if not bool(run.trajectory.success):
@@ -60,7 +60,7 @@ def _models(study: ReductionStudy, example: Example) -> tuple[list[str], list[li
 
 
 def _notes(study: ReductionStudy, example: Example) -> list[str]:
-    """What the table means, and which models were refused."""
+    """Return notes on what the table means, and on the models that were refused."""
     notes = ["r modes, kept constraints, degrees of freedom; compile time apart."]
     if example.published_savings:
         notes.append("chapter: time that its models save; they are the projected ones.")

@@ -24,7 +24,7 @@ class Coordinate(NamedTuple):
 
     @property
     def label(self) -> str:
-        """What stands for the coordinate in tables, such as "cart.x"."""
+        """The label of the coordinate in tables, such as "cart.x"."""
         return f"{self.owner}.{self.name}" if self.owner else self.name
 
 

@@ -20,7 +20,7 @@ GROUND = "ground"
 
 
 class Pose(NamedTuple):
-    """Where a marker is and how it is turned, in the plane or in space.
+    """The position and the orientation of a marker, in the plane or in space.
 
     - `position` (2,) or (3,): [m].
     - `turn`: the angle () [rad] in the plane; in space a quaternion (w, x, y, z), of any length,
@@ -51,8 +51,9 @@ class Pose(NamedTuple):
         return quaternions.matrix(self.turn)
 
     def along(self, point: Float[Array, " d"]) -> Float[Array, ""]:
-        """How far a point of the inertial frame is along the axis on which joints slide [m]: the
-        local x in the plane, z in space.
+        """Return how far a point is along the axis on which joints slide [m].
+
+        The point is one of the inertial frame; the axis is the local x in the plane, z in space.
         """
         if self.dimension == 3:
             return self.local(point)[2]
@@ -142,7 +143,7 @@ class Pose(NamedTuple):
 
 
 class Twist(NamedTuple):
-    """How fast a marker moves, by the inertial axes.
+    """The velocity and the angular velocity of a marker, by the inertial axes.
 
     - `velocity` (2,) or (3,): [m/s].
     - `angular_velocity`: () in the plane, (3,) in space [rad/s].
@@ -153,7 +154,7 @@ class Twist(NamedTuple):
 
 
 class Wrench(NamedTuple):
-    """What acts on a marker, by the inertial axes.
+    """The force and the torque on a marker, by the inertial axes.
 
     - `force` (2,) or (3,): [N].
     - `torque`: () in the plane, (3,) in space [N m].

@@ -17,7 +17,7 @@ B = TypeVar("B", bound=Any)
 
 
 def start_pose(body: Any, point: Vector) -> Pose:
-    """Where a material `point` [m] of a body is at the start, and how it is turned there."""
+    """Return the pose of a material `point` [m] of a body at the start."""
     (q,) = untraced(body.start()[0])
     d, frame = body.dimension, body.frame_size
     local = _local(body, q, point)
@@ -28,7 +28,7 @@ def start_pose(body: Any, point: Vector) -> Pose:
 
 
 def marker_start(bodies: Mapping[str, Any], marker: Marker) -> Pose:
-    """Where a marker on one of the `bodies`, by name, or on the ground is at the start."""
+    """Return the start pose of a marker on one of the `bodies`, by name, or on the ground."""
     if marker.body == GROUND:
         return Pose(marker.point, marker.turn)
     pose = start_pose(bodies[marker.body], marker.point)

@@ -96,7 +96,7 @@ class Chunks:
 
 
 def _identity(file: Path) -> dict[str, Any]:
-    """What tells the sweep in a folder from others; raises ValueError where nothing does."""
+    """Read what identifies the sweep in a folder; raise ValueError where nothing does."""
     try:
         stored = json.loads(file.read_bytes())
     except ValueError:

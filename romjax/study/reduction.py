@@ -134,7 +134,7 @@ def reduction_study(
 
 @dataclasses.dataclass(frozen=True)
 class _Runner:
-    """How every model is run and timed."""
+    """Runs and times every model in the same way."""
 
     ts: Float[Array, " k"]
     rtol: float

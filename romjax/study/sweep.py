@@ -188,14 +188,14 @@ def _run(function: Callable[[Any], Any], devices: tuple[jax.Device, ...], chunk:
 
 
 class _Outcome(NamedTuple):
-    """How a lane went."""
+    """The status and the flags of a lane."""
 
     status: jax.Array
     flags: jax.Array
 
 
 def _with_outcome(result: Any) -> tuple[Any, _Outcome]:
-    """What a function returns as arrays, and how it went."""
+    """Return a function's result as arrays, and the outcome of the runs in it."""
     result = jax.tree.map(jnp.asarray, result)
     nodes = jax.tree.leaves(result, is_leaf=lambda x: isinstance(x, Trajectory))
     runs: list[Any] = [node for node in nodes if isinstance(node, Trajectory)]

@@ -15,7 +15,7 @@ _ROUNDS = 3, 40
 
 
 def timed(call: Callable[[], T]) -> tuple[T, float]:
-    """What `call` returns, and how long it takes until all its arrays are there [s]."""
+    """Return what `call` does, and how long it takes until all its arrays are there [s]."""
     begin = time.perf_counter()
     result = jax.block_until_ready(call())
     return result, time.perf_counter() - begin
@@ -29,7 +29,7 @@ class Spent(NamedTuple):
 
 
 def spent(call: Callable[[], Any]) -> Spent:
-    """What a call takes until all its arrays are there."""
+    """Measure the times that a call takes until all its arrays are there."""
     begin = time.process_time()
     _, taken = timed(call)
     return Spent(taken, time.process_time() - begin)

@@ -26,11 +26,11 @@ class Run(NamedTuple):
 
 
 class AbstractValidity(eqx.Module):
-    """What a system knows of where its results hold."""
+    """The region in which the results of a system hold."""
 
     @abc.abstractmethod
     def flags(self, system: "AbstractSystem", run: Run) -> Int[Array, ""]:
-        """What speaks against a run of `system`, as the number of a `Flag`."""
+        """Return the reasons not to trust a run of `system`, as the number of a `Flag`."""
 
     @abc.abstractmethod
     def including(self, run: Run) -> "AbstractValidity":

@@ -18,7 +18,7 @@ _ITERATIONS = 12
 
 
 class Frequencies(NamedTuple):
-    """How fast a system is at one state [rad/s]."""
+    """The fastest frequencies of a system at one state [rad/s]."""
 
     rigid: Float[Array, ""]  # fastest rigid-body frequency
     fastest: Float[Array, ""]  # fastest frequency or rate of decay of all

@@ -60,7 +60,7 @@ def _side_by_side(rows: Any) -> Any:
 
 @program_once
 def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstraints:
-    """What the basis can violate, at the snapshots.
+    """Find the constraints that motions in the basis can violate, at the snapshots.
 
     Linear constraints vanish in the subspace, since all snapshots satisfy them; what is left of
     their Jacobian is rounding noise, which a plain solver takes for a pivot. The rows are scaled to

@@ -31,7 +31,7 @@ class Stack(eqx.Module):
 
 
 class _Still(AbstractSignal):
-    """What a signal is at the start of time, for ever."""
+    """A signal that keeps the value that another one has at t = 0."""
 
     signal: AbstractSignal
 
@@ -74,7 +74,10 @@ class Schedule(eqx.Module):
         return known and self.changing is None
 
     def corners(self, ts: Float[Array, " outputs"]) -> Float[Array, " k"]:
-        """When the steps of a run with outputs at `ts` have to end [s]; infinite times are none."""
+        """Return the times [s] at which steps of a run have to end; infinite ones are none.
+
+        `ts`: the times of the outputs.
+        """
         stacked = [jax.vmap(lambda x: x.corners())(signal) for signal in self.stacked]
         times = [x.reshape(-1) for x in stacked] + [x.corners() for x in self.single]
         known = [x.astype(ts.dtype) for x in times if x.size]
@@ -107,7 +110,7 @@ class Schedule(eqx.Module):
         return Schedule(self.stacked, self.single, self.changing, ts, hidden)
 
     def _unknown(self, t: Float[Array, ""]) -> Float[Array, " c"]:
-        """What says nothing of when it changes, at a time; forces and constraints at the start."""
+        """Evaluate what does not say when it changes: signals, or forces and constraints."""
         stacked = [jax.vmap(lambda x: x(t))(one) for one in self.stacked if not one.is_known]
         values = stacked + [one(t) for one in self.single if not one.is_known]
         if (full := self.changing) is not None:

@@ -129,7 +129,7 @@ class _Units(NamedTuple):
         return cls(length, sizes, positions | turns, positions)
 
     def steps(self, share: float, q: Float[Array, " n"]) -> Float[Array, " n"]:
-        """What the rule calls s."""
+        """Return s of the rule of this module."""
         rounding = _ROUNDING * jnp.finfo(q.dtype).eps
         farthest = jnp.max(jnp.abs(q) * self.positions)
         least = rounding * jnp.where(self.positions, farthest, jnp.maximum(jnp.abs(q), self.sizes))

@@ -102,8 +102,9 @@ class AbstractState(abc.ABC):
         return None
 
     def limits(self) -> Float[Array, " effects"] | None:
-        """What changes its sign where effects pass the end of what they are right for; None where
-        all are right everywhere.
+        """Return numbers that change sign where the laws of effects cease to hold.
+
+        None where all hold everywhere.
         """
         return None
 

@@ -40,7 +40,7 @@ def remember_training(rom: AbstractSystem, basis: Basis) -> AbstractSystem:
 
 
 def training_of(system: AbstractSystem) -> Training | None:
-    """What a model was made of; None where nobody knows, and of a system that is no such model."""
+    """Return the training of a model; None if it is not known, and for other systems."""
     error = _error(system)
     training: Training | None = None if error is None else _trainings.get(error)
     return training

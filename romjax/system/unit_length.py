@@ -15,12 +15,12 @@ from .base import AbstractSystem
 
 
 def count(system: AbstractSystem) -> int:
-    """How many constraints there are."""
+    """Return the number of constraints, lengths of quaternions included."""
     return system.m + len(system.structure.quaternions)
 
 
 def freedoms(system: AbstractSystem) -> int:
-    """How many freedoms they leave, where none repeats others."""
+    """Return the number of freedoms that the constraints leave, where none repeats others."""
     return system.n - count(system)
 
 
@@ -34,7 +34,7 @@ def extended(system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Ar
 
 
 def jacobian(system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Array, "M n"]:
-    """Their derivatives by q."""
+    """Return the Jacobian of all constraints, lengths of quaternions included."""
     own = dynamics.jacobian(system, t, q)
     if not system.structure.quaternions:
         return own

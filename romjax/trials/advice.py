@@ -32,8 +32,9 @@ def in_order(rows: Sequence[ReductionRow], tol: float) -> list[ReductionRow]:
 
 
 def remark(trained: float, unseen: float, own: float, said: str) -> str:
-    """What speaks against a model by its errors, the error of the full model at the same tolerance,
-    and what its run was told of.
+    """Say what speaks against a model.
+
+    It may be its errors, the error of the full model at the same tolerance, or flags of its run.
     """
     error = max(trained, 0.0 if math.isnan(unseen) else unseen)
     if error <= WRONG:
@@ -59,7 +60,7 @@ def advice(
     tol: float,
     skipped: bool = False,
 ) -> str:
-    """What to take, or why nothing pays; `skipped`: whether there was no time for some models."""
+    """Say which model to take, or why none pays; `skipped`: whether time was short for some."""
     good = paying(rows, tol)
     if not rows:
         return "No model was made: all that were tried are refused, as is said below."
@@ -88,7 +89,7 @@ _KINDS = {
 
 
 def _reason(rows: Sequence[ReductionRow], full: ReductionRow, facts: Facts, tol: float) -> str:
-    """Why, in a sentence of mechanics."""
+    """Give the reason for the advice, in a sentence of mechanics."""
     faster = [row for row in rows if row.speed_up >= _FASTER]
     if full.error > tol:
         return (

@@ -24,8 +24,9 @@ _LONG = 1.0
 
 
 class Settings(NamedTuple):
-    """What is asked of models, an error `tol`, and how all runs are made; `solver`: for each the
-    method that suits it unless given.
+    """The error `tol` that models may have, and the settings of all runs.
+
+    `solver`: for each model the method that suits it unless given.
     """
 
     tol: float
@@ -106,7 +107,7 @@ def made(full: AssembledSystem, candidate: Candidate, training: list[Truth]) -> 
 
 
 def named(model: Model, runs: int) -> str:
-    """What tables call it."""
+    """Return the name of a model in tables."""
     if model.cap is not None:
         return model.name.replace(",", "")
     of = "" if runs == 1 else f", {runs} runs"
@@ -156,6 +157,6 @@ def error_of(model: Model, truth: Truth, settings: Settings) -> float:
 
 
 def error(truth: Trajectory, run: Trajectory) -> float:
-    """Infinite of a run that has failed."""
+    """Return the error of a run, infinite if it has failed."""
     found = float(compare(truth, run).error)
     return found if np.isfinite(found) and bool(run.success) else np.inf

@@ -64,7 +64,7 @@ class Scale:
         return None if level == than.level else self.make(level)
 
     def between(self, one: Candidate, other: Candidate) -> Candidate:
-        """Half way from one candidate to another one."""
+        """Return the candidate half way from one to another."""
         return self.make(math.sqrt(one.level * other.level))
 
 
@@ -81,7 +81,7 @@ class Family:
     scale: Scale | None = None
 
     def finer(self, than: Candidate, excess: float) -> Candidate | None:
-        """What to try next to a candidate that errs by `excess` times what is asked."""
+        """Return the next candidate after one that errs by `excess` times what is asked."""
         if self.scale is not None:
             least, most = _FALL
             return self.scale.other(than, min(max(_AIM / excess, most), least))
@@ -89,8 +89,9 @@ class Family:
         return later[0] if later else None
 
     def coarser(self, than: Candidate, excess: float, wrong: Candidate | None) -> Candidate | None:
-        """What may do as well as a candidate that errs by `excess` times what is asked, where a
-        coarser one is known to be `wrong` or not.
+        """Return a coarser candidate that may do, next to one that errs `excess` times as asked.
+
+        `wrong`: a coarser one that is known to be wrong, if there is any.
         """
         if self.scale is None:
             return None
@@ -100,7 +101,7 @@ class Family:
 
 
 def families(facts: Facts) -> list[Family]:
-    """What is worth trying, the most promising kind first.
+    """Return the kinds of models that are worth trying, the most promising first.
 
     Where bodies bend, their few slow shapes are all that a motion excites, whatever it is: caps and
     local bases keep the joints as they are. A cap needs neither a training nor a program, so it
@@ -134,7 +135,7 @@ def families(facts: Facts) -> list[Family]:
 
 
 def _by_share(name: str, make: Callable[[float], Candidate]) -> Family:
-    """Models of as many modes as a share of the largest singular value leaves."""
+    """Return the models with the modes above a share of the largest singular value."""
     least, first, most = _SHARES
     return Family(name, (make(first),), scale=Scale(make, least, most))
 
@@ -160,7 +161,7 @@ def _capped(hertz: float) -> Candidate:
 
 
 def _by_cap(caps: Sequence[float]) -> Family:
-    """Models with no mode above a frequency."""
+    """Return the models with no mode above a frequency."""
     if not caps:
         return Family("capped", (), trained=False)
     first = _capped(caps[min(_FIRST_CAP, len(caps) - 1)])

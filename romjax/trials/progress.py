@@ -21,7 +21,7 @@ class Progress:
         self.bar.close()
 
     def doing(self, words: str) -> None:
-        """What is being done now."""
+        """Show what is being done now."""
         self.bar.set_description_str(words)
 
     def tell(self, words: str, models: int = 0) -> None:

@@ -34,7 +34,7 @@ def reductions(
     budget: float = 60.0,
     progress: bool = False,
 ) -> Reductions:
-    """What pays: reduced models of a scene against the full one, on starts that they have not seen.
+    """Find the reduced models of a scene that pay, tested on starts that they have not seen.
 
     By the structure of the mechanism (drives, loops, flexible bodies, freedoms, plane or space)
     kinds of models are chosen, coarse ones first, and refined until they are accurate; what only
@@ -76,7 +76,7 @@ def reductions(
 
 
 def _result(search: Search, spend: float) -> Reductions:
-    """What was found, timed in turns for `spend` [s]."""
+    """Return what was found, with all models timed in turns for `spend` [s]."""
     systems: list[AbstractSystem] = [
         search.system,
         *(tried.model.system for tried in search.attempts),

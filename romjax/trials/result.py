@@ -75,7 +75,7 @@ class Reductions:
         return list(self.rows if every else self.rows[:_SHOWN])
 
     def notes(self, every: bool = False) -> list[str]:
-        """What the table means, what speaks against its rows, and what is not in it."""
+        """Return notes on what the table means, what speaks against rows, and what is not in it."""
         notes = [
             "times: as fast as the full model; errors on the training and the largest on three "
             "unseen starts or speeds; made: with training and compiling; pays after: runs."

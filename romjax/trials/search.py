@@ -44,9 +44,10 @@ _SLOW, _SLOW_RANK = 0.8, 3.0
 
 @dataclasses.dataclass
 class Try:
-    """How far a kind of models has come: the next candidate, None where there is none, and of how
-    many training runs; how many models and refusals there were; the coarsest that is right, and
-    the finest that is wrong.
+    """The state of the search in one kind of models.
+
+    It has the next candidate, None where there is none, and the number of its training runs; how
+    many models and refusals there were; the coarsest that is right, and the finest that is wrong.
     """
 
     family: Family
@@ -153,7 +154,7 @@ class Search:
             self.coarsen(one, clock)
 
     def coarsen(self, one: Try, clock: "_Clock") -> None:
-        """Between the coarsest model of a kind that is right and the finest that is wrong."""
+        """Try models between the coarsest of a kind that is right and the finest that is wrong."""
         for _ in range(_BETWEEN):
             assert one.right is not None
             candidate, tried = one.right
@@ -257,7 +258,7 @@ def _steps(run: Trajectory) -> int:
 
 
 def _line(tried: Attempt, full: float) -> str:
-    """What is known of a model as soon as it was tried."""
+    """Return a line about a model that was tried."""
     beyond = "" if np.isnan(tried.unseen) else f", unseen {tried.unseen:.1e}"
     return (
         f"{tried.name}: {_steps(tried.run)} steps in {1e3 * tried.work:.1f} ms, "

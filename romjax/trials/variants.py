@@ -20,8 +20,10 @@ from .facts import Joined, drives, joined
 
 
 class Change(NamedTuple):
-    """How a start differs: `speed`, of what moves or is driven, relative to it; of what rests,
-    `tilt` and `spin`, as shares of how far and how fast the motion goes; `axis` in space.
+    """The difference between two starts.
+
+    `speed`: of what moves or is driven, relative to the first. `tilt`, `spin`: of what rests, as
+    shares of how far and how fast the motion goes. `axis`: in space.
     """
 
     speed: float
@@ -98,8 +100,9 @@ def at_speed(signal: AbstractSignal, speed: float) -> AbstractSignal:
 def _moved(
     scene: Scene, system: AssembledSystem, run: Trajectory, change: Change
 ) -> AssembledSystem:
-    """Tilted and turning as a whole, as far as the joints allow; from a later state of the motion,
-    slower, where they allow nothing.
+    """Return the mechanism tilted and turning as a whole, as far as the joints allow.
+
+    Where they allow nothing, it starts from a later state of the motion, slower.
     """
     posed = _Posed(system, np.asarray(run.metric))
     pivot, axis = _pivot(scene, system), np.asarray(change.axis) / np.linalg.norm(change.axis)
@@ -143,7 +146,7 @@ class _Posed:
         return float(np.sqrt(x @ self.metric @ x))
 
     def share(self, motion: np.ndarray, field: np.ndarray) -> float:
-        """How many times the field the motion goes as far, all in all, and in angles."""
+        """Return how many times the field fits into the motion, all in all and in angles."""
         turns = self.system.structure.turns
         angles = np.max(np.linalg.norm(motion[:, turns], axis=2))
         turned = np.max(np.linalg.norm(field[turns], axis=1))
@@ -177,7 +180,7 @@ class _Posed:
 
 
 def _pivot(scene: Scene, system: AssembledSystem) -> np.ndarray:
-    """Where joints hold the mechanism to the ground, on average; else where its bodies are."""
+    """Return the mean point where joints hold the mechanism to the ground, or of its bodies."""
     held = [
         np.asarray(marker.point)
         for joint in scene.joints

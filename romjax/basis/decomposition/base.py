@@ -15,7 +15,7 @@ from ..snapshots import Motions, SnapshotSet, WeightedSnapshots, weigh
 
 
 class RankCriterion(NamedTuple):
-    """What decides how many modes are kept."""
+    """The values that decide how many modes are kept, and what counts as noise in them."""
 
     values: Float[Array, " s"]  # singular values, largest first, without derivative
     rounding: float  # values below this share of the largest are rounding errors
@@ -31,7 +31,7 @@ class Directions(NamedTuple):
 
 
 class ValueLabel(NamedTuple):
-    """How figures name the values of a decomposition."""
+    """The names that figures give the values of a decomposition."""
 
     title: str  # such as "Smooth orthogonal values"
     symbol: str  # in TeX without the dollars, such as r"\lambda"

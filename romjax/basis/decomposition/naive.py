@@ -8,7 +8,7 @@ from ..snapshots import Motion
 
 
 class NaiveSod(NamedTuple):
-    """What standard tools report on raw, uncentred, unweighted snapshots."""
+    """The result of standard tools for SOD on raw, uncentred, unweighted snapshots."""
 
     values: np.ndarray  # smooth orthogonal values, infinite where a direction rests; largest first
     modes: np.ndarray  # smooth orthogonal modes, columns (n, n): neither of a length nor orthogonal

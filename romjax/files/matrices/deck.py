@@ -24,8 +24,9 @@ class Deck(NamedTuple):
 
 
 def deck_of(path: Path) -> Deck:
-    """What the keywords of a deck say; raises InputError, with the line, for what has no rows that
-    could be told.
+    """Read the keywords of a deck.
+
+    Raises InputError, with the line, for elements whose rows in the matrices are not known.
     """
     types, rigid = set(), []
     for number, line in enumerate(text_of(path).splitlines(), 1):

@@ -71,7 +71,7 @@ class Entries(NamedTuple):
         )
 
     def wrong(self, where: np.ndarray, words: str) -> InputError:
-        """What is wrong with the first entry of those that a mask shows."""
+        """Return an error about the first of the entries that a mask selects."""
         return wrong(self.path, int(self.lines[np.argmax(where)]), words)
 
 

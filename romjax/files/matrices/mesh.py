@@ -44,7 +44,7 @@ class Mesh(NamedTuple):
     numbers: np.ndarray
 
     def at(self, *numbers: int) -> np.ndarray:
-        """Where nodes of some `numbers` are among `nodes`, all layers of each, for ports.
+        """Return the indices in `nodes` of nodes by their `numbers`, all layers of each, for ports.
 
         Raises InputError for a number that the mesh does not have.
         """

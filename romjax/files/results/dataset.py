@@ -34,7 +34,7 @@ def dataset_of(run: Trajectory, scene: Scene | None, extras: Mapping[str, Any]) 
 
 
 def origin(kind: str) -> dict[str, Any]:
-    """What kind of result it is, who wrote it by which versions, and when."""
+    """Return the attributes that tell the kind of a result, its versions and its date."""
     versions = {
         f"{package}_version": importlib.metadata.version(package)
         for package in ("romjax", "jax", "jaxlib", "diffrax", "numpy")

@@ -79,7 +79,7 @@ def _mistakes(dataset: Any) -> Iterator[str]:
 
 
 def _in_status(dataset: Any) -> Iterator[str]:
-    """What a run that went well cannot have."""
+    """List the problems of a status: values that no run has, or that do not fit each other."""
     status = np.atleast_1d(dataset["status"].values)
     unknown = set(status.tolist()) - {int(member) for member in Status}
     if unknown:

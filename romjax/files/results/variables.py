@@ -103,17 +103,17 @@ def _put_events(run: Trajectory, found: dict[str, Variable]) -> None:
 
 
 def meanings_of_flags() -> dict[str, Any]:
-    """What the bits of flags mean, as attributes."""
+    """Return the meanings of the bits of flags, as attributes."""
     return _meanings(Flag)
 
 
 def meanings_of_status() -> dict[str, Any]:
-    """What the numbers of a status mean."""
+    """Return the meanings of the numbers of a status, as attributes."""
     return _meanings(Status)
 
 
 def _meanings(kind: Any) -> dict[str, Any]:
-    """What the values of a number mean, as the CF conventions have it."""
+    """Return the meanings of the values of an enumeration, in the words of the CF conventions."""
     members = list(kind)
     name = "flag_masks" if kind is Flag else "flag_values"
     return {
@@ -123,7 +123,7 @@ def _meanings(kind: Any) -> dict[str, Any]:
 
 
 def names_of(run: Trajectory) -> dict[str, Variable]:
-    """What the dimensions count: output times, coordinates, constraints, lanes."""
+    """Return the variables that name output times, coordinates, constraints and lanes."""
     columns = run.coordinates
     named: dict[str, Variable] = {
         "time": (("time",), times_of(run), {"units": "s", "long_name": "time"}),

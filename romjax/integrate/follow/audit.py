@@ -28,7 +28,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
 class Findings(NamedTuple):
-    """What an audit has found up to a time."""
+    """The findings of an audit up to a time."""
 
     balance: EnergyBalance
     branching: Branching | None  # None where constraints cannot lose rank, or are projected
@@ -36,7 +36,7 @@ class Findings(NamedTuple):
 
     @property
     def flags(self) -> Int[Array, ""]:
-        """What speaks against the run, as the number of a `Flag`."""
+        """The reasons not to trust the run, as the number of a `Flag`."""
         branching = 0 if self.branching is None else self.branching.flags
         beyond = 0 if self.beyond is None else self.beyond * int(Flag.LIMIT)
         return self.balance.flags + branching + beyond

@@ -19,7 +19,7 @@ _REPEATED = 1e3
 
 
 class Branching(NamedTuple):
-    """How well a motion told its own branch from another one, where it was worst.
+    """A measure of how well a motion told its own branch from another one, where it was worst.
 
     Where constraints become dependent, σ → 0 for the smallest singular value of the scaled C_q, two
     branches of the motion cross. In the normal form of the crossing the dependent combination is
@@ -69,7 +69,7 @@ class Branching(NamedTuple):
 
     @property
     def flags(self) -> Int[Array, ""]:
-        """What it says against the run, as the number of a `Flag`."""
+        """The reason not to trust the run, if any, as the number of a `Flag`."""
         return (self.ambiguity > _AMBIGUOUS) * int(Flag.BRANCH)
 
     def describe(self) -> str:

@@ -101,7 +101,7 @@ class EnergyBalance(NamedTuple):
 
     @property
     def flags(self) -> Int[Array, ""]:
-        """What it says against the run, as the number of a `Flag`."""
+        """The reasons not to trust the run, as the number of a `Flag`."""
         flags = (self.largest > self.allowed) * int(Flag.ENERGY)
         return flags + (self.gained > self.allowed) * int(Flag.DISSIPATION)
 

@@ -43,7 +43,7 @@ class MonitoredStep(NamedTuple):
 
 
 class AbstractMonitor(eqx.Module):
-    """What is followed in a run, step by step: a largest force, a first passage, a histogram.
+    """Follows a run step by step, for a largest force, a first passage or a histogram.
 
     A subclass has two methods, traced with the run. What they return is a pytree of arrays, whose
     shapes and types stay as `start` has them. It is in `Trajectory.followed` at the end.
@@ -52,7 +52,7 @@ class AbstractMonitor(eqx.Module):
 
     @abc.abstractmethod
     def start(self, system: AbstractSystem, start: Moment) -> PyTree:
-        """What there is to tell before the first step."""
+        """Return the findings before the first step."""
 
     @abc.abstractmethod
     def follow(self, step: MonitoredStep, seen: PyTree) -> PyTree:
@@ -111,7 +111,7 @@ def check_monitors(follow: Sequence[AbstractMonitor]) -> tuple[AbstractMonitor, 
 
 
 def _alike(monitor: AbstractMonitor, new: PyTree, old: PyTree) -> PyTree:
-    """What was seen with a step; raise InputError unless it has the shapes of what was before."""
+    """Return the new findings; raise InputError unless they have the shapes of the old ones."""
     new = jax.tree.map(jnp.asarray, new)
     shapes = [jax.tree.map(lambda x: f"{x.dtype}{list(x.shape)}", each) for each in (new, old)]
     if shapes[0] != shapes[1]:

@@ -141,7 +141,7 @@ def _frames(
 
 
 class _Background:
-    """What stays the same in all frames of a figure, drawn once: it takes most of the time."""
+    """The part of a figure that stays the same in all frames, drawn once since it takes longest."""
 
     def __init__(self, figure: Figure, artists: Sequence[Artist]):
         self.figure, self.artists = figure, artists

@@ -143,7 +143,7 @@ def _outline(outline: MovingOutline) -> dict[str, Any]:
 
 
 def _scales(models: list[Model], diagonal: float, deformation: float) -> list[float]:
-    """What deformations can be multiplied by; nothing where there are none."""
+    """Return the factors that deformations can be multiplied by; none where there are none."""
     moved = [
         np.max(np.abs(a.points - b.points))
         for model in models

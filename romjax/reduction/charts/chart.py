@@ -78,7 +78,7 @@ class Chart(eqx.Module):
     def tangent(
         self, system: AbstractSystem, t: Time, q: Float[Array, " n"]
     ) -> Float[Array, "n d"]:
-        """How q changes with the independent coordinates: T = Y − W (C_q W)⁻¹ C_q Y."""
+        """Return the derivative of q by the independent coordinates, T = Y − W (C_q W)⁻¹ C_q Y."""
         return _tangent(self, system, t, q)
 
     def metric(self, system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Array, "d d"]:

@@ -15,7 +15,7 @@ from ...system.base import AbstractSystem
 
 
 class AbstractFormulation(eqx.Module):
-    """How a system is reduced. One of one's own is a subclass with a `name` and `reduce`."""
+    """A way to reduce a system; one of one's own is a subclass with a `name` and `reduce`."""
 
     name: ClassVar[str]
     # Whether q stays in the affine subspace of the basis; else what the basis misses of the

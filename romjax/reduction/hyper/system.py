@@ -27,7 +27,7 @@ from .loads import LinearLoads
 
 
 class Sample(eqx.Module):
-    """What a hyper-reduced model was trained to look at, whatever the numbers of the system.
+    """The sampled bodies and effects of a hyper-reduced model, whatever the system's numbers.
 
     - `bodies`: rows of each group of bodies, with the `weights` of their Lagrangians.
     - `linear`, `others`: groups of effects, by whether they are linear in z.

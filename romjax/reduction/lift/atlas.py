@@ -14,7 +14,7 @@ from .implicit import ImplicitLift
 
 
 class AtlasLift(AbstractLift):
-    """Several implicit lifts, of which `current` says to which the coordinates refer.
+    """A lift made of several implicit ones; `current` is the one that coordinates refer to.
 
     All freedoms are in each: of a subspace of them, two charts would hold two different motions.
     """

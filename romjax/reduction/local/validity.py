@@ -15,7 +15,7 @@ _TIMES = 10.0
 
 
 class LargestDeflections(AbstractValidity):
-    """How far the bodies bent in the training: frames may go anywhere.
+    """A model's region of validity: bodies bend as in training, frames may go anywhere.
 
     - `largest` (r,): for each amplitude, the largest deflection of its body, |z| in the modal mass;
       infinite for the coordinates of frames.

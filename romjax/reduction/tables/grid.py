@@ -46,7 +46,7 @@ class Grid(NamedTuple):
 
     @property
     def summary(self) -> str:
-        """What it is, in words."""
+        """Describe the grid in words."""
         counts = self.inner().shape[:-1]
         if len(counts) == 2:
             return f"two freedoms on a surface of {counts[0]} × {counts[1]} nodes"

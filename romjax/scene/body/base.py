@@ -112,7 +112,7 @@ class AbstractBody(eqx.Module):
         )
 
     def invariants(self) -> Inertia | SpatialInertia | None:
-        """What the mass matrix is made of; None where it is made of something else."""
+        """Return the inertia invariants of the mass matrix; None where it is not made of them."""
         return None
 
     def damping_force(self, v: Float[Array, " size"]) -> Float[Array, " size"]:
@@ -155,7 +155,7 @@ class AbstractBody(eqx.Module):
     mode_kind: ClassVar[str] = "mode"
 
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """What each coordinate is, with its unit and symbol."""
+        """Return the body's coordinates, with their units and symbols."""
         frame = frame_coordinates(self.name, self.dimension)
         modal = [
             Coordinate(
@@ -192,7 +192,7 @@ class AbstractBody(eqx.Module):
         return Marker.fixed(self.name, self._point(point), angle, axis, rotation)
 
     def pose(self, point: Vector | str | None = None) -> Pose:
-        """Where a point, as in `at`, is at the start, and how the body is turned there."""
+        """Return the pose at the start of a point, as in `at`, turned as the body is there."""
         return start_pose(self, self._point(point))
 
     def placed(

@@ -33,7 +33,7 @@ RIGID = 1e-2
 
 
 class ReducedMesh(NamedTuple):
-    """What a body uses of a mesh."""
+    """A mesh reduced to what a body uses of it."""
 
     frequencies: np.ndarray  # ω [rad/s], (modes,)
     inertia: Inertia | SpatialInertia

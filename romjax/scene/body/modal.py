@@ -24,7 +24,7 @@ B = TypeVar("B", bound="AbstractModalBody")
 
 
 class AbstractModalBody(AbstractBody):
-    """What bodies with inertia invariants, and shapes at some points, have in common."""
+    """The base of bodies with inertia invariants, and with shapes at some points."""
 
     inertia: eqx.AbstractVar[Inertia | SpatialInertia]
     stiffness: eqx.AbstractVar[Float[Array, "modes *modes"]]

@@ -50,7 +50,7 @@ class AbstractEffect(eqx.Module):
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
     ) -> tuple[Outline, ...]:
-        """What pictures show, from the poses of the markers at time t; nothing unless said.
+        """Return the outlines for pictures, from the poses of the markers at time t, if any.
 
         `size` [m] is what a sign such as an arrow should be about as large as.
         """
@@ -58,7 +58,7 @@ class AbstractEffect(eqx.Module):
         return ()
 
     def label(self) -> str:
-        """How messages call the effect: its kind and its bodies."""
+        """The label of the effect in messages: its kind and its bodies."""
         return f"{type(self).__name__}({', '.join(marker.body for marker in self.markers)})"
 
 
@@ -91,8 +91,10 @@ class AbstractMarkerEffect(AbstractEffect):
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
     ) -> tuple[Outline, ...]:
-        """What pictures show, from the poses of the markers at time t: lines between them, unless
-        the effect has a sign of its own, about as large as `size` [m].
+        """Return the outlines for pictures, from the poses of the markers at time t.
+
+        They are lines between the markers, unless the effect has a sign of its own, about as large
+        as `size` [m].
         """
         del t, size
         return linked(poses)
@@ -109,8 +111,9 @@ class AbstractMarkerEffect(AbstractEffect):
         return jnp.zeros((), poses[0].position.dtype)
 
     def limit(self, *poses: Pose) -> Float[Array, ""]:
-        """What changes its sign where the effect passes the end of what it is right for; asked only
-        of effects that are `limited`. Runs that pass it are flagged.
+        """Return a number that changes sign where the effect's law ceases to hold.
+
+        Only effects that are `limited` are asked. Runs that pass the limit are flagged.
         """
         return jnp.ones((), poses[0].position.dtype)
 

@@ -48,8 +48,9 @@ class Friction(eqx.Module):
     def against(
         self, normal: Float[Array, " d"], velocity: Float[Array, " d"]
     ) -> Float[Array, " d"]:
-        """Opposite to what a surface with this `normal` does to a point that moves on it: the
-        tangential force over the normal force.
+        """Return the tangential over the normal force of a point on a surface with this `normal`.
+
+        It points along the velocity: the force of the surface on the point is the opposite.
         """
         if normal.shape == (2,):
             tangent = jnp.stack([normal[1], -normal[0]])
@@ -69,7 +70,7 @@ class Friction(eqx.Module):
 
 
 class AbstractContact(AbstractMarkerEffect):
-    """What pushes marker `a` out of what marker `b` carries, and rubs, by the law of `Contact`.
+    """A force that pushes marker `a` out of what marker `b` carries, and rubs, as in `Contact`.
 
     A contact of one's own says by `gap` where the inside is, and by `wrenches` at which point the
     force acts.

@@ -50,7 +50,7 @@ class AbstractJoint(eqx.Module):
 
     @abc.abstractmethod
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, " rows"]:
-        """Zero where the joint holds; lengths [m] and angles [rad]."""
+        """Return the residual, zero where the joint holds: lengths [m] and angles [rad]."""
 
     @property
     def takes_start(self) -> bool:
@@ -65,7 +65,7 @@ class AbstractJoint(eqx.Module):
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
     ) -> tuple[Outline, ...]:
-        """What pictures show, from the poses of `a` and `b` at time t.
+        """Return the outlines for pictures, from the poses of `a` and `b` at time t.
 
         `size` [m] is what a sign such as the box of a slider should be about as large as. Without a
         method of its own a joint is a line between its markers.
@@ -78,11 +78,11 @@ class AbstractJoint(eqx.Module):
         return (self.a, self.b)
 
     def label(self) -> str:
-        """How messages call the joint: its name, or its kind and its bodies."""
+        """The label of the joint in messages: its name, or its kind and its bodies."""
         return self.name or f"{type(self).__name__}({self.a.body}, {self.b.body})"
 
     def owner(self) -> str:
-        """What messages about the joint begin with."""
+        """The beginning of messages about the joint."""
         return f"joint '{self.label()}'"
 
     def check_among(self, joints: Sequence["AbstractJoint"]) -> None:

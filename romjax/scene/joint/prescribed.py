@@ -19,8 +19,10 @@ from .base import AbstractJoint
 
 
 class _Prescribed(AbstractJoint):
-    """What both kinds share: a signal without kinks, at which forces would be infinite, and that
-    begins where the bodies are placed if its offset is left out.
+    """The base of both kinds, which prescribe an angle or a travel by a signal.
+
+    The signal has no kinks, at which forces would be infinite, and begins where the bodies are
+    placed if its offset is left out.
     """
 
     signal: eqx.AbstractVar[AbstractSignal]
@@ -30,7 +32,7 @@ class _Prescribed(AbstractJoint):
     @staticmethod
     @abc.abstractmethod
     def value(a: Pose, b: Pose) -> Float[Array, ""]:
-        """What the signal prescribes, of poses [rad] or [m]."""
+        """Return the prescribed angle [rad] or travel [m] from the poses."""
 
     @property
     def takes_start(self) -> bool:

@@ -56,7 +56,7 @@ class Configuration:
         condition: Condition = SINGLE_RUN,
         fixed: bool = False,
     ) -> "Configuration":
-        """Compiled for the output times `ts`."""
+        """Compile a configuration for the output times `ts`."""
         single, lanes = condition.precision == "f32", condition.lanes
         with jax.enable_x64(not single), warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Simulating in single precision")  # as asked for
@@ -103,7 +103,7 @@ class Configuration:
         return duration / self.condition.lanes
 
     def rows(self) -> list[Row]:
-        """What was measured, without a front."""
+        """Return the measured rows, without a front."""
         evaluations, factorizations = work_of_a_step(self.solver)
         return [
             Row(

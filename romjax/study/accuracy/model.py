@@ -30,7 +30,7 @@ class Reduction:
 
     @property
     def name(self) -> str:
-        """Such as "POD minimal, r = 3"."""
+        """The name of the reduction in tables, such as "POD minimal, r = 3"."""
         return f"{self.basis.name} {self.formulation.name}, r = {self.rom.n}"
 
 
@@ -44,14 +44,14 @@ class Model:
 
     @property
     def name(self) -> str:
-        """What it is called in tables: "full", "capped, 40 Hz", or the name of the reduction."""
+        """The name of the model in tables: "full", "capped, 40 Hz", or that of the reduction."""
         if self.cap is not None:
             return f"{CAPPED}, {self.cap:.3g} Hz"
         return FULL if self.reduction is None else self.reduction.name
 
     @functools.cached_property
     def system(self) -> AbstractSystem:
-        """What is simulated."""
+        """The system that is simulated."""
         if self.cap is not None:
             return capped(self.full, self.cap)
         return self.full if self.reduction is None else self.reduction.rom
@@ -70,7 +70,7 @@ class Model:
 
     @property
     def offline(self) -> float:
-        """How long it took to make [s]."""
+        """The time to make the model [s]."""
         return 0.0 if self.reduction is None else self.reduction.offline
 
     def of(self, system: AbstractSystem, t: Any) -> AbstractSystem:

@@ -114,7 +114,7 @@ def _try_single_runs(
 
 
 def _try_other_conditions(search: Search) -> None:
-    """What is best of single runs, in single precision and several at once."""
+    """Try the best configurations of single runs in single precision and several at once."""
     best = promising(search.configurations)
     for one, condition in itertools.product(best, search.settings.conditions):
         if condition != SINGLE_RUN:

@@ -83,7 +83,7 @@ class Search:
 
 
 def rows_of(configurations: Iterable[Configuration]) -> list[Row]:
-    """What was measured, without a front."""
+    """Return the measured rows, without a front."""
     return [row for configuration in configurations for row in configuration.rows()]
 
 

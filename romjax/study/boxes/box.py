@@ -32,7 +32,7 @@ class Range:
             raise InputError(f"Range: low={self.low} has no logarithm; give positive numbers.")
 
     def at(self, share: np.ndarray | float) -> np.ndarray:
-        """Where a share of 0 to 1 of the range ends."""
+        """Return the value at a share of 0 to 1 of the range."""
         low, high = float(self.low), float(self.high)
         if self.log:
             return np.asarray(low * (high / low) ** np.asarray(share))
@@ -44,7 +44,7 @@ class Range:
         return value * (high / low) ** (share / 2) if self.log else value + (high - low) / 2 * share
 
     def share(self, value: Any, start: Any) -> Any:
-        """What `moved` takes from a start to a value."""
+        """Return the share with which `moved` gets from a start to a value."""
         low, high = float(self.low), float(self.high)
         if self.log:
             return 2 * jnp.log(value / start) / math.log(high / low)

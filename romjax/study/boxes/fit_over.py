@@ -217,7 +217,7 @@ class _Search:
 
 
 class _Model(eqx.Module):
-    """What is seen of a run of a reduced model at some parameters."""
+    """Runs a reduced model at some parameters and returns what is seen of the run."""
 
     rom: AbstractReducedSystem
     box: Box = eqx.field(static=True)

@@ -71,7 +71,7 @@ class ReducedBox:
         return self.greedy.with_run(self.tol, self.box.center | parameters)
 
     def summary(self) -> str:
-        """In words: of how many runs the model was made, and how well it does."""
+        """Say in words of how many runs the model was made, and how well it does."""
         count = len(next(iter(self.training.values())))
         words = f"{self.rom.summary}; {count} training run{'s' * (count > 1)}"
         words += f"; at most {np.max(self.estimates):.1e} estimated at {len(self.estimates)} points"

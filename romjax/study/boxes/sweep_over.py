@@ -43,7 +43,7 @@ def sweep_over(
     chunk: int | None = None,
     progress: bool = False,
 ) -> BoxSweep:
-    """What is seen of the runs of many mechanisms, none of which errs by more than asked for.
+    """Run many mechanisms, none with a larger error than asked for, and return what is seen.
 
     The reduced model simulates all points within its box, and the model of the next rank estimates
     the errors. Where the estimate is above half of `ReducedBox.tol`, where something speaks against

@@ -82,7 +82,7 @@ def _of_axis(weights: np.ndarray, moved: np.ndarray) -> np.ndarray:
 def _of_sections(
     own: Float[Array, "3"], scale: Float[Array, " modes"], weights: np.ndarray, turned: np.ndarray
 ) -> dict[str, Array]:
-    """What sections with principal moments j add: bodies that turn by R = exp θ̃, θ = Σ θ_k q_k.
+    """Return the inertia of sections with principal moments j, turned by R = exp θ̃, θ = Σ θ_k q_k.
 
     To the second order, their inertia is R j Rᵀ = j + θ̃j − jθ̃ + ½(θ̃²j + jθ̃²) − θ̃jθ̃, and their
     angular momentum R j Rᵀ (I + ½θ̃) θ̇ = (j + θ̃j − ½jθ̃) θ̇.

@@ -14,7 +14,7 @@ class AbstractFlexibleBody(AbstractBody):
 
     @abc.abstractmethod
     def invariants(self) -> SpatialInertia:
-        """What the mass matrix is made of."""
+        """Return the inertia invariants of the mass matrix."""
 
     @property
     def constant_mass(self) -> bool:
