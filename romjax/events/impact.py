@@ -85,7 +85,7 @@ def collide(
     """
     values, transpose = jax.vjp(gaps, t, q)
     moved, rows = jax.vmap(transpose)(jnp.eye(len(values), dtype=q.dtype))
-    # Columns are Δv for a unit impulse of each gap, and the impulses of the joints with it.
+    # Each column is the Δv by a unit impulse in one gap, with the impulses of the joints then.
     response, joints = system.state(t, q, v).kkt().solve(rows.T, jnp.zeros((system.m, len(rows))))
     compliance, before = multiply(rows, response), multiply(rows, v) + moved
     count = len(rows)
@@ -98,7 +98,8 @@ def collide(
         impulse = jnp.where(jnp.any(closing), impulse, 0.0)
         return (rates + impulse * compliance[:, i], impulses.at[i].add(impulse)), None
 
-    # Of a row of N bodies that meet, each passes each: N (N − 1) / 2 collisions of equal ones.
+    # In a row of N equal bodies, each impulse is handed on along the row, as if each body passed
+    # each other one: N (N − 1) / 2 collisions.
     length = 1 if count == 1 else 2 * count * (count + 1)
     (rates, impulses), _ = jax.lax.scan(one, (before, jnp.zeros_like(before)), None, length)
     after = v + multiply(response, impulses)

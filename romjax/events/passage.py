@@ -13,22 +13,24 @@ from ..system.dynamics import solve
 from ..system.stabilization import Baumgarte
 from .search import first_crossing
 
-# On which side of a surface a step starts is told after this share of it: where it starts on one,
-# where the step before has ended, its start does not know.
+# The side of a surface on which a step starts is judged after this share of the step, since a step
+# that follows a cut starts on the surface itself.
 _START = 1e-3
-# Nearer to its end than this share of a step, it ends at the surface; and steps are not cut to less
-# than so many units in the last place of the time.
+# A step that crosses in this last share of its length counts as ending at the surface; and no step
+# is cut to less than so many units in the last place of the time.
 _END, _SHORTEST = 1e-6, 100
-# How deep inside is outside, in units in the last place of the largest coordinate.
+# A point this deep inside still counts as outside, in units in the last place of the largest
+# coordinate.
 _ROUNDING = 100
-# Stages of a step leave the motion by as much as its curvature: so many times that away from a
-# surface they stay outside.
+# The stages of a step deviate from the motion by about its curvature. A step ends so far from a
+# surface, in multiples of that, that its stages stay outside.
 _AWAY = 4.0
-# A contact begins now if it does so in this share of the step that is planned. Its force is tried
-# after twice the time.
+# A contact counts as beginning if it does so within this share of the planned step. Its force is
+# evaluated after twice that time.
 _NOW = 1e-5
-# The first step within a contact, in units of rtol^(1/5) times the time in which its force turns
-# the motion back: five times shorter than its error asks for, whose derivatives err by more.
+# The length of the first step within a contact, in units of rtol^(1/5) times the time in which the
+# force reverses the motion. The error of the motion would allow five times as much, but the error
+# of its derivatives, which is larger, would not.
 _FIRST = 0.1
 
 

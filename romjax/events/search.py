@@ -7,9 +7,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-# Dense output is looked at so many times in each step, for values and for rates.
+# Points of each step at which dense output is evaluated, for values and for rates.
 _NODES = 8
-# Bisections of the part of a step in which an event lies: dense output knows it no better.
+# Bisections of the part of a step in which an event lies; more would be finer than the errors of
+# dense output.
 _BISECTIONS = 24
 
 

@@ -20,13 +20,13 @@ from .impact import collide
 from .record import Events
 from .search import first_crossing
 
-# A step that ends so near to an event, in lengths of the step and of rtol, is carried to it by a
-# Taylor series, whose derivative is wrong by as much; and no nearer than this.
+# A step that ends closer to an event than this times rtol, or than the second number, in lengths of
+# the step, is carried there by a Taylor series, of which derivatives err by as much.
 _REACH, _NEAREST = 0.1, 1e-9
-# Nearer to its end than this share of a step, Newton's method knows better than dense output.
+# In this last share of a step, Newton's method from the end is more accurate than dense output.
 _NEWTON = 0.05
-# Impacts of one gap that follow one another so soon, in shares of the run, do so without end: a
-# ball that bounces no higher than rounding, of a metre, flies for 1e-7 s.
+# Impacts of one gap at times closer than this share of the run would never end: a ball of which
+# the bounce is lost in rounding errors of a metre flies for 1e-7 s.
 _AT_ONCE = 1e-7
 # Shortest step to an event, in units in the last place.
 _SHORTEST = 16
@@ -59,7 +59,7 @@ class Watch(AbstractWatch):
         rates = by_t + by_q @ v + by_v @ a
         reach = self.tolerances.start(y)
         scales = Scales.of(self.tolerances, reach, y, (by_q, by_v), self.span)
-        # At its level, a quantity is on the side to which it moves.
+        # A quantity that starts at its level counts as on the side to which it moves.
         leaves = jnp.where(jnp.abs(rates) > scales.least, jnp.sign(rates), 0.0)
         side = jnp.where(jnp.abs(values) > scales.floor, jnp.sign(values), leaves)
         no = jnp.zeros((), bool)
@@ -79,10 +79,10 @@ class Watch(AbstractWatch):
         is_near = jnp.abs(values) <= reach * jnp.abs(rates) + watching.scales.noise
         in_reach = is_near & (t1 + wait <= self.end)
         hits = self._passes(watching.side, rates) & in_reach
-        # Where values are rounding, so is the time to their level.
+        # The time to the level is meaningless where the value is a rounding error.
         wait = jnp.where(is_near & (jnp.abs(wait) > reach), 0.0, wait)
         first = jnp.min(jnp.where(hits, wait, jnp.inf))
-        # What comes later by less than its own error comes at the same time.
+        # Events that follow by less than the error of their time count as simultaneous.
         hits = hits & (wait <= first + 1e-3 * reach)
         shift = jnp.where(jnp.any(hits), first, 0.0)
         t, q, v = t1 + shift, q + shift * v + 0.5 * shift**2 * a, v + shift * a
@@ -127,13 +127,13 @@ class Watch(AbstractWatch):
         time, crosses = t0 + crossings.share * span, crossings.sign != 0
         backwards = jnp.min(jnp.where(crosses & (arrival.wait < 0), arrival.wait, jnp.inf))
         is_near = crossings.is_last & (jnp.abs(backwards) <= _NEWTON * span)
-        # Each cut is shorter, so that a step is not cut for ever.
+        # Each cut makes the step shorter by `reach` at least, so that cutting comes to an end.
         time = jnp.minimum(jnp.where(is_near, t1 + backwards, time), t1 - reach)
         is_due = crossings.exists & ~(arrival.happens & (time >= t1 - 2 * reach))
         shortest = _SHORTEST * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(t0), jnp.abs(t1))
         follows = is_due & (time - t0 <= shortest)
         is_due &= ~follows
-        # Gaps that have been closed are pushed through, close again at once, or still.
+        # A contact lasts if a closed gap is pushed through, closes again at once, or still closes.
         opened = jnp.any(arrival.hits & self._resets) & arrival.closed
         through = (watching.side == 0) & (arrival.values < -watching.scales.floor) & ~opened
         again = arrival.hits & (arrival.t - watching.last <= _AT_ONCE * self.span)
@@ -155,7 +155,7 @@ class Watch(AbstractWatch):
         is_apart = jnp.abs(values) > watching.scales.floor
         side = jnp.where(is_apart, jnp.sign(values), watching.side)
         side = jnp.where(hits, -watching.side, side)
-        # Gaps that were closed open again, or rest.
+        # After a collision, the gaps that were closed open again, or stay at rest.
         collide = jnp.any(hits & self._resets)
         opens = jnp.where(arrival.rates > watching.scales.least, 1.0, 0.0)
         side = jnp.where(collide & arrival.closed, opens, side)

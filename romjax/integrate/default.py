@@ -21,7 +21,7 @@ from .adjoint import has_root_finder
 from .rodas5p import Rodas5P
 from .trajectory import Trajectory
 
-# Fewer outputs than this are a question about the end, not a picture of the motion.
+# A run with fewer outputs is judged as if it had so many: it may be asked for its end alone.
 _OUTPUTS = 100
 # Steps that Rodas5P takes at least, and how many times those of Dopri8 where the fast vibration has
 # to be followed. Dopri8 takes steps of at most this over the fastest frequency.
@@ -36,7 +36,7 @@ _UNRESOLVED = 0.25
 # Baumgarte's terms set the step if their rate is this many times the mechanism's, and comparable
 # with the steps that were taken.
 _FASTER, _COMPARABLE = 3.0, 0.25
-# Shorter runs are all beginning, with the short steps of one.
+# Runs of fewer steps are not judged, since the first steps of any run are short.
 _STEPS = 100
 
 

@@ -38,7 +38,7 @@ from .settings import Settings
 from .term import ChartedMotionTerm, ChartedState, MotionTerm, State
 from .whole_implicit import WholeImplicit, takes_two_terms
 
-# Followers by their names, beside those whose rows are differentiated.
+# Keys of the followers that are not differentiated.
 AUDIT, MONITORS, PROGRESS = "audit", "monitors", "progress"
 
 
@@ -94,12 +94,12 @@ def integrate(
         t0=ts[0],
         t1=ts[-1],
         dt0=first,
-        # Dense output has room for so many steps.
+        # Dense output has room for this number of steps only.
         max_steps=jnp.minimum(most, settings.dense) if settings.dense else most,
         watch=watch,
         **_limits(system, post_step, ts, settings),
     )
-    # A number that is known limits how many states a derivative may have to remember.
+    # If the largest number of steps is known, reverse mode can reserve room for their states.
     known = settings.max_steps if isinstance(settings.max_steps, int) else None
     if known is None or settings.forward:
         known, steps = None, steps.without_transpose()

@@ -12,7 +12,7 @@ from .integration import Integrated
 from .settings import Settings
 from .status import Status
 
-# Violations of so much of the mechanism's size mean that a joint has come apart, not drifted.
+# A joint whose violation exceeds this share of the mechanism's size has come apart, not drifted.
 _APART = 1e-2
 # A violation may be so many times the tolerance of the step size control, relative to the size.
 _DRIFT = 10.0
@@ -28,7 +28,7 @@ def judge_run(
     """The status of a run, from its outputs and the constraints at its `start`."""
     result, (q0, _) = run.march.result, run.start
     own = run.outputs.in_system()
-    # Drift can be finite in q and past all numbers in C.
+    # The constraints may overflow where the drifted coordinates themselves are still finite.
     numbers = (own.q, own.v, run.outputs.violation)
     finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in numbers]))
     # The first that applies is the status: causes come before their consequences. Numbers that
@@ -64,7 +64,7 @@ def _constraints_hold(
     """Whether projection or Baumgarte's term has done what it can do."""
     size = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=1))
     if settings.baumgarte is not None:
-        # It holds the constraints as far as the errors of the steps let it.
+        # Stabilization holds the constraints only as well as the errors of the steps allow.
         allowed = _APART * size[0] + _DRIFT * drift_of(q, settings.rtol)
     else:
         allowed = precision.of(q.dtype).start_tolerance * size

@@ -22,11 +22,11 @@ from ..system.structure import Structure
 from ..system.training import Training, training_of
 from .trajectory import Trajectory
 
-# Tolerances of its own size by which a motion may be off; but a model that is asked for is not
-# asked to be better than this, however sharply its motion is integrated.
+# A model's motion may be off by so many tolerances, relative to its size, and by the second number
+# however sharply the motion is integrated.
 _ALLOWED, _LEAST = 100.0, 1e-4
-# No motion is repeated more sharply than this, or this many units in the last place; one in fixed
-# steps, which has no tolerance, as usual.
+# The least tolerance with which motions are repeated, also in units in the last place; and that for
+# motions in fixed steps, which have none.
 _SHARPEST, _DIGITS, _USUAL = 1e-8, 100, 1e-6
 # Displacements below, relative to where a body is, are rounding errors of a mechanism at rest.
 _REST = 1e-10

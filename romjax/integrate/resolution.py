@@ -15,13 +15,13 @@ from .adjoint import has_root_finder
 from .settings import Settings
 from .trajectory import Trajectory
 
-# Tolerances that a motion has to be large: a hundredth of those that a motion of a metre is, or so
-# many, of which errors of long runs leave some digits.
+# The size of a motion that given tolerances resolve, in tolerances: a hundredth of that of a motion
+# of a metre, or this number, of which the errors of long runs leave some digits.
 _SHARE, _ENOUGH = 1e-2, 1e4
 # Where tolerances follow the motion, rounding may make an error of so many tolerances of its size;
 # or of a share of it that leaves some digits at any tolerance.
 _ALLOWED, _FINE = 100.0, 2e-7
-# Of what rounding may leave in a step, the usual share.
+# The usual rounding error of a step, as a share of the largest one.
 _USUAL = 0.1
 # Displacements and velocities below are rounding errors of a mechanism at rest.
 _REST = 1e-10
@@ -52,7 +52,7 @@ def is_resolved(
     follow = settings.follow & (not has_root_finder(settings.solver))
     tolerances = Tolerances.of(structure.is_position, settings.rtol, settings.atol, follow)
     reach = tolerances.reached(q, v)
-    # Rounding, which velocities have by the step, is counted apart.
+    # For infinite steps: rounding, which short steps enlarge in velocities, is counted below.
     by_q, by_v = tolerances.errors(reach, q, v, jnp.asarray(jnp.inf))
     by_position, by_velocity = motion.distance / by_q, motion.speed / by_v
     share = jnp.where(motion.counts, jnp.minimum(by_position, by_velocity), 0.0)
@@ -66,7 +66,7 @@ def is_resolved(
 
 def finer(structure: Structure, settings: Settings, run: Trajectory) -> Settings:
     """Scale the tolerances, which suit motions of about a metre, to the size of a run's motion."""
-    # Under `grad` alone, runs are known but for their derivatives.
+    # Under `grad` without `jit` the values of a run are known once derivatives are stopped.
     q, v, rtol = (np.asarray(jax.lax.stop_gradient(x)) for x in (run.q, run.v, settings.rtol))
     every = _Motion.of(structure, q, v)
     motion = _Motion(*(x[every.counts] for x in every))

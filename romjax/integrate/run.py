@@ -137,7 +137,7 @@ def _integrated(
     settings = settings.resolve(system, ts)
     run = integrate(system, ts, count, q0, v0, settings)
     if count is not None:
-        # Rows that nobody asked for repeat the last one, which changes no judgement.
+        # Padding rows repeat the last one, so that they do not change what is judged here.
         rows = jnp.minimum(jnp.arange(len(ts)), count - 1)
         held = (run.ts, run.outputs, run.imbalance)
         ts, outputs, imbalance = jax.tree.map(lambda x: x[rows], held)
@@ -148,7 +148,7 @@ def _integrated(
     flags = _flags(system, run.ts, run.outputs, run.march.accepted, settings)
     if run.findings is not None:
         flags |= run.findings.flags
-    # What describes the run in other words is no result of the program once more.
+    # Only some findings become results of the program; the others are in the run in another form.
     seen = {name: each for name, each in run.march.seen.items() if name in _RESULTS}
     if AUDIT in seen:
         seen[AUDIT] = jax.lax.stop_gradient(seen[AUDIT])

@@ -168,13 +168,14 @@ def _run_well(
     passes = settings.stabilization == "default"
     trajectory, constraints = run(system, bare, ts, *start, settings)
     if fits and is_unresolved(trajectory):
-        # A run whose tolerances are above its motion shows that badly: the next one counts.
+        # A run whose tolerances exceed its motion tells the size of the motion badly, so that a
+        # second run is asked for it.
         full = system.full.structure
         settings = finer(full, settings, trajectory)
         settings = finer(full, settings, run(system, bare, ts, *start, settings)[0])
         trajectory, constraints = run(system, bare, ts, *start, settings)
     if passes and system.m and is_doubtful(trajectory):
-        # Baumgarte's terms may fail where the constraints lose rank; projection passes.
+        # Baumgarte's terms may fail where the constraints lose rank, but projection gets past.
         projected = settings._replace(stabilization=Projection())
         other, other_constraints = run(system, bare, ts, *start, projected)
         if not is_doubtful(other):

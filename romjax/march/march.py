@@ -13,7 +13,7 @@ from .follower import AbstractFollower, Step
 from .outputs import Outputs, Saved
 from .steps import Progress, Steps, Trial
 
-# The outputs among what followers have seen; names of others that derivatives pass through.
+# Keys of `seen`: the outputs, and the other followers that derivatives pass through.
 OUTPUTS, EVENTS, DENSE = "outputs", "events", "dense"
 
 

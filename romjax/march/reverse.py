@@ -28,11 +28,12 @@ from .march import DENSE, EVENTS, OUTPUTS, Ended, March
 from .steps import Progress, Trial, chosen
 from .transpose import StepStart, Transposed, TransposedSteps
 
-# At least: shorter runs, which most are, compute no state anew.
+# The least number of checkpoints. Most runs have fewer steps, so that their derivatives compute no
+# state a second time.
 _CHECKPOINTS = 512
 
 
-# Among what followers have seen.
+# A key of `seen`.
 _CHECKPOINTED = "checkpoints"
 
 
@@ -73,7 +74,8 @@ def differentiable_run(march: March, start: Progress, most: int) -> Ended:
     """`March.run` of at most `most` steps, differentiable in reverse mode."""
     slots = _power_of_two(max(min(_CHECKPOINTS, most), math.sqrt(most)))
     longest = _power_of_two(most / slots)
-    # As functions with what they close over in reach, which may be the numbers of the user.
+    # The numbers that these functions close over, which may be the user's, become arguments, since
+    # they are differentiated too.
     state = start.y, start.solver_state, start.watching, start.t, start.next_t
     seen, tried = march.before(start), eqx.filter_eval_shape(march.trial, *state)
     step = Step(start, start, tried, {})
@@ -81,7 +83,7 @@ def differentiable_run(march: March, start: Progress, most: int) -> Ended:
     output = eqx.filter_closure_convert(march.outputs.output, start.t, start.y)
     others = {name: Closed.of(f, step, seen[name]) for name, f in march.others.items()}
     by = Differentiated(trial, output, march.outputs.ts, start.y, start.solver_state)
-    # All else chooses the steps, or only follows them.
+    # The rest chooses the steps or only follows them: it is not differentiated.
     nothing: Any = None
     outputs = dataclasses.replace(march.outputs, output=nothing, ts=nothing)
     rest = march._replace(trial=nothing, outputs=outputs, others=others)

@@ -8,11 +8,11 @@ from jaxtyping import Array, Bool, Float
 
 from .tolerances import Reach, Tolerances
 
-# A quantity is on neither side of its level within so many tolerances of the state.
+# A quantity counts as at its level if the state, within so many tolerances, may be on either side.
 _FLOOR = 10.0
-# Values are rounding, in units in the last place of the largest coordinate.
+# Rounding errors of values, in units in the last place of the largest coordinate.
 _ROUNDING = 100
-# Velocities are known no better than from positions over this share of the run.
+# Steps of this share of the run turn allowed errors of positions into allowed errors of velocities.
 _STEP = 1e-3
 
 

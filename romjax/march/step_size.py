@@ -20,7 +20,7 @@ class StepSizeControl(diffrax.AbstractAdaptiveStepSizeController[Any, Any]):
     divided by its tolerance, is below one.
     """
 
-    # What diffrax asks of a control that is adaptive, and hands to root finders.
+    # Diffrax asks adaptive controls for these, and hands them to root finders.
     rtol: Any
     atol: Any
     norm: Any = eqx.field(static=True)
@@ -53,7 +53,7 @@ class StepSizeControl(diffrax.AbstractAdaptiveStepSizeController[Any, Any]):
         controller_state: Any,
     ) -> Any:
         state, reach = controller_state
-        # What is not finite has an error that is not.
+        # States that are not finite are replaced here, since their errors are not finite either.
         y1 = jax.tree.map(lambda a, b: jnp.where(jnp.isfinite(a), a, b), y1_candidate, y0)
         end = in_one_chart(y0, y1)
         longer = self.tolerances.extended(reach, end)

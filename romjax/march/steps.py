@@ -11,8 +11,8 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .cuts import AbstractPassage, AbstractWatch, Arrival, Cut, Watching
 
-# Steps end at the end of the run if they come so near, in units in the last place: dense output of
-# a shorter step would be rounding only.
+# A step that ends this close to the end of the run, in units in the last place, ends there: the
+# dense output of the short step that was left would be nothing but rounding.
 _NEAR_END = 100
 
 
@@ -190,7 +190,8 @@ class Steps(NamedTuple):
         return self._replace(solver=solver)
 
     def _limited(self, t: Array, next_t: Array, keep: Array) -> Array:
-        # What would end beyond the end, or just before it, ends there; after a rejection, half way.
+        # A step that would end beyond `t1`, or just before it, ends there; one after a rejection
+        # goes half way only.
         t1 = self._next_end(t)
         if self.longest is not None:
             next_t = jnp.minimum(next_t, t + self.longest(t))

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-# What rounding leaves of positions in a step, in units in the last place of the farthest, or of
-# these [m, and rad or 1]: zero is as far from the numbers that forces depend on.
+# Rounding errors of positions in a step, in units in the last place of the farthest position, and
+# at least of these [m, and rad or 1]: forces depend on numbers of this size even where it is zero.
 _ROUNDING, _NEAREST = 20, (1e-3, 1.0)
 
 
@@ -122,7 +122,7 @@ class Tolerances(eqx.Module):
             return sizes
         if which.all() or not which.any():
             return jnp.max(sizes, axis=1, keepdims=True)
-        # By products, which are an operation each, where a choice is several.
+        # Products with masks instead of choices, which are several operations each.
         kinds = (each[None].astype(sizes.dtype) for each in (which, ~which))
         one, other = (kind * jnp.max(kind * sizes, axis=1, keepdims=True) for kind in kinds)
         largest: Array = one + other

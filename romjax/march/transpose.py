@@ -90,7 +90,8 @@ class TransposedSteps(NamedTuple):
         by_trial, by_y, by_state, by_t = pull((later.y, later.solver_state, by_between, by_event))
         numbers = add(add(later.numbers, by_outputs), by_trial)
         if numbers[2] is not None:
-            # The first step starts at the first time; when others do is a constant.
+            # The first step starts at a number of the user, the first time. Later starts are chosen
+            # by the step size control, which is not differentiated.
             by_start = numbers[2].at[0].add(jnp.where(is_first, by_t, 0.0))
             numbers = (*numbers[:2], by_start)
         earlier = Transposed(numbers, by_y, by_state, t0, by_t, saved, happened)

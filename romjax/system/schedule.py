@@ -14,11 +14,12 @@ from ..common.arrays import Time
 from ..scene.signal import AbstractSignal
 from .base import AbstractSystem
 
-# What says nothing of when it changes is looked at so many times between two outputs.
+# Loads that do not say when they change are evaluated so many times between two outputs.
 _LOOKS = 16
-# So many of these parts are looked at as one array.
+# The number of output intervals that are evaluated as one array.
 _AT_ONCE = 64
-# A step sees what a polynomial through every fourth look tells but for this share of all changes.
+# A load changes too fast for a step between two outputs if a polynomial through every fourth of
+# these values misses the others by more than this share of all that it changes.
 _SEEN = 1e-4
 
 
@@ -62,7 +63,8 @@ class Schedule(eqx.Module):
         stacks = [part for part in parts if isinstance(part, Stack)]
         stacked = [signal for stack in stacks for signal in _signals(stack)]
         single = [part for part in parts if _is_signal(part)]
-        # Elements of romjax change with time by their signals only; tracing others takes a while.
+        # Elements of romjax change with time by their signals only. Others are traced to find out,
+        # which takes a while.
         own = stacks and all(stack.kind.__module__.startswith("romjax.") for stack in stacks)
         changing = None if own or not _changes(full) else full
         return cls(tuple(stacked), tuple(single), changing)
@@ -91,7 +93,7 @@ class Schedule(eqx.Module):
         if self.is_known:
             return self
         shares = np.arange(_LOOKS + 1) / _LOOKS
-        # Lagrange's polynomials of every fourth look.
+        # The matrix of Lagrange's interpolation through every fourth value.
         told = np.linalg.solve(np.vander(shares[::4]).T, np.vander(shares, 5).T).T
 
         def part(ends: tuple[Array, Array]) -> tuple[Array, ...]:
@@ -105,7 +107,7 @@ class Schedule(eqx.Module):
         least, largest = least.min(axis=0), largest.max(axis=0)
         rounding = 100 * jnp.finfo(ts.dtype).eps * jnp.maximum(jnp.abs(least), jnp.abs(largest))
         short = jnp.any(rest > (_SEEN * (largest - least) + rounding)[None], axis=1)
-        # What is seen in one part may be hidden in the next.
+        # Both neighbours of such an interval take short steps too: the change may reach into them.
         hidden = short.at[1:].max(short[:-1]).at[:-1].max(short[1:])
         return Schedule(self.stacked, self.single, self.changing, ts, hidden)
 

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from .facts import Facts
 from .row import ReductionRow
 
-# What is hardly faster is not worth making.
+# A model counts as faster if its runs are so many times as fast as those of the full one.
 _FASTER = 1.25
-# A model that is ten times as accurate may be slower by a quarter.
+# The power of the error in the rank of a model, speed-up over that: a model that is ten times as
+# accurate may be slower by a quarter.
 _WORTH = 0.1
-# Errors above are none of a model, and need a word.
+# A model with a larger error does not follow the motion at all, which needs an explanation.
 WRONG = 0.1
-# A full model that errs by that share of an error is as unpredictable.
+# If the full model itself errs by this share of a model's error, the motion is unpredictable.
 _CHAOTIC = 0.1
 
 

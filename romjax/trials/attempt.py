@@ -19,7 +19,7 @@ from ..system.base import AbstractSystem
 from ..system.reduced import AbstractReducedSystem
 from .candidates import Candidate
 
-# [s] Where unseen runs take longer, they are for models that may pay.
+# [s] If the runs from unseen starts take longer, only models that may pay are tried on them.
 _LONG = 1.0
 
 
@@ -98,8 +98,8 @@ def made(full: AssembledSystem, candidate: Candidate, training: list[Truth]) -> 
         assert candidate.decomposition is not None
         runs = [truth.run for truth in training]
         basis = candidate.formulation.basis(full, runs, candidate.decomposition)
-        # All formulations but those for reference make such systems. What else would reduce the
-        # mechanism, as `reduce` says where one does not, the table tells.
+        # All formulations make such systems, but for those that serve as a reference only. `reduce`
+        # says which other formulation would do; here the table does.
         rom = cast(AbstractReducedSystem, candidate.formulation.reduce(full, basis))
         return Model(full, Reduction(rom, basis, candidate.formulation, 0.0))
 
@@ -128,7 +128,7 @@ def attempt(
     run, with_compiling = timed(lambda: simulated(model.system, first.run.t, *method))
     again = spent(lambda: simulated(model.system, first.run.t, *method))
     trained = max([error(first.run, run), *(error_of(model, x, settings) for x in others)])
-    # What is wrong where it was trained, or slow, is not worth long runs.
+    # Long runs are not worth their time for a model that is wrong on its training, or slow.
     paying = trained <= settings.tol and again.work < full.work
     if not paying and len(unseen) * again.work > _LONG:
         unseen = []

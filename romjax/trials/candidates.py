@@ -17,18 +17,18 @@ from .facts import Facts
 # The share of the largest singular value down to which modes are kept: the least, at first, and
 # the most.
 _SHARES = (1e-10, 1e-3, 0.5)
-# Next to a model that errs too much comes one that should err by this share of what is asked. By
-# how much the error is to fall at least, and at most.
+# After a model that errs too much comes one whose expected error is this share of the limit; and
+# the least and the largest fall of the error from one model to the next.
 _AIM, _FALL = 0.3, (0.2, 3e-4)
-# A model that errs by so many times less than it may has more modes than it needs.
+# A model with less than this share of the allowed error has more modes than it needs.
 _SPARE = 0.02
-# Of the caps, in the order of their frequencies, the first to try; errors fall with their square.
+# The number of the first cap to try, by rising frequency; errors fall with this power of it.
 _FIRST_CAP, _OF_CAPS = 2, -2.0
-# How well tables hold the constraints between their nodes: as models have to, in less time.
+# `Tabulated.tol`: enough for the errors that are asked for, and faster to make than the default.
 _TABLE = 1e-5
-# Fewer hinged bodies are as fast one by one as sampled.
+# With fewer hinged bodies, hyper-reduction saves nothing: all bodies are evaluated as fast.
 _MANY_BODIES = 6
-# Freedoms of which each is worth a try of its own as a number of modes.
+# With so few freedoms, each number of modes up to theirs is tried.
 _FEW = 3
 
 

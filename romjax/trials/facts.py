@@ -19,7 +19,7 @@ from ..system.structure import without_names
 # Caps in units of the lowest frequency of a body: one program runs them all. Below it too, where
 # dampers between bodies act on what modes leave over of their inertia, which a cap adds to.
 _CAPS = tuple(1.4**i for i in range(-6, 24))
-# Steps that follow a motion itself, of some swings.
+# A run of fewer steps follows the motion alone, some swings of it, and nothing that is stiff.
 _FEW_STEPS = 400
 
 

@@ -20,7 +20,7 @@ from .row import ReductionRow
 from .search import Search
 
 INTERRUPTED = "interrupted"
-# Of the budget: for trying models, and for timing them.
+# Shares of the budget for trying models and for timing them.
 _TRYING, _TIMING = 0.8, 0.15
 
 

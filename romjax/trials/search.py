@@ -24,21 +24,22 @@ from .progress import Progress
 from .variants import TRAINING, UNSEEN, Change, variants
 
 NO_TIME = "no time left in the budget"
-# Errors are measured against runs that are sharper by this factor, as far as numbers allow.
+# The tolerance of the runs that errors are measured against, relative to that of the models; and
+# the least that double precision allows.
 _SHARPER, _SHARPEST = 1e-2, 1e-12
-# [s] Of other starts, runs that take longer have the tolerance of the models.
+# [s] If a run takes longer, those from other starts have the tolerance of the models.
 _LONG = 1.0
-# Models and refusals of one kind at most. Where nothing is stiff, the second model of a kind would
-# say what the first one did.
+# The most models and refusals of one kind, and the most models where nothing is stiff: there, more
+# of one kind would show the same as the first ones.
 _MOST, _MOST_REFUSED, _MOST_QUICK = 5, 3, 2
-# Models between one that is right and one that is wrong, at most.
+# The most models to try between one that is right and one that is wrong.
 _BETWEEN = 2
-# Next to a model that fails, or is refused, comes one as if it had erred by so many times too much.
+# A model that fails or is refused counts as one that errs by so many times too much.
 _FAILED = 10.0
-# A model that errs by so many times more where it was not trained needs more runs.
+# A model whose error on unseen starts is so many times that on its training needs more training.
 _REPEATS = 5.0
-# A kind is given up where its model takes so many times as long as the full one, and errs too much:
-# finer ones take longer; ranks that are tried one by one go down.
+# A kind is given up if its model errs too much and takes so many times as long as the full one,
+# since finer ones take longer still. Ranks that are tried one by one go down: they may get faster.
 _SLOW, _SLOW_RANK = 0.8, 3.0
 
 
@@ -142,7 +143,7 @@ class Search:
         tries = [Try.of(family) for family in families(self.facts)]
         for number, one in enumerate(tries):
             while one.candidate is not None:
-                # One model at least.
+                # At least one model is tried, whatever the time.
                 if self.attempts and not clock.has_time():
                     names = [x.family.name for x in tries[number:] if not (x.models or x.refused)]
                     self.skipped.update(dict.fromkeys(names, NO_TIME))

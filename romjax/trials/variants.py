@@ -32,7 +32,7 @@ class Change(NamedTuple):
     axis: tuple[float, float, float]
 
 
-# What models may be trained with beside the given run, and what judges them, within that.
+# The starts of further training runs; and those of the runs that judge models, which lie within.
 TRAINING = (
     Change(0.85, 0.2, 0.2, (0.3, -0.5, 0.8)),
     Change(1.15, -0.2, -0.2, (-0.7, 0.6, 0.4)),
@@ -42,15 +42,16 @@ UNSEEN = (
     Change(1.05, -0.15, 0.12, (0.5, -0.7, 0.5)),
     Change(1.1, 0.08, 0.1, (-0.2, 0.1, 1.0)),
 )
-# [rad] No start is tilted by more.
+# [rad] The largest tilt of a start.
 _LARGEST_TILT = 0.3
-# The work of a tilt, as a share of the largest kinetic energy of the motion, and how often it is
-# halved until it is below: contacts and springs must not break loose.
+# The largest work of a tilt, as a share of the largest kinetic energy of the motion, and how often
+# a tilt is halved to get there, so that contacts and springs do not break loose.
 _WORK, _HALVINGS = 0.25, 8
-# A start moves where its speed is this share of the largest one on the way; a field is held by the
-# joints where they leave less than this share of it.
+# A start counts as moving if its speed is this share of the largest one in the run; a tilt or spin
+# counts as held by the joints if they leave less than this share of it.
 _MOVING, _HELD = 0.1, 1e-3
-# Newton's method, and what of a constraint counts as none; singular values below a share are zero.
+# Steps of Newton's method, the violation at which it ends, and the share below which singular
+# values count as zero.
 _SWEEPS, _CLOSED, _RANK = 20, 1e-13, 1e-9
 
 
