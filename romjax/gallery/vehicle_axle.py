@@ -41,8 +41,10 @@ def vehicle_axle(
     bump: Number = 0.06,  # height [m]
     duration: Number = 0.12,  # of the way up or down a bump [s]
 ) -> Scene:
-    """Seen from behind: a body on two springs and dampers over a rigid axle, which a Panhard rod
-    guides to the side, on two tyres; the road rises and falls below the left one, then below both.
+    """A body on two springs and dampers over a rigid axle on two tyres, seen from behind.
+
+    A Panhard rod guides the axle to the side; the road rises and falls below the left tyre, then
+    below both.
 
     From static equilibrium. About it, with masses M and m, springs k and dampers d, tyres c with a
     damping e, up and down of body a and axle b follow M s² a + 2 (d s + k)(a − b) = 0 and

@@ -43,7 +43,7 @@ class SingularPosition(NamedTuple):
 
 
 def singular_position(system: AbstractSystem, run: Trajectory) -> SingularPosition | None:
-    """Where the constraints of a mechanism come closest to losing rank; None without constraints.
+    """Find where the constraints come closest to losing rank; None without constraints.
 
     At a singular position (a change point, a dead centre) constraints that are independent
     elsewhere become dependent, multipliers are large or not unique, and the motion may continue on

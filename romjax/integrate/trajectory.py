@@ -282,5 +282,5 @@ class Trajectory(eqx.Module):
         return animated(self, *others, **options)
 
     def _repr_html_(self) -> str | None:
-        """Its moving picture; None where that needs more than the run."""
+        """Return the moving picture of the run; None where that needs more than the run."""
         return inline(self.animate)

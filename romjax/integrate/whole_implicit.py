@@ -11,7 +11,7 @@ from ..common import compat
 
 
 class Still(diffrax.AbstractTerm[Any, Any]):
-    """y' = 0."""
+    """The equation y' = 0 of a state that does not change."""
 
     def vf(self, t: Any, y: Any, args: Any) -> Any:
         return jax.tree.map(jnp.zeros_like, y)

@@ -144,7 +144,7 @@ def _part(i: int, x: Any) -> Any:
 
 
 def joint_forces(system: AbstractSystem, run: Trajectory) -> ForceTable:
-    """What each joint does to its markers along a run: `joint_forces(system, run)["hinge"]` has
+    """Return the wrenches of each joint along a run: `joint_forces(system, run)["hinge"]` has
     `.force` (k, 2) [N] and `.torque` (k,) [N m] on its first marker, in the inertial frame and
     about the marker, `.power` (k,) [W], and `.on("b")` for the second one; see `ForceTable` for its
     keys.
@@ -167,7 +167,7 @@ def joint_forces(system: AbstractSystem, run: Trajectory) -> ForceTable:
 
 
 def effect_forces(system: AbstractSystem, run: Trajectory) -> ForceTable:
-    """What each effect does to its markers along a run: `effect_forces(system, run)["Spring(a,
+    """Return the wrenches of each effect along a run: `effect_forces(system, run)["Spring(a,
     ground)"]` has `.force` (k, 2) [N] and `.torque` (k,) [N m] on its first marker, in the inertial
     frame and about the marker, `.power` (k,) [W] that it puts into the mechanism, and `.on("b")`
     for the second one; see `ForceTable` for its keys. Gravity, which acts on no marker, has none.

@@ -30,7 +30,7 @@ a reduced model and to compile it, or to read it from disk, besides; so does whe
 
 
 def summary(result: Accuracy) -> str:
-    """What to use for which error as tables, at most 80 columns wide, and what errors are of."""
+    """Return tables, at most 80 columns wide, of what to use for which error, and of the errors."""
     header = ["error", "model", "method", "rtol", "reached", "ms", "pays after"]
     sides = ("left", "left", "left", *["right"] * (len(header) - 3))
     text = ""

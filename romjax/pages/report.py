@@ -92,7 +92,7 @@ def _page(
     pictures: dict[str, bytes],
     moving: tuple[Animation | None, Animation | None],
 ) -> str:
-    """Table, moving mechanism and modes, and figures in one."""
+    """Return a page with the table, the moving mechanism and modes, and the figures."""
     system, (motion, modes) = result.system, moving
     body = [
         document.paragraph(

@@ -18,7 +18,7 @@ class AbstractCurve(eqx.Module):
 
     @abc.abstractmethod
     def __call__(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        """Zero on the curve [m], with a gradient that is not zero there; negative inside."""
+        """Return zero on the curve [m], negative numbers inside; its gradient is not zero there."""
 
     # Whether pictures show only a part of it.
     endless: ClassVar[bool] = True

@@ -92,7 +92,7 @@ class Scene(eqx.Module):
                 )
 
     def _repr_html_(self) -> str | None:
-        """Its picture at the start, which notebooks show."""
+        """Return the picture of the scene at the start, which notebooks show."""
         return inline(lambda: still(self))
 
 

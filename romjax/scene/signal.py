@@ -200,7 +200,7 @@ class Chirp(AbstractSignal):
 
 
 class Step(AbstractSignal):
-    """Zero before the time `start` [s], `height` after `start + duration`, smooth in between."""
+    """A smooth step: zero before the time `start` [s], `height` after `start + duration`."""
 
     height: Converted[Float[Array, ""]] = number()
     start: Converted[Float[Array, ""]] = number()

@@ -18,7 +18,7 @@ class AbstractSpaceCurve(eqx.Module):
 
     @abc.abstractmethod
     def __call__(self, point: Float[Array, "3"]) -> Float[Array, "2"]:
-        """Zero on the curve [m], with gradients there that are independent."""
+        """Return two residuals, zero on the curve [m], with independent gradients there."""
 
     def outline(self, point: Float[Array, "3"], size: Float[Array, ""]) -> Float[Array, "points 3"]:
         """Points of the curve for pictures, to both sides of the foot of `point` [m].

@@ -55,7 +55,7 @@ class Comparison(eqx.Module):
         return table.sort_values("error", ascending=False, ignore_index=True)
 
     def _repr_html_(self) -> str | None:
-        """Both motions over each other, for notebooks, as long as both are there."""
+        """Return a picture of both motions for notebooks, as long as both are there."""
         motions = [reference() for reference in _motions.get(self) or ()]
         if not motions or any(motion is None for motion in motions):
             return None

@@ -116,7 +116,7 @@ def _work(axes: Axes, result: Accuracy, condition: Condition) -> None:
 
 
 def _edges(axes: Axes, result: Accuracy, condition: Condition) -> None:
-    """Failed runs, and errors that are not told from that of the reference."""
+    """Mark failed runs, and errors that cannot be told from that of the reference."""
     worst, least = axes.get_xlim()
     failed = [row for row in result.rows if row.failure and row.condition == condition]
     times = [1e3 * row.least for row in failed]

@@ -56,8 +56,9 @@ def blank() -> tuple[DisplayedFigure, Axes]:
 
 
 def draw(axes: Axes, index: int, name: str, points: Sequence[Point], apart: bool) -> list[Label]:
-    """Models of one kind, the `index` of its colour; with errors of the training `apart`. What is
-    to stand beside them, once all is drawn.
+    """Draw the models of one kind, and return the labels that go beside them once all is drawn.
+
+    `index`: of its colour; `apart`: whether errors on the training are drawn too.
     """
     colour, marker = COLOURS[index % len(COLOURS)], MARKERS[index % len(MARKERS)]
     times = [1e3 * point.time for point in points]
@@ -72,13 +73,13 @@ def draw(axes: Axes, index: int, name: str, points: Sequence[Point], apart: bool
 
 
 def ring(axes: Axes, index: int, time: float, error: float) -> None:
-    """Around a model that is recommended."""
+    """Draw a ring around a model that is recommended."""
     colour = COLOURS[index % len(COLOURS)]
     axes.plot(1e3 * time, error, "o", ms=14, mfc="none", mec=colour, mew=1.4)
 
 
 def frame(axes: Axes, index: int, time: float, error: float) -> None:
-    """Around the first model of a kind that is right."""
+    """Draw a frame around the first model of a kind that is right."""
     colour = COLOURS[index % len(COLOURS)]
     axes.plot(1e3 * time, error, "s", ms=10, mfc="none", mec=colour, mew=1.0)
 

@@ -62,11 +62,11 @@ class Chart(eqx.Module):
     def jacobian(
         self, system: AbstractSystem, t: Time, q: Float[Array, " n"]
     ) -> Float[Array, "m n"]:
-        """C_q of these."""
+        """Return C_q of the constraints of the chart."""
         return self._regular(unit_length.jacobian(system, t, q))
 
     def drives(self, system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Array, " m"]:
-        """C_t of these."""
+        """Return C_t of the constraints of the chart."""
         t = jnp.asarray(t, q.dtype)
         along: tuple[Array, Array]
         along = jax.jvp(lambda t: self.constraint(system, t, q), (t,), (jnp.ones_like(t),))

@@ -28,7 +28,7 @@ from .surface import trace_surface
 
 
 class Tabulated(AbstractFormulation):
-    """As many coordinates as freedoms, one or two, which look up the configurations in a table.
+    """A table of configurations, looked up by as many coordinates as freedoms, one or two.
 
     With one freedom the joints leave the frames of the bodies a curve, which is traced once; a step
     then solves no constraints. Its coordinate singles out no body, so that cranks go round and dead

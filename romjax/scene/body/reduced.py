@@ -132,7 +132,7 @@ class ReducedBody(AbstractBody):
         self.body.check_marker(owner, marker, turning)
 
     def check(self) -> None:
-        """Nothing: it is made of a body and a basis that were checked."""
+        """Check nothing, since the body and the basis were checked before."""
 
 
 @program_once
