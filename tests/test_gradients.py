@@ -93,7 +93,7 @@ def oscillation(stiffness, start, end, adjoint=None, solver=DOPRI):
 @pytest.mark.slow
 def test_more_steps_than_checkpoints_and_lanes_of_different_lengths():
     """512 checkpoints, and lanes of 6, 318 and 1139 steps; also by the times of a load that needs
-    them. Against forward mode, for which the first step follows the times.
+    them. Against forward mode.
     """
     stiffness, ends = np.array([1.0, 400.0, 2500.0]), np.array([0.3, 7.0, 10.0])
 

@@ -92,7 +92,7 @@ def integrate(
         solver=solver,
         controller=controller,
         t0=ts[0],
-        t1=ts[-1],
+        t1=jax.lax.stop_gradient(ts[-1]),
         dt0=first,
         # Dense output has room for this number of steps only.
         max_steps=jnp.minimum(most, settings.dense) if settings.dense else most,

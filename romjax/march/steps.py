@@ -71,6 +71,7 @@ class Steps(NamedTuple):
             self.term, t0, self.t1, y0, self.dt0, None, self.solver.func, order
         )
         next_t = self._limited(t0, jnp.asarray(first), jnp.ones((), bool))
+        next_t = jax.lax.stop_gradient(next_t)
         return Progress(
             y=y0,
             solver_state=self.solver.init(self.term, t0, next_t, y0, None),
@@ -128,13 +129,17 @@ class Steps(NamedTuple):
         keep, after = self._at_events(now, tried, keep, after)
         solved = diffrax.RESULTS.where(keep, tried.result, diffrax.RESULTS.successful)
         result = diffrax.RESULTS.where(diffrax.is_successful(solved), controlled, solved)
+        # Lengths of steps are constants in derivatives, in both modes.
+        planned = jnp.where(going, self._limited(after.t, after.next_t, keep), t1)
         return Progress(
             y=chosen(keep, tried.y, now.y),
             solver_state=chosen(keep, tried.solver_state, now.solver_state),
             watching=after.watching,
             t=jnp.where(going, after.t, t0),
-            next_t=jnp.where(going, self._limited(after.t, after.next_t, keep), t1),
-            controller_state=chosen(going, after.controller_state, now.controller_state),
+            next_t=jax.lax.stop_gradient(planned),
+            controller_state=jax.lax.stop_gradient(
+                chosen(going, after.controller_state, now.controller_state)
+            ),
             result=diffrax.RESULTS.where(going, result, now.result),
             steps=now.steps + jnp.where(going, 1, 0),
             accepted=now.accepted + jnp.where(keep, 1, 0),
