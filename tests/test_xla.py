@@ -6,12 +6,12 @@ import functools
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import zoo
 from zoo import bar, run
 
 import romjax as rj
@@ -19,6 +19,8 @@ from romjax.common import compat
 from romjax.compiling import xla
 
 X = np.linspace(0.1, 0.9, 4)
+
+PACKAGE = Path(rj.__file__).parent
 
 
 @rj.jit
@@ -94,7 +96,7 @@ def test_a_run_in_a_foreign_jit_is_told_of_once(untold):
     with pytest.warns(UserWarning, match=r"compile it by romjax\.jit instead") as told:
         [jax.jit(transform(swing)).trace(9.81) for transform in (jax.checkpoint, jax.grad)]
     assert len(told) == 1
-    assert told[0].filename == zoo.__file__
+    assert PACKAGE not in Path(told[0].filename).parents
 
 
 def test_what_has_the_options_is_not_told_of(untold, monkeypatch):

@@ -11,7 +11,6 @@ two checkpoints, and with its transpose. Nested checkpoints, as those of
 `diffrax.RecursiveCheckpointAdjoint`, need more copies of it and compute more of them anew.
 """
 
-import dataclasses
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -25,6 +24,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from .checkpoints import CheckpointFollower
 from .follower import AbstractFollower, Step
 from .march import DENSE, EVENTS, OUTPUTS, Ended, March
+from .outputs import Outputs
 from .steps import Progress, Trial, chosen
 from .transpose import StepStart, Transposed, TransposedSteps
 
@@ -85,9 +85,9 @@ def differentiable_run(march: March, start: Progress, most: int) -> Ended:
     by = Differentiated(trial, output, march.outputs.ts, start.y, start.solver_state)
     # The rest chooses the steps or only follows them: it is not differentiated.
     nothing: Any = None
-    outputs = dataclasses.replace(march.outputs, output=nothing, ts=nothing)
-    rest = march._replace(trial=nothing, outputs=outputs, others=others)
-    choice = rest, start._replace(y=None, solver_state=None), seen
+    rest = march._replace(trial=nothing, outputs=nothing, others=others)
+    asked = march.outputs.asked, march.outputs.beside
+    choice = rest, start._replace(y=None, solver_state=None), seen, asked
     arrays, static = eqx.partition(choice, eqx.is_array)
     choice = eqx.combine(jax.lax.stop_gradient(arrays), static)
     run: Ended = _run(by, choice, slots, longest)
@@ -99,9 +99,8 @@ def _power_of_two(least: int | float) -> int:
 
 
 def _joined(by: Differentiated, choice: Any) -> tuple[March, Progress, dict[str, Any]]:
-    march, start, seen = choice
-    outputs = dataclasses.replace(march.outputs, output=by.output, ts=by.ts)
-    march = march._replace(trial=by.trial, outputs=outputs)
+    march, start, seen, asked = choice
+    march = march._replace(trial=by.trial, outputs=Outputs(by.output, by.ts, *asked))
     return march, start._replace(y=by.y, solver_state=by.solver_state), seen
 
 

@@ -115,7 +115,7 @@ class Tolerances(eqx.Module):
         sizes = self._largest(jnp.max(jnp.abs(jnp.stack([q - q[:1], v, q])), axis=1))
         return Reach(start.origin, jnp.maximum(start.sizes, sizes))
 
-    def _largest(self, sizes: Float[Array, "rows n"]) -> Float[Array, "rows n"]:
+    def _largest(self, sizes: Float[Array, "rows n"]) -> Float[Array, "rows _"]:
         """The largest of each row among the coordinates of each kind."""
         which = np.array(self.positions, bool)
         if not len(which):

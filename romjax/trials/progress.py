@@ -1,7 +1,6 @@
 """What a study tells while it goes on."""
 
 import sys
-from typing import Self
 
 from tqdm import tqdm
 
@@ -14,7 +13,7 @@ class Progress:
         layout, disabled = "{desc:24} {n_fmt} models, {elapsed}", None if shown else True
         self.shown, self.bar = shown, tqdm(disable=disabled, bar_format=layout)
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Progress":
         return self
 
     def __exit__(self, *_: object) -> None:
