@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float
 from ..march.cuts import AbstractPassage
 from ..system.base import AbstractSystem
 from ..system.dynamics import solve
+from ..system.local import local_system
 from ..system.stabilization import Baumgarte
 from .search import first_crossing
 
@@ -108,7 +109,7 @@ class Passage(AbstractPassage):
 
     def _to_contact(self, t: Array, y: Any, planned: Array) -> Array:
         q, v, *chart = y
-        h, noise, system = planned - t, self._noise, self._local(y)
+        h, noise, system = planned - t, self._noise, local_system(self.system, self.post_step, y)
         a = solve(system, t, q, v, self.stabilization).acceleration
 
         def gaps(s: Array) -> Array:
@@ -148,11 +149,6 @@ class Passage(AbstractPassage):
         q = self.system.full.q0
         return _ROUNDING * jnp.finfo(q.dtype).eps * jnp.maximum(1.0, jnp.max(jnp.abs(q)))
 
-    def _local(self, y: Any) -> AbstractSystem:
-        """The system in the chart of a state."""
-        system: AbstractSystem = self.system
-        return self.post_step.in_chart(system, y[2]) if len(y) == 3 else system
-
     def _rates(self, t: Array, y: Any) -> Float[Array, " contacts"]:
         """Return the time derivatives of the gaps of all contacts."""
         q, v, *chart = y
@@ -162,7 +158,7 @@ class Passage(AbstractPassage):
         return rates
 
     def _gaps(self, t: Array, y: Any) -> Float[Array, " contacts"]:
-        state = self._local(y).state(t, *y[:2])
+        state = local_system(self.system, self.post_step, y).state(t, *y[:2])
         gaps = self.system.full.state(t, state.q, state.v).gaps()
         assert gaps is not None
         return gaps

@@ -14,6 +14,7 @@ from ..march.scales import Scales
 from ..march.tolerances import Tolerances
 from ..system.base import AbstractSystem
 from ..system.dynamics import solve
+from ..system.local import local_system
 from ..system.stabilization import Baumgarte
 from .base import AbstractEvent
 from .impact import collide
@@ -52,7 +53,7 @@ class Watch(AbstractWatch):
 
     def start(self, t: Float[Array, ""], y: Any) -> Watching:
         """Return the state of the watch before the first step."""
-        system, (q, v, *_) = self._local(y), y
+        system, (q, v, *_) = local_system(self.system, self.post_step, y), y
         values, transpose = jax.vjp(lambda t, q, v: self._values(system, t, q, v), t, q, v)
         by_t, by_q, by_v = jax.vmap(transpose)(jnp.eye(len(values), dtype=q.dtype))
         a = solve(system, t, q, v, self.stabilization).acceleration
@@ -72,7 +73,7 @@ class Watch(AbstractWatch):
         self, watching: Watching, t0: Float[Array, ""], t1: Float[Array, ""], y: Any
     ) -> Arrival:
         """The end of a step from t0 to t1 in the state `y`, carried to the events in reach."""
-        system, (q, v, *chart) = self._local(y), y
+        system, (q, v, *chart) = local_system(self.system, self.post_step, y), y
         values, rates, a = self._flow_and_acceleration(system, t1, q, v)
         moves, reach = rates != 0, self._reach(t0, t1)
         wait = jnp.where(moves, -values / jnp.where(moves, rates, 1), jnp.inf)
@@ -119,7 +120,7 @@ class Watch(AbstractWatch):
         def at(share: Array) -> Array:
             t = t0 + share * span
             y = between.evaluate(t)
-            return self._values(self._local(y), t, *y[:2])
+            return self._values(local_system(self.system, self.post_step, y), t, *y[:2])
 
         crossings = first_crossing(
             at, watching.side, arrival.values, watching.scales.noise, self._falling, self._rising
@@ -177,7 +178,7 @@ class Watch(AbstractWatch):
         """Return the record of events in physical coordinates."""
 
         def at(t: Array, before: Any, after: Any) -> tuple[Array, Array, Array]:
-            system, (q, v, *_) = self._local(before), before
+            system, (q, v, *_) = local_system(self.system, self.post_step, before), before
             state = system.state(t, q, v)
             return state.q, state.v, system.state(t, q, after[1]).v
 
@@ -222,13 +223,6 @@ class Watch(AbstractWatch):
         falls = (side > 0) & (rates < 0) & self._falling
         rises = (side < 0) & (rates > 0) & self._rising
         return falls | rises
-
-    def _local(self, y: Any) -> AbstractSystem:
-        """The system in the chart of a state."""
-        system: AbstractSystem = self.system
-        if len(y) == 3:
-            system = self.post_step.in_chart(system, y[2])
-        return system
 
     def _values(self, system: AbstractSystem, t: Array, q: Array, v: Array) -> Array:
         return jnp.stack([event.value(system, t, q, v) for event in self.events])

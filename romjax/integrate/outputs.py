@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..system.base import AbstractSystem
+from ..system.local import local_system
 from .post_step import PostStep
 
 # Fewer outputs than fill so many bytes share one program.
@@ -49,10 +50,7 @@ def output_at(
     """Return the output to save for an integrated state; jitted so that it is traced once."""
     q, v, *charts = y
     chart = charts[0] if charts else None
-    local = system
-    if chart is not None:
-        assert post_step is not None
-        local = post_step.in_chart(system, chart)
+    local = local_system(system, post_step, y)
     if local.full is local:
         return Output(q, v, _largest(local.constraint(t, q)), None)
     state = local.state(t, q, v)

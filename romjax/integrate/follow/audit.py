@@ -17,9 +17,10 @@ from ...march.tolerances import Tolerances
 from ...system.base import AbstractSystem
 from ...system.dynamics import constraint_state, solve
 from ...system.flags import Flag
+from ...system.local import local_system
 from ...system.stabilization import Baumgarte
 from ...system.state import AbstractState, Power
-from ..post_step import Chart, PostStep
+from ..post_step import PostStep
 from .branching import Branching
 from .energy_balance import EnergyBalance, Momentary
 
@@ -78,8 +79,8 @@ class Audit(AbstractFollower):
 
     def follow(self, step: Step, seen: Findings) -> Findings:
         """Return the findings with a step added, if it was accepted."""
-        (before, after, tried, _), keep, findings = step, step.kept, seen
-        branching = findings.branching
+        before, after, tried = step.before, step.after, step.tried
+        branching = seen.branching
         if branching is not None:
             system, state = self._at(after.t, after.y)
             q = after.y[0]
@@ -88,22 +89,17 @@ class Audit(AbstractFollower):
         if tried.arrival is not None:
             # Of impacts at the end of the step.
             work = work._replace(supply=work.supply + tried.arrival.work)
-        beyond = findings.beyond
+        beyond = seen.beyond
         if beyond is not None:
             # Limits pass zero once within a step, since its errors see what happens there.
             beyond |= jnp.any(self._limits(before) * self._limits(after) < 0)
-        new = Findings(findings.balance.follow(after.t, now, work), branching, beyond)
-        chosen: Findings = jax.tree.map(lambda a, b: jnp.where(keep, a, b), new, findings)
+        new = Findings(seen.balance.follow(after.t, now, work), branching, beyond)
+        chosen: Findings = jax.tree.map(lambda a, b: jnp.where(step.kept, a, b), new, seen)
         return chosen
 
     def _at(self, t: Array, y: Any) -> tuple[AbstractSystem, AbstractState]:
-        q, v, *charts = y
-        system = self.system
-        if charts:
-            assert self.post_step is not None
-            chart: Chart = charts[0]
-            system = self.post_step.in_chart(system, chart)
-        return system, system.state(t, q, v)
+        system = local_system(self.system, self.post_step, y)
+        return system, system.state(t, *y[:2])
 
     def _limits(self, at: Progress) -> Any:
         state = self._at(at.t, at.y)[1]

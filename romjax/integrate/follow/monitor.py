@@ -14,6 +14,7 @@ from ...common.errors import InputError
 from ...march.follower import AbstractFollower, Step
 from ...march.steps import Progress, chosen
 from ...system.base import AbstractSystem
+from ...system.local import local_system
 from ..post_step import PostStep
 
 
@@ -91,11 +92,8 @@ class Monitors(AbstractFollower):
         return followed
 
     def _moment(self, t: Float[Array, ""], y: Any) -> Moment:
-        q, v, *charts = y
-        system = self.system
-        if charts:
-            assert self.post_step is not None
-            system = self.post_step.in_chart(system, charts[0])
+        q, v = y[:2]
+        system = local_system(self.system, self.post_step, y)
         if system.full is system:
             return Moment(t, q, v)
         state = system.state(t, q, v)
