@@ -22,7 +22,7 @@ def check_kind(owner: str, field: str, value: Any, kind: Any, remedy: str) -> No
         return
     kind_is = "the class" if isinstance(value, type) else "of type"
     name = (value if isinstance(value, type) else type(value)).__name__
-    raise InputError(f"{owner}: {field} is {kind_is} {name}; give {remedy}.")
+    raise InputError(f"{owner}: {field} is {kind_is} {name}; give {remedy}.", field=field)
 
 
 def check_shape(
@@ -40,7 +40,8 @@ def check_shape(
         want in (None, got) for want, got in zip(shape, actual, strict=True)
     )
     if not fits:
-        raise error(f"{owner}: {field} has shape {actual}, but it must {_describe(shape)}.")
+        words = f"{owner}: {field} has shape {actual}, but it must {_describe(shape)}."
+        raise error(words, field=field)
 
 
 def _describe(shape: tuple[int | None, ...]) -> str:
@@ -59,7 +60,7 @@ def check_finite(owner: str, field: str, value: Any, error: type[InputError] = I
         return
     number = concrete(value)
     if number is not None and not np.all(np.isfinite(number)):
-        raise error(f"{owner}: {field} is {number}; every number must be finite.")
+        raise error(f"{owner}: {field} is {number}; every number must be finite.", field=field)
     if number is not None and isinstance(value, jax.Array):
         _finite.put(value, True)
 
@@ -72,7 +73,8 @@ def check_positive(
         return
     number = concrete(value)
     if number is not None and not np.all(number > 0):
-        raise error(f"{owner}: {field} is {number}, but it must be positive. {remedy}".rstrip())
+        words = f"{owner}: {field} is {number}, but it must be positive. {remedy}".rstrip()
+        raise error(words, field=field)
 
 
 def check_not_negative(
@@ -81,7 +83,7 @@ def check_not_negative(
     """Raise where a number is negative."""
     number = concrete(value)
     if number is not None and not np.all(number >= 0):
-        raise error(f"{owner}: {field} is {number}, but it must not be negative.")
+        raise error(f"{owner}: {field} is {number}, but it must not be negative.", field=field)
 
 
 def unknown_name(owner: str, what: str, name: Any, known: Iterable[str]) -> InputError:

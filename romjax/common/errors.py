@@ -2,7 +2,15 @@
 
 
 class InputError(ValueError):
-    """An argument that cannot be used: a wrong shape, a number out of range, …"""
+    """An argument that cannot be used: a wrong shape, a number out of range, …
+
+    `field`: name of the argument or field at fault, empty where there is more than one; files find
+    the key that it came from by it.
+    """
+
+    def __init__(self, message: str, *, field: str = ""):
+        super().__init__(message)
+        self.field = field
 
 
 class SceneError(InputError):

@@ -2,7 +2,6 @@
 
 import contextlib
 import math
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any, NoReturn
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from ..common.arrays import as_array
 from ..common.compat import is_traced
+from ..common.errors import InputError
 from ..scene.body.base import AbstractBody
 from ..scene.effect.base import AbstractEffect
 from ..scene.joint.base import AbstractJoint
@@ -25,7 +25,6 @@ from .parts import DEGREES, EMPTY, TYPE, Maker, makers, turn_within
 from .problems import Place, Problems, unknown
 
 _DEGREE = math.pi / 180
-_OWNER = re.compile(r"^(?:body|joint|effect) '[^']*': ")
 
 
 class _FailedError(Exception):
@@ -289,11 +288,15 @@ class Builder:
         """Return what `make` does; an error that it raises is noted, with the key that it names."""
         try:
             return make()
-        except _FailedError:
-            raise
-        except Exception as error:
-            words = _OWNER.sub("", str(error).split("\n")[0] or type(error).__name__)
-            known = table.keys() - {TYPE, "name"}
-            keys = [key for key in re.findall(r"\w+", words) if key in known]
-            self.problems.add((*place, *keys[:1]), words[:1].upper() + words[1:])
+        except (ValueError, TypeError, OSError) as error:
+            words = str(error).split("\n")[0].removeprefix(_owner(place)) or type(error).__name__
+            field = error.field if isinstance(error, InputError) else ""
+            keys = [field] if field in table else []
+            self.problems.add((*place, *keys), words[:1].upper() + words[1:])
             raise _FailedError from error
+
+
+def _owner(place: Place) -> str:
+    """What messages about a part begin with."""
+    kind = {"bodies": "body", "joints": "joint", "effects": "effect"}.get(str(place[0]), "")
+    return f"{kind} '{place[1]}': " if kind else ""

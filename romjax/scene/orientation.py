@@ -48,10 +48,14 @@ def euler(convention: str, angles: Vector) -> Float[Array, "4"]:
     if not _CONVENTION.fullmatch(convention):
         raise SceneError(
             f"euler: the convention is {convention!r}; give three letters, of XYZ for axes that "
-            "turn with the body or of xyz for those of space, no two alike in a row."
+            "turn with the body or of xyz for those of space, no two alike in a row.",
+            field="euler",
         )
     if as_array(angles).shape != (3,):
-        raise SceneError(f"euler: angles has the shape {as_array(angles).shape}; give three [rad].")
+        raise SceneError(
+            f"euler: angles has the shape {as_array(angles).shape}; give three [rad].",
+            field="angles",
+        )
     (given,) = untraced(as_array(angles))
     return _scalar_first(_rotations(given).from_euler(convention, given).as_quat())
 
@@ -79,7 +83,8 @@ def quaternion_of(
     elif value.shape != (4,):
         raise SceneError(
             f"{owner}: the rotation has the shape {value.shape}; give a rotation matrix (3, 3), a "
-            "quaternion (w, x, y, z), or one of spatial.rotation and spatial.euler."
+            "quaternion (w, x, y, z), or one of spatial.rotation and spatial.euler.",
+            field="rotation",
         )
     known = concrete(value)
     if known is not None and not (np.all(np.isfinite(known)) and np.any(known)):
@@ -104,7 +109,9 @@ def _check_axis(owner: str, axis: Float[Array | np.ndarray, "..."]) -> None:
     if axis.shape != (3,) or (
         known is not None and not (np.all(np.isfinite(known)) and np.any(known))
     ):
-        raise SceneError(f"{owner}: the axis is {axis}; give three numbers, not all zero.")
+        raise SceneError(
+            f"{owner}: the axis is {axis}; give three numbers, not all zero.", field="axis"
+        )
 
 
 def _check_matrix(owner: str, matrix: Float[Array, "3 3"]) -> None:

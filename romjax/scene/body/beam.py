@@ -108,13 +108,14 @@ class Beam(AbstractBody):
         if frequencies is not None and EI is not None:
             raise SceneError(f"body '{name}': give either EI or frequencies, not both.")
         if EI is None and frequencies is None and modes:
-            raise SceneError(f"body '{name}': {modes} modes need EI or frequencies.")
+            raise SceneError(f"body '{name}': {modes} modes need EI or frequencies.", field="modes")
         if EI is not None and modes is None:
             raise SceneError(f"body '{name}': with EI, say how many modes, such as modes=2.")
         given = None if frequencies is None else each(frequencies, 1)
         if given is not None and modes not in (None, len(given)):
             raise SceneError(
-                f"body '{name}': modes={modes}, but {len(given)} frequencies are given."
+                f"body '{name}': modes={modes}, but {len(given)} frequencies are given.",
+                field="modes",
             )
         self.name, self.axis, self.shapes, self.stiffening = name, axis, shapes, stiffening
         self.modes = len(given) if given is not None else modes or 0
@@ -260,18 +261,25 @@ class Beam(AbstractBody):
         check_name(self.name)
         owner = f"body '{self.name}'"
         if self.axis not in ("x", "y"):
-            raise SceneError(f"{owner}: axis is {self.axis!r}, but it must be 'x' or 'y'.")
+            raise SceneError(
+                f"{owner}: axis is {self.axis!r}, but it must be 'x' or 'y'.", field="axis"
+            )
         if self._shapes not in SHAPES:
             raise SceneError(
-                f"{owner}: shapes is {self.shapes!r}, but it must be one of {', '.join(SHAPES)}."
+                f"{owner}: shapes is {self.shapes!r}, but it must be one of {', '.join(SHAPES)}.",
+                field="shapes",
             )
         if self.frequencies is not None and self.shapes == "static":
             raise SceneError(
                 f"{owner}: shapes is 'static', but frequencies belong to natural modes; give EI "
-                f"instead, or one of {', '.join(SHAPES[1:])}."
+                f"instead, or one of {', '.join(SHAPES[1:])}.",
+                field="shapes",
             )
         if self.stiffening and not self.modes:
-            raise SceneError(f"{owner}: stiffening is for beams with modes; give EI and modes.")
+            raise SceneError(
+                f"{owner}: stiffening is for beams with modes; give EI and modes.",
+                field="stiffening",
+            )
         check_mass(owner, self)
         check_numbers(owner, self, "length", "EI", "inertia", sign="positive")
         self._check_inertia(owner)
@@ -290,5 +298,6 @@ class Beam(AbstractBody):
         if excess is not None and excess < -1e-9 * abs(self.inertia):
             raise SceneError(
                 f"{owner}: inertia is {self.inertia}, {-excess:g} less than that of a thin bar, "
-                f"m L²/12, which {self.shapes} modes need."
+                f"m L²/12, which {self.shapes} modes need.",
+                field="inertia",
             )

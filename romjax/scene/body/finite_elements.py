@@ -125,7 +125,10 @@ def _modes(
     if interface == "free":
         return free_interface(k, m, modes + rigid.shape[1])
     if interface != "fixed":
-        raise SceneError(f"{owner}: interface is {interface!r}, but it must be 'fixed' or 'free'.")
+        raise SceneError(
+            f"{owner}: interface is {interface!r}, but it must be 'fixed' or 'free'.",
+            field="interface",
+        )
     if len(held):
         component = craig_bampton(k, m, held, modes)
     else:

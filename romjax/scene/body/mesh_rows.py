@@ -17,7 +17,8 @@ def rows_of(
     """
     if positions.ndim != 2 or positions.shape[1] != dimension or not np.all(np.isfinite(positions)):
         raise SceneError(
-            f"{owner}: nodes must be finite and (nodes, {dimension}), not {positions.shape}."
+            f"{owner}: nodes must be finite and (nodes, {dimension}), not {positions.shape}.",
+            field="nodes",
         )
     nodes, widths = len(positions), (2, 3) if dimension == 2 else (3, 6)
     each = n // max(nodes, 1)

@@ -234,9 +234,13 @@ def check_direction(owner: str, effect: Any, dimension: int) -> None:
     check_numbers(owner, effect, "direction", shape=(dimension,))
     direction = concrete(effect.direction)
     if direction is not None and not np.any(direction):
-        raise SceneError(f"{owner}: direction is {direction}; give a vector that is not zero.")
+        raise SceneError(
+            f"{owner}: direction is {direction}; give a vector that is not zero.", field="direction"
+        )
     if effect.frame not in ("world", "body"):
-        raise SceneError(f"{owner}: frame is {effect.frame!r}, but it must be 'world' or 'body'.")
+        raise SceneError(
+            f"{owner}: frame is {effect.frame!r}, but it must be 'world' or 'body'.", field="frame"
+        )
 
 
 def check_markers(effect: AbstractEffect) -> str:

@@ -63,7 +63,9 @@ class Friction(eqx.Module):
     def check(self, owner: str) -> None:
         """Raise a SceneError that names owner, field, value and remedy."""
         if (self.static is None) != (self.stribeck is None):
-            raise SceneError(f"{owner}: Friction needs both static and stribeck, or none of them.")
+            raise SceneError(
+                f"{owner}: Friction needs both static and stribeck, or none of them.",
+            )
         fields = ("coefficient", "creep", "static", "stribeck")
         check_numbers(owner, self, *fields, sign="not negative", prefix="Friction.")
         check_numbers(owner, self, "creep", "stribeck", sign="positive", prefix="Friction.")

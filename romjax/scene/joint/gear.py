@@ -75,7 +75,9 @@ class Gear(AbstractJoint):
         if a.dimension == 2:
             self.bearing_a, self.bearing_b = bearing_a or bearing_b, bearing_b or bearing_a
         if ratio is None:
-            raise SceneError(f"{self.owner()}: ratio is missing; give that of the speeds.")
+            raise SceneError(
+                f"{self.owner()}: ratio is missing; give that of the speeds.", field="ratio"
+            )
         self.ratio, self.offset = as_array(ratio), as_array(offset)
 
     @property
@@ -126,7 +128,8 @@ class Gear(AbstractJoint):
             if bearing is None and turning.dimension == 3:
                 raise SceneError(
                     f"{owner}: {name} is missing; in space give a marker on what carries "
-                    f"'{turning.body}', or on the ground, with z along the axis of the wheel."
+                    f"'{turning.body}', or on the ground, with z along the axis of the wheel.",
+                    field=name,
                 )
         check_distinct(owner, self.a, self.b)
         check_numbers(owner, self, "ratio", "offset")
@@ -137,7 +140,8 @@ class Gear(AbstractJoint):
             if bearing is None and carriers and GROUND not in carriers:
                 raise SceneError(
                     f"{self.owner()}: '{turning.body}' turns on '{carriers[0]}', but its angle is "
-                    f"taken against the ground; give {name}, a marker on what carries the wheels."
+                    f"taken against the ground; give {name}, a marker on what carries the wheels.",
+                    field=name,
                 )
 
     def _bearings(self) -> tuple[tuple[Marker, Marker | None, str], ...]:

@@ -50,7 +50,8 @@ class _Prescribed(AbstractJoint):
         if not self.signal.smooth:
             raise SceneError(
                 f"{owner}: signal is a {type(self.signal).__name__}, whose kinks no finite force "
-                "can follow; give a smooth one, such as a Sine, a Step or a Sum of them."
+                "can follow; give a smooth one, such as a Sine, a Step or a Sum of them.",
+                field="signal",
             )
 
 

@@ -252,9 +252,12 @@ class Beam(AbstractFlexibleBody):
         owner = f"body '{self.name}'"
         for field, stiffness in (("bending", "EI"), ("torsion", "GJ"), ("extension", "EA")):
             if np.any(getattr(self, field)) and getattr(self, stiffness) is None:
-                raise SceneError(f"{owner}: {field} modes need {stiffness}.")
+                raise SceneError(f"{owner}: {field} modes need {stiffness}.", field=field)
         if self.stiffening and not any(self.bending):
-            raise SceneError(f"{owner}: stiffening is for beams that bend; give EI and bending.")
+            raise SceneError(
+                f"{owner}: stiffening is for beams that bend; give EI and bending.",
+                field="stiffening",
+            )
         check_mass(owner, self)
         check_numbers(owner, self, "length", "GJ", "EA", sign="positive")
         check_numbers(owner, self, "EI", shape=(2,), sign="positive")
@@ -274,5 +277,6 @@ class Beam(AbstractFlexibleBody):
         if excess is not None and np.min(excess) < -1e-9 * np.max(np.abs(self.inertia)):
             raise SceneError(
                 f"{owner}: inertia is {self.inertia}, {-np.min(excess):g} less than that of a thin "
-                "bar, m L²/12, about local y and z."
+                "bar, m L²/12, about local y and z.",
+                field="inertia",
             )

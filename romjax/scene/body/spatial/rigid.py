@@ -144,7 +144,8 @@ def check_inertia(owner: str, inertia: Array) -> None:
     if inertia.shape not in ((3,), (3, 3)):
         raise SceneError(
             f"{owner}: inertia has the shape {inertia.shape}; give three principal moments, or the "
-            "tensor (3, 3) [kg m²]."
+            "tensor (3, 3) [kg m²].",
+            field="inertia",
         )
     check_finite(owner, "inertia", inertia)
     known = concrete(as_array(inertia))
