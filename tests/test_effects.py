@@ -169,7 +169,7 @@ def test_an_effect_of_ones_own():
 
 @pytest.mark.instant
 def test_what_an_effect_refuses():
-    with pytest.raises(rj.SceneError, match="frame is 'local', but it must be 'world' or 'body'"):
+    with pytest.raises(rj.SceneError, match="frame is 'local', but it must be one of world, body"):
         rj.Force(ENDS[0], (1.0, 0.0), SWING, frame="local")
     with pytest.raises(rj.SceneError, match=r"Bushing\(arm, block\).*stiffness has shape \(\)"):
         rj.Bushing(*ENDS, 1.0)

@@ -25,6 +25,19 @@ def check_kind(owner: str, field: str, value: Any, kind: Any, remedy: str) -> No
     raise InputError(f"{owner}: {field} is {kind_is} {name}; give {remedy}.", field=field)
 
 
+def check_choice(
+    owner: str,
+    field: str,
+    value: Any,
+    choices: tuple[str, ...],
+    error: type[InputError] = InputError,
+) -> None:
+    """Raise unless `value` is one of some words."""
+    if value not in choices:
+        words = f"{owner}: {field} is {value!r}, but it must be one of {', '.join(choices)}."
+        raise error(words, field=field)
+
+
 def check_shape(
     owner: str,
     field: str,

@@ -4,8 +4,9 @@
 class InputError(ValueError):
     """An argument that cannot be used: a wrong shape, a number out of range, …
 
-    `field`: name of the argument or field at fault, empty where there is more than one; files find
-    the key that it came from by it.
+    - `message`: what, where, the value and the remedy.
+    - `field`: name of the argument or field at fault, empty where there is more than one; files
+      find the key that it came from by it.
     """
 
     def __init__(self, message: str, *, field: str = ""):

@@ -22,7 +22,7 @@ from .markers import TURNS, split_marker
 from .numbers import PARAMETER, ROTATION_NUMBERS, is_turning
 from .parameters import is_reference
 from .parts import DEGREES, EMPTY, TYPE, Maker, makers, turn_within
-from .problems import Place, Problems, unknown
+from .problems import Place, Problems, owner_of, unknown
 
 _DEGREE = math.pi / 180
 
@@ -289,14 +289,8 @@ class Builder:
         try:
             return make()
         except (ValueError, TypeError, OSError) as error:
-            words = str(error).split("\n")[0].removeprefix(_owner(place)) or type(error).__name__
+            words = str(error).split("\n")[0].removeprefix(owner_of(place)) or type(error).__name__
             field = error.field if isinstance(error, InputError) else ""
             keys = [field] if field in table else []
             self.problems.add((*place, *keys), words[:1].upper() + words[1:])
             raise _FailedError from error
-
-
-def _owner(place: Place) -> str:
-    """What messages about a part begin with."""
-    kind = {"bodies": "body", "joints": "joint", "effects": "effect"}.get(str(place[0]), "")
-    return f"{kind} '{place[1]}': " if kind else ""

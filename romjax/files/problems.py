@@ -90,6 +90,12 @@ def written(place: Place) -> str:
     return " ".join(filter(None, [f"[{_keys(table)}]" if table else "", _keys(key)]))
 
 
+def owner_of(place: Place) -> str:
+    """What messages about the part at a place begin with."""
+    kind = {"bodies": "body", "joints": "joint", "effects": "effect"}.get(str(place[0]), "")
+    return f"{kind} '{place[1]}': " if kind else ""
+
+
 def _keys(place: Place) -> str:
     text = ""
     for key in place:

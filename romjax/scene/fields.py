@@ -11,6 +11,7 @@ from ..common.fields import UNIT, Converted, number, parts, radians
 __all__ = [
     "UNIT",
     "Converted",
+    "check_choice",
     "check_finite",
     "check_mass",
     "check_not_negative",
@@ -29,6 +30,7 @@ _MASSLESS = (
     "inertia."
 )
 
+check_choice = functools.partial(checks.check_choice, error=SceneError)
 check_shape = functools.partial(checks.check_shape, error=SceneError)
 check_finite = functools.partial(checks.check_finite, error=SceneError)
 check_positive = functools.partial(checks.check_positive, error=SceneError)

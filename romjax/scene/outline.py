@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..common.errors import SceneError
+from .fields import check_choice
 from .marker import Pose
 
 # What an outline stands for; pictures choose colours and widths by it. The last three are marks,
@@ -46,8 +46,7 @@ class Outline(eqx.Module):
     endless: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self) -> None:
-        if self.style not in STYLES:
-            raise SceneError(f"Outline: style is {self.style!r}; it must be one of {STYLES}.")
+        check_choice("Outline", "style", self.style, STYLES)
 
 
 def marks(poses: tuple[Pose, ...], style: Style = "hinge") -> Outline:

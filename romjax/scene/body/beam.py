@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Number, Vector, as_array, as_jax, concrete, each, namespace, untraced
 from ...common.errors import SceneError
-from ..fields import check_mass, check_numbers, number, radians
+from ..fields import check_choice, check_mass, check_numbers, number, radians
 from ..points import NamedPoints, by_name
 from .base import AbstractBody, check_name, check_start, flexible_start
 from .inertia import Inertia
@@ -260,15 +260,8 @@ class Beam(AbstractBody):
     def check(self) -> None:
         check_name(self.name)
         owner = f"body '{self.name}'"
-        if self.axis not in ("x", "y"):
-            raise SceneError(
-                f"{owner}: axis is {self.axis!r}, but it must be 'x' or 'y'.", field="axis"
-            )
-        if self._shapes not in SHAPES:
-            raise SceneError(
-                f"{owner}: shapes is {self.shapes!r}, but it must be one of {', '.join(SHAPES)}.",
-                field="shapes",
-            )
+        check_choice(owner, "axis", self.axis, ("x", "y"))
+        check_choice(owner, "shapes", self._shapes, SHAPES)
         if self.frequencies is not None and self.shapes == "static":
             raise SceneError(
                 f"{owner}: shapes is 'static', but frequencies belong to natural modes; give EI "

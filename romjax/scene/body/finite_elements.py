@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from ...common.arrays import Vector
 from ...common.errors import SceneError
+from ..fields import check_choice
 from .component_modes import (
     ComponentModes,
     Matrix,
@@ -124,11 +125,7 @@ def _modes(
     k, m = (tied.T @ matrix @ tied for matrix in matrices)
     if interface == "free":
         return free_interface(k, m, modes + rigid.shape[1])
-    if interface != "fixed":
-        raise SceneError(
-            f"{owner}: interface is {interface!r}, but it must be 'fixed' or 'free'.",
-            field="interface",
-        )
+    check_choice(owner, "interface", interface, ("fixed", "free"))
     if len(held):
         component = craig_bampton(k, m, held, modes)
     else:

@@ -16,7 +16,7 @@ from ...common.arrays import Time, concrete
 from ...common.errors import SceneError
 from .. import marker
 from ..body.base import AbstractBody
-from ..fields import check_numbers
+from ..fields import check_choice, check_numbers
 from ..marker import Marker, Pose, Twist, Wrench
 from ..outline import Outline, linked
 
@@ -237,10 +237,7 @@ def check_direction(owner: str, effect: Any, dimension: int) -> None:
         raise SceneError(
             f"{owner}: direction is {direction}; give a vector that is not zero.", field="direction"
         )
-    if effect.frame not in ("world", "body"):
-        raise SceneError(
-            f"{owner}: frame is {effect.frame!r}, but it must be 'world' or 'body'.", field="frame"
-        )
+    check_choice(owner, "frame", effect.frame, ("world", "body"))
 
 
 def check_markers(effect: AbstractEffect) -> str:
