@@ -11,9 +11,9 @@ from ..common.arrays import pick
 from ..common.errors import ReductionError
 from ..linalg.indexing import Index
 from ..linalg.pattern import Pattern
+from ..scene.turn_counter import TurnCounter
 from ..system.structure import Structure
 from .assembled import AssembledSystem
-from .counting import TurnCounter
 from .groups import BodyGroup, EffectGroup
 from .kinematics import MarkerBlocks, Markers
 

@@ -1,0 +1,90 @@
+"""Angles in space that count full turns, for the joints and effects that ask for them.
+
+A quaternion is the same after two turns. So that torsion springs, gears, screws and motors know
+how often they have turned, the system has a coordinate more for each: the angle of a counter, with
+an inertia a trillionth of what turns, which a constraint holds at the angle of two markers. It is a
+coordinate as all others are: any solver, event, projection and derivative takes it as it is, and
+the balance of energy is exact. Nothing but the counting constraint acts on it, since the forces of
+its part read only the number of turns (`counted_angle`), so that its small inertia is no noise.
+"""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..common.arrays import Time
+from ..linalg.inverse_mass import PlainInverse
+from .body.base import AbstractBody
+from .coordinate import Coordinate
+from .joint.base import AbstractJoint
+from .marker import Marker, Pose
+
+
+class TurnCounter(AbstractBody):
+    """A body that counts full turns: its coordinate is an angle [rad], in place of a frame's x."""
+
+    name: str = eqx.field(static=True)
+    inertia: Float[Array, ""]
+    dimension: ClassVar[int] = 3
+    modes: ClassVar[int] = 0  # type: ignore[misc]
+    constant_mass: ClassVar[bool] = True
+
+    @property
+    def frame_size(self) -> int:
+        return 1
+
+    def start(self) -> tuple[Float[Array, "1"], Float[Array, "1"]]:
+        none = jnp.zeros_like(self.inertia)[None]
+        return none, none
+
+    def mass_matrix(self, q: Float[Array, "1"]) -> Float[Array, "1"]:
+        del q
+        return self.inertia[None]
+
+    @property
+    def inverts_mass(self) -> bool:
+        return True
+
+    def inverse_mass(self, q: Float[Array, "1"]) -> PlainInverse:
+        del q
+        return PlainInverse(1 / self.inertia[None])
+
+    def elastic_energy(self, q: Float[Array, "1"]) -> Float[Array, ""]:
+        return jnp.zeros((), q.dtype)
+
+    def first_moment(self, q: Float[Array, "1"]) -> Float[Array, "3"]:
+        return jnp.zeros(3, q.dtype)
+
+    def mode_shapes(self, point: Float[Array, "3"]) -> Float[Array, "6 0"]:
+        return jnp.zeros((6, 0), point.dtype)
+
+    def outline(self) -> Float[Array, "0 3"]:
+        return jnp.zeros((0, 3))
+
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        about = f"angle with full turns, {self.name}"
+        return (Coordinate(self.name, "angle", "rad", r"\varphi", about),)
+
+    def check(self) -> None:
+        pass
+
+
+class CounterJoint(AbstractJoint):
+    """A joint that holds a counter at the angle of two markers, `a` against `b`."""
+
+    a: Marker
+    b: Marker
+    counter: Marker
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 1
+    dimensions: ClassVar[tuple[int, ...]] = (3,)
+
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        return self.a, self.b, self.counter
+
+    def residual(self, t: Time, a: Pose, b: Pose, *counter: Pose) -> Float[Array, "1"]:
+        del t
+        return a.angle_against(b, counter[0].position[0])[None]
