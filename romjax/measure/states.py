@@ -114,7 +114,8 @@ def _check_mechanism(owner: str, system: AbstractSystem) -> AbstractSystem:
     follows.
     """
     full = assembled(owner, system)
-    if system.full is not system and not hasattr(system, "in_chart_of"):
+    rom = _reduced(system)
+    if rom is not None and not rom.satisfies_dynamics:
         raise InputError(
             f"{owner}: a {type(system).__name__} follows no equations of motion of the mechanism; "
             "reduce by rj.Galerkin() or rj.Minimal(), or give the full system."
@@ -148,12 +149,17 @@ def solved(
     """Acceleration and multipliers of the mechanism at a physical state of a full or reduced
     `system`, without stabilisation.
     """
-    if system.full is system:
+    rom = _reduced(system)
+    if rom is None:
         a, multipliers, _ = solve(system, t, q, v, None)
         return a, multipliers
-    rom = cast(AbstractReducedSystem, system)
     a = lifted_acceleration(rom, t, q, v)
     return a, balancing_multipliers(rom, t, q, v, a)
+
+
+def _reduced(system: AbstractSystem) -> AbstractReducedSystem | None:
+    """The system if it is reduced: one that stands for another."""
+    return None if system.full is system else cast(AbstractReducedSystem, system)
 
 
 def _acceleration(system: Any, t: Array, q: Array, v: Array) -> Array:

@@ -6,6 +6,7 @@ from ..basis.basis import Basis
 from ..common.checks import check_kind
 from ..common.errors import ReductionError, UnsuitedError
 from ..system.base import AbstractSystem, check_system
+from ..system.reduced import AbstractReducedSystem
 from ..system.training import remember_training
 from .formulation.base import AbstractFormulation
 from .formulation.galerkin import Galerkin
@@ -26,14 +27,14 @@ def reduce(
 @overload
 def reduce(
     system: AbstractSystem, basis: Basis, formulation: AbstractFormulation | str
-) -> AbstractSystem: ...
+) -> AbstractReducedSystem: ...
 
 
 def reduce(
     system: AbstractSystem,
     basis: Basis,
     formulation: AbstractFormulation | str = "galerkin",
-) -> AbstractSystem:
+) -> AbstractReducedSystem:
     """The system in the coordinates of a basis.
 
     It starts where the snapshots start, or with modes of one's own where the system does; see

@@ -1,20 +1,21 @@
 """The chapter's reduced model to the letter: a specimen, for comparison only."""
 
 import dataclasses
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..basis.basis import Basis
-from ..common.arrays import Time
+from ..common.arrays import Time, Vector, as_array
 from ..integrate.default import start_frequencies
 from ..linalg.dense import multiply
 from ..linalg.kkt import KKT
 from ..linalg.pattern import Pattern
 from ..reduction.formulation.base import AbstractFormulation, start
 from ..system.base import AbstractSystem, AbstractValidity
+from ..system.reduced import AbstractReducedSystem, Physical, Reduced
 from ..system.stabilization import Baumgarte
 from ..system.state import AbstractState, Energy, Power
 from ..system.structure import Structure
@@ -55,16 +56,19 @@ class Projected(AbstractFormulation):
             modes=modes,
             offset=basis.offset,
             stabilization=stabilization,
-            q0=modes.T @ (q - basis.offset),
-            v0=modes.T @ v,
+            q0=multiply(modes.T, q - basis.offset),
+            v0=multiply(modes.T, v),
+            time=time,
             validity=box,
             structure=Structure.unnamed(basis.rank, 0),
             summary=f"{basis.rank} modes, all {system.m} constraints inside; for reference only",
         )
 
 
-class ProjectedSystem(AbstractSystem):
+class ProjectedSystem(AbstractReducedSystem):
     """An ordinary differential equation for z: it knows no constraints of its own."""
+
+    satisfies_dynamics: ClassVar[bool] = False
 
     full: AbstractSystem
     modes: Float[Array, "n r"]
@@ -72,32 +76,37 @@ class ProjectedSystem(AbstractSystem):
     stabilization: Baumgarte | None
     q0: Float[Array, " r"]
     v0: Float[Array, " r"]
+    time: Float[Array, ""]
     validity: AbstractValidity | None
     structure: Structure = eqx.field(static=True)
     summary: str = eqx.field(static=True)
 
-    @property
-    def degrees_of_freedom(self) -> int:
-        """All its coordinates are free."""
-        return self.n
-
     def with_full(self, full: AbstractSystem) -> "ProjectedSystem":
-        """The same projection of a system with other numbers."""
         return dataclasses.replace(self, full=full)
 
-    def starting_at(self, q: Any, v: Any, t: Any = None) -> "ProjectedSystem":
-        """Return the system with the start nearest to physical (q, v) in the Euclidean norm."""
+    def starting_at(self, q: Vector, v: Vector, t: Vector | None = None) -> "ProjectedSystem":
+        z, w = self.restrict(as_array(q), as_array(v))
+        time = self.time if t is None else as_array(t)
+        return dataclasses.replace(self, q0=z, v0=w, time=time)
+
+    def reconstruct(self, t: Time, q: Reduced, v: Reduced) -> tuple[Physical, Physical]:
         del t
-        q0, v0 = self.modes.T @ (jnp.asarray(q) - self.offset), self.modes.T @ jnp.asarray(v)
-        return dataclasses.replace(self, q0=q0, v0=v0)
+        return self.offset + multiply(self.modes, q), multiply(self.modes, v)
+
+    def restrict(self, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
+        """The nearest ones in the Euclidean norm."""
+        return multiply(self.modes.T, q - self.offset), multiply(self.modes.T, v)
+
+    def in_chart_of(self, q: Physical) -> "ProjectedSystem":
+        del q
+        return self
 
     def mass(self, q: Float[Array, " r"]) -> Float[Array, "r r"]:
         return jnp.eye(self.n, dtype=q.dtype)
 
     def force(self, t: Time, q: Float[Array, " r"], v: Float[Array, " r"]) -> Float[Array, " r"]:
         """The chapter's z̈."""
-        position, velocity = self.offset + multiply(self.modes, q), multiply(self.modes, v)
-        a, _ = self.full.acceleration(t, position, velocity, self.stabilization)
+        a, _ = self.full.acceleration(t, *self.reconstruct(t, q, v), self.stabilization)
         return multiply(self.modes.T, a)
 
     def constraint(self, t: Time, q: Float[Array, " r"]) -> Float[Array, " 0"]:

@@ -1,7 +1,7 @@
 """What a reduced system is: one that stands for another with more coordinates."""
 
 import abc
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -26,6 +26,10 @@ class AbstractReducedSystem(AbstractSystem):
     - `time` [s]: of the start, and where `mass` is, if constraints depend on time.
     - `summary`: what it was made of, in words.
     """
+
+    # Whether its accelerations satisfy the equations of motion in its subspace, so that forces,
+    # powers and moments follow from them.
+    satisfies_dynamics: ClassVar[bool] = True
 
     if TYPE_CHECKING:
         # As in AbstractSystem: fields of this class would come before those of the kinds.

@@ -1,6 +1,6 @@
 """The motions that a reduced model was made of, remembered with it."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
 import numpy as np
@@ -10,6 +10,8 @@ from ..common.arrays import as_jax
 from ..common.compat import is_traced
 from ..common.identity_cache import IdentityCache
 from .base import AbstractSystem
+
+S = TypeVar("S", bound=AbstractSystem)
 
 
 class Training:
@@ -28,7 +30,7 @@ class Training:
 _trainings = IdentityCache()
 
 
-def remember_training(rom: AbstractSystem, basis: Basis) -> AbstractSystem:
+def remember_training(rom: S, basis: Basis) -> S:
     """The same model, remembered with the motions that it was made of where these are known."""
     error, motions = _error(rom), basis.snapshots.motions
     if error is not None and motions and basis.decomposition is not None:

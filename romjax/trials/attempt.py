@@ -2,7 +2,7 @@
 
 import dataclasses
 import warnings
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import diffrax
 import numpy as np
@@ -16,7 +16,6 @@ from ..study.accuracy.model import Model, Reduction
 from ..study.compare import compare
 from ..study.timing import Spent, spent, timed
 from ..system.base import AbstractSystem
-from ..system.reduced import AbstractReducedSystem
 from .candidates import Candidate
 
 # [s] If the runs from unseen starts take longer, only models that may pay are tried on them.
@@ -100,7 +99,7 @@ def made(full: AssembledSystem, candidate: Candidate, training: list[Truth]) -> 
         basis = candidate.formulation.basis(full, runs, candidate.decomposition)
         # All formulations make such systems, but for those that serve as a reference only. `reduce`
         # says which other formulation would do; here the table does.
-        rom = cast(AbstractReducedSystem, candidate.formulation.reduce(full, basis))
+        rom = candidate.formulation.reduce(full, basis)
         return Model(full, Reduction(rom, basis, candidate.formulation, 0.0))
 
     return timed(make)

@@ -12,6 +12,7 @@ from ...basis.snapshots import Motions
 from ...basis.turns import by_turns
 from ...common.arrays import pick
 from ...system.base import AbstractSystem
+from ...system.reduced import AbstractReducedSystem
 
 
 class AbstractFormulation(eqx.Module):
@@ -36,7 +37,7 @@ class AbstractFormulation(eqx.Module):
         return decomposition(motion)
 
     @abc.abstractmethod
-    def reduce(self, system: AbstractSystem, basis: Basis) -> AbstractSystem:
+    def reduce(self, system: AbstractSystem, basis: Basis) -> AbstractReducedSystem:
         """`system` in the coordinates that the formulation makes of a basis of its coordinates.
 
         Raises ReductionError if the basis does not make such a model.

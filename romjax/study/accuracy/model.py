@@ -13,7 +13,6 @@ from ...reduction.formulation.base import AbstractFormulation
 from ...scene.body.capped import with_caps
 from ...system.base import AbstractSystem
 from ...system.reduced import AbstractReducedSystem
-from ..projected import ProjectedSystem
 from .row import FULL
 
 CAPPED = "capped"
@@ -23,7 +22,7 @@ CAPPED = "capped"
 class Reduction:
     """A reduced system and what it was made of."""
 
-    rom: AbstractReducedSystem | ProjectedSystem
+    rom: AbstractReducedSystem
     basis: Basis
     formulation: AbstractFormulation
     offline: float  # [s] to simulate the training run, decompose it and reduce

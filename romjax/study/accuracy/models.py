@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from typing import cast
 
 import numpy as np
 
@@ -20,7 +19,6 @@ from ...scene.body.capped import with_caps
 from ...system import unit_length
 from ...system.base import AbstractSystem
 from ...system.reduced import AbstractReducedSystem
-from ..projected import ProjectedSystem
 from ..timing import timed
 from .model import Model, Reduction
 
@@ -55,10 +53,9 @@ def reduced_models(
             decomposition: AbstractDecomposition = decomposition,
             formulation: AbstractFormulation = formulation,
             rank: Rank = rank,
-        ) -> tuple[AbstractReducedSystem | ProjectedSystem, Basis]:
+        ) -> tuple[AbstractReducedSystem, Basis]:
             basis = formulation.basis(system, training, decomposition.with_rank(rank))
-            rom = reduce(system, basis, formulation)
-            return cast(AbstractReducedSystem | ProjectedSystem, rom), basis
+            return reduce(system, basis, formulation), basis
 
         try:
             (rom, basis), duration = timed(make)

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -157,7 +157,7 @@ class _Search:
             snapshots += [point.run, *point.sensitivities]
         basis = formulation.basis(system, snapshots, POD(rank))
         # All formulations but those for reference make such systems.
-        return cast(AbstractReducedSystem, reduce(system, basis, formulation))
+        return reduce(system, basis, formulation)
 
     def step(
         self, rom: AbstractReducedSystem, best: _Point, radius: float

@@ -1,7 +1,7 @@
 """The smallest rank that is good enough, and the runs that say so."""
 
 import dataclasses
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -102,7 +102,7 @@ class RankSearch:
     def candidate(self, basis: Basis) -> Candidate:
         """The model of a basis, with its runs from the starts of all training runs."""
         # All formulations but those for reference make such systems.
-        rom = cast(AbstractReducedSystem, reduce(self.systems[0], basis, self.formulation))
+        rom = reduce(self.systems[0], basis, self.formulation)
         forget_training(rom)
         pairs = zip(self.systems, self.truths, strict=True)
         runs = [run_as(rom, system, truth, sharper(self.tol)) for system, truth in pairs]

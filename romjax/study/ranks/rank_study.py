@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import diffrax
 import numpy as np
@@ -147,7 +147,7 @@ def rank_study(
         try:
             basis = formulation.basis(system, training, method.with_rank(rank))
             # All formulations but those for reference make such systems.
-            rom = cast(AbstractReducedSystem, reduce(system, basis, formulation))
+            rom = reduce(system, basis, formulation)
         except (RankError, ReductionError) as error:
             refused[f"{formulation.name}, r = {rank}"] = str(error)
             continue
