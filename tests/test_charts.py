@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from tolerances import SOLVED
-from zoo import four_bar
+from zoo import four_bar, run
 
 import romjax as rj
 from romjax.integrate.post_step import PostStepSolver
@@ -182,6 +182,20 @@ def test_sparse_snapshots_of_one_chart_are_on_one_branch():
     for chart, domain in zip(atlas.charts, atlas.domains, strict=True):
         signs = np.sign(directions[::10][domain] @ chart.read.T)
         assert np.all(signs == signs[0]), f"snapshots {domain}"
+
+
+@pytest.mark.slow
+def test_snapshots_a_turn_apart_are_joined():
+    """The crank of the squeezer turns by up to 6 rad from one snapshot to the next, in which the
+    other bodies turn back twice: no sign tells whether a choice of coordinates holds in between.
+    """
+    system = rj.assemble(rj.gallery.squeezer())
+    truth = run(system, np.linspace(0.0, 0.5, 51), rtol=1e-10)
+    assert np.max(np.abs(np.diff(truth.q, axis=0))) > np.pi
+    found = choose_chart(system, truth.t, truth.q)
+    assert found.way is not None
+    rom = rj.reduce(system, rj.pod(truth, rank=1), "minimal")
+    assert rj.compare(truth, run(rom, truth.t, rtol=1e-9)).error <= 1e-6
 
 
 @pytest.mark.exhaustive

@@ -4,8 +4,9 @@ import abc
 from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..common import precision
 from ..common.arrays import Time, Vector, concrete
@@ -74,6 +75,16 @@ class AbstractReducedSystem(AbstractSystem):
         """
 
 
+def follows(
+    model: AbstractReducedSystem,
+    t: Float[Array, " K"],
+    q: Float[Array, "K n"],
+    v: Float[Array, "K n"],
+) -> bool:
+    """Whether a model has configurations near all of these physical states."""
+    return bool(_exist(model, t, q, v))
+
+
 def check_alike(full: AbstractSystem, other: AbstractSystem) -> None:
     """Raise ReductionError unless another system can take the place of the `full` one."""
     if other.n != full.n or other.m != full.m:
@@ -105,3 +116,17 @@ def _largest_violation(
     """Return the largest violation of a constraint or of its rate."""
     state = differentiate(system.constraint, t, z, w)
     return jnp.max(jnp.abs(jnp.stack([state.violation, state.rate])))
+
+
+@program_once
+def _exist(
+    model: AbstractReducedSystem,
+    t: Float[Array, " K"],
+    q: Float[Array, "K n"],
+    v: Float[Array, "K n"],
+) -> Bool[Array, ""]:
+    def one(t: Array, q: Array, v: Array) -> Array:
+        own = model.in_chart_of(q)
+        return jnp.all(jnp.isfinite(own.reconstruct(t, *own.restrict(q, v))[0]))
+
+    return jnp.all(jax.vmap(one)(t, q, v))

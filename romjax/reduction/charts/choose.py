@@ -12,12 +12,18 @@ from ...common.identity_cache import IdentityCache
 from ...system import unit_length
 from ...system.base import AbstractSystem
 from .chart import Chart
+from .follow import Way, followed
 from .survey import Survey, jacobians, mass_root, survey
 
 # A chart whose dependent coordinates follow with a larger condition is refused.
 WORST_CONDITION = 1e4
 # Snapshots at which charts are judged.
 _SNAPSHOTS = 100
+# Of snapshots whose allowed directions turn farther than that from one to the next (the cosine), no
+# sign tells whether a singular position lies in between.
+_RESOLVED = 0.5
+# Charts that are then tried by following them.
+_FOLLOWED = 2
 # Sweeps towards the chart whose worst snapshot is best; few, as none is needed far from singular
 # positions.
 _SWEEPS = 10
@@ -30,20 +36,30 @@ _HELD = 1e-9
 
 
 class Candidate(NamedTuple):
-    """A chart, and the worst condition of its dependent coordinates over the snapshots."""
+    """A chart, and the worst condition of its dependent coordinates over the snapshots; `way`: from
+    each of these to the next, where they are far apart.
+    """
 
     chart: Chart
     condition: float
+    way: Way | None = None
 
 
 class Directions(NamedTuple):
     """Orthonormal directions of independent (n, d) and dependent (n, m) coordinates of a survey,
-    and the worst condition of the dependent ones over the snapshots.
+    the worst condition of the dependent ones over the snapshots, and whether they seem to cross a
+    singular position between two of these.
     """
 
     independent: np.ndarray
     dependent: np.ndarray
-    condition: float
+    worst: float
+    crossed: bool
+
+    @property
+    def condition(self) -> float:
+        """The worst condition on the way; infinite across a singular position."""
+        return np.inf if self.crossed else self.worst
 
 
 # By snapshots, since a basis and the models made with it ask for the same chart.
@@ -84,9 +100,33 @@ def _best(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"])
         return affine
 
     seen = seen or survey(system, t, q, _SNAPSHOTS)
-    directions = best_directions(seen)
-    chart = seen.chart(directions.independent, directions.dependent)
-    return Candidate(chart, directions.condition)
+    if not _resolved(seen) and (found := _followed(system, t, q, seen)) is not None:
+        return found
+    best = best_directions(seen)
+    return Candidate(seen.chart(best.independent, best.dependent), best.condition)
+
+
+def _followed(
+    system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"], seen: Survey
+) -> Candidate | None:
+    """The best chart in which the way from each snapshot to the next can be followed, if any."""
+    times, configurations = np.asarray(t)[seen.snapshots], np.asarray(q)[seen.snapshots]
+    for directions in sorted(_candidates(seen), key=lambda one: one.worst)[:_FOLLOWED]:
+        if directions.worst <= WORST_CONDITION:
+            chart = seen.chart(directions.independent, directions.dependent)
+            way = followed(system, chart, times, configurations)
+            if way is not None:
+                return Candidate(chart, directions.worst, way)
+    return None
+
+
+def _resolved(seen: Survey) -> bool:
+    """Whether the allowed directions of each snapshot are near those of the next."""
+    before, after = seen.null_spaces[:-1], seen.null_spaces[1:]
+    if not seen.null_spaces.shape[2]:
+        return True
+    cosines = np.linalg.svd(np.swapaxes(before, 1, 2) @ after, compute_uv=False)[:, -1]
+    return bool(np.min(cosines, initial=1.0) >= _RESOLVED)
 
 
 def _closed_form(
@@ -158,13 +198,17 @@ def best_directions(seen: Survey) -> Directions:
 
     Of a mechanism without freedom all coordinates are dependent.
     """
+    return min(_candidates(seen), key=lambda candidate: candidate.condition)
+
+
+def _candidates(seen: Survey) -> list[Directions]:
     rank, candidates = len(seen.rows), []
     means = _means(seen.null_spaces) if seen.null_spaces.shape[2] else ()
     for vectors in (_coordinates(seen.null_spaces), *means):
         independent, dependent = vectors[:, rank:], vectors[:, :rank]
-        condition = _worst_condition(independent, dependent, seen)
-        candidates.append(Directions(independent, dependent, condition))
-    return min(candidates, key=lambda candidate: candidate.condition)
+        judged = _worst_condition(dependent, seen), _crossed(independent, seen)
+        candidates.append(Directions(independent, dependent, *judged))
+    return candidates
 
 
 def _coordinates(null_spaces: np.ndarray) -> np.ndarray:
@@ -196,11 +240,13 @@ def _means(null_spaces: np.ndarray) -> Iterator[np.ndarray]:
         weights /= np.mean(weights)
 
 
-def _worst_condition(independent: np.ndarray, dependent: np.ndarray, seen: Survey) -> float:
-    """The largest condition of C_q W over the snapshots; infinite across a singular position."""
-    conditions = np.linalg.cond(seen.jacobians @ dependent)
+def _worst_condition(dependent: np.ndarray, seen: Survey) -> float:
+    """The largest condition of C_q W over the snapshots."""
+    return float(np.max(np.linalg.cond(seen.jacobians @ dependent)))
+
+
+def _crossed(independent: np.ndarray, seen: Survey) -> bool:
+    """Whether the sign of the determinant changes, so that a singular position lies in between."""
     signs = np.linalg.det(independent.T @ seen.null_spaces)
     turns = [np.linalg.det(a.T @ b) for a, b in itertools.pairwise(seen.null_spaces)]
-    # Where the sign of the determinant changes, a singular position lies in between.
-    crossed = np.any(signs[:-1] * signs[1:] * np.array(turns) < 0)
-    return float(np.inf if crossed else np.max(conditions))
+    return bool(np.any(signs[:-1] * signs[1:] * np.array(turns) < 0))

@@ -22,6 +22,7 @@ from ...system.validity import TrainingBox
 from ..charts.atlas import Atlas, choose_atlas
 from ..charts.chart import Chart
 from ..charts.choose import WORST_CONDITION, choose_chart
+from ..charts.follow import Way
 from ..charts.survey import mass_at
 from ..lift.atlas import AtlasLift
 from ..lift.closed_form import ClosedFormLift
@@ -29,7 +30,7 @@ from ..lift.implicit import ImplicitLift
 from ..system import ReducedSystem
 from .base import AbstractFormulation, start
 
-# Snapshots that Newton's method may start from.
+# Configurations that Newton's method may start from.
 _GUESSES = 200
 
 
@@ -62,7 +63,7 @@ class Minimal(AbstractFormulation):
         q₀ + T s with the tangent T at the first snapshot, without the curvature of the mechanism.
         """
         snapshots = SnapshotSet.of(motion).of_unit_length(system.structure.quaternions)
-        chart = _choose(system, snapshots) if self.chart is None else self.chart
+        chart, _ = _choose(system, snapshots, self.chart)
         if isinstance(chart, Atlas) or not chart.independent.size:
             return decomposition(snapshots)
         tangent = chart.tangent(system, pick(snapshots.t, 0), pick(snapshots.q, 0))
@@ -76,7 +77,7 @@ class Minimal(AbstractFormulation):
         """
         basis = basis.of_unit_length(system.structure.quaternions)
         snapshots = basis.snapshots
-        chart = _choose(system, snapshots) if self.chart is None else self.chart
+        chart, way = _choose(system, snapshots, self.chart)
         if isinstance(chart, Atlas):
             return _in_atlas(system, basis, chart)
         metric = chart.metric(system, pick(snapshots.t, 0), pick(snapshots.q, 0))
@@ -85,14 +86,16 @@ class Minimal(AbstractFormulation):
         if len(metric):
             inner = span(as_jax(read.astype(metric.dtype) @ modes), metric)
         # Without freedom, Newton's method only follows the drives.
-        count = 1 if chart.affine else _GUESSES if len(metric) else len(snapshots.t)
+        t, q = (snapshots.t, snapshots.q) if way is None else (as_jax(way.t), as_jax(way.q))
+        count = 1 if chart.affine else _GUESSES if len(metric) else len(t)
         if not len(metric) and basis.decomposition is None:
             raise ReductionError(
                 "reduce: joints and drives prescribe the whole motion, which modes of one's own do "
                 "not show; give a basis of a run, as rj.pod(run) is."
             )
-        domain = np.linspace(0, len(snapshots.t) - 1, count).astype(int)
-        lift = _lift(system, basis, chart, inner, metric, np.unique(domain))
+        domain = np.unique(np.linspace(0, len(t) - 1, count).astype(int))
+        guesses = pick(t, domain), pick(q, domain)
+        lift = _lift(system, basis, chart, inner, metric, guesses)
         validity = None
         if basis.decomposition is not None:
             validity = _box(snapshots.t, snapshots.q, basis.offset, lift.dual)
@@ -117,7 +120,8 @@ def _in_atlas(system: AbstractSystem, basis: Basis, atlas: Atlas) -> ReducedSyst
     unit = as_jax(np.eye(freedoms, dtype=basis.modes.dtype))
     lifts = []
     for chart, domain in zip(atlas.charts, atlas.domains, strict=True):
-        one = _lift(system, basis, chart, unit, unit, domain)
+        guesses = pick(basis.snapshots.t, domain), pick(basis.snapshots.q, domain)
+        one = _lift(system, basis, chart, unit, unit, guesses)
         assert isinstance(one, ImplicitLift)  # a chart in closed form needs no others
         lifts.append(one)
     snapshots = basis.snapshots
@@ -130,7 +134,12 @@ def _in_atlas(system: AbstractSystem, basis: Basis, atlas: Atlas) -> ReducedSyst
     return ReducedSystem.of(system, lift, start(system, basis), *given)
 
 
-def _choose(system: AbstractSystem, snapshots: SnapshotSet) -> Chart | Atlas:
+def _choose(
+    system: AbstractSystem, snapshots: SnapshotSet, given: Chart | Atlas | None
+) -> tuple[Chart | Atlas, Way | None]:
+    """The chart, and the way through the snapshots in it where these are far apart."""
+    if given is not None:
+        return given, None
     t, q = snapshots.t, snapshots.q
     if any(compat.is_traced(x) for x in jax.tree.leaves((system, t, q))):
         raise ValueError(
@@ -138,7 +147,9 @@ def _choose(system: AbstractSystem, snapshots: SnapshotSet) -> Chart | Atlas:
             "romjax.Minimal(chart=rom.lift.chart) of a reduced model that was made outside."
         )
     best = choose_chart(system, t, q)
-    return best.chart if best.condition <= WORST_CONDITION else choose_atlas(system, t, q)
+    if best.condition <= WORST_CONDITION:
+        return best.chart, best.way
+    return choose_atlas(system, t, q), None
 
 
 def _lift(
@@ -147,16 +158,15 @@ def _lift(
     chart: Chart,
     inner: Float[Array, "d r"],
     metric: Float[Array, "d d"],
-    domain: np.ndarray,
+    guesses: tuple[Float[Array, " K"], Float[Array, "K n"]],
 ) -> ClosedFormLift | ImplicitLift:
-    """The lift on one chart; Newton's method starts from the snapshots of the `domain`."""
-    t, q = pick(basis.snapshots.t, domain), pick(basis.snapshots.q, domain)
+    """The lift on one chart; Newton's method starts from the `guesses` t, q."""
     others = None
     if not chart.affine:
         # The dependent coordinates of a displacement.
         left_out = np.eye(system.n) - chart.independent @ chart.read
         others = as_jax(np.linalg.pinv(chart.dependent) @ left_out)
-    lift = _lift_from(system, t, q, basis.offset, chart, inner, metric, others)
+    lift = _lift_from(system, *guesses, basis.offset, chart, inner, metric, others)
     # Its own arrays, which no transformation traces.
     return dataclasses.replace(lift, chart=chart)
 

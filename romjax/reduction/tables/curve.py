@@ -12,7 +12,7 @@ from ...common.errors import ReductionError, UnsuitedError
 from ...system.base import AbstractSystem
 from ..charts.survey import jacobians
 from .frames import BLOCK, Frames, Point, advance, start, violations
-from .grid import CLOSED, Grid, check, refined
+from .grid import CLOSED, Goal, Grid, check, refined
 from .interpolation import SIDE
 
 # Blocks of steps after which a curve that has not closed is left open.
@@ -37,12 +37,13 @@ def trace_curve(
     frames: Frames,
     q: Float[Array, " n"],
     snapshots: Float[Array, "K n"] | None,
-    tol: float,
+    goal: Goal,
 ) -> Grid:
     """The whole curve through q if it closes, else as much of it as the snapshots need.
 
-    Halfway between the nodes the constraints hold to `tol`. Raises ReductionError for constraints
-    that change with time, at a singular position, and for an open curve without snapshots.
+    Halfway between the nodes the constraints hold to the `goal`. Raises ReductionError for
+    constraints that change with time, at a singular position, and for an open curve without
+    snapshots.
     """
     rows = np.asarray(jacobians(system, frames.time[None], q[None]))[0]
     free, direction = np.array(frames.numbers), np.zeros(q.size)
@@ -63,7 +64,7 @@ def trace_curve(
             "its configurations has no end; give a basis, whose snapshots say how far it goes."
         )
     count = BLOCK * max(1, round(length / step / BLOCK))
-    return refined(system, frames, make, count, tol, BLOCK)
+    return refined(system, frames, make, count, goal, BLOCK)
 
 
 class _Walk(NamedTuple):

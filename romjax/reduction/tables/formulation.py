@@ -23,8 +23,12 @@ from ..formulation.minimal import Minimal
 from ..system import ReducedSystem
 from .curve import trace_curve
 from .frames import Frames
+from .grid import Goal
 from .lift import TableLift
 from .surface import trace_surface
+
+# What tables hold unless something else is asked for.
+_GOAL = Goal(1e-9, 1e-5)
 
 
 class Tabulated(AbstractFormulation):
@@ -48,7 +52,8 @@ class Tabulated(AbstractFormulation):
     **Arguments:**
 
     - `tol`: how well the table holds the constraints between its nodes: largest |C̈| [m/s², rad/s²]
-      of the undeformed bodies at a speed of 1 √kg m/s in the mass metric.
+      of the undeformed bodies at a speed of 1 √kg m/s in the mass metric. None: to 1e-9, or where
+      rounding or the number of nodes forbids that, as well as a table can, to 1e-5 at least.
 
     Raises InputError for a `tol` that is not positive.
     """
@@ -56,14 +61,15 @@ class Tabulated(AbstractFormulation):
     name: ClassVar[str] = "table"
     in_subspace: ClassVar[bool] = False
 
-    tol: float = eqx.field(static=True, default=1e-9)
+    tol: float | None = eqx.field(static=True, default=None)
 
     def __check_init__(self) -> None:
-        if not self.tol > 0:
+        if self.tol is not None and not self.tol > 0:
             raise InputError(f"Tabulated: tol={self.tol}, but it must be positive.")
 
     def reduce(self, system: AbstractSystem, basis: Basis) -> ReducedSystem:
-        """Raises ReductionError for bodies in space, for more than two freedoms, for constraints
+        """Raises ReductionError where no table holds the constraints well enough, for bodies in
+        space, for more than two freedoms, for constraints
         that change with time, at singular positions, and without snapshots for two
         freedoms or an open curve.
         """
@@ -80,10 +86,11 @@ class Tabulated(AbstractFormulation):
         undeformed = as_jax(put(q, amplitudes, 0.0))
         trained, bent = basis.decomposition is not None, np.s_[:, amplitudes]
         snapshots = as_jax(put(basis.snapshots.q, bent, 0.0)) if trained else None
+        goal = _GOAL if self.tol is None else Goal(self.tol, self.tol)
         if frames.freedoms == 1:
-            grid = trace_curve(system, frames, undeformed, snapshots, self.tol)
+            grid = trace_curve(system, frames, undeformed, snapshots, goal)
         else:
-            grid = trace_surface(system, frames, snapshots, self.tol)
+            grid = trace_surface(system, frames, snapshots, goal)
         own = _modes(basis, amplitudes, basis.rank - frames.freedoms)
         modes = as_jax(put(np.zeros((system.n, own.shape[1]), q.dtype), amplitudes, own))
         lift = TableLift.of(system, frames, grid, modes)

@@ -28,6 +28,13 @@ _MOST_NODES = {1: 2**14, 2: 2**12}
 CLOSED = 1e-9
 
 
+class Goal(NamedTuple):
+    """How well a table is to hold the constraints, and what is `enough` if nothing more helps."""
+
+    tol: float
+    enough: float
+
+
 class Grid(NamedTuple):
     """Nodes along a curve or on a surface of configurations.
 
@@ -99,34 +106,39 @@ def refined(
     frames: Frames,
     make: Callable[[int], Grid],
     count: int,
-    tol: float,
+    goal: Goal,
     multiple: int = 1,
     margin: float = 0.0,
 ) -> Grid:
     """The grid of about the fewest nodes, of which `make` takes the number in each direction and
-    `count` is the first, at which the constraints hold to `tol` halfway between them.
+    `count` is the first, at which the constraints hold halfway between them as well as the `goal`
+    says; else the best of all, if that is enough.
 
     Numbers are multiples of `multiple`; errors do not count in a `margin` at both ends, a share of
     the whole width. Raises UnsuitedError where more nodes do not help, and for
     a grid that a table cannot hold.
     """
-    tried, error = 0, np.inf
-    while count**frames.freedoms <= _MOST_NODES[frames.freedoms]:
+    tried, nodes, error, least = 0, 0, np.inf, np.inf
+    best: Grid | None = None
+    while error > goal.tol and count**frames.freedoms <= _MOST_NODES[frames.freedoms]:
         grid = make(count)
         errors = np.asarray(curvature_errors(system, frames, grid))
         judged = slice(math.floor(margin * count), count - math.floor(margin * count))
         last, error = error, float(np.max(np.abs(errors[(judged,) * frames.freedoms])))
-        if error <= tol:
-            check(system, frames, *grid.in_a_row())
-            return grid
+        if error < least:
+            least, best, nodes = error, grid, count**frames.freedoms
         doubled, tried = count >= 2 * tried > 0, count
         if doubled and error > last / 2:
             break
-        more = min(2.0, 1.1 * (error / tol) ** (1 / _ORDER))
+        more = min(2.0, 1.1 * (error / goal.tol) ** (1 / _ORDER))
         count = multiple * math.ceil(more * count / multiple)
+    if best is not None and least <= goal.enough:
+        check(system, frames, *best.in_a_row())
+        return best
     raise UnsuitedError(
-        f"reduce: a table of {tried**frames.freedoms} nodes violates the constraints by "
-        f"{error:.1e}, more than tol={tol:g}; take a larger tol."
+        f"reduce: a table of {nodes} nodes violates the constraints by {least:.1e}, more than "
+        f"tol={goal.tol:g}, and more of them do not help; take tol={1.1 * least:.1e}, which it "
+        "holds."
     )
 
 

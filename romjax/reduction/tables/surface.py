@@ -13,7 +13,7 @@ from ...system.base import AbstractSystem
 from ..charts.choose import WORST_CONDITION, best_directions
 from ..charts.survey import survey
 from .frames import Frames, violations
-from .grid import CLOSED, Grid, refined
+from .grid import CLOSED, Goal, Grid, refined
 
 # Snapshots at which coordinates are judged.
 _SNAPSHOTS = 100
@@ -27,12 +27,12 @@ _WAY, _NEWTON, _BLOCK = 12, 2, 512
 
 
 def trace_surface(
-    system: AbstractSystem, frames: Frames, snapshots: Float[Array, "K n"] | None, tol: float
+    system: AbstractSystem, frames: Frames, snapshots: Float[Array, "K n"] | None, goal: Goal
 ) -> Grid:
     """A grid over the rectangle of the snapshots in the two coordinates that suit them best.
 
     The coordinates are s = Aᵀ M₀ (q − q̄) with constant directions A, from which the constraints
-    determine all others. Halfway between the nodes the constraints hold to `tol`. Raises
+    determine all others. Halfway between the nodes the constraints hold to the `goal`. Raises
     ReductionError without snapshots, for constraints that change with time, and where the rectangle
     comes to a singular position.
     """
@@ -46,9 +46,9 @@ def trace_surface(
     seen = survey(system, times, snapshots, _SNAPSHOTS, free)
     directions = best_directions(seen)
     if not directions.condition <= WORST_CONDITION:
-        raise ReductionError(
+        raise UnsuitedError(
             "reduce: no two coordinates determine all others at every snapshot, since the "
-            "mechanism passes a singular position of each pair; take formulation=romjax.Galerkin()."
+            "mechanism passes a singular position of each pair."
         )
     along = np.zeros((system.n, 2))
     along[free] = np.linalg.inv(seen.root) @ directions.independent
@@ -71,7 +71,7 @@ def trace_surface(
         return Grid(as_jax(q.reshape(shape)), as_jax(every), as_jax(steps), None)
 
     margin = _MARGIN / (1 + 2 * _MARGIN)
-    return refined(system, frames, make, _FIRST, tol, margin=margin)
+    return refined(system, frames, make, _FIRST, goal, margin=margin)
 
 
 def _on_surface(
