@@ -132,6 +132,8 @@ BELOW = {
     "analysis": {"linalg", "scene", "system", "assembly", "measure"},
     "study": {"linalg", "scene", "basis", "system", "assembly", "reduction", "integrate"},
     "trials": {"linalg", "scene", "basis", "system", "assembly", "reduction", "integrate", "study"},
+    "export": {"linalg", "scene", "system", "assembly", "reduction", "march", "integrate"}
+    | {"measure", "analysis"},
     "files": {"scene", "system", "assembly", "integrate", "measure", "study", "events"},
     "gallery": {"linalg", "scene", "spatial"},
     "spatial": {"scene"},

@@ -13,6 +13,7 @@ import diffrax
 import jax
 from diffrax._term import AdjointTerm, WrapTerm
 from jax._src import config, core, xla_bridge
+from jax._src.interpreters import partial_eval
 from jax.experimental import serialize_executable
 from jaxlib.cpu import _lapack
 
@@ -123,6 +124,12 @@ def depends_on_first(function: Callable[..., Any], *args: Any) -> bool:
     first = jaxpr.invars[0]
     used = [atom for equation in jaxpr.eqns for atom in equation.invars] + jaxpr.outvars
     return any(atom is first for atom in used)
+
+
+def without_unused(closed: Any) -> tuple[Any, list[bool]]:
+    """The equations of a closed program that its results need, and which arguments they use."""
+    jaxpr, used = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(closed.jaxpr.outvars))
+    return jaxpr, used
 
 
 def make_module(kind: type[M], **fields: Any) -> M:

@@ -43,8 +43,9 @@ _VERSIONED = frozenset({"romjax", *_PACKAGES}) | sys.stdlib_module_names
 # All programs together, in bytes: some hundred structures.
 _LARGEST = 2**30
 # The files of programs, and those that say which program a call leads to; no others are touched.
-_PROGRAM, _CALL = ".program", ".call"
-_OWN = re.compile(rf"[0-9a-f]{{64}}({re.escape(_PROGRAM)}|{re.escape(_CALL)})")
+# And the libraries that models were compiled to by the user's own compiler.
+_PROGRAM, _CALL, _LIBRARY = ".program", ".call", ".library"
+_OWN = re.compile(r"[0-9a-f]{64}\.(program|call|library)")
 # Bytes since the folder was last looked through; more than any number at first.
 _written = [math.inf]
 
@@ -123,6 +124,18 @@ def store(text: str, compiled: Any) -> None:
     except (pickle.PicklingError, TypeError, AttributeError, ValueError, NotImplementedError):
         return  # results of a class of the user's own, say, that Python finds under no name
     _write(file, content)
+
+
+def load_library(key: str | None) -> bytes | None:
+    """The bytes of a shared library, by its key; None if there is none."""
+    return _read(_file(key, _LIBRARY))
+
+
+def store_library(key: str | None, content: bytes) -> None:
+    """Keep the bytes of a shared library, by its key."""
+    file = _file(key, _LIBRARY)
+    if file is not None:
+        _write(file, content)
 
 
 def _read(file: Path | None) -> bytes | None:

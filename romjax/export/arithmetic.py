@@ -1,0 +1,245 @@
+"""Operations on single numbers, known ones at once, others as terms of C."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from .terms import Term, Writer, is_known
+
+Function = Callable[..., Any]
+# Powers up to this one are products.
+_PRODUCTS = 8
+
+
+def _folded(function: Callable[..., Any], *numbers: Any) -> Any:
+    """The result of NumPy for numbers that are known, with infinities and NaN as C has them."""
+    with np.errstate(all="ignore"):
+        value = function(*numbers)
+    return value.item() if isinstance(value, np.generic) else value
+
+
+class Arithmetic:
+    """Operations that write to a `Writer`. A product with a known zero is zero, and so no term."""
+
+    def __init__(self, writer: Writer) -> None:
+        self.writer = writer
+        self.elementwise: dict[str, Function] = self._elementwise()
+        self.sums: dict[str, Function] = {
+            "reduce_sum": self.add,
+            "reduce_max": self.largest,
+            "reduce_min": self.least,
+            "reduce_or": self.either,
+            "reduce_and": self.both,
+            "reduce_prod": self.mul,
+            "cumsum": self.add,
+            "cumprod": self.mul,
+            "cummax": self.largest,
+            "cummin": self.least,
+        }
+
+    def add(self, a: Any, b: Any, kind: str = "f") -> Any:
+        if is_known(a) and is_known(b):
+            return a + b
+        if _is(a, 0):
+            return b
+        return a if _is(b, 0) else self.writer.compute(kind, "{} + {}", a, b)
+
+    def sub(self, a: Any, b: Any, kind: str = "f") -> Any:
+        if is_known(a) and is_known(b):
+            return a - b
+        if _is(b, 0):
+            return a
+        return self.neg(b, kind) if _is(a, 0) else self.writer.compute(kind, "{} - {}", a, b)
+
+    def neg(self, a: Any, kind: str = "f") -> Any:
+        return -a if is_known(a) else self.writer.compute(kind, "-{}", a)
+
+    def mul(self, a: Any, b: Any, kind: str = "f") -> Any:
+        if is_known(a) and is_known(b):
+            return _folded(np.multiply, a, b)
+        if _is(a, 0) or _is(b, 0):
+            return 0.0 if kind == "f" else 0
+        if _is(a, 1):
+            return b
+        if _is(a, -1):
+            return self.neg(b, kind)
+        if _is(b, -1):
+            return self.neg(a, kind)
+        return a if _is(b, 1) else self.writer.compute(kind, "{} * {}", a, b)
+
+    def div(self, a: Any, b: Any, kind: str = "f") -> Any:
+        if is_known(a) and is_known(b):
+            quotient = np.divide if kind == "f" else lambda a, b: int(a / b)
+            return _folded(quotient, a, b)
+        if _is(a, 0):
+            return 0.0 if kind == "f" else 0
+        return a if _is(b, 1) else self.writer.compute(kind, "{} / {}", a, b)
+
+    def power(self, a: Any, exponent: int, kind: str = "f") -> Any:
+        """A whole power; small ones by products."""
+        if exponent < 0:
+            return self.div(1.0, self.power(a, -exponent, kind), kind)
+        if exponent > _PRODUCTS:
+            return self._function("pow", np.power)(a, float(exponent))
+        result, factor = None, a
+        while exponent:
+            if exponent & 1:
+                result = factor if result is None else self.mul(result, factor, kind)
+            exponent >>= 1
+            factor = self.mul(factor, factor, kind) if exponent else factor
+        return 1.0 if result is None else result
+
+    def largest(self, a: Any, b: Any, kind: str = "f") -> Any:
+        """The larger one; NaN if one is NaN, which fmax would leave out."""
+        if is_known(a) and is_known(b):
+            return _folded(np.maximum, a, b)
+        return self._extreme(">", a, b, kind)
+
+    def least(self, a: Any, b: Any, kind: str = "f") -> Any:
+        if is_known(a) and is_known(b):
+            return _folded(np.minimum, a, b)
+        return self._extreme("<", a, b, kind)
+
+    def _extreme(self, sign: str, a: Any, b: Any, kind: str) -> Any:
+        if is_known(a):
+            a, b = b, a
+        # Of whole numbers, and of a known one, none is NaN.
+        if kind != "f":
+            return self.writer.compute(kind, f"{{0}} {sign} {{1}} ? {{0}} : {{1}}", a, b)
+        return self.writer.compute(
+            kind, f"({{0}} {sign} {{1}} || {{0}} != {{0}}) ? {{0}} : {{1}}", a, b
+        )
+
+    def either(self, a: Any, b: Any, kind: str = "b") -> Any:
+        if is_known(a) or is_known(b):
+            known, other = (a, b) if is_known(a) else (b, a)
+            return True if known else other
+        return self.writer.compute("b", "{} || {}", a, b)
+
+    def both(self, a: Any, b: Any, kind: str = "b") -> Any:
+        if is_known(a) or is_known(b):
+            known, other = (a, b) if is_known(a) else (b, a)
+            return other if known else False
+        return self.writer.compute("b", "{} && {}", a, b)
+
+    def choose(self, which: Any, first: Any, second: Any, kind: str) -> Any:
+        """`second` where `which` is true."""
+        if is_known(which):
+            return second if which else first
+        if first is second or (is_known(first) and is_known(second) and _same(first, second)):
+            return first
+        return self.writer.compute(kind, "{} ? {} : {}", which, second, first)
+
+    def convert(self, a: Any, old: str, new: str) -> Any:
+        """A number of another kind."""
+        if is_known(a):
+            return {"f": float, "i": int, "u": int, "b": bool}[new](a)
+        if old == new or (old, new) == ("b", "i"):
+            return a
+        if new == "b":
+            return self.writer.compute("b", "{} != 0", a)
+        return self.writer.compute(new, "(double){}" if new == "f" else "(long){}", a)
+
+    def clamp(self, low: Any, a: Any, high: Any, kind: str) -> Any:
+        return self.least(self.largest(a, low, kind), high, kind)
+
+    def _function(self, name: str, known: Callable[..., Any]) -> Function:
+        """A function of C's library."""
+
+        def call(*numbers: Any, kind: str = "f") -> Any:
+            del kind
+            if all(is_known(x) for x in numbers):
+                return _folded(known, *numbers)
+            places = ", ".join("{}" for _ in numbers)
+            return self.writer.compute("f", f"{name}({places})", *numbers)
+
+        return call
+
+    def _comparison(self, sign: str, known: Callable[[Any, Any], bool]) -> Function:
+        def compare(a: Any, b: Any, kind: str = "b") -> Any:
+            del kind
+            if is_known(a) and is_known(b):
+                return bool(known(a, b))
+            return self.writer.compute("b", f"{{}} {sign} {{}}", a, b)
+
+        return compare
+
+    def _sign(self, a: Any, kind: str = "f") -> Any:
+        if is_known(a):
+            return _folded(np.sign, a)
+        return self.writer.compute(kind, "({0} > 0) - ({0} < 0)", a)
+
+    def _not(self, a: Any, kind: str = "b") -> Any:
+        del kind
+        return (not a) if is_known(a) else self.writer.compute("b", "!{}", a)
+
+    def _finite(self, a: Any, kind: str = "b") -> Any:
+        del kind
+        return bool(np.isfinite(a)) if is_known(a) else self.writer.compute("b", "isfinite({})", a)
+
+    def _absolute(self, a: Any, kind: str = "f") -> Any:
+        if is_known(a):
+            return abs(a)
+        return self.writer.compute(kind, "fabs({})" if kind == "f" else "{0} < 0 ? -{0} : {0}", a)
+
+    def _remainder(self, a: Any, b: Any, kind: str = "f") -> Any:
+        if is_known(a) and is_known(b):
+            return _folded(np.fmod, a, b)
+        return self.writer.compute(kind, "fmod({}, {})" if kind == "f" else "{} % {}", a, b)
+
+    def _elementwise(self) -> dict[str, Function]:
+        comparisons = {
+            "gt": (">", np.greater),
+            "lt": ("<", np.less),
+            "ge": (">=", np.greater_equal),
+            "le": ("<=", np.less_equal),
+            "eq": ("==", np.equal),
+            "ne": ("!=", np.not_equal),
+        }
+        functions = {
+            **{name: (name, getattr(np, name)) for name in ("sin", "cos", "tan", "sqrt", "exp")},
+            **{name: (name, getattr(np, name)) for name in ("sinh", "cosh", "tanh", "floor")},
+            **{name: (name, getattr(np, name)) for name in ("ceil", "log", "log1p", "expm1")},
+            **{name: (name, getattr(np, f"arc{name[1:]}")) for name in ("asin", "acos", "atan")},
+            **{name: (name, getattr(np, f"arc{name[1:]}")) for name in ("asinh", "acosh", "atanh")},
+            "atan2": ("atan2", np.arctan2),
+            "pow": ("pow", np.power),
+            "cbrt": ("cbrt", np.cbrt),
+            "erf": ("erf", math.erf),
+            "erfc": ("erfc", math.erfc),
+        }
+        known = {name: self._function(*each) for name, each in functions.items()}
+        return {
+            "add": self.add,
+            "add_any": self.add,
+            "sub": self.sub,
+            "mul": self.mul,
+            "div": self.div,
+            "neg": self.neg,
+            "max": self.largest,
+            "min": self.least,
+            "and": self.both,
+            "or": self.either,
+            "not": self._not,
+            "abs": self._absolute,
+            "sign": self._sign,
+            "rem": self._remainder,
+            "is_finite": self._finite,
+            "square": lambda a, kind: self.mul(a, a, kind),
+            "rsqrt": lambda a, kind: self.div(1.0, known["sqrt"](a), kind),
+            "logistic": lambda a, kind: self.div(
+                1.0, self.add(1.0, known["exp"](self.neg(a))), kind
+            ),
+            **known,
+            **{name: self._comparison(*each) for name, each in comparisons.items()},
+        }
+
+
+def _is(x: Any, value: float) -> bool:
+    return not isinstance(x, Term) and bool(x == value)
+
+
+def _same(a: Any, b: Any) -> bool:
+    return bool(a == b) and math.copysign(1, a) == math.copysign(1, b)

@@ -1,0 +1,10 @@
+"""What cannot leave, in words."""
+
+from typing import NoReturn
+
+from ..common.errors import InputError
+
+
+def refuse(what: str, remedy: str) -> NoReturn:
+    """Raise InputError for what C cannot be made of, with what helps."""
+    raise InputError(f"export: {what}; {remedy}.")

@@ -1,0 +1,271 @@
+"""Functions of JAX as functions of C: every operation, loops, and what is refused."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from comparison import assert_close
+from jax import lax
+from native import called, library
+from tolerances import IDENTITY
+
+import romjax as rj
+from romjax.export.control import _PLAIN, Control
+from romjax.export.emit import emit
+
+RNG = np.random.default_rng(0)
+X, Y = RNG.uniform(-0.9, 0.9, (2, 2, 3))
+X[0, 1] = Y[0, 1]
+TABLE = RNG.normal(size=(4, 3))
+POINT = {"x": (2, 3), "y": (2, 3)}
+
+
+def number(z):
+    """An index that depends on the state."""
+    return jnp.floor(2 * z[0, 0] + 2).astype(int)
+
+
+@jax.custom_vjp
+def own_reverse(x):
+    return jnp.sin(x)
+
+
+own_reverse.defvjp(lambda x: (jnp.sin(x), x), lambda x, g: (g * x,))
+
+
+def newton(x, y):
+    """A linear solve of its own, with its transpose."""
+    matrix = jnp.eye(3) * 3 + jnp.outer(x[0], y[0])
+    return lax.custom_linear_solve(
+        lambda z: matrix @ z, x[1], lambda mv, b: 0.3 * b + mv(b), lambda mv, b: 0.3 * b
+    )
+
+
+def halving(x, y):
+    """A loop whose end depends on the state, with a row that changes at a place that does."""
+
+    def go(state):
+        i, z, rows = state
+        return i + 1, 0.5 * z, lax.dynamic_update_index_in_dim(rows, z, jnp.minimum(i, 1), 0)
+
+    start = jnp.zeros((), int), x[0] + 2.0, y
+    return lax.while_loop(lambda state: jnp.max(jnp.abs(state[1])) > 0.1, go, start)
+
+
+def sums(x, y, reverse=False):
+    """A loop over rows with a carried sum and rows of its own."""
+
+    def go(total, row):
+        one, two = row
+        return total + one * jnp.sin(two), {"row": total * two, "last": total[0]}
+
+    return lax.scan(go, x[0], (x, y), reverse=reverse)
+
+
+def branch(x, y):
+    cases = [jnp.sin, lambda z: z @ jnp.ones((3, 2)) @ jnp.ones((2, 3)), lambda z: 0.0 * z]
+    return lax.switch(number(x), cases, y)
+
+
+CASES = {
+    "add sub mul div": lambda x, y: (x + y) * (x - y) / (2.0 + x) - y * -1.0 + 0.0 * x,
+    "neg abs sign": lambda x, y: -jnp.abs(x) + jnp.sign(y),
+    "functions": lambda x, y: [
+        f(x) for f in (jnp.sin, jnp.cos, jnp.tan, jnp.exp, jnp.tanh, jnp.sinh, jnp.cosh)
+    ],
+    "inverses": lambda x, y: [
+        f(x) for f in (jnp.arcsin, jnp.arccos, jnp.arctan, jnp.arctanh, jnp.arcsinh)
+    ],
+    "more": lambda x, y: [
+        jnp.sqrt(1 + x), lax.rsqrt(1 + x), jnp.log(2 + x), jnp.log1p(x), jnp.expm1(x), jnp.cbrt(x)
+    ],
+    "error functions": lambda x, y: lax.erf(x) + lax.erfc(y) + lax.logistic(x),
+    "arccosh": lambda x, y: jnp.arccosh(2 + x),
+    "two": lambda x, y: jnp.arctan2(x, y) + (2 + x) ** y + jnp.fmod(x, 0.3),
+    "powers": lambda x, y: [(2 + x) ** k for k in (-3, -1, 0, 1, 2, 3, 7, 20)] + [lax.square(x)],
+    "rounding": lambda x, y: jnp.floor(3 * x) + jnp.ceil(3 * y),
+    "comparisons": lambda x, y: [x > y, x >= y, x < y, x <= y, x == y, x != y],
+    "logic": lambda x, y: [(x > 0) & (y > 0), (x > 0) | (y > 0), ~(x > 0), jnp.isfinite(x)],
+    "choices": lambda x, y: jnp.where(x > y, x, 2.0) + jnp.maximum(x, 0.1) + jnp.minimum(0.1, y),
+    "clamp": lambda x, y: lax.clamp(-0.2, x, 0.3) + jnp.clip(y, -0.1, 0.1),
+    "kinds": lambda x, y: (3 * x).astype(int) * 1.5 + (x > 0) * y + (x != 0).astype(int),
+    "whole numbers": lambda x, y: number(x) // 2 + number(y) % 2 - abs(-number(x)) * 3,
+    "known": lambda x, y: 0 * x + jnp.sin(TABLE[:2]) + jnp.arange(3.0)[None] + jnp.minimum(9, y),
+    "stop": lambda x, y: lax.stop_gradient(x) + lax.optimization_barrier(y),
+    "shapes": lambda x, y: x.reshape(3, 2) @ y[:, :2] + jnp.squeeze(x[None]).T[:, ::-1][:, :2],
+    "parts": lambda x, y: [*jnp.unstack(x), *jnp.split(y, [1], axis=1), x[:, ::2], x[::-1]],
+    "together": lambda x, y: jnp.concatenate([x, y], axis=1) + jnp.stack([x, y]).reshape(2, 6),
+    "pad": lambda x, y: lax.pad(x, 1.5, [(1, -1, 0), (0, 2, 1)]),
+    "iota": lambda x, y: lax.broadcasted_iota(float, (2, 3), 1) * x + jnp.arange(2.0)[:, None],
+    "sums": lambda x, y: [jnp.sum(x), jnp.sum(x, axis=0), jnp.prod(y, axis=1), jnp.mean(x)],
+    "extremes": lambda x, y: [jnp.max(x, axis=1), jnp.min(y), jnp.argmax(x), jnp.argmin(y, axis=1)],
+    "any and all": lambda x, y: [jnp.any(x > y, axis=1), jnp.all(x > y)],
+    "cumulative": lambda x, y: [
+        jnp.cumsum(x, axis=1), lax.cumprod(y, reverse=True), lax.cummax(x), lax.cummin(y)
+    ],
+    "products": lambda x, y: [x @ y.T, jnp.einsum("bi,bj->bij", x, y), jnp.vdot(x, y)],
+    "gather": lambda x, y: [x[:, np.array([2, 0])], x[np.array([1, 0]), np.array([2, 2])]],
+    "gather by state": lambda x, y: [
+        jnp.asarray(TABLE)[number(x)],
+        x[:, number(y) - 1],
+        jnp.take(x, number(x) + jnp.arange(5), axis=1, mode="fill", fill_value=7.0),
+        x[(number(x) + jnp.arange(2)) % 2],
+    ],
+    "gather in a batch": lambda x, y: jax.vmap(lambda a, i: a[i])(x, jnp.argmax(y, axis=1)),
+    "scatter": lambda x, y: [x.at[:, 1].add(y[:, 0]), x.at[1].set(y[0]), x.at[0, 7].add(3.0)],
+    "scatter twice": lambda x, y: jnp.zeros(4).at[np.array([0, 2, 0])].add(x[0]),
+    "dynamic slice": lambda x, y: [
+        lax.dynamic_slice(x, (0, number(y)), (2, 2)),
+        lax.dynamic_update_slice(x, y[:, :2], (0, number(y))),
+        lax.dynamic_slice(x, (5, 1), (1, 2)),
+        lax.dynamic_update_slice(x, y[:1], (1, 0)),
+    ],
+    "scan": lambda x, y: sums(x, y),
+    "reversed scan": functools.partial(sums, reverse=True),
+    "while": halving,
+    "counted": lambda x, y: lax.fori_loop(0, 4, lambda i, z: jnp.cos(z) + i, x),
+    "cond": lambda x, y: [branch(x, y), lax.cond(x[0, 0] > 0, jnp.sin, jnp.cos, y)],
+    "linear solve": newton,
+    "its derivative": lambda x, y: jax.jvp(newton, (x, y), (y, x))[1],
+    "own derivatives": lambda x, y: jax.grad(lambda x: jnp.sum(own_reverse(x) * y))(x)
+    + jax.nn.relu(x) + own_reverse(y),
+    "calls": lambda x, y: jax.jit(lambda x: jax.checkpoint(jnp.sin)(x))(x),
+    "reverse mode": lambda x, y: jax.grad(lambda x: jnp.sum(sums(x, y)[0] ** 2))(x),
+}  # fmt: skip
+
+
+def results(case, x, y):
+    leaves = jax.tree.leaves(CASES[case](x, y))
+    return {f"o{k}": jnp.asarray(leaf, float) for k, leaf in enumerate(leaves)}
+
+
+@pytest.fixture(scope="module")
+def both():
+    """All cases, by C with loops unrolled, with loops as loops, and by JAX."""
+    names = {case: f"case{k}" for k, case in enumerate(CASES)}
+    functions = {}
+    for unrolled in (10_000, 0):
+        for case, name in names.items():
+            made = functools.partial(results, case)
+            functions[case, unrolled] = emit(made, f"{name}_{unrolled}", POINT, unrolled=unrolled)
+    code = library(list(functions.values()))
+    expected = jax.jit(lambda x, y: {case: results(case, x, y) for case in CASES})(X, Y)
+    found = {key: called(code, function, X, Y) for key, function in functions.items()}
+    return found, expected
+
+
+@pytest.mark.parametrize("unrolled", [10_000, 0])
+@pytest.mark.parametrize("case", CASES)
+def test_operations(both, case, unrolled):
+    found, expected = both
+    for key, value in expected[case].items():
+        assert_close(
+            found[case, unrolled][key], value, IDENTITY, scale=np.maximum(1, np.abs(value))
+        )
+
+
+@pytest.mark.instant
+def test_every_operation_has_a_case():
+    """And no case is needed for what is only another name of JAX for the same."""
+    seen = set()
+
+    def look(jaxpr):
+        for equation in jaxpr.eqns:
+            seen.add(equation.primitive.name)
+            for value in jax.tree.leaves(
+                list(equation.params.values()), is_leaf=lambda x: hasattr(x, "jaxpr")
+            ):
+                inner = getattr(value, "jaxpr", value)
+                if hasattr(inner, "eqns"):
+                    look(inner)
+
+    for case in CASES:
+        look(jax.make_jaxpr(functools.partial(results, case))(X, Y).jaxpr)
+    program = control()
+    known = {*program.arithmetic.elementwise, *program.arithmetic.sums, *program.arrays.operations}
+    known |= {"scan", "while", "cond", "select_n", "clamp", "integer_pow", "convert_element_type"}
+    others = {*_PLAIN, "add_any", "copy", "copy_p", "expand_dims", "square", "cummax", "cummin"}
+    others |= {"reduce_and", "reduce_prod", "stop_gradient", "rem"}
+    assert known - seen - others == set()
+
+
+def control():
+    from romjax.export.arithmetic import Arithmetic
+    from romjax.export.arrays import Arrays
+    from romjax.export.terms import Writer
+
+    writer = Writer("f", 100, 100)
+    arithmetic = Arithmetic(writer)
+    return Control(writer, arithmetic, Arrays(arithmetic))
+
+
+# What is written.
+
+
+def one(function, **settings):
+    return emit(lambda x, y: {"z": function(x, y)}, "f", POINT, **settings)
+
+
+@pytest.mark.instant
+def test_what_is_known_is_computed_and_what_nobody_needs_is_left_out():
+    made = one(lambda x, y: x[0] * jnp.sin(2.0) + jnp.sum(jnp.exp(y)) * 0.0)
+    assert made.operations == 3
+    assert "sin" not in made.source
+    assert "exp" not in made.source
+    assert made.prototype == "void f(const double *x, const double *y, double *z);"
+
+
+@pytest.mark.instant
+def test_equal_terms_are_computed_once():
+    assert one(lambda x, y: jnp.sin(x[0, 0]) + jnp.sin(x[0, 0])).operations == 2
+
+
+@pytest.mark.instant
+def test_long_loops_are_loops():
+    def many(x, y):
+        return lax.scan(lambda z, _: (jnp.cos(z), None), x, None, length=10_000)[0]
+
+    made = one(many)
+    assert made.operations < 100
+    assert "for (int i" in made.source
+
+
+@pytest.mark.instant
+def test_numbers_are_named():
+    labels = {"x": [f"bar.x{k}" for k in range(6)], "z": ["height of */ the bar"]}
+    made = emit(lambda x, y: {"z": x[0, 0]}, "f", POINT, labels, "Heights.")
+    assert "/* Heights.\n * x[0]: bar.x0" in made.source
+    assert "z[0] = x[0];  /* height of * / the bar */" in made.source
+
+
+# What is refused.
+
+
+@pytest.mark.instant
+@pytest.mark.parametrize(
+    ("function", "words"),
+    [
+        (lambda x, y: jnp.linalg.eigh(x @ x.T)[0], "`eigh`"),
+        (lambda x, y: x.at[number(x)].add(1.0), "scatter-add to places that depend on the state"),
+        (lambda x, y: x.astype(jnp.float32), "float32"),
+        (lambda x, y: jnp.real(x + 1j), "complex128"),
+        (lambda x, y: number(x) & 3, "`and` of the bits"),
+        (lambda x, y: jax.pure_callback(np.sin, x, x), "`pure_callback`"),
+    ],
+)
+def test_what_cannot_leave_is_named(function, words):
+    with pytest.raises(rj.InputError, match=words):
+        one(function)
+
+
+@pytest.mark.instant
+def test_what_is_too_long_is_refused():
+    def long(x, y):
+        return functools.reduce(lambda z, _: jnp.sin(z), range(30), x)
+
+    with pytest.raises(rj.InputError, match="180 operations"):
+        one(long, most=100)
+    with pytest.raises(rj.InputError, match="more than 40 operations"):
+        one(long, most=10)
