@@ -84,6 +84,7 @@ from .scene.body.inertia import Inertia as Inertia
 from .scene.body.modal import ModalBody as ModalBody
 from .scene.body.reduced import ReducedBody as ReducedBody
 from .scene.body.rigid import RigidBody as RigidBody
+from .scene.body.rod import Rod as Rod
 from .scene.coordinate import Coordinate as Coordinate
 from .scene.curve import AbstractCurve as AbstractCurve
 from .scene.curve import Circle as Circle

@@ -35,6 +35,8 @@ flat = rj.Beam.of_section("flat", 1.0, rj.sections.Rectangle(0.01, 0.02), modes=
 inertia = rj.Inertia(2.0, 1.0, first_moment=(0.0, 0.0), shift=[[0.0], [0.1]])
 plate = rj.ModalBody("plate", inertia, [4.0], [(0.0, 0.0)], np.zeros((1, 3, 1)), ports=["rim"])
 slow = rj.CappedBody(bar, 40)
+cable = rj.Rod("cable", 0.1, 2, 1e-3, 4, shapes="pinned-free", curvature=0.1, damping=[0.1] * 4)
+blade = rj.Rod.of_section("blade", 1.0, rj.sections.Rectangle(0.01, 0.002), modes=3, **BAR)
 stiff = rj.ReducedBody(bar, jnp.eye(2)[:, :1])
 profiles = (
     rj.sections.Rod(0.1),

@@ -15,8 +15,10 @@ from ..compiling.program import program_once
 from ..linalg.dense import multiply
 from ..linalg.indexing import Index
 from ..scene.body.base import AbstractBody
+from ..scene.body.bending import AbstractBendingBody
 from ..scene.marker import GROUND, Marker, Pose, Twist, Wrench
 from . import planar, spatial
+from .bending import Bending
 from .grouping import T, group, stack
 from .pose_gradient import PoseGradient
 
@@ -28,6 +30,7 @@ class Markers(eqx.Module):
     program is the same for any number and mix of bodies. Bodies with fewer modes than the richest
     one are padded with zero shapes; the ground is a frame that stays at zero. Where a body
     foreshortens as it bends, the point moves by −½ amplitudes · foreshortening · amplitudes too.
+    Bodies that bend far have poses of their own, which take the place of the formula.
 
     `planar` and `spatial` hold what differs between two dimensions and three.
     """
@@ -38,6 +41,7 @@ class Markers(eqx.Module):
     foreshortening: Float[Array, "count d modes modes"] | None
     frames: Index = eqx.field(static=True)  # of the frame in q; from n on for the ground
     amplitudes: Index = eqx.field(static=True)  # of the modal coordinates; n stands for padding
+    bending: tuple[Bending, ...] = ()  # of bodies with local poses of their own
 
     def poses(self, q: Float[Array, " n"]) -> Pose:
         """Return the poses of all markers."""
@@ -59,6 +63,9 @@ class Markers(eqx.Module):
             slide = multiply(self.foreshortening, amplitudes[:, None, :, None])[..., 0]
             more = shapes.shape[1] - slide.shape[1]
             shapes = shapes - jnp.pad(slide, ((0, 0), (0, more), (0, 0)))
+        for own in self.bending:
+            slopes = own.gradients(extended[self.amplitudes.array])
+            shapes = shapes.at[np.array(own.rows), :, : slopes.shape[2]].set(slopes)
         turns = self._turns(extended)
         gradient: PoseGradient = self._space.gradient(turns, local, self.turns, shapes)
         return gradient
@@ -92,7 +99,7 @@ class Markers(eqx.Module):
 
     def _local(self, extended: Float[Array, " extended"]) -> Pose:
         """Return the poses of the markers in the frames of their bodies, deformed as these are."""
-        if not self.amplitudes.width:
+        if not self.amplitudes.width and not self.bending:
             return Pose(self.points, self.turns)
         amplitudes, d = extended[self.amplitudes.array], self.points.shape[1]
         column = amplitudes[:, :, None]
@@ -101,7 +108,12 @@ class Markers(eqx.Module):
         if self.foreshortening is not None:
             slide = multiply(self.foreshortening, column[:, None])[..., 0]
             points -= 0.5 * multiply(slide, column)[:, :, 0]
-        return Pose(points, self._space.bend(self.turns, displacement[:, d:]))
+        turned = displacement[:, d:]
+        for own in self.bending:
+            rows = np.array(own.rows)
+            position, turn = own.poses(amplitudes)
+            points, turned = points.at[rows].set(position), turned.at[rows, 0].set(turn)
+        return Pose(points, self._space.bend(self.turns, turned))
 
 
 class MarkerBlocks(eqx.Module):
@@ -163,15 +175,20 @@ def prepare_points(
     `names` are those of the bodies that carry them or "ground", `bodies` the bodies by name,
     `columns` theirs of q, `n` the length of q.
     """
-    moving = [i for i, name in enumerate(names) if name != GROUND and bodies[name].modes]
+    carried = [i for i, name in enumerate(names) if name != GROUND]
+    moving = [i for i in carried if bodies[names[i]].modes or bodies[names[i]].bends]
     most = max((bodies[names[i]].modes for i in moving), default=0)
     given: Any = points if is_traced(points) else np.asarray(points)
     d = points.shape[1]
     shapes: Any = np.zeros((len(names), 3 if d == 2 else 6, most), points.dtype)
     foreshortening: Any = None
+    bending = list[Bending]()
     for carriers, members in group([bodies[names[i]] for i in moving]):
         rows = np.array([moving[member] for member in members])
         modes = carriers.modes
+        if isinstance(carriers, AbstractBendingBody):
+            bending.append(Bending.of(carriers, given[rows], rows))
+            continue
         shapes = put(shapes, np.s_[rows, :, :modes], _shapes(carriers, given[rows]))
         if carriers.foreshortens:
             if foreshortening is None:
@@ -186,7 +203,7 @@ def prepare_points(
     frame, owned = len(ground), [(*c, *ground[len(c) :]) for c in own]
     frames = Index.of([c[:frame] for c in owned])
     padded = Index.of([(*c[frame:], *[n] * (most + frame - len(c))) for c in owned])
-    return Markers(points, turns, shapes, foreshortening, frames, padded)
+    return Markers(points, turns, shapes, foreshortening, frames, padded, tuple(bending))
 
 
 @program_once

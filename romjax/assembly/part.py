@@ -89,6 +89,7 @@ def _some(markers: Markers, rows: np.ndarray, number: dict[int, int]) -> Markers
         None if shapes is None else pick(shapes, rows),
         _renumbered(markers.frames.array[rows], number),
         _renumbered(markers.amplitudes.array[rows], number),
+        tuple(few for own in markers.bending if (few := own.among(rows)) is not None),
     )
 
 

@@ -92,10 +92,11 @@ class Schema:
         if base not in self._unions:
             self._unions[base] = None
             known = {name: m for name, m in makers(base).items() if m.readable}
-            options = [Annotated[self._part(m, base), Tag(name)] for name, m in known.items()]
+            labels = {name: _label(name, base) for name in known}
+            options = [Annotated[self._part(m, base), Tag(labels[n])] for n, m in known.items()]
             own = base.__name__ if base.__name__ in known else None
             choose = Discriminator(
-                lambda value: _tag(value, own),
+                lambda value: labels.get(_tag(value, own) or ""),
                 custom_error_type="type",
                 custom_error_message="type",
                 custom_error_context={"known": ", ".join(known)},
@@ -116,7 +117,7 @@ class Schema:
         if body and "position" in maker.arguments:
             keys["place"] = (self.models["place"], None)
         doc = inspect.getdoc(maker.make) or ""
-        return self._table(maker.name, keys, doc.split("\n\n")[0])
+        return self._table(_label(maker.name, base), keys, doc.split("\n\n")[0])
 
     def _argument(self, argument: Argument) -> Any:
         assert argument.form is not None
@@ -184,6 +185,13 @@ def _tag(value: Any, default: str | None) -> str | None:
     """The type that a table says it is of; None if it says none."""
     tag = value.get(TYPE, default) if isinstance(value, dict) else None
     return tag if isinstance(tag, str) else None
+
+
+def _label(name: str, base: type) -> str:
+    """What the model of a part is called: its type, unless a body, joint or effect has it too."""
+    bases = SECTIONS.values()
+    taken = base not in bases and any(name in makers(other) for other in bases)
+    return f"{base.__name__.removeprefix('Abstract')} {name}" if taken else name
 
 
 def _reference(base: type) -> Any:

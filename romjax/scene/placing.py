@@ -96,6 +96,9 @@ def _local(body: Any, q: Array, point: Vector) -> Pose:
     """
     at, d = as_array(point), body.dimension
     check_shape(f"body '{body.name}'", "point", at, (d,))
+    if body.bends:
+        bent = body.local_pose(body.prepare(at), q[body.frame_size :])
+        return Pose(*map(as_jax, bent))
     unturned = as_array(0.0 if d == 2 else (1.0, 0.0, 0.0, 0.0))
     if not body.modes:
         return Pose(at, unturned)

@@ -15,6 +15,8 @@ from ...common.arrays import Time, Vector, as_array
 from ...common.errors import ReductionError, SceneError
 from ...compiling.program import program_once
 from ...linalg.kkt import KKT
+from ...scene.body.base import AbstractBody
+from ...scene.body.bending import AbstractBendingBody
 from ...scene.body.reduced import ReducedBody
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem, AbstractValidity
@@ -126,13 +128,20 @@ def _with_bases(full: AssembledSystem, bases: BodyBases) -> AssembledSystem:
     scene = disassemble(full)
     # Counters of angles, which no scene has, come after all bodies.
     bodies = [
-        ReducedBody(body, modes) if body.modes else body
+        _reduced(body, modes) if body.modes else body
         for body, modes in zip(scene.bodies, bases.by_body(), strict=False)
     ]
     try:
         return assemble(Scene(bodies, scene.joints, scene.effects))
     except SceneError as error:
         raise ReductionError(f"reduce: with so few modes: {error}") from error
+
+
+def _reduced(body: AbstractBody, modes: Array) -> AbstractBody:
+    # A body that bends folds a basis into its own tables.
+    if isinstance(body, AbstractBendingBody):
+        return body.in_span(modes)
+    return ReducedBody(body, modes)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -65,6 +65,11 @@ class AbstractBody(eqx.Module):
         return False
 
     @property
+    def bends(self) -> bool:
+        """Whether the body has local poses of its own, which are not linear in its amplitudes."""
+        return False
+
+    @property
     def frame_size(self) -> int:
         """How many of its coordinates are those of its frame."""
         return frame_size(self.dimension)

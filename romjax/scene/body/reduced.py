@@ -41,6 +41,11 @@ class ReducedBody(AbstractBody):
 
     def __init__(self, body: AbstractBody, basis: Float[Array, "modes k"]):
         check_shape(f"body '{body.name}'", "basis", basis, (body.modes, None), SceneError)
+        if body.bends:
+            raise SceneError(
+                f"body '{body.name}': a {type(body).__name__} bends too far for a ReducedBody, "
+                "whose markers move linearly; use body.in_span(basis)."
+            )
         own = body.invariants()
         self.name, self.body, self.basis = body.name, nameless(body), basis
         self.inertia = None if own is None else own.in_span(basis)

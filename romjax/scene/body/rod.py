@@ -1,0 +1,300 @@
+"""A slender elastic rod in the plane that bends as far as it likes."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...common.arrays import Number, Vector, as_array, as_jax, concrete, each, namespace, untraced
+from ...common.errors import SceneError
+from ..fields import check_mass, check_numbers, number, radians
+from ..marker import Marker
+from ..points import NamedPoints, by_name
+from .base import check_name, check_start, flexible_start
+from .bending import AbstractBendingBody, nearest
+from .natural_strains import SHAPES, STATIC, Ratios, natural_strains
+from .rod_inertia import first_moment, mass_matrix, velocity_force
+from .rod_kinematics import Line, Material, gradient, material, pose
+from .sections import AbstractSection
+from .strains import Strains
+
+# A marker beyond an end by more than this share of the length is none of the rod's.
+_BEYOND = 1e-9
+
+
+class Rod(AbstractBendingBody):
+    """A uniform rod that bends as far as it likes: a floating frame and amplitudes of strains.
+
+    Coordinates x, y [m], φ [rad] of the frame, then amplitudes a, of which the curvature is a
+    linear function: θ' = κ₀ + Σ a_k κ_k(s). A large rotation is linear in them, so few predict as
+    well on new loads as on known ones. Points are at r' = (1 + ε) t + γ n of the tangent t that θ
+    turns; ε = γ = 0 unless `EA`, `GA` are given (Simo 1985, doi:10.1016/0045-7825(85)90050-7).
+    Integrals are taken at a few Gauss points, and mass, forces and markers follow from the same
+    points, so that energy is kept. Where it bends little, a `Beam` takes a third of the time.
+
+    **Arguments:**
+
+    - `name`: unique in the scene.
+    - `mass`: Mass [kg]. `length`: Length [m]. `EI`: bending stiffness [N m²].
+    - `modes`: the number of amplitudes, of all strains together.
+    - `EA`, `GA`: stiffness in stretch and in shear [N]; infinite unless given.
+    - `rotary`: rotary inertia of the sections, ρI [kg m]; none unless given.
+    - `curvature`: of the undeformed rod [1/m], one number or the coefficients (k,) of Legendre
+      polynomials from start to end; straight unless given.
+    - `shapes`: "static" unless given: polynomials, exact under loads at the ends and spectrally
+      accurate in statics, whose highest frequencies grow with the fourth power of `modes`, and so
+      do the steps of a run. For dynamics the natural modes by the supports of start and end, such
+      as "pinned-free": each is "free", "pinned" or "clamped". They carry no moment at a free or
+      pinned end.
+    - `loaded`: natural modes with the static shapes of forces and torques at the ends among them.
+    - `nodes`: the number of Gauss points; enough for a full circle unless given. Two circles need
+      some 20.
+    - `retardation`: time η [s] of Kelvin–Voigt damping, strains ε + η ε̇; none unless given.
+    - `damping`: damping ratios ζ of the modes, or one for all; none unless given.
+    - `position`, `angle`, `velocity`, `angular_velocity`: initial pose and motion of the frame. It
+      follows the supported end, the middle if none is or of "static" shapes; its origin is half a
+      length from the ends, along the tangent there: in the middle of a straight rod.
+    - `amplitudes`, `rates`: initial amplitudes [rad] and their rates, zero unless given.
+    - `points`: points by name for `body.at("name")`, such as {"load": (0.1, 0.0)} [m], besides
+      "start" and "end": the arc length from the middle, and the distance from the axis.
+    """
+
+    name: str = eqx.field(static=True)
+    mass: Float[Array, ""] = number()
+    length: Float[Array, ""] = number()
+    EI: Float[Array, ""] = number()
+    strains: Strains
+    EA: Float[Array, ""] | None = number(default=None)
+    GA: Float[Array, ""] | None = number(default=None)
+    rotary: Float[Array, ""] = number(default=0.0)
+    curvature: Float[Array, " k"] | None = number(default=None)
+    retardation: Float[Array, ""] | None = number(default=None)
+    damping: Float[Array, " natural"] | None = number(default=None)
+    position: Float[Array, "2"] = number(default=(0.0, 0.0))
+    angle: Float[Array, ""] = radians(default=0.0)
+    velocity: Float[Array, "2"] = number(default=(0.0, 0.0))
+    angular_velocity: Float[Array, ""] = number(default=0.0)
+    amplitudes: Float[Array, " modes"] = number(default=())
+    rates: Float[Array, " modes"] = number(default=())
+    points: NamedPoints = by_name(default=())
+    modes: int = eqx.field(static=True, default=0)
+    shapes: str = eqx.field(static=True, default=STATIC)
+    loaded: bool = eqx.field(static=True, default=False)
+    nodes: int | None = eqx.field(static=True, default=None)
+    mode_kind: ClassVar[str] = "strain shape"
+
+    def __init__(
+        self,
+        name: str,
+        mass: Number,
+        length: Number,
+        EI: Number,
+        modes: int,
+        *,
+        EA: Number | None = None,
+        GA: Number | None = None,
+        rotary: Number = 0.0,
+        curvature: Vector | Number | None = None,
+        shapes: str = STATIC,
+        loaded: bool = False,
+        nodes: int | None = None,
+        retardation: Number | None = None,
+        damping: Vector | Number | None = None,
+        position: Vector = (0.0, 0.0),
+        angle: Number = 0.0,
+        velocity: Vector = (0.0, 0.0),
+        angular_velocity: Number = 0.0,
+        amplitudes: Vector | None = None,
+        rates: Vector | None = None,
+        points: Mapping[str, Vector] | NamedPoints | None = None,
+    ):
+        self.name, self.modes, self.shapes = name, modes, shapes
+        self.loaded, self.nodes = loaded, nodes
+        self.mass, self.length, self.EI = as_array(mass), as_array(length), as_array(EI)
+        self.EA = None if EA is None else as_array(EA)
+        self.GA = None if GA is None else as_array(GA)
+        self.rotary = as_array(rotary)
+        self.curvature = None if curvature is None else each(curvature, 1)
+        self.retardation = None if retardation is None else as_array(retardation)
+        self.damping = None if damping is None else each(damping, max(modes, 0))
+        self.position, self.angle = as_array(position), as_array(angle)
+        self.velocity, self.angular_velocity = as_array(velocity), as_array(angular_velocity)
+        zero = as_array((0.0,) * modes)
+        self.amplitudes = zero if amplitudes is None else as_array(amplitudes)
+        self.rates = zero if rates is None else as_array(rates)
+        self.points = NamedPoints.of(points or {})
+        self._check_numbers()
+        self.strains = self._make_strains()
+
+    @classmethod
+    def of_section(
+        cls,
+        name: str,
+        length: Number,
+        section: AbstractSection,
+        *,
+        density: Number,
+        modulus: Number,
+        modes: int,
+        **options: Any,
+    ) -> "Rod":
+        """A rod of a `section` and a material, with the rotary inertia of its sections.
+
+        **Arguments:**
+
+        - `length`: Length [m]. `section`: such as `sections.Rectangle(width, height)`.
+        - `density`: ρ [kg/m³]. `modulus`: Young's modulus E [Pa].
+        - `name`, `modes` and `options`: as for every rod. It is inextensible and unshearable unless
+          they have `EA` and `GA`.
+        """
+        size, second_moment = as_array(length), section.second_moment
+        return cls(
+            name,
+            density * section.area * size,
+            size,
+            modulus * second_moment,
+            modes,
+            **{"rotary": density * second_moment, **options},
+        )
+
+    def _make_strains(self) -> Strains:
+        optional = [x for x in (self.EA, self.GA, self.curvature) if x is not None]
+        given = untraced(self.mass, self.length, self.EI, self.rotary, *optional)
+        xp = namespace(given[0])
+        # Shapes are held as parameters vary, as those of all bases.
+        mass, length, EI, rotary, *more = given if xp is np else jax.lax.stop_gradient(given)
+        ratios = Ratios(
+            None if self.EA is None else more.pop(0) * length**2 / EI,
+            None if self.GA is None else more.pop(0) * length**2 / EI,
+            rotary / (mass * length),
+            None if self.curvature is None else more.pop(0) * length,
+        )
+        return natural_strains(self.shapes, self.modes, self.loaded, self.nodes, ratios, xp)
+
+    @property
+    def damped(self) -> bool:
+        return self.modes > 0 and (self.retardation is not None or self.damping is not None)
+
+    def natural_frequencies(self) -> Float[Array, " modes"]:
+        raise SceneError(
+            f"body '{self.name}': a Rod has no modes in a frame that is held, of which frequencies "
+            "could be changed; give it fewer modes, or shapes for its supports, instead of a cap."
+        )
+
+    def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
+        return flexible_start(self)
+
+    def in_span(self, combinations: Float[Array, "modes k"]) -> "Rod":
+        leaves, structure = jax.tree.flatten(self)
+        # Not by the constructor, which makes shapes.
+        copy: Rod = jax.tree.unflatten(structure, leaves)
+        values = self.strains.in_span(combinations), *nearest(self, combinations)
+        changed = dict(zip(("strains", "amplitudes", "rates"), values, strict=True))
+        for name, value in {**changed, "modes": combinations.shape[1]}.items():
+            object.__setattr__(copy, name, value)
+        return copy
+
+    @property
+    def _line(self) -> Line:
+        if self.curvature is None:
+            return Line(self.strains, self.length, None)
+        curvature, length = untraced(self.curvature, self.length)
+        return Line(self.strains, self.length, curvature * length)
+
+    def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
+        return mass_matrix(self._line, self.mass, self.rotary, q)
+
+    def quadratic_velocity_force(
+        self, q: Float[Array, " size"], v: Float[Array, " size"]
+    ) -> Float[Array, " size"]:
+        return velocity_force(self._line, self.mass, q, v)
+
+    def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "2"]:
+        return first_moment(self._line, self.mass, q)
+
+    def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
+        return 0.5 * q[3:] @ (self._stiffness() @ q[3:])
+
+    def _stiffness(self) -> Float[Array, "modes modes"]:
+        own = self.strains
+        total = self.EI / self.length * own.bending
+        for factor, gram in ((self.EA, own.pulling), (self.GA, own.shearing)):
+            if factor is not None and gram is not None:
+                total += factor * self.length * gram
+        return total
+
+    def damping_force(self, v: Float[Array, " size"]) -> Float[Array, " size"]:
+        own, rates, force = self.strains, v[3:], jnp.zeros_like(v[3:])
+        if self.retardation is not None:
+            force -= self.retardation * (self._stiffness() @ rates)
+        if self.damping is not None:
+            frequencies = jnp.sqrt(own.squares * self.EI / (self.mass * self.length**3))
+            factors = 2 * self.damping * frequencies * self.mass * self.length**2
+            if own.mixing is None:
+                force -= factors * rates
+            else:
+                force -= own.mixing.T @ (factors * (own.mixing @ rates))
+        return jnp.concatenate([jnp.zeros_like(v[:3]), force])
+
+    def prepare(self, point: Float[Array, "2"]) -> Material:
+        return material(self._line, point)
+
+    def local_pose(self, prepared: Material, amplitudes: Any) -> tuple[Any, Any]:
+        return pose(self._line, prepared, amplitudes)
+
+    def local_gradient(self, prepared: Material, amplitudes: Any) -> Any:
+        return gradient(self._line, prepared, amplitudes)
+
+    def named_points(self) -> Mapping[str, Float[Array, "2"]]:
+        half = untraced(self.length)[0] * np.array([0.5, 0.0])
+        return {"start": as_jax(-half), "end": as_jax(half), **self.points.mapping()}
+
+    def outline(self) -> Float[Array, "points 2"]:
+        along = self.length * jnp.linspace(-0.5, 0.5, 41)
+        return jnp.stack([along, jnp.zeros_like(along)], axis=1)
+
+    def check_marker(self, owner: str, marker: Marker, turning: bool = False) -> None:
+        del turning
+        point, length = (concrete(x) for x in (marker.point, self.length))
+        if point is None or length is None or abs(point[0]) <= length * (0.5 + _BEYOND):
+            return
+        raise SceneError(
+            f"{owner}: a marker on '{self.name}' is {abs(point[0]) - length / 2:g} m beyond its "
+            "end; its points are (arc length from the middle, distance from the axis)."
+        )
+
+    def check(self) -> None:
+        check_name(self.name)
+        owner = f"body '{self.name}'"
+        self.points.check(owner, ("start", "end"))
+        modal = (self.modes,)
+        check_numbers(owner, self, "amplitudes", "rates", shape=modal)
+        check_start(owner, self)
+
+    def _check_numbers(self) -> None:
+        """What the shapes depend on, which are made before all else is checked."""
+        owner = f"body '{self.name}'"
+        if self.shapes not in SHAPES:
+            raise SceneError(
+                f"{owner}: shapes is {self.shapes!r}, but it must be one of {', '.join(SHAPES)}."
+            )
+        if self.modes < 1:
+            raise SceneError(
+                f"{owner}: modes is {self.modes}, but it must be positive; a rod that does not "
+                "bend is a Beam without EI."
+            )
+        kinds = 1 + (self.EA is not None) + (self.GA is not None)
+        if self.nodes is not None and self.nodes * kinds < self.modes:
+            raise SceneError(
+                f"{owner}: nodes is {self.nodes}, too few for its {self.modes} modes, of which "
+                "some then have no mass; leave it out, or give more."
+            )
+        check_mass(owner, self)
+        check_numbers(owner, self, "length", "EI", "EA", "GA", sign="positive")
+        check_numbers(owner, self, "rotary", "retardation", sign="not negative")
+        check_numbers(owner, self, "curvature", shape=(None,))
+        check_numbers(owner, self, "damping", shape=(self.modes,), sign="not negative")
