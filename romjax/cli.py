@@ -77,9 +77,9 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--budget",
         type=float,
-        default=45.0,
+        default=40.0,
         metavar="S",
-        help="time of a processor to try models in (45)",
+        help="time of a processor to try models in (40)",
     )
     run.add_argument(
         "--all", action="store_true", help="show all models, and POD and SOD as in the chapter"

@@ -227,6 +227,18 @@ def test_the_figure_rings_the_recommended_model(found):
     assert any(list(line.get_ydata()) == [found.tol] * 2 for line in axes.lines)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_model_that_fails_unseen_is_a_hollow_point(found):
+    """And a figure without any model has limits about the error that is asked for."""
+    failed = row("minimal r=3", unseen=math.inf, formulation="minimal")
+    one = dataclasses.replace(found, rows=(failed,), pays=False)
+    (axes,) = rj.plot.reductions(one).axes
+    assert [text.get_text() for text in axes.texts] == ["minimal r=3, fails unseen"]
+    none = dataclasses.replace(found, rows=(failed._replace(trained=math.inf),), pays=False)
+    (axes,) = rj.plot.reductions(none).axes
+    assert axes.get_ylim() == pytest.approx((1e-4, 1e-2))
+
+
 @pytest.mark.instant
 def test_labels_cover_neither_each_other_nor_points():
     """Those of points on one spot are one."""

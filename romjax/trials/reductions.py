@@ -102,7 +102,7 @@ def _result(search: Search, spend: float) -> Reductions:
         made=0.0,
         compiled=search.compiled,
         pays_after=float("nan"),
-        remark="",
+        remark=search.training[0].run.warnings(),
     )
     rows = [
         _row(tried, float(taken), float(ratio), full)

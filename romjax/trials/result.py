@@ -80,7 +80,8 @@ class Reductions:
             "times: as fast as the full model; errors on the training and the largest on three "
             "unseen starts or speeds; made: with training and compiling; pays after: runs."
         ]
-        notes += [f"{row.name}: {row.remark}" for row in self.shown(every) if row.remark]
+        rows = [self.full, *self.shown(every)]
+        notes += [f"{row.name}: {row.remark}" for row in rows if row.remark]
         if every:
             notes += [f"{name}: refused. {why}" for name, why in self.refused.items()]
         else:

@@ -60,16 +60,28 @@ def draw(axes: Axes, index: int, name: str, points: Sequence[Point], apart: bool
 
     `index`: of its colour; `apart`: whether errors on the training are drawn too.
     """
-    colour, marker = COLOURS[index % len(COLOURS)], MARKERS[index % len(MARKERS)]
+    style = _style(index)
+    colour = style["color"]
     times = [1e3 * point.time for point in points]
     trained, errors = [point.trained for point in points], [point.error for point in points]
     axes.vlines(times, trained, errors, color=colour, linewidth=0.8, alpha=0.5)
-    style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 6}
     if apart:
         axes.plot(times, trained, linestyle="", markerfacecolor="white", **style)
     axes.plot(times, errors, linewidth=1.2, label=name, **style)
     pairs = zip(points, times, strict=True)
     return [Label(time, point.error, point.words, colour) for point, time in pairs]
+
+
+def hollow(axes: Axes, index: int, time: float, trained: float, name: str) -> Label:
+    """Draw a model that fails on runs that it has not seen, at its time [ms]; returns its label."""
+    axes.plot(time, trained, linestyle="", markerfacecolor="white", **_style(index))
+    return Label(time, trained, f"{name}, fails unseen", COLOURS[index % len(COLOURS)])
+
+
+def _style(index: int) -> dict[str, Any]:
+    """The colour and marker of a kind."""
+    colour, marker = COLOURS[index % len(COLOURS)], MARKERS[index % len(MARKERS)]
+    return {"color": colour, "marker": marker, "markersize": 6}
 
 
 def ring(axes: Axes, index: int, time: float, error: float) -> None:

@@ -8,7 +8,10 @@ from ...trials.result import Reductions
 from ...trials.row import ReductionRow
 from ..labels import Label, place
 from ..style import DisplayedFigure
-from .reduction import Point, blank, draw, explain, frame, ring
+from .reduction import Point, blank, draw, explain, frame, hollow, ring
+
+# The errors that are shown where there is none, relative to the one that is asked for.
+_AROUND = 0.1, 10.0
 
 
 def reductions(result: Reductions) -> DisplayedFigure:
@@ -18,25 +21,32 @@ def reductions(result: Reductions) -> DisplayedFigure:
     that of its training; a vertical line joins the two, a long one of a model that only repeats
     what it has seen. The ring is around the recommended one, squares are around the drop points:
     the models of least rank of each kind whose error is below the one that was asked for, the
-    dotted line. The dashed line is the time of the full model. Models that fail are left out.
+    dotted line. The dashed line is the time of the full model. Models that fail unseen have a
+    hollow point only, and those that fail on their training none.
 
     **Arguments:** `result`: what `romjax.reductions` has found.
     """
     figure, axes = blank()
     labels, drops = list[Label](), False
     for index, kind in enumerate(dict.fromkeys(row.formulation for row in result.rows), start=1):
-        rows = [r for r in result.rows if r.formulation == kind and np.isfinite(r.error)]
-        rows.sort(key=lambda row: row.time)
-        words = [row.name.removeprefix(kind).strip() for row in rows]
-        pairs = zip(rows, words, strict=True)
-        points = [Point(row.time, row.trained, row.error, said) for row, said in pairs]
+        own = [r for r in result.rows if r.formulation == kind and np.isfinite(r.trained)]
+        own.sort(key=lambda row: row.time)
+        rows = [row for row in own if np.isfinite(row.error)]
+        points = [
+            Point(r.time, r.trained, r.error, r.name.removeprefix(kind).strip()) for r in rows
+        ]
         if points:
             labels += draw(axes, index, kind, points, apart=True)
+        failed = [row for row in own if row not in rows]
+        labels += [hollow(axes, index, 1e3 * row.time, row.trained, row.name) for row in failed]
         if drop := _drop(rows, result.tol):
             frame(axes, index, drop.time, drop.error)
             drops = True
         if result.recommended in rows:
             ring(axes, index, result.rows[0].time, result.rows[0].error)
+    if not labels:
+        # A logarithmic axis with one line on it has no limits of its own.
+        axes.set_ylim(_AROUND[0] * result.tol, _AROUND[1] * result.tol)
     axes.axhline(result.tol, color="black", linestyle=":", linewidth=1)
     axes.plot([], [], ":", color="black", label=f"error asked for, {result.tol:g}")
     if drops:
