@@ -90,6 +90,7 @@ from .scene.curve import AbstractCurve as AbstractCurve
 from .scene.curve import Circle as Circle
 from .scene.curve import Line as Line
 from .scene.curve import Polynomial as Polynomial
+from .scene.effect.actuator import Actuator as Actuator
 from .scene.effect.base import AbstractDissipation as AbstractDissipation
 from .scene.effect.base import AbstractField as AbstractField
 from .scene.effect.base import AbstractMarkerEffect as AbstractMarkerEffect
@@ -101,12 +102,16 @@ from .scene.effect.damper import Damper as Damper
 from .scene.effect.drag import Drag as Drag
 from .scene.effect.force import Force as Force
 from .scene.effect.gravity import Gravity as Gravity
+from .scene.effect.joint_damper import JointDamper as JointDamper
+from .scene.effect.joint_spring import JointSpring as JointSpring
+from .scene.effect.joint_stop import JointStop as JointStop
 from .scene.effect.motor import Motor as Motor
 from .scene.effect.spring import Spring as Spring
 from .scene.effect.torque import Torque as Torque
 from .scene.effect.torsion_damper import TorsionDamper as TorsionDamper
 from .scene.effect.torsion_spring import TorsionSpring as TorsionSpring
 from .scene.joint.base import AbstractJoint as AbstractJoint
+from .scene.joint.coupling import Coupling as Coupling
 from .scene.joint.distance import Distance as Distance
 from .scene.joint.fixed_angle import FixedAngle as FixedAngle
 from .scene.joint.gear import Gear as Gear

@@ -5,7 +5,7 @@ import tempfile
 from pathlib import Path
 
 from .common.errors import SceneError
-from .files.scene_file import SceneFile, scene_file
+from .files.scene_file import SUFFIXES, SceneFile, scene_file
 from .files.settings import solver_of
 from .gallery.catalogue import Example, find
 from .scene.scene import Scene
@@ -13,7 +13,7 @@ from .scene.scene import Scene
 
 def load(name: str) -> Example:
     """A ready scene by name, a scene file, or the `scene` that a Python file defines."""
-    if name.endswith(".toml"):
+    if name.lower().endswith((".toml", *SUFFIXES)):
         return _of_file(scene_file(name))
     if not name.endswith(".py"):
         return find(name)

@@ -10,10 +10,14 @@ from .scene.body.spatial.beam import Beam as Beam
 from .scene.body.spatial.inertia import SpatialInertia as SpatialInertia
 from .scene.body.spatial.modal import ModalBody as ModalBody
 from .scene.body.spatial.rigid import RigidBody as RigidBody
+from .scene.effect.joint_inertia import JointInertia as JointInertia
 from .scene.effect.spatial.bushing import Bushing as Bushing
 from .scene.effect.spatial.contact import Contact as Contact
 from .scene.effect.spatial.torque import Torque as Torque
 from .scene.joint.gear import Gear as Gear
+from .scene.joint.spatial.aligned import ParallelAxes as ParallelAxes
+from .scene.joint.spatial.aligned import RightAngle as RightAngle
+from .scene.joint.spatial.aligned import Untwisted as Untwisted
 from .scene.joint.spatial.constant_velocity import ConstantVelocity as ConstantVelocity
 from .scene.joint.spatial.cylindrical import Cylindrical as Cylindrical
 from .scene.joint.spatial.planar import Planar as Planar

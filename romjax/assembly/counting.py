@@ -9,9 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..common.arrays import as_jax
 from ..compiling.program import program_once
 from ..linalg.indexing import take
 from ..linalg.inverse_mass import InverseMass
+from ..scene.effect.joint_inertia import JointInertia
 from ..scene.marker import Marker
 from ..scene.turn_counter import CounterJoint, TurnCounter
 from ..system.structure import COUNTER_INERTIA
@@ -38,8 +40,11 @@ def counters_of(
         for number, (a, b) in enumerate(part.counted if _in_space(part) else ()):
             own = f"counter of {name}" if number == 0 else f"counter {number + 1} of {name}"
             marker = Marker(own, np.zeros(3, dtype), np.array([1, 0, 0, 0], dtype))
-            counters.append(TurnCounter(own, jnp.asarray(_ENDLESS, dtype)))
-            holding.append(CounterJoint(part.markers[a], part.markers[b], marker, own))
+            inertia, motion = as_jax(np.asarray(_ENDLESS, dtype)), "angle"
+            if isinstance(part, JointInertia):
+                inertia, motion = part.inertia, part.motion
+            counters.append(TurnCounter(own, inertia))
+            holding.append(CounterJoint(part.markers[a], part.markers[b], marker, own, motion))
             markers = (*markers, marker)
         sides.append(markers)
     return counters, holding, sides
@@ -62,7 +67,8 @@ def _in_space(part: Any) -> bool:
 
 
 def with_counter_starts(system: Any) -> Any:
-    """The system whose counters start at their angles, with inertias that suit what they count.
+    """The system whose counters start at their angles, with inertias that suit what they count, but
+    for those that are the inertias of joints.
 
     A counter that stands at zero violates its constraint by the angle.
     """
@@ -83,8 +89,9 @@ def _start(
 ) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " counters"]]:
     """The start of a system with that of its counters, and the counters' inertias."""
     group = next(group for group in system.bodies if isinstance(group.bodies, TurnCounter))
-    holding = next(group for group in system.joints if isinstance(group.joints, CounterJoint))
-    own, rows = group.coordinates.array[:, 0], holding.rows.array[:, 0]
+    holding = [g.rows.array[:, 0] for g in system.joints if isinstance(g.joints, CounterJoint)]
+    # The rows of all that hold counters come in the order of these.
+    own, rows = group.coordinates.array[:, 0], np.sort(np.concatenate(holding))
     zero = jnp.zeros((), system.q0.dtype)
     angle, speed = jax.jvp(lambda q: system.constraint(zero, q), (system.q0,), (system.v0,))
     inverse, sides = system.inverse_mass(system.q0), system.jacobian_blocks(zero, system.q0)
@@ -92,8 +99,9 @@ def _start(
     mobility = jnp.sum(inverse.apply(sides, system.pattern.bodies) * sides, axis=2)
     mobility = jnp.sum(take(mobility, system.pattern.sides_of_nodes), axis=1)
     mobility = system.pattern.join_rows(mobility)
+    given, small = group.bodies.inertia, COUNTER_INERTIA / jax.lax.stop_gradient(mobility[rows])
     return (
         system.q0.at[own].set(angle[rows]),
         system.v0.at[own].set(speed[rows]),
-        COUNTER_INERTIA / jax.lax.stop_gradient(mobility[rows]),
+        jnp.where(given < _ENDLESS, given, small),
     )

@@ -1,7 +1,8 @@
-"""Scene files: read once, they make scenes of any values of their parameters."""
+"""Scene files: read once, they make scenes of any values of their parameters; and robot files."""
 
 import os
 import re
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 from ..assembly.closing import consistent_scene
 from ..common.errors import InputError, SceneFileError
 from ..scene.scene import Scene
+from ..scene.signal import AbstractSignal
 from .build import Builder
 from .parameters import check_given, free_parameters, resolve_parameters
 from .problems import Problems
@@ -18,14 +20,21 @@ from .versions import check_version
 
 __all__ = ["SceneFile", "load_scene", "scene_file"]
 
+# Files of robots.
+SUFFIXES = (".xml", ".mjcf", ".urdf")
+# Of a warning: more lines hide what comes before.
+_LISTED = 8
+
 
 class SceneFile:
     """A scene file that was read: a function of its parameters, by name, that returns a `Scene`.
 
-    **Arguments:** the `path` of the file. Attributes:
+    **Arguments:** the `path` of the file; of a robot file, which has no parameters, also `start`
+    and `signals` as in `load_scene`. Attributes:
 
     - `parameters`: the values in the file, floats or arrays.
     - `title`, `settings`: what it says of itself and of its run. `text`: all of it.
+    - `left_out`: what a robot file has and the scene has not, in words with lines.
     """
 
     path: Path
@@ -33,12 +42,33 @@ class SceneFile:
     title: str
     parameters: dict[str, Any]
     settings: Settings
+    left_out: tuple[str, ...]
 
-    def __init__(self, path: str | os.PathLike[str]):
-        self.path = Path(path)
-        problems = Problems(self.path)
-        self._tables, self._scene = _checked(problems)
-        self.text = problems.text
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        start: str = "",
+        signals: Mapping[str, AbstractSignal] | None = None,
+    ):
+        self.path, self.left_out = Path(path), ()
+        if self.path.suffix.lower() in SUFFIXES:
+            # Here, since few scenes are robots.
+            from .robots.robot import read_robot
+
+            robot = read_robot(self.path, start, signals)
+            self._tables: dict[str, Any] = {"title": robot.title, "consistent": not robot.closed}
+            self._scene, self.text = robot.scene, ""
+            self.left_out = robot.left_out
+        elif start or signals:
+            raise InputError(
+                f"{self.path}: start and signals are those of robot files ({', '.join(SUFFIXES)}); "
+                "a scene file has its start and its signals in itself."
+            )
+        else:
+            problems = Problems(self.path)
+            self._tables, self._scene = _checked(problems)
+            self.text = problems.text
         self.title = self._tables.get("title", f"from {self.path}")
         self.parameters = free_parameters(self._tables.get("parameters", {}))
         self.settings = Settings.of(self._tables.get("run", {}))
@@ -93,8 +123,19 @@ class SceneFile:
         return f"SceneFile({str(self.path)!r}, parameters={self.parameters})"
 
 
-def scene_file(path: str | os.PathLike[str]) -> SceneFile:
+def scene_file(
+    path: str | os.PathLike[str],
+    *,
+    start: str = "",
+    signals: Mapping[str, AbstractSignal] | None = None,
+) -> SceneFile:
     """The function of parameters that the scene file of a `path` is: for `Box`, `fit`, `grad`, …
+
+    **Arguments:**
+
+    - `path`: of the file; that of a robot (.xml, .mjcf, .urdf) makes a function without parameters,
+      whose `left_out` lists what the scene has not.
+    - `start`, `signals`: of a robot, as in `load_scene`.
 
     ```python
     make = rj.scene_file("crank.toml")
@@ -104,15 +145,46 @@ def scene_file(path: str | os.PathLike[str]) -> SceneFile:
 
     Raises SceneFileError, with all mistakes of the file, each with its line, key and remedy.
     """
-    return SceneFile(path)
+    return SceneFile(path, start=start, signals=signals)
 
 
-def load_scene(path: str | os.PathLike[str]) -> Scene:
-    """The scene of the file of a `path`, such as one that `scene.save` has written.
+def load_scene(
+    path: str | os.PathLike[str],
+    *,
+    start: str = "",
+    signals: Mapping[str, AbstractSignal] | None = None,
+) -> Scene:
+    """The scene of the file of a `path`, such as one that `scene.save` has written, or of a robot
+    in MJCF or URDF (.xml, .mjcf, .urdf; extra `robots`).
 
-    Raises SceneFileError, with all mistakes of the file, each with its line, key and remedy.
+    Of robots all is exact: loops are closed by constraints, mimicking joints by a `Coupling`. A
+    body has the axes of its link and its frame in the centre of mass; "origin" is the point where
+    the file has its frame, and sites and links that are fixed to it are points by name. What the
+    scene cannot have is refused with its line, or listed by a warning where it can be left out.
+
+    **Arguments:**
+
+    - `path`: of the file.
+    - `start`: the name of a keyframe of a robot, at which it begins; as the file places it unless
+      given.
+    - `signals`: of a robot, by the names of its actuators, or of joints without one, which then
+      have a motor; constant at the control of the start, or at zero, unless given.
+
+    Raises SceneFileError, with all mistakes of the file, each with its line, key and remedy, and
+    ImportError for a robot where MuJoCo is not installed.
     """
-    return SceneFile(path)()
+    file = SceneFile(path, start=start, signals=signals)
+    if file.left_out:
+        _warn_of(file)
+    return file()
+
+
+def _warn_of(file: SceneFile) -> None:
+    """Say what is left out, in one warning."""
+    shown = list(file.left_out[:_LISTED])
+    if len(file.left_out) > _LISTED:
+        shown.append(f"and {len(file.left_out) - _LISTED} more, see `romjax check {file.path}`")
+    warnings.warn(f"load_scene: left out: {'; '.join(shown)}.", stacklevel=3)
 
 
 def _checked(problems: Problems) -> tuple[dict[str, Any], Scene]:

@@ -48,6 +48,7 @@ def describe_file(file: SceneFile) -> str:
         ["effects", _counted([type(effect).__name__ for effect in scene.effects])],
         *start_rows(placed, scene, file.consistent),
         *_speed(system, file.settings, q, v),
+        *[["left out" if i == 0 else "", words] for i, words in enumerate(file.left_out)],
     ]
     table = tabulate(rows, tablefmt="plain", disable_numparse=True)
     return f"{file.path}: {file.title}\n{table}"

@@ -6,6 +6,8 @@ an inertia a trillionth of what turns, which a constraint holds at the angle of 
 coordinate as all others are: any solver, event, projection and derivative takes it as it is, and
 the balance of energy is exact. Nothing but the counting constraint acts on it, since the forces of
 its part read only the number of turns (`counted_angle`), so that its small inertia is no noise.
+
+The inertia of a joint itself, such as that of a rotor (`JointInertia`), is a counter that has it.
 """
 
 from typing import ClassVar
@@ -20,6 +22,7 @@ from .body.base import AbstractBody
 from .coordinate import Coordinate
 from .joint.base import AbstractJoint
 from .marker import Marker, Pose
+from .motion import moved
 
 
 class TurnCounter(AbstractBody):
@@ -72,12 +75,15 @@ class TurnCounter(AbstractBody):
 
 
 class CounterJoint(AbstractJoint):
-    """A joint that holds a counter at the angle of two markers, `a` against `b`."""
+    """A joint that holds a counter at the angle of two markers, `a` against `b`, or at another
+    `motion` of them, see `JointSpring`.
+    """
 
     a: Marker
     b: Marker
     counter: Marker
     name: str = eqx.field(static=True, default="")
+    motion: str = eqx.field(static=True, default="angle")
     rows: ClassVar[int] = 1
     dimensions: ClassVar[tuple[int, ...]] = (3,)
 
@@ -87,4 +93,7 @@ class CounterJoint(AbstractJoint):
 
     def residual(self, t: Time, a: Pose, b: Pose, *counter: Pose) -> Float[Array, "1"]:
         del t
-        return a.angle_against(b, counter[0].position[0])[None]
+        at = counter[0].position[0]
+        if self.motion in ("angle", "bounded angle"):
+            return a.angle_against(b, at)[None]
+        return (moved(self.motion, a, b) - at)[None]

@@ -1,0 +1,128 @@
+"""The model of a robot file as MuJoCo's own parser reads it, and what it leaves out."""
+
+import re
+import warnings
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...common.errors import SceneFileError
+from ...common.extras import extra
+from .inspection import inspect
+from .markup import Element, read
+from .vocabulary import MJCF, URDF
+
+
+class Model(NamedTuple):
+    """A robot file: MuJoCo's arrays, the elements of the file, and what is left out, in words."""
+
+    mujoco: Any
+    arrays: Any
+    root: Element
+    left_out: list[str]
+
+    def name(self, kind: str, number: int) -> str:
+        """The name of the body, joint, … of a number, "" if it has none."""
+        name: str | None = self.mujoco.mj_id2name(
+            self.arrays, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), number
+        )
+        return name or ""
+
+    def numbered(self, kind: str, number: int) -> str:
+        """The name, or the kind with the number where there is none."""
+        return self.name(kind, number) or f"{kind}{number}"
+
+    def refuse(self, kind: str, number: int, words: str) -> SceneFileError:
+        """The error that one of the elements cannot be read, with its line if it has a name."""
+        name = self.name(kind, number)
+        found = next((x for x in self.root.walk() if name and _is(x, kind, name)), None)
+        place = found.place if found else str(self.root.path)
+        return SceneFileError(f"{place}: {kind} '{name or number}': {words}")
+
+
+def _is(element: Element, kind: str, name: str) -> bool:
+    kinds = {"body": ("body", "link"), "joint": ("joint", "freejoint")}.get(kind)
+    wanted = kinds is None or element.tag in kinds
+    return wanted and element.attributes.get("name") == name
+
+
+def read_model(path: Path) -> Model:
+    """The model of an MJCF or URDF file.
+
+    Raises SceneFileError with file, line, element and remedy, and ImportError without MuJoCo.
+    """
+    mujoco = extra(f"load_scene({str(path)!r})", "mujoco", "robots")
+    root = read(path)
+    urdf = root.tag == "robot"
+    if not urdf and root.tag != "mujoco":
+        raise SceneFileError(
+            f"{root.place}: {root.called()} begins neither MJCF (<mujoco>) nor URDF (<robot>); "
+            "scene files of romjax end with .toml."
+        )
+    left_out = inspect(root, URDF if urdf else MJCF, extensible=urdf)
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        # Links that are fixed to others would lose their names.
+        spec.compiler.fusestatic = False
+        _drop_pictures(mujoco, spec)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            arrays = spec.compile()
+        left_out += [f"{path}: {warning.message}" for warning in said]
+    except ValueError as error:
+        raise SceneFileError(_said(path, root, str(error))) from error
+    return Model(mujoco, arrays, root, [*left_out, *_contacts(mujoco, arrays, root)])
+
+
+def _drop_pictures(mujoco: Any, spec: Any) -> None:
+    """Take out meshes of links that have their inertia by numbers: then they are pictures only,
+    which take long to read, and often are not there.
+    """
+    if int(spec.compiler.inertiafromgeom) == int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE):
+        return
+    meshes = [
+        geom
+        for geom in spec.geoms
+        if geom.type == mujoco.mjtGeom.mjGEOM_MESH
+        and (geom.parent.explicitinertial or geom.parent.name == "world")
+    ]
+    dropped = {geom.meshname for geom in meshes}
+    for geom in meshes:
+        spec.delete(geom)
+    kept = {geom.meshname for geom in spec.geoms}
+    for mesh in list(spec.meshes):
+        if mesh.name in dropped - kept:
+            spec.delete(mesh)
+
+
+def _contacts(mujoco: Any, arrays: Any, root: Element) -> list[str]:
+    """What is left out where geoms of moving bodies may touch something."""
+    off = arrays.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    kinds, others = arrays.geom_contype, arrays.geom_conaffinity
+    body = arrays.body_weldid[arrays.geom_bodyid]
+    parent = arrays.body_weldid[arrays.body_parentid[body]]
+    touching = 0
+    for i in range(arrays.ngeom):
+        # Links that a joint connects do not collide, unless one of them is the ground.
+        linked = (parent == body[i]) & (body[i] > 0) | (parent[i] == body) & (body > 0)
+        meets = ((kinds[i] & others) | (kinds & others[i])) != 0
+        touching += bool(np.any((body != body[i]) & ~linked & meets))
+    if off or not touching:
+        return []
+    return [
+        f"{root.path}: contacts of {touching} geoms; add romjax.spatial.Contact to the scene, or "
+        'say <flag contact="disable"/>'
+    ]
+
+
+def _said(path: Path, root: Element, words: str) -> str:
+    """MuJoCo's message as one of romjax, with the line that it names."""
+    text = " ".join(words.split()).removeprefix("XML Error: ").removeprefix("Error: ")
+    line = re.search(r"line (\d+)", text)
+    place = f"{path}:{line[1]}" if line else str(path)
+    if not line and (named := re.search(r"[Ee]lement name '([^']+)'|joint '([^']+)'", text)):
+        name = named[1] or named[2]
+        found = next((x for x in root.walk() if x.attributes.get("name") == name), None)
+        place = found.place if found else place
+    return f"{place}: {text}; MuJoCo's reader says so, see its reference of the format."

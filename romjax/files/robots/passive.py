@@ -1,0 +1,113 @@
+"""What acts in the joints of a robot by itself: springs, damping, friction, inertia and stops."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ...scene.effect.contact import Friction
+from ...scene.effect.damper import Damper
+from ...scene.effect.joint_damper import ANY, JointDamper
+from ...scene.effect.joint_inertia import JointInertia
+from ...scene.effect.joint_spring import JointSpring
+from ...scene.effect.joint_stop import JointStop
+from ...scene.effect.spatial.bushing import Bushing
+from ...scene.marker import Marker
+from .joints import Measured
+from .model import Model
+
+# Of a stop, up to which speeds its restitution falls [s/rad], [s/m].
+_DISSIPATION = 2.0
+
+
+class Reflected:
+    """The inertia and the damping of actuators that joints feel, by the numbers of the joints."""
+
+    def __init__(self, arrays: Any):
+        self.inertia, self.damping = np.zeros(arrays.njnt), np.zeros(arrays.njnt)
+        for i in range(arrays.nu):
+            joint = int(arrays.actuator_trnid[i, 0])
+            if int(arrays.actuator_trntype[i]) in (0, 1):
+                squared = float(arrays.actuator_gear[i, 0]) ** 2
+                self.inertia[joint] += squared * float(arrays.actuator_armature[i])
+                self.damping[joint] += squared * float(arrays.actuator_damping[i])
+
+
+def passive(model: Model, measured: dict[int, Measured]) -> Iterator[Any]:
+    """The effects in all joints."""
+    reflected = Reflected(model.arrays)
+    for number, joint in measured.items():
+        _refuse_polynomials(model, number)
+        yield from _of_joint(model, number, joint, reflected)
+
+
+def _of_joint(model: Model, number: int, joint: Measured, reflected: Reflected) -> Iterator[Any]:
+    arrays, a, b = model.arrays, joint.a, joint.b
+    dof = int(arrays.jnt_dofadr[number])
+    stiffness = float(arrays.jnt_stiffness[number])
+    damping = float(arrays.dof_damping[dof]) + reflected.damping[number]
+    inertia = float(arrays.dof_armature[dof]) + reflected.inertia[number]
+    friction = float(arrays.dof_frictionloss[dof])
+    if joint.motion in ("", ANY):
+        yield from _of_turns(model, number, joint, stiffness, damping)
+        if inertia or friction:
+            words = "armature" if inertia else "frictionloss"
+            remedy = "hinges and slides can have it; take it out, or use <freejoint/>"
+            raise model.refuse("joint", number, f"it has {words} in several directions; {remedy}.")
+        return
+    motion, sign = joint.motion, joint.sign
+    if stiffness:
+        rest = sign * float(arrays.qpos_spring[arrays.jnt_qposadr[number]])
+        yield JointSpring(a, b, stiffness, rest, motion)
+    if damping or friction:
+        rubbing = Friction(friction) if friction else None
+        yield JointDamper(a, b, damping, rubbing, motion)
+    if inertia:
+        yield JointInertia(a, b, inertia, motion)
+    if arrays.jnt_limited[number]:
+        ends = sorted(sign * float(x) for x in arrays.jnt_range[number])
+        yield stop(a, b, ends, motion, arrays, number)
+
+
+def _of_turns(
+    model: Model, number: int, joint: Measured, stiffness: float, damping: float
+) -> Iterator[Any]:
+    """What acts in a ball joint, or between a free body and the ground."""
+    a, b, free = joint.a, joint.b, joint.motion == ""
+    if stiffness:
+        yield Bushing(a, b, [stiffness if free else 0.0] * 3 + [stiffness] * 3)
+    if damping:
+        yield JointDamper(a, b, damping, motion=ANY)
+        if free:
+            yield Damper(a, b, damping)
+    if model.arrays.jnt_limited[number]:
+        raise model.refuse(
+            "joint", number, "stops of a ball joint are not known; take out its range."
+        )
+
+
+def stop(
+    a: Marker, b: Marker, ends: list[float], motion: str, arrays: Any, number: int
+) -> JointStop:
+    """The stops of a joint, as stiff as MuJoCo's for the inertia that the joint has at first."""
+    time, ratio = (float(x) for x in arrays.jnt_solref[number])
+    mass = 1 / float(arrays.dof_invweight0[arrays.jnt_dofadr[number]])
+    stiffness = _stiffness(time, ratio, mass)
+    return JointStop(a, b, ends[0], ends[1], stiffness, _DISSIPATION, motion)
+
+
+def _stiffness(time: float, ratio: float, mass: float) -> float:
+    """By a time constant and a damping ratio; or by a stiffness, which is negative there."""
+    return mass / (time * ratio) ** 2 if time > 0 else -time * mass
+
+
+def _refuse_polynomials(model: Model, number: int) -> None:
+    arrays, dof = model.arrays, int(model.arrays.jnt_dofadr[number])
+    for what, values in (
+        ("stiffness", arrays.jnt_stiffnesspoly[number]),
+        ("damping", arrays.dof_dampingpoly[dof]),
+    ):
+        if np.any(values):
+            raise model.refuse(
+                "joint", number, f"its {what} is a polynomial; give one number, the linear part."
+            )

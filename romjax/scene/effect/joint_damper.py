@@ -1,0 +1,79 @@
+"""Damping and friction in a joint."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...common.arrays import Time
+from ..fields import Converted, check_numbers, number
+from ..marker import Marker, Pose, Twist, Wrench
+from ..motion import check_motion, counts, moved, points_of
+from .base import AbstractMarkerEffect, check_markers, displacement
+from .contact import Friction
+
+# Of ball joints, in which no direction is the joint's own.
+ANY = "any turn"
+
+
+class JointDamper(AbstractMarkerEffect):
+    """Damping d s' against a motion s of two markers, and friction, whose force is that of a
+    `Friction` with the normal force 1.
+
+    **Arguments:**
+
+    - `a`, `b`: the two ends.
+    - `damping`: d [N m s/rad], or [N s/m] of a length.
+    - `friction`: a `Friction` with the torque [N m] or the force [N] in place of the coefficient,
+      and speeds in [rad/s] or [m/s]; none unless given.
+    - `motion`: what s is, as in `JointSpring`; or "any turn" of a ball joint, whose torque is −d
+      times the angular velocity of `a` against `b`.
+
+    Raises SceneError for friction of "any turn", which has no one speed.
+    """
+
+    a: Marker
+    b: Marker
+    damping: Converted[Float[Array, ""]] = number(default=0.0)
+    friction: Friction | None = None
+    motion: str = eqx.field(static=True, default="angle")
+    needs_twists: ClassVar[bool] = True
+    dissipates: ClassVar[bool] = True
+    supplies: ClassVar[bool] = False
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
+
+    @property
+    def counted(self) -> tuple[tuple[int, int], ...]:  # type: ignore[override]
+        # A speed does not know of full turns.
+        return ()
+
+    @property
+    def at_points(self) -> tuple[int, ...]:  # type: ignore[override]
+        return points_of(self.motion)
+
+    def wrenches(
+        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    ) -> tuple[Wrench, ...]:
+        del t
+        if self.motion == ANY:
+            torque = self.damping * (twists[1].angular_velocity - twists[0].angular_velocity)
+            none = jnp.zeros_like(poses[0].position)
+            return Wrench(none, torque), Wrench(none, -torque)
+        motion = "bounded angle" if counts(self.motion) else self.motion
+        _, rate, wrenches = displacement(lambda *p: moved(motion, *p), poses, twists)
+        speed = rate()
+        force = -self.damping * speed
+        if self.friction is not None:
+            force = force - self.friction(speed)
+        return wrenches(force)
+
+    def check(self) -> None:
+        owner = check_markers(self)
+        if self.motion != ANY:
+            check_motion(owner, self.motion, self.a.dimension)
+        elif self.friction is not None:
+            check_motion(f"{owner} with friction", self.motion, self.a.dimension)
+        check_numbers(owner, self, "damping", sign="not negative")
+        if self.friction is not None:
+            self.friction.check(owner)

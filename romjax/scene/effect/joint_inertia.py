@@ -1,0 +1,48 @@
+"""The inertia of what turns or slides with a joint, such as the rotor of its motor."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...common.arrays import Time
+from ..fields import Converted, check_numbers, number
+from ..marker import Marker, Pose, Twist, Wrench
+from ..motion import check_motion
+from .base import AbstractMarkerEffect, check_markers
+
+
+class JointInertia(AbstractMarkerEffect):
+    """The inertia J that a motion s of two markers feels, with the kinetic energy ½ J s'²: of a
+    rotor with the inertia I behind a gear of ratio n it is n² I ("armature").
+
+    The system has a coordinate more, which is s, and a constraint that holds it there.
+
+    **Arguments:**
+
+    - `a`, `b`: the two ends.
+    - `inertia`: J [kg m²], or [kg] of a length.
+    - `motion`: what s is, as in `JointSpring`.
+    """
+
+    a: Marker
+    b: Marker
+    inertia: Converted[Float[Array, ""]] = number()
+    motion: str = eqx.field(static=True, default="angle")
+    needs_twists: ClassVar[bool] = False
+    supplies: ClassVar[bool] = False
+    dimensions: ClassVar[tuple[int, ...]] = (3,)
+    counted: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1),)
+
+    def wrenches(
+        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    ) -> tuple[Wrench, ...]:
+        del t, twists
+        none = jnp.zeros_like(poses[0].position)
+        return tuple(Wrench(none, none) for _ in poses)
+
+    def check(self) -> None:
+        owner = check_markers(self)
+        check_motion(owner, self.motion, self.a.dimension)
+        check_numbers(owner, self, "inertia", sign="positive")

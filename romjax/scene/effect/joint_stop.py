@@ -1,0 +1,103 @@
+"""The stops of a joint."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...common.arrays import Time, concrete
+from ...common.errors import SceneError
+from ..fields import Converted, check_numbers, number
+from ..marker import Marker, Pose, Twist, Wrench
+from ..motion import check_motion, counts, moved, points_of
+from .base import AbstractMarkerEffect, check_markers, displacement
+
+
+class JointStop(AbstractMarkerEffect):
+    """Stops that keep a motion s of two markers between two values, by a force that grows with
+    what s is beyond them.
+
+    At the depth δ the force is k δ (1 + D δ'), never negative, as in `Contact`: it begins at zero
+    at any speed. With D, slow impacts at the speed v have a restitution of 1 − 2 D v / 3.
+
+    **Arguments:**
+
+    - `a`, `b`: the two ends.
+    - `lower`, `upper`: the least and the largest s [rad], [m]; none unless given.
+    - `stiffness`: k [N m/rad], or [N/m] of a length.
+    - `dissipation`: D [s/rad], [s/m]; none unless given.
+    - `motion`: what s is, as in `JointSpring`.
+
+    Raises SceneError if `lower` is not below `upper`, or if neither is given.
+    """
+
+    a: Marker
+    b: Marker
+    lower: Converted[Float[Array, ""] | None] = number(default=None)
+    upper: Converted[Float[Array, ""] | None] = number(default=None)
+    stiffness: Converted[Float[Array, ""]] = number(default=1e4)
+    dissipation: Converted[Float[Array, ""] | None] = number(default=None)
+    motion: str = eqx.field(static=True, default="angle")
+    stores: ClassVar[bool] = True
+    supplies: ClassVar[bool] = False
+    begins: ClassVar[bool] = True
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
+
+    @property
+    def counted(self) -> tuple[tuple[int, int], ...]:  # type: ignore[override]
+        return counts(self.motion)
+
+    @property
+    def at_points(self) -> tuple[int, ...]:  # type: ignore[override]
+        return points_of(self.motion)
+
+    @property
+    def needs_twists(self) -> bool:  # type: ignore[override]
+        return self.dissipation is not None
+
+    @property
+    def dissipates(self) -> bool:  # type: ignore[override]
+        return self.dissipation is not None
+
+    def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
+        del t
+        return 0.5 * self.stiffness * self._beyond(moved(self.motion, *poses)) ** 2
+
+    def wrenches(
+        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    ) -> tuple[Wrench, ...]:
+        del t
+        value, rate, wrenches = displacement(lambda *p: moved(self.motion, *p), poses, twists)
+        beyond = self._beyond(value)
+        push = -self.stiffness * beyond
+        if self.dissipation is not None:
+            push *= jnp.maximum(1 + self.dissipation * jnp.sign(beyond) * rate(), 0)
+        return wrenches(push)
+
+    def _beyond(self, value: Float[Array, ""]) -> Float[Array, ""]:
+        """How far a motion is beyond its stops, negative below the lower one."""
+        beyond = jnp.zeros_like(value)
+        if self.upper is not None:
+            beyond += jnp.maximum(value - self.upper, 0)
+        if self.lower is not None:
+            beyond += jnp.minimum(value - self.lower, 0)
+        return beyond
+
+    def check(self) -> None:
+        owner = check_markers(self)
+        check_motion(owner, self.motion, self.a.dimension)
+        check_numbers(owner, self, "stiffness", "dissipation", sign="not negative")
+        check_numbers(owner, self, "lower", "upper")
+        if self.lower is None and self.upper is None:
+            raise SceneError(f"{owner}: it has no stop; give lower, upper or both.")
+        if self.lower is None or self.upper is None:
+            return
+        lower, upper = concrete(self.lower), concrete(self.upper)
+        if lower is not None and upper is not None and not np.all(lower < upper):
+            raise SceneError(
+                f"{owner}: lower is {lower:g} and upper {upper:g}; give a lower stop below the "
+                "upper one.",
+                field="lower",
+            )

@@ -1,0 +1,77 @@
+"""One number that says how a marker has moved against another: what joints of robots measure."""
+
+from typing import Literal, get_args
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..linalg import quaternions
+from .counted_angle import counted_angle
+from .fields import check_choice
+from .marker import Pose
+
+# Of marker `a` against `b`:
+# - "angle": about the z axis, with full turns; "bounded angle": the same between −π and π, for
+#   hinges with stops, which need no counter in space;
+# - "travel": along the axis on which joints slide, z in space and x in the plane;
+# - "distance": of both points;
+# - "1 of 2" and "2 of 2": the angles about the x axis of `b` and the y axis of `a`, which stay at
+#   right angles; "1 of 3" to "3 of 3": those about x, y and z, each turned by those before it.
+Motion = Literal[
+    "angle",
+    "bounded angle",
+    "travel",
+    "distance",
+    "1 of 2",
+    "2 of 2",
+    "1 of 3",
+    "2 of 3",
+    "3 of 3",
+]
+MOTIONS: tuple[str, ...] = get_args(Motion)
+_PLANAR = MOTIONS[:4]
+
+
+def moved(motion: str, *poses: Pose) -> Float[Array, ""]:
+    """The motion of the first pose against the second [rad] or [m]; a counter may follow."""
+    a, b, *_ = poses
+    if motion == "angle":
+        return counted_angle(*poses)
+    if motion == "bounded angle":
+        return a.angle_against(b, jnp.zeros((), a.position.dtype))
+    if motion == "travel":
+        return b.along(a.position)
+    if motion == "distance":
+        squared = jnp.sum((a.position - b.position) ** 2)
+        # The gradient of a length is NaN at zero, where it has no direction.
+        return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
+    relative = quaternions.product(quaternions.conjugate(b.turn), a.turn)
+    return _turned(motion, quaternions.matrix(relative))
+
+
+def _turned(motion: str, r: Float[Array, "3 3"]) -> Float[Array, ""]:
+    """An angle of the rotation R = X(θ₁) Y(θ₂), or X(θ₁) Y(θ₂) Z(θ₃) of three."""
+    if motion == "1 of 2":
+        return jnp.arctan2(r[2, 1], r[1, 1])
+    if motion == "2 of 2":
+        return jnp.arctan2(r[0, 2], r[0, 0])
+    if motion == "1 of 3":
+        return jnp.arctan2(-r[1, 2], r[2, 2])
+    if motion == "2 of 3":
+        return jnp.arctan2(r[0, 2], jnp.sqrt(r[0, 0] ** 2 + r[0, 1] ** 2))
+    return jnp.arctan2(-r[0, 1], r[0, 0])
+
+
+def counts(motion: str) -> tuple[tuple[int, int], ...]:
+    """The pairs of markers whose angle counts full turns."""
+    return ((0, 1),) if motion == "angle" else ()
+
+
+def points_of(motion: str) -> tuple[int, ...]:
+    """Those of both markers whose positions are all that the motion asks for."""
+    return {"distance": (0, 1), "travel": (0,)}.get(motion, ())
+
+
+def check_motion(owner: str, motion: str, dimension: int) -> None:
+    """Check that there is such a motion in the plane (2) or in space (3)."""
+    check_choice(owner, "motion", motion, _PLANAR if dimension == 2 else MOTIONS)

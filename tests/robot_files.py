@@ -1,0 +1,144 @@
+"""Robot files that a generator writes, and the motion of robots by MuJoCo in terms of scenes."""
+
+import numpy as np
+
+from romjax.linalg import quaternions
+
+HEAD = (
+    '<mujoco model="{name}"><compiler angle="radian" autolimits="true"/>'
+    '<option gravity="0.3 -0.2 -9.81"><flag contact="disable"/></option>'
+)
+
+
+def words(numbers) -> str:
+    return " ".join(f"{x:.17g}" for x in np.atleast_1d(numbers))
+
+
+def inertial(random) -> str:
+    """The inertia of a cloud of points."""
+    points, mass = 0.1 * random.normal(size=(6, 3)), random.uniform(0.5, 2.0)
+    tensor = mass / 6 * sum(x @ x * np.eye(3) - np.outer(x, x) for x in points)
+    six = [tensor[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    centre = words(0.1 * random.normal(size=3))
+    return f'<inertial pos="{centre}" mass="{mass:.17g}" fullinertia="{words(six)}"/>'
+
+
+def frame(random) -> str:
+    turn = random.normal(size=4)
+    return f'pos="{words(0.3 * random.normal(size=3))}" quat="{words(turn / np.linalg.norm(turn))}"'
+
+
+def axes(random) -> np.ndarray:
+    return np.linalg.qr(random.normal(size=(3, 3)))[0].T
+
+
+def joint(name: str, kind: str, axis, point, random, plain: bool = False) -> str:
+    text = f'<joint name="{name}" type="{kind}" pos="{words(point)}"'
+    if kind == "ball":
+        return f'{text} damping="{random.uniform(0.1, 1)}" stiffness="{random.uniform(1, 3)}"/>'
+    numbers = random.uniform(0.1, 1.0, 5)
+    ref = "" if plain else f' ref="{numbers[0]}" springref="{numbers[1]}"'
+    return (
+        f'{text} axis="{words(axis)}"{ref} damping="{numbers[2]}" stiffness="{numbers[3]}" '
+        f'armature="{numbers[4]}"/>'
+    )
+
+
+def joints(number: int, random) -> str:
+    """The joints of a body: one, or several."""
+    kind = random.choice(
+        ["hinge"] * 4
+        + ["slide"] * 2
+        + ["ball", "two", "three", "planar", "cylinder", "slot", "cart", "moving ball"]
+    )
+    directions, point = axes(random), 0.1 * random.normal(size=3)
+
+    def one(k: int, kind: str, axis: int, plain: bool = False) -> str:
+        return joint(f"j{number}{'abcdef'[k]}", kind, directions[axis], point, random, plain)
+
+    match kind:
+        case "two":
+            return one(0, "hinge", 0, True) + one(1, "hinge", 1, True)
+        case "three":
+            return "".join(one(k, "hinge", k, True) for k in range(3))
+        case "planar":
+            return one(0, "slide", 0) + one(1, "slide", 1) + one(2, "hinge", 2)
+        case "cylinder":
+            return one(0, "hinge", 0) + one(1, "slide", 0)
+        case "slot":
+            return one(0, "slide", 0) + one(1, "hinge", 1)
+        case "cart":
+            return one(0, "slide", 0) + one(1, "slide", 1)
+        case "moving ball":
+            return one(0, "slide", 0) + one(1, "ball", 1)
+    return one(0, kind, 0)
+
+
+def tree(count: int, seed: int) -> str:
+    """A random tree of bodies with all kinds of joints, links fixed to others, and motors."""
+    random = np.random.default_rng(seed)
+    held = [list[str]() for _ in range(count + 1)]
+    parents = [0] + [int(random.integers(max(0, i - 4), i)) for i in range(1, count + 1)]
+    text, driven = [""] * (count + 1), []
+    for i in range(count, 0, -1):
+        if parents[i] == 0 and random.random() < 0.3:
+            own = f'<freejoint name="j{i}a"/>'
+        elif parents[i] and random.random() < 0.15:
+            own = ""
+        else:
+            own = joints(i, random)
+        driven += [
+            name.split('"')[1]
+            for name in own.split("<joint ")[1:]
+            if 'type="ball"' not in name and random.random() < 0.5
+        ]
+        site = f'<site name="s{i}" pos="{words(0.2 * random.normal(size=3))}"/>'
+        inner = "".join(held[i])
+        text[i] = f'<body name="b{i}" {frame(random)}>{own}{inertial(random)}{site}{inner}</body>\n'
+        held[parents[i]].append(text[i])
+    motors = "".join(
+        f'<general name="m{k}" joint="{name}" gear="{random.uniform(-3, 3)}" biastype="affine" '
+        f'gainprm="2" biasprm="0.1 -1 -0.2" armature="0.01" damping="0.02"/>'
+        for k, name in enumerate(driven)
+    )
+    return (
+        f"{HEAD.format(name=f'tree {count}')}<worldbody>{''.join(held[0])}</worldbody>"
+        f"<actuator>{motors}</actuator></mujoco>"
+    )
+
+
+def state(scene, model, data) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates and velocities of the bodies of a scene in a state of MuJoCo's."""
+    import mujoco
+
+    q, v = [], []
+    for body in scene.bodies:
+        link = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, body.name)
+        turn, speeds = np.array(data.xquat[link]), np.zeros(6)
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, link, speeds, 0)
+        arm = quaternions.rotate(turn, -np.asarray(body.named_points()["origin"]))
+        q += [data.xpos[link] + arm, turn]
+        v += [speeds[3:] + np.cross(speeds[:3], arm), quaternions.derivative(turn, speeds[:3])]
+    return np.concatenate(q), np.concatenate(v)
+
+
+def accelerations(scene, model, data) -> np.ndarray:
+    """Accelerations of the centres of mass and angular accelerations (bodies, 6) by MuJoCo."""
+    import mujoco
+
+    mujoco.mj_rnePostConstraint(model, data)
+    found = []
+    for body in scene.bodies:
+        link = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, body.name)
+        kind, speeds, rates = mujoco.mjtObj.mjOBJ_XBODY, np.zeros(6), np.zeros(6)
+        mujoco.mj_objectVelocity(model, data, kind, link, speeds, 0)
+        mujoco.mj_objectAcceleration(model, data, kind, link, rates, 0)
+        arm = quaternions.rotate(
+            np.array(data.xquat[link]), -np.asarray(body.named_points()["origin"])
+        )
+        spin, turning = speeds[:3], rates[:3]
+        moving = rates[3:] + model.opt.gravity  # MuJoCo's is that of a sensor
+        found.append(
+            [*(moving + np.cross(turning, arm) + np.cross(spin, np.cross(spin, arm))), *turning]
+        )
+    return np.array(found)

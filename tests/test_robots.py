@@ -1,0 +1,246 @@
+"""Robots of MJCF and URDF: what comes in, what is refused, and that they move as MuJoCo's do."""
+
+import re
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from robot_files import accelerations, state, tree
+from tolerances import IDENTITY
+
+import romjax as rj
+from romjax.assembly.counting import with_counter_starts
+from romjax.files.robots.vocabulary import ALL, MJCF, key
+from romjax.linalg import quaternions
+
+mujoco = pytest.importorskip("mujoco")
+
+# Required: of accelerations, relative to the largest.
+ALIKE = 1e-10
+
+
+# The vocabulary.
+
+
+def schema() -> dict[str, set[str]]:
+    """The attributes of each element of MuJoCo's own schema, by its key in the vocabulary; without
+    elements within those that one word is for.
+    """
+    found, parents, attributes = {}, [], set()
+    for line in mujoco.mj_printSchema(0, 0).splitlines():
+        begun = re.match(r"( *)(?:\(world\))?(\w+) \(", line)
+        if begun:
+            parents = [*parents[: len(begun[1]) // 3], begun[2]]
+            keys = [key(tuple(parents[:i]), name) for i, name in enumerate(parents)]
+            covered = any(x in MJCF and ALL in MJCF[x][1:] for x in keys[:-1])
+            attributes = set() if covered else found.setdefault(keys[-1], set())
+        attributes.update(line[30:].split() if begun else line.split())
+    return found
+
+
+@pytest.mark.instant
+def test_every_element_and_attribute_has_a_word():
+    """Those of a newer MuJoCo cannot pass unnoticed."""
+    known = schema()
+    assert len(known) > 60
+    assert set(known) - set(MJCF) == set()
+    assert [f"{k} {x}" for k, own in known.items() for x in own if not MJCF[k].kind(x)] == []
+
+
+@pytest.mark.instant
+def test_no_word_is_for_nothing():
+    known = schema()
+    resolved_before = {"body/frame", "body/replicate", "body/composite"}
+    assert set(MJCF) - set(known) <= resolved_before
+    stale = [
+        f"{name} {x}"
+        for name, words in MJCF.items()
+        for kind in ("taken", "ignored", "left_out", "refused")
+        for x in getattr(words, kind).split()
+        if name in known and x != ALL and x not in known[name]
+    ]
+    assert stale == []
+
+
+# Bad files.
+
+BALL = '<geom size=".1" mass="1"/>'
+LINK = f'<body name="a"><joint name="h"/>{BALL}</body>'
+BAD = {
+    "no XML": ("<mujoco>\n<worldbody>", ":2: this is no XML"),
+    "another format": ("<sdf/>", ":1: <sdf> begins neither MJCF"),
+    "unknown attribute": (f'{LINK}\n<body><joint foo="1"/>{BALL}</body>', ":2: .*foo"),
+    "no mass": ('<body name="a">\n<joint/></body>', ":1: mass and inertia of moving bodies"),
+    "nothing moves": (BALL, "no body can move"),
+    "plugin": (f'{LINK}\n<body><plugin plugin="x"/></body>', ":2: <plugin>.*take it out"),
+    "flexcomp": (f'{LINK}\n<flexcomp name="f"/>', ':2: <flexcomp name="f">.*flexible'),
+    "mocap": (f'{LINK}\n<body name="m" mocap="true"/>', ":2: <body name=\"m\"> mocap='true'"),
+    "buoyant": (f'{LINK}\n<body name="m" gravcomp="1">{BALL}</body>', ":2: .*gravcomp.*Force"),
+    "yielding": (f'<body>\n<joint springyield="1"/>{BALL}</body>', ":2: <joint> springyield='1'"),
+    "nonlinear spring": (
+        f'<body>\n<joint name="h" stiffness="1 2"/>{BALL}</body>',
+        ":2: joint 'h': its stiffness is a polynomial; give one number",
+    ),
+    "nonlinear damping": (
+        f'<body>\n<joint name="h" damping="1 2"/>{BALL}</body>',
+        ":2: joint 'h': its damping is a polynomial",
+    ),
+    "slide on a hinge": (
+        f'<body><joint/>\n<joint name="s" type="slide" axis="1 0 0"/>{BALL}</body>',
+        ":2: joint 's': it slides along an axis that turns; give the link",
+    ),
+    "oblique hinges": (
+        f'<body><joint/>\n<joint name="s" axis="1 0 1"/>{BALL}</body>',
+        ":2: joint 's': its axis is not at a right angle",
+    ),
+    "hinges apart": (
+        f'<body><joint/>\n<joint name="s" axis="1 0 0" pos="0 1 0"/>{BALL}</body>',
+        ":2: joint 's': it turns about another point",
+    ),
+    "hinges with ref": (
+        f'<body><joint/>\n<joint name="s" axis="1 0 0" ref="1"/>{BALL}</body>',
+        ":2: joint 's': one of several hinges",
+    ),
+    "four joints": (
+        f'<body><joint/><joint axis="1 0 0"/><joint axis="0 1 0"/>\n<joint name="s"/>{BALL}</body>',
+        ":2: joint 's': its axis is not at a right angle",
+    ),
+    "range of a ball": (
+        f'<body>\n<joint name="s" type="ball" range="0 30"/>{BALL}</body>',
+        ":2: joint 's': stops of a ball joint",
+    ),
+    "armature of a ball": (
+        f'<body>\n<joint name="s" type="ball" armature="1"/>{BALL}</body>',
+        ":2: joint 's': it has armature in several directions",
+    ),
+    "name of the ground": (f'\n<body name="ground"><joint/>{BALL}</body>', ":2: body 'ground'"),
+}
+BAD_SECTIONS = {
+    "muscle": ('<actuator>\n<muscle joint="h"/></actuator>', ":2: <muscle>.*use <motor>"),
+    "delay": ('<actuator>\n<motor joint="h" delay="1"/></actuator>', ":2: <motor> delay='1'"),
+    "filter": (
+        '<actuator>\n<general name="f" joint="h" dyntype="filter" dynprm="1"/></actuator>',
+        ":2: actuator 'f': it has a state of its own",
+    ),
+    "affine gain": (
+        '<actuator>\n<general name="f" joint="h" gaintype="affine"/></actuator>',
+        ":2: actuator 'f': its force is no linear law",
+    ),
+    "unknown joint": ('<actuator>\n<motor name="f" joint="x"/></actuator>', ":2: .*'x'"),
+    "fixed tendon": (
+        '<tendon>\n<fixed><joint joint="h" coef="1"/></fixed></tendon>',
+        ":2: <fixed>.*couple joints by <equality>",
+    ),
+    "pulley": ('<tendon><spatial>\n<pulley divisor="2"/></spatial></tendon>', ":2: <pulley>"),
+    "tendon equality": ('<equality>\n<tendon tendon1="x"/></equality>', ":2: <tendon>"),
+    "no springs": ('<option>\n<flag spring="disable"/></option>', ":2: <flag> spring='disable'"),
+    "fluid": ('\n<option density="1.2"/>', ":2: <option> density='1.2'.*romjax.Drag"),
+    "extension": ("<extension>\n<plugin/></extension>", ":1: <extension>"),
+}
+
+
+def written(folder, text, name="robot.xml"):
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def refused(folder, text, words):
+    path = written(folder, text)
+    with pytest.raises(rj.SceneFileError, match=words) as error:
+        rj.load_scene(path)
+    assert str(error.value).startswith(str(path))
+
+
+@pytest.mark.instant
+@pytest.mark.parametrize("case", BAD)
+def test_bad_bodies_are_refused(case, tmp_path):
+    text, words = BAD[case]
+    whole = text if text.startswith(("<mujoco", "<sdf")) else None
+    refused(tmp_path, whole or f"<mujoco><worldbody>{text}</worldbody></mujoco>", words)
+
+
+@pytest.mark.instant
+@pytest.mark.parametrize("case", BAD_SECTIONS)
+def test_bad_sections_are_refused(case, tmp_path):
+    text, words = BAD_SECTIONS[case]
+    refused(tmp_path, f"<mujoco><worldbody>{LINK}</worldbody>{text}</mujoco>", words)
+
+
+@pytest.mark.instant
+def test_starts_and_signals_that_are_not_there(tmp_path, crank):
+    robot = written(tmp_path, f"<mujoco><worldbody>{LINK}</worldbody></mujoco>")
+    with pytest.raises(rj.SceneError, match="keyframe 'home'"):
+        rj.load_scene(robot, start="home")
+    with pytest.raises(rj.SceneError, match="actuator or joint 'elbow'. There are: h"):
+        rj.load_scene(robot, signals={"elbow": rj.Constant(1.0)})
+    with pytest.raises(rj.InputError, match="start and signals are those of robot files"):
+        rj.load_scene(crank, start="home")
+
+
+@pytest.mark.instant
+def test_includes_and_what_is_left_out(tmp_path):
+    written(tmp_path, f"<mujoco>\n<worldbody>\n{LINK}</worldbody></mujoco>", "links.xml")
+    text = '<mujoco><include file="links.xml"/>\n<contact><pair geom1="g" geom2="k"/></contact>'
+    text += '<worldbody><geom name="g" type="plane" size="1 1 1"/><body pos="0 0 3"><joint/>'
+    text += '<geom name="k" size="1"/></body></worldbody></mujoco>'
+    with pytest.warns(UserWarning, match=r"robot.xml:2: <pair>; .*contacts of 3 geoms"):
+        scene = rj.load_scene(written(tmp_path, text))
+    assert [body.name for body in scene.bodies] == ["a", "body2"]
+
+
+# Motion.
+
+
+def moving(scene, model, count, seed=1):
+    """States of MuJoCo's, each with the system at it."""
+    system, random = rj.assemble(scene), np.random.default_rng(seed)
+    data, own = mujoco.MjData(model), 7 * len(scene.bodies)
+    rest = np.zeros(system.n - own)
+    for _ in range(count):
+        data.qpos[:] = model.qpos0
+        mujoco.mj_integratePos(model, data.qpos, 0.7 * random.normal(size=model.nv), 1.0)
+        data.qvel[:], data.ctrl[:] = random.normal(size=model.nv), 0.0
+        mujoco.mj_forward(model, data)
+        q, v = (jnp.concatenate([x, rest]) for x in state(scene, model, data))
+        there = eqx.tree_at(lambda s: (s.q0, s.v0), system, (q, v))
+        yield with_counter_starts(there) if system.structure.counters else there, data
+
+
+@eqx.filter_jit
+def computed(system):
+    """The violation of joints, and the accelerations of coordinates."""
+    acceleration, _ = system.acceleration(0.0, system.q0, system.v0)
+    return system.constraint(0.0, system.q0), acceleration
+
+
+def compare_with_mujoco(path, states):
+    """Joints hold in every state of MuJoCo's, and all bodies accelerate as there."""
+    scene, model = rj.load_scene(path), mujoco.MjModel.from_xml_path(str(path))
+    for system, data in moving(scene, model, states):
+        violation, rates = (np.asarray(x) for x in computed(system))
+        q, v = np.asarray(system.q0), np.asarray(system.v0)
+        own = []
+        for i in range(len(scene.bodies)):
+            p, speed, rate = (x[7 * i + 3 : 7 * i + 7] for x in (q, v, rates))
+            # Of the quaternion p of unit length, ω' = 2 E p'' − 4 (p·p') E p'.
+            space = quaternions.space_matrix(p)
+            turning = 2 * quaternions.apply(space, rate - 2 * (p @ speed) * speed)
+            own.append([*rates[7 * i : 7 * i + 3], *turning])
+        expected = accelerations(scene, model, data)
+        assert np.max(np.abs(violation)) < IDENTITY
+        assert np.max(np.abs(np.array(own) - expected)) < ALIKE * np.max(np.abs(expected))
+
+
+def test_a_random_tree_accelerates_as_by_mujoco(tmp_path):
+    """Hinges, slides, several joints on a body, links fixed to others, springs, armature, motors
+    behind gears, at random states.
+    """
+    compare_with_mujoco(written(tmp_path, tree(4, seed=2)), 5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [2, 5, 15, 40])
+def test_random_trees_accelerate_as_by_mujoco(count, tmp_path):
+    compare_with_mujoco(written(tmp_path, tree(count, seed=count)), 25)
