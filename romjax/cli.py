@@ -16,9 +16,10 @@ import numpy as np
 from tabulate import tabulate
 from tqdm import tqdm
 
-from . import __version__, plot
+from . import plot
 from .assembly.assemble import assemble
 from .command_inputs import load, writable
+from .command_parser import parser
 from .common import writing
 from .common.errors import InputError, SimulationError
 from .files.begin import write_start
@@ -35,10 +36,10 @@ from .trials.reductions import reductions
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
-    options = _parser().parse_args(arguments)
+    options = parser().parse_args(arguments)
     jax.config.update("jax_enable_x64", True)
     try:
-        status: int = options.verb(options)
+        status = _VERBS[options.verb](options)
         return status
     except (SimulationError, ValueError, OSError) as error:
         print(f"romjax: {error}", file=sys.stderr)
@@ -46,102 +47,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("romjax: interrupted", file=sys.stderr)
         return 130
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="romjax",
-        description="Differentiable reduced-order simulation of flexible multibody systems.",
-    )
-    parser.add_argument("--version", action="version", version=f"romjax {__version__}")
-    verbs = parser.add_subparsers(required=True, metavar="VERB")
-    scenes = verbs.add_parser("scenes", help="list the ready scenes")
-    scenes.set_defaults(verb=_scenes)
-    run = verbs.add_parser(
-        "run",
-        help="simulate a scene, try what reductions pay, recommend one",
-        description="Simulate a scene, try the reductions that its structure suggests, judge them "
-        "on starts that they have not seen, print the table with the recommended one first, and "
-        "write a page, report.html, with the moving mechanism and all figures; beside it figures "
-        "(PNG), an animation (GIF) and the trajectories (CSV). Ctrl-C ends the trials.",
-    )
-    _add_scene(run)
-    run.add_argument("--rate", type=float, metavar="HZ", help="sample rate (that of the scene)")
-    run.add_argument("--rtol", type=float, help="tolerance of all runs (that of the scene)")
-    run.add_argument(
-        "--pod-rank", type=int, metavar="R", help="modes of POD, in the chapter's table"
-    )
-    run.add_argument(
-        "--sod-rank", type=int, metavar="R", help="modes of SOD, in the chapter's table"
-    )
-    run.add_argument(
-        "--budget",
-        type=float,
-        default=40.0,
-        metavar="S",
-        help="time of a processor to try models in (40)",
-    )
-    run.add_argument(
-        "--all", action="store_true", help="show all models, and POD and SOD as in the chapter"
-    )
-    run.add_argument("--no-animation", action="store_true", help="leave out the animation")
-    run.set_defaults(verb=_run)
-    costs = verbs.add_parser(
-        "accuracy",
-        help="what accuracy costs in time: models, methods and tolerances of a scene",
-        description="Measure error and time of the full and of reduced models of a scene by "
-        "several methods and tolerances, alone and 256 at once, in double and in single precision, "
-        "recommend the cheapest for each error, and write a table (CSV), a figure (PNG) and a page "
-        "(HTML). Ctrl-C ends it with what has been measured.",
-    )
-    _add_scene(costs)
-    costs.add_argument(
-        "--budget", type=float, default=120.0, metavar="S", help="time to spend (120)"
-    )
-    costs.add_argument("--rate", type=float, metavar="HZ", help="outputs (those of the scene)")
-    costs.set_defaults(verb=_accuracy)
-    tune = verbs.add_parser(
-        "tune",
-        help="find Baumgarte's parameters for a scene by gradient",
-        description="Find the parameters of Baumgarte's stabilisation that keep the constraints of "
-        "a scene best, and write a figure of the search.",
-    )
-    _add_scene(tune)
-    tune.add_argument("--rtol", type=float, default=1e-6, help="tolerance of the runs (1e-6)")
-    tune.add_argument("--dt", type=float, metavar="S", help="a fixed step instead")
-    tune.add_argument("--steps", type=int, default=300, help="most steps of the search (300)")
-    tune.set_defaults(verb=_tune)
-    _add_files(verbs)
-    return parser
-
-
-def _add_files(verbs: Any) -> None:
-    """The verbs for scene files."""
-    new = verbs.add_parser("new", help="write a scene file to begin with")
-    new.set_defaults(verb=_new)
-    check = verbs.add_parser(
-        "check",
-        help="say what a scene file is, without running it",
-        description="Print the bodies, joints, freedoms and effects of a scene file, the joints "
-        "that repeat others, the fastest frequency, and the method that a run would take and why; "
-        "or all its mistakes, with their lines.",
-    )
-    check.set_defaults(verb=_check)
-    for verb in (new, check):
-        verb.add_argument("file", type=Path, metavar="FILE", help="such as crank.toml")
-    schema = verbs.add_parser(
-        "schema", help="print the JSON schema of scene files, from which editors complete keys"
-    )
-    schema.set_defaults(verb=_schema)
-
-
-def _add_scene(verb: argparse.ArgumentParser) -> None:
-    """Add the arguments of every verb that simulates."""
-    verb.add_argument(
-        "scene", help="a ready scene, a scene file, or a Python file that defines `scene`"
-    )
-    verb.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (romjax-NAME)")
-    verb.add_argument("--end", type=float, metavar="S", help="simulated time (that of the scene)")
 
 
 def _scenes(options: argparse.Namespace) -> int:
@@ -284,3 +189,14 @@ def _schema(options: argparse.Namespace) -> int:
 def _given(option: Any, default: Any) -> Any:
     """Return the option as it was given, zero included, or else the default."""
     return default if option is None else option
+
+
+_VERBS = {
+    "scenes": _scenes,
+    "run": _run,
+    "accuracy": _accuracy,
+    "tune": _tune,
+    "new": _new,
+    "check": _check,
+    "schema": _schema,
+}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import nbformat
 
-from romjax.cli import _parser
+from romjax.command_parser import parser
 
 ROOT = Path(__file__).parent.parent
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
@@ -65,7 +65,7 @@ def blocks(text: str, language: str) -> list[str]:
 
 def verbs() -> dict[str, argparse.ArgumentParser]:
     """The parsers of the command line's verbs."""
-    return _parser()._subparsers._group_actions[0].choices
+    return parser()._subparsers._group_actions[0].choices
 
 
 def options(parser: argparse.ArgumentParser) -> dict[str, argparse.Action]:
@@ -91,9 +91,9 @@ def _markdown(path: Path) -> str:
 
 def _help_texts() -> dict[str, str]:
     found = {}
-    for name, parser in {"": _parser(), **verbs()}.items():
-        words = [action.help for action in parser._actions]
-        said = [parser.description, inspect.cleandoc(parser.epilog or ""), *words]
+    for name, own in {"": parser(), **verbs()}.items():
+        words = [action.help for action in own._actions]
+        said = [own.description, inspect.cleandoc(own.epilog or ""), *words]
         found[f"romjax {name} --help"] = "\n".join(filter(None, said))
     return found
 

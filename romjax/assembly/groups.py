@@ -21,13 +21,13 @@ from ..scene.effect.contact import local_point
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import Pose, Twist, Wrench
 from ..system.dynamics import quadratic_velocity_force
-from ..system.schedule import Stack
+from ..system.schedule import AbstractStack
 from .grouping import T
 from .kinematics import MarkerBlocks
 from .pose_gradient import PoseGradient
 
 
-class BodyGroup(Stack):
+class BodyGroup(AbstractStack):
     """Bodies of equal structure; `weights` multiply the Lagrangian of each, and what follows."""
 
     bodies: AbstractBody  # stacked
@@ -129,7 +129,7 @@ def _quadratic_velocity_force(
     return force
 
 
-class JointGroup(Stack):
+class JointGroup(AbstractStack):
     """Joints of equal structure."""
 
     joints: AbstractJoint  # stacked
@@ -196,7 +196,7 @@ class JointGroup(Stack):
         return wrenches
 
 
-class EffectGroup(Stack):
+class EffectGroup(AbstractStack):
     """Effects of equal structure."""
 
     effects: AbstractMarkerEffect  # stacked

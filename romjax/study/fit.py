@@ -102,23 +102,7 @@ def fit(
     # The search starts with a damping of one, so residuals are made of that size.
     size = size or 1.0
     misfit = eqx.tree_at(lambda m: m.weight, misfit, misfit.weight / size)
-    with tqdm(disable=not progress, desc="fit", unit="step") as bar:
-
-        def step() -> None:
-            bar.update()
-
-        def show(**values: tuple[str, Array]) -> None:
-            jax.debug.callback(step)
-
-        common: Any = {"rtol": tol, "atol": tol, "verbose": show if progress else False}
-        if optimizer is None:
-            with forward_mode():
-                method: Any = optimistix.LevenbergMarquardt(**common)
-                result = _least_squares(misfit, method, begin, steps)
-        else:
-            method = optimistix.BestSoFarMinimiser(optimistix.OptaxMinimiser(optimizer, **common))
-            result = _minimise(misfit, method, begin, steps)
-        jax.effects_barrier()
+    result = _search(misfit, begin, optimizer, steps, tol, progress)
     # What the user has compiled was traced before, when nobody was asked how it went.
     last = eqx.tree_at(lambda m: m.predict, misfit, inspect.unwrap(predict))
     with forward_mode():
@@ -135,6 +119,35 @@ def fit(
         steps=int(result.stats["num_steps"]),
         success=bool(result.result == optimistix.RESULTS.successful),
     )
+
+
+def _search(
+    misfit: "_Misfit",
+    begin: Vector,
+    optimizer: optax.GradientTransformation | None,
+    steps: int,
+    tol: float,
+    progress: bool,
+) -> Any:
+    """The solution of optimistix, by Levenberg and Marquardt's method without an `optimizer`."""
+    with tqdm(disable=not progress, desc="fit", unit="step") as bar:
+
+        def step() -> None:
+            bar.update()
+
+        def show(**values: tuple[str, Array]) -> None:
+            jax.debug.callback(step)
+
+        common: Any = {"rtol": tol, "atol": tol, "verbose": show if progress else False}
+        if optimizer is None:
+            with forward_mode():
+                method: Any = optimistix.LevenbergMarquardt(**common)
+                solution = _least_squares(misfit, method, begin, steps)
+        else:
+            method = optimistix.BestSoFarMinimiser(optimistix.OptaxMinimiser(optimizer, **common))
+            solution = _minimise(misfit, method, begin, steps)
+        jax.effects_barrier()
+    return solution
 
 
 def inverse_square(jacobian: np.ndarray) -> np.ndarray:

@@ -134,6 +134,24 @@ def tune_baumgarte(
         loss = jnp.where(run.status == Status.SUCCESS, loss, jnp.nan)
         return loss, (jnp.max(jnp.abs(states.violation)), run.flags)
 
+    path, best, flags = _search(measure, first, steps, rate, progress)
+    losses, drifts, alphas, betas = (np.stack(x) for x in zip(*path, strict=True))
+    warn_of_outcome("tune_baumgarte, at the best parameters", Status.SUCCESS, flags)
+    return Tuning(best, first, losses, drifts, alphas, betas, omega, lambda pair: measure(pair)[0])
+
+
+def _search(
+    measure: Callable[[Baumgarte], Any],
+    start: Baumgarte,
+    steps: int,
+    rate: float,
+    progress: bool,
+) -> tuple[list[tuple[Any, ...]], Baumgarte, int]:
+    """The path (loss, drift, α, β) of Adam's search, and the best parameters with the flags of
+    their run.
+
+    Raises ValueError if there is no loss at the start.
+    """
     optimizer = optax.inject_hyperparams(optax.adam)(learning_rate=rate)
 
     @program_often
@@ -150,7 +168,7 @@ def tune_baumgarte(
             finite &= jnp.all(jnp.isfinite(slope))
         return optax.apply_updates(logs, updates), state, loss, drift, flags, finite
 
-    logs = jax.tree.map(jnp.log, first)
+    logs = jax.tree.map(jnp.log, start)
     state, best, last_fall = optimizer.init(logs), (np.inf, logs, 0), 0
     path: list[tuple[Any, ...]] = []
     with (
@@ -162,7 +180,7 @@ def tune_baumgarte(
             if not finite:
                 if not path:
                     raise ValueError(
-                        f"tune_baumgarte: a run with start={first} fails, or does not drift at "
+                        f"tune_baumgarte: a run with start={start} fails, or does not drift at "
                         "all; simulate it to see why, and start elsewhere."
                     )
                 shorter = _SHORTER * state.hyperparams["learning_rate"]
@@ -179,10 +197,7 @@ def tune_baumgarte(
             if step - last_fall >= _PATIENCE:
                 break
             logs, state = next_logs, next_state
-    losses, drifts, alphas, betas = (np.stack(x) for x in zip(*path, strict=True))
-    tuned = jax.tree.map(jnp.exp, best[1])
-    warn_of_outcome("tune_baumgarte, at the best parameters", Status.SUCCESS, best[2])
-    return Tuning(tuned, first, losses, drifts, alphas, betas, omega, lambda pair: measure(pair)[0])
+    return path, jax.tree.map(jnp.exp, best[1]), best[2]
 
 
 def _log_mean(x: Float[Array, "k m"]) -> Array:

@@ -23,7 +23,7 @@ _AT_ONCE = 64
 _SEEN = 1e-4
 
 
-class Stack(eqx.Module):
+class AbstractStack(eqx.Module):
     """Elements of one `kind`; all their arrays have one leading axis."""
 
     @property
@@ -43,7 +43,7 @@ class _Still(AbstractSignal):
 class Schedule(eqx.Module):
     """The signals of a system.
 
-    - `stacked`: those of a `Stack`, with its leading axis. `single`: all others.
+    - `stacked`: those of a `AbstractStack`, with its leading axis. `single`: all others.
     - `changing`: the full system, where something else changes with time.
     - `outputs`, `hidden`: where something says nothing of when it changes, the times of outputs,
       and whether it does so in the time up to the next one too fast for a step of that length.
@@ -59,8 +59,10 @@ class Schedule(eqx.Module):
     def of(cls, system: AbstractSystem) -> "Schedule":
         """The signals of a full or a reduced system."""
         full = system.full
-        parts = jax.tree.leaves(full, is_leaf=lambda x: isinstance(x, Stack) or _is_signal(x))
-        stacks = [part for part in parts if isinstance(part, Stack)]
+        parts = jax.tree.leaves(
+            full, is_leaf=lambda x: isinstance(x, AbstractStack) or _is_signal(x)
+        )
+        stacks = [part for part in parts if isinstance(part, AbstractStack)]
         stacked = [signal for stack in stacks for signal in _signals(stack)]
         single = [part for part in parts if _is_signal(part)]
         # Elements of romjax change with time by their signals only. Others are traced to find out,

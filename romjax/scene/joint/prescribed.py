@@ -18,7 +18,7 @@ from ..signal import AbstractSignal, signal_field
 from .base import AbstractJoint
 
 
-class _Prescribed(AbstractJoint):
+class AbstractPrescribed(AbstractJoint):
     """The base of both kinds, which prescribe an angle or a travel by a signal.
 
     The signal has no kinks, at which forces would be infinite, and begins where the bodies are
@@ -38,9 +38,9 @@ class _Prescribed(AbstractJoint):
     def takes_start(self) -> bool:
         return self.signal.takes_start
 
-    def starting_at(self, *poses: Pose) -> "_Prescribed":
+    def starting_at(self, *poses: Pose) -> "AbstractPrescribed":
         begun = self.signal.starting_at(self.value(*poses))
-        joint: _Prescribed = eqx.tree_at(lambda joint: joint.signal, self, begun)
+        joint: AbstractPrescribed = eqx.tree_at(lambda joint: joint.signal, self, begun)
         return joint
 
     def check(self) -> None:
@@ -55,7 +55,7 @@ class _Prescribed(AbstractJoint):
             )
 
 
-class PrescribedAngle(_Prescribed):
+class PrescribedAngle(AbstractPrescribed):
     """Marker `a` has the angle `signal(t)` [rad] against marker `b`; its multiplier is a torque.
 
     In space it is the angle about the z axis of `b`; signals of many turns are followed, and full
@@ -88,7 +88,7 @@ class PrescribedAngle(_Prescribed):
         return Outline(way, "load"), Outline(a.position[None], "point")
 
 
-class PrescribedTravel(_Prescribed):
+class PrescribedTravel(AbstractPrescribed):
     """Marker `a` is at x = `signal(t)` [m] in the frame of marker `b`, in space at z; the
     multiplier is the force along this axis.
 
