@@ -14,7 +14,7 @@ from ..base import AbstractJoint
 from .directions import axis, tilt, turned
 
 
-class _Aligned(AbstractJoint):
+class AbstractAligned(AbstractJoint):
     """The base of joints that hold directions, and no positions."""
 
     dimensions: ClassVar[tuple[int, ...]] = (3,)
@@ -28,7 +28,7 @@ class _Aligned(AbstractJoint):
         return tuple(Outline(axis_line(pose, size), "link") for pose in poses)
 
 
-class Untwisted(_Aligned):
+class Untwisted(AbstractAligned):
     """All axes of the two markers stay parallel: no turn, any position."""
 
     a: Marker
@@ -41,7 +41,7 @@ class Untwisted(_Aligned):
         return turned(a, b)
 
 
-class ParallelAxes(_Aligned):
+class ParallelAxes(AbstractAligned):
     """The z axes of the two markers stay parallel: a turn about them, any position."""
 
     a: Marker
@@ -54,7 +54,7 @@ class ParallelAxes(_Aligned):
         return tilt(a, b)
 
 
-class RightAngle(_Aligned):
+class RightAngle(AbstractAligned):
     """The z axes of the two markers stay at a right angle, at any position: the turns of a
     universal joint.
     """
