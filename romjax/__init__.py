@@ -68,6 +68,8 @@ from .reduction.formulation.galerkin import Galerkin as Galerkin
 from .reduction.formulation.minimal import Minimal as Minimal
 from .reduction.hyper.formulation import HyperReduced as HyperReduced
 from .reduction.hyper.system import HyperReducedSystem as HyperReducedSystem
+from .reduction.joint.formulation import JointCoordinates as JointCoordinates
+from .reduction.joint.system import JointSystem as JointSystem
 from .reduction.lift.base import AbstractLift as AbstractLift
 from .reduction.local.formulation import Local as Local
 from .reduction.local.system import LocalSystem as LocalSystem

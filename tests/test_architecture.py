@@ -23,9 +23,20 @@ TREES = {name: ast.parse(path.read_text()) for name, path in FILES.items()}
 FILE, FUNCTION, REDUCTION = 300, 60, 1100
 MEMBERS, CALLS = 12, 20
 # The rooms of `reduction/` that are for one kind of model each.
-ROOMS = {"charts", "hyper", "local", "tables"}
+ROOMS = {"charts", "hyper", "joint", "local", "tables"}
 # Names of formulations and decompositions, which only the parser of names may compare with.
-NAMES = {"galerkin", "hyper", "local", "minimal", "projected", "table", "POD", "SOD", "given"}
+NAMES = {
+    "galerkin",
+    "hyper",
+    "joint",
+    "local",
+    "minimal",
+    "projected",
+    "table",
+    "POD",
+    "SOD",
+    "given",
+}
 PARSER = "reduction/formulation/parse.py"
 
 

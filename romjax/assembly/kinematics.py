@@ -98,10 +98,15 @@ class Markers(eqx.Module):
         return extended[frames[:, 2] if self.points.shape[1] == 2 else frames[:, 3:]]
 
     def _local(self, extended: Float[Array, " extended"]) -> Pose:
-        """Return the poses of the markers in the frames of their bodies, deformed as these are."""
+        return self.local(extended[self.amplitudes.array])
+
+    def local(self, amplitudes: Float[Array, "count modes"]) -> Pose:
+        """Return the poses of the markers in the frames of their bodies, deformed by amplitudes of
+        each one's body.
+        """
         if not self.amplitudes.width and not self.bending:
             return Pose(self.points, self.turns)
-        amplitudes, d = extended[self.amplitudes.array], self.points.shape[1]
+        d = self.points.shape[1]
         column = amplitudes[:, :, None]
         displacement = multiply(self.shapes, column)[:, :, 0]
         points = self.points + displacement[:, :d]

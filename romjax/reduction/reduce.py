@@ -13,6 +13,7 @@ from .formulation.galerkin import Galerkin
 from .formulation.instead import tried_instead
 from .formulation.minimal import Minimal
 from .formulation.parse import as_formulation
+from .joint.formulation import JointCoordinates
 from .system import ReducedSystem
 
 
@@ -26,16 +27,16 @@ def reduce(
 
 @overload
 def reduce(
-    system: AbstractSystem, basis: Basis, formulation: AbstractFormulation | str
+    system: AbstractSystem, basis: Basis | None = ..., formulation: AbstractFormulation | str = ...
 ) -> AbstractReducedSystem: ...
 
 
 def reduce(
     system: AbstractSystem,
-    basis: Basis,
+    basis: Basis | None = None,
     formulation: AbstractFormulation | str = "galerkin",
 ) -> AbstractReducedSystem:
-    """The system in the coordinates of a basis.
+    """The system in the coordinates of a basis, or exactly in those of its joints.
 
     It starts where the snapshots start, or with modes of one's own where the system does; see
     `ReducedSystem.starting_at` for another start, and `ReducedSystem.with_full` for the same
@@ -51,6 +52,7 @@ def reduce(
       `Tabulated()`, "table": the configurations of a mechanism with one or two freedoms, looked
       up. `HyperReduced()`, "hyper": a few of many hinged rigid bodies stand for all.
       `Projected()`, "projected": the chapter's equation 39.6, unstable, for reference only.
+      `JointCoordinates()`, "joint": the whole mechanism, without a basis.
 
     Raises ReductionError if the basis does not fit the system, if it would lock the mechanism or
     take it apart (galerkin), or if the mechanism passes a singular position (minimal); the message
@@ -58,7 +60,10 @@ def reduce(
     """
     chosen: AbstractFormulation = as_formulation(formulation)
     check_system("reduce", system)
+    if isinstance(chosen, JointCoordinates):
+        return chosen.reduce(system, basis)
     check_kind("reduce", "the basis", basis, Basis, "what romjax.pod or romjax.sod returns")
+    assert basis is not None
     if basis.modes.shape[0] != system.n:
         raise ReductionError(
             f"reduce: the basis has {basis.modes.shape[0]} coordinates and the system {system.n}; "

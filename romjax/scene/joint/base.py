@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 else:
     from equinox import AbstractClassVar
 
+# Of joints that turn in any direction.
+QUATERNION = (("w", ""), ("x", ""), ("y", ""), ("z", ""))
+
 
 class AbstractJoint(eqx.Module):
     """A holonomic constraint between two markers, or more.
@@ -44,6 +47,11 @@ class AbstractJoint(eqx.Module):
     at_points: ClassVar[tuple[int, ...]] = ()
     # Whether pictures hatch the ground at a marker on it.
     hatched: ClassVar[bool] = True
+    # The names and units of the joint's own coordinates, of which `place` makes a pose; None where
+    # it has none, so that joint coordinates keep its residual instead.
+    freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = None
+    # Whether the last four of them are a quaternion, of any length.
+    turns_freely: ClassVar[bool] = False
 
     def __check_init__(self) -> None:
         self.check()
@@ -51,6 +59,14 @@ class AbstractJoint(eqx.Module):
     @abc.abstractmethod
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, " rows"]:
         """Return the residual, zero where the joint holds: lengths [m] and angles [rad]."""
+
+    def place(self, z: Float[Array, " freedoms"]) -> Pose:
+        """The pose of `a` in the frame of `b` at the joint's own coordinates."""
+        raise NotImplementedError
+
+    def read(self, a: Pose, b: Pose) -> Float[Array, " freedoms"]:
+        """The joint's own coordinates from the poses of its markers, the inverse of `place`."""
+        raise NotImplementedError
 
     @property
     def takes_start(self) -> bool:

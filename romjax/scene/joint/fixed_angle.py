@@ -28,9 +28,19 @@ class FixedAngle(AbstractJoint):
     hatched: ClassVar[bool] = False
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 
+    @property
+    def freedoms(self) -> tuple[tuple[str, str], ...] | None:  # type: ignore[override]
+        return (("x", "m"), ("y", "m")) if self.b.dimension == 2 else None
+
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         del t
         return a.angle_against(b, self.value)[None]
+
+    def place(self, z: Float[Array, "2"]) -> Pose:
+        return Pose(z, self.value)
+
+    def read(self, a: Pose, b: Pose) -> Float[Array, "2"]:
+        return b.local(a.position)
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

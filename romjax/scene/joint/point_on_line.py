@@ -10,7 +10,7 @@ from ...common.arrays import Time
 from ..drawing import rail
 from ..marker import Marker, Pose
 from ..outline import Outline
-from .base import AbstractJoint
+from .base import QUATERNION, AbstractJoint
 
 
 class PointOnLine(AbstractJoint):
@@ -29,9 +29,26 @@ class PointOnLine(AbstractJoint):
     def rows(self) -> int:  # type: ignore[override]
         return self.b.dimension - 1
 
+    @property
+    def freedoms(self) -> tuple[tuple[str, str], ...]:  # type: ignore[override]
+        return (("travel", "m"), *((("angle", "rad"),) if self.b.dimension == 2 else QUATERNION))
+
+    @property
+    def turns_freely(self) -> bool:  # type: ignore[override]
+        return self.b.dimension == 3
+
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, " rows"]:
         del t
         return jnp.atleast_1d(b.across(a.position))
+
+    def place(self, z: Float[Array, " freedoms"]) -> Pose:
+        if self.b.dimension == 2:
+            return Pose(jnp.append(z[:1], 0), z[1])
+        return Pose(jnp.pad(z[:1], (2, 0)), z[1:])
+
+    def read(self, a: Pose, b: Pose) -> Float[Array, " freedoms"]:
+        relative = a.against(b)
+        return jnp.append(b.along(a.position), relative.turn)
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

@@ -23,10 +23,17 @@ class Prismatic(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 2
     hatched: ClassVar[bool] = False
+    freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = (("travel", "m"),)
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "2"]:
         del t
         return jnp.stack([b.across(a.position), a.angle - b.angle - self.value])
+
+    def place(self, z: Float[Array, "1"]) -> Pose:
+        return Pose(jnp.append(z, 0), self.value)
+
+    def read(self, a: Pose, b: Pose) -> Float[Array, "1"]:
+        return b.along(a.position)[None]
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

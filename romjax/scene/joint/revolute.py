@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...common.arrays import Time
@@ -19,10 +20,17 @@ class Revolute(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 2
     at_points: ClassVar[tuple[int, ...]] = (0, 1)
+    freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = (("angle", "rad"),)
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "2"]:
         del t
         return a.position - b.position
+
+    def place(self, z: Float[Array, "1"]) -> Pose:
+        return Pose(jnp.zeros(2, z.dtype), z[0])
+
+    def read(self, a: Pose, b: Pose) -> Float[Array, "1"]:
+        return (a.angle - b.angle)[None]
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

@@ -21,10 +21,18 @@ class Weld(AbstractJoint):
     value: Converted[Float[Array, ""]] = radians(default=0.0)
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 3
+    freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = ()
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "3"]:
         del t
         return jnp.append(a.position - b.position, a.angle - b.angle - self.value)
+
+    def place(self, z: Float[Array, "0"]) -> Pose:
+        return Pose(jnp.zeros(2, z.dtype), self.value)
+
+    def read(self, a: Pose, b: Pose) -> Float[Array, "0"]:
+        del b
+        return jnp.zeros(0, a.position.dtype)
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

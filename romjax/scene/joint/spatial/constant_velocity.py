@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ....common.arrays import Time
+from ....linalg import quaternions
 from ...drawing import axis_line
 from ...marker import Marker, Pose
 from ...outline import Outline, marks
@@ -27,11 +28,19 @@ class ConstantVelocity(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 4
     dimensions: ClassVar[tuple[int, ...]] = (3,)
+    freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = (("x", "rad"), ("y", "rad"))
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "4"]:
         del t
         twist = a.angle_against(b, jnp.zeros_like(a.turn[0]))
         return jnp.append(a.position - b.position, twist)
+
+    def place(self, z: Float[Array, "2"]) -> Pose:
+        return Pose(jnp.zeros(3, z.dtype), quaternions.small_turn(jnp.append(z, 0)))
+
+    def read(self, a: Pose, b: Pose) -> Float[Array, "2"]:
+        relative = a.against(b).turn
+        return 2 * relative[1:3] / relative[0]
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

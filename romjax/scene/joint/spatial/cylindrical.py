@@ -11,7 +11,7 @@ from ...marker import Marker, Pose
 from ...outline import Outline
 from ..base import AbstractJoint
 from ..sliding import sliding
-from .directions import tilt
+from .directions import about_z, angle_about_z, tilt
 
 
 class Cylindrical(AbstractJoint):
@@ -23,10 +23,17 @@ class Cylindrical(AbstractJoint):
     rows: ClassVar[int] = 4
     dimensions: ClassVar[tuple[int, ...]] = (3,)
     hatched: ClassVar[bool] = False
+    freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = (("travel", "m"), ("angle", "rad"))
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "4"]:
         del t
         return jnp.concatenate([b.local(a.position)[:2], tilt(a, b)])
+
+    def place(self, z: Float[Array, "2"]) -> Pose:
+        return Pose(jnp.pad(z[:1], (2, 0)), about_z(z[1]))
+
+    def read(self, a: Pose, b: Pose) -> Float[Array, "2"]:
+        return jnp.stack([b.along(a.position), angle_about_z(a, b)])
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

@@ -27,3 +27,19 @@ def turned(a: Pose, b: Pose) -> Float[Array, "3"]:
     """
     relative = quaternions.product(quaternions.conjugate(b.turn), a.turn)
     return 2 * relative[1:] / jnp.sqrt(quaternions.squared(relative))
+
+
+def about_z(angle: Float[Array, ""]) -> Float[Array, "4"]:
+    """The quaternion of a rotation about the z axis by an `angle` [rad]."""
+    c, s, none = jnp.cos(0.5 * angle), jnp.sin(0.5 * angle), jnp.zeros_like(angle)
+    return jnp.stack([c, none, none, s])
+
+
+def angle_about_z(a: Pose, b: Pose) -> Float[Array, ""]:
+    """The angle of `a` against `b` about the z axis, between −π and π [rad].
+
+    As `Pose.angle_against`, but smooth at a half turn too, up to full turns.
+    """
+    relative = quaternions.product(quaternions.conjugate(b.turn), a.turn)
+    w, z = jnp.where(relative[0] < 0, -1, 1) * relative[np.array([0, 3])]
+    return 2 * jnp.arctan2(z, w)

@@ -11,7 +11,7 @@ from ...drawing import placed, square
 from ...marker import Marker, Pose
 from ...outline import Outline
 from ..base import AbstractJoint
-from .directions import tilt
+from .directions import about_z, angle_about_z, tilt
 
 
 class Planar(AbstractJoint):
@@ -23,10 +23,21 @@ class Planar(AbstractJoint):
     rows: ClassVar[int] = 3
     dimensions: ClassVar[tuple[int, ...]] = (3,)
     hatched: ClassVar[bool] = False
+    freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = (
+        ("x", "m"),
+        ("y", "m"),
+        ("angle", "rad"),
+    )
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "3"]:
         del t
         return jnp.append(b.local(a.position)[2], tilt(a, b))
+
+    def place(self, z: Float[Array, "3"]) -> Pose:
+        return Pose(jnp.append(z[:2], 0), about_z(z[2]))
+
+    def read(self, a: Pose, b: Pose) -> Float[Array, "3"]:
+        return jnp.append(b.local(a.position)[:2], angle_about_z(a, b))
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

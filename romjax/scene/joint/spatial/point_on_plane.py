@@ -3,13 +3,14 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ....common.arrays import Time
 from ...drawing import placed, square
 from ...marker import Marker, Pose
 from ...outline import Outline
-from ..base import AbstractJoint
+from ..base import QUATERNION, AbstractJoint
 
 
 class PointOnPlane(AbstractJoint):
@@ -21,10 +22,23 @@ class PointOnPlane(AbstractJoint):
     rows: ClassVar[int] = 1
     at_points: ClassVar[tuple[int, ...]] = (0,)
     dimensions: ClassVar[tuple[int, ...]] = (3,)
+    freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = (
+        ("x", "m"),
+        ("y", "m"),
+        *QUATERNION,
+    )
+    turns_freely: ClassVar[bool] = True
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         del t
         return b.along(a.position)[None]
+
+    def place(self, z: Float[Array, "6"]) -> Pose:
+        return Pose(jnp.append(z[:2], 0), z[2:])
+
+    def read(self, a: Pose, b: Pose) -> Float[Array, "6"]:
+        relative = a.against(b)
+        return jnp.append(relative.position[:2], relative.turn)
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

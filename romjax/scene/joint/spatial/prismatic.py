@@ -11,7 +11,7 @@ from ...marker import Marker, Pose
 from ...outline import Outline
 from ..base import AbstractJoint
 from ..sliding import sliding
-from .directions import turned
+from .directions import about_z, turned
 
 
 class Prismatic(AbstractJoint):
@@ -23,10 +23,17 @@ class Prismatic(AbstractJoint):
     rows: ClassVar[int] = 5
     dimensions: ClassVar[tuple[int, ...]] = (3,)
     hatched: ClassVar[bool] = False
+    freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = (("travel", "m"),)
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "5"]:
         del t
         return jnp.concatenate([b.local(a.position)[:2], turned(a, b)])
+
+    def place(self, z: Float[Array, "1"]) -> Pose:
+        return Pose(jnp.pad(z, (2, 0)), about_z(jnp.zeros_like(z[0])))
+
+    def read(self, a: Pose, b: Pose) -> Float[Array, "1"]:
+        return b.along(a.position)[None]
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

@@ -11,7 +11,7 @@ from ...drawing import axis_line
 from ...marker import Marker, Pose
 from ...outline import Outline, marks
 from ..base import AbstractJoint
-from .directions import tilt
+from .directions import about_z, angle_about_z, tilt
 
 
 class Revolute(AbstractJoint):
@@ -22,10 +22,17 @@ class Revolute(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 5
     dimensions: ClassVar[tuple[int, ...]] = (3,)
+    freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = (("angle", "rad"),)
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "5"]:
         del t
         return jnp.concatenate([a.position - b.position, tilt(a, b)])
+
+    def place(self, z: Float[Array, "1"]) -> Pose:
+        return Pose(jnp.zeros(3, z.dtype), about_z(z[0]))
+
+    def read(self, a: Pose, b: Pose) -> Float[Array, "1"]:
+        return angle_about_z(a, b)[None]
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

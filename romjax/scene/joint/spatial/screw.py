@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -14,7 +15,7 @@ from ...marker import Marker, Pose
 from ...outline import Outline
 from ..base import AbstractJoint
 from ..sliding import sliding
-from .directions import tilt
+from .directions import about_z, angle_about_z, tilt
 
 
 class Screw(AbstractJoint):
@@ -39,12 +40,24 @@ class Screw(AbstractJoint):
     dimensions: ClassVar[tuple[int, ...]] = (3,)
     counted: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1),)
     hatched: ClassVar[bool] = False
+    freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = (("angle", "rad"),)
 
     def residual(self, t: Time, a: Pose, b: Pose, *counter: Pose) -> Float[Array, "5"]:
         del t
         local = b.local(a.position)
         advance = self.pitch * counted_angle(a, b, *counter) / (2 * np.pi) + self.offset
         return jnp.concatenate([local[:2], tilt(a, b), (local[2] - advance)[None]])
+
+    def place(self, z: Float[Array, "1"]) -> Pose:
+        advance = self.pitch * z / (2 * np.pi) + self.offset
+        return Pose(jnp.pad(advance, (2, 0)), about_z(z[0]))
+
+    def read(self, a: Pose, b: Pose) -> Float[Array, "1"]:
+        """The number of full turns is that of the travel."""
+        angle, turn = angle_about_z(a, b), 2 * np.pi
+        pitch = jnp.where(self.pitch == 0, jnp.inf, self.pitch)
+        turns = (b.along(a.position) - self.offset) / pitch - angle / turn
+        return (angle + turn * jax.lax.stop_gradient(jnp.round(turns)))[None]
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

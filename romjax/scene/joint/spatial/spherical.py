@@ -3,12 +3,13 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ....common.arrays import Time
 from ...marker import Marker, Pose
 from ...outline import Outline, marks
-from ..base import AbstractJoint
+from ..base import QUATERNION, AbstractJoint
 
 
 class Spherical(AbstractJoint):
@@ -20,10 +21,18 @@ class Spherical(AbstractJoint):
     rows: ClassVar[int] = 3
     at_points: ClassVar[tuple[int, ...]] = (0, 1)
     dimensions: ClassVar[tuple[int, ...]] = (3,)
+    freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = QUATERNION
+    turns_freely: ClassVar[bool] = True
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "3"]:
         del t
         return a.position - b.position
+
+    def place(self, z: Float[Array, "4"]) -> Pose:
+        return Pose(jnp.zeros(3, z.dtype), z)
+
+    def read(self, a: Pose, b: Pose) -> Float[Array, "4"]:
+        return a.against(b).turn
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

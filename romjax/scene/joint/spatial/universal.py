@@ -1,17 +1,18 @@
 """A universal joint."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ....common.arrays import Time
+from ....linalg import quaternions
 from ...drawing import axis_line
 from ...marker import Marker, Pose
 from ...outline import Outline, marks
 from ..base import AbstractJoint
-from .directions import axis
+from .directions import about_z, angle_about_z, axis
 
 
 class Universal(AbstractJoint):
@@ -24,10 +25,27 @@ class Universal(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 4
     dimensions: ClassVar[tuple[int, ...]] = (3,)
+    freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = (
+        ("angle of b", "rad"),
+        ("angle of a", "rad"),
+    )
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "4"]:
         del t
         return jnp.append(a.position - b.position, jnp.sum(axis(a, 2) * axis(b, 2)))
+
+    def place(self, z: Float[Array, "2"]) -> Pose:
+        """By Cardan's cross: `a` turns about its own z axis, with the cross about that of `b`."""
+        cross = quaternions.product(about_z(z[0]), _quarter(z.dtype))
+        return Pose(jnp.zeros(3, z.dtype), quaternions.product(cross, about_z(z[1])))
+
+    def read(self, a: Pose, b: Pose) -> Float[Array, "2"]:
+        relative = a.against(b)
+        z = axis(relative, 2)
+        first = jnp.arctan2(z[0], -z[1])
+        cross = quaternions.product(about_z(first), _quarter(z.dtype))
+        second = angle_about_z(relative, Pose(relative.position, cross))
+        return jnp.stack([first, second])
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
@@ -36,3 +54,8 @@ class Universal(AbstractJoint):
         del t
         cross = [Outline(axis_line(pose, size), "link") for pose in poses]
         return *cross, marks(poses)
+
+
+def _quarter(dtype: Any) -> Float[Array, "4"]:
+    """The quaternion of a quarter turn about the x axis."""
+    return jnp.array([1, 1, 0, 0], dtype)

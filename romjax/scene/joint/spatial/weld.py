@@ -10,7 +10,7 @@ from ....common.arrays import Time
 from ...marker import Marker, Pose
 from ...outline import Outline, marks
 from ..base import AbstractJoint
-from .directions import turned
+from .directions import about_z, turned
 
 
 class Weld(AbstractJoint):
@@ -21,10 +21,19 @@ class Weld(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     rows: ClassVar[int] = 6
     dimensions: ClassVar[tuple[int, ...]] = (3,)
+    freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = ()
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "6"]:
         del t
         return jnp.concatenate([a.position - b.position, turned(a, b)])
+
+    def place(self, z: Float[Array, "0"]) -> Pose:
+        none = jnp.zeros(4, z.dtype)
+        return Pose(none[:3], about_z(none[3]))
+
+    def read(self, a: Pose, b: Pose) -> Float[Array, "0"]:
+        del b
+        return jnp.zeros(0, a.position.dtype)
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]

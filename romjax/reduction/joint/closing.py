@@ -1,0 +1,92 @@
+"""Some of the joints of a system, with their markers: those that are cut, and those that count."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...assembly.assembled import AssembledSystem
+from ...assembly.groups import JointGroup
+from ...assembly.kinematics import MarkerBlocks, Markers
+from ...common.arrays import Time, pick
+from ...linalg.dense import multiply
+from ...linalg.indexing import Index, spread
+
+
+class SomeJoints(eqx.Module):
+    """Joints of a system, whose rows are numbered anew; `size`: how many coordinates q it has."""
+
+    groups: tuple[JointGroup, ...]
+    markers: Markers | None
+    size: int = eqx.field(static=True)
+
+    @property
+    def m(self) -> int:
+        """How many constraints they are."""
+        return sum(len(group.rows.rows) * group.rows.width for group in self.groups)
+
+    def residual(self, t: Time, q: Float[Array, " n"]) -> Float[Array, " m"]:
+        """The residuals at the coordinates q of the system."""
+        if self.markers is None:
+            return jnp.zeros(0, q.dtype)
+        poses = self.markers.poses(q)
+        blocks = [group.residual(t, poses) for group in self.groups]
+        return spread(blocks, [group.rows.array for group in self.groups], (self.m,))
+
+    def jacobian(
+        self, t: Time, q: Float[Array, " n"], tangent: Float[Array, "n r"]
+    ) -> Float[Array, "m r"]:
+        """Their derivatives, times a `tangent` of q."""
+        if self.markers is None:
+            return jnp.zeros((0, tangent.shape[1]), q.dtype)
+        poses, motion = self.markers.poses(q), self.markers.jacobian(q)
+        columns = self.markers.coordinates()
+        blocks, indices = [], []
+        for group in self.groups:
+            blocks.append(group.jacobian(t, poses, motion))
+            rows = group.rows.array.astype(int)
+            for own in group.bodies_of(group.markers.take(columns)):
+                inside = np.broadcast_to(own[:, None], (*rows.shape, own.shape[1]))
+                flat = rows[:, :, None] * self.size + inside
+                indices.append(np.where(inside < self.size, flat, -1))
+        return multiply(spread(blocks, indices, (self.m, self.size)), tangent)
+
+
+def some_joints(system: AssembledSystem, chosen: tuple[tuple[int, int], ...]) -> SomeJoints:
+    """The joints of a system that are `chosen` by their group and row, in the order of groups."""
+    if not chosen:
+        return SomeJoints((), None, system.n)
+    every = system.joint_markers
+    assert every is not None
+    groups, taken, first = list[JointGroup](), list[int](), 0
+    for g, group in enumerate(system.joints):
+        own = np.array([row for number, row in chosen if number == g], int)
+        if not own.size:
+            continue
+        blocks, width = group.markers, group.rows.width
+        start = len(taken)
+        for side in range(blocks.sides):
+            taken += (blocks.start + side * blocks.count + own).tolist()
+        joints = jax.tree.map(lambda x, own=own: pick(x, own), group.joints)
+        rows = Index.of(
+            np.arange(first, first + own.size * width).reshape(own.size, width).tolist()
+        )
+        groups.append(JointGroup(joints, MarkerBlocks(start, own.size, blocks.sides), rows))
+        first += own.size * width
+    return SomeJoints(tuple(groups), _taken(every, np.array(taken, int)), system.n)
+
+
+def _taken(markers: Markers, rows: np.ndarray) -> Markers:
+    second: Any = markers.foreshortening
+    return Markers(
+        pick(markers.points, rows),
+        pick(markers.turns, rows),
+        pick(markers.shapes, rows),
+        None if second is None else pick(second, rows),
+        Index.of(markers.frames.array[rows].tolist()),
+        Index.of(markers.amplitudes.array[rows].tolist()),
+        tuple(few for own in markers.bending if (few := own.among(rows)) is not None),
+    )

@@ -1,0 +1,155 @@
+"""Joint coordinates: the exact motion of a mechanism by the coordinates of its joints."""
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Int
+
+from ...assembly.assembled import AssembledSystem
+from ...assembly.locate import assembled
+from ...basis.basis import Basis
+from ...common import precision
+from ...common.arrays import concrete
+from ...common.errors import ReductionError
+from ...compiling.program import program_once
+from ...scene.coordinate import Coordinate
+from ...system.base import AbstractSystem
+from ...system.start import Start
+from ...system.structure import Structure, without_names
+from ..formulation.base import AbstractFormulation
+from .spanning import Spanning, frames_of, spanning_tree
+from .system import JointSystem
+from .tree import Tree, plant
+
+
+class JointCoordinates(AbstractFormulation):
+    """The mechanism itself, by the coordinates of the joints of a tree and modal amplitudes.
+
+    Nothing is left out, and nothing is trained: `reduce(system, formulation=JointCoordinates())`.
+    Joints of the tree hold by themselves, without stabilisation, multipliers or counters of full
+    turns, and accelerations follow by recursion along the branches, in a time that grows with the
+    number of bodies (Featherstone, "Rigid Body Dynamics Algorithms", 2008, chapter 7). Where joints
+    close loops, the tree leaves out those with the fewest constraints, farthest from the ground;
+    these are cut and keep their constraints, as do drives, and joints that bring no `place` and
+    `read` of their own. `summary` says which.
+    """
+
+    name: ClassVar[str] = "joint"
+
+    def reduce(self, system: AbstractSystem, basis: Basis | None = None) -> JointSystem:
+        """Raises ReductionError for a system that is reduced already, for a start at which joints
+        do not hold, for a mechanism without freedoms, or where an angle counts full turns between
+        bodies that no hinge joins.
+        """
+        full = assembled("reduce", system)
+        if full is not system:
+            raise ReductionError(
+                "reduce: JointCoordinates are those of all bodies, but the system is reduced "
+                "already; reduce what romjax.assemble(scene) returns."
+            )
+        if basis is not None:
+            raise ReductionError(
+                "reduce: JointCoordinates() leave nothing out and take no basis; call "
+                "romjax.reduce(system, formulation=romjax.JointCoordinates())."
+            )
+        _check_start(full)
+        return in_joint_coordinates(full)
+
+
+def in_joint_coordinates(full: AssembledSystem) -> JointSystem:
+    """The system of a mechanism, from the start nearest to its own.
+
+    Raises ReductionError for one without freedoms.
+    """
+    spanning = spanning_tree(full)
+    tree = plant(full, spanning)
+    if tree.n == 0:
+        raise ReductionError(
+            "reduce: the joints leave the mechanism no freedom, so that it has no joint "
+            "coordinates; take out the joints that lock it."
+        )
+    structure = _structure(full, tree, spanning)
+    return JointSystem.of(full, spanning, structure, _summary(full, tree, spanning))
+
+
+def _check_start(full: AssembledSystem) -> None:
+    """Raise ReductionError unless the joints hold at the start, as joint coordinates always do."""
+    if full.m == 0:
+        return
+    held, fits, worst = (concrete(x) for x in _start(without_names(full)))
+    if held is None or fits is None or worst is None or (held and fits):
+        return
+    what = "apart" if not held else "moving apart"
+    raise ReductionError(
+        f"reduce: at the start {full.structure.constraints[int(worst)]} is {what}; joint "
+        "coordinates begin where all joints hold. Put the scene together by "
+        "romjax.consistent_scene(scene)."
+    )
+
+
+@program_once
+def _start(
+    full: AssembledSystem,
+) -> tuple[Bool[Array, ""], Bool[Array, ""], Int[Array, ""]]:
+    """Whether the joints hold at the start, and their rates, and the worst of them."""
+    zero = jnp.zeros((), full.q0.dtype)
+    share = precision.of(full.q0.dtype).start_tolerance
+    start = Start.of(full, zero, full.q0, full.v0, share)
+    off = jnp.abs(start.violation) / start.allowed
+    rate = jnp.abs(start.rate) / start.allowed_rate
+    return start.closed, start.fits, jnp.argmax(jnp.where(start.closed, rate, off))
+
+
+def _structure(full: AssembledSystem, tree: Tree, spanning: Spanning) -> Structure:
+    known = full.structure
+    names = [known.constraints[row] for row in _cut_rows(full, spanning)]
+    by_number = list(frames_of(full))
+    found: dict[int, Coordinate] = {}
+    flexible = dict[int, bool]()
+    for link in tree.links:
+        for place, columns in zip(link.bodies, link.coordinates.rows, strict=True):
+            branch = spanning.branches[place]
+            label = known.coordinates[by_number[branch.body]].owner
+            if branch.link is not None:
+                label = _label(full, branch.link.group, branch.link.row)
+            for column, (name, unit) in zip(columns, link.joints.freedoms, strict=True):
+                found[column] = Coordinate(label, name, unit)
+    for own, columns in zip(tree.columns.rows, tree.amplitudes.rows, strict=True):
+        for given, column in zip(own[tree.size :], columns, strict=True):
+            if column < tree.n:
+                found[column] = known.coordinates[given]
+                flexible[column] = True
+    return Structure(
+        coordinates=tuple(found[i] for i in range(tree.n)),
+        constraints=tuple(names),
+        rigid=tuple(i not in flexible for i in range(tree.n)),
+        flexible=known.flexible,
+        loops=bool(names),
+        contacts=known.contacts,
+        quaternions=tuple(row[0] for row in tree.spun.rows),
+    )
+
+
+def _label(full: AssembledSystem, group: int, row: int) -> str:
+    """The label of a joint, from the constraints that it has."""
+    return full.structure.constraints[full.joints[group].rows.rows[row][0]].removeprefix("joint ")
+
+
+def _cut_rows(full: AssembledSystem, spanning: Spanning) -> Iterator[int]:
+    for g, group in enumerate(full.joints):
+        for number, row in spanning.cut:
+            if number == g:
+                yield from group.rows.rows[row]
+
+
+def _summary(full: AssembledSystem, tree: Tree, spanning: Spanning) -> str:
+    held = sum(branch.link is not None for branch in spanning.branches)
+    words = [f"{held} joint{'s' * (held != 1)} of a tree of {tree.count} bodies"]
+    free = tree.count - held
+    if free:
+        words.append(f"{free} free")
+    if spanning.cut:
+        names = dict.fromkeys(_label(full, g, row) for g, row in spanning.cut)
+        words.append(f"cut: {', '.join(names)}")
+    return ", ".join(words)

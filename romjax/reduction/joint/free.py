@@ -1,0 +1,37 @@
+"""What holds a body that no joint holds: its coordinates are those of its frame."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...scene.coordinate import frame_coordinates
+from ...scene.marker import Pose
+
+
+class Free(eqx.Module):
+    """A joint without constraints, between a body and the ground.
+
+    - `size`: how many coordinates a frame has, 3 in the plane, 7 in space.
+    """
+
+    size: int = eqx.field(static=True)
+
+    @property
+    def freedoms(self) -> tuple[tuple[str, str], ...]:
+        """The names and units of the coordinates of a frame."""
+        frame = frame_coordinates("", 2 if self.size == 3 else 3)
+        return tuple((each.label.lstrip("."), each.unit) for each in frame)
+
+    @property
+    def turns_freely(self) -> bool:
+        """Whether the last four coordinates are a quaternion."""
+        return self.size == 7
+
+    def place(self, z: Float[Array, " size"]) -> Pose:
+        """The pose of the frame."""
+        return Pose(z[:2], z[2]) if self.size == 3 else Pose(z[:3], z[3:])
+
+    def read(self, a: Pose, b: Pose) -> Float[Array, " size"]:
+        """Return the coordinates of the frame."""
+        del b
+        return jnp.append(a.position, a.turn)

@@ -1,0 +1,166 @@
+"""Physical coordinates of a mechanism from those of its tree, and back."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...linalg import quaternions
+from ...linalg.indexing import spread, take
+from ...scene.marker import Pose
+from . import twists
+from .closing import SomeJoints
+from .kinematics import TreeMotion, edges, frames
+from .tree import Links, Tree
+
+
+class Counters(eqx.Module):
+    """The angles that count full turns, which follow those of joints of the tree.
+
+    - `joints`: what holds them. `columns`: theirs in q. `angles`: those of the joints among z.
+    - `signs`, `offsets`: about α = sign θ + offset; the rest is less than a turn.
+    """
+
+    joints: SomeJoints
+    columns: tuple[int, ...] = eqx.field(static=True)
+    angles: tuple[int, ...] = eqx.field(static=True)
+    signs: Float[Array, " counters"]
+    offsets: Float[Array, " counters"]
+
+    def about(self, z: Float[Array, " n"]) -> Float[Array, " counters"]:
+        """The angles but for less than a turn."""
+        return self.signs * z[np.array(self.angles)] + self.offsets
+
+    def added(self, z: Float[Array, " n"], q: Float[Array, " N"]) -> Float[Array, " N"]:
+        """`q` with the counters."""
+        columns = np.array(self.columns)
+        near = q.at[columns].set(jax.lax.stop_gradient(self.about(z)))
+        return near.at[columns].add(self.joints.residual(jnp.zeros((), q.dtype), near))
+
+    def starting_at(self, lift: "TreeLift", z: Float[Array, " n"], q: Array) -> "Counters":
+        """The counters with the signs and offsets that suit a configuration z, at which they are
+        those of `q`.
+        """
+        rest = dataclasses.replace(lift, counters=None)
+        unit = jnp.zeros_like(z).at[np.array(self.angles)].set(1)
+        zero = jnp.zeros((), z.dtype)
+
+        def angles(z: Array) -> Array:
+            return self.joints.residual(zero, rest.position(z))
+
+        _, slopes = jax.jvp(angles, (z,), (unit,))
+        signs = jax.lax.stop_gradient(jnp.where(slopes < 0, -1.0, 1.0).astype(z.dtype))
+        offsets = q[np.array(self.columns)] - signs * z[np.array(self.angles)]
+        return dataclasses.replace(self, signs=signs, offsets=offsets)
+
+
+class TreeLift(eqx.Module):
+    """The coordinates q of a system of bodies at those of its tree, z.
+
+    - `lengths`: of the quaternions of the bodies, with the signs that they start with; None in the
+      plane. `counters`: None where no angle counts full turns. `size`: how many q there are.
+    """
+
+    tree: Tree
+    lengths: Float[Array, " bodies"] | None
+    counters: Counters | None
+    size: int = eqx.field(static=True)
+
+    def position(self, z: Float[Array, " n"]) -> Float[Array, " N"]:
+        """The coordinates of the system."""
+        place = frames(self.tree, edges(self.tree, z))
+        return self.at_frames(z, place)
+
+    def at_frames(self, z: Float[Array, " n"], place: Pose) -> Float[Array, " N"]:
+        """The same, from the frames of the bodies."""
+        turn = self.turns(place)
+        q = self._spread(place.position, turn, self.tree.amplitudes.take(z))
+        return q if self.counters is None else self.counters.added(z, q)
+
+    def turns(self, place: Pose) -> Float[Array, "bodies *turn"]:
+        """The turns of the bodies in q."""
+        return place.turn if self.lengths is None else place.turn * self.lengths[:, None]
+
+    def velocity(
+        self, z: Float[Array, " n"], motion: TreeMotion, moved: Array, bending: Array
+    ) -> Float[Array, " N"]:
+        """The rates of q where the bodies have the twists `moved` and the rates `bending`."""
+        omega, velocity = twists.split(moved)
+        velocity = velocity + twists.about(omega, motion.arms)
+        turns = self.turns(motion.frames)
+        rate = omega if self.lengths is None else quaternions.derivative(turns, omega)
+        v = self._spread(velocity, rate, bending)
+        if self.counters is None:
+            return v
+        count, q = self.counters, self.at_frames(z, motion.frames)
+        return v.at[np.array(count.columns)].set(_counted(count, q, v)[1])
+
+    def acceleration(
+        self,
+        z: Float[Array, " n"],
+        motion: TreeMotion,
+        moved: Float[Array, "bodies twist"],
+        bending: Float[Array, "bodies modes"],
+        v: Float[Array, " N"],
+    ) -> Float[Array, " N"]:
+        """The accelerations of q where `moved` and `bending` are the derivatives of V and η."""
+        omega, velocity = twists.split(motion.twists)
+        turning, moving = twists.split(moved)
+        velocity = velocity + twists.about(omega, motion.arms)
+        moving = moving + twists.about(turning, motion.arms) + twists.about(omega, velocity)
+        rate, turns = turning, self.turns(motion.frames)
+        if self.lengths is not None:
+            spun = quaternions.derivative(turns, omega)
+            rate = quaternions.derivative(turns, turning) + quaternions.derivative(spun, omega)
+        a = self._spread(moving, rate, bending)
+        if self.counters is None:
+            return a
+        count, q = self.counters, self.at_frames(z, motion.frames)
+        _, change = jax.jvp(lambda q, v: _counted(count, q, v)[1], (q, v), (v, a))
+        return a.at[np.array(count.columns)].set(change)
+
+    def restrict(self, q: Float[Array, " N"]) -> Float[Array, " n"]:
+        """The coordinates of the tree that the joints read from the poses of their markers."""
+        tree = self.tree
+        poses = tree.ports.poses(q)
+        outer = jax.tree.map(lambda x: x[: tree.count], poses)
+        inner = jax.tree.map(lambda x: x[tree.count :], poses)
+        rows = [_read(link, outer, inner) for link in tree.links]
+        bent = tree.columns.take(q)[:, tree.size :]
+        tables = [link.coordinates.array.astype(int) for link in tree.links]
+        amplitudes = tree.amplitudes.array.astype(int)
+        tables.append(np.where(amplitudes < tree.n, amplitudes, -1))
+        z = spread([*rows, bent], tables, (tree.n,))
+        if self.counters is None:
+            return z
+        count, turn = self.counters, 2 * np.pi
+        more = jnp.round((q[np.array(count.columns)] - count.about(z)) / turn)
+        more = jax.lax.stop_gradient(count.signs * turn * more)
+        return z.at[np.array(count.angles)].add(more)
+
+    def _spread(self, position: Array, turn: Array, amplitudes: Array) -> Float[Array, " N"]:
+        turn = turn[:, None] if turn.ndim == 1 else turn
+        rows = jnp.concatenate([position, turn, amplitudes], axis=1)
+        table = self.tree.columns.array.astype(int)
+        return spread([rows], [np.where(table < self.size, table, -1)], (self.size,))
+
+
+def _counted(count: Counters, q: Array, v: Array) -> tuple[Array, Array]:
+    """The angles of counters less their numbers of turns, and the rates of the angles."""
+    zero = jnp.zeros((), q.dtype)
+    still = v.at[np.array(count.columns)].set(0)
+    both: tuple[Array, Array] = jax.jvp(lambda q: count.joints.residual(zero, q), (q,), (still,))
+    return both
+
+
+def _read(link: Links, outer: Pose, inner: Pose) -> Float[Array, "count freedoms"]:
+    """The coordinates of joints of one kind from the poses of all ports."""
+    own = np.array(link.bodies, np.uint32)
+    parent, child = (jax.tree.map(lambda x: take(x, own), each) for each in (outer, inner))
+    a, b = (parent, child) if link.reversed else (child, parent)
+    axes = 0 if jax.tree.leaves(link.joints) else None
+    each: Array = jax.vmap(lambda joint, a, b: joint.read(a, b), (axes, 0, 0))(link.joints, a, b)
+    return each

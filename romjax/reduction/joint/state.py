@@ -1,0 +1,188 @@
+"""A system in joint coordinates at one state."""
+
+import dataclasses
+import functools
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...common.arrays import Time
+from ...linalg.dense import multiply
+from ...linalg.kkt import KKT
+from ...linalg.pattern import Pattern
+from ...system.reduced import Physical, Reduced
+from ...system.state import AbstractState, Energy, Power, Solved
+from . import rates
+from .bodies import Inertias, biases, inertias
+from .kinematics import TreeMotion, along, of_parents, tree_motion
+from .recursion import accelerations
+
+if TYPE_CHECKING:
+    from .system import JointSystem
+
+
+class Later(eqx.Module):
+    """The extended mass matrix of a state, made where more right-hand sides are solved with it."""
+
+    system: "JointSystem"
+    t: Float[Array, ""]
+    z: Reduced
+    w: Reduced
+
+    def solve(
+        self, force: Float[Array, "r *k"], gamma: Float[Array, "m *k"]
+    ) -> tuple[Float[Array, "r *k"], Float[Array, "m *k"]]:
+        """Return what `KKT.solve` does."""
+        return self.system.state(self.t, self.z, self.w).kkt().solve(force, gamma)
+
+
+@dataclasses.dataclass(frozen=True)
+class JointState(AbstractState):
+    """The equations of motion of a tree of bodies, each part evaluated on demand.
+
+    Forces are those of the full system, seen by twists of the bodies.
+    """
+
+    system: "JointSystem"
+    t: Time
+    z: Reduced
+    w: Reduced
+
+    @functools.cached_property
+    def motion(self) -> TreeMotion:
+        tree = self.system.tree
+        return tree_motion(tree, self.z, rates.rates_of(tree, self.z, self.w))
+
+    @functools.cached_property
+    def q(self) -> Physical:  # type: ignore[override]
+        return self.system.lift.at_frames(self.z, self.motion.frames)
+
+    @functools.cached_property
+    def v(self) -> Physical:  # type: ignore[override]
+        u = rates.rates_of(self.system.tree, self.z, self.w)
+        return self.system.lift.velocity(self.z, self.motion, self.motion.twists, self._bending(u))
+
+    def _bending(self, u: Float[Array, " rates"]) -> Float[Array, "bodies modes"]:
+        tree = self.system.tree
+        return tree.motions.take(u)[:, tree.freedoms :]
+
+    def moved(self, u: Float[Array, " rates"]) -> Float[Array, "bodies size"]:
+        """The twists of all bodies and the rates of their amplitudes, for rates u."""
+        tree, motion = self.system.tree, self.motion
+        own = tree.motions.take(u)
+        each = jnp.sum(motion.own * own[:, :, None], axis=1)
+        if not tree.modes:
+            return along(tree, each)
+        bending = own[:, tree.freedoms :]
+        each += jnp.sum(motion.outer * of_parents(tree, bending)[:, :, None], axis=1)
+        return jnp.concatenate([along(tree, each), bending], axis=1)
+
+    @functools.cached_property
+    def _own_inertias(self) -> Inertias:
+        """Those about the frames of the bodies."""
+        return inertias(self.system.full, self.system.tree, self.q)
+
+    @functools.cached_property
+    def _inertia(self) -> Float[Array, "bodies size size"]:
+        return self._own_inertias.about(self.motion.arms).matrices()
+
+    @functools.cached_property
+    def _bias(self) -> Float[Array, "bodies size"]:
+        system = self.system
+        turns = system.lift.turns(self.motion.frames)
+        force = system.full.force(self.t, self.q, self.v)
+        return biases(system.tree, self.motion, self._own_inertias, turns, force)
+
+    def apply_mass(self, x: Float[Array, "r *k"]) -> Float[Array, "r *k"]:
+        if x.ndim == 2:
+            return jax.vmap(self.apply_mass, in_axes=1, out_axes=1)(x)
+        tree = self.system.tree
+        moved, back = jax.vjp(self.moved, rates.rates_of(tree, self.z, x))
+        (forces,) = back(multiply(self._inertia, moved[:, :, None])[:, :, 0])
+        momenta = rates.pull_back(tree, self.z, forces)
+        return momenta + rates.of_lengths(tree, self.z, x) if tree.spun.rows else momenta
+
+    def jacobian(self) -> Float[Array, "m r"]:
+        system = self.system
+        if not system.m:
+            return jnp.zeros((0, system.n), self.z.dtype)
+        tangent = jax.vmap(self._pushed, out_axes=1)(jnp.eye(system.n, dtype=self.z.dtype))
+        return system.cut.jacobian(self.t, self.q, tangent)
+
+    def _pushed(self, x: Reduced) -> Physical:
+        """The rates of q for those of z."""
+        tree = self.system.tree
+        u = rates.rates_of(tree, self.z, x)
+        moved = self.moved(u)[:, : self.motion.twists.shape[1]]
+        return self.system.lift.velocity(self.z, self.motion, moved, self._bending(u))
+
+    def force(self) -> Reduced:
+        """M z̈ of the motion that the tree would make without its cut joints, and no rate changing,
+        less what that motion asks for.
+        """
+        tree = self.system.tree
+        still = rates.second_derivative(tree, self.z, self.w, jnp.zeros(tree.rates, self.z.dtype))
+        d = self.motion.twists.shape[1]
+        lifted = multiply(self._inertia[:, :, :d], along(tree, self.motion.bias)[:, :, None])
+        _, back = jax.vjp(self.moved, jnp.zeros(tree.rates, self.z.dtype))
+        (forces,) = back(self._bias + lifted[:, :, 0])
+        force = -rates.pull_back(tree, self.z, forces)
+        return force + self.apply_mass(still) if tree.spun.rows else force
+
+    def energy(self) -> Energy:
+        system, z = self.system, self.z
+        momentum = self.apply_mass(self.w)
+
+        def both(z: Array) -> tuple[Array, tuple[Array, Array]]:
+            stored = system.full.stored(self.t, system.lift.position(z))
+            return stored[0] + stored[1], stored
+
+        (_, (elastic, potential)), slope = jax.value_and_grad(both, has_aux=True)(z)
+        return Energy(0.5 * multiply(self.w, momentum), elastic, potential, momentum, slope)
+
+    def power(self) -> Power | None:
+        return self.system.full.power(self.t, self.q, self.v)
+
+    def gaps(self) -> Float[Array, " contacts"] | None:
+        return self.system.full.gaps(self.q)
+
+    def limits(self) -> Float[Array, " effects"] | None:
+        return self.system.full.limits(self.q)
+
+    def residual(self, a: Reduced) -> Reduced:
+        return self.apply_mass(a) - self.force()
+
+    def mass(self) -> Float[Array, "r r"]:
+        """M, from the motions that unit rates give the bodies."""
+        tree, dtype = self.system.tree, self.z.dtype
+        unit = jnp.eye(self.system.n, dtype=dtype)
+        pushed = jax.vmap(lambda x: self.moved(rates.rates_of(tree, self.z, x)))(unit)
+        momenta = multiply(self._inertia[None], pushed[..., None])[..., 0]
+        flat = pushed.reshape(len(pushed), -1)
+        matrix = multiply(flat, momenta.reshape(len(pushed), -1).T)
+        if not tree.spun.rows:
+            return matrix
+        return matrix + jax.vmap(lambda x: rates.of_lengths(tree, self.z, x))(unit)
+
+    def kkt(self) -> KKT:
+        rows = self.jacobian()
+        m, r = rows.shape
+        return KKT(Pattern.dense(r, m), self.mass()[None], rows[None][: min(m, 1)])
+
+    def solve(self, gamma: Float[Array, " m"]) -> Solved:
+        if self.system.m:
+            return super().solve(gamma)
+        tree = self.system.tree
+        change, _ = accelerations(tree, self.motion, self._inertia, self._bias)
+        a = rates.second_derivative(tree, self.z, self.w, rates.flat(tree, change))
+        later: Any = Later(self.system, jnp.asarray(self.t, self.z.dtype), self.z, self.w)
+        return Solved(a, gamma, later)
+
+    def physical_acceleration(self, a: Reduced) -> Physical:
+        system, motion = self.system, self.motion
+        change = rates.change_of_rates(system.tree, self.z, self.w, a)
+        moved = self.moved(change)[:, : motion.twists.shape[1]] + along(system.tree, motion.bias)
+        return system.lift.acceleration(self.z, motion, moved, self._bending(change), self.v)

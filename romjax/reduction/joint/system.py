@@ -1,0 +1,148 @@
+"""A mechanism in the coordinates of its joints and the amplitudes of its bodies."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...assembly.assembled import AssembledSystem
+from ...assembly.locate import assembled
+from ...common.arrays import Time, Vector, as_array
+from ...compiling.program import program_once
+from ...system.base import AbstractSystem, AbstractValidity
+from ...system.reduced import AbstractReducedSystem, Physical, Reduced, check_alike, start_of
+from ...system.structure import Structure
+from .closing import SomeJoints, some_joints
+from .counters import counters_of
+from .lift import TreeLift
+from .spanning import Spanning
+from .state import JointState
+from .tree import Tree, plant
+
+
+class JointSystem(AbstractReducedSystem):
+    """M(z) z̈ + C_zᵀ λ = Q(t, z, ż), C(t, z) = 0, by the coordinates z of the joints of a tree.
+
+    The motion is that of the full system, exactly: the joints of the tree hold by themselves, and
+    only those that are cut keep their constraints. Made by `reduce`.
+
+    - `full`: the system of bodies. `spanning`: its tree. `lift`: q of z. `cut`: the joints that
+      close loops, or have no coordinates of their own.
+    - `q0`, `v0` (r,): the start, at `time` [s]. `structure`, `summary`: names and words.
+    """
+
+    full: AssembledSystem
+    lift: TreeLift
+    cut: SomeJoints
+    q0: Float[Array, " r"]
+    v0: Float[Array, " r"]
+    time: Float[Array, ""]
+    spanning: Spanning = eqx.field(static=True)
+    structure: Structure = eqx.field(static=True)
+    summary: str = eqx.field(static=True)
+
+    @classmethod
+    def of(
+        cls, full: AssembledSystem, spanning: Spanning, structure: Structure, summary: str
+    ) -> "JointSystem":
+        """Make the system with the start of the full one.
+
+        `full`, `spanning`, `structure` and `summary` are fields.
+        """
+        z = jnp.zeros(len(structure.coordinates), full.q0.dtype)
+        time = jnp.zeros((), z.dtype)
+        lift, cut = _parts(full, spanning, None)
+        rom = cls(full, lift, cut, z, z, time, spanning, structure, summary)
+        return rom.starting_at(full.q0, full.v0)
+
+    @property
+    def tree(self) -> Tree:
+        """The bodies in the order of the tree."""
+        return self.lift.tree
+
+    @property
+    def validity(self) -> AbstractValidity | None:
+        """The results hold where those of the full system do."""
+        return None
+
+    def mass(self, q: Reduced) -> Float[Array, "r r"]:
+        return self.state(self.time, q, jnp.zeros_like(q)).mass()
+
+    def force(self, t: Time, q: Reduced, v: Reduced) -> Reduced:
+        return self.state(t, q, v).force()
+
+    def constraint(self, t: Time, q: Reduced) -> Float[Array, " m"]:
+        if not self.m:
+            return jnp.zeros(0, q.dtype)
+        return self.cut.residual(t, self.lift.position(q))
+
+    def state(self, t: Time, q: Reduced, v: Reduced) -> JointState:
+        return JointState(self, t, q, v)
+
+    def reconstruct(self, t: Time, q: Reduced, v: Reduced) -> tuple[Physical, Physical]:
+        state = self.state(t, q, v)
+        return state.q, state.v
+
+    def restrict(self, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
+        z, w = _restricted(self.lift, q, v)
+        return z, w
+
+    def in_chart_of(self, q: Physical) -> "JointSystem":
+        del q
+        return self
+
+    def starting_at(self, q: Vector, v: Vector, t: Vector | None = None) -> "JointSystem":
+        q, v = as_array(q), as_array(v)
+        lift = _signed(self.lift, q)
+        z, w = _restricted(lift, q, v)
+        rom = dataclasses.replace(self, lift=lift)
+        return rom._starting_at(z, w, self.time if t is None else as_array(t))
+
+    def with_full(self, full: AbstractSystem) -> "JointSystem":
+        check_alike(self.full, full)
+        other = assembled("with_full", full)
+        lift, cut = _parts(other, self.spanning, self.lift)
+        rom = dataclasses.replace(self, full=other, lift=lift, cut=cut)
+        return rom._starting_at(self.q0, self.v0, self.time)
+
+    def _starting_at(self, z: Reduced, w: Reduced, time: Float[Array, ""]) -> "JointSystem":
+        rom = dataclasses.replace(self, q0=z, v0=w, time=jnp.asarray(time, z.dtype))
+        q0, v0 = start_of(rom, z, w, rom.time)
+        return dataclasses.replace(rom, q0=q0, v0=v0)
+
+
+def _parts(
+    full: AssembledSystem, spanning: Spanning, before: TreeLift | None
+) -> tuple[TreeLift, SomeJoints]:
+    """The lift, with the lengths of quaternions that it had before, and the cut joints."""
+    tree = plant(full, spanning)
+    lengths = before.lengths if before is not None else None
+    if before is None and full.structure.quaternions:
+        lengths = as_array(np.ones(tree.count))
+    counters = counters_of(full, tree, spanning, None if before is None else before.counters)
+    return TreeLift(tree, lengths, counters, full.n), some_joints(full, spanning.cut)
+
+
+@program_once
+def _restricted(lift: TreeLift, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
+    both: tuple[Array, Array] = jax.jvp(lift.restrict, (q,), (v,))
+    return both
+
+
+@program_once
+def _signed(lift: TreeLift, q: Physical) -> TreeLift:
+    """The lift whose quaternions have the lengths and signs, and whose counters the turns, of q."""
+    if lift.lengths is None:
+        return lift
+    plain = dataclasses.replace(lift, lengths=jnp.ones_like(lift.lengths), counters=None)
+    z = plain.restrict(q)
+    turns = np.array([row[3:7] for row in lift.tree.columns.rows])
+    p, given = plain.position(z)[turns], q[turns]
+    signs = jnp.where(jnp.sum(p * given, axis=1) < 0, -1, 1)
+    signed = dataclasses.replace(lift, lengths=signs * jnp.sqrt(jnp.sum(given**2, axis=1)))
+    if lift.counters is None:
+        return signed
+    return dataclasses.replace(signed, counters=lift.counters.starting_at(signed, z, q))

@@ -1,0 +1,141 @@
+"""Twists and wrenches as vectors about one fixed point, by the inertial axes: sums need no frames.
+
+A twist is (ω, velocity of the point that the body has there), a wrench (torque about it, force); of
+3 numbers in the plane, of 6 in space (Featherstone, "Rigid Body Dynamics Algorithms", 2008,
+chapter 2, with all vectors by one frame). All functions take leading axes, which broadcast.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...linalg import quaternions
+from ...linalg.dense import multiply
+from ...scene.marker import Pose, Twist
+
+Vectors = Float[Array, "*axes d"]
+Turns = Float[Array, "..."]
+
+
+def size(dimension: int) -> int:
+    """How many numbers a twist has."""
+    return 3 if dimension == 2 else 6
+
+
+def split(x: Vectors) -> tuple[Array, Array]:
+    """ω or torque, and velocity or force."""
+    first = 1 if x.shape[-1] == 3 else 3
+    return x[..., :first], x[..., first:]
+
+
+def joined(turning: Array, moving: Array) -> Vectors:
+    """The vector of both parts."""
+    shape = jnp.broadcast_shapes(turning.shape[:-1], moving.shape[:-1])
+    parts = [jnp.broadcast_to(x, (*shape, x.shape[-1])) for x in (turning, moving)]
+    return jnp.concatenate(parts, axis=-1)
+
+
+def of_twist(twist: Twist) -> Vectors:
+    """(ω, velocity) as one vector."""
+    velocity, turning = twist
+    plane = velocity.shape[-1] == 2
+    return joined(turning[..., None] if plane else turning, velocity)
+
+
+def about(turning: Array, arm: Array) -> Array:
+    """ω × arm."""
+    if arm.shape[-1] == 2:
+        return turning * perpendicular(arm)
+    return quaternions.cross(*jnp.broadcast_arrays(turning, arm))
+
+
+def moment(arm: Array, force: Array) -> Array:
+    """Return arm × force."""
+    if arm.shape[-1] == 2:
+        return jnp.sum(perpendicular(arm) * force, axis=-1, keepdims=True)
+    return quaternions.cross(*jnp.broadcast_arrays(arm, force))
+
+
+def perpendicular(x: Float[Array, "*axes 2"]) -> Float[Array, "*axes 2"]:
+    """The vector turned by a right angle."""
+    return jnp.stack([-x[..., 1], x[..., 0]], axis=-1)
+
+
+def cross(twist: Vectors, other: Vectors) -> Vectors:
+    """The rate of change of a twist vector that moves with a frame of the twist `twist`."""
+    (omega, velocity), (turning, moving) = split(twist), split(other)
+    change = about(omega, moving) - about(turning, velocity)
+    if omega.shape[-1] == 1:
+        return joined(jnp.zeros_like(change[..., :1]), change)
+    return joined(about(omega, turning), change)
+
+
+def turned(turn: Turns, x: Vectors) -> Vectors:
+    """A vector by the axes of a frame, by the inertial axes."""
+    first, second = split(x)
+    if first.shape[-1] == 1:
+        return joined(first, rotated(turn, second))
+    return joined(rotated(turn, first), rotated(turn, second))
+
+
+def rotated(turn: Turns, x: Float[Array, "*axes d"]) -> Float[Array, "*axes d"]:
+    """A vector of 2 or 3 numbers by the axes of a frame, by the inertial axes."""
+    if x.shape[-1] == 2:
+        return jnp.cos(turn)[..., None] * x + jnp.sin(turn)[..., None] * perpendicular(x)
+    matrix = quaternions.matrix(turn)
+    return jnp.sum(matrix * x[..., None, :], axis=-1)
+
+
+def from_origin(x: Vectors, arm: Float[Array, "*axes d"]) -> Vectors:
+    """The twist about a point that lies at −`arm` from the one that the twist `x` is about."""
+    turning, moving = split(x)
+    return joined(turning, moving - about(turning, arm))
+
+
+def wrench_from_origin(x: Vectors, arm: Float[Array, "*axes d"]) -> Vectors:
+    """The wrench about a point that lies at −`arm` from the one that the wrench `x` is about."""
+    torque, force = split(x)
+    return joined(torque + moment(arm, force), force)
+
+
+def placed(frame: Pose, point: Float[Array, "*axes d"], x: Vectors) -> Vectors:
+    """A twist about the origin of a `frame` and by its axes, about a `point` and by the inertial
+    axes.
+    """
+    return from_origin(turned(frame.turn, x), frame.position - point)
+
+
+def local_twist(pose: Pose, rate: Pose) -> Vectors:
+    """The twist of a pose that changes at a `rate`, about the origin of what it is relative to."""
+    twist = of_twist(pose.twist(rate))
+    return from_origin(twist, pose.position)
+
+
+def inverse(pose: Pose) -> Pose:
+    """The pose of the frame that a pose is relative to, as one sees it from the pose."""
+    plane = pose.dimension == 2
+    turn = -pose.turn if plane else quaternions.conjugate(pose.turn)
+    return Pose(-rotated(turn, pose.position), turn)
+
+
+def widened(x: Float[Array, "count k *others"], k: int, axis: int = 1) -> Array:
+    """`x` with zeros after what it has along an axis, up to `k` entries."""
+    more = [(0, 0)] * x.ndim
+    more[axis] = (0, k - x.shape[axis])
+    return jnp.pad(x, more) if more[axis][1] else x
+
+
+def units(count: int, k: int, dtype: np.dtype) -> Float[Array, "k count k"]:
+    """The unit vectors of k numbers, each for so many elements."""
+    return jnp.broadcast_to(jnp.eye(k, dtype=dtype)[:, None], (k, count, k))
+
+
+def stopped(x: Array) -> Array:
+    """`x` as a number that nothing depends on, of a choice that no result depends on."""
+    return jax.lax.stop_gradient(x)
+
+
+def apply(matrix: Float[Array, "*axes p c"], x: Float[Array, "*axes c"]) -> Float[Array, "*axes p"]:
+    """Products of matrices with vectors."""
+    return multiply(matrix, x[..., None])[..., 0]

@@ -1,0 +1,148 @@
+"""Joint coordinates: the same motion as that of all coordinates and constraints."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import zoo
+from joint_trees import tree
+
+import romjax as rj
+from romjax.reduction.joint.formulation import in_joint_coordinates
+
+# Two solutions of the same equations, by recursion and by multipliers.
+SAME = 1e-9
+# What rounding leaves of joints and energies of some metres and joules.
+ROUNDING = 1e-11
+
+
+@eqx.filter_jit
+def both(rom, t, z, w):
+    """Physical states, accelerations, energies and masses of a system and of the one it is of."""
+    q, v = rom.reconstruct(t, z, w)
+    a, multipliers = rom.acceleration(t, z, w)
+    state = rom.state(t, z, w)
+    again = rom.reconstruct(t, *rom.restrict(q, v))
+    own = state.physical_acceleration(a), state.energy(), again
+    unbalanced = rom.mass(z) @ a + state.jacobian().T @ multipliers - rom.force(t, z, w)
+    full = rom.full
+    other = full.acceleration(t, q, v)[0], full.state(t, q, v).energy()
+    rows = full.constraint(t, q), full.state(t, q, v).jacobian() @ v
+    return (q, v), own, unbalanced, other, rows
+
+
+def agree(rom, z, w, multiple=SAME):
+    found = jax.tree.map(np.asarray, both(rom, 0.0, z, w))
+    (q, v), (a, energy, back), unbalanced, (a_full, energy_full), rows = found
+    assert np.max(np.abs(rows[0]), initial=0) <= ROUNDING
+    assert np.max(np.abs(rows[1]), initial=0) <= ROUNDING * max(1, np.max(np.abs(v)))
+    assert np.max(np.abs(a - a_full)) <= multiple * np.max(np.abs(a_full))
+    assert np.max(np.abs(unbalanced)) <= multiple * max(1, np.max(np.abs(a)))
+    np.testing.assert_allclose(energy.total, energy_full.total, rtol=SAME, atol=ROUNDING)
+    for found, given in zip(back, (q, v), strict=True):
+        np.testing.assert_allclose(found, given, atol=SAME * max(1, np.max(np.abs(given))))
+
+
+def state_of(rom, seed, size=0.3):
+    """A state by lot, whose quaternions keep their lengths."""
+    lot = np.random.default_rng(seed)
+    z = np.asarray(rom.q0) + size * lot.uniform(-1, 1, rom.n)
+    w = lot.uniform(-1, 1, rom.n)
+    for first in rom.structure.quaternions:
+        p, rate = z[first : first + 4], w[first : first + 4]
+        rate -= p * (p @ rate) / (p @ p)
+    return jnp.asarray(z), jnp.asarray(w)
+
+
+@pytest.mark.parametrize(
+    ("make", "n"),
+    [(zoo.bars, 2), (zoo.ball_bars, 8)],
+    ids=["in the plane", "in space"],
+)
+def test_a_chain_accelerates_as_with_constraints(make, n):
+    rom = rj.reduce(zoo.system(make), formulation="joint")
+    assert (rom.n, rom.m) == (n, 0)
+    agree(rom, *state_of(rom, 1))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("space", [False, True], ids=["plane", "space"])
+@pytest.mark.parametrize("seed", range(4))
+def test_trees_accelerate_as_with_constraints(seed, space):
+    """Joints of all kinds, by either marker, flexible and rigid bodies, and free ones."""
+    rom = in_joint_coordinates(rj.assemble(tree(seed, space)))
+    assert rom.m == 0
+    size = 0.1 if rom.structure.flexible else 0.5
+    for number in range(3):
+        agree(rom, *state_of(rom, number, size))
+
+
+def test_the_start_is_that_of_the_system():
+    full = zoo.system(zoo.ball_bars)
+    rom = rj.reduce(full, formulation=rj.JointCoordinates())
+    q, v = eqx.filter_jit(lambda s: s.reconstruct(0.0, s.q0, s.v0))(rom)
+    np.testing.assert_allclose(q, full.q0, atol=1e-15)
+    np.testing.assert_allclose(v, full.v0, atol=1e-15)
+    assert rom.summary == "2 joints of a tree of 2 bodies"
+
+
+def test_a_basis_is_not_asked_for():
+    full = zoo.system(zoo.bars)
+    basis = rj.Basis.from_modes(np.eye(full.n)[:, :2], full.q0)
+    with pytest.raises(rj.ReductionError, match="take no basis"):
+        rj.reduce(full, basis, rj.JointCoordinates())
+
+
+def test_a_joint_that_is_apart_is_refused():
+    bar = rj.RigidBody("bar", 1.0, 0.1, position=(0.5, 0.2))
+    hinge = rj.Revolute(bar.at((-0.5, 0.0)), rj.ground.at(), name="hinge")
+    with pytest.raises(rj.ReductionError, match=r"'hinge' is apart.*consistent_scene"):
+        rj.reduce(rj.assemble(rj.Scene([bar], [hinge])), formulation="joint")
+
+
+def test_a_mechanism_without_freedoms_is_refused():
+    bar = rj.RigidBody("bar", 1.0, 0.1)
+    weld = rj.Weld(bar.at(), rj.ground.at())
+    with pytest.raises(rj.ReductionError, match="no freedom"):
+        in_joint_coordinates(rj.assemble(rj.Scene([bar], [weld])))
+
+
+@pytest.mark.slow
+def test_a_run_is_that_of_the_redundant_system():
+    full = zoo.system(zoo.ball_bars)
+    rom = rj.reduce(full, formulation="joint")
+    ts = np.linspace(0.0, 1.0, 51)
+    own, other = zoo.run(rom, ts, audit=True), zoo.run(full, ts, audit=True)
+    np.testing.assert_allclose(own.q, other.q, atol=1e-7)
+    assert own.success
+    assert own.warnings() == ""
+    forces, given = rj.joint_forces(rom, own), rj.joint_forces(full, own)
+    for key in given:
+        np.testing.assert_allclose(forces[key].force, given[key].force, atol=1e-7)
+    energies = rj.energy(rom, own)
+    assert np.max(np.abs(np.asarray(energies.balance))) < 1e-8
+    np.testing.assert_allclose(energies.kinetic, rj.energy(full, own).kinetic, rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_energy_does_not_drift_without_stabilisation():
+    rom = rj.reduce(zoo.system(zoo.ball_bars), formulation="joint")
+    run = zoo.run(rom, np.linspace(0.0, 100.0, 101), rtol=1e-11, audit=False, max_steps=100_000)
+    energies = jax.jit(jax.vmap(lambda t, q, v: rom.full.state(t, q, v).energy().total))
+    each = np.asarray(energies(run.t, run.q, run.v))
+    scale = np.max(np.abs(each - each[0])), 9.81 * 4
+    assert scale[0] <= 1e-9 * scale[1]
+
+
+@pytest.mark.slow
+def test_gradients_are_those_of_the_redundant_system():
+    def end(mass, joint):
+        full = rj.assemble(zoo.bars((mass, 1.0), angles=(0.3, -0.2)))
+        system = made.with_full(full) if joint else full
+        run = zoo.run(system, jnp.linspace(0.0, 0.5, 6))
+        return jnp.sum(run.q[-1] ** 2)
+
+    made = rj.reduce(rj.assemble(zoo.bars((1.3, 1.0), angles=(0.3, -0.2))), formulation="joint")
+    own, other = (jax.grad(lambda m, joint=joint: end(m, joint))(1.3) for joint in (True, False))
+    np.testing.assert_allclose(own, other, rtol=1e-7)
