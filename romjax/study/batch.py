@@ -32,7 +32,8 @@ def stacked(name: str, systems: list[AbstractSystem]) -> tuple[Any, Any]:
 def simulate_all(
     name: str, systems: list[AbstractSystem], training: Trajectory
 ) -> list[Trajectory]:
-    """All systems in one batch, as accurately as the training, for the function `name`.
+    """All systems in one batch, as accurately as the training, for the function `name`; without the
+    audit of energy, which the training had, and which takes as long again to compile.
 
     Raises InputError if they differ in structure or one cannot be simulated.
     """
@@ -51,7 +52,7 @@ def _simulate_batch(
 ) -> Trajectory:
     def one(dynamic: Any) -> Trajectory:
         system = eqx.combine(dynamic, structure)
-        return simulate(system, t, rtol=rtol, solver=solver, throw=False)
+        return simulate(system, t, rtol=rtol, solver=solver, throw=False, audit=False)
 
     runs: Trajectory = jax.vmap(one)(numbers)
     return runs
