@@ -24,6 +24,10 @@ from .groups import BodyGroup, EffectGroup, JointGroup
 from .kinematics import arrange, columns_of
 from .names import unique
 
+# Coordinates from which on implicit steps take less time with derivatives by parts: below, a single
+# program that is pushed as a whole is faster than several.
+_BY_PARTS = 20
+
 
 def assemble(scene: Scene) -> AssembledSystem:
     """The system of a `scene`.
@@ -77,6 +81,7 @@ def assemble(scene: Scene) -> AssembledSystem:
             flexible=any(body.modes for body in scene.bodies),
             loops=_close_loops(scene),
             contacts=any(effect.begins for effect in acting),
+            by_parts=n >= _BY_PARTS,
             frames=tuple(columns[body.name][0] for body in scene.bodies),
             quaternions=tuple(columns[b.name][3] for b in scene.bodies if b.dimension == 3),
             counters=tuple(columns[counter.name][0] for counter in counters),

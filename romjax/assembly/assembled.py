@@ -22,6 +22,7 @@ from ..system.state import FullState, Power
 from ..system.structure import Structure
 from .groups import BodyGroup, EffectGroup, JointGroup
 from .kinematics import Markers
+from .slopes import slopes
 from .slow_modes import SlowModes
 from .wrenches import effect_wrenches
 
@@ -62,6 +63,7 @@ class AssembledSystem(AbstractSystem):
             lambda: self.inverse_mass(q),
             lambda: self.gaps(q),
             lambda: self.limits(q),
+            lambda *solved: slopes(self, t, q, v, *solved) if self.structure.by_parts else None,
         )
 
     def stored(self, t: Time, q: Float[Array, " n"]) -> tuple[Float[Array, ""], Float[Array, ""]]:

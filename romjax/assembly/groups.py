@@ -59,6 +59,43 @@ class BodyGroup(AbstractStack):
         self, fields: tuple[AbstractField, ...], q: Float[Array, " n"], v: Float[Array, " n"]
     ) -> Float[Array, "count size"] | None:
         """Elastic, damping, field and quadratic-velocity forces; None where there are none."""
+        total = self._total(fields)
+        if total is None:
+            return None
+        own = [self.coordinates.take(x) for x in (q, v)[: 1 + self._moving]]
+        return self._weighted(jax.vmap(total)(self.bodies, *own))
+
+    def slopes(
+        self,
+        fields: tuple[AbstractField, ...],
+        q: Float[Array, " n"],
+        v: Float[Array, " n"],
+        a: Float[Array, " n"],
+    ) -> tuple[Float[Array, "count size size"] | None, Float[Array, "count size size"] | None]:
+        """∂/∂q and ∂/∂v of M a − Q of each, with the `force` for Q; None where it is zero."""
+        total, constant = self._total(fields), self.bodies.constant_mass
+        if total is None and constant:
+            return None, None
+
+        def residual(body: AbstractBody, a: Array, q: Array, *v: Array) -> Array:
+            force = jnp.zeros_like(q) if total is None else -total(body, q, *v)
+            if constant:
+                return force
+            mass = body.mass_matrix(q)
+            return force + (mass * a if mass.ndim == 1 else multiply(mass, a))
+
+        own = [self.coordinates.take(x) for x in (a, q, v)[: 2 + self._moving]]
+        by_state = jax.jacfwd(residual, argnums=tuple(range(2, len(own) + 1)))
+        slopes = [self._weighted(x) for x in jax.vmap(by_state)(self.bodies, *own)]
+        return slopes[0], slopes[1] if self._moving else None
+
+    @property
+    def _moving(self) -> bool:
+        """Whether forces of the bodies depend on velocities."""
+        return self.bodies.damped or not self.bodies.constant_mass
+
+    def _total(self, fields: tuple[AbstractField, ...]) -> Callable[..., Array] | None:
+        """The `force` of one body as a function of it, q and, if it is moving, v."""
         still: list[Callable[..., Float[Array, " size"]]] = [
             lambda body, q, field=field: -jax.grad(field.energy, argnums=1)(body, q)
             for field in fields
@@ -77,8 +114,7 @@ class BodyGroup(AbstractStack):
             terms = [term(body, q) for term in still] + [term(body, q, *v) for term in moving]
             return functools.reduce(operator.add, terms)
 
-        rates = [self.coordinates.take(v)] if moving else []
-        return self._weighted(jax.vmap(total)(self.bodies, self.coordinates.take(q), *rates))
+        return total
 
     def kinetic_energy(
         self, q: Float[Array, " n"], v: Float[Array, " n"]

@@ -70,6 +70,36 @@ class Markers(eqx.Module):
         gradient: PoseGradient = self._space.gradient(turns, local, self.turns, shapes)
         return gradient
 
+    def curvature(
+        self, q: Float[Array, " n"], forces: Float[Array, "count numbers"]
+    ) -> Float[Array, "count size size"]:
+        """The second derivatives of poses by the columns of `jacobian`, each along a constant
+        `force` on the position and the turn: the Hessian of fᵀp by the coordinates of its body.
+        """
+        columns, d = self.coordinates(), self.points.shape[1]
+        frame = self.frames.width
+        # Poses are linear in positions of frames and, but for some bodies, in amplitudes.
+        straight = self.foreshortening is None and not self.bending
+        pushed = np.arange(d, frame if straight else columns.shape[1])
+        # A pose depends on its own body alone: one direction for all bodies.
+        directions = np.zeros((len(pushed), q.size), q.dtype)
+        for direction, k in zip(directions, pushed, strict=True):
+            direction[columns[columns[:, k] < q.size, k]] = 1
+
+        def slope(q: Array) -> Array:
+            return multiply(forces[:, None], self.jacobian(q).matrix())[:, 0]
+
+        def push(direction: Array) -> Array:
+            change: Array = jax.jvp(slope, (q,), (direction,))[1]
+            return change
+
+        own = jax.vmap(push, out_axes=2)(jnp.asarray(directions))[:, d:]
+        if straight:
+            more = own.shape[1] - own.shape[2]
+            rest = jnp.pad(jnp.swapaxes(own[:, frame - d :], 1, 2), ((0, 0), (0, more), (0, 0)))
+            own = jnp.concatenate([own, rest], axis=2)
+        return jnp.pad(own, ((0, 0), (d, 0), (d, 0)))
+
     def coordinates(self) -> np.ndarray:
         """Indices in q of the columns of `jacobian`, (count, size); n or more: none."""
         return np.concatenate([self.frames.array, self.amplitudes.array], axis=1).astype(int)

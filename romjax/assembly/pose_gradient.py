@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..linalg.dense import multiply
@@ -30,3 +31,12 @@ class PoseGradient(NamedTuple):
         elif turns:
             others += multiply(slope.turn, self.turn)
         return jnp.concatenate([slope.position, others], axis=2)
+
+    def matrix(self) -> Float[Array, "count numbers size"]:
+        """The derivatives of the positions and turns of poses, one below the other."""
+        count, d = self.position.shape[:2]
+        unit = np.broadcast_to(np.eye(d, dtype=self.position.dtype), (count, d, d))
+        turn = self.turn[:, None] if d == 2 else self.turn
+        still = np.zeros((count, turn.shape[1], d), self.position.dtype)
+        rows = [jnp.concatenate(x, axis=2) for x in ((unit, self.position), (still, turn))]
+        return jnp.concatenate(rows, axis=1)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..system.base import AbstractSystem
-from ..system.dynamics import Linearization, linearize, solve
+from ..system.dynamics import Linearization, LinearizationByParts, linearize_for_steps, solve
 from ..system.stabilization import Baumgarte
 
 State = tuple[Float[Array, " n"], Float[Array, " n"]]
@@ -34,10 +34,10 @@ class MotionTerm(diffrax.AbstractTerm[State, Any]):
         product: State = jax.tree.map(lambda f: control * f, vf)
         return product
 
-    def linearize(self, t: Any, y: State) -> Linearization:
+    def linearize(self, t: Any, y: State) -> Linearization | LinearizationByParts:
         """The acceleration and its derivatives at one state."""
         q, v = y
-        return linearize(self.system, jnp.asarray(t, q.dtype), q, v, self.stabilization)
+        return linearize_for_steps(self.system, jnp.asarray(t, q.dtype), q, v, self.stabilization)
 
 
 class ChartedMotionTerm(diffrax.AbstractTerm[ChartedState, Any]):

@@ -67,3 +67,12 @@ def spread(
     index[source[source < entries.size]] = -1
     total = padded[source].reshape(shape)
     return total + spread([entries], [index], shape) if np.any(index >= 0) else total
+
+
+def sum_onto(blocks: Float[Array, "k ..."], onto: np.ndarray, count: int) -> Float[Array, "..."]:
+    """`count` sums of the blocks with the same static number `onto` (k,) (−1: in none)."""
+    members = [np.flatnonzero(onto == i) for i in range(count)]
+    table = np.full((count, max(map(len, members), default=0)), len(onto), np.uint32)
+    for row, own in zip(table, members, strict=True):
+        row[: len(own)] = own
+    return jnp.sum(take(blocks, table), axis=1)

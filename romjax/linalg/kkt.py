@@ -180,7 +180,7 @@ class KKT(eqx.Module):
         rows = self._apply_jacobian(self.scaled, free)  # B M⁻¹ f
         target = rows - gamma
         if project:
-            target = self._without_null(target)
+            target = self.without_null(target)
         terms = _largest(rows) + _largest(gamma)
 
         def unfinished(carry: Carry) -> Array:
@@ -200,7 +200,7 @@ class KKT(eqx.Module):
 
         start: Carry = (jnp.zeros_like(target), free, target, jnp.full_like(terms, jnp.inf), 0)
         multipliers, a, *_ = jax.lax.while_loop(unfinished, sweep, start)
-        multipliers = self.scale[:, :, None] * self._without_null(multipliers)
+        multipliers = self.scale[:, :, None] * self.without_null(multipliers)
         a = self._by_rows(self.inverse_mass.from_rates, a)
         return layout.join(a), layout.join_rows(multipliers)
 
@@ -213,7 +213,7 @@ class KKT(eqx.Module):
         bodies = np.arange(len(x))
         return jnp.swapaxes(function(jnp.swapaxes(x, 1, 2), bodies), 1, 2)
 
-    def _without_null(self, x: Blocks) -> Blocks:
+    def without_null(self, x: Blocks) -> Blocks:
         """The part of x in the range of S, which is orthogonal to the null space of S.
 
         ε (S + ε I)⁻¹ multiplies the part of x at an eigenvalue σ of S by ε/(σ + ε): the part in the

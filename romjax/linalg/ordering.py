@@ -42,18 +42,22 @@ class Schedule(NamedTuple):
 
 
 @functools.lru_cache(maxsize=64)
-def order(nodes: int, edges: tuple[Edge, ...]) -> Schedule:
+def order(nodes: int, edges: tuple[Edge, ...], after: tuple[Edge, ...] = ()) -> Schedule:
     """The schedule of a graph: nodes of least degree first, and of these the first.
 
     Eliminating a node couples all its neighbours with each other. A chain or a tree gains no edge:
-    there is always a node with one neighbour at most.
+    there is always a node with one neighbour at most. Of a pair of `after`, the first node comes
+    after the second, since its pivot is singular before.
     """
+    missing: dict[int, set[int]] = {i: set() for i in range(nodes)}
+    for i, j in after:
+        missing[i].add(j)
     neighbours: dict[int, set[int]] = {i: set() for i in range(nodes)}
     for i, j in edges:
         neighbours[i].add(j)
         neighbours[j].add(i)
     sequence, adjacent = list[int](), list[set[int]]()
-    waiting = [(len(own), i) for i, own in neighbours.items()]
+    waiting = [(len(own), i) for i, own in neighbours.items() if not missing[i]]
     heapq.heapify(waiting)
     while waiting:
         degree, i = heapq.heappop(waiting)
@@ -63,7 +67,12 @@ def order(nodes: int, edges: tuple[Edge, ...]) -> Schedule:
         for j in own:
             neighbours[j] |= own
             neighbours[j] -= {i, j}
-            heapq.heappush(waiting, (len(neighbours[j]), j))
+        freed = {k for k, before in missing.items() if i in before}
+        for k in freed:
+            missing[k].remove(i)
+        for j in sorted(own | freed):
+            if not missing[j]:
+                heapq.heappush(waiting, (len(neighbours[j]), j))
         sequence.append(i)
         adjacent.append(own)
     step = {node: at for at, node in enumerate(sequence)}

@@ -81,13 +81,13 @@ class Pattern:
         bodies on both sides, n where there is none.
         """
         position_of_row = {int(row): at for at, row in np.ndenumerate(self.rows.array)}
-        body_of = {int(first): i for i, first in enumerate(self.coordinates.array[:, 0])}
         side_of = {tuple(map(int, ends)): k for k, ends in enumerate(self.sides.array)}
         height, size = self.rows.width, self.coordinates.width
         indices = np.full((*columns.shape[:2], rows.shape[1], columns.shape[2]), -1)
+        held = self.bodies_at(columns[:, :, 0])
         for side, joint in np.ndindex(columns.shape[:2]):
-            body = body_of.get(int(columns[side, joint, 0]))
-            if body is None:  # the ground
+            body = int(held[side, joint])
+            if body < 0:  # the ground
                 continue
             exists = columns[side, joint] < self.n
             for r, row in enumerate(rows[joint]):
@@ -96,6 +96,12 @@ class Pattern:
                 entries = start + np.arange(columns.shape[2])
                 indices[side, joint, r] = np.where(exists, entries, -1)
         return indices
+
+    def bodies_at(self, coordinates: np.ndarray) -> np.ndarray:
+        """Return the bodies whose first coordinates are given; −1 where there is none."""
+        body_of = {int(first): i for i, first in enumerate(self.coordinates.array[:, 0])}
+        found = [body_of.get(int(first), -1) for first in coordinates.reshape(-1)]
+        return np.array(found, int).reshape(coordinates.shape)
 
     # Between flat vectors and blocks.
 

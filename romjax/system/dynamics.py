@@ -9,11 +9,16 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..common.arrays import Time
-from ..linalg.dense import multiply
+from ..linalg.dense import invert_any, multiply
+from ..linalg.implicit import ImplicitKKT, Slopes
+from ..linalg.kkt import KKT
 from .base import AbstractSystem
 from .constraints import ConstraintState, differentiate, right_hand_side
 from .stabilization import Baumgarte
 from .state import Solved
+
+# The solution of the linear equations of a stage, for both of its right-hand sides.
+Stage = Callable[[Float[Array, " n"], Float[Array, " n"]], Float[Array, " n"]]
 
 
 class Linearization(NamedTuple):
@@ -23,6 +28,30 @@ class Linearization(NamedTuple):
     by_position: Float[Array, "n n"]  # ∂a/∂q
     by_velocity: Float[Array, "n n"]  # ∂a/∂v
     by_time: Float[Array, " n"]  # ∂a/∂t
+
+    def stages(self, step: Float[Array, ""]) -> Stage:
+        """The solution of W w = b + s ∂a/∂q c with W = 1/s − ∂a/∂v − s ∂a/∂q for a `step` s, as a
+        function of b and c.
+        """
+        unit = jnp.eye(self.acceleration.size, dtype=self.acceleration.dtype)
+        # One inverse serves all stages; at these sizes a product is far cheaper than two triangular
+        # solves, and W is well scaled.
+        inverse = invert_any(unit / step - self.by_velocity - step * self.by_position)
+        return lambda b, c: multiply(inverse, b + step * multiply(self.by_position, c))
+
+
+class LinearizationByParts(NamedTuple):
+    """The acceleration, and what its derivatives follow from without being formed."""
+
+    acceleration: Float[Array, " n"]
+    by_time: Float[Array, " n"]
+    kkt: KKT
+    slopes: Slopes
+    redundant: bool  # whether constraints may repeat each other
+
+    def stages(self, step: Float[Array, ""]) -> Stage:
+        """As those of `Linearization`."""
+        return ImplicitKKT(self.kkt, self.slopes, step, self.redundant).stage
 
 
 @eqx.filter_jit
@@ -113,8 +142,61 @@ def linearize(
     through the solve.
     """
     t = jnp.asarray(t, q.dtype)
-    n = system.n
-    a, multipliers, kkt = solve(system, t, q, v, stabilization)
+    return _linearized(system, t, q, v, stabilization, solve(system, t, q, v, stabilization))
+
+
+def linearize_for_steps(
+    system: AbstractSystem,
+    t: Time,
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    stabilization: Baumgarte | None = None,
+) -> Linearization | LinearizationByParts:
+    """Acceleration and its derivatives, for the stages of implicit steps: part by part, where the
+    system gives them so.
+    """
+    t = jnp.asarray(t, q.dtype)
+    solved = solve(system, t, q, v, stabilization)
+    a, multipliers, kkt = solved
+    slopes = system.state(t, q, v).slopes(a, multipliers, stabilization)
+    if slopes is None:
+        return _linearized(system, t, q, v, stabilization, solved)
+    residual = _residual(system, a, multipliers, stabilization)
+    change: tuple[Array, Array] = jax.jvp(lambda t: residual(t, q, v), (t,), (jnp.ones_like(t),))[1]
+    by_time, _ = kkt.solve(-change[0], -change[1])
+    return LinearizationByParts(a, by_time, kkt, slopes, system.structure.loops)
+
+
+def _linearized(
+    system: AbstractSystem,
+    t: Float[Array, ""],
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    stabilization: Baumgarte | None,
+    solved: Solved,
+) -> Linearization:
+    """All derivatives, by pushing each coordinate and each velocity through the whole residual."""
+    n, (a, multipliers, kkt) = system.n, solved
+    residual = _residual(system, a, multipliers, stabilization)
+
+    def push(direction: Array) -> tuple[Array, Array]:
+        tangent = (direction[2 * n], direction[:n], direction[n : 2 * n])
+        change: tuple[Array, Array] = jax.jvp(residual, (t, q, v), tangent)[1]
+        return change
+
+    # Jitted to be a part that the compiler can take by itself.
+    by_state = jax.jit(jax.vmap(push, out_axes=1))(jnp.eye(2 * n + 1, dtype=q.dtype))
+    slopes, _ = kkt.solve(-by_state[0], -by_state[1])
+    return Linearization(a, slopes[:, :n], slopes[:, n : 2 * n], slopes[:, 2 * n])
+
+
+def _residual(
+    system: AbstractSystem,
+    a: Float[Array, " n"],
+    multipliers: Float[Array, " m"],
+    stabilization: Baumgarte | None,
+) -> Callable[[Array, Array, Array], tuple[Array, Array]]:
+    """M a + C_qᵀ λ − Q and C_q a − γ as functions of t, q and v."""
 
     def residual(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         unbalanced = system.state(t, q, v).residual(a)
@@ -127,12 +209,4 @@ def linearize(
             curvature += stabilization.term(along.violation, along.rate)
         return unbalanced + reaction, curvature
 
-    def push(direction: Array) -> tuple[Array, Array]:
-        tangent = (direction[2 * n], direction[:n], direction[n : 2 * n])
-        change: tuple[Array, Array] = jax.jvp(residual, (t, q, v), tangent)[1]
-        return change
-
-    # Jitted to be a part that the compiler can take by itself.
-    by_state = jax.jit(jax.vmap(push, out_axes=1))(jnp.eye(2 * n + 1, dtype=q.dtype))
-    slopes, _ = kkt.solve(-by_state[0], -by_state[1])
-    return Linearization(a, slopes[:, :n], slopes[:, n : 2 * n], slopes[:, 2 * n])
+    return residual

@@ -11,10 +11,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..linalg.dense import multiply
+from ..linalg.implicit import Slopes
 from ..linalg.indexing import take
 from ..linalg.inverse_mass import InverseMass
 from ..linalg.kkt import KKT
 from ..linalg.pattern import Pattern
+from .stabilization import Baumgarte
 
 
 class Energy(NamedTuple):
@@ -112,6 +114,19 @@ class AbstractState(abc.ABC):
     def residual(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
         """M a − Q."""
 
+    def slopes(
+        self,
+        a: Float[Array, " n"],
+        multipliers: Float[Array, " m"],
+        stabilization: Baumgarte | None,
+    ) -> Slopes | None:
+        """The derivatives of M a + C_qᵀ λ − Q and C_q a − γ with a and λ held, part by part.
+
+        None where the whole has to be differentiated, or where that is as fast.
+        """
+        del a, multipliers, stabilization
+        return None
+
     @abc.abstractmethod
     def kkt(self) -> KKT:
         """The extended mass matrix [[M, C_qᵀ], [C_q, 0]], factored."""
@@ -135,6 +150,7 @@ class FullState(AbstractState):
     - `inverse_mass`: M⁻¹; gives None where it is not known in closed form.
     - `stored`: the elastic and the potential energy as a function of q; `work_rate`: the power of
       the other forces. `contact_gaps`: of all contacts. `effect_limits`: of all effects.
+    - `part_slopes`: the derivatives by parts, of a, λ and the stabilisation.
     """
 
     q: Float[Array, " n"]
@@ -148,6 +164,7 @@ class FullState(AbstractState):
     inverse_mass: Callable[[], InverseMass | None] = lambda: None
     contact_gaps: Callable[[], Float[Array, " contacts"] | None] = lambda: None
     effect_limits: Callable[[], Float[Array, " effects"] | None] = lambda: None
+    part_slopes: Callable[[Array, Array, Baumgarte | None], Slopes | None] = lambda *_: None
 
     @functools.cached_property
     def _mass(self) -> Float[Array, "bodies size *size"]:
@@ -183,6 +200,14 @@ class FullState(AbstractState):
 
     def residual(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
         return self.apply_mass(a) - self.force()
+
+    def slopes(
+        self,
+        a: Float[Array, " n"],
+        multipliers: Float[Array, " m"],
+        stabilization: Baumgarte | None,
+    ) -> Slopes | None:
+        return self.part_slopes(a, multipliers, stabilization)
 
     def kkt(self, free: Float[Array, " n"] | None = None) -> KKT:
         """Return the KKT system of the state.

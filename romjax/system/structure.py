@@ -24,6 +24,7 @@ class Structure:
     - `loops`: whether joints close loops, so that constraints may lose rank on the way; in a tree
       of joints none depends on the others. True, where it is unknown.
     - `contacts`: whether effects may begin on the way, of which the start shows nothing.
+    - `by_parts`: whether states give their slopes part by part, for implicit steps.
     - `frames`: at which coordinate the frame of each body begins: its position, then its angle or
       its quaternion, before its modes; none, where no bodies are known.
     - `quaternions`: at which coordinate the quaternion of each body in space begins.
@@ -39,6 +40,7 @@ class Structure:
     flexible: bool
     loops: bool
     contacts: bool = False
+    by_parts: bool = False
     frames: tuple[int, ...] = ()
     quaternions: tuple[int, ...] = ()
     counters: tuple[int, ...] = ()
@@ -67,6 +69,7 @@ class Structure:
             flexible=self.flexible,
             loops=self.loops,
             contacts=self.contacts,
+            by_parts=self.by_parts,
             frames=self.frames,
             quaternions=self.quaternions,
             counters=self.counters,
