@@ -8,7 +8,7 @@ from tolerances import IDENTITY
 from romjax.linalg.dense import invert, invert_any, solve_by_similar
 
 # Of each way the least and the largest.
-SIZES = (1, 2, 3, 6, 7, 24, 128, 130)
+SIZES = (1, 2, 3, 6, 7, 24, 128, 130, 192)
 # [1] of the matrices; an inverse is as accurate as rounding times this.
 CONDITION = 1e4
 

@@ -4,17 +4,16 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import jax.scipy.linalg as jsl
 import numpy as np
 from jaxtyping import Array, Float
 
 # Up to here an elimination is written out; a call of LAPACK costs as much as a 6 × 6 inverse.
+# Beyond it is a loop, which XLA compiles together with the loops around it. LAPACK's it cannot, and
+# LAPACK's threads wait for each other: 48 rows take it 0.1 ms alone, 3 ms on a busy machine.
 _WRITTEN_OUT = 6
-# Up to here it is a loop, which XLA compiles together with the loops around it. LAPACK's it cannot,
-# and LAPACK's threads wait for each other: 48 rows take it 0.1 ms alone, 3 ms on a busy machine.
-_LOOPED = 128
-# Rows that a step of the loop eliminates: the matrix is read and written once for all of them.
-_BLOCK = 4
+# Rows that a step of the loop eliminates: the matrix is read and written once for all of them. The
+# second where it has more rows than the third, and no longer fits into a core's cache.
+_BLOCK, _WIDE_BLOCK, _WIDE = 4, 32, 128
 # Up to here a sum of products is written so that XLA fuses it with what is around it. Beyond, a
 # library's product is faster, since a fused one computes its factors again for each entry. The
 # limits: terms of each sum; and for a single matrix, its entries, and the products in all.
@@ -54,11 +53,6 @@ def multiply_transposed(
 def invert(a: Float[Array, "*batch b b"]) -> Float[Array, "*batch b b"]:
     """Inverses of symmetric positive definite matrices."""
     size = a.shape[-1]
-    if size > _LOOPED:
-        factor = jnp.linalg.cholesky(a, symmetrize_input=False)
-        unit = jnp.broadcast_to(jnp.eye(size, dtype=a.dtype), a.shape)
-        half = jsl.solve_triangular(factor, unit, lower=True)
-        return jnp.swapaxes(half, -1, -2) @ half
     if size == 2:  # most joints have two rows
         determinant = a[..., 0, 0] * a[..., 1, 1] - a[..., 0, 1] ** 2
         signs = np.array([[1, -1], [-1, 1]], a.dtype).reshape(*[1] * (a.ndim - 2), 2, 2)
@@ -82,34 +76,34 @@ def _invert_by_blocks(a: Float[Array, "*batch b b"]) -> Float[Array, "*batch b b
     of the block, R ← P⁻¹ R, the other rows lose S P⁻¹ R, S ← −S P⁻¹, P ← P⁻¹.
     """
     size, batch = a.shape[-1], a.shape[:-2]
-    more = -size % _BLOCK
+    block = _BLOCK if size <= _WIDE else _WIDE_BLOCK
+    more = -size % block
     if more:  # the last block is filled up by a unit matrix
         a = jnp.pad(a, [(0, 0)] * len(batch) + [(0, more)] * 2)
         a += np.broadcast_to(np.diag(np.arange(size + more) >= size).astype(a.dtype), a.shape)
-    nothing = jnp.zeros((*batch, size + more, _BLOCK), a.dtype)
+    nothing = jnp.zeros((*batch, size + more, block), a.dtype)
     put = jax.lax.dynamic_update_slice_in_dim
 
     def eliminate(a: Array, first: Array) -> tuple[Array, None]:
-        rows = jax.lax.dynamic_slice_in_dim(a, first, _BLOCK, axis=-2)
-        columns = jax.lax.dynamic_slice_in_dim(a, first, _BLOCK, axis=-1)
-        inverse = invert(jax.lax.dynamic_slice_in_dim(rows, first, _BLOCK, axis=-1))
+        rows = jax.lax.dynamic_slice_in_dim(a, first, block, axis=-2)
+        columns = jax.lax.dynamic_slice_in_dim(a, first, block, axis=-1)
+        inverse = invert(jax.lax.dynamic_slice_in_dim(rows, first, block, axis=-1))
         rows = put(multiply(inverse, rows), inverse, first, axis=-1)
-        columns = put(columns, nothing[..., :_BLOCK, :], first, axis=-2)
+        columns = put(columns, nothing[..., :block, :], first, axis=-2)
         a = put(a, nothing, first, axis=-1)
-        a -= jnp.sum(columns[..., None] * rows[..., None, :, :], axis=-2)
+        a -= _product(columns, rows)
         return put(a, rows, first, axis=-2), None
 
-    firsts = jnp.arange(0, size + more, _BLOCK)
+    firsts = jnp.arange(0, size + more, block)
     return jax.lax.scan(eliminate, a, firsts)[0][..., :size, :size]
 
 
 @jax.custom_jvp
 def invert_any(a: Float[Array, "n n"]) -> Float[Array, "n n"]:
     """The inverse of a matrix that need not be symmetric: Gauss–Jordan with the largest pivot."""
+    if len(a) > _WIDE:
+        return _invert_any_by_blocks(a)
     size = len(a)
-    if size > _LOOPED:
-        inverse: Float[Array, "n n"] = jnp.linalg.inv(a)
-        return inverse
     rows = np.arange(size)
 
     def eliminate(i: Array, carry: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -129,6 +123,48 @@ def invert_any(a: Float[Array, "n n"]) -> Float[Array, "n n"]:
     # no function of a program may contain.)
     position = jnp.sum(jnp.where(order[:, None] == rows[None], rows[:, None], 0), axis=0)
     return a[:, position]
+
+
+def _invert_any_by_blocks(a: Float[Array, "n n"]) -> Float[Array, "n n"]:
+    """Gauss–Jordan in place by blocks of columns: of each, as many rows as it has columns are its
+    pivots, those that elimination with the largest pivot takes, and stay where they are.
+    """
+    size, block = len(a), _WIDE_BLOCK
+    more = -size % block
+    a = jnp.pad(a, [(0, more)] * 2) + np.diag(np.arange(size + more) >= size).astype(a.dtype)
+    places = np.arange(size + more)
+
+    def choose(i: Array, carry: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        columns, free, chosen = carry
+        column = jax.lax.dynamic_index_in_dim(columns, i, axis=1, keepdims=False)
+        pivot = jnp.argmax(jnp.where(free, jnp.abs(column), -1.0))
+        row = columns[pivot] / column[pivot]
+        columns -= jnp.where(places == pivot, 0, column)[:, None] * row[None]
+        return columns, free & (places != pivot), chosen.at[i].set(pivot)
+
+    def eliminate(carry: tuple[Array, Array], first: Array) -> tuple[tuple[Array, Array], Array]:
+        a, free = carry
+        columns = jax.lax.dynamic_slice_in_dim(a, first, block, axis=1)
+        start = (columns, free, jnp.zeros(block, int))
+        _, free, chosen = jax.lax.fori_loop(0, block, choose, start)
+        inverse = invert_any(columns[chosen])
+        rows = jax.lax.dynamic_update_slice_in_dim(inverse @ a[chosen], inverse, first, axis=1)
+        a = jax.lax.dynamic_update_slice_in_dim(a, jnp.zeros_like(columns), first, axis=1)
+        a -= columns.at[chosen].set(0) @ rows
+        return (a.at[chosen].set(rows), free), chosen
+
+    start = (a, jnp.ones(size + more, bool))
+    (a, _), order = jax.lax.scan(eliminate, start, jnp.arange(0, size + more, block))
+    # Row `order[i]` holds unknown i, and column j belongs to the right-hand side of `order[j]`.
+    a = a[order.ravel()]
+    return jnp.zeros_like(a).at[:, order.ravel()].set(a)[:size, :size]
+
+
+def _product(a: Float[Array, "*batch p c"], b: Float[Array, "*batch c q"]) -> Float[Array, "..."]:
+    """Products a b, fused where they have few terms, however many entries."""
+    if a.shape[-1] > _FUSED:
+        return a @ b
+    return jnp.sum(a[..., None] * b[..., None, :, :], axis=-2)
 
 
 @invert_any.defjvp
