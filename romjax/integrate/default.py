@@ -26,6 +26,9 @@ _OUTPUTS = 100
 # Steps that Rodas5P takes at least, and how many times those of Dopri8 where the fast vibration has
 # to be followed. Dopri8 takes steps of at most this over the fastest frequency.
 _FEWEST, _FOLLOWING, _STABLE = 50, 1.4, 4.0
+# What a step of Rodas5P costs in steps of Dopri8: by parts, whatever the number of coordinates; of
+# the whole residual, at first and for each coordinate.
+_BY_PARTS, _WHOLE, _COORDINATE = 2.5, 1.5, 0.1
 # A fixed step times a frequency that an explicit method still follows.
 _RESOLVED = 1.0
 # A spinning body has no frequency above this many times its angular velocity of its own: that of
@@ -96,10 +99,10 @@ def default_method(
     of the error does not. A fast spin in space is not stiff: every method has to follow it.
 
     Whether the fast vibration is excited is unknown before the run. If it is not, Rodas5P takes
-    few steps; if it is, both methods follow it, and Rodas5P's steps cost c = 1.5 + n/10 times as
-    much (measured for 8 to 96 coordinates, since its matrices are dense). Rodas5P is taken if
-    Dopri8 instead of it would at worst lose a larger factor, E / (50 c) with E steps, than Rodas5P
-    instead of Dopri8 does at worst, 1.4 c.
+    few steps; if it is, both methods follow it, and Rodas5P's steps cost c times as much: 2.5 where
+    its derivatives come by parts, 1.5 + n/10 where its matrices are dense (measured for 8 to 96
+    coordinates). Rodas5P is taken if Dopri8 instead of it would at worst lose a larger factor,
+    E / (50 c) with E steps, than Rodas5P instead of Dopri8 does at worst, 1.4 c.
     """
     explicit, implicit = _solvers()
     known, times, step = concrete(start.fastest), concrete(ts), concrete(dt)
@@ -116,7 +119,8 @@ def default_method(
     fastest, spin, outputs = float(known), float(np.asarray(start.spin)), len(times) - 1
     if fastest <= _SPINS * spin:
         return Method(explicit, "the spin of a body, which has to be followed, is as fast as any")
-    span, cost = float(times[-1] - times[0]), 1.5 + system.n / 10
+    span = float(times[-1] - times[0])
+    cost = _BY_PARTS if system.structure.by_parts else _WHOLE + _COORDINATE * system.n
     if fastest * span / max(outputs, _OUTPUTS) <= np.pi:
         return Method(explicit, "the outputs can show the fastest frequency")
     if fastest * span / _STABLE <= _FEWEST * _FOLLOWING * cost**2:
