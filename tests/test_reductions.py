@@ -246,7 +246,9 @@ def test_labels_cover_neither_each_other_nor_points():
     axes = figure.subplots()
     axes.set(xscale="log", yscale="log", xlim=(1, 100), ylim=(1e-8, 1))
     spots = [(10.0, 1e-4), (10.05, 1e-4), (13.0, 1.2e-4), (15.0, 1e-4), (99.0, 0.9)]
-    place(figure, axes, [Label(x, y, f"r={i}", "C0") for i, (x, y) in enumerate(spots)])
+    labels = [Label(x, y, f"r={i}", "C0") for i, (x, y) in enumerate(spots)]
+    spots.append((11.5, 1.6e-4))  # without words, where those of the first would stand
+    place(figure, axes, [*labels, Label(*spots[-1], "", "C0")])
     boxes = [text.get_window_extent() for text in axes.texts]
     assert [text.get_text() for text in axes.texts] == ["r=0; r=1", "r=2", "r=3", "r=4"]
     points = axes.transData.transform(spots)

@@ -25,7 +25,7 @@ _UP: dict[int, Literal["bottom", "center", "top"]] = {1: "bottom", 0: "center", 
 
 
 class Label(NamedTuple):
-    """Words beside a point of the axes."""
+    """Words beside a point of the axes; without words, a point that others must not cover."""
 
     x: float
     y: float
@@ -42,7 +42,8 @@ def place(figure: Figure, axes: Axes, labels: Sequence[Label]) -> None:
     spots = axes.transData.transform([(label.x, label.y) for label in labels])
     size = _MARK * point
     taken = [Bbox.from_extents(x - size, y - size, x + size, y + size) for x, y in spots]
-    for label in _merged(axes, labels, _SAME * point):
+    written = [label for label in labels if label.words]
+    for label in _merged(axes, written, _SAME * point):
         for reach, direction in itertools.product(_REACHES, _DIRECTIONS):
             text = _written(axes, label, reach, direction)
             box = text.get_window_extent()

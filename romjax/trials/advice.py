@@ -51,7 +51,7 @@ def remark(trained: float, unseen: float, own: float, said: str) -> str:
     else:
         words = "repeats its training, and is wrong elsewhere"
     told = said.partition("; ")[0].partition(". ")[0].rstrip(".")
-    return f"{words}. {told}." if told else f"{words}."
+    return f"{words}. {told[0].upper()}{told[1:]}." if told else f"{words}."
 
 
 def advice(

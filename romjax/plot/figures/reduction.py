@@ -65,11 +65,13 @@ def draw(axes: Axes, index: int, name: str, points: Sequence[Point], apart: bool
     times = [1e3 * point.time for point in points]
     trained, errors = [point.trained for point in points], [point.error for point in points]
     axes.vlines(times, trained, errors, color=colour, linewidth=0.8, alpha=0.5)
+    hidden = list[Label]()
     if apart:
         axes.plot(times, trained, linestyle="", markerfacecolor="white", **style)
+        hidden = [Label(*spot, "", colour) for spot in zip(times, trained, strict=True)]
     axes.plot(times, errors, linewidth=1.2, label=name, **style)
     pairs = zip(points, times, strict=True)
-    return [Label(time, point.error, point.words, colour) for point, time in pairs]
+    return [Label(time, point.error, point.words, colour) for point, time in pairs] + hidden
 
 
 def hollow(axes: Axes, index: int, time: float, trained: float, name: str) -> Label:
