@@ -205,6 +205,19 @@ def segmented_beam(system, run):
     assert_close(angles[-1], 2 * math.pi, 1e-2)
 
 
+def uncoiling_strip(system, run):
+    """The energy is that of bending a strip to a circle, 2 π² EI / L; and the end, which was turned
+    by 2 π, is turned the other way when the strip has whipped through the straight.
+    """
+    (strip,) = rj.gallery.uncoiling_strip().bodies
+    circle = 2 * math.pi**2 * float(strip.EI / strip.length)
+    total = np.asarray(rj.energy(system, run).total)
+    assert_close(total, np.full(len(total), circle), SHOWN * circle)
+    end = np.asarray(rj.measure(system, run, strip.at("end")).angle)
+    assert_close(end[0], 2 * math.pi, SHOWN)
+    assert np.min(end) < -math.pi / 2
+
+
 IN_THE_PLANE = (
     cart_pendulum,
     chain,
@@ -222,4 +235,5 @@ IN_THE_PLANE = (
     rotating_blade,
     connecting_rod,
     segmented_beam,
+    uncoiling_strip,
 )

@@ -95,8 +95,9 @@ def beams() -> rj.Scene:
 
 
 SCENES = {"all parts": all_parts, "beams": beams}
-# But for the beam whose bending shortens it, which has no twin of modes in space.
-PLANAR = [name for fact in IN_THE_PLANE if (name := fact.__name__) != "rotating_blade"]
+# But for the beam whose bending shortens it, and the rod: they have no twin of modes in space.
+FLAT = {"rotating_blade", "uncoiling_strip"}
+PLANAR = [name for fact in IN_THE_PLANE if (name := fact.__name__) not in FLAT]
 
 
 @eqx.filter_jit

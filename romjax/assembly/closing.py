@@ -156,10 +156,11 @@ def _set_speeds(structure: Structure, v: Float[Array, " n"]) -> Bool[Array, " n"
 def _warn_of_bending(system: AssembledSystem, q: Float[Array, " n"]) -> None:
     """Name the bodies whose amplitudes a start has changed."""
     change = np.abs(np.asarray(q) - np.asarray(system.q0)) * ~np.array(system.structure.rigid)
-    largest = dict[str, float]()
+    largest = dict[tuple[str, str], float]()
     for coordinate, by in zip(system.structure.coordinates, change, strict=True):
-        largest[coordinate.owner] = max(largest.get(coordinate.owner, 0.0), float(by))
-    bodies = ", ".join(f"'{name}' by {by:.3g} kg^1/2 m" for name, by in largest.items() if by)
+        of = coordinate.owner, coordinate.unit
+        largest[of] = max(largest.get(of, 0.0), float(by))
+    bodies = ", ".join(f"'{name}' by {by:.3g} {unit}" for (name, unit), by in largest.items() if by)
     warnings.warn(
         "consistent_scene: no positions of the bodies suit all joints as they are bent, so that "
         f"modes are displaced: of {bodies}. Check lengths and points of the joints, or set the "

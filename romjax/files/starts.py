@@ -55,7 +55,8 @@ class _Move(NamedTuple):
     name: str
     distance: float  # [m]
     turn: float  # [degrees]
-    bends: float  # [kg^1/2 m]
+    bends: float
+    unit: str  # of that
     share: float
     follows: bool
 
@@ -76,10 +77,10 @@ class _Move(NamedTuple):
         share = max(distance / (_FAR * length), turn / _TURNED)
         bends = float(np.max(np.abs(p[frame:] - q[frame:]), initial=0.0))
         follows = bool(np.any((v == 0) & (w != 0)))
-        return cls(before.name, distance, turn, bends, share, follows)
+        return cls(before.name, distance, turn, bends, before.mode_unit, share, follows)
 
     def words(self) -> str:
-        bent = f", modes by {self.bends:.2g} kg^1/2 m" if self.bends else ""
+        bent = f", modes by {self.bends:.2g} {self.unit}" if self.bends else ""
         return f"{self.name}: {self.distance:.3g} m, {self.turn:.3g} degrees{bent}"
 
 

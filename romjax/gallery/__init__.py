@@ -27,5 +27,6 @@ from .spatial_slider_crank import spatial_slider_crank as spatial_slider_crank
 from .spinning_top import spinning_top as spinning_top
 from .squeezer import squeezer as squeezer
 from .trebuchet import trebuchet as trebuchet
+from .uncoiling_strip import uncoiling_strip as uncoiling_strip
 from .vehicle_axle import vehicle_axle as vehicle_axle
 from .wing_nut import wing_nut as wing_nut

@@ -33,6 +33,7 @@ from .spatial_slider_crank import spatial_slider_crank
 from .spinning_top import spinning_top
 from .squeezer import squeezer
 from .trebuchet import trebuchet
+from .uncoiling_strip import uncoiling_strip
 from .vehicle_axle import vehicle_axle
 from .wing_nut import wing_nut
 
@@ -129,6 +130,12 @@ EXAMPLES = (
         3.0,
         50.0,
         freedoms=31,
+    ),
+    Example(
+        "uncoiling-strip",
+        "a ring of spring steel is released, and whips",
+        uncoiling_strip,
+        freedoms=6,
     ),
     Example(
         "spinning-top", "a heavy top nods as it precesses", spinning_top, 1.0, 200.0, freedoms=3

@@ -17,6 +17,7 @@ from ..common.errors import InputError
 from ..integrate.trajectory import Trajectory
 from ..scene.body.beam import Beam
 from ..scene.body.rigid import RigidBody
+from ..scene.body.rod import Rod
 from ..scene.effect.base import AbstractField
 from ..scene.marker import Pose, Wrench
 from ..system.base import AbstractSystem
@@ -49,7 +50,8 @@ class Resultants(NamedTuple):
 class _Cut(eqx.Module):
     """A beam and the points of it that the equilibrium at some cuts needs.
 
-    - `mass`, `length`: of the beam; `excess`: its inertia beyond that of a thin bar.
+    - `length`: of the beam. `gyration`: rotary inertia of its sections per mass [m²], and `bends`
+      whether they turn as it bends, not in rigid motion only.
     - `cuts`: where it is cut, along its axis from its middle.
     - `shares`: mass that each node of the quadrature stands for, (positions, nodes).
     - `points`: the cuts, then the nodes beyond each, one after the other.
@@ -57,22 +59,22 @@ class _Cut(eqx.Module):
       sit on it.
     """
 
-    mass: Float[Array, ""]
     length: Float[Array, ""]
-    excess: Float[Array, ""]
+    gyration: Float[Array, ""]
     cuts: Float[Array, " positions"]
     shares: Float[Array, "positions nodes"]
     points: Located
     axis: int = eqx.field(static=True)
     of_joints: tuple[int, ...] = eqx.field(static=True)
     of_effects: tuple[int, ...] = eqx.field(static=True)
+    bends: bool = eqx.field(static=True)
 
 
 def resultants(
-    system: AbstractSystem, run: Trajectory, beam: Beam | str, positions: Vector
+    system: AbstractSystem, run: Trajectory, beam: Beam | Rod | str, positions: Vector
 ) -> Resultants:
-    """Axial force, shear force and bending moment of a beam along a run; see `Resultants` for what
-    they are and for their signs.
+    """Axial force, shear force and bending moment of a beam or a rod along a run; see `Resultants`
+    for what they are and for their signs.
 
     By the equilibrium of the part beyond each cut in the deformed configuration: forces of joints
     and effects on it, weight, and inertia from the accelerations of its points. In a motion without
@@ -84,7 +86,7 @@ def resultants(
     **Arguments:**
 
     - `system`: full or reduced. `run`: simulated with it.
-    - `beam`: an `rj.Beam` of the scene, or its name.
+    - `beam`: an `rj.Beam` or an `rj.Rod` of the scene, or its name.
     - `positions`: of the cuts along the axis of the body frame [m], from −length / 2 to length / 2.
 
     A uniform distribution of mass is assumed, and for a beam with an `inertia` of its own that the
@@ -102,13 +104,15 @@ def resultants(
     return found
 
 
-def _prepared(owner: str, system: AbstractSystem, beam: Beam | str, positions: Vector) -> _Cut:
+def _prepared(
+    owner: str, system: AbstractSystem, beam: Beam | Rod | str, positions: Vector
+) -> _Cut:
     name = beam if isinstance(beam, str) else beam.name
     columns, bodies = bodies_of(owner, system, [name])
     body = bodies.get(name)
-    if not isinstance(body, Beam):
+    if not isinstance(body, Beam | Rod):
         kind = "the ground" if body is None else f"a {type(body).__name__}"
-        raise InputError(f"{owner}: '{name}' is {kind}, but only an rj.Beam has resultants.")
+        raise InputError(f"{owner}: '{name}' is {kind}, but only an rj.Beam or rj.Rod has them.")
     cuts = as_array(positions)
     check_shape(owner, "positions", cuts, (None,))
     check_finite(owner, "positions", cuts)
@@ -123,22 +127,26 @@ def _prepared(owner: str, system: AbstractSystem, beam: Beam | str, positions: V
     nodes, weights = np.polynomial.legendre.leggauss(4 * body.modes + 16)
     beyond = (body.length / 2 - cuts)[:, None]
     places = cuts[:, None] + beyond * ((nodes + 1) / 2)[None]
-    axis = 0 if body.axis == "x" else 1
+    axis = int(isinstance(body, Beam) and body.axis == "y")
     along_axis = jnp.concatenate([cuts, places.reshape(-1)])
     none = jnp.zeros_like(along_axis)
     points = jnp.stack([along_axis, none] if axis == 0 else [none, along_axis], axis=1)
-    thin = body.mass * body.length**2 / 12
+    if isinstance(body, Rod):
+        gyration = body.rotary * body.length / body.mass
+    else:
+        thin = body.mass * body.length**2 / 12
+        gyration = ((thin if body.inertia is None else body.inertia) - thin) / body.mass
     full, first = assembled(owner, system), columns[name][0]
     return _Cut(
-        mass=jnp.asarray(body.mass),
         length=jnp.asarray(body.length),
-        excess=jnp.asarray(0 * thin if body.inertia is None else body.inertia - thin),
+        gyration=jnp.asarray(gyration),
         cuts=cuts,
         shares=body.mass / body.length * beyond * (weights / 2)[None],
         points=located([name] * len(points), points, none, columns, bodies),
         axis=axis,
         of_joints=_markers_on(full.joint_markers, first),
         of_effects=_markers_on(full.effect_markers, first),
+        bends=body.bends,
     )
 
 
@@ -162,11 +170,13 @@ def _at(fixed: tuple[Any, _Cut], t: Array, q: Array, v: Array) -> Resultants:
         return x[count:].reshape(*cut.shares.shape, 2)
 
     weight = _per_mass(full.fields, poses.position)
-    forces = cut.shares[:, :, None] * (nodes(weight) - nodes(accelerations))
+    forces = cut.shares[:, :, None] * (nodes(weight) - nodes(accelerations.position))
     arms = nodes(poses.position) - origin[:, None]
     force, torque = jnp.sum(forces, axis=1), jnp.sum(_cross(arms, forces), axis=1)
-    # The model has the rotary inertia of the sections in rigid motion only.
-    torque -= cut.excess * (0.5 - cut.cuts / cut.length) * own[2][2]
+    turning = own[2][2] * jnp.ones_like(cut.shares)
+    if cut.bends:
+        turning = accelerations.turn[count:].reshape(cut.shares.shape)
+    torque -= cut.gyration * jnp.sum(cut.shares * turning, axis=1)
     loads = []
     if cut.of_joints:
         on_joints = joint_wrenches(full.joints, full.joint_markers, t, q, multipliers)
@@ -202,10 +212,10 @@ def _beyond(
     return jnp.sum(forces, axis=1), jnp.sum(torques + _cross(arms, forces), axis=1)
 
 
-def _poses_and_accelerations(markers: Markers, q: Array, v: Array, a: Array) -> tuple[Pose, Array]:
-    def rate(q: Array, v: Array) -> tuple[Pose, Array]:
+def _poses_and_accelerations(markers: Markers, q: Array, v: Array, a: Array) -> tuple[Pose, Pose]:
+    def rate(q: Array, v: Array) -> tuple[Pose, Pose]:
         poses, rates = jax.jvp(markers.poses, (q,), (v,))
-        return poses, rates.position
+        return poses, rates
 
     (poses, _), (_, accelerations) = jax.jvp(rate, (q, v), (v, a))
     return poses, accelerations

@@ -156,15 +156,20 @@ class AbstractBody(eqx.Module):
         for that, of its `turning`.
         """
 
-    # What its modes are called.
+    # What its modes are called, and the unit of their amplitudes.
     mode_kind: ClassVar[str] = "mode"
+    mode_unit: ClassVar[str] = "kg^1/2 m"
 
     def coordinates(self) -> tuple[Coordinate, ...]:
         """Return the body's coordinates, with their units and symbols."""
         frame = frame_coordinates(self.name, self.dimension)
         modal = [
             Coordinate(
-                self.name, f"q{k}", "kg^1/2 m", f"q_{{{k}}}", f"{self.mode_kind} {k} of {self.name}"
+                self.name,
+                f"q{k}",
+                self.mode_unit,
+                f"q_{{{k}}}",
+                f"{self.mode_kind} {k} of {self.name}",
             )
             for k in range(1, self.modes + 1)
         ]

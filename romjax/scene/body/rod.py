@@ -86,6 +86,7 @@ class Rod(AbstractBendingBody):
     loaded: bool = eqx.field(static=True, default=False)
     nodes: int | None = eqx.field(static=True, default=None)
     mode_kind: ClassVar[str] = "strain shape"
+    mode_unit: ClassVar[str] = "rad"
 
     def __init__(
         self,
@@ -271,8 +272,7 @@ class Rod(AbstractBendingBody):
         check_name(self.name)
         owner = f"body '{self.name}'"
         self.points.check(owner, ("start", "end"))
-        modal = (self.modes,)
-        check_numbers(owner, self, "amplitudes", "rates", shape=modal)
+        check_numbers(owner, self, "amplitudes", "rates", shape=(self.modes,))
         check_start(owner, self)
 
     def _check_numbers(self) -> None:

@@ -1,0 +1,41 @@
+"""A ring of spring steel that uncoils."""
+
+import math
+
+import numpy as np
+
+from ..common.arrays import Number
+from ..scene.body.rod import Rod
+from ..scene.joint.weld import Weld
+from ..scene.marker import ground
+from ..scene.scene import Scene
+
+
+def uncoiling_strip(
+    *,
+    length: float = 0.6,  # [m]
+    mass: Number = 0.03,  # [kg]
+    EI: Number = 0.02,  # [N m²]
+    modes: int = 6,
+) -> Scene:
+    """A strip, clamped at one end and rolled up to a ring, is released: it uncoils, and whips
+    beyond the straight.
+
+    Its elastic energy at the start is that of a circle, 2 π² EI / L, which no linear beam has.
+    """
+    straight = Rod("strip", mass, length, EI, modes)
+    # Its shapes are those of polynomials of strain, of which the first is constant.
+    circle = 2 * math.pi * np.eye(modes)[0]
+    rolled = np.linalg.solve(np.asarray(straight.strains.basis), circle)
+    # The frame is in the middle, above the clamp, and upside down.
+    strip = Rod(
+        "strip",
+        mass,
+        length,
+        EI,
+        modes,
+        position=(0.0, length / math.pi),
+        angle=math.pi,
+        amplitudes=[round(amplitude, 12) for amplitude in rolled.tolist()],
+    )
+    return Scene([strip], [Weld(strip.at("start"), ground.at((0.0, 0.0)), name="clamp")])
