@@ -107,6 +107,24 @@ def tree(count: int, seed: int) -> str:
     )
 
 
+def loop(count: int, seed: int) -> str:
+    """A random tree whose last bodies are connected to the ground and to its first one, with a
+    joint that follows another.
+    """
+    random = np.random.default_rng(seed)
+    text = tree(count, seed)
+    names = [x.split('"')[0] for x in text.split('<joint name="')[1:]]
+    scalar = [x for x in names if f'name="{x}" type="ball"' not in text]
+    # Of two bodies each with a joint of its own.
+    led, leading = scalar[0], next(x for x in scalar if x[:-1] != scalar[0][:-1])
+    anchors = [words(0.2 * random.normal(size=3)) for _ in range(2)]
+    return text.replace(
+        "<actuator>",
+        f'<equality><connect body1="b{count}" anchor="{anchors[0]}"/>'
+        f'<joint joint1="{led}" joint2="{leading}" polycoef="0 0.7 0.1 0 0"/></equality><actuator>',
+    )
+
+
 def state(scene, model, data) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates and velocities of the bodies of a scene in a state of MuJoCo's."""
     import mujoco
@@ -142,3 +160,52 @@ def accelerations(scene, model, data) -> np.ndarray:
             [*(moving + np.cross(turning, arm) + np.cross(spin, np.cross(spin, arm))), *turning]
         )
     return np.array(found)
+
+
+def equality_rows(model, data) -> tuple[np.ndarray, np.ndarray]:
+    """The Jacobian of the equality constraints at a state of MuJoCo's, and their violation."""
+    import mujoco
+
+    mujoco.mj_fwdPosition(model, data)
+    rows = np.asarray(data.efc_type) == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+    return data.efc_J.reshape(-1, model.nv)[rows], np.asarray(data.efc_pos)[rows]
+
+
+def hold(model, data, random, spread: float) -> None:
+    """Put data into a random state in which the equality constraints hold."""
+    import mujoco
+
+    data.qpos[:] = model.qpos0
+    mujoco.mj_integratePos(model, data.qpos, spread * random.normal(size=model.nv), 1.0)
+    for _ in range(30):
+        rows, violation = equality_rows(model, data)
+        if not rows.size:
+            break
+        mujoco.mj_integratePos(model, data.qpos, -np.linalg.pinv(rows) @ violation, 1.0)
+    rows, _ = equality_rows(model, data)
+    speeds = random.normal(size=model.nv)
+    data.qvel[:] = speeds - np.linalg.pinv(rows) @ (rows @ speeds) if rows.size else speeds
+    mujoco.mj_forward(model, data)
+
+
+def close_exactly(model, data) -> None:
+    """Give data the accelerations with exact constraints, by Lagrange's multipliers on MuJoCo's
+    mass matrix, forces and rows; the change of the rows is a central difference.
+    """
+    import mujoco
+
+    mass, here, step = np.zeros((model.nv, model.nv)), np.array(data.qpos), 1e-6
+    mujoco.mj_fullM(model, data, mass)
+    force = data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias
+    rows, _ = equality_rows(model, data)
+    ends = []
+    for sign in (1, -1):
+        data.qpos[:] = here
+        mujoco.mj_integratePos(model, data.qpos, np.array(data.qvel), sign * step)
+        ends.append(equality_rows(model, data)[0])
+    data.qpos[:] = here
+    mujoco.mj_forward(model, data)
+    change = (ends[0] - ends[1]) / (2 * step) @ data.qvel
+    inverse = np.linalg.inv(mass)
+    multipliers = np.linalg.pinv(rows @ inverse @ rows.T) @ (rows @ inverse @ force + change)
+    data.qacc[:] = inverse @ (force - rows.T @ multipliers)

@@ -30,6 +30,8 @@ Motion = Literal[
 ]
 MOTIONS: tuple[str, ...] = get_args(Motion)
 _PLANAR = MOTIONS[:4]
+# The sine of the second of three angles up to which they are told apart, that of 87 degrees.
+_STEEP = 0.9986
 
 
 def moved(motion: str, *poses: Pose) -> Float[Array, ""]:
@@ -60,6 +62,22 @@ def _turned(motion: str, r: Float[Array, "3 3"]) -> Float[Array, ""]:
     if motion == "2 of 3":
         return jnp.arctan2(r[0, 2], jnp.sqrt(r[0, 0] ** 2 + r[0, 1] ** 2))
     return jnp.arctan2(-r[0, 1], r[0, 0])
+
+
+def limit_of(motion: str, *poses: Pose) -> Float[Array, ""]:
+    """A number that changes sign where the motion ceases to be known: of three angles, where that
+    about y comes near a right angle, beyond which the same rotation has others.
+    """
+    a, b, *_ = poses
+    if not is_limited(motion):
+        return jnp.ones((), a.position.dtype)
+    sine = quaternions.matrix(quaternions.product(quaternions.conjugate(b.turn), a.turn))[0, 2]
+    return _STEEP**2 - sine**2
+
+
+def is_limited(motion: str) -> bool:
+    """Whether the motion is known within a limit only."""
+    return motion in MOTIONS[-3:]
 
 
 def counts(motion: str) -> tuple[tuple[int, int], ...]:

@@ -1,17 +1,21 @@
 """What is there: bodies, joints and effects."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import equinox as eqx
 
+from ..common.checks import unknown_name
 from ..common.errors import SceneError
 from ..common.extras import lazy_import
 from ..common.pictures import inline, still
 from .body.base import AbstractBody
+from .body.sections import AbstractSection
+from .editing import carried_over, find_body, moved_markers
 from .effect.base import AbstractEffect
 from .fields import Converted, parts
+from .flexible import flexible_body, on_beam, warn_of_other_inertia
 from .joint.base import AbstractJoint
 from .marker import GROUND, Marker
 
@@ -38,6 +42,99 @@ class Scene(eqx.Module):
         Raises SceneError for a part of one's own that has what no file can hold.
         """
         lazy_import("files.write", "save")(self, path)
+
+    def replace(self, name: str, body: AbstractBody) -> "Scene":
+        """The scene with a `body` in the place of that of a `name`: markers are, at the start,
+        where they were, so that the new body has to be placed where the old one is.
+
+        Raises SceneError for a name that the scene does not have.
+        """
+        number = find_body(self.bodies, "replace", name)
+        change = carried_over(self.bodies[number], body)
+        return self._changed(number, body, lambda part, marker: change(marker))
+
+    def flexible(
+        self,
+        name: str,
+        *,
+        modes: int = 3,
+        ends: Sequence[Any] | None = None,
+        section: AbstractSection | None = None,
+        **options: Any,
+    ) -> "Scene":
+        """The scene with a rigid link as an elastic beam between its joints: a `Beam`, in space a
+        `spatial.Beam`.
+
+        The mass of the link is kept and spread evenly between the ends, and in space the moment of
+        inertia about their line is kept; centre and other moments are those of the beam, and a
+        warning says by how much they change. With a `section` all are those of the prism. Joints
+        and effects stay where they are, and named points between the ends keep their names.
+
+        **Arguments:**
+
+        - `name`: of the link.
+        - `modes`: of bending, in space in each plane, and of torsion or extension where `GJ` or
+          `EA` is given.
+        - `ends`: two points of the link, or their names; unless given the two points of joints that
+          are furthest apart, or that of its joint and the named point furthest from it.
+        - `section`: such as `sections.Tube(0.06, 0.003)`, with `density` and `modulus`.
+        - `options`: `EI` [N m²] without a section, and what a beam takes besides, such as
+          `damping` and `stiffening`. In space local x goes from the first end to the second, and
+          local z is as near to that of the link as can be.
+
+        Raises SceneError for a name that the scene does not have, for a body that is no rigid one,
+        and for a part that holds it beyond the ends.
+
+        ```python
+        arm = rj.load_scene("arm.xml").flexible("forearm", EI=800.0, modes=2)
+        ```
+        """
+        number = find_body(self.bodies, "flexible", name)
+        old = self.bodies[number]
+        markers = [m for joint in self.joints for m in joint.markers if m.body == name]
+        beam = flexible_body(old, markers, modes=modes, ends=ends, section=section, options=options)
+        change = carried_over(old, beam)
+        changed = self._changed(
+            number, beam, lambda part, m: on_beam(beam, f"flexible: '{part.label()}'", change(m))
+        )
+        if section is None:
+            warn_of_other_inertia(old, beam)
+        return changed
+
+    def without(self, *names: str) -> "Scene":
+        """The scene without the bodies, joints and effects of some `names`, and without what is
+        held by these bodies. Joints and effects without a name have their label, such as
+        "Spring(cart, ground)".
+
+        Raises SceneError for a name that the scene does not have.
+        """
+        parts: list[Any] = [*self.joints, *self.effects]
+        known = [*(b.name for b in self.bodies), *(part.label() for part in parts)]
+        for name in names:
+            if name not in known:
+                raise SceneError(str(unknown_name("without", "part", name, known)))
+
+        def stays(part: Any) -> bool:
+            on = {marker.body for marker, _ in markers_of(part)}
+            return part.label() not in names and not on.intersection(names)
+
+        return Scene(
+            [body for body in self.bodies if body.name not in names],
+            [joint for joint in self.joints if stays(joint)],
+            [effect for effect in self.effects if stays(effect)],
+        )
+
+    def _changed(
+        self, number: int, body: AbstractBody, change: Callable[[Any, Marker], Marker]
+    ) -> "Scene":
+        """The scene with another body, and with what becomes of the markers on it in each part."""
+        name = self.bodies[number].name
+
+        def moved(part: Any) -> Any:
+            return moved_markers(part, name, lambda marker: change(part, marker))
+
+        bodies = (*self.bodies[:number], body, *self.bodies[number + 1 :])
+        return Scene(bodies, [moved(j) for j in self.joints], [moved(e) for e in self.effects])
 
     def check(self) -> None:
         """Raise a SceneError that names the first part that makes no sense."""

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from ...common.arrays import Time
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
-from ..motion import check_motion, counts, moved, points_of
+from ..motion import check_motion, counts, is_limited, limit_of, moved, points_of
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractMarkerEffect, check_markers, displacement
 
@@ -57,6 +57,14 @@ class Actuator(AbstractMarkerEffect):
     @property
     def at_points(self) -> tuple[int, ...]:  # type: ignore[override]
         return points_of(self.motion)
+
+    @property
+    def limited(self) -> bool:  # type: ignore[override]
+        return is_limited(self.motion)
+
+    def limit(self, *poses: Pose) -> Float[Array, ""]:
+        """Return where three angles are told apart no more: a number that changes its sign."""
+        return limit_of(self.motion, *poses)
 
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from ...common.arrays import Time
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
-from ..motion import check_motion
+from ..motion import check_motion, is_limited, limit_of
 from .base import AbstractMarkerEffect, check_markers
 
 
@@ -34,6 +34,14 @@ class JointInertia(AbstractMarkerEffect):
     supplies: ClassVar[bool] = False
     dimensions: ClassVar[tuple[int, ...]] = (3,)
     counted: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1),)
+
+    @property
+    def limited(self) -> bool:  # type: ignore[override]
+        return is_limited(self.motion)
+
+    def limit(self, *poses: Pose) -> Float[Array, ""]:
+        """Return where three angles are told apart no more: a number that changes its sign."""
+        return limit_of(self.motion, *poses)
 
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 from ...common.arrays import Time
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose
-from ..motion import check_motion, counts, moved, points_of
+from ..motion import check_motion, counts, is_limited, limit_of, moved, points_of
 from .base import AbstractPotential, check_markers
 
 
@@ -40,6 +40,14 @@ class JointSpring(AbstractPotential):
     @property
     def at_points(self) -> tuple[int, ...]:  # type: ignore[override]
         return points_of(self.motion)
+
+    @property
+    def limited(self) -> bool:  # type: ignore[override]
+        return is_limited(self.motion)
+
+    def limit(self, *poses: Pose) -> Float[Array, ""]:
+        """Return where three angles are told apart no more: a number that changes its sign."""
+        return limit_of(self.motion, *poses)
 
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         del t

@@ -11,7 +11,7 @@ from ...common.arrays import Time, concrete
 from ...common.errors import SceneError
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
-from ..motion import check_motion, counts, moved, points_of
+from ..motion import check_motion, counts, is_limited, limit_of, moved, points_of
 from .base import AbstractMarkerEffect, check_markers, displacement
 
 
@@ -64,6 +64,14 @@ class JointStop(AbstractMarkerEffect):
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         del t
         return 0.5 * self.stiffness * self._beyond(moved(self.motion, *poses)) ** 2
+
+    @property
+    def limited(self) -> bool:  # type: ignore[override]
+        return is_limited(self.motion)
+
+    def limit(self, *poses: Pose) -> Float[Array, ""]:
+        """Return where three angles are told apart no more: a number that changes its sign."""
+        return limit_of(self.motion, *poses)
 
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
