@@ -234,6 +234,9 @@ def test_a_model_that_fails_unseen_is_a_hollow_point(found):
     one = dataclasses.replace(found, rows=(failed,), pays=False)
     (axes,) = rj.plot.reductions(one).axes
     assert [text.get_text() for text in axes.texts] == ["minimal r=3, fails unseen"]
+    one = dataclasses.replace(found, rows=(row(time=5.4e-3, unseen=0.03),), pays=False)
+    (axes,) = rj.plot.reductions(one).axes
+    assert axes.get_xlim()[0] < 1.0 < 5.4 < axes.get_xlim()[1]
     none = dataclasses.replace(found, rows=(failed._replace(trained=math.inf),), pays=False)
     (axes,) = rj.plot.reductions(none).axes
     assert axes.get_ylim() == pytest.approx((1e-4, 1e-2))

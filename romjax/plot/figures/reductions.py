@@ -12,6 +12,8 @@ from .reduction import Point, blank, draw, explain, frame, hollow, ring
 
 # The errors that are shown where there is none, relative to the one that is asked for.
 _AROUND = 0.1, 10.0
+# Times are shown beyond the shortest and the longest by this factor.
+_BESIDE = 1.3
 
 
 def reductions(result: Reductions) -> DisplayedFigure:
@@ -27,6 +29,9 @@ def reductions(result: Reductions) -> DisplayedFigure:
     **Arguments:** `result`: what `romjax.reductions` has found.
     """
     figure, axes = blank()
+    # By hand: the limits of one point alone are equal for a moment, which matplotlib warns of.
+    times = [1e3 * row.time for row in (result.full, *result.rows)]
+    axes.set_xlim(min(times) / _BESIDE, max(times) * _BESIDE)
     labels, drops = list[Label](), False
     for index, kind in enumerate(dict.fromkeys(row.formulation for row in result.rows), start=1):
         own = [r for r in result.rows if r.formulation == kind and np.isfinite(r.trained)]
