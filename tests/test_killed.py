@@ -157,6 +157,61 @@ def test_a_sweep_is_killed(kills, tmp_path):
     assert np.array_equal(np.load(result), whole.values["y"])
 
 
+SHARING = """
+import pathlib, random, time
+from romjax.study import claims
+
+folder, result, seed = sys.argv[1], sys.argv[2], int(sys.argv[3])
+claims.BEAT, claims.VOID = 0.05, 0.5
+source = random.Random(seed)
+
+def sweep():
+    slow = lambda x: {"y": jax.lax.fori_loop(0, 40000, lambda _, y: jnp.cos(x + y), x)}
+    return rj.sweep(slow, np.arange(200.0), chunk=4, path=folder)
+
+def there():
+    return len(list(pathlib.Path(folder).glob("chunk-*.npz")))
+
+late = source.uniform(0.2, 1.0)
+children = []
+for number in range(4):
+    child = os.fork()
+    if not child:
+        time.sleep(late * (number == 3))
+        np.save(f"{result}{number}.npy", sweep().values["y"])
+        os._exit(0)
+    children.append(child)
+killed, stopped, third, last = children
+moment = source.randrange(1, 15)
+while there() < moment:
+    time.sleep(0.005)
+os.kill(killed, signal.SIGKILL)
+os.kill(stopped, signal.SIGSTOP)
+time.sleep(source.uniform(0.1, 2.0))
+os.kill(stopped, signal.SIGCONT)
+for child in children:
+    os.waitpid(child, 0)
+print(there(), len(list(pathlib.Path(folder).glob("claim-*"))))
+"""
+
+
+@pytest.mark.parametrize("seed", in_groups(range(20), fast=[0], slow=[1, 2]))
+def test_processes_share_a_sweep(seed, tmp_path):
+    """One is killed, one stopped for a while, one comes late; each that ends has all of it, equal
+    to the bit to that of one process.
+    """
+    folder, result = tmp_path / "sweep", tmp_path / "y"
+    (line,) = in_a_process(SHARING, folder, result, seed)
+    assert line == "50 0"
+
+    def slow(x):
+        return {"y": jax.lax.fori_loop(0, 40000, lambda _, y: jnp.cos(x + y), x)}
+
+    whole = rj.sweep(slow, np.arange(200.0), chunk=4).values["y"]
+    for number in (1, 2, 3):
+        assert np.array_equal(np.load(f"{result}{number}.npy"), whole)
+
+
 # Programs of other numbers of coordinates, in a cache of their own, which begins empty.
 RUNNING = """
 import json, random, time

@@ -1,7 +1,10 @@
 """Many lanes: chunks, devices, failures, and interruptions at any moment."""
 
 import errno
+import json
 import os
+import threading
+import time
 import types
 from pathlib import Path
 
@@ -15,6 +18,7 @@ from tolerances import IDENTITY
 from zoo import Stiffness, run, unit_circle, unit_mass
 
 import romjax as rj
+from romjax.study import claims
 from romjax.study.sweep import _chunk
 
 TS = np.linspace(0.0, 0.5, 11)
@@ -218,6 +222,47 @@ def test_a_folder_that_does_not_say_which_sweep_it_holds_is_refused(tmp_path):
     (tmp_path / "sweep.json").unlink()
     rj.sweep(double, numbers(), chunk=8, path=tmp_path)
     assert [file.stat().st_mtime_ns for file in files] == before
+
+
+def test_claims_of_the_living_are_waited_for_and_those_of_the_dead_are_not(tmp_path, monkeypatch):
+    """A claim is void that nobody renews, or whose process has ended on this machine."""
+    monkeypatch.setattr(claims, "VOID", 0.2)
+    mine = claims.Claims(tmp_path)
+    other = claims.Claims(tmp_path)
+    with mine.held(3) as own, other.held(3) as both, other.held(4) as another:
+        assert (own, both, another) == (True, False, True)
+    assert not list(tmp_path.iterdir())
+    # Of another machine: only its age tells.
+    file = tmp_path / "claim-000003.json"
+    file.write_text('{"host": "elsewhere", "pid": 1, "key": ""}')
+    with mine.held(3) as own:
+        assert not own
+    os.utime(file, (0, 0))
+    with mine.held(3) as own:
+        assert own
+    # Of this one: a process that is not there any more.
+    file.write_text(json.dumps({**mine.owner, "pid": 2**22 + 1, "key": ""}))
+    with mine.held(3) as own:
+        assert own
+    # What is not yet written is somebody's.
+    file.write_text("")
+    with mine.held(3) as own:
+        assert not own
+
+
+def test_a_sweep_waits_for_chunks_of_others(tmp_path):
+    """And computes what is given up."""
+    folder = tmp_path / "sweep"
+    whole = rj.sweep(double, numbers(), chunk=8, path=folder)
+    (folder / "chunk-000001.npz").unlink()
+    file = folder / "claim-000001.json"
+    file.write_text('{"host": "elsewhere", "pid": 1, "key": ""}')
+    threading.Timer(0.3, file.unlink).start()
+    began = time.monotonic()
+    found = rj.sweep(double, numbers(), chunk=8, path=folder)
+    assert time.monotonic() - began >= 0.25
+    assert np.array_equal(found.values["y"], whole.values["y"])
+    assert not list(folder.glob("claim-*"))
 
 
 @pytest.mark.instant

@@ -3,7 +3,9 @@
 import hashlib
 import io
 import json
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,10 @@ import jax
 import numpy as np
 
 from ..common import writing
+from .claims import Claims
+
+# [s] Between two looks at the chunks of other processes.
+_SHORTEST, _LONGEST = 0.01, 0.5
 
 
 class Chunks:
@@ -21,6 +27,7 @@ class Chunks:
 
     def __init__(self, folder: Path | None, identity: str = ""):
         self.folder, self.identity = folder, identity
+        self.claims = None if folder is None else Claims(folder)
         self.done: dict[int, list[np.ndarray]] = {}
 
     @classmethod
@@ -69,16 +76,40 @@ class Chunks:
             np.savez(content, *leaves, checksum=self._checksum(number, leaves))
             writing.write(self._file(number), content.getbuffer())
 
-    def collect(self, count: int) -> list[np.ndarray]:
-        """The arrays of all chunks, one after the other."""
-        for number in range(count):  # also those of other processes
-            if not self.has(number):
-                raise OSError(
-                    f"sweep: {self._file(number)} is damaged or missing, though another process "
-                    "has computed it; start all processes again, which computes it anew."
-                )
+    def complete(
+        self, count: int, compute: Callable[[int], list[np.ndarray]], tell: Callable[[int], Any]
+    ) -> list[np.ndarray]:
+        """The arrays of all chunks, one after the other.
+
+        This process computes those that no other one has claimed, and waits for the others.
+        `tell` is called with the number of each chunk that is there.
+        """
+        missing, pause = list(range(count)), _SHORTEST
+        while missing:
+            waiting = []
+            for number in missing:
+                if self._made(number, compute):
+                    tell(number)
+                else:
+                    waiting.append(number)
+            pause = _SHORTEST if len(waiting) < len(missing) else min(2 * pause, _LONGEST)
+            missing = waiting
+            if missing:
+                time.sleep(pause)
+        if self.claims is not None:
+            self.claims.clear()
         parts = [self.done[number] for number in range(count)]
         return [np.concatenate(x) for x in zip(*parts, strict=True)]
+
+    def _made(self, number: int, compute: Callable[[int], list[np.ndarray]]) -> bool:
+        """Whether a chunk is there, computed here if nobody else has claimed it."""
+        if self.has(number):
+            return True
+        with nullcontext(True) if self.claims is None else self.claims.held(number) as own:
+            # Another process may have put it there just before it gave up its claim.
+            if own and not self.has(number):
+                self.put(number, compute(number))
+        return own
 
     def _checksum(self, number: int, leaves: Sequence[np.ndarray]) -> str:
         return _digest(f"{self.identity} {number}", leaves)

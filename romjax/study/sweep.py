@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.experimental import multihost_utils
 from jax.sharding import Mesh, PartitionSpec
 from tqdm import tqdm
 
@@ -101,8 +100,10 @@ def sweep(
     """`function` at many parameters at once.
 
     The lanes are computed in chunks of one compiled program, each split over all devices of this
-    process, whose lanes do not wait for each other. With `jax.distributed`, each process computes
-    its share of the chunks; all need the same `path`, and all return the results of all.
+    process, whose lanes do not wait for each other. Any number of processes that call it with the
+    same arguments and one `path`, on one machine or on several that see that folder, share the
+    chunks: each claims the next one that is free, they may start when they like, what one that
+    ends too early has claimed is claimed anew, and all return the results of all.
 
     **Arguments:**
 
@@ -140,21 +141,16 @@ def sweep(
     if path is None and jax.process_count() > 1:
         raise ValueError("sweep: several processes need a `path` to exchange their results.")
     store = Chunks.open(path, parameters, lanes, chunk, shapes)
-    count = -(-lanes // chunk)
+    own = [min(chunk, lanes - first) for first in range(0, lanes, chunk)]
+
+    def compute(number: int) -> list[np.ndarray]:
+        # The last chunk is filled up with its last lane, for the same program.
+        here = np.minimum(np.arange(number * chunk, (number + 1) * chunk), lanes - 1)
+        results = _run(function, used, jax.tree.map(lambda x: x[here], parameters))
+        return [np.asarray(x)[: own[number]] for x in jax.tree.leaves(results)]
+
     with tqdm(total=lanes, disable=not progress, desc="sweep", unit=" lanes") as bar:
-        for number in range(count):
-            # The last chunk is filled up with its last lane, for the same program.
-            here = np.minimum(np.arange(number * chunk, (number + 1) * chunk), lanes - 1)
-            own = min(chunk, lanes - number * chunk)
-            if not store.has(number) and number % jax.process_count() == jax.process_index():
-                results = _run(
-                    function, used, jax.tree.map(lambda x, here=here: x[here], parameters)
-                )
-                store.put(number, [np.asarray(x)[:own] for x in jax.tree.leaves(results)])
-            bar.update(own)
-    if jax.process_count() > 1:
-        multihost_utils.sync_global_devices("sweep")
-    leaves = store.collect(count)
+        leaves = store.complete(len(own), compute, lambda number: bar.update(own[number]))
     values, outcome = jax.tree.unflatten(jax.tree.structure(shapes), leaves)
     return Sweep(values, outcome.status, outcome.flags, parameters)
 

@@ -1,11 +1,12 @@
 """Many mechanisms of a box: by its reduced model where that holds, else by the full one."""
 
 import dataclasses
+import os
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
@@ -16,7 +17,7 @@ from ...integrate.trajectory import Trajectory
 from ..ranks.rank_search import SAFETY, sharper
 from ..sweep import Sweep, sweep
 from .estimate import run_with_error_estimate
-from .reduced_box import ReducedBox, reduced_as
+from .reduced_box import ReducedBox
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,12 +42,13 @@ def sweep_over(
     *,
     learn: int = 3,
     chunk: int | None = None,
+    path: str | os.PathLike[str] | None = None,
     progress: bool = False,
 ) -> BoxSweep:
     """Run many mechanisms, none with a larger error than asked for, and return what is seen.
 
-    The reduced model simulates all points within its box, and the model of the next rank estimates
-    the errors. Where the estimate is above half of `ReducedBox.tol`, where something speaks against
+    The reduced model simulates all points within its box, and one of a richer kind estimates the
+    errors. Where the estimate is above half of `ReducedBox.tol`, where something speaks against
     the run, and outside of the box, the full model takes over. While it would have to at many
     points, the full run of the worst one joins the training, and the better model tries the others
     first (a hierarchy of models: Haasdonk, Kleikamp, Ohlberger, Schindler, Wenzel 2022,
@@ -59,12 +61,12 @@ def sweep_over(
     - `ts` (k,): times of the runs [s]. `see`: from a Trajectory to a pytree of arrays.
     - `learn`: the most runs that join the training, as long as more points than that are doubted;
       each of them compiles a model.
-    - `chunk`, `progress`: as `sweep`.
+    - `chunk`, `path`, `progress`: as `sweep`. Processes that share a `path` all train alike.
 
     Raises InputError for a parameter that the box does not have, or values of different counts.
     """
     points, times = _points(reduced, parameters), as_array(ts)
-    lanes = _Lanes(reduced, points, times, see, {"chunk": chunk, "progress": progress})
+    lanes = _Lanes(reduced, points, times, see, {"chunk": chunk, "progress": progress}, path)
     inside = [reduced.box.ranges[name].holds(x) for name, x in points.items()]
     lanes.by_model(np.flatnonzero(np.all(inside, axis=0)))
     for _ in range(learn):
@@ -85,9 +87,10 @@ class _Lanes:
         times: Float[Array, " k"],
         see: Callable[[Trajectory], Any],
         settings: dict[str, Any],
+        path: str | os.PathLike[str] | None,
     ):
         self.reduced, self.points, self.times = reduced, points, times
-        self.see, self.settings = see, settings
+        self.see, self.settings, self.path = see, settings, path
         count = len(next(iter(points.values())))
         self.by_full, self.estimates = np.ones(count, bool), np.zeros(count)
         # Within the box, of which the model is not sure, and how large it says its errors are.
@@ -103,17 +106,12 @@ class _Lanes:
 
         def cheap(point: dict[str, Any]) -> dict[str, Any]:
             system = reduced.box.system_anywhere(point)
-            if reduced.finer is None:
-                # All minimal coordinates are there: what remains are the flags.
-                rom, change = reduced_as(reduced.rom, system), jnp.zeros_like(times[0])
-                run = simulate(rom, times, rtol=rtol, throw=False)
-            else:
-                _, run, change = run_with_error_estimate(
-                    reduced.rom, reduced.finer, system, times, rtol
-                )
+            # Where all freedoms are there, what remains are the flags.
+            finer = [one.model for one in reduced.finer]
+            _, run, change = run_with_error_estimate(reduced.rom, finer, system, times, rtol)
             return {"seen": see(run), "change": change, "flags": run.flags, "status": run.status}
 
-        part = sweep(cheap, _at(self.points, numbers), **self.settings)
+        part = self._swept(cheap, numbers)
         change = part.values["change"]
         good = part.is_valid & (change <= reduced.tol / SAFETY)
         self.by_full[numbers[good]], self.estimates[numbers[good]] = False, change[good]
@@ -144,7 +142,12 @@ class _Lanes:
 
         others = np.flatnonzero(self.by_full)
         if len(others):
-            self.parts.append((others, sweep(accurate, _at(self.points, others), **self.settings)))
+            self.parts.append((others, self._swept(accurate, others)))
+
+    def _swept(self, lane: Callable[[Any], Any], numbers: np.ndarray) -> Sweep:
+        """Some lanes, whose chunks have a folder of their own."""
+        path = None if self.path is None else Path(self.path) / f"part-{len(self.parts)}"
+        return sweep(lane, _at(self.points, numbers), path=path, **self.settings)
 
 
 def _together(
