@@ -152,6 +152,7 @@ from .study.boxes.sweep_over import BoxSweep as BoxSweep
 from .study.boxes.sweep_over import sweep_over as sweep_over
 from .study.compare import Comparison as Comparison
 from .study.compare import compare as compare
+from .study.corrected import corrected as corrected
 from .study.extrapolate import extrapolate as extrapolate
 from .study.fit import fit as fit
 from .study.gradient import check_gradient as check_gradient

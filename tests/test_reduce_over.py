@@ -8,6 +8,7 @@ from groups import in_groups
 from tolerances import SOLVED
 
 import romjax as rj
+from romjax.study.boxes.reduced_box import covering
 
 TS = np.linspace(0.0, 0.3, 31)
 TOL = 1e-3
@@ -71,6 +72,26 @@ def test_what_the_model_says_of_itself(reduced):
     assert "training run" in reduced.summary()
     assert "of the box with a confidence of 95%" in reduced.summary()
     assert set(reduced.training) == {"mass", "f1"}
+    factor, covered = reduced.factor
+    assert 0 < factor < EFFECTIVITY
+    assert abs(covered - len(reduced.errors) / (len(reduced.errors) + 1)) < SOLVED
+    assert "times the estimate in" in reduced.summary()
+
+
+@pytest.mark.instant
+def test_what_a_factor_on_estimates_covers():
+    """Of 200 boxes, each with its own held-out runs and unseen ones; few runs promise less."""
+    lot = np.random.default_rng(4)
+    for count, share in ((19, 0.95), (59, 0.95), (9, 0.9)):
+        covered = []
+        for _ in range(200):
+            errors = lot.lognormal(0.0, 1.0, (count + 40))
+            estimates = errors * lot.lognormal(0.0, 0.2, count + 40)
+            factor, promised = covering(errors[:count], estimates[:count])
+            assert share - SOLVED <= promised <= share + 0.02
+            covered.append(np.mean(errors[count:] <= factor * estimates[count:]))
+        assert abs(np.mean(covered) - promised) < 0.02
+    assert covering(np.zeros(0), np.zeros(0)) == (np.inf, 0.0)
 
 
 @pytest.mark.slow

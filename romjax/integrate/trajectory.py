@@ -23,6 +23,7 @@ from ..system.flags import WORDS, Flag
 from .allowed_errors import allowed_errors
 from .dense import DenseOutput
 from .derived import EagerQuantities, LazyQuantities
+from .error_bar import ErrorBar
 from .follow.branching import Branching
 from .follow.energy_balance import EnergyBalance
 from .partition import Partitioned
@@ -51,6 +52,7 @@ class Trajectory(eqx.Module):
     - `events`: what happened, a `romjax.Events`; None where no events were watched.
     - `dense`: the motion between the outputs, by which `at` goes; None without `dense=True`.
     - `followed`: what each monitor has seen, in the order of `follow`; not saved with the run.
+    - `bar`: the error of the reduced run that this one corrects; None but for `romjax.corrected`.
     - `coordinates`: what the columns of q are (`romjax.Coordinate`); `labels` and `descriptions`
       name them, shortly and in words. `run["cart.x"]` is one by its label, `run["cart.x'"]` its
       rate.
@@ -74,6 +76,7 @@ class Trajectory(eqx.Module):
     events: Events | None = None
     dense: DenseOutput | None = None
     followed: tuple[PyTree, ...] = ()
+    bar: ErrorBar | None = None
 
     def __getitem__(self, label: str) -> Float[Array, " k"]:
         """One coordinate by its `label`, such as "cart.x", or its rate by "cart.x'"; (k,), in the
@@ -192,9 +195,11 @@ class Trajectory(eqx.Module):
         return "; ".join([*failure, *words.values(), *filter(None, others)])
 
     def summary(self) -> str:
-        """The status in words, with the remedy."""
+        """The status in words, with the remedy; of a corrected run with the error that it tells."""
         status = Status(int(self.status))
-        return "success" if status is Status.SUCCESS else f"{status.name}: {REMEDIES[status]}"
+        if status is not Status.SUCCESS:
+            return f"{status.name}: {REMEDIES[status]}"
+        return "success" if self.bar is None else f"success; {self.bar.describe()}"
 
     def every(self, stride: int) -> "Trajectory":
         """The same motion at every `stride`-th output time."""
@@ -227,7 +232,7 @@ class Trajectory(eqx.Module):
             imbalance=imbalance,
         )
 
-    def to_xarray(self, scene: Scene | None = None, **measured: Any) -> Any:
+    def to_xarray(self, scene: Scene | None = None, *, error: bool = False, **measured: Any) -> Any:
         """The run as an `xarray.Dataset` (extra `files`): dimensions `time`, `coordinate` and
         `constraint` with the names of what they count, units as attributes, and in words what the
         run was made with, how it went, and the scene.
@@ -238,13 +243,14 @@ class Trajectory(eqx.Module):
         **Arguments:**
 
         - `scene`: that was simulated; the run's own unless given.
+        - `error`: with `q_error` and `v_error`, as `romjax.corrected` tells them of a reduced run.
         - `measured`: further quantities by name: what `measure`, `energy`, `joint_forces` and the
           like return, an array with an axis of outputs, or a pair of one and its unit.
 
         Raises ImportError, with what to install, without the extra; InputError for a measured array
         that has not one row for each output, and a scene with other coordinates than the run.
         """
-        return lazy_import("files.results.dataset", "dataset_of")(self, scene, measured)
+        return lazy_import("files.results.dataset", "dataset_of")(self, scene, measured, error)
 
     def save(
         self, path: str | os.PathLike[str], scene: Scene | None = None, **measured: Any

@@ -8,11 +8,25 @@ from jaxtyping import Array, Float
 from ..assembly.kinematics import Markers
 from ..assembly.locate import Located, locate
 from ..common.arrays import Vector
+from ..common.errors import InputError
+from ..common.extras import lazy_import
 from ..integrate.trajectory import Trajectory
 from ..scene.marker import Marker, Pose
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
 from .states import Rest, accelerations, along_run, run_or_rest
+
+_QUANTITIES = (
+    "position",
+    "angle",
+    "rotation",
+    "velocity",
+    "angular_velocity",
+    "acceleration",
+    "angular_acceleration",
+    "distance",
+    "distance_rate",
+)
 
 
 class Measurement(eqx.Module):
@@ -24,11 +38,23 @@ class Measurement(eqx.Module):
 
     - `system`: the one that moved, full or reduced. `run`: how it moved, or where it rests.
     - `located`: the marker, or both.
+    - `corrected`: the same of `romjax.corrected`, where errors were asked for.
     """
 
     system: AbstractSystem
     run: Trajectory | Rest
     located: Located
+    corrected: "Measurement | None" = None
+
+    @property
+    def error(self) -> "MeasuredError":
+        """The estimated errors: `.error.position` is that of `.position`, and so on.
+
+        Raises InputError for what was measured without `error=True`.
+        """
+        if self.corrected is None:
+            raise InputError("Measurement.error: nobody asked for it; measure with error=True.")
+        return MeasuredError(self, self.corrected)
 
     @property
     def position(self) -> Float[Array, "*k d"]:
@@ -108,8 +134,27 @@ class Measurement(eqx.Module):
         return rate
 
 
+class MeasuredError(eqx.Module):
+    """The estimated errors of a `Measurement`, by its names, such as `position`: the magnitudes of
+    the differences to the same of a run that is `corrected`.
+    """
+
+    measured: Measurement
+    corrected: Measurement
+
+    def __getattr__(self, name: str) -> Array:
+        if name not in _QUANTITIES:
+            raise AttributeError(f"MeasuredError has no {name}; it has {', '.join(_QUANTITIES)}.")
+        return jnp.abs(getattr(self.corrected, name) - getattr(self.measured, name))
+
+
 def measure(
-    system: AbstractSystem, run: Trajectory | Vector, marker: Marker, against: Marker | None = None
+    system: AbstractSystem,
+    run: Trajectory | Vector,
+    marker: Marker,
+    against: Marker | None = None,
+    *,
+    error: bool = False,
 ) -> Measurement:
     """The motion of a `marker` along a run: `.position` [m], `.velocity`, `.acceleration` (k, 2),
     `.angle` [rad], `.angular_velocity`, `.angular_acceleration` (k,); in space (k, 3) each, and
@@ -124,13 +169,21 @@ def measure(
       t = 0, such as `equilibrium(system)`, for single values in place of k.
     - `marker`: such as `body.at((0.0, -0.4))` or `ground.at()`; `against`: another one, the
       inertial frame unless given.
+    - `error`: measure the run of `romjax.corrected` too, so that `.error.position` is the estimated
+      error of `.position`, and so on of all others, of a reduced or capped model.
 
     Works under `jit`, `vmap` and derivatives of any order that the run allows. Raises InputError
     for a body that the system lacks, a run of another system, or a system that has no bodies.
     """
     moved = run_or_rest("measure", system, run)
     markers = [marker] if against is None else [marker, against]
-    return Measurement(system, moved, locate("measure", system, markers))
+    located = locate("measure", system, markers)
+    if not error:
+        return Measurement(system, moved, located)
+    if isinstance(moved, Rest):
+        raise InputError("measure: error=True is of a run, not of a mechanism at rest.")
+    other, richer = lazy_import("study.corrected", "corrected_with")(system, moved)
+    return Measurement(system, moved, located, Measurement(richer, other, located))
 
 
 def relative(markers: Markers, q: Float[Array, " own"]) -> Pose:

@@ -70,6 +70,6 @@ def reduce(
             "make the basis from a simulation of this system."
         )
     try:
-        return remember_training(chosen.reduce(system, basis), basis)
+        return remember_training(chosen.reduce(system, basis), basis, chosen)
     except UnsuitedError as refusal:
         raise ReductionError(f"{refusal} {tried_instead(system, basis, chosen)}") from None

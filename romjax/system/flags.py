@@ -17,6 +17,8 @@ class Flag(enum.IntFlag):
     WEIGHTS = 128
     CAPPED = 256
     LEFT_OUT = 512
+    ESTIMATE = 1024
+    UNTRIED = 2048
 
 
 WORDS = {
@@ -31,4 +33,7 @@ WORDS = {
     Flag.CAPPED: "modes above the cap vibrate, which they do at the cap and not as they should",
     Flag.LEFT_OUT: "its model errs by more than 100 rtol, and 1e-4, on the motions that it was "
     "made of",
+    Flag.UNTRIED: "it is none of the motions that its model was made of, which errs by more on "
+    "these than 30 rtol, and 1e-5; romjax.corrected tells its error",
+    Flag.ESTIMATE: "the reduced run that it corrects is wrong by more than 5 %: not to be used",
 }

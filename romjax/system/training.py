@@ -1,11 +1,15 @@
 """The motions that a reduced model was made of, remembered with it."""
 
-from typing import Any, TypeVar
+import dataclasses
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from ..basis.basis import Basis
+from ..basis.snapshots import SnapshotSet
 from ..common.arrays import as_jax
 from ..common.compat import is_traced
 from ..common.identity_cache import IdentityCache
@@ -14,15 +18,27 @@ from .base import AbstractSystem
 S = TypeVar("S", bound=AbstractSystem)
 
 
-class Training:
-    """A reduced model as it was made, the `motions` that it was made of, and its `errors` on them,
-    None until somebody measures them.
+class Recipe(NamedTuple):
+    """What other models are made of that tell how wrong a reduced one is: the `formulation` and the
+    `snapshots` of that one.
     """
 
-    def __init__(self, rom: Any, motions: tuple[Any, ...]) -> None:
+    formulation: Any
+    snapshots: SnapshotSet
+
+
+class Training:
+    """A reduced model as it was made, the `motions` that it was made of, and its `errors` on them,
+    None until somebody measures them. By the `recipe`, which is None where JAX traces, others keep
+    the models that they make of it.
+    """
+
+    def __init__(self, rom: Any, motions: tuple[Any, ...], recipe: Recipe | None) -> None:
         self.rom = rom
         self.motions = motions
-        self.errors: tuple[Any, ...] | None = None
+        self.errors: tuple[Any, ...] | None = None if motions else ()
+        self.recipe = recipe
+        self.finer: tuple[Any, ...] | None = None
 
 
 # By the `error` of its validity, an array that a model keeps with other numbers and starts, also
@@ -30,15 +46,24 @@ class Training:
 _trainings = IdentityCache()
 
 
-def remember_training(rom: S, basis: Basis) -> S:
+def remember_training(rom: S, basis: Basis, formulation: Any) -> S:
     """The same model, remembered with the motions that it was made of where these are known."""
     error, motions = _error(rom), basis.snapshots.motions
-    if error is not None and motions and basis.decomposition is not None:
+    if error is not None and basis.decomposition is not None:
         # What is remembered must not hold what it is remembered for.
         other = as_jax(np.array(error))
         same = eqx.tree_at(lambda model: model.validity.error, rom, other)
-        _trainings.put(error, Training(same, motions))
+        _trainings.put(error, Training(same, motions, _recipe(formulation, basis.snapshots)))
     return rom
+
+
+def _recipe(formulation: Any, snapshots: SnapshotSet) -> Recipe | None:
+    """The recipe of models of the same snapshots; None where JAX traces these."""
+    if any(is_traced(x) for x in jax.tree.leaves(snapshots)):
+        return None
+    # Motions are known as long as the weights of their snapshots are.
+    weights = as_jax(np.array(snapshots.weights))
+    return Recipe(formulation, dataclasses.replace(snapshots, weights=weights))
 
 
 def training_of(system: AbstractSystem) -> Training | None:
@@ -50,9 +75,20 @@ def training_of(system: AbstractSystem) -> Training | None:
 
 def forget_training(rom: AbstractSystem) -> None:
     """Drop the known error of a model on its training, for callers that measure it anew."""
-    error = _error(rom)
-    if error is not None:
-        _trainings.put(error, None)
+    training = training_of(rom)
+    if training is not None:
+        training.motions, training.errors = (), ()
+
+
+def with_error(rom: S, error: float) -> S:
+    """The model with an error that somebody has estimated, in place of that on its training."""
+    training, estimate = training_of(rom), jnp.asarray(error)
+    if training is not None:
+        other = Training(training.rom, (), training.recipe)
+        other.finer = training.finer
+        _trainings.put(estimate, other)
+    same: S = eqx.tree_at(lambda model: model.validity.error, rom, estimate)
+    return same
 
 
 def _error(system: AbstractSystem) -> Any:

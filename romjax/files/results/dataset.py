@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...common.extras import extra
+from ...common.extras import extra, lazy_import
 from ...integrate.trajectory import Trajectory
 from ...scene.scene import Scene
 from .measured import measured
@@ -19,7 +19,9 @@ from .variables import names_of, variables_of
 VERSION = 1
 
 
-def dataset_of(run: Trajectory, scene: Scene | None, extras: Mapping[str, Any]) -> Any:
+def dataset_of(
+    run: Trajectory, scene: Scene | None, extras: Mapping[str, Any], error: bool = False
+) -> Any:
     """The dataset that `Trajectory.to_xarray` describes."""
     xarray = extra("Trajectory.to_xarray", "xarray", "files")
     variables, names = variables_of(run), names_of(run)
@@ -30,7 +32,16 @@ def dataset_of(run: Trajectory, scene: Scene | None, extras: Mapping[str, Any]) 
             variables[found.name] = (("time", *found.axes), found.values, words)
             if found.axes == ("axis",):
                 names["axis"] = (("axis",), np.array(["x", "y"], object), {"long_name": "axis"})
-    return xarray.Dataset(variables, names, attributes_of(run, scene) | origin("run"))
+    attributes = attributes_of(run, scene) | origin("run")
+    if error:
+        corrected = lazy_import("study.corrected", "corrected")(run.system, run)
+        attributes["error_words"] = corrected.summary()
+        for name in ("q", "v"):
+            dimensions, values, words = variables[name]
+            words = {**words, "long_name": f"{words['long_name']}, estimated error"}
+            apart = np.abs(np.asarray(getattr(corrected, name)) - values)
+            variables[f"{name}_error"] = (dimensions, apart, words)
+    return xarray.Dataset(variables, names, attributes)
 
 
 def origin(kind: str) -> dict[str, Any]:

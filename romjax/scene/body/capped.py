@@ -13,7 +13,7 @@ from ..marker import Marker
 from ..scene import Scene
 from .base import AbstractBody, nameless
 
-__all__ = ["CappedBody", "uncapped", "with_caps"]
+__all__ = ["CappedBody", "uncapped", "with_caps", "with_caps_times"]
 
 
 class CappedBody(AbstractBody):
@@ -114,6 +114,19 @@ class CappedBody(AbstractBody):
 def uncapped(body: AbstractBody) -> AbstractBody:
     """The body without a cap, if it has one."""
     return body.body if isinstance(body, CappedBody) else body
+
+
+def with_caps_times(scene: Scene, factor: Number) -> Scene | None:
+    """The scene with the caps of its modes times a factor; None of one without caps."""
+    if not any(isinstance(body, CappedBody) for body in scene.bodies):
+        return None
+    bodies = [
+        eqx.tree_at(lambda capped: capped.cap, body, factor * body.cap)
+        if isinstance(body, CappedBody)
+        else body
+        for body in scene.bodies
+    ]
+    return Scene(bodies, scene.joints, scene.effects)
 
 
 def with_caps(scene: Scene, hertz: Number) -> Scene:

@@ -17,8 +17,10 @@ from ...integrate.trajectory import Trajectory
 from ...reduction.formulation.base import AbstractFormulation
 from ...system.base import AbstractSystem, Run
 from ...system.reduced import AbstractReducedSystem
+from ...system.training import with_error
 from ..batch import simulate_all, stacked
 from ..ranks.rank_search import SAFETY, Accepted, RankSearch, held_out_error, sharper
+from ..richer import finer_of
 from .box import Box
 from .estimate import run_with_error_estimate
 from .reduced_box import ReducedBox
@@ -53,7 +55,7 @@ class Greedy:
         # By the numbers of their points; what joins the training is held out no more.
         self.truths = dict(enumerate(truths, candidates))
         # Of the model that was looked at last, and its motions.
-        self.estimates, self.errors = np.zeros(0), np.zeros(0)
+        self.estimates, self.guesses, self.errors = np.zeros(0), np.zeros(0), np.zeros(0)
         self.reached: Run | None = None
         self.rank = 1
 
@@ -88,8 +90,10 @@ class Greedy:
 
     def worst(self, accepted: Accepted) -> int | None:
         """The number of the point that should join the training; None where all are good."""
-        systems, self.rank = self.systems[: self.candidates], accepted.candidate.basis.rank
-        self.estimates, self.reached = _estimated(accepted, systems, self.times, self.tol)
+        self.rank = accepted.candidate.basis.rank
+        # Those of held-out points too, which tell how good estimates are.
+        estimates, self.reached = _estimated(accepted, self.systems, self.times, self.tol)
+        self.estimates, self.guesses = estimates[: self.candidates], estimates[list(self.truths)]
         self.errors = np.zeros(0)
         worst = int(np.argmax(self.estimates))
         if self.estimates[worst] > self.tol / SAFETY:
@@ -112,20 +116,21 @@ class Greedy:
 
     def result(self, accepted: Accepted) -> ReducedBox:
         rom, left = accepted.candidate.rom, list(self.truths)
-        validity = rom.validity
+        finer, validity = finer_of(rom), rom.validity
         if validity is not None and self.reached is not None:
             rom = eqx.tree_at(lambda r: r.validity, rom, validity.including(self.reached))
-            rom = eqx.tree_at(lambda r: r.validity.error, rom, jnp.asarray(self.error))
+            rom = with_error(rom, self.error)
         return ReducedBox(
             box=self.box,
             rom=rom,
-            finer=None if accepted.finer is None else accepted.finer.rom,
+            finer=finer,
             tol=self.tol,
             training={name: np.array([x[name] for x in self.trained]) for name in self.points},
             candidates={name: x[: self.candidates] for name, x in self.points.items()},
             estimates=self.estimates,
             held_out={name: x[left] for name, x in self.points.items()},
             errors=self.errors,
+            guesses=self.guesses,
             greedy=self,
         )
 
@@ -139,12 +144,11 @@ def _estimated(
     accepted: Accepted, systems: list[AbstractSystem], times: Float[Array, " k"], tol: float
 ) -> tuple[np.ndarray, Run]:
     """The errors of a model for some systems, estimated without their runs, and its motions."""
-    candidate, finer = accepted.candidate, accepted.finer
-    rtol = as_number(sharper(tol), times.dtype)
-    # The largest model has no next one: it errs as on the training.
-    other = candidate.rom if finer is None else finer.rom
-    changes, run = _changes(candidate.rom, other, *stacked("reduce_over", systems), times, rtol)
-    if finer is None:
+    rom, rtol = accepted.candidate.rom, as_number(sharper(tol), times.dtype)
+    finer = tuple(one.model for one in finer_of(rom))
+    changes, run = _changes(rom, finer, *stacked("reduce_over", systems), times, rtol)
+    if not finer:
+        # All freedoms are there: the model errs as on the training.
         changes = jnp.full(len(systems), accepted.estimate)
     return np.where(np.isfinite(changes), changes, np.inf), run
 
@@ -152,19 +156,17 @@ def _estimated(
 @program
 def _changes(
     coarse: AbstractReducedSystem,
-    fine: AbstractReducedSystem,
+    finer: tuple[AbstractReducedSystem, ...],
     numbers: Any,
     structure: Any,
     times: Float[Array, " k"],
     rtol: Any,
 ) -> tuple[Float[Array, " systems"], Run]:
-    """‖q̃_{r+1} − q̃_r‖ relative to the motion, for each system, and all motions of the coarse model
-    one after another.
-    """
+    """Estimated errors for some systems, and all motions of the coarse model, one after another."""
 
     def one(numbers: Any) -> tuple[Array, Run]:
         system = eqx.combine(numbers, structure)
-        rom, run, change = run_with_error_estimate(coarse, fine, system, times, rtol)
+        rom, run, change = run_with_error_estimate(coarse, finer, system, times, rtol)
         own = jax.vmap(rom.restrict)(run.q, run.v)
         return change, Run(times, *own, run.q, run.violation)
 

@@ -29,7 +29,7 @@ def reduce_over(
     """A reduced model whose runs err by at most `tol` for all mechanisms of a box.
 
     The first training run is that in the middle. The error at the candidates is estimated by the
-    change from one rank to the next, without full runs; the mechanism with the largest one joins
+    change to models of a richer kind, without full runs; the mechanism with the largest one joins
     the training while that is above half of `tol`, and so does the worst of the held-out runs where
     one errs by more than `tol`: a greedy search (Veroy, Prud'homme, Rovas, Patera 2003,
     doi:10.2514/6.2003-3847).

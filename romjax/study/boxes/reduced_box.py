@@ -1,12 +1,14 @@
 """A reduced model that holds in a box of parameters."""
 
 import dataclasses
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...system.base import AbstractSystem
 from ...system.reduced import AbstractReducedSystem
+from ..richer import Finer
 from .box import Box
 
 if TYPE_CHECKING:
@@ -15,30 +17,34 @@ if TYPE_CHECKING:
 
 # A model of a box is validated with this confidence.
 _CONFIDENCE = 0.95
+# Of unseen runs, the share that a factor on estimates is to cover.
+_COVERED = 0.95
 
 
 @dataclasses.dataclass(frozen=True)
 class ReducedBox:
     """A reduced model of all mechanisms of a `box`.
 
-    - `rom`: the model, of the mechanism in the middle; `finer`: that of the next rank, whose
-      difference estimates the error, or None if there is none. `tol`: the error asked for.
+    - `rom`: the model, of the mechanism in the middle; `finer`: those whose difference estimates
+      its error, with their names, richer ones first; () of a model with all freedoms. `tol`: the
+      error asked for.
     - `training`: the parameters of its training runs, each array (runs,).
     - `candidates`: the parameters at which its error was estimated, and `estimates` (candidates,).
     - `held_out`: those at which it was measured, by full runs that it was not made of, and
-      `errors` (held out,).
+      `errors` (held out,); `guesses` (held out,): what was estimated there.
     - `greedy`: the training runs themselves, to go on from.
     """
 
     box: Box
     rom: AbstractReducedSystem
-    finer: AbstractReducedSystem | None
+    finer: tuple[Finer, ...]
     tol: float
     training: dict[str, np.ndarray]
     candidates: dict[str, np.ndarray]
     estimates: np.ndarray
     held_out: dict[str, np.ndarray]
     errors: np.ndarray
+    guesses: np.ndarray
     greedy: "Greedy" = dataclasses.field(repr=False)
 
     @property
@@ -53,6 +59,16 @@ class ReducedBox:
         """
         count = len(self.errors)
         return float((1 - _CONFIDENCE) ** (1 / count)) if count else 0.0
+
+    @property
+    def factor(self) -> tuple[float, float]:
+        """The factor by which estimates are multiplied to cover errors, and the share of other runs
+        that it covers, by the held-out runs: the least of these factors that covers 19 of 20, or
+        the largest one, which covers n of n + 1, where there are fewer than 19 (Wilks 1941).
+
+        Infinite, and zero, without held-out runs or where nothing was estimated.
+        """
+        return covering(self.errors, self.guesses if self.finer else np.zeros(0))
 
     def at(self, **parameters: float) -> AbstractReducedSystem:
         """The reduced model of the mechanism of some parameters, from its own start; those that are
@@ -78,7 +94,26 @@ class ReducedBox:
         if len(self.errors):
             words += f", {np.max(self.errors):.1e} measured at {len(self.errors)} that no snapshot "
             words += f"is from: {self.share:.0%} of the box with a confidence of {_CONFIDENCE:.0%}"
+        factor, covered = self.factor
+        if covered:
+            words += (
+                f"; errors within {factor:.3g} times the estimate in {covered:.1%} of runs, as "
+            )
+            words += f"{len(self.errors)} tell"
+            words += " (95.0% need 19 or more)" if covered < _COVERED else ""
         return words
+
+
+def covering(errors: np.ndarray, estimates: np.ndarray) -> tuple[float, float]:
+    """The factor on estimates that covers errors, and the share of unseen runs that it covers."""
+    n = len(estimates)
+    if not n or len(errors) != n:
+        return math.inf, 0.0
+    known = np.where(errors > 0, errors, 0.0) / np.maximum(estimates, np.finfo(float).tiny)
+    ratios = np.sort(known)
+    # Of n + 1 ratios that are drawn alike, the last one is above the k-th with n + 1 - k in n + 1.
+    k = min(math.ceil(_COVERED * (n + 1) - 1e-9), n)
+    return float(ratios[k - 1]), k / (n + 1)
 
 
 def reduced_as(rom: AbstractReducedSystem, system: AbstractSystem) -> AbstractReducedSystem:

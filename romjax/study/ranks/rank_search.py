@@ -38,11 +38,10 @@ class Candidate:
 
 
 class Accepted(NamedTuple):
-    """The smallest model that is good enough, and the next larger one if there is one."""
+    """The smallest model that is good enough."""
 
     candidate: Candidate
-    estimate: float  # of its error
-    finer: Candidate | None
+    estimate: float  # of its error on the training
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,7 +81,7 @@ class RankSearch:
                 estimate = max(_change(truths, previous, candidate), _error(truths, previous))
                 best = min(best, estimate)
                 if estimate <= tol / SAFETY:
-                    return Accepted(previous, estimate, candidate)
+                    return Accepted(previous, estimate)
                 if candidate.rom.n == previous.rom.n:
                     break  # all minimal coordinates are there
             previous = candidate
@@ -91,7 +90,7 @@ class RankSearch:
             estimate = _error(truths, previous)
             best = min(best, estimate)
             if estimate <= tol:
-                return Accepted(previous, estimate, None)
+                return Accepted(previous, estimate)
         raise ReductionError(
             f"{self.name}: no rank up to {most} reaches tol={tol:g}; "
             + (f"the best error is {best:.1e}. " if np.isfinite(best) else "")

@@ -2,9 +2,8 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
-import equinox as eqx
-import jax.numpy as jnp
 from tqdm import tqdm
 
 from ...common.errors import InputError, ReductionError
@@ -13,6 +12,7 @@ from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.formulation.parse import as_formulation
 from ...system.base import AbstractSystem
 from ...system.reduced import AbstractReducedSystem
+from ...system.training import with_error
 from ..batch import simulate_all
 from .rank_search import RankSearch, held_out_error, sharper
 
@@ -79,7 +79,6 @@ def reduce_to(
     if remaining:
         error = max(error, held_out)
         words += f", at most {held_out:.1e} on {len(remaining)} variations that are not among them"
-    rom = accepted.candidate.rom
-    rom = eqx.tree_at(lambda r: r.validity.error, rom, jnp.asarray(error))
+    rom: Any = with_error(accepted.candidate.rom, error)
     accurate: AbstractReducedSystem = dataclasses.replace(rom, summary=rom.summary + words)
     return accurate

@@ -1,0 +1,151 @@
+"""A reduced run with its error: the bar of every answer that it gives."""
+
+import dataclasses
+from typing import Any, cast
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..common.arrays import concrete
+from ..common.checks import check_kind
+from ..common.errors import InputError, ReductionError
+from ..integrate.derived import EagerQuantities
+from ..integrate.error_bar import ErrorBar
+from ..integrate.simulate import simulate
+from ..integrate.trajectory import Trajectory
+from ..system.base import AbstractSystem, check_system
+from ..system.reduced import AbstractReducedSystem
+from .compare import compare
+from .richer import Finer, finer_of, twice_capped
+
+# A run starts where a model starts that is as near as rounding allows.
+_SAME = 1e-9
+# The tolerance of a richer run beside one in fixed steps.
+_USUAL = 1e-6
+
+Physical = Float[Array, " n"]
+
+
+def corrected(
+    rom: AbstractSystem,
+    run: Trajectory,
+    by: AbstractReducedSystem | None = None,
+) -> Trajectory:
+    """The run of a reduced model with its error: the same motion by a model that knows more.
+
+    It is a run like any other, from the true start, so that what the basis cannot hold of that
+    counts. `compare(corrected, run).error` is the error of the norm, J(corrected) − J(run) that of
+    any quantity J: measure, joint forces, energies of both. `Trajectory.summary` says how large it
+    is, and beyond 5 % that the run is not to be used, which `Flag.ESTIMATE` says as well.
+
+    **Arguments:**
+
+    - `rom`: the model that was simulated, reduced or capped; `run`: at least one motion of it,
+      from the start of its full system or from another one.
+    - `by`: a model of the same mechanism that knows more; unless given, one of a richer kind: local
+      with a mode for each body, or more until it has more freedoms, beside a model of all
+      coordinates, another mode in each body beside a local one, twice the cap, else twice the rank;
+      beside it the next rank where it has no more freedoms, and the run that differs more is taken
+      (where JAX traces, that of the next rank). The full system, where the model has all freedoms.
+
+    Works under `jit`, `vmap` and `grad`. Raises InputError for a full system, for a run of another
+    one, for several runs at once and for runs with events.
+    """
+    return corrected_with(rom, run, by)[0]
+
+
+def corrected_with(
+    rom: AbstractSystem, run: Trajectory, by: AbstractReducedSystem | None = None
+) -> tuple[Trajectory, AbstractSystem]:
+    """What `corrected` returns, and the model that has moved so."""
+    check_system("corrected", rom)
+    check_kind("corrected", "the run", run, Trajectory, "what romjax.simulate(rom, ts) returns")
+    _check(rom, run)
+    if rom.full is rom:
+        return _by_cap(rom, run)
+    reduced = cast(AbstractReducedSystem, rom)
+    q, v = true_start(reduced, run)
+    given = [Finer(by, _name(by))] if by is not None else list(finer_of(rom))
+    if not given:
+        full: AbstractSystem = dataclasses.replace(cast(Any, rom.full), q0=q, v0=v)
+        return _told(run, simulated(full, run), "the full model"), full
+    if concrete(run.q) is None or concrete(q) is None:
+        given = given[-1:]
+    models = [one.model.with_full(rom.full).starting_at(q, v, run.t[0]) for one in given]
+    pairs = [
+        (_told(run, simulated(model, run), one.name), model)
+        for one, model in zip(given, models, strict=True)
+    ]
+    return pairs[0] if len(pairs) == 1 else max(pairs, key=lambda pair: _size(pair[0]))
+
+
+def _check(rom: AbstractSystem, run: Trajectory) -> None:
+    if run.t.ndim != 1:
+        raise InputError(
+            f"corrected: the run is a batch of shape {run.t.shape[:-1]}; map over it, as in "
+            "jax.vmap(lambda run: rj.corrected(rom, run))(runs)."
+        )
+    if run.labels != rom.full.structure.labels:
+        raise InputError(
+            f"corrected: the run has the coordinates {', '.join(run.labels)}, but the system "
+            f"{', '.join(rom.full.structure.labels)}; give the model that was simulated."
+        )
+    if run.events is not None:
+        raise InputError(
+            "corrected: the run has events, of which it knows the times alone; simulate a richer "
+            "model with them, and compare."
+        )
+
+
+def _by_cap(system: AbstractSystem, run: Trajectory) -> tuple[Trajectory, AbstractSystem]:
+    found = twice_capped(system)
+    if found is None:
+        raise InputError(
+            "corrected: the system is a full one, which leaves nothing out; give the reduced or "
+            "capped model that was simulated. Of errors of its steps a smaller rtol tells."
+        )
+    model, metric = found
+    other = simulated(model, run)
+    # Capped modes weigh more than those that errors are measured by.
+    derived = EagerQuantities(other.multipliers, metric, other.derived.parts)
+    return _told(run, dataclasses.replace(other, derived=derived), "twice the cap"), model
+
+
+def _name(model: AbstractReducedSystem) -> str:
+    summary = getattr(model, "summary", "")
+    return summary.split(";")[0].split(",")[0] or type(model).__name__
+
+
+def true_start(rom: AbstractReducedSystem, run: Trajectory) -> tuple[Physical, Physical]:
+    """The start (q, v) that a run stands for: that of the full system if the model starts as near
+    to it as it can, else that of the run itself.
+    """
+    full, own = rom.full, (run.q[0], run.v[0])
+    try:
+        nearest = rom.starting_at(full.q0, full.v0, run.t[0])
+    except ReductionError:
+        return own
+    lifted = nearest.reconstruct(run.t[0], nearest.q0, nearest.v0)
+    sizes = [1 + jnp.max(jnp.abs(x)) for x in own]
+    apart = [jnp.max(jnp.abs(x - y)) / size for x, y, size in zip(lifted, own, sizes, strict=True)]
+    same = jnp.maximum(*apart) <= _SAME
+    q, v = (jnp.where(same, x, y) for x, y in zip((full.q0, full.v0), own, strict=True))
+    return q, v
+
+
+def simulated(model: AbstractSystem, run: Trajectory) -> Trajectory:
+    """A model at the times and the tolerance of a run, by the method that suits it."""
+    rtol = _USUAL if run.stats.rtol is None else run.stats.rtol
+    return simulate(model, run.t, rtol=rtol, throw=False, audit=False)
+
+
+def _told(run: Trajectory, other: Trajectory, name: str) -> Trajectory:
+    """The other run, and what it tells of the first one."""
+    error = jnp.where(run.success & other.success, compare(other, run).error, jnp.inf)
+    bar = ErrorBar(error, name)
+    return dataclasses.replace(other, bar=bar, flags=other.flags | bar.flags)
+
+
+def _size(run: Trajectory) -> tuple[bool, float]:
+    assert run.bar is not None
+    return bool(run.success), float(run.bar.error)

@@ -1,0 +1,140 @@
+"""Models that know more than a reduced one, whose runs tell how wrong its own are."""
+
+import dataclasses
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple, cast
+
+from jaxtyping import Array, Float
+
+from ..assembly.assemble import assemble
+from ..assembly.disassemble import disassemble
+from ..assembly.locate import assembled
+from ..basis.decomposition.pod import POD
+from ..common.errors import InputError, RankError, ReductionError
+from ..common.outside import outside_of_traces
+from ..integrate.derived import metric_of
+from ..reduction.formulation.base import AbstractFormulation
+from ..reduction.formulation.minimal import Minimal
+from ..reduction.local.formulation import Local
+from ..scene.body.capped import with_caps_times
+from ..system.base import AbstractSystem
+from ..system.reduced import AbstractReducedSystem
+from ..system.training import Recipe, training_of
+
+# Times the cap: above all modes.
+_ENDLESS = 1e12
+
+
+class Finer(NamedTuple):
+    """A model, and what it is called where it tells the error of another one."""
+
+    model: AbstractReducedSystem
+    name: str
+
+
+def finer_of(rom: AbstractSystem) -> tuple[Finer, ...]:
+    """The models that tell how wrong a reduced one is, the richest first; () where none is known.
+
+    One of a richer kind, since what no snapshot shows is missed by models of the same kind alike:
+    beside a model of all coordinates the local one with a mode for each flexible body, or more
+    until it has more freedoms, beside a local one another mode in each body; of mechanisms without
+    such bodies twice the rank. Where that has no more freedoms, the next rank stands beside it:
+    whoever asks for the error takes the larger change.
+
+    Models are made once, also where JAX traces, and kept with the reduced one as it was made.
+    """
+    training = training_of(rom)
+    if training is None or training.recipe is None:
+        return ()
+    if training.finer is None:
+        known = cast(AbstractReducedSystem, training.rom), training.recipe
+        training.finer = outside_of_traces(lambda: tuple(_finer(*known)))
+    return training.finer
+
+
+def _finer(rom: AbstractReducedSystem, recipe: Recipe) -> Iterator[Finer]:
+    formulation, richer = recipe.formulation, _richer_kind(rom, recipe)
+    if richer is not None:
+        yield richer
+    if richer is None or _freedoms(richer.model) <= _freedoms(rom):
+        next_rank = _of_rank(rom, recipe, formulation, [rom.n + 1])
+        if next_rank is not None:
+            yield next_rank
+
+
+def _richer_kind(rom: AbstractReducedSystem, recipe: Recipe) -> Finer | None:
+    formulation, sizes, r = recipe.formulation, _modes(rom.full), rom.n
+    if isinstance(formulation, Local):
+        ranks = cast(Any, rom).ranks
+        more = tuple(min(k + 1, most) for k, most in zip(ranks, sizes, strict=True))
+        return _of_rank(rom, recipe, Local(ranks=more), [sum(more)])
+    if any(sizes):
+        few = _more_freedoms(rom, sizes)
+        return _of_rank(rom, recipe, Local(ranks=few), [sum(few)])
+    if formulation.is_general:
+        return _of_rank(rom, recipe, formulation, dict.fromkeys([2 * r, r + (r + 1) // 2]))
+    # What stands for minimal coordinates is judged by these themselves.
+    return _of_rank(rom, recipe, Minimal(), [2 * r, r + 1, r])
+
+
+def _more_freedoms(rom: AbstractReducedSystem, sizes: list[int]) -> tuple[int, ...]:
+    """As few modes for each body, equally many, as have more freedoms than a model; else all."""
+    for k in range(1, max(sizes)):
+        left_out = sum(max(0, most - k) for most in sizes)
+        if rom.full.n - rom.full.m - left_out > _freedoms(rom):
+            return tuple(min(k, most) for most in sizes)
+    return tuple(sizes)
+
+
+def _modes(full: AbstractSystem) -> list[int]:
+    """The numbers of modes of all bodies in the order of the scene; () of what has no bodies."""
+    if not hasattr(full, "joint_markers"):
+        return []
+    rows = [
+        (row[0], len(row) - group.bodies.frame_size)
+        for group in assembled("finer_of", full).bodies
+        for row in group.coordinates.rows
+    ]
+    return [modes for _, modes in sorted(rows)]
+
+
+def _of_rank(
+    rom: AbstractReducedSystem,
+    recipe: Recipe,
+    formulation: AbstractFormulation,
+    ranks: Iterable[int],
+) -> Finer | None:
+    """The model of the first of some ranks that the snapshots allow; None if there is none that
+    differs.
+    """
+    for rank in ranks:
+        try:
+            basis = formulation.basis(rom.full, recipe.snapshots, POD(rank))
+            model = formulation.reduce(rom.full, basis)
+        except (RankError, ReductionError, InputError):
+            continue
+        # Of more modes than there are freedoms, minimal coordinates are these.
+        if model.n > rom.n or formulation.name != recipe.formulation.name:
+            return Finer(model, f"{formulation.name}, {rank} modes")
+    return None
+
+
+def _freedoms(model: AbstractReducedSystem) -> int:
+    return model.n - model.m
+
+
+def twice_capped(system: AbstractSystem) -> tuple[AbstractSystem, Float[Array, "n n"]] | None:
+    """The system with twice the cap on its modes, and the metric of errors, that of one without;
+    None of a system without caps.
+
+    Its error is a quarter of the other's, so that both differ by three quarters of that.
+    """
+    if not hasattr(system, "joint_markers"):
+        return None
+    scene = disassemble(assembled("corrected", system))
+    faster, free = with_caps_times(scene, 2.0), with_caps_times(scene, _ENDLESS)
+    if faster is None or free is None:
+        return None
+    # From the same start, whose capped modes vibrate by as much as the uncapped ones do.
+    other = dataclasses.replace(assemble(faster), q0=system.q0, v0=system.v0)
+    return other, metric_of(assemble(free))

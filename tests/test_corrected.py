@@ -1,0 +1,156 @@
+"""The error of a reduced run, by models that know more: the larger change is taken."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import zoo
+
+import romjax as rj
+from romjax.integrate.error_bar import ErrorBar
+from romjax.reduction.formulation.parse import as_formulation
+from romjax.study.richer import finer_of
+from romjax.system.training import with_error
+
+# Required of estimates over true errors.
+LEAST, MOST = 0.9, 1.1
+# Of a change from one cap to twice the cap, which is three quarters of the error.
+CAPPED = 0.7
+
+
+def model(make, formulation, rank, **numbers):
+    """The model of so many modes that is made of a motion of the zoo."""
+    motion, chosen = zoo.motion(make, **numbers), as_formulation(formulation)
+    basis = chosen.basis(motion.system, motion, rj.POD(rank))
+    return rj.reduce(motion.system, basis, chosen)
+
+
+def spun(system, spin):
+    """The system from a start with another rate about the origin."""
+    v = np.array(system.v0)
+    frames = [own[:3] for group in system.bodies for own in group.coordinates.rows]
+    for x, y, angle in frames:
+        v[x] -= spin * system.q0[y]
+        v[y] += spin * system.q0[x]
+        v[angle] += spin
+    return dataclasses.replace(system, v0=jnp.asarray(v))
+
+
+@pytest.mark.parametrize(
+    ("error", "words", "flag"),
+    [
+        (5.2e-3, "5.2e-3 estimated (local, 8 modes)", 0),
+        (0.06, "more than 5 %: not to be used (local, 8 modes)", rj.Flag.ESTIMATE),
+        (np.inf, "more than 5 %: not to be used (local, 8 modes)", rj.Flag.ESTIMATE),
+        (np.nan, "more than 5 %: not to be used (local, 8 modes)", rj.Flag.ESTIMATE),
+    ],
+)
+def test_an_error_in_words(error, words, flag):
+    bar = ErrorBar(np.asarray(error), "local, 8 modes")
+    assert bar.describe() == words
+    assert bar.flags == flag
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("make", "formulation", "rank", "names"),
+    [
+        # One mode has no more freedoms than the model.
+        (zoo.cart_pendulum, "minimal", 3, ["local, 2 modes"]),
+        (zoo.cart_pendulum, "minimal", 2, ["local, 1 modes"]),
+        (zoo.cart_pendulum, "local", 1, ["local, 2 modes"]),
+        (zoo.falling_beams, "minimal", 2, ["local, 3 modes"]),
+        (zoo.falling_beams, "local", 2, ["local, 5 modes"]),
+        (zoo.bars, "minimal", 1, ["minimal, 2 modes"]),
+        (zoo.bars, "hyper", 1, ["minimal, 2 modes"]),
+        # All freedoms are there.
+        (zoo.five_bar, "minimal", 2, []),
+    ],
+)
+def test_richer_kinds(make, formulation, rank, names):
+    rom = model(make, formulation, rank)
+    found = finer_of(rom)
+    assert [one.name for one in found] == names
+    assert finer_of(rom) is found  # made once
+    other = with_error(rom, 0.5)
+    assert finer_of(other) is found
+    assert other.validity.error == 0.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spin", [0.01, 0.1, 2.0])
+def test_the_error_of_a_run_from_another_start(spin):
+    """Of the norm and of what is measured, at any size of error."""
+    rom = model(zoo.falling_beams, "minimal", 2)
+    system = spun(rom.full, spin)
+    own = rom.with_full(system).starting_at(system.q0, system.v0)
+    ts = np.linspace(0.0, 1.0, 101)
+    truth = zoo.run(system, ts, solver=zoo.RODAS5P)
+    run = zoo.run(own, ts, rtol=1e-8)
+    corrected = rj.corrected(own, run)
+    error = float(rj.compare(truth, run).error)
+    assert LEAST <= float(rj.compare(corrected, run).error) / error <= MOST
+    assert bool(corrected.flags & rj.Flag.ESTIMATE) == (error > 0.05)
+    assert ("not to be used" in corrected.summary()) == (error > 0.05)
+    assert "(local, 3 modes)" in corrected.summary()
+    tip = zoo.falling_beams().bodies[-1].at((0.5, 0.0))
+    measured = rj.measure(own, run, tip, error=True)
+    right = rj.measure(system, truth, tip).position[-1]
+    true, estimated = np.abs(right - measured.position[-1]), measured.error.position[-1]
+    assert LEAST <= np.linalg.norm(estimated) / np.linalg.norm(true) <= MOST
+    data = run.to_xarray(error=True)
+    assert np.array_equal(data["q_error"], np.abs(corrected.q - run.q))
+    assert "(local, 3 modes)" in data.attrs["error_words"]
+
+
+@pytest.mark.slow
+def test_the_error_of_a_cap():
+    system = rj.assemble(rj.cap(zoo.cart_pendulum(), 40.0))
+    ts = np.linspace(0.0, 1.0, 101)
+    run = zoo.run(system, ts, rtol=1e-8)
+    truth = zoo.motion(zoo.cart_pendulum)
+    corrected = rj.corrected(system, run)
+    effectivity = float(corrected.bar.error / rj.compare(truth, run).error)
+    assert CAPPED <= effectivity <= 1.0
+    assert "(twice the cap)" in corrected.summary()
+
+
+@pytest.mark.slow
+def test_a_model_of_all_freedoms_is_judged_by_the_full_one():
+    motion = zoo.motion(zoo.five_bar)
+    rom = model(zoo.five_bar, "minimal", 2)
+    corrected = rj.corrected(rom, zoo.run(rom, motion.t))
+    assert "(the full model)" in corrected.summary()
+    assert corrected.bar.error < 1e-6
+
+
+@pytest.mark.slow
+def test_a_corrected_run_within_transformations():
+    """The derivative of the error by a mass, against a difference of it."""
+    rom = model(zoo.bars, "minimal", 1)
+    ts = np.linspace(0.0, 0.5, 26)
+
+    def error(mass):
+        full = rj.assemble(zoo.bars(masses=(1.0, mass)))
+        own = rom.with_full(full).starting_at(full.q0, full.v0)
+        run = zoo.run(own, ts, throw=False)
+        return rj.compare(rj.corrected(own, run), run).error
+
+    step = 1e-4
+    slope = jax.jit(jax.grad(error))(1.1)
+    difference = (error(1.1 + step) - error(1.1 - step)) / (2 * step)
+    assert abs(slope - difference) <= 1e-3 * abs(difference)
+    assert np.allclose(jax.jit(jax.vmap(error))(np.array([1.0, 1.1]))[1], error(1.1), rtol=1e-5)
+
+
+def test_what_cannot_be_corrected():
+    motion = zoo.motion(zoo.five_bar)
+    with pytest.raises(rj.InputError, match="is a full one, which leaves nothing out"):
+        rj.corrected(motion.system, motion)
+    two = jax.tree.map(lambda x: jnp.stack([x, x]), motion)
+    with pytest.raises(rj.InputError, match="the run is a batch"):
+        rj.corrected(motion.system, two)
+    with pytest.raises(rj.InputError, match="give the model that was simulated"):
+        rj.corrected(zoo.system(zoo.bar), motion)
