@@ -91,6 +91,50 @@ def test_models_of_all_freedoms_are_not_told_of():
     assert measured.error[-1] <= 100 * MEASURED
 
 
+def with_errors(rom, motion, error, **numbers):
+    """Pretend that a model errs so much on its training."""
+    training = training_of(rom)
+    known = left_out._numbers(rom)
+    start = motion.t[0], motion.q[0], motion.v[0]
+    elapsed = np.asarray(motion.t - motion.t[0])
+    errors = np.full(len(elapsed), error)
+    training.errors = (TrainingError(elapsed, errors, MEASURED, known, start),)
+
+
+def test_other_motions_by_models_that_err_on_their_own_are_told_of():
+    """Other numbers, another start, a longer run; neither the training nor a part of it."""
+    motion, rom = model(zoo.five_bar, "minimal", 2)
+    with_errors(rom, motion, 5e-5)
+
+    def told(own, ts):
+        return zoo.run(own, ts, **settings(zoo.five_bar)).flags & rj.Flag.UNTRIED
+
+    again = rom.with_full(rj.assemble(zoo.five_bar()))
+    heavier = rom.with_full(zoo.system(zoo.five_bar, mass=1.05))
+    later = rom.starting_at(motion.q[20], motion.v[20], motion.t[20])
+    assert [bool(told(x, motion.t)) for x in (rom, again, heavier)] == [False, False, True]
+    assert told(later, motion.t[20:])
+    assert not told(rom, motion.t[:50])
+    assert told(rom, np.linspace(0.0, 1.1 * float(motion.t[-1]), 11))
+    run = zoo.run(heavier, motion.t, **settings(zoo.five_bar))
+    assert "romjax.corrected tells its error" in run.warnings()
+    with_errors(rom, motion, 2e-5)  # below 30 rtol
+    assert not told(heavier, motion.t)
+
+
+@pytest.mark.slow
+def test_other_motions_are_told_of_within_transformations():
+    motion, rom = model(zoo.five_bar, "minimal", 2)
+    with_errors(rom, motion, 5e-5)
+
+    def lane(mass):
+        other = rom.with_full(rj.assemble(zoo.five_bar(mass=mass)))
+        return {"flags": zoo.run(other, motion.t, **settings(zoo.five_bar), throw=False).flags}
+
+    flags = rj.sweep(lane, np.array([1.0, 1.05])).flags
+    assert flags.tolist() == [0, int(rj.Flag.UNTRIED)]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "formulation", "rank", "told"),

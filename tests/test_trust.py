@@ -8,9 +8,6 @@ import pytest
 
 FOLDER = Path(__file__).parent.parent / "benchmarks"
 SCENES = 100
-# By kind and seed: what is wrong without a word still. Of a reduced model that errs by half of what
-# is told on its training nobody knows how much it errs under other loads.
-KNOWN = {("minimal 3, POD", 1)}
 
 
 @pytest.fixture
@@ -86,8 +83,7 @@ def test_a_refusal_is_told(trust, values, verdict):
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("name", names())
 def test_no_scene_is_silently_wrong(trust, name):
-    """The first of each kind, a hundred in all, in each way; none but those that are known."""
+    """The first of each kind, a hundred in all, in each way."""
     count = -(-SCENES // len(trust.KINDS))
     found = trust.outcomes(name, range(count))
-    silent = {(one.kind, one.seed) for one in found if one.verdict == "silent"}
-    assert silent <= KNOWN
+    assert {(one.kind, one.seed) for one in found if one.verdict == "silent"} == set()

@@ -1,19 +1,20 @@
 """What the modes of a reduced model leave out, on the motions that it was made of."""
 
 import dataclasses
+import functools
 import operator
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from ..common.arrays import as_jax, concrete
-from ..common.compat import is_outermost
+from ..common.compat import is_traced
 from ..common.errors import ReductionError
+from ..common.outside import outside_of_traces
 from ..linalg.quaternions import columns as quaternion_columns
 from ..system.base import AbstractSystem
 from ..system.flags import Flag
@@ -25,6 +26,11 @@ from .trajectory import Trajectory
 # A model's motion may be off by so many tolerances, relative to its size, and by the second number
 # however sharply the motion is integrated.
 _ALLOWED, _LEAST = 100.0, 1e-4
+# Of a motion that it was not made of, a model that errs by such a share of this on its own promises
+# nothing; nor does one that errs by so many tolerances more than the step size control does.
+_MARGIN, _STEPS = 0.1, 30.0
+# Numbers and starts are the training's where they are as near as rounding allows.
+_SAME = 1e-9
 # The least tolerance with which motions are repeated, also in units in the last place; and that for
 # motions in fixed steps, which have none.
 _SHARPEST, _DIGITS, _USUAL = 1e-8, 100, 1e-6
@@ -43,11 +49,31 @@ class TrainingError(NamedTuple):
     - `error` (k,): how far off the position of a body was at most, over the longest way of one; of
       other coordinates where no body moves. Infinite where the model fails.
     - `rtol`: of the less accurate one of both runs.
+    - `numbers`: those of the system that moved; `start`: (t, q, v) of the model's motion.
     """
 
     elapsed: Float[np.ndarray, " k"]
     error: Float[np.ndarray, " k"]
     rtol: float
+    numbers: tuple[Any, ...] = ()
+    start: tuple[Any, ...] = ()
+
+    def is_of(self, run: Trajectory, system: AbstractSystem) -> Any:
+        """Whether a run of a system is this motion, or a part of it from its start on."""
+        numbers = _numbers(system)
+        if len(numbers) != len(self.numbers):
+            return np.zeros((), bool)
+        pairs = list(zip(self.numbers, numbers, strict=True))
+        pairs += zip(self.start, (run.t[0], run.q[0], run.v[0]), strict=True)
+        others = [(one, other) for one, other in pairs if one is not other]
+        span: Any = run.t[-1] - run.t[0]
+        traced = any(is_traced(x) for x in (span, *(other for _, other in others)))
+        xp: Any = jnp if traced else np
+        same = xp.asarray(span) <= self.elapsed[-1] * (1 + _SLACK)
+        for one, other in others:
+            size = 1 + np.max(np.abs(one), initial=0.0)
+            same &= xp.max(xp.abs(xp.asarray(other) - np.asarray(one)), initial=0.0) <= _SAME * size
+        return same
 
     def after(self, span: Any) -> Any:
         """The error after a `span` [s]; that of the end after a longer one."""
@@ -61,23 +87,54 @@ def flag_left_out(
 ) -> Trajectory:
     """The run, with `Flag.LEFT_OUT` where it is one of a reduced model that errs by more than a
     hundred tolerances `rtol`, and 1e-4, on the motions that it was made of, in as much time as the
-    run takes.
+    run takes; and with `Flag.UNTRIED` where it is none of these motions, and the model, of a kind
+    that may err by more elsewhere, errs by more than a tenth of that on them.
 
     The model repeats them once, by `simulate` before its first run, also where JAX traces that. It
-    is the error of the training and no bound for other motions.
+    is the error of the training and no bound for other motions, of which `romjax.corrected` tells.
     """
     errors = _errors(system, simulate)
     if not errors:
         return run
     span: Any = run.t[-1] - run.t[0]
     known, tolerance, flags = concrete(span), concrete(rtol), concrete(run.flags)
-    if known is None or tolerance is None or flags is None:
-        excess = [one.after(span) / _allowed(jnp, rtol, one.rtol) for one in errors]
-        doubtful: Array = jnp.max(jnp.stack(excess)) > 1
-        return dataclasses.replace(run, flags=run.flags | doubtful * int(Flag.LEFT_OUT))
-    if max(one.after(known) / _allowed(np, tolerance, one.rtol) for one in errors) <= 1:
+    if max(one.error[-1] / _promised(np, 0.0, one.rtol) for one in errors) <= 1:
         return run
-    return dataclasses.replace(run, flags=as_jax(flags | int(Flag.LEFT_OUT)))
+    tried = functools.reduce(operator.or_, [one.is_of(run, system) for one in errors])
+    tried |= _is_predictive(system)
+    if known is None or tolerance is None or flags is None or is_traced(tried):
+        much, some = (
+            jnp.max(jnp.stack([one.after(span) / limit(jnp, rtol, one.rtol) for one in errors])) > 1
+            for limit in (_allowed, _promised)
+        )
+        told = jnp.where(some & ~tried, int(Flag.UNTRIED), 0)
+        told = jnp.where(much, int(Flag.LEFT_OUT), told)
+        return dataclasses.replace(run, flags=run.flags | told)
+    much, some = (
+        max(one.after(known) / limit(np, tolerance, one.rtol) for one in errors) > 1
+        for limit in (_allowed, _promised)
+    )
+    flag = Flag.LEFT_OUT if much else Flag.UNTRIED if some and not tried else Flag.NONE
+    return dataclasses.replace(run, flags=as_jax(flags | int(flag))) if flag else run
+
+
+def _is_predictive(system: AbstractSystem) -> bool:
+    """Whether a model is of a kind that errs elsewhere as on its training."""
+    training = training_of(system)
+    if training is None or training.recipe is None:
+        return False
+    return bool(training.recipe.formulation.is_predictive)
+
+
+def _numbers(system: AbstractSystem) -> tuple[Any, ...]:
+    """The numbers of the mechanism, in a fixed order."""
+    leaves = jax.tree.leaves(system.full)
+    return tuple(x for x in leaves if hasattr(x, "dtype") and jnp.issubdtype(x.dtype, jnp.inexact))
+
+
+def _promised(xp: Any, rtol: Any, measured: float) -> Any:
+    """The error on its training up to which a model is taken for right on other motions."""
+    return xp.maximum(_MARGIN * _LEAST, _STEPS * xp.maximum(rtol, measured))
 
 
 def _allowed(xp: Any, rtol: Any, measured: float) -> Any:
@@ -101,18 +158,7 @@ def _errors(system: AbstractSystem, simulate: Simulate) -> tuple[TrainingError, 
     if training is None:
         return ()
     if training.errors is None:
-        # A thread of its own: JAX traces nothing there, whatever it traces here.
-        double = jnp.result_type(float) == jnp.float64
-
-        def measured() -> None:
-            with jax.enable_x64(double):
-                _measure(training, simulate)
-
-        if is_outermost():
-            _measure(training, simulate)
-        else:
-            with ThreadPoolExecutor(1) as thread:
-                thread.submit(measured).result()
+        outside_of_traces(lambda: _measure(training, simulate))
     return training.errors or ()
 
 
@@ -159,7 +205,8 @@ def _error(rom: AbstractSystem, motion: Trajectory, simulate: Simulate) -> Train
     run = simulate(rom, motion.t, rtol=rtol)
     if run.success:
         error = _history(motion.system.full.structure, np.asarray(motion.q), np.asarray(run.q))
-    return TrainingError(times - times[0], error, rtol)
+    start = run.t[0], run.q[0], run.v[0]
+    return TrainingError(times - times[0], error, rtol, _numbers(rom), start)
 
 
 def _history(structure: Structure, q: np.ndarray, other: np.ndarray) -> np.ndarray:

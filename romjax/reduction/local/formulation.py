@@ -53,6 +53,7 @@ class Local(AbstractFormulation):
     name: ClassVar[str] = "local"
     in_subspace: ClassVar[bool] = False
     is_general: ClassVar[bool] = True
+    is_predictive: ClassVar[bool] = True
 
     tol: Converted[Float[Array, ""] | None] = number(default=None)
     ranks: tuple[int, ...] | None = eqx.field(static=True, default=None)
