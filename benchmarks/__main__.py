@@ -42,6 +42,7 @@ COMPARISONS = (
     "spatial",
     "accuracy",
     "gallery",
+    "error_bars",
     "trust",
 )
 PATIENCE = 60.0  # [s] for a comparison to write what it has after Ctrl-C

@@ -123,7 +123,7 @@ def _is_predictive(system: AbstractSystem) -> bool:
     training = training_of(system)
     if training is None or training.recipe is None:
         return False
-    return bool(training.recipe.formulation.is_predictive)
+    return bool(getattr(training.recipe.formulation, "is_predictive", False))
 
 
 def _numbers(system: AbstractSystem) -> tuple[Any, ...]:

@@ -24,8 +24,6 @@ class AbstractFormulation(eqx.Module):
     in_subspace: ClassVar[bool] = True
     # Whether it takes mechanisms of many kinds, so that refusals of others name it.
     is_general: ClassVar[bool] = False
-    # Whether it errs on other motions as on its training, which is not what confines its motions.
-    is_predictive: ClassVar[bool] = False
     # Whether it is there to be compared with, not to be used.
     for_reference: ClassVar[bool] = False
 

@@ -53,6 +53,7 @@ class Local(AbstractFormulation):
     name: ClassVar[str] = "local"
     in_subspace: ClassVar[bool] = False
     is_general: ClassVar[bool] = True
+    # It errs on other motions as on its training, which is not what confines its motions.
     is_predictive: ClassVar[bool] = True
 
     tol: Converted[Float[Array, ""] | None] = number(default=None)
