@@ -334,3 +334,41 @@ def test_robots_are_kept_in_scene_files(name, tmp_path):
     scene.save(tmp_path / "robot.toml")
     found = rj.load_scene(tmp_path / "robot.toml")
     assert eqx.tree_equal(found, scene)
+
+
+# Out again.
+
+
+@pytest.mark.parametrize("name", ["arm.xml", "parallelogram_arm.xml"])
+def test_scenes_are_written_as_mjcf(name, tmp_path):
+    """MuJoCo has the same masses, positions, actuators and bias forces in both files."""
+    rj.load_scene(GALLERY / name).save(tmp_path / "again.xml")
+    models = [
+        mujoco.MjModel.from_xml_path(str(x)) for x in (GALLERY / name, tmp_path / "again.xml")
+    ]
+    data = [mujoco.MjData(model) for model in models]
+    for speed in (0.0, 0.7):
+        found = []
+        for model, own in zip(models, data, strict=True):
+            joints = {mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, i): i
+                      for i in range(model.njnt)}  # fmt: skip
+            order = [int(model.jnt_dofadr[joints[x]]) for x in sorted(joints)]
+            for k, i in enumerate(order):
+                own.qpos[i] = model.qpos0[i] + 0.1 * k
+                own.qvel[i] = speed * (1 + k)
+            own.ctrl[:] = 0.2
+            mujoco.mj_forward(model, own)
+            inertia = np.zeros((model.nv, model.nv))
+            mujoco.mj_fullM(model, own, inertia)
+            forces = own.qfrc_bias, own.qfrc_passive, own.qfrc_actuator
+            found.append([inertia[np.ix_(order, order)], *(x[order] for x in forces)])
+        for one, other in zip(*found, strict=True):
+            np.testing.assert_allclose(other, one, rtol=0, atol=1e-11 * max(1, np.max(np.abs(one))))
+
+
+@pytest.mark.instant
+def test_what_mjcf_cannot_hold_is_refused_by_name(tmp_path):
+    with pytest.raises(rj.SceneError, match="'cart' is a RigidBody|'pendulum' is a Beam"):
+        rj.gallery.cart_pendulum().save(tmp_path / "cart.xml")
+    with pytest.raises(rj.SceneError, match="MJCF holds no Coupling such as 'equality0'"):
+        rj.load_scene(GALLERY / "gripper.urdf").save(tmp_path / "gripper.xml")

@@ -34,14 +34,22 @@ class Scene(eqx.Module):
     effects: Converted[tuple[AbstractEffect, ...], Iterable[AbstractEffect]] = parts(default=())
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the scene to a file in TOML, which `load_scene` reads: every number to the bit.
+        """Write the scene to a file in TOML, which `load_scene` reads: every number to the bit; or,
+        where the `path` ends with .xml, in MJCF, of what that can hold.
 
         Arrays of more than a thousand numbers go to a file of NumPy beside, whose name begins like
         that of the scene. What is there is replaced once all is written.
 
-        Raises SceneError for a part of one's own that has what no file can hold.
+        MJCF takes rigid bodies in space at rest, hinges, slides, balls, welds and loops of these,
+        springs, damping, friction, inertia and stops in joints, actuators and gravity. Stops and
+        loops are as soft there as MuJoCo makes them.
+
+        Raises SceneError for a part of one's own that has what no file can hold, and for each part
+        that MJCF does not hold, by name.
         """
-        lazy_import("files.write", "save")(self, path)
+        robot = os.fspath(path).lower().endswith((".xml", ".mjcf"))
+        module = ("files.robots.export", "save_mjcf") if robot else ("files.write", "save")
+        lazy_import(*module)(self, path)
 
     def replace(self, name: str, body: AbstractBody) -> "Scene":
         """The scene with a `body` in the place of that of a `name`: markers are, at the start,

@@ -86,6 +86,8 @@ class Joints:
         self._measure_slides(link, slides, point)
         marks = self._measure_turns(link, turns, point, bool(ball))
         where = self._position(link, slides, point)
+        if len(slides) == 1 and not turns:
+            where = self.measured[slides[0]].a, self.measured[slides[0]].b
         free = 3 if ball else len(turns)
         self.found += _joined(where, marks, len(slides), free, self._names(numbers))
 

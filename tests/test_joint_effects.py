@@ -1,0 +1,96 @@
+"""Springs, damping, friction, stops, motors and inertia in a hinge, against its own equation."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from comparison import assert_close
+from tolerances import IDENTITY
+
+import romjax as rj
+from romjax import spatial as r
+
+MASS, ARM, INERTIA, ROTOR = 2.0, 0.3, 0.5, 0.7
+UPPER, LEAST = 0.4, -0.5
+
+
+def pendulum(angle, speed, signal):
+    """A hinge about the z axis with all that there is, in space; gravity along −y."""
+    turn = r.rotation((0.0, 0.0, 1.0), angle)
+    at = (ARM * np.cos(angle), ARM * np.sin(angle), 0.0)
+    moving = (-speed * at[1], speed * at[0], 0.0)
+    bar = r.RigidBody(
+        "bar", MASS, (0.4, 0.4, INERTIA), at, turn, moving, angular_velocity=(0.0, 0.0, speed)
+    )
+    ends = bar.at((-ARM, 0.0, 0.0)), rj.ground.at((0.0, 0.0, 0.0))
+    effects = [
+        rj.Gravity((0.0, -9.81, 0.0)),
+        rj.JointSpring(*ends, 3.0, 0.1, "bounded angle"),
+        rj.JointDamper(*ends, 0.2, rj.Friction(0.6, creep=1e-2)),
+        rj.JointStop(*ends, LEAST, UPPER, 50.0, 0.3, "bounded angle"),
+        rj.Actuator(
+            *ends, rj.Constant(signal), gear=5.0, gain=2.0, proportional=0.3, derivative=0.1,
+            least=-4.0, largest=4.0, motion="bounded angle",
+        ),
+        r.JointInertia(*ends, ROTOR),
+    ]  # fmt: skip
+    return rj.Scene([bar], [r.Revolute(*ends)], effects)
+
+
+def expected(angle, speed, signal):
+    """The angular acceleration by Euler's equation of the hinge."""
+    beyond = max(angle - UPPER, 0) + min(angle - LEAST, 0)
+    force = np.clip(2 * signal - 5 * (0.3 * angle + 0.1 * speed), -4, 4)
+    torque = (
+        -MASS * 9.81 * ARM * np.cos(angle)
+        - 3 * (angle - 0.1)
+        - 0.2 * speed
+        - 0.6 * np.tanh(speed / 1e-2)
+        - 50 * beyond * max(1 + 0.3 * np.sign(beyond) * speed, 0)
+        + 5 * force
+    )
+    return torque / (INERTIA + MASS * ARM**2 + ROTOR)
+
+
+@eqx.filter_jit
+def rates(system):
+    return system.acceleration(0.0, system.q0, system.v0)[0]
+
+
+def test_a_hinge_with_everything_obeys_its_own_equation():
+    """Between and beyond both stops, the motor within and at its largest force, both ways."""
+    states = [(0.2, 0.5, 0.3), (0.6, 0.4, 0.3), (0.6, -4.0, -0.1), (-0.7, -0.3, 5.0), (0.1, 1, -9)]
+    for state in states:
+        system = rj.assemble(pendulum(*state))
+        assert system.structure.labels[-1].endswith("angle")
+        assert_close(system.q0[-1], state[0], IDENTITY)
+        assert_close(rates(system)[-1], expected(*state), IDENTITY, 100.0)
+
+
+@pytest.mark.instant
+def test_motions_and_stops_that_make_no_sense():
+    hinge = pendulum(0.0, 0.0, 0.0).joints[0]
+    with pytest.raises(rj.SceneError, match="motion is 'angel'.*travel"):
+        rj.JointSpring(hinge.a, hinge.b, 1.0, motion="angel")
+    flat = rj.RigidBody("flat", 1.0, 1.0)
+    with pytest.raises(rj.SceneError, match="motion is '1 of 2'"):
+        rj.JointSpring(flat.at(), rj.ground.at(), 1.0, motion="1 of 2")
+    with pytest.raises(rj.SceneError, match="lower is 2 and upper 1; give a lower stop below"):
+        rj.JointStop(hinge.a, hinge.b, 2.0, 1.0)
+    with pytest.raises(rj.SceneError, match="it has no stop"):
+        rj.JointStop(hinge.a, hinge.b)
+    with pytest.raises(rj.SceneError, match="with friction: motion is 'any turn'"):
+        rj.JointDamper(hinge.a, hinge.b, 1.0, rj.Friction(1.0), "any turn")
+
+
+def test_a_coupling_is_a_polynomial():
+    """A rack that a pinion drives, in the plane: residuals of poses."""
+    wheel, rack = rj.RigidBody("wheel", 1.0, 1.0), rj.RigidBody("rack", 1.0, 1.0)
+    ground = rj.ground.at()
+    joint = rj.Coupling(
+        rack.at(), wheel.at(), ground, ground, (0.5, 0.1, 2.0), motion_a="travel"
+    )  # fmt: skip
+    pose = [rj.Pose(jnp.array([x, 0.3]), jnp.array(turn)) for x, turn in ((1.2, 0.0), (0, 0.7))]
+    still = rj.Pose(jnp.zeros(2), jnp.zeros(()))
+    residual = joint.residual(0.0, *pose, still, still)
+    assert_close(residual, [1.2 - (0.5 + 0.07 + 2 * 0.49)], IDENTITY)
