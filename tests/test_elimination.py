@@ -9,6 +9,7 @@ from comparison import assert_close
 from tolerances import IDENTITY
 
 from romjax.linalg.block_cholesky import Factor
+from romjax.linalg.block_lu import BlockLU
 from romjax.linalg.ordering import order
 
 
@@ -42,6 +43,45 @@ def test_the_solution_is_that_of_the_dense_matrix(nodes, most):
     wanted = np.linalg.solve(matrix.reshape(nodes * b, -1), right.reshape(nodes * b, 3))
     found = solution(diagonal, couplings, right, edges)
     assert_close(found, wanted.reshape(right.shape), IDENTITY)
+
+
+@functools.partial(jax.jit, static_argnums=(3, 4))
+def both_solutions(diagonal, couplings, right, edges, after):
+    factor = BlockLU(diagonal, couplings, edges, after)
+    return factor.solve(right), factor.solve_transposed(right)
+
+
+# The first node has no pivot of its own, but where it is the only one.
+@pytest.mark.parametrize(("nodes", "most"), [(1, 2), (4, 6), (12, 24)])
+def test_solutions_without_symmetry(nodes, most):
+    """By a matrix and its transpose; the first node is regular once all others are eliminated."""
+    random = np.random.default_rng(nodes)
+    edges, b = graph(random, nodes, most), 2
+    edges = tuple(sorted({*edges, *((0, i) for i in range(1, nodes))}))
+    after = tuple((0, i) for i in range(1, nodes))
+    couplings = 0.2 * random.normal(size=(len(edges), 2, b, b))
+    diagonal = random.normal(size=(nodes, b, b)) + 5 * np.eye(b)
+    diagonal[0] *= nodes == 1
+    matrix = np.zeros((nodes, b, nodes, b))
+    matrix[np.arange(nodes), :, np.arange(nodes)] = diagonal
+    for (i, j), block in zip(edges, couplings, strict=True):
+        matrix[i, :, j], matrix[j, :, i] = block
+    matrix = matrix.reshape(nodes * b, -1)
+    right = random.normal(size=(nodes, b, 3))
+    found = both_solutions(diagonal, couplings, right, edges, after)
+    for x, a in zip(found, (matrix, matrix.T), strict=True):
+        wanted = np.linalg.solve(a, right.reshape(nodes * b, 3))
+        scale = np.linalg.cond(a) * np.max(np.abs(wanted))
+        assert_close(x, wanted.reshape(right.shape), IDENTITY, scale=scale)
+
+
+@pytest.mark.instant
+def test_nodes_come_after_those_that_they_need():
+    """The closing node of a loop after its bodies, and no sooner or later for the others."""
+    edges = ((0, 1), (0, 2), (1, 2), (2, 3))
+    assert order(4, edges, ((0, 1), (0, 2))).nodes.index(0) > 1
+    assert sorted(order(4, edges, ((0, 3),)).nodes) == [0, 1, 2, 3]
+    assert order(4, edges, ()).nodes == order(4, edges).nodes
 
 
 @pytest.mark.instant

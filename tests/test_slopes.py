@@ -139,6 +139,14 @@ def test_derivatives_by_parts_are_those_of_the_whole(name):
         assert_close(stage, by_hand, tol, scale=size)
 
 
+@pytest.mark.parametrize(("count", "by_parts"), [(7, False), (8, True)])
+def test_small_systems_are_taken_as_a_whole(count, by_parts):
+    system = rj.assemble(rj.gallery.chain(count))
+    slopes = system.state(0.0, system.q0, system.v0).slopes
+    found = jax.eval_shape(slopes, system.q0, jnp.zeros(system.m), STABILIZATION)
+    assert (found is not None) == system.structure.by_parts == by_parts
+
+
 class Whole(MotionTerm):
     """A motion whose derivatives are those of the whole residual."""
 

@@ -170,14 +170,14 @@ def _of_parts(
 ) -> list[_Blocks]:
     """What joints or effects do to bodies, by what they do to the poses of their markers."""
     table, size = markers.coordinates(), pattern.coordinates.width
-    bodies, exists = pattern.bodies_at(table[:, 0]), np.where(table < pattern.n, 1.0, 0.0)
+    bodies, exists = pattern.bodies_at(table[:, 0]), (table < pattern.n).astype(q.dtype)
 
     def motion(q: Array) -> Array:
-        return markers.jacobian(q).matrix() * exists[:, None].astype(q.dtype)
+        return markers.jacobian(q).matrix() * exists[:, None]
 
     moving = any(action.by_rate is not None for action in actions)
     along, turning = jax.jvp(motion, (q,), (v,)) if moving else (motion(q), None)
-    bends = markers.curvature(q, _stacked(markers, groups, actions)) * exists[:, None]
+    bends = markers.curvature(q, _stacked(groups, actions))
     blocks = list[_Blocks]()
     for group, action in zip(groups, actions, strict=True):
         own, about = group.markers.take(along), group.markers.take(bends)
@@ -219,7 +219,7 @@ def _of_constraints(
 
 
 def _stacked(
-    markers: Markers, groups: Sequence[JointGroup | EffectGroup], actions: Sequence[_Action]
+    groups: Sequence[JointGroup | EffectGroup], actions: Sequence[_Action]
 ) -> Float[Array, "markers numbers"]:
     """The forces on all markers, none on counters that only tell how often something has turned."""
     rows = list[Array]()
