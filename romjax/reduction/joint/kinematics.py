@@ -38,22 +38,25 @@ class Edges(NamedTuple):
 class Screws(NamedTuple):
     """The twists that rates give some poses, about the origins of what these are relative to.
 
-    - `columns` (count, k, twist): for unit rates. `velocity` (count, twist): for the given ones;
-      `drift`: its derivative where these do not change.
+    - `columns` (count, k, twist): for unit rates; `drift` (count, twist): the derivative of the
+      twist for the given rates, where these do not change.
     """
 
     columns: Float[Array, "count k twist"]
-    velocity: Float[Array, "count twist"]
     drift: Float[Array, "count twist"]
 
-    def placed(self, frame: Pose, points: Float[Array, "count d"]) -> "Screws":
-        """The twists about `points` and by the inertial axes; the drift without that of `frame`."""
-        each = Pose(frame.position[:, None], frame.turn[:, None])
+    def placed(self, axes: Array, arms: Float[Array, "count d"]) -> "Screws":
+        """The twists by the inertial axes, about points from which the origins are at `arms`; the
+        drift without that of the `axes`.
+        """
         return Screws(
-            twists.placed(each, points[:, None], self.columns),
-            twists.placed(frame, points, self.velocity),
-            twists.placed(frame, points, self.drift),
+            twists.placed(axes[:, None], arms[:, None], self.columns),
+            twists.placed(axes, arms, self.drift),
         )
+
+    def velocity(self, u: Float[Array, "count k"]) -> Float[Array, "count twist"]:
+        """The twists for rates u."""
+        return jnp.sum(self.columns * u[:, :, None], axis=1)
 
 
 class TreeMotion(NamedTuple):
@@ -127,7 +130,7 @@ def frames(tree: Tree, between: Edges) -> Pose:
     else:
         turns = _rotations(tree, relative.turn)
         turns /= jnp.sqrt(quaternions.squared(turns))[:, None]
-    before = _of_parents_or_ground(tree, Pose(jnp.zeros_like(relative.position), turns)).turn
+    before = _parents_axes(tree, twists.axes(turns))
     return Pose(along(tree, twists.rotated(before, relative.position)), turns)
 
 
@@ -161,37 +164,40 @@ def along(tree: Tree, x: Float[Array, "bodies *k"]) -> Float[Array, "bodies *k"]
 
 def tree_motion(tree: Tree, z: Float[Array, " n"], u: Float[Array, " rates"]) -> TreeMotion:
     """The motion of the bodies at the coordinates z and the rates u."""
-    between = jax.lax.optimization_barrier(edges(tree, z))
-    place = jax.lax.optimization_barrier(frames(tree, between))
+    between = twists.kept(edges(tree, z))
+    place = twists.kept(frames(tree, between))
     points = twists.stopped(take(place.position, np.array(tree.roots, np.uint32)))
     rates = tree.motions.take(u)
-    parents = _of_parents_or_ground(tree, place)
-    compose = (planar if between.outer.dimension == 2 else spatial).compose
-    local = jax.lax.optimization_barrier(_joint_screws(tree, z, rates))
-    joint = jax.lax.optimization_barrier(local.placed(compose(parents, between.outer), points))
+    axes = twists.axes(place.turn)
+    before = twists.kept(_parents_axes(tree, axes))
+    arms = of_parents(tree, place.position) - points
+    reach = arms + twists.rotated(before, between.outer.position)
+    ports = twists.kept(twists.composed(before, twists.axes(between.outer.turn)))
+    joint = twists.kept(_joint_screws(tree, z, rates).placed(ports, reach))
+    turning = joint.velocity(rates[:, : tree.freedoms])
     if not tree.modes:
-        own = joint.columns
-        moved = jax.lax.optimization_barrier(along(tree, joint.velocity))
-        bias = twists.cross(of_parents(tree, moved), joint.velocity) + joint.drift
-        return TreeMotion(place, points, own, own[:, :0], moved, bias)
+        moved = twists.kept(along(tree, turning))
+        bias = twists.cross(of_parents(tree, moved), turning) + joint.drift
+        return TreeMotion(place, points, joint.columns, joint.columns[:, :0], moved, bias)
     outer, inner = _halves(_port_screws(tree, z, rates))
-    outer, inner = outer.placed(parents, points), inner.placed(place, points)
-    moved = along(tree, outer.velocity + joint.velocity - inner.velocity)
-    before = of_parents(tree, moved)
-    bias = twists.cross(before, outer.velocity) + outer.drift
-    bias += twists.cross(before + outer.velocity, joint.velocity) + joint.drift
-    bias -= twists.cross(moved, inner.velocity) + inner.drift
+    outer, inner = outer.placed(before, arms), inner.placed(axes, place.position - points)
+    bending = rates[:, tree.freedoms :]
+    leaving, arriving = outer.velocity(of_parents(tree, bending)), inner.velocity(bending)
+    moved = twists.kept(along(tree, leaving + turning - arriving))
+    held = of_parents(tree, moved)
+    bias = twists.cross(held, leaving) + outer.drift
+    bias += twists.cross(held + leaving, turning) + joint.drift
+    bias -= twists.cross(moved, arriving) + inner.drift
     own = jnp.concatenate([joint.columns, -inner.columns], axis=1)
     return TreeMotion(place, points, own, outer.columns, moved, bias)
 
 
-def _of_parents_or_ground(tree: Tree, place: Pose) -> Pose:
-    turns = of_parents(tree, place.turn)
-    if place.dimension == 3:
-        on_ground = np.array(tree.parents) == tree.count
-        unit = np.array([[1, 0, 0, 0]], turns.dtype)
-        turns += on_ground[:, None].astype(turns.dtype) * unit
-    return Pose(of_parents(tree, place.position), turns)
+def _parents_axes(tree: Tree, axes: Float[Array, "bodies d d"]) -> Float[Array, "bodies d d"]:
+    """The axes of the parents, and of the ground."""
+    on_ground = (np.array(tree.parents) == tree.count).astype(axes.dtype)
+    unit = np.eye(axes.shape[1], dtype=axes.dtype)
+    found: Array = of_parents(tree, axes) + on_ground[:, None, None] * unit[None]
+    return found
 
 
 def _joint_screws(tree: Tree, z: Float[Array, " n"], rates: Float[Array, "bodies rates"]) -> Screws:
@@ -234,13 +240,17 @@ def _screws(
     change: Callable[[Array, Array], Array],
 ) -> Screws:
     """The twists of poses that are functions of z, with rates ż = `change`(z, u)."""
-
-    def velocity(z: Array, u: Array) -> Array:
-        return twists.local_twist(*jax.jvp(pose, (z,), (change(z, u),)))
-
     count, k = u.shape
-    moved, drift = jax.jvp(lambda z: velocity(z, u), (z,), (change(z, u),))
     if not k:
-        return Screws(jnp.zeros((count, 0, moved.shape[1]), z.dtype), moved, drift)
-    columns = jax.vmap(lambda unit: velocity(z, unit), out_axes=1)(twists.units(count, k, z.dtype))
-    return Screws(columns, moved, drift)
+        none = jnp.zeros((count, 3 if pose(z).dimension == 2 else 6), z.dtype)
+        return Screws(none[:, None][:, :0], none)
+
+    def columns(z: Array) -> Array:
+        def velocity(unit: Array) -> Array:
+            return twists.local_twist(*jax.jvp(pose, (z,), (change(z, unit),)))
+
+        each: Array = jax.vmap(velocity, out_axes=1)(twists.units(count, k, z.dtype))
+        return each
+
+    own, slopes = jax.jvp(columns, (z,), (change(z, u),))
+    return Screws(own, jnp.sum(slopes * u[:, :, None], axis=1))

@@ -5,6 +5,8 @@ A twist is (ω, velocity of the point that the body has there), a wrench (torque
 chapter 2, with all vectors by one frame). All functions take leading axes, which broadcast.
 """
 
+from typing import TypeVar
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +15,8 @@ from jaxtyping import Array, Float
 from ...linalg import quaternions
 from ...linalg.dense import multiply
 from ...scene.marker import Pose, Twist
+
+T = TypeVar("T")
 
 Vectors = Float[Array, "*axes d"]
 Turns = Float[Array, "..."]
@@ -71,20 +75,28 @@ def cross(twist: Vectors, other: Vectors) -> Vectors:
     return joined(about(omega, turning), change)
 
 
-def turned(turn: Turns, x: Vectors) -> Vectors:
-    """A vector by the axes of a frame, by the inertial axes."""
-    first, second = split(x)
-    if first.shape[-1] == 1:
-        return joined(first, rotated(turn, second))
-    return joined(rotated(turn, first), rotated(turn, second))
+def axes(turn: Turns) -> Float[Array, "*axes d d"]:
+    """The rotation matrices of angles in the plane (count,), or of quaternions (count, 4)."""
+    if turn.ndim == 1:
+        c, s = jnp.cos(turn), jnp.sin(turn)
+        return kept(jnp.stack([jnp.stack([c, -s], -1), jnp.stack([s, c], -1)], -2))
+    return kept(quaternions.matrix(turn))
 
 
-def rotated(turn: Turns, x: Float[Array, "*axes d"]) -> Float[Array, "*axes d"]:
+def composed(first: Array, second: Array) -> Float[Array, "*axes d d"]:
+    """Products of rotation matrices."""
+    return multiply(first, second)
+
+
+def rotated(axes: Float[Array, "*axes d d"], x: Float[Array, "*axes d"]) -> Array:
     """A vector of 2 or 3 numbers by the axes of a frame, by the inertial axes."""
-    if x.shape[-1] == 2:
-        return jnp.cos(turn)[..., None] * x + jnp.sin(turn)[..., None] * perpendicular(x)
-    matrix = quaternions.matrix(turn)
-    return jnp.sum(matrix * x[..., None, :], axis=-1)
+    return jnp.sum(axes * x[..., None, :], axis=-1)
+
+
+def kept(x: T) -> T:
+    """`x`, behind a barrier: XLA would compute what it fuses again for each entry."""
+    same: T = jax.lax.optimization_barrier(x)
+    return same
 
 
 def from_origin(x: Vectors, arm: Float[Array, "*axes d"]) -> Vectors:
@@ -99,11 +111,13 @@ def wrench_from_origin(x: Vectors, arm: Float[Array, "*axes d"]) -> Vectors:
     return joined(torque + moment(arm, force), force)
 
 
-def placed(frame: Pose, point: Float[Array, "*axes d"], x: Vectors) -> Vectors:
-    """A twist about the origin of a `frame` and by its axes, about a `point` and by the inertial
-    axes.
+def placed(axes: Array, arm: Float[Array, "*axes d"], x: Vectors) -> Vectors:
+    """A twist by some `axes` and about their origin, by the inertial axes and about a point from
+    which the origin is at `arm`.
     """
-    return from_origin(turned(frame.turn, x), frame.position - point)
+    first, second = split(x)
+    turning = first if first.shape[-1] == 1 else rotated(axes, first)
+    return from_origin(joined(turning, rotated(axes, second)), arm)
 
 
 def local_twist(pose: Pose, rate: Pose) -> Vectors:
@@ -116,7 +130,7 @@ def inverse(pose: Pose) -> Pose:
     """The pose of the frame that a pose is relative to, as one sees it from the pose."""
     plane = pose.dimension == 2
     turn = -pose.turn if plane else quaternions.conjugate(pose.turn)
-    return Pose(-rotated(turn, pose.position), turn)
+    return Pose(-rotated(axes(turn), pose.position), turn)
 
 
 def widened(x: Float[Array, "count k *others"], k: int, axis: int = 1) -> Array:

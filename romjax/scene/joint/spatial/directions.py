@@ -1,5 +1,6 @@
 """Directions of markers in space, and how they differ: what residuals of joints are made of."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -31,8 +32,23 @@ def turned(a: Pose, b: Pose) -> Float[Array, "3"]:
 
 def about_z(angle: Float[Array, ""]) -> Float[Array, "4"]:
     """The quaternion of a rotation about the z axis by an `angle` [rad]."""
-    c, s, none = jnp.cos(0.5 * angle), jnp.sin(0.5 * angle), jnp.zeros_like(angle)
+    (c, s), none = _half(angle), jnp.zeros_like(angle)
     return jnp.stack([c, none, none, s])
+
+
+@jax.custom_jvp
+def _half(angle: Float[Array, ""]) -> tuple[Array, Array]:
+    """The cosine and the sine of half an angle, of which all derivatives are made."""
+    return jnp.cos(0.5 * angle), jnp.sin(0.5 * angle)
+
+
+@_half.defjvp
+def _change_of_half(
+    primals: tuple[Array], tangents: tuple[Array]
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    c, s = _half(*primals)
+    half = 0.5 * tangents[0]
+    return (c, s), (-s * half, c * half)
 
 
 def angle_about_z(a: Pose, b: Pose) -> Float[Array, ""]:
