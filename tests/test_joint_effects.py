@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
-from tolerances import IDENTITY
+from tolerances import IDENTITY, SOLVED
+from zoo import run
 
 import romjax as rj
 from romjax import spatial as r
@@ -65,6 +66,17 @@ def test_a_hinge_with_everything_obeys_its_own_equation():
         assert system.structure.labels[-1].endswith("angle")
         assert_close(system.q0[-1], state[0], IDENTITY)
         assert_close(rates(system)[-1], expected(*state), IDENTITY, 100.0)
+
+
+@pytest.mark.slow
+def test_the_energies_of_the_parts_are_all_there_is():
+    """That of the rotor among them; nothing is lost but to what damps, rubs and drives."""
+    system = rj.assemble(pendulum(0.3, 0.5, 0.2))
+    swung = run(system, np.linspace(0, 0.5, 26), audit=True)
+    whole, parts = rj.energy(system, swung), rj.part_energies(system, swung)
+    assert_close(sum(parts.kinetic.values()), whole.kinetic, IDENTITY)
+    assert_close(whole.balance, 0 * whole.balance, SOLVED, np.max(np.abs(whole.total)))
+    assert swung.warnings() == ""
 
 
 @pytest.mark.instant

@@ -14,6 +14,7 @@ from zoo import run
 import romjax as rj
 from romjax.assembly.counting import with_counter_starts
 from romjax.files.robots.vocabulary import ALL, MJCF, key
+from romjax.files.summary import describe_file
 from romjax.linalg import quaternions
 
 mujoco = pytest.importorskip("mujoco")
@@ -334,6 +335,14 @@ def test_robots_are_kept_in_scene_files(name, tmp_path):
     scene.save(tmp_path / "robot.toml")
     found = rj.load_scene(tmp_path / "robot.toml")
     assert eqx.tree_equal(found, scene)
+
+
+def test_a_check_says_what_is_left_out(tmp_path):
+    """Of the smallest robot: a geom that may touch another one."""
+    text = f'<mujoco><worldbody><geom size="1"/>{LINK}</worldbody></mujoco>'
+    words = describe_file(rj.scene_file(written(tmp_path, text)))
+    assert re.search(r"left out +.*robot.xml: contacts of 2 geoms; add romjax", words)
+    assert re.search(r"start +all joints hold", words)
 
 
 # Out again.

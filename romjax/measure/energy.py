@@ -10,6 +10,7 @@ from ..assembly.locate import assembled
 from ..common.errors import InputError
 from ..compiling.program import program
 from ..integrate.trajectory import Trajectory
+from ..scene.effect.joint_inertia import JointInertia
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
 from .states import along, check_origin, check_run
@@ -92,7 +93,7 @@ def part_energies(system: AbstractSystem, run: Trajectory) -> PartEnergies:
     coordinates, keys = full.structure.coordinates, full.structure.effects
     bodies = [
         [coordinates[rows[0]].owner for rows in group.coordinates.rows]
-        for group in without_counters(full.bodies)
+        for group in _with_inertia(full)
     ]
     effects, first = list[list[str]](), 0
     for group in full.effects:
@@ -116,9 +117,15 @@ def part_energies(system: AbstractSystem, run: Trajectory) -> PartEnergies:
     )
 
 
+def _with_inertia(full: Any) -> tuple[Any, ...]:
+    """The groups of bodies, and the counters where some of them are the inertia of joints."""
+    rotors = any(isinstance(group.effects, JointInertia) for group in full.effects)
+    return tuple(full.bodies) if rotors else without_counters(full.bodies)
+
+
 def _of_parts(full: Any, t: Array, q: Array, v: Array) -> tuple[list[Array | None], ...]:
     """Return the energies of each group of bodies, then of effects; None for those without any."""
-    bodies = without_counters(full.bodies)
+    bodies = _with_inertia(full)
     stored, given = list[Array | None](), list[Array | None]()
     if full.effect_markers is not None:
         poses, twists = full.effect_markers.motion(q, v)

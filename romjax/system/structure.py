@@ -29,7 +29,7 @@ class Structure:
       its quaternion, before its modes; none, where no bodies are known.
     - `quaternions`: at which coordinate the quaternion of each body in space begins.
     - `counters`: coordinates that count the turns of an angle, with `COUNTER_INERTIA` of the
-      inertia that this angle feels.
+      inertia that this angle feels; or that are the motion of a joint with an inertia of its own.
     - `joints`, `effects`: by which keys results name them, each key once, in the order in which the
       system holds them; none, where there are no such parts.
     """
