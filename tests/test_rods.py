@@ -33,7 +33,7 @@ KINDS = {
 
 
 def rod(modes=6, kind="inextensible", **options) -> rj.Rod:
-    return rj.Rod("rod", 0.7, 1.3, 2.0, modes, rotary=0.01, **KINDS[kind], **options)
+    return rj.Rod("rod", 0.7, 1.3, 2.0, modes, **{"rotary": 0.01, **KINDS[kind], **options})
 
 
 def cantilever(modes, load, gravity=0.0) -> tuple[rj.AbstractSystem, rj.Rod]:
@@ -181,6 +181,7 @@ WRONG = {
     "without amplitudes": ({"modes": 0}, "modes is 0.*a Beam without EI"),
     "of unknown shapes": ({"shapes": "held-free"}, "shapes is 'held-free'.*pinned-free"),
     "with too few nodes": ({"nodes": 2}, "nodes is 2, too few for its 6 modes"),
+    "that shears without inertia": ({"GA": 1.0, "rotary": 0.0}, "rotary is 0; sections that turn"),
     "of no stiffness": ({"EA": 0.0}, r"EA is 0\.0.*positive"),
     "that drives": ({"damping": -0.1}, "damping is .*must not be negative"),
     "of one rate": ({"rates": [1.0]}, r"rates has shape \(1,\)"),

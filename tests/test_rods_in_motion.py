@@ -1,5 +1,7 @@
 """Rods in motion: published and own digits, what is conserved, resultants, and local bases."""
 
+import itertools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -155,3 +157,78 @@ def test_resultants_of_a_rod_are_those_of_its_hinge_and_of_its_law():
     ]
     law = 0.1 * (turns[1] - turns[0]) / (2 * step)
     assert_close(law, moment[:, 1], 2e-2, np.max(np.abs(moment)))
+
+
+@pytest.mark.slow
+def test_joint_coordinates_know_rods():
+    """A bent rod hinged to a bar, with a weight welded to its end: the same without constraints."""
+    bar = rj.Beam("bar", 0.4, 0.4, angle=0.3).placed("start", ORIGIN)
+    bent = {"amplitudes": [0.3, -0.1, 0.05, 0.02], "angle": 0.2}
+    rod = rj.Rod("rod", 0.6, 1.2, 0.3, 4, shapes="pinned-free", rotary=1e-3, **bent)
+    rod = rod.placed("start", bar.pose("end"))
+    end = rod.pose("end")
+    weight = rj.RigidBody("weight", 0.2, 0.01, angle=end.angle).placed((0.0, 0.0), end)
+    joints = [
+        rj.Revolute(bar.at("start"), rj.ground.at((0.0, 0.0))),
+        rj.Revolute(rod.at("start"), bar.at("end")),
+        rj.Weld(weight.at(), rod.at("end")),
+    ]
+    full = rj.assemble(rj.Scene([bar, rod, weight], joints, [rj.Gravity()]))
+    free = rj.reduce(full, formulation=rj.JointCoordinates())
+    assert (free.n, free.m) == (6, 0)
+    ts = np.linspace(0.0, 0.5, 26)
+    paths = [
+        np.asarray(rj.measure(system, zoo.run(system, ts), weight.at()).position)
+        for system in (full, free)
+    ]
+    assert_close(paths[1], paths[0], SOLVED)
+
+
+class Element(rj.AbstractPotential):
+    """A beam of constant strains between two nodes, by the logarithm of the motion from one to the
+    other; `stiffness` EA, GA, EI.
+    """
+
+    a: rj.Marker
+    b: rj.Marker
+    length: Float[Array, ""] = number()
+    stiffness: Float[Array, "3"] = number()
+
+    def energy(self, t, a, b):
+        del t
+        turn, (x, y) = b.angle - a.angle, a.local(b.position)
+        half = 0.5 * turn
+        small = jnp.abs(half) < 1e-4
+        factor = jnp.where(small, 1 - half**2 / 3, half / jnp.tan(jnp.where(small, 1.0, half)))
+        moved = jnp.stack([factor * x + half * y, factor * y - half * x, turn])
+        strains = moved / self.length - np.array([1.0, 0.0, 0.0])
+        return 0.5 * self.length * jnp.sum(self.stiffness * strains**2)
+
+    def check(self):
+        """Its numbers are those of one test."""
+
+
+def chain_of_nodes(count, EA=2e2, GA=1e2, EI=1.0, load=2.0):
+    """The tip of a cantilever of one metre under a load across it, of so many elements."""
+    size = 1.0 / count
+    nodes = [
+        rj.RigidBody(f"node{i}", size, size**3, position=(i * size, 0.0)) for i in range(count + 1)
+    ]
+    parts = [Element(a.at(), b.at(), size, (EA, GA, EI)) for a, b in itertools.pairwise(nodes)]
+    push = rj.Force(nodes[-1].at(), (0.0, 1.0), rj.Constant(load))
+    clamp = rj.Weld(nodes[0].at(), rj.ground.at((0.0, 0.0)))
+    return np.asarray(rj.equilibrium(rj.assemble(rj.Scene(nodes, [clamp], [*parts, push]))))[-3:]
+
+
+@pytest.mark.slow
+def test_beams_of_nodes_tend_to_a_rod():
+    """With stretch and shear; what elements of one strain miss falls with their square."""
+    rod = rj.Rod("rod", 1.0, 1.0, 1.0, 24, EA=2e2, GA=1e2, rotary=1e-3).placed("start", ORIGIN)
+    push = rj.Force(rod.at("end"), (0.0, 1.0), rj.Constant(2.0))
+    clamp = rj.Weld(rod.at("start"), rj.ground.at((0.0, 0.0)))
+    q = rj.equilibrium(rj.assemble(rj.Scene([rod], [clamp], [push])))
+    end = rod.started(q, np.zeros_like(q)).pose("end")
+    exact = np.append(np.asarray(end.position), np.asarray(end.angle))
+    few, more = chain_of_nodes(8), chain_of_nodes(16)
+    assert_close((few - exact) / (more - exact), np.full(3, 4.0), 0.1)
+    assert_close((4 * more - few) / 3, exact, 1e-5)

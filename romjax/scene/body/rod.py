@@ -11,12 +11,13 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Number, Vector, as_array, as_jax, concrete, each, namespace, untraced
 from ...common.errors import SceneError
-from ..fields import check_mass, check_numbers, number, radians
+from ..fields import check_numbers, number, radians
 from ..marker import Marker
 from ..points import NamedPoints, by_name
 from .base import check_name, check_start, flexible_start
 from .bending import AbstractBendingBody, nearest
-from .natural_strains import SHAPES, STATIC, Ratios, natural_strains
+from .natural_strains import STATIC, Ratios, natural_strains
+from .rod_checks import check_what_shapes_need
 from .rod_inertia import first_moment, mass_matrix, velocity_force
 from .rod_kinematics import Line, Material, gradient, material, pose
 from .sections import AbstractSection
@@ -42,7 +43,7 @@ class Rod(AbstractBendingBody):
     - `mass`: Mass [kg]. `length`: Length [m]. `EI`: bending stiffness [N m²].
     - `modes`: the number of amplitudes, of all strains together.
     - `EA`, `GA`: stiffness in stretch and in shear [N]; infinite unless given.
-    - `rotary`: rotary inertia of the sections, ρI [kg m]; none unless given.
+    - `rotary`: rotary inertia of the sections, ρI [kg m]; none unless given. `GA` needs it.
     - `curvature`: of the undeformed rod [1/m], one number or the coefficients (k,) of Legendre
       polynomials from start to end; straight unless given.
     - `shapes`: "static" unless given: polynomials, exact under loads at the ends and spectrally
@@ -128,7 +129,7 @@ class Rod(AbstractBendingBody):
         self.amplitudes = zero if amplitudes is None else as_array(amplitudes)
         self.rates = zero if rates is None else as_array(rates)
         self.points = NamedPoints.of(points or {})
-        self._check_numbers()
+        check_what_shapes_need(self)
         self.strains = self._make_strains()
 
     @classmethod
@@ -274,27 +275,3 @@ class Rod(AbstractBendingBody):
         self.points.check(owner, ("start", "end"))
         check_numbers(owner, self, "amplitudes", "rates", shape=(self.modes,))
         check_start(owner, self)
-
-    def _check_numbers(self) -> None:
-        """What the shapes depend on, which are made before all else is checked."""
-        owner = f"body '{self.name}'"
-        if self.shapes not in SHAPES:
-            raise SceneError(
-                f"{owner}: shapes is {self.shapes!r}, but it must be one of {', '.join(SHAPES)}."
-            )
-        if self.modes < 1:
-            raise SceneError(
-                f"{owner}: modes is {self.modes}, but it must be positive; a rod that does not "
-                "bend is a Beam without EI."
-            )
-        kinds = 1 + (self.EA is not None) + (self.GA is not None)
-        if self.nodes is not None and self.nodes * kinds < self.modes:
-            raise SceneError(
-                f"{owner}: nodes is {self.nodes}, too few for its {self.modes} modes, of which "
-                "some then have no mass; leave it out, or give more."
-            )
-        check_mass(owner, self)
-        check_numbers(owner, self, "length", "EI", "EA", "GA", sign="positive")
-        check_numbers(owner, self, "rotary", "retardation", sign="not negative")
-        check_numbers(owner, self, "curvature", shape=(None,))
-        check_numbers(owner, self, "damping", shape=(self.modes,), sign="not negative")
