@@ -9,9 +9,7 @@ from .natural_strains import SHAPES
 
 
 def check_what_shapes_need(rod: Any) -> None:
-    """Raise a SceneError unless a rod has what its shapes depend on; they are made before all else is
-    checked.
-    """
+    """Raise a SceneError unless a rod has what its shapes depend on, which are made first."""
     owner = f"body '{rod.name}'"
     if rod.shapes not in SHAPES:
         raise SceneError(
