@@ -35,6 +35,7 @@ COMPARISONS = (
     "reduction",
     "segments",
     "batches",
+    "native",
     "gradients",
     "hard_cases",
     "effects",

@@ -1,5 +1,6 @@
 """romjax: differentiable reduced-order simulation of constrained flexible multibody systems."""
 
+from . import export as export
 from . import gallery as gallery
 from . import plot as plot
 from . import spatial as spatial
@@ -33,6 +34,8 @@ from .events.base import Crossing as Crossing
 from .events.base import Stop as Stop
 from .events.impact import Impact as Impact
 from .events.record import Events as Events
+from .export.compiled import CompiledModel as CompiledModel
+from .export.compiled import compile as compile
 from .files.matrices.mesh import Mesh as Mesh
 from .files.matrices.mesh import load_mesh as load_mesh
 from .files.results.store import load as load

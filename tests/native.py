@@ -19,7 +19,7 @@ def library(functions: Sequence[Emitted], flags=QUICK) -> ctypes.CDLL:
 
 def called(code: ctypes.CDLL, function: Emitted, *args) -> dict[str, np.ndarray]:
     """The results of a function of a library, by their names."""
-    given = [np.ascontiguousarray(x, float) for x in args]
+    given = [np.array(x, float, order="C") for x in args]
     results = {key: np.full(shape, np.nan) for key, shape in function.results.items()}
     kinds = [DOUBLES if shape else ctypes.c_double for shape in function.arguments.values()]
     entry = getattr(code, function.name)

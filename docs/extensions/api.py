@@ -28,6 +28,7 @@ SECTIONS = {
     "Reduced models": ("reduction", "local", "hyper", "tables"),
     "Studies": ("study", "trials"),
     "Files": ("files",),
+    "Other programs": ("export",),
     "Moving pictures": ("plot",),
     "Errors": ("errors",),
     "Compiler": ("xla",),

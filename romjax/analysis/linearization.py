@@ -114,7 +114,7 @@ def _matrices(
 
     def measured(q: Array, v: Array) -> Array:
         state = system.state(t, q, v)
-        values = [_value(system.full, what, t, state.q, state.v) for what in outputs]
+        values = [value_of(system.full, what, t, state.q, state.v) for what in outputs]
         return jnp.stack(values) if values else jnp.zeros(0, q.dtype)
 
     by_q, by_v = jax.jacfwd(measured, argnums=(0, 1))(q, v)
@@ -122,14 +122,15 @@ def _matrices(
 
     state = system.state(t, q, v)
     onto = jax.jacfwd(lambda q: system.state(t, q, v).q)(q)
-    forces = [_force(system, what, t, state.q, state.v) for what in inputs]
+    forces = [force_of(system, what, t, state.q, state.v) for what in inputs]
     physical = jnp.stack(forces, axis=1) if forces else jnp.zeros((len(onto), 0), q.dtype)
     pushed = state.kkt().solve(onto.T @ physical, jnp.zeros((system.m, len(forces)), q.dtype))[0]
     b = jnp.concatenate([jnp.zeros((d, len(forces)), q.dtype), tangent.dual @ pushed])
     return tangent.matrix, b, c, jnp.zeros((len(outputs), len(forces)), q.dtype), basis
 
 
-def _value(full: AbstractSystem, what: Output, t: Array, q: Array, v: Array) -> Array:
+def value_of(full: AbstractSystem, what: Output, t: Array, q: Array, v: Array) -> Array:
+    """The value of an output at a physical state of the full system."""
     if isinstance(what, str):
         what = Coordinate(what)
     if isinstance(what, AbstractQuantity):
@@ -137,7 +138,7 @@ def _value(full: AbstractSystem, what: Output, t: Array, q: Array, v: Array) -> 
     return jnp.asarray(what(t, q, v))
 
 
-def _force(system: AbstractSystem, what: Input, t: Array, q: Array, v: Array) -> Array:
+def force_of(system: AbstractSystem, what: Input, t: Array, q: Array, v: Array) -> Array:
     """The generalized force of an input on the physical coordinates."""
     if not isinstance(what, AbstractMarkerEffect):
         given = jnp.asarray(what(t, q, v))

@@ -9,6 +9,7 @@ from jax.extend import core
 
 from .arithmetic import Arithmetic
 from .arrays import Arrays, Cells, cells
+from .factors import Factors
 from .refuse import refuse
 from .terms import TYPES, Term, Writer, is_known, literal, uses_of
 
@@ -32,7 +33,8 @@ class Control:
     """A program, written to a `Writer` equation by equation."""
 
     def __init__(self, writer: Writer, arithmetic: Arithmetic, arrays: Arrays) -> None:
-        self.writer, self.arithmetic, self.arrays = writer, arithmetic, arrays
+        self.writer, self.arithmetic = writer, arithmetic
+        self.operations = arrays.operations | Factors(arithmetic).operations
 
     def run(self, jaxpr: Any, consts: Sequence[Any], args: Sequence[Cells]) -> list[Cells]:
         """Evaluate a program at numbers, known or not."""
@@ -68,8 +70,8 @@ class Control:
             return _over(lambda *numbers: function(*numbers, kind=kind), x)
         if name in self.arithmetic.sums:
             return self._sum(name, x[0], p, kind)
-        if name in self.arrays.operations:
-            return self.arrays.operations[name](x, p, kinds)
+        if name in self.operations:
+            return self.operations[name](x, p, kinds)
         held = getattr(self, f"_{name.replace('-', '_')}", None)
         if held is None:
             refuse(

@@ -1,0 +1,87 @@
+"""The functions of a system that leave, each of its state x = (q, v)."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..common import precision
+from ..integrate.judge import drift_of
+from ..system.base import AbstractSystem, Run
+from ..system.dynamics import linearize, solve
+from ..system.schedule import Schedule
+from ..system.stabilization import Baumgarte
+from ..system.start import Start
+
+State = Float[Array, " x"]  # (q, v), of twice as many entries as there are coordinates
+
+
+def baumgarte(system: AbstractSystem, numbers: Float[Array, "2"]) -> Baumgarte | None:
+    """Baumgarte's terms of (α, β); none where nothing is constrained."""
+    return Baumgarte(numbers[0], numbers[1]) if system.m else None
+
+
+def rate(system: AbstractSystem, t: Array, x: State, stabilization: Array) -> Mapping[str, Array]:
+    """The acceleration."""
+    q, v = x[: system.n], x[system.n :]
+    solved = solve(system, t, q, v, baumgarte(system, stabilization))
+    return {"a": solved.acceleration}
+
+
+def linear(system: AbstractSystem, t: Array, x: State, stabilization: Array) -> Mapping[str, Array]:
+    """The acceleration and its derivatives."""
+    q, v = x[: system.n], x[system.n :]
+    found = linearize(system, t, q, v, baumgarte(system, stabilization))
+    return {
+        "a": found.acceleration,
+        "by_q": found.by_position,
+        "by_v": found.by_velocity,
+        "by_t": found.by_time,
+    }
+
+
+def physical_output(system: AbstractSystem, t: Array, x: State) -> Mapping[str, Array]:
+    """The physical coordinates and velocities, and the largest violations of the constraints, of
+    the mechanism's and of the system's own.
+    """
+    q, v = x[: system.n], x[system.n :]
+    state = system.state(t, q, v)
+    constraints = system.full.constraint(t, state.q), system.constraint(t, q)
+    violation = jnp.stack([jnp.max(jnp.abs(c), initial=0.0) for c in constraints])
+    return {"q": state.q, "v": state.v, "violation": violation}
+
+
+def start(system: AbstractSystem, t: Array, x: State) -> Mapping[str, Array]:
+    """Whether the constraints hold, and their rates."""
+    q, v = x[: system.n], x[system.n :]
+    found = Start.of(system, t, q, v, precision.of(q.dtype).start_tolerance)
+    return {"good": jnp.stack([found.closed, found.fits])}
+
+
+def flags(system: AbstractSystem, t: Array, x: State, rtol: Array) -> Mapping[str, Array]:
+    """What speaks against one state of a reduced system: its flags."""
+    q, v = x[: system.n], x[system.n :]
+    assert system.validity is not None
+    found = physical_output(system, t, x)
+    own, physical = q[None], found["q"][None]
+    violation, drift = found["violation"][:1], drift_of(physical, rtol)
+    run = Run(t[None], own, v[None], physical, violation, drift)
+    return {"flags": system.validity.flags(system, run)}
+
+
+def longest(schedule: Schedule, t: Array) -> Mapping[str, Array]:
+    """The longest step that still sees all loads."""
+    return {"longest": schedule.longest_step(t)}
+
+
+def words(system: Any) -> dict[str, list[str]]:
+    """What the entries of a state are, for comments."""
+    labels = [coordinate.label for coordinate in system.structure.coordinates]
+    full = [coordinate.label for coordinate in system.full.structure.coordinates]
+    return {
+        "x": [*labels, *(f"{label}'" for label in labels)],
+        "a": [f"{label}''" for label in labels],
+        "q": full,
+        "v": [f"{label}'" for label in full],
+    }
