@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 from comparison import assert_close
-from tolerances import IDENTITY
+from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
 from romjax import spatial as r
@@ -110,3 +111,24 @@ def test_parts_are_taken_out():
     assert [len(x) for x in (alone.bodies, alone.joints, alone.effects)] == [1, 1, 1]
     free = scene.without("elbow", "Spring(rod, ground)")
     assert [len(x) for x in (free.bodies, free.joints, free.effects)] == [2, 1, 1]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:flexible")
+def test_an_elastic_link_is_differentiable(arm):
+    """Its accelerations, as it is bent a little, are linear in the stiffness; joints hold at
+    first.
+    """
+
+    def rates(stiffness, bent):
+        system = rj.assemble(arm.flexible("forearm", EI=stiffness, modes=2))
+        modal = ~np.array(system.structure.rigid)
+        acceleration, _ = system.acceleration(0.0, system.q0 + bent * modal, system.v0)
+        return acceleration, system.constraint(0.0, system.q0)
+
+    both = jax.jit(lambda x: jax.jvp(lambda x: rates(x, 1e-4), (x,), (1.0,)))
+    (found, violation), (slope, _) = both(800.0)
+    (other, _), _ = both(900.0)
+    assert_close(violation, 0 * violation, IDENTITY)
+    assert np.max(np.abs(slope)) > 1e-6
+    assert_close((other - found) / 100, slope, SOLVED, np.max(np.abs(slope)))

@@ -75,9 +75,12 @@ def on_beam(beam: Any, owner: str, marker: Marker) -> Marker:
 
     Raises SceneError, beginning with `owner`, for one that is further beyond.
     """
-    point, length = concrete(marker.point), float(beam.length)
-    beyond = abs(float(point[0])) - 0.5 * length if point is not None else 0.0
-    if point is None or beyond <= 0:
+    point, known = concrete(marker.point), concrete(beam.length)
+    if point is None or known is None:
+        return marker
+    length = float(known)
+    beyond = abs(float(point[0])) - 0.5 * length
+    if beyond <= 0:
         return marker
     if beyond > _AT_END * length:
         raise SceneError(
@@ -94,8 +97,10 @@ def _points(body: AbstractBody, frame: Pose, length: float) -> dict[str, Any]:
     """The named points of a body that are between the ends, in the frame of the beam."""
     found = {}
     for name, point in body.named_points().items():
-        (place,) = untraced(against(start_pose(body, point), frame).position)
-        if name not in ("start", "end") and abs(float(place[0])) <= 0.5 * length * (1 + _AT_END):
+        place = against(start_pose(body, point), frame).position
+        known = concrete(place)
+        within = known is None or abs(float(known[0])) <= 0.5 * length * (1 + _AT_END)
+        if name not in ("start", "end") and within:
             found[name] = as_array(place)
     return found
 
@@ -184,7 +189,10 @@ def _motion(body: AbstractBody, at: Pose) -> tuple[Any, Any]:
 
 def warn_of_other_inertia(body: Any, beam: Any) -> None:
     """Say how a uniform beam differs from the link that it replaces."""
-    d, length = body.dimension, float(beam.length)
+    d, known = body.dimension, concrete(beam.length)
+    if known is None:
+        return
+    length = float(known)
     (q,) = untraced(beam.start()[0])
     frame = Pose(q[:d], q[2] if d == 2 else q[d:7])
     centre = concrete(against(start_pose(body, (0.0,) * d), frame).position)
