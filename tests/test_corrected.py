@@ -145,6 +145,33 @@ def test_a_corrected_run_within_transformations():
     assert np.allclose(jax.jit(jax.vmap(error))(np.array([1.0, 1.1]))[1], error(1.1), rtol=1e-5)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("spin", "least", "most"), [(0.02, 0.9, 1.1), (0.15, 0.9, 1.2)])
+def test_the_error_by_the_residual(spin, least, most):
+    """From other starts; about accelerations of the full system it would grow without bound."""
+    rom = model(zoo.falling_beams, "minimal", 2)
+    system = spun(rom.full, spin)
+    own = rom.with_full(system).starting_at(system.q0, system.v0)
+    ts = np.linspace(0.0, 1.0, 101)
+    truth = zoo.run(system, ts, solver=zoo.RODAS5P)
+    run = zoo.run(own, ts, rtol=1e-6)
+    corrected = rj.corrected(own, run, by="residual")
+    error = float(rj.compare(truth, run).error)
+    assert least <= float(rj.compare(corrected, run).error) / error <= most, error
+    assert np.max(corrected.violation) <= 1e-8
+    assert "(linear)" in corrected.summary()
+    assert corrected.system.n == system.n
+
+
+@pytest.mark.slow
+def test_no_linear_estimate_in_space():
+    motion = zoo.motion(zoo.beam_in_space)
+    rom = rj.reduce(motion.system, rj.pod(motion, rank=1), "local")
+    run = zoo.run(rom, motion.t)
+    with pytest.raises(rj.InputError, match="moves in space, of which no linear estimate"):
+        rj.corrected(rom, run, by="residual")
+
+
 def test_what_cannot_be_corrected():
     motion = zoo.motion(zoo.five_bar)
     with pytest.raises(rj.InputError, match="is a full one, which leaves nothing out"):
