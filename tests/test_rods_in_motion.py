@@ -232,3 +232,35 @@ def test_beams_of_nodes_tend_to_a_rod():
     few, more = chain_of_nodes(8), chain_of_nodes(16)
     assert_close((few - exact) / (more - exact), np.full(3, 4.0), 0.1)
     assert_close((4 * more - few) / 3, exact, 1e-5)
+
+
+@pytest.mark.slow
+def test_local_bases_know_the_coupler_of_a_four_bar():
+    """A rod with joints at both ends: its markers are no linear functions of its amplitudes."""
+    crank = rj.Beam("crank", 0.4, 0.4, angle=np.pi / 2).placed("start", ORIGIN)
+    # The triangle of the coupler's lower end and the rocker's, 1.265 m apart.
+    across, sides = np.hypot(1.2, 0.4), (1.2, 0.8)
+    inner = np.arccos((sides[0] ** 2 + across**2 - sides[1] ** 2) / (2 * sides[0] * across))
+    turn = inner - np.arctan2(0.4, 1.2)
+    rod = rj.Rod("coupler", 0.6, 1.2, 2.0, 8, shapes="pinned-pinned", rotary=1e-4, angle=turn)
+    rod = rod.placed("start", crank.pose("end"))
+    x, y = np.asarray(rod.pose("end").position)
+    rocker = rj.Beam("rocker", 0.8, 0.8, angle=np.arctan2(y, x - 1.2))
+    rocker = rocker.placed("end", rod.pose("end"))
+    joints = [
+        rj.Revolute(crank.at("start"), rj.ground.at((0.0, 0.0))),
+        rj.Revolute(rod.at("start"), crank.at("end")),
+        rj.Revolute(rocker.at("end"), rod.at("end")),
+        rj.Revolute(rocker.at("start"), rj.ground.at((1.2, 0.0))),
+    ]
+    loads = [rj.Gravity(), rj.Torque(crank.at(), rj.Constant(0.8))]
+    full = rj.assemble(rj.Scene([crank, rod, rocker], joints, loads))
+    ts = np.linspace(0.0, 1.2, 121)
+    truth = rj.simulate(full, ts, solver=zoo.DOPRI8, rtol=1e-8)
+    model = rj.reduce(full, rj.pod(truth), rj.Local(ranks=(0, 4, 0)))
+    run = rj.simulate(model, ts, solver=zoo.DOPRI8, rtol=1e-6)
+    turned = [
+        np.asarray(rj.measure(system, own, crank.at()).angle)
+        for system, own in ((full, truth), (model, run))
+    ]
+    assert_close(turned[1], turned[0], 1e-3)
