@@ -40,6 +40,7 @@ COMPARISONS = (
     "hard_cases",
     "effects",
     "scaling",
+    "implicit",
     "spatial",
     "accuracy",
     "gallery",

@@ -28,7 +28,7 @@ _OUTPUTS = 100
 _FEWEST, _FOLLOWING, _STABLE = 50, 1.4, 4.0
 # What a step of Rodas5P costs in steps of Dopri8: by parts, whatever the number of coordinates; of
 # the whole residual, at first and for each coordinate.
-_BY_PARTS, _WHOLE, _COORDINATE = 2.5, 1.5, 0.1
+_BY_PARTS, _WHOLE, _COORDINATE = 2.0, 1.5, 0.1
 # A fixed step times a frequency that an explicit method still follows.
 _RESOLVED = 1.0
 # A spinning body has no frequency above this many times its angular velocity of its own: that of
@@ -99,7 +99,7 @@ def default_method(
     of the error does not. A fast spin in space is not stiff: every method has to follow it.
 
     Whether the fast vibration is excited is unknown before the run. If it is not, Rodas5P takes
-    few steps; if it is, both methods follow it, and Rodas5P's steps cost c times as much: 2.5 where
+    few steps; if it is, both methods follow it, and Rodas5P's steps cost c times as much: 2 where
     its derivatives come by parts, 1.5 + n/10 where its matrices are dense (measured for 8 to 96
     coordinates). Rodas5P is taken if Dopri8 instead of it would at worst lose a larger factor,
     E / (50 c) with E steps, than Rodas5P instead of Dopri8 does at worst, 1.4 c.
