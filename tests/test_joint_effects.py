@@ -68,6 +68,12 @@ def test_a_hinge_with_everything_obeys_its_own_equation():
         assert_close(rates(system)[-1], expected(*state), IDENTITY, 100.0)
 
 
+def test_joint_coordinates_refuse_what_they_would_lose():
+    """The rotor is no body of the tree."""
+    with pytest.raises(rj.ReductionError, match="does not have the inertia of joints"):
+        rj.reduce(rj.assemble(pendulum(0.2, 0.5, 0.3)), formulation=rj.JointCoordinates())
+
+
 @pytest.mark.slow
 def test_the_energies_of_the_parts_are_all_there_is():
     """That of the rotor among them; nothing is lost but to what damps, rubs and drives."""

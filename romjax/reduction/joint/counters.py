@@ -5,6 +5,7 @@ import numpy as np
 from ...assembly.assembled import AssembledSystem
 from ...common.arrays import as_array
 from ...common.errors import ReductionError
+from ...scene.effect.joint_inertia import JointInertia
 from ...scene.turn_counter import CounterJoint, TurnCounter
 from .closing import some_joints
 from .lift import Counters
@@ -17,8 +18,15 @@ def counters_of(
 ) -> Counters | None:
     """The counters of a system, with the signs and offsets that they had `before`, if it has any.
 
-    Raises ReductionError for an angle that no joint of the tree turns.
+    Raises ReductionError for an angle that no joint of the tree turns, and for counters that are
+    the inertia of joints, which a tree of bodies has not.
     """
+    if any(isinstance(group.effects, JointInertia) for group in full.effects):
+        raise ReductionError(
+            "reduce: JointCoordinates does not have the inertia of joints that JointInertia gives "
+            "(the armature of robots): simulate the assembled system as it is, or reduce it by "
+            "Minimal."
+        )
     holding = [g for g, group in enumerate(full.joints) if isinstance(group.joints, CounterJoint)]
     if not holding:
         return None
