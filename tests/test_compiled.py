@@ -23,6 +23,7 @@ TS = np.linspace(0.0, 0.5, 26)
 HELD = rj.Baumgarte(alpha=12.0, beta=36.0)
 # Required: emitted functions differ from those of JAX by this share of the largest number.
 EMITTED = 2e-13
+EPSILON, SEVERAL = np.finfo(float).eps, 10.0
 # Required: both take the same steps, whose lengths differ by what rounding does to estimates of
 # errors; so that runs differ by no more than their errors, which are some times the tolerance, and
 # numbers of steps by a hundredth.
@@ -139,17 +140,17 @@ def test_the_second_process_compiles_nothing(tmp_path, monkeypatch):
 # Every formulation, against JAX.
 
 
-def check_functions(system, stiff=True, quick=("-O0", "-std=c99", "-fPIC")):
-    """All functions of a system at states near its start."""
+def check_functions(system, stiff=True, turns=True):
+    """All functions of a system at states near its start, of other positions if it `turns`."""
     bare, n = without_names(system), system.n
     functions = loops.functions_of(bare, stiff)
-    code = library(functions, quick)
+    code = library(functions, ("-O0", "-std=c99", "-fPIC"))
     rng = np.random.default_rng(0)
-    found, wanted = {f.name: [] for f in functions}, {f.name: [] for f in functions}
+    found, wanted, moved = ({f.name: [] for f in functions} for _ in range(3))
     made = {"rate": equations.rate, "output": equations.physical_output, "linear": equations.linear}
     for size in (0.0, 1e-3, 1e-2):
         x = np.concatenate([np.asarray(system.q0), np.asarray(system.v0)])
-        x += size * rng.standard_normal(2 * n)
+        x += size * rng.standard_normal(2 * n) * np.repeat([turns, 1], n)
         given = {"t": 0.1 + size, "x": x, "s": np.array([10.0, 25.0]), "rtol": 1e-6}
         for f in functions:
             name = f.name.removeprefix("model_")
@@ -157,11 +158,19 @@ def check_functions(system, stiff=True, quick=("-O0", "-std=c99", "-fPIC")):
                 args = [given[key] for key in f.arguments]
                 found[f.name].append(called(code, f, *args))
                 wanted[f.name].append(_jitted(made[name])(bare, *args))
+                args[1] = x * (1 + EPSILON * rng.choice([-1, 1], 2 * n))
+                moved[f.name].append(_jitted(made[name])(bare, *args))
     for name in found:
         for key in (found[name] or [{}])[0]:
-            one = np.stack([each[key] for each in found[name]])
-            other = np.stack([each[key] for each in wanted[name]])
-            assert_close(one, other, EMITTED, scale=max(1.0, np.max(np.abs(other))))
+            one, other, near = (
+                np.stack([each[key] for each in results[name]])
+                for results in (found, wanted, moved)
+            )
+            # Where joints repeat each other, rounding of the state alone makes more; and an
+            # evaluation rounds more than once.
+            rounding = SEVERAL * np.max(np.abs(near - other))
+            most = max(EMITTED * max(1.0, np.max(np.abs(other))), rounding)
+            assert_close(one, other, most)
 
 
 @functools.cache
@@ -204,8 +213,9 @@ def test_every_formulation_leaves(name):
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("example", rj.gallery.EXAMPLES, ids=lambda x: getattr(x, "name", x))
 def test_every_scene_of_the_gallery_leaves(example):
+    # Where joints repeat each other, elsewhere they contradict each other, which no rounding bears.
     example = rj.gallery.find(example) if isinstance(example, str) else example
-    check_functions(rj.assemble(example.make()), stiff=False)
+    check_functions(rj.assemble(example.make()), stiff=False, turns=False)
 
 
 # What is refused.
