@@ -146,3 +146,36 @@ def test_gradients_are_those_of_the_redundant_system():
     made = rj.reduce(rj.assemble(zoo.bars((1.3, 1.0), angles=(0.3, -0.2))), formulation="joint")
     own, other = (jax.grad(lambda m, joint=joint: end(m, joint))(1.3) for joint in (True, False))
     np.testing.assert_allclose(own, other, rtol=1e-7)
+
+
+@pytest.mark.slow
+def test_angles_count_turns_without_coordinates_of_their_own():
+    """A screw, and a torsion spring against the sense of its hinge, many turns from the start."""
+    body = {"mass": 1.0, "inertia": (0.02, 0.08, 0.09)}
+    first = rj.spatial.RigidBody("first", **body, position=(0.5, 0, 0))
+    second = rj.spatial.RigidBody("second", **body, position=(1.5, 0, 0))
+    start, end = (-0.5, 0, 0), (0.5, 0, 0)
+    hinge = rj.spatial.Revolute(
+        first.at(start, axis=(0, 1, 0)), rj.ground.at((0, 0, 0), axis=(0, 1, 0)), name="hinge"
+    )
+    screw = rj.spatial.Screw(
+        second.at(start, axis=(1, 0, 0)), first.at(end, axis=(1, 0, 0)), pitch=0.3, name="screw"
+    )
+    back = first.at(start, axis=(0, -1, 0)), rj.ground.at((0, 0, 0), axis=(0, -1, 0))
+    effects = [rj.Gravity((0, 0, -9.81)), rj.TorsionSpring(*back, 2.0, 0.1)]
+    rom = in_joint_coordinates(rj.assemble(rj.Scene([first, second], [hinge, screw], effects)))
+    assert (rom.n, rom.m) == (2, 0)
+    assert rom.structure.labels == ("hinge.angle", "screw.angle")
+    z, w = state_of(rom, 0)
+    agree(rom, z + jnp.array([20.0, -30.0]), w)
+
+
+@pytest.mark.slow
+def test_a_loop_is_cut_and_closed():
+    full = zoo.system(zoo.loop_in_space)
+    rom = rj.reduce(full, formulation="joint")
+    assert (rom.n, rom.m) == (4, 3)
+    assert "cut: 'pin'" in rom.summary
+    ts = np.linspace(0.0, 0.5, 51)
+    own, other = zoo.run(rom, ts, rtol=1e-9), zoo.run(full, ts, rtol=1e-9)
+    np.testing.assert_allclose(own.q, other.q, atol=1e-7)

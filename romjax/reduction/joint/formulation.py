@@ -133,7 +133,8 @@ def _structure(full: AssembledSystem, tree: Tree, spanning: Spanning) -> Structu
 
 def _label(full: AssembledSystem, group: int, row: int) -> str:
     """The label of a joint, from the constraints that it has."""
-    return full.structure.constraints[full.joints[group].rows.rows[row][0]].removeprefix("joint ")
+    words = full.structure.constraints[full.joints[group].rows.rows[row][0]]
+    return words.removeprefix("joint ").strip("'")
 
 
 def _cut_rows(full: AssembledSystem, spanning: Spanning) -> Iterator[int]:
@@ -151,5 +152,5 @@ def _summary(full: AssembledSystem, tree: Tree, spanning: Spanning) -> str:
         words.append(f"{free} free")
     if spanning.cut:
         names = dict.fromkeys(_label(full, g, row) for g, row in spanning.cut)
-        words.append(f"cut: {', '.join(names)}")
+        words.append(f"cut: {', '.join(map(repr, names))}")
     return ", ".join(words)
