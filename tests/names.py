@@ -38,6 +38,7 @@ ROOTS = {"rj": rj, "romjax": rj, "diffrax": diffrax, "jax": jax, "jnp": jnp, "op
 ROOTS |= {"xarray": xarray}
 # What documents call an instance of a class.
 INSTANCES = {
+    "arm": rj.Scene,
     "basis": rj.Basis,
     "body": rj.AbstractBody,
     "crank": rj.AbstractBody,
