@@ -85,7 +85,8 @@ def test_defaults_are_those_of_simulate():
         {"rtol": 1e-9},
         {"rtol": 1e-7, "atol": 1e-7},
         {"dt": 1e-3},
-        {"q0": np.array([0.1, 0.1, 0.0, 0.1, -0.3, 0.0, 0.0, 0.0])},
+        # Fast modes that ring: at looser tolerances the two step sizes part by rounding.
+        {"q0": np.array([0.1, 0.1, 0.0, 0.1, -0.3, 0.0, 0.0, 0.0]), "rtol": 1e-8},
         {"solver": DOPRI8, "max_steps": 20, "throw": False},
         {"stabilization": None},
     ],
