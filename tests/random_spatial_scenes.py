@@ -12,6 +12,8 @@ import romjax as rj
 
 r = rj.spatial
 MOST_BODIES = 3
+# Structures of the parts of machines; those that follow are of the parts that robots bring.
+MACHINES = 10
 
 
 def random_spatial_scene(seed: int, structure: int) -> rj.Scene:
@@ -22,11 +24,13 @@ def random_spatial_scene(seed: int, structure: int) -> rj.Scene:
     lot = Lot(np.random.default_rng([2, structure]), np.random.default_rng([3, seed]))
     count = int(lot.kinds.integers(2, MOST_BODIES + 1))
     bodies = [random_body(lot, f"body{k}", beam=(structure + k) % 3 == 0) for k in range(count)]
+    robot, turn = structure >= MACHINES, structure % MACHINES
+    kinds, loads = (ROBOT_JOINTS, ROBOT_EFFECTS) if robot else (JOINTS, EFFECTS)
     joints = [
-        JOINTS[(structure * 2 + k) % len(JOINTS)](lot, bodies[k], bodies[k - 1] if k else rj.ground)
+        kinds[(turn * 2 + k) % len(kinds)](lot, bodies[k], bodies[k - 1] if k else rj.ground)
         for k in range(2)
     ]
-    effects = [EFFECTS[(structure * 3 + k) % len(EFFECTS)](lot, bodies) for k in range(3)]
+    effects = [loads[(turn * 3 + k) % len(loads)](lot, bodies) for k in range(3)]
     return rj.Scene(bodies, joints, effects)
 
 
@@ -81,6 +85,10 @@ def smooth(lot: Lot) -> rj.AbstractSignal:
 
 def curve(lot: Lot) -> Any:
     return lot.one_of([r.Helix(0.5, 0.3), r.SpacePolynomial(lot.around(0.5, (3, 2)))])
+
+
+def motion(lot: Lot) -> str:
+    return lot.one_of(["angle", "travel", "distance", "1 of 2"])
 
 
 def surface(lot: Lot) -> r.AbstractSurface:
@@ -143,5 +151,32 @@ EFFECTS = (
         lot.between(50, 500),
         dissipation=lot.maybe(0, 1),
         friction=rj.Friction(lot.between(0.1, 0.4), lot.between(0.05, 0.2)),
+    ),
+)
+
+ROBOT_JOINTS = (
+    plain(r.Untwisted),
+    # As gears, couplings at an odd number are between two bodies.
+    lambda lot, a, b: rj.Coupling(
+        *ends(lot, a, b, rj.ground, rj.ground), lot.around(1.0, 2), motion_b="travel"
+    ),
+    plain(r.ParallelAxes),
+    plain(r.RightAngle),
+)
+
+ROBOT_EFFECTS = (
+    lambda lot, b: rj.JointSpring(*ends(lot, b[0], b[1]), lot.between(0, 9), motion=motion(lot)),
+    lambda lot, b: rj.JointDamper(
+        *ends(lot, b[1], rj.ground), lot.between(0, 1), motion="any turn"
+    ),
+    lambda lot, b: rj.JointStop(
+        *ends(lot, b[0], b[1]), -0.1, 0.1, 5.0, lot.between(0, 0.5), motion=motion(lot)
+    ),
+    lambda lot, b: rj.Actuator(
+        *ends(lot, b[0], rj.ground), random_signal(lot, 1), derivative=1.0, motion=motion(lot)
+    ),
+    # Angles about axes that are nearly at right angles change too fast for a rotor.
+    lambda lot, b: r.JointInertia(
+        *ends(lot, b[0], rj.ground), lot.between(0.1, 1), motion="travel"
     ),
 )

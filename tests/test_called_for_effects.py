@@ -43,6 +43,10 @@ def effect(kind, **options):
         },
         rj.Contact: {"a": a, "b": b, "curve": rj.Line(), "stiffness": 1.0},
         rj.Drag: {"at": a, "coefficient": 0.5, "area": 0.1},
+        rj.JointSpring: {"a": a, "b": b, "stiffness": 1.0},
+        rj.JointDamper: {"a": a, "b": b, "damping": 1.0},
+        rj.JointStop: {"a": a, "b": b, "upper": 1.0},
+        rj.Actuator: {"a": a, "b": b, "signal": rj.Constant(1.0)},
     }
     return kind(**next(given for base, given in needed.items() if issubclass(kind, base)) | options)
 
@@ -59,8 +63,12 @@ EFFECTS = (
     rj.Motor,
     rj.Contact,
     rj.Drag,
+    rj.JointSpring,
+    rj.JointDamper,
+    rj.JointStop,
+    rj.Actuator,
 )
-DISSIPATIVE = (rj.Damper, rj.TorsionDamper, rj.Motor, rj.Drag)
+DISSIPATIVE = (rj.Damper, rj.TorsionDamper, rj.Motor, rj.Drag, rj.JointDamper, rj.Actuator)
 WITH_ROOTS = (rj.Force, rj.Contact, rj.Drag)
 every_effect = pytest.mark.parametrize("kind", EFFECTS, ids=lambda kind: kind.__name__)
 

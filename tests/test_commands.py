@@ -18,6 +18,7 @@ CI = "by .ci/run"
 SET_UP = "as the first line of the tests, with less installed"
 FILES = "by test_files.py"
 TEST_CLI = "by test_run_cart_pendulum and test_tune in test_cli.py"
+ROBOTS = "by test_robots.py"
 RELEASE = "by test_release.py"
 BY_HAND = "before a release"
 PART = "a part of the line of the tests"
@@ -30,6 +31,7 @@ COMMANDS = {
     "romjax new crank.toml": FILES,
     "romjax check FILE": FILES,
     "romjax check crank.toml": FILES,
+    "romjax check arm.urdf": ROBOTS,
     "romjax run crank.toml": FILES,
     "romjax schema": FILES,
     "romjax tune NAME": TEST_CLI,
@@ -52,7 +54,7 @@ COMMANDS = {
     "python -m sphinx -W docs build/site": CI,
     "pre-commit install": RELEASE,
 }
-ELSEWHERE = (BY_HAND, CI, FILES, PART, RELEASE, SET_UP, TEST_CLI)
+ELSEWHERE = (BY_HAND, CI, FILES, PART, RELEASE, ROBOTS, SET_UP, TEST_CLI)
 EXECUTED = sorted({line for line in COMMANDS.values() if line not in ELSEWHERE})
 
 # "A mechanism of your own is a `Scene` of bodies, joints and effects connected by markers."

@@ -195,6 +195,10 @@ def test_parts_ask_for_positions_where_they_say_so():
         (rj.Drag(flat[1], 0.5, 0.1), 2),
         (rj.Contact(*flat, rj.Circle(1.0), 1e3, friction=rj.Friction(0.3)), 2),
         (spatial.Contact(*deep, ball, 1e3, friction=rj.Friction(0.3)), 3),
+        (rj.JointSpring(*flat, 1.0, 0.1, motion="distance"), 2),
+        (rj.JointDamper(*deep, 1.0, motion="distance"), 3),
+        (rj.JointStop(*flat, upper=0.01, motion="travel"), 2),
+        (rj.Actuator(*deep, rj.Constant(1.0), proportional=2.0, motion="travel"), 3),
     ]
     rng = np.random.default_rng(3)
     states = [

@@ -1,4 +1,4 @@
-"""Identities on two hundred scenes in space by lot: ten structures, with twenty sets of numbers."""
+"""Identities on 240 scenes in space by lot: twelve structures, with twenty sets of numbers."""
 
 import dataclasses
 
@@ -15,7 +15,7 @@ from romjax.linalg import quaternions
 from romjax.system import dynamics
 
 r = rj.spatial
-STRUCTURES, SETS = 10, 20
+STRUCTURES, SETS = 12, 20
 FAST, SLOW = (0,), (3, 8)
 TIME = 0.13  # [s] amid all signals
 # Required: relative to the size of the terms, and of accelerations to what forces would do to free

@@ -214,7 +214,7 @@ def test_a_solid_from_files(tmp_path):
         ({"ports": {"tip": 999}}, "'tip'.*999"),
         ({"ports": {}}, "it has no ports"),
         ({"dofs": np.zeros((5, 2))}, r"Give dofs, \(nodes, 3\) or \(nodes, 6\)"),
-        ({"interface": "loose"}, "'loose'.*'fixed' or 'free'"),
+        ({"interface": "loose"}, "'loose'.*fixed, free"),
     ],
     ids=lambda value: "-".join(value) if isinstance(value, dict) else "",
 )

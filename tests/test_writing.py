@@ -260,8 +260,12 @@ def test_everything_is_written_in_one_way():
         path.relative_to(PACKAGE).as_posix(): list(writes(ast.parse(path.read_text())))
         for path in sorted(PACKAGE.rglob("*.py"))
     }
-    # A temporary file, which nobody else sees.
-    allowed = {"files/results/scenes.py": ["file.write_text(str(text), encoding='utf-8')"]}
+    # Temporary files, which nobody else sees, and a claim, which one process alone may make.
+    allowed = {
+        "export/library.py": ["file.write_text(source)"],
+        "files/results/scenes.py": ["file.write_text(str(text), encoding='utf-8')"],
+        "study/claims.py": ["file.open('x')"],
+    }
     assert {name: calls for name, calls in found.items() if calls} == allowed
 
 
