@@ -10,7 +10,7 @@ from .arithmetic import Arithmetic
 from .refuse import refuse
 from .terms import Term, is_known
 
-Cells = np.ndarray[Any, Any]  # of numbers of Python, and of terms
+Cells = np.ndarray  # of numbers of Python, and of terms
 Operands = list[Cells]
 
 
