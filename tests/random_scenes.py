@@ -11,6 +11,7 @@ import romjax as rj
 
 MOST_BODIES = 6
 SPOILT = 0.2  # the share of scenes with joints that do not fit each other
+OF_ROBOTS = 12  # the structure with the effects that robots bring
 
 
 @dataclasses.dataclass
@@ -57,6 +58,8 @@ def random_scene(seed: int, structure: int | None = None) -> rj.Scene:
     joints += [closing_joint(lot, bodies) for _ in range(lot.kinds.integers(3))]
     if lot.chance(SPOILT):
         joints += lot.one_of(SPOILERS)(lot, bodies)
+    if structure == OF_ROBOTS:
+        return rj.Scene(bodies, joints, [make(lot, bodies) for make in ROBOT_EFFECTS])
     effects = [lot.one_of(EFFECTS)(lot, bodies) for _ in range(lot.kinds.integers(1, 7))]
     return rj.Scene(bodies, joints, effects)
 
@@ -305,4 +308,17 @@ EFFECTS = (
         *ends(lot, bodies), random_signal(lot, 1.0), lot.between(0.0, 10.0), lot.between(0.0, 1.0)
     ),
     random_contact,
+)
+
+ROBOT_EFFECTS = (
+    lambda lot, bodies: rj.JointSpring(*ends(lot, bodies), lot.between(0, 10), lot.around(1.0)),
+    lambda lot, bodies: rj.JointDamper(
+        *ends(lot, bodies), lot.between(0, 1), rj.Friction(0.3, 0.1), motion="travel"
+    ),
+    lambda lot, bodies: rj.JointStop(
+        *ends(lot, bodies), -0.1, 0.1, lot.between(1, 9), lot.between(0, 1), motion="travel"
+    ),
+    lambda lot, bodies: rj.Actuator(
+        *ends(lot, bodies), random_signal(lot, 1.0), gear=2.0, derivative=0.5, motion="distance"
+    ),
 )
