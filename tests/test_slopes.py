@@ -27,8 +27,9 @@ pytestmark = pytest.mark.usefixtures("without_optimisation")
 
 TIME, STEP = 0.13, 0.01  # [s] amid all signals
 # Required where rows repeat others: a derivative that asks for something along a null direction
-# raises multipliers by the inverse of the proximal term, 1e10, and their rounding stays.
-REPEATED = 1e-8
+# raises multipliers by the inverse of the proximal term, 1e10, and their rounding stays: by parts,
+# and as a whole, where it passes through one inverse more.
+REPEATED = 1e-9, 1e-7
 RANK = 1e-9  # share of the largest singular value below which rows repeat others
 STABILIZATION = rj.Baumgarte(3.0, 2.0)
 
@@ -134,8 +135,8 @@ def test_derivatives_by_parts_are_those_of_the_whole(name):
     slopes = [(wanted[0][by], wanted[1][by]) for by in range(2)]
     by_hand = stage_by_hand(mass, rows, slopes, lot[2:])
     size = np.max(np.abs(by_hand))
-    tol = REPEATED if name == REPEATING else 10 * IDENTITY
-    for stage in stages:
+    allowed = REPEATED if name == REPEATING else (10 * IDENTITY, 10 * IDENTITY)
+    for stage, tol in zip(stages, allowed, strict=True):
         assert_close(stage, by_hand, tol, scale=size)
 
 
