@@ -9,12 +9,13 @@ from jaxtyping import Array, Float
 from ...common.arrays import Time
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
-from ..motion import check_motion, counts, is_limited, limit_of, moved, points_of
+from ..motion import check_motion, moved
 from ..signal import AbstractSignal, signal_field
-from .base import AbstractMarkerEffect, check_markers, displacement
+from .along_motion import AbstractMotionEffect
+from .base import check_markers, displacement
 
 
-class Actuator(AbstractMarkerEffect):
+class Actuator(AbstractMotionEffect):
     """A motor behind a gear: with the motion s of the joint and the gear ratio n, its own force is
 
         f = gain u(t) + offset − P n s − D n s',
@@ -48,23 +49,6 @@ class Actuator(AbstractMarkerEffect):
     motion: str = eqx.field(static=True, default="angle")
     name: str = eqx.field(static=True, default="")
     needs_twists: ClassVar[bool] = True
-    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
-
-    @property
-    def counted(self) -> tuple[tuple[int, int], ...]:  # type: ignore[override]
-        return counts(self.motion)
-
-    @property
-    def at_points(self) -> tuple[int, ...]:  # type: ignore[override]
-        return points_of(self.motion)
-
-    @property
-    def limited(self) -> bool:  # type: ignore[override]
-        return is_limited(self.motion)
-
-    def limit(self, *poses: Pose) -> Float[Array, ""]:
-        """Return where three angles are told apart no more: a number that changes its sign."""
-        return limit_of(self.motion, *poses)
 
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]

@@ -9,15 +9,16 @@ from jaxtyping import Array, Float
 from ...common.arrays import Time
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
-from ..motion import check_motion, counts, is_limited, limit_of, moved, points_of
-from .base import AbstractMarkerEffect, check_markers, displacement
+from ..motion import check_motion, counts, moved
+from .along_motion import AbstractMotionEffect
+from .base import check_markers, displacement
 from .contact import Friction
 
 # Of ball joints, in which no direction is the joint's own.
 ANY = "any turn"
 
 
-class JointDamper(AbstractMarkerEffect):
+class JointDamper(AbstractMotionEffect):
     """Damping d s' against a motion s of two markers, and friction, whose force is that of a
     `Friction` with the normal force 1.
 
@@ -41,24 +42,11 @@ class JointDamper(AbstractMarkerEffect):
     needs_twists: ClassVar[bool] = True
     dissipates: ClassVar[bool] = True
     supplies: ClassVar[bool] = False
-    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 
     @property
     def counted(self) -> tuple[tuple[int, int], ...]:  # type: ignore[override]
         # A speed does not know of full turns.
         return ()
-
-    @property
-    def at_points(self) -> tuple[int, ...]:  # type: ignore[override]
-        return points_of(self.motion)
-
-    @property
-    def limited(self) -> bool:  # type: ignore[override]
-        return is_limited(self.motion)
-
-    def limit(self, *poses: Pose) -> Float[Array, ""]:
-        """Return where three angles are told apart no more: a number that changes its sign."""
-        return limit_of(self.motion, *poses)
 
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]

@@ -1,18 +1,17 @@
 """A spring in a joint."""
 
-from typing import ClassVar
-
 import equinox as eqx
 from jaxtyping import Array, Float
 
 from ...common.arrays import Time
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose
-from ..motion import check_motion, counts, is_limited, limit_of, moved, points_of
+from ..motion import check_motion, moved
+from .along_motion import AbstractMotionEffect
 from .base import AbstractPotential, check_markers
 
 
-class JointSpring(AbstractPotential):
+class JointSpring(AbstractMotionEffect, AbstractPotential):
     """A spring against a motion s of two markers, with the energy ½ k (s − rest)².
 
     **Arguments:**
@@ -31,23 +30,6 @@ class JointSpring(AbstractPotential):
     stiffness: Converted[Float[Array, ""]] = number()
     rest: Converted[Float[Array, ""]] = number(default=0.0)
     motion: str = eqx.field(static=True, default="angle")
-    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
-
-    @property
-    def counted(self) -> tuple[tuple[int, int], ...]:  # type: ignore[override]
-        return counts(self.motion)
-
-    @property
-    def at_points(self) -> tuple[int, ...]:  # type: ignore[override]
-        return points_of(self.motion)
-
-    @property
-    def limited(self) -> bool:  # type: ignore[override]
-        return is_limited(self.motion)
-
-    def limit(self, *poses: Pose) -> Float[Array, ""]:
-        """Return where three angles are told apart no more: a number that changes its sign."""
-        return limit_of(self.motion, *poses)
 
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         del t

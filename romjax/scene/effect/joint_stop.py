@@ -11,11 +11,12 @@ from ...common.arrays import Time, concrete
 from ...common.errors import SceneError
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
-from ..motion import check_motion, counts, is_limited, limit_of, moved, points_of
-from .base import AbstractMarkerEffect, check_markers, displacement
+from ..motion import check_motion, moved
+from .along_motion import AbstractMotionEffect
+from .base import check_markers, displacement
 
 
-class JointStop(AbstractMarkerEffect):
+class JointStop(AbstractMotionEffect):
     """Stops that keep a motion s of two markers between two values, by a force that grows with
     what s is beyond them.
 
@@ -43,15 +44,6 @@ class JointStop(AbstractMarkerEffect):
     stores: ClassVar[bool] = True
     supplies: ClassVar[bool] = False
     begins: ClassVar[bool] = True
-    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
-
-    @property
-    def counted(self) -> tuple[tuple[int, int], ...]:  # type: ignore[override]
-        return counts(self.motion)
-
-    @property
-    def at_points(self) -> tuple[int, ...]:  # type: ignore[override]
-        return points_of(self.motion)
 
     @property
     def needs_twists(self) -> bool:  # type: ignore[override]
@@ -64,14 +56,6 @@ class JointStop(AbstractMarkerEffect):
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         del t
         return 0.5 * self.stiffness * self._beyond(moved(self.motion, *poses)) ** 2
-
-    @property
-    def limited(self) -> bool:  # type: ignore[override]
-        return is_limited(self.motion)
-
-    def limit(self, *poses: Pose) -> Float[Array, ""]:
-        """Return where three angles are told apart no more: a number that changes its sign."""
-        return limit_of(self.motion, *poses)
 
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]

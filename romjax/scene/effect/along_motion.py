@@ -1,0 +1,38 @@
+"""What the effects in joints share: a motion of one marker against another that they act along."""
+
+from typing import TYPE_CHECKING, ClassVar
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ..marker import Pose
+from ..motion import counts, is_limited, limit_of, points_of
+from .base import AbstractMarkerEffect
+
+
+class AbstractMotionEffect(AbstractMarkerEffect):
+    """An effect along a `motion` of its first marker against its second, as in `JointSpring`."""
+
+    if TYPE_CHECKING:
+        # To checkers a field of this class would come before those of the kinds.
+        @property
+        def motion(self) -> str: ...
+    else:
+        motion: eqx.AbstractVar[str]
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
+
+    @property
+    def counted(self) -> tuple[tuple[int, int], ...]:  # type: ignore[override]
+        return counts(self.motion)
+
+    @property
+    def at_points(self) -> tuple[int, ...]:  # type: ignore[override]
+        return points_of(self.motion)
+
+    @property
+    def limited(self) -> bool:  # type: ignore[override]
+        return is_limited(self.motion)
+
+    def limit(self, *poses: Pose) -> Float[Array, ""]:
+        """Return where three angles are told apart no more: a number that changes its sign."""
+        return limit_of(self.motion, *poses)
