@@ -22,10 +22,11 @@ from .turns import Turns, by_turn, by_turns
 class Motion(Protocol):
     """The protocol of motions that a basis is made from; a Trajectory is one.
 
-    Three members are optional. `noise()`: the size of integration errors in the snapshots of
+    Four members are optional. `noise()`: the size of integration errors in the snapshots of
     positions and of velocities, in the energy norm. `descriptions`: what the coordinates are called
     in sentences, as many as there are `labels`. `quaternions`: at which coordinates those of bodies
-    in space begin.
+    in space begin. `states`: a motion at the ends of its steps, which replaces the outputs where it
+    is not None.
     """
 
     t: Float[Array, " h"]
@@ -118,11 +119,12 @@ class SnapshotSet(eqx.Module):
             )
         dtype = jnp.result_type(*(jnp.asarray(run.q) for run in runs), float)
         noises = [_noise(run, dtype) for run in runs]
+        sampled = [getattr(run, "states", None) or run for run in runs]
         snapshots = cls(
-            jnp.concatenate([jnp.asarray(run.t, dtype) for run in runs]),
-            jnp.concatenate([jnp.asarray(run.q, dtype) for run in runs]),
-            jnp.concatenate([jnp.asarray(run.v, dtype) for run in runs]),
-            jnp.concatenate([time_weights(jnp.asarray(run.t, dtype)) for run in runs]),
+            jnp.concatenate([jnp.asarray(run.t, dtype) for run in sampled]),
+            jnp.concatenate([jnp.asarray(run.q, dtype) for run in sampled]),
+            jnp.concatenate([jnp.asarray(run.v, dtype) for run in sampled]),
+            jnp.concatenate([time_weights(jnp.asarray(run.t, dtype)) for run in sampled]),
             jnp.asarray(runs[0].metric, dtype),
             noises[0] if len(noises) == 1 else jax.tree.map(_largest, *noises),
             tuple(runs[0].labels),

@@ -217,6 +217,7 @@ class CompiledModel:
             imbalance=None,
             events=None,
             dense=None,
+            states=None,
             followed=(),
             coordinates=self.system.full.structure.coordinates,
             solver_parts=Partitioned.of(choice.solver),

@@ -23,6 +23,7 @@ from ..march.pieces import PieceFollower
 from ..march.progress_bar import ProgressBar
 from ..march.record import RecordFollower
 from ..march.reverse import differentiable_run
+from ..march.states import StateFollower
 from ..march.step_size import StepSizeControl
 from ..march.steps import Progress, Steps
 from ..march.tolerances import Tolerances
@@ -39,7 +40,7 @@ from .term import ChartedMotionTerm, ChartedState, MotionTerm, State
 from .whole_implicit import WholeImplicit, takes_two_terms
 
 # Keys of the followers that are not differentiated.
-AUDIT, MONITORS, PROGRESS = "audit", "monitors", "progress"
+AUDIT, MONITORS, PROGRESS, STATES = "audit", "monitors", "progress", "states"
 
 
 class Integrated(NamedTuple):
@@ -139,6 +140,8 @@ def _followers(
         step = start.y, start.solver_state, start.watching, start.t, start.next_t
         between = eqx.filter_eval_shape(steps.trial, *step).between
         followers[DENSE] = PieceFollower(settings.dense, between)
+    if settings.states and steps.passage is not None:
+        followers[STATES] = StateFollower(settings.states)
     if settings.monitors:
         followers[MONITORS] = Monitors(system, post_step, settings.monitors)
     if not isinstance(settings.meter, diffrax.NoProgressMeter):

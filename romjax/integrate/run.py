@@ -19,13 +19,14 @@ from ..system.start import Start
 from .adjoint import has_root_finder
 from .dense import DenseOutput
 from .derived import EagerQuantities, LazyQuantities, metric_of, multipliers_at
-from .integration import AUDIT, MONITORS, Integrated, integrate
+from .integration import AUDIT, MONITORS, STATES, Integrated, integrate
 from .judge import drift_of, judge_run
 from .outputs import Output, capacity, cut, padded
 from .partition import Partitioned
 from .resolution import is_resolved
 from .settings import Settings
 from .statistics import Statistics
+from .step_states import StepStates
 from .trajectory import Trajectory
 
 
@@ -70,7 +71,10 @@ def _run(
     settings = settings.limited(not compat.is_outermost())
     if not compat.is_outermost():
         return _differentiable(bare, ts, q0, v0, settings)
-    settings = settings._replace(max_steps=np.asarray(settings.max_steps), forward=False)
+    # Within a transformation bases are of a given rank, and lanes would need much room.
+    states = _STATES if system.full is system else 0
+    steps = np.asarray(settings.max_steps)
+    settings = settings._replace(max_steps=steps, forward=False, states=states)
     if has_root_finder(settings.solver):
         # Its root finder contains functions, which are no part of a stored program.
         result, derived = _differentiable(bare, ts, q0, v0, settings)
@@ -158,8 +162,10 @@ def _integrated(
     return _Result(run, start, status, flags, atol, stabilization or settings.projection)
 
 
+# How many states at the ends of steps are saved at most: an odd number, as thinning needs.
+_STATES = 1025
 # Followers whose findings are results of a run as they are.
-_RESULTS = AUDIT, DENSE, MONITORS
+_RESULTS = AUDIT, DENSE, MONITORS, STATES
 # Arrays of NumPy will do for it too.
 _plain: Any = program(_integrated)
 
@@ -177,6 +183,7 @@ def _trajectory(
 ) -> Trajectory:
     controlled, frequencies = settings.dt is None, settings.frequencies
     run, march, findings = result.run, result.run.march, result.run.findings
+    states = march.seen.get(STATES)
     statistics = compat.make_module(
         Statistics,
         num_steps=march.steps,
@@ -202,6 +209,7 @@ def _trajectory(
         imbalance=run.imbalance,
         events=run.events,
         dense=dense,
+        states=None if states is None else StepStates(states.t, *states.y),
         followed=march.seen.get(MONITORS, ()),
         coordinates=system.full.structure.coordinates,
         solver_parts=Partitioned.of(settings.solver),

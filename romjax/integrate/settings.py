@@ -42,6 +42,7 @@ class Settings(NamedTuple):
     - `events`: that are watched; `max_events`: how many of them there is room for.
     - `dense`: for how many steps dense output has room; 0 without it.
     - `monitors`: of users, that follow the run.
+    - `states`: how many states at the ends of steps are saved of a mechanism with contacts.
     """
 
     solver: diffrax.AbstractSolver[Any]
@@ -60,6 +61,7 @@ class Settings(NamedTuple):
     max_events: int
     dense: int
     monitors: tuple[AbstractMonitor, ...]
+    states: int = 0
 
     def resolve(self, system: AbstractSystem, ts: Float[Array, " k"]) -> "Settings":
         """The same with the stabilization of this system; no projection of no constraints."""

@@ -29,6 +29,7 @@ from .follow.energy_balance import EnergyBalance
 from .partition import Partitioned
 from .statistics import Statistics
 from .status import REMEDIES, Status
+from .step_states import StepStates
 
 
 class Trajectory(eqx.Module):
@@ -51,6 +52,8 @@ class Trajectory(eqx.Module):
       constraints cannot lose rank.
     - `events`: what happened, a `romjax.Events`; None where no events were watched.
     - `dense`: the motion between the outputs, by which `at` goes; None without `dense=True`.
+    - `states`: those at the ends of steps, of a mechanism with contacts, which may be shorter than
+      the time from one output to the next; None where the outputs are enough.
     - `followed`: what each monitor has seen, in the order of `follow`; not saved with the run.
     - `bar`: the error of the reduced run that this one corrects; None but for `romjax.corrected`.
     - `coordinates`: what the columns of q are (`romjax.Coordinate`); `labels` and `descriptions`
@@ -75,6 +78,7 @@ class Trajectory(eqx.Module):
     imbalance: Float[Array, " k"] | None = None
     events: Events | None = None
     dense: DenseOutput | None = None
+    states: StepStates | None = None
     followed: tuple[PyTree, ...] = ()
     bar: ErrorBar | None = None
 

@@ -57,4 +57,5 @@ def extrapolate(
         violation=jnp.max(jnp.abs(residuals), axis=1, initial=0.0),
         derived=derived,
         dense=None,
+        states=None,
     ), difference

@@ -12,7 +12,7 @@ from ...integrate.status import Status
 from ...integrate.trajectory import Trajectory
 from ...scene.coordinate import Coordinate
 from ...system.flags import Flag
-from .variables import ARRAYS, EVENTS, STATISTICS
+from .variables import ARRAYS, EVENTS, STATES, STATISTICS
 
 # Numbers that a run that went well knows at all times.
 _FINITE = ("time", "q", "v", "violation")
@@ -108,6 +108,7 @@ def _dimensions(lanes: tuple[str, ...]) -> dict[str, list[tuple[str, ...]]]:
         **{name: [(*lanes, *dimensions)] for name, (dimensions, _, _) in ARRAYS.items()},
         **{name: [lanes] for name in scalars},
         **{f"coordinate_{field}": [("coordinate",)] for field in Coordinate._fields},
+        **{f"step_{name}": [(*lanes, *dimensions)] for name, (dimensions, _, _) in STATES.items()},
         **{f"event_{name}": [dimensions] for name, (dimensions, _, _) in EVENTS.items()},
         **{name: [lanes, (*lanes, "constraint")] for name in terms},
         "event_lasting": [()],

@@ -16,6 +16,7 @@ from ...integrate.follow.energy_balance import EnergyBalance
 from ...integrate.partition import Partitioned
 from ...integrate.rodas5p import Rodas5P
 from ...integrate.statistics import Statistics
+from ...integrate.step_states import StepStates
 from ...integrate.trajectory import Trajectory
 from ...scene.coordinate import Coordinate
 from ...system.stabilization import Baumgarte, Projection, Stabilization
@@ -67,6 +68,7 @@ def trajectory_of(dataset: Any, solver: diffrax.AbstractSolver[Any]) -> Trajecto
         balance=record(EnergyBalance, "balance"),
         branching=record(Branching, "branching"),
         imbalance=optional("imbalance"),
+        states=_states(dataset),
         events=_events(dataset),
     )
 
@@ -107,6 +109,12 @@ def solver_of(
             "xarray.open_dataset."
         )
     return given
+
+
+def _states(dataset: Any) -> StepStates | None:
+    if "step_t" not in dataset:
+        return None
+    return StepStates(*(jnp.asarray(dataset[f"step_{x}"].values) for x in StepStates._fields))
 
 
 def _events(dataset: Any) -> Events | None:

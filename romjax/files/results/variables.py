@@ -43,6 +43,13 @@ EVENTS = {
 }
 
 
+STATES = {
+    "t": (("step",), "s", "when steps ended"),
+    "q": (("step", "coordinate"), "", "generalized coordinates then"),
+    "v": (("step", "coordinate"), "", "their rates then"),
+}
+
+
 def variables_of(run: Trajectory) -> dict[str, Variable]:
     """All numbers of a run, or of runs of one batch, whose first dimension is `lane`."""
     lanes = ("lane",) * (run.t.ndim - 1)
@@ -74,6 +81,9 @@ def variables_of(run: Trajectory) -> dict[str, Variable]:
         put("baumgarte_beta", rows, used.beta, "1/s^2", "of Baumgarte's stabilisation")
     elif isinstance(used, Projection):
         found["projection_sweeps"] = ((), used.sweeps, {"long_name": "of each projection"})
+    if run.states is not None:
+        for name, (dimensions, unit, words) in STATES.items():
+            put(f"step_{name}", dimensions, getattr(run.states, name), unit, words)
     if run.events is not None:
         _put_events(run, found)
     return found
