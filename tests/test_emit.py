@@ -113,6 +113,10 @@ CASES = {
         jnp.take(x, number(x) + jnp.arange(5), axis=1, mode="fill", fill_value=7.0),
         x[(number(x) + jnp.arange(2)) % 2],
     ],
+    "searches": lambda x, y: [
+        jnp.searchsorted(jnp.cumsum(jnp.abs(x[1])), jnp.stack([y[0, 1], jnp.nan * x[0, 0]])),
+        jnp.searchsorted(np.arange(-0.6, 0.9, 0.3), y[0], side="right"),
+    ],
     "gather in a batch": lambda x, y: jax.vmap(lambda a, i: a[i])(x, jnp.argmax(y, axis=1)),
     "scatter": lambda x, y: [x.at[:, 1].add(y[:, 0]), x.at[1].set(y[0]), x.at[0, 7].add(3.0)],
     "scatter twice": lambda x, y: jnp.zeros(4).at[np.array([0, 2, 0])].add(x[0]),

@@ -2,3 +2,5 @@
 
 from .exported import Exported as Exported
 from .exported import c as c
+from .fmu import ExportedFMU as ExportedFMU
+from .fmu import fmu as fmu

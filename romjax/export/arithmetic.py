@@ -157,12 +157,12 @@ class Arithmetic:
 
         return call
 
-    def _comparison(self, sign: str, known: Callable[[Any, Any], bool]) -> Function:
+    def _comparison(self, pattern: str, known: Callable[[Any, Any], bool]) -> Function:
         def compare(a: Any, b: Any, kind: str = "b") -> Any:
             del kind
             if is_known(a) and is_known(b):
                 return bool(known(a, b))
-            return self.writer.compute("b", f"{{}} {sign} {{}}", a, b)
+            return self.writer.compute("b", pattern, a, b)
 
         return compare
 
@@ -190,13 +190,16 @@ class Arithmetic:
         return self.writer.compute(kind, "fmod({}, {})" if kind == "f" else "{} % {}", a, b)
 
     def _elementwise(self) -> dict[str, Function]:
-        comparisons = {
-            "gt": (">", np.greater),
-            "lt": ("<", np.less),
-            "ge": (">=", np.greater_equal),
-            "le": ("<=", np.less_equal),
-            "eq": ("==", np.equal),
-            "ne": ("!=", np.not_equal),
+        comparisons: dict[str, tuple[str, Callable[[Any, Any], bool]]] = {
+            "gt": ("{} > {}", np.greater),
+            "lt": ("{} < {}", np.less),
+            "ge": ("{} >= {}", np.greater_equal),
+            "le": ("{} <= {}", np.less_equal),
+            "eq": ("{} == {}", np.equal),
+            "ne": ("{} != {}", np.not_equal),
+            # Of searches in tables, where NaN comes last.
+            "lt_to": ("{0} < {1} || ({1} != {1} && {0} == {0})", _before),
+            "le_to": ("{0} <= {1} || {1} != {1}", lambda a, b: not _before(b, a)),
         }
         functions = {
             **{name: (name, getattr(np, name)) for name in ("sin", "cos", "tan", "sqrt", "exp")},
@@ -235,6 +238,11 @@ class Arithmetic:
             **known,
             **{name: self._comparison(*each) for name, each in comparisons.items()},
         }
+
+
+def _before(a: Any, b: Any) -> bool:
+    """Whether a comes before b, where NaN comes last."""
+    return bool(a < b or (np.isnan(b) and not np.isnan(a)))
 
 
 def _is(x: Any, value: float) -> bool:

@@ -89,7 +89,7 @@ class Control:
         if name.startswith("cum"):
             rows = np.moveaxis(x, p["axis"], 0)[:: -1 if p["reverse"] else 1].copy()
             for i in range(1, len(rows)):
-                rows[i] = _over(pair, [rows[i - 1], rows[i]])
+                rows[i, ...] = _over(pair, [rows[i - 1], rows[i]])
             return np.moveaxis(rows[:: -1 if p["reverse"] else 1], 0, p["axis"])
         empty = {"reduce_sum": 0.0, "reduce_prod": 1.0, "reduce_or": False, "reduce_and": True}
         for axis in sorted(p["axes"], reverse=True):

@@ -34,7 +34,12 @@ def compiler() -> tuple[str, ...]:
 
 
 def load(source: str, flags: tuple[str, ...] = FLAGS) -> ctypes.CDLL:
-    """The library of a source, compiled where it is not kept among the programs of the user.
+    """The library of a source; raises InputError as `compiled`."""
+    return _opened(compiled(source, flags))
+
+
+def compiled(source: str, flags: tuple[str, ...] = FLAGS) -> bytes:
+    """The bytes of a library, compiled where it is not kept among the programs of the user.
 
     Raises InputError where there is no compiler, or with the words of one that fails.
     """
@@ -44,7 +49,7 @@ def load(source: str, flags: tuple[str, ...] = FLAGS) -> ctypes.CDLL:
     if content is None:
         content = _compiled(source, (*command, *flags))
         program_cache.store_library(key, content)
-    return _opened(content)
+    return content
 
 
 @functools.cache

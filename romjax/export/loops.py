@@ -67,8 +67,9 @@ def functions_of(system: AbstractSystem, stiff: bool) -> list[Emitted]:
         found.append(of(equations.flags, "flags", {**state, "rtol": ()}, summary))
     schedule = Schedule.of(system)
     if schedule.limits_steps:
-        limit = lambda t: equations.longest(schedule, t)  # noqa: E731
-        found.append(emit(limit, "model_longest", {"t": ()}, {}, "The longest step."))
+        limit = lambda t, s: equations.longest(schedule, t)  # noqa: E731
+        given = {"t": (), "s": (2,)}
+        found.append(emit(limit, "model_longest", given, {}, "The longest step."))
     return found
 
 
@@ -98,11 +99,21 @@ def source_of(system: AbstractSystem, functions: list[Emitted], stiff: bool) -> 
         **({"LIMITED": 1} if Schedule.of(system).limits_steps else {}),
     }
     numbers = [f"#define {name} {value}" for name, value in defined.items()]
-    bodies = ["static " + f.prototype for f in functions]
-    bodies += [f.source.replace(f"void {f.name}(", f"static void {f.name}(", 1) for f in functions]
-    loops = files(__package__).joinpath("loops.c").read_text()
+    texts = [text_of("steps.c"), text_of("loops.c")]
     head = ["#include <math.h>", "#include <stddef.h>", "#include <stdint.h>"]
-    return "\n".join([*head, *numbers, *tables, *coefficients(), *bodies, loops])
+    return "\n".join([*head, *numbers, *tables, *coefficients(), *internal(functions), *texts])
+
+
+def text_of(file: str) -> str:
+    """A text of C that is the same for all models."""
+    return files(__package__).joinpath(file).read_text()
+
+
+def internal(functions: list[Emitted]) -> list[str]:
+    """Functions that no other source sees, and before them what they are."""
+    heads = ["static " + f.prototype for f in functions]
+    bodies = [f.source.replace(f"void {f.name}(", f"static void {f.name}(", 1) for f in functions]
+    return heads + bodies
 
 
 def coefficients() -> list[str]:

@@ -20,6 +20,9 @@ from .state import Solved
 # The solution of the linear equations of a stage, for both of its right-hand sides.
 Stage = Callable[[Float[Array, " n"], Float[Array, " n"]], Float[Array, " n"]]
 
+# A generalized force (n,) as a function of t, q and v.
+Applied = Callable[[Array, Array, Array], Array]
+
 
 class Linearization(NamedTuple):
     """The acceleration and its derivatives at one state."""
@@ -64,6 +67,22 @@ def solve(
 ) -> Solved:
     """The equations of motion at one state, jitted so that all that ask for it share one trace."""
     return system.state(t, q, v).solve(gamma(system, t, q, v, stabilization))
+
+
+def solve_with(
+    system: AbstractSystem,
+    t: Time,
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    stabilization: Baumgarte | None,
+    applied: Applied | None,
+) -> Solved:
+    """As `solve`, with a generalized force that is `applied` beside those of the system."""
+    if applied is None:
+        return solve(system, t, q, v, stabilization)
+    state, right = system.state(t, q, v), gamma(system, t, q, v, stabilization)
+    kkt, force = state.kkt(), state.force() + applied(jnp.asarray(t, q.dtype), q, v)
+    return Solved(*kkt.solve(force, right), kkt)
 
 
 def apply_mass(
@@ -134,15 +153,17 @@ def linearize(
     q: Float[Array, " n"],
     v: Float[Array, " n"],
     stabilization: Baumgarte | None = None,
+    applied: Applied | None = None,
 ) -> Linearization:
-    """Acceleration and its derivatives.
+    """Acceleration and its derivatives, with a force that is `applied` beside the system's own.
 
     With the residual R = (M a + C_qᵀ λ − Q, C_q a − γ) and a, λ held fixed, the derivatives solve
     the extended system with the right-hand sides −∂R: one factorisation, instead of differentiating
     through the solve.
     """
     t = jnp.asarray(t, q.dtype)
-    return _linearized(system, t, q, v, stabilization, solve(system, t, q, v, stabilization))
+    solved = solve_with(system, t, q, v, stabilization, applied)
+    return _linearized(system, t, q, v, stabilization, solved, applied)
 
 
 def linearize_for_steps(
@@ -174,10 +195,11 @@ def _linearized(
     v: Float[Array, " n"],
     stabilization: Baumgarte | None,
     solved: Solved,
+    applied: Applied | None = None,
 ) -> Linearization:
     """All derivatives, by pushing each coordinate and each velocity through the whole residual."""
     n, (a, multipliers, kkt) = system.n, solved
-    residual = _residual(system, a, multipliers, stabilization)
+    residual = _residual(system, a, multipliers, stabilization, applied)
 
     def push(direction: Array) -> tuple[Array, Array]:
         tangent = (direction[2 * n], direction[:n], direction[n : 2 * n])
@@ -195,11 +217,14 @@ def _residual(
     a: Float[Array, " n"],
     multipliers: Float[Array, " m"],
     stabilization: Baumgarte | None,
+    applied: Applied | None = None,
 ) -> Callable[[Array, Array, Array], tuple[Array, Array]]:
     """M a + C_qᵀ λ − Q and C_q a − γ as functions of t, q and v."""
 
     def residual(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         unbalanced = system.state(t, q, v).residual(a)
+        if applied is not None:
+            unbalanced -= applied(t, q, v)
         if system.m == 0:
             return unbalanced, jnp.zeros(0, q.dtype)
         reaction = jax.grad(lambda q: multiply(multipliers, system.constraint(t, q)))(q)
