@@ -137,14 +137,27 @@ class AssembledSystem(AbstractSystem):
         return self.pattern.apply_mass(self.mass_blocks(q), jnp.eye(self.n, dtype=q.dtype))
 
     def force(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " n"]:
-        own = [(group, group.force(self.fields, q, v)) for group in self.bodies]
-        acting = [(group, force) for group, force in own if force is not None]
+        own = [group.force(self.fields, q, v) for group in self.bodies]
+        return self.body_force(own, q) + self.effect_force(t, q, v)
+
+    def body_force(
+        self, own: Sequence[Float[Array, "count size"] | None], q: Float[Array, " n"]
+    ) -> Float[Array, " n"]:
+        """Q of the forces on the bodies of each group."""
+        acting = [(g, x) for g, x in zip(self.bodies, own, strict=True) if x is not None]
+        if not acting:
+            return 0 * q
         columns = [group.coordinates.array for group, _ in acting]
-        total = spread([force for _, force in acting], columns, (self.n,)) if acting else 0 * q
+        return spread([force for _, force in acting], columns, (self.n,))
+
+    def effect_force(
+        self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
+    ) -> Float[Array, " n"]:
+        """Q of all effects on markers."""
         if self.effect_markers is None:
-            return total
+            return 0 * q
         wrenches = effect_wrenches(self.effects, self.effect_markers, t, q, v)
-        return total + self.effect_markers.pull_back(q, wrenches)
+        return self.effect_markers.pull_back(q, wrenches)
 
     def constraint(self, t: Time, q: Float[Array, " n"]) -> Float[Array, " m"]:
         if self.joint_markers is None:

@@ -44,7 +44,7 @@ class BodyGroup(AbstractStack):
         masses = jax.vmap(lambda body, q: body.mass_matrix(q))(
             self.bodies, self.coordinates.take(q)
         )
-        return self._weighted(masses)
+        return self.weighted(masses)
 
     def inverse_mass(self, q: Float[Array, " n"]) -> AbstractBodyInverse | None:
         """Inverses of the mass matrices; None where bodies know none."""
@@ -56,14 +56,21 @@ class BodyGroup(AbstractStack):
         return inverses
 
     def force(
-        self, fields: tuple[AbstractField, ...], q: Float[Array, " n"], v: Float[Array, " n"]
+        self,
+        fields: tuple[AbstractField, ...],
+        q: Float[Array, " n"],
+        v: Float[Array, " n"],
+        quadratic: bool = True,
     ) -> Float[Array, "count size"] | None:
-        """Elastic, damping, field and quadratic-velocity forces; None where there are none."""
-        total = self._total(fields)
-        if total is None:
+        """Elastic, damping, field and `quadratic` velocity forces; None where there are none."""
+        if (total := self._total(fields, quadratic)) is None:
             return None
         own = [self.coordinates.take(x) for x in (q, v)[: 1 + self._moving]]
-        return self._weighted(jax.vmap(total)(self.bodies, *own))
+        return self.weighted(jax.vmap(total)(self.bodies, *own))
+
+    def acts(self, fields: tuple[AbstractField, ...], quadratic: bool) -> bool:
+        """Whether there is a `force` of these."""
+        return self._total(fields, quadratic) is not None
 
     def slopes(
         self,
@@ -86,7 +93,7 @@ class BodyGroup(AbstractStack):
 
         own = [self.coordinates.take(x) for x in (a, q, v)[: 2 + self._moving]]
         by_state = jax.jacfwd(residual, argnums=tuple(range(2, len(own) + 1)))
-        slopes = [self._weighted(x) for x in jax.vmap(by_state)(self.bodies, *own)]
+        slopes = [self.weighted(x) for x in jax.vmap(by_state)(self.bodies, *own)]
         return slopes[0], slopes[1] if self._moving else None
 
     @property
@@ -94,7 +101,9 @@ class BodyGroup(AbstractStack):
         """Whether forces of the bodies depend on velocities."""
         return self.bodies.damped or not self.bodies.constant_mass
 
-    def _total(self, fields: tuple[AbstractField, ...]) -> Callable[..., Array] | None:
+    def _total(
+        self, fields: tuple[AbstractField, ...], quadratic: bool = True
+    ) -> Callable[..., Array] | None:
         """The `force` of one body as a function of it, q and, if it is moving, v."""
         still: list[Callable[..., Float[Array, " size"]]] = [
             lambda body, q, field=field: -jax.grad(field.energy, argnums=1)(body, q)
@@ -105,7 +114,7 @@ class BodyGroup(AbstractStack):
             still.append(lambda body, q: -jax.grad(body.elastic_energy)(q))
         if self.bodies.damped:
             moving.append(lambda body, q, v: body.damping_force(v))
-        if not self.bodies.constant_mass:
+        if quadratic and not self.bodies.constant_mass:
             moving.append(_quadratic_velocity_force)
         if not still and not moving:
             return None
@@ -130,7 +139,7 @@ class BodyGroup(AbstractStack):
             return None
         own = self.coordinates.take(q)
         each: Array = jax.vmap(lambda body, q: body.elastic_energy(q))(self.bodies, own)
-        return self._weighted(each)
+        return self.weighted(each)
 
     def field_energy(
         self, fields: tuple[AbstractField, ...], q: Float[Array, " n"]
@@ -140,7 +149,7 @@ class BodyGroup(AbstractStack):
             return None
         own = self.coordinates.take(q)
         each = [jax.vmap(field.energy)(self.bodies, own) for field in fields]
-        return self._weighted(functools.reduce(operator.add, each))
+        return self.weighted(functools.reduce(operator.add, each))
 
     def damping_power(self, v: Float[Array, " n"]) -> Float[Array, " count"] | None:
         """The power of the own damping of each; None where there is none."""
@@ -148,9 +157,10 @@ class BodyGroup(AbstractStack):
             return None
         own = self.coordinates.take(v)
         damping = jax.vmap(lambda body, v: body.damping_force(v))(self.bodies, own)
-        return self._weighted(jnp.sum(own * damping, axis=1))
+        return self.weighted(jnp.sum(own * damping, axis=1))
 
-    def _weighted(self, x: Float[Array, "count *k"]) -> Float[Array, "count *k"]:
+    def weighted(self, x: Float[Array, "count *k"]) -> Float[Array, "count *k"]:
+        """What is of the Lagrangian of each body, times its weight."""
         if self.weights is None:
             return x
         return x * self.weights.reshape(self.weights.shape + (1,) * (x.ndim - 1))

@@ -1,18 +1,24 @@
 """Inertia and forces of bodies by twists, from those by the coordinates of their frames."""
 
-from typing import NamedTuple
+import functools
+import operator
+from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ...assembly.assembled import AssembledSystem
+from ...assembly.groups import BodyGroup
 from ...linalg import quaternions
 from ...linalg.dense import multiply
 from ...linalg.indexing import take
+from ...scene.body.base import AbstractBody
+from ...scene.effect.base import AbstractField
+from ...scene.effect.gravity import Gravity
 from ...scene.turn_counter import TurnCounter
 from . import twists
-from .kinematics import TreeMotion
 from .tree import Tree
 
 
@@ -65,7 +71,9 @@ def _columns(arm: Float[Array, "bodies d"]) -> Float[Array, "bodies spins d"]:
     """The matrix A with ω·A v = v·(ω × arm), rows by ω."""
     if arm.shape[1] == 2:
         return twists.perpendicular(arm)[:, None]
-    return quaternions.skew(arm)
+    (x, y, z), none = (arm[:, i] for i in range(3)), jnp.zeros_like(arm[:, 0])
+    entries = [none, -z, y, z, none, -x, -y, x, none]
+    return jnp.stack(entries, axis=-1).reshape(-1, 3, 3)
 
 
 def _parallel(first: Array, second: Array) -> Float[Array, "bodies spins spins"]:
@@ -77,21 +85,55 @@ def _parallel(first: Array, second: Array) -> Float[Array, "bodies spins spins"]
     return dot * unit - second[:, :, None] * first[:, None, :]
 
 
-def inertias(system: AssembledSystem, tree: Tree, q: Float[Array, " N"]) -> Inertias:
-    """Those of all bodies about their frames, in the order of the tree."""
-    parts, firsts = [], list[int]()
-    for group in system.bodies:
-        if isinstance(group.bodies, TurnCounter):
-            continue
-        mass, own = group.mass(q), group.coordinates.take(q)
-        size = group.bodies.frame_size
-        each = _in_plane(mass) if size == 3 else _in_space(mass, own[:, 3:7])
+def inertias(system: AssembledSystem, tree: Tree, state: Any) -> Inertias:
+    """Those of all bodies about their frames, in the order of the tree.
+
+    `state`: with the `motion` of the tree, and q, which is asked for where bodies have no
+    invariants.
+    """
+    parts = []
+    for group, order, known in _groups(system, tree):
+        if known:
+            axes = take(state.motion.frames.axes, order)
+            bent = take(tree.amplitudes.take(state.z), order)[:, : group.bodies.modes]
+            each = jax.vmap(_of_invariants)(group.bodies, axes, bent)
+            each = Inertias(*map(group.weighted, each))
+        else:
+            mass, own = group.mass(state.q), group.coordinates.take(state.q)
+            size = group.bodies.frame_size
+            each = _in_plane(mass) if size == 3 else _in_space(mass, own[:, 3:7])
         parts.append(_widened(each, tree.modes))
-        firsts += [row[0] for row in group.coordinates.rows]
-    number = {first: i for i, first in enumerate(firsts)}
-    order = np.array([number[row[0]] for row in tree.columns.rows], np.uint32)
-    joined = [take(jnp.concatenate(x), order) for x in zip(*parts, strict=True)]
-    return Inertias(*joined)
+    return Inertias(*in_tree_order(system, tree, [list(each) for each in parts]))
+
+
+def _groups(system: AssembledSystem, tree: Tree) -> list[tuple[BodyGroup, np.ndarray, bool]]:
+    """The bodies, with their places in the tree, and whether their invariants are known."""
+    number = {row[0]: i for i, row in enumerate(tree.columns.rows)}
+    return [
+        (group, np.array([number[row[0]] for row in group.coordinates.rows], np.uint32), known)
+        for group, known in zip(system.bodies, tree.invariants, strict=True)
+        if not isinstance(group.bodies, TurnCounter)
+    ]
+
+
+def in_tree_order(system: AssembledSystem, tree: Tree, parts: list[list[Array]]) -> list[Array]:
+    """Rows of all groups, in the order of the tree."""
+    order = np.argsort(np.concatenate([own for _, own, _ in _groups(system, tree)]))
+    joined = [jnp.concatenate(x) for x in zip(*parts, strict=True)]
+    return [take(x, order.astype(np.uint32)) for x in joined]
+
+
+def _of_invariants(body: AbstractBody, axes: Float[Array, "3 3"], bent: Array) -> Inertias:
+    inertia: Any = body.invariants()
+    k, dtype = len(bent), axes.dtype
+    modal = jnp.eye(k, dtype=dtype) if inertia.modal is None else inertia.modal
+    turning = multiply(multiply(axes, inertia.turning(bent)), axes.T)
+    arm, sliding = jnp.zeros(3, dtype), jnp.zeros((k, 3), dtype)
+    if not inertia.centred:
+        arm = multiply(axes, inertia.arm(bent))
+        sliding = multiply(axes, inertia.sliding(bent)).T
+    spinning = multiply(axes, inertia.spinning(bent)).T
+    return Inertias(inertia.mass, arm, turning, sliding, spinning, modal)
 
 
 def _in_plane(mass: Float[Array, "count size *size"]) -> Inertias:
@@ -132,32 +174,89 @@ def _widened(each: Inertias, modes: int) -> Inertias:
 
 
 def biases(
-    tree: Tree,
-    motion: TreeMotion,
-    own: Inertias,
-    p: Float[Array, "bodies *turn"],
-    force: Float[Array, " N"],
+    system: AssembledSystem, tree: Tree, state: Any, own: Inertias
 ) -> Float[Array, "bodies size"]:
     """B of M ẏ + b = 0 of free bodies, about the points of the motion.
 
-    **Arguments:** the `tree` and its `motion`; `own`: about the frames; `p`: their turns in q;
-    `force`: Q of all bodies.
+    **Arguments:** the `system` of bodies and its `tree`; `state`: with t, z, the `motion`, the
+    `bending` of the bodies, and q and v, which are asked for where forces depend on them; `own`:
+    the inertias about the frames.
 
-    A frame has the acceleration v̇ + ω̇ × a + ω × ẋ. What its quaternion has at ω̇ = 0 is along
-    itself, where nothing is coupled with it.
+    A frame has the acceleration v̇ + ω̇ × a + ω × ẋ. Gravity acts as if all frames were accelerated
+    against it.
     """
+    motion, dtype = state.motion, own.mass.dtype
     omega, velocity = twists.split(motion.twists)
-    velocity = velocity + twists.about(omega, motion.arms)
-    acting = tree.columns.take(force)
-    d, arms = motion.arms.shape[1], motion.arms
-    torque = acting[:, 2:3] if d == 2 else quaternions.torque(p, acting[:, 3:7])
-    lifted = twists.about(omega, velocity)
-    wrench = twists.joined(
-        twists.moment(own.arm, lifted) - torque,
-        own.mass[:, None] * lifted - acting[:, :d],
-    )
-    wrench = twists.wrench_from_origin(wrench, arms)
-    if not tree.modes:
-        return wrench
-    modal = jnp.sum(own.sliding * lifted[:, None], axis=2) - acting[:, tree.size :]
-    return jnp.concatenate([wrench, modal], axis=1)
+    lifted = twists.about(omega, velocity + twists.about(omega, motion.arms))
+    gravity, fields = _gravity(system)
+    if gravity is not None:
+        lifted = lifted - jnp.asarray(gravity, dtype)[None]
+    wrench = twists.joined(twists.moment(own.arm, lifted), own.mass[:, None] * lifted)
+    modal = jnp.sum(own.sliding * lifted[:, None], axis=2)
+    found = _quadratic(system, tree, state)
+    if found is not None:
+        wrench, modal = wrench + found[0], modal + found[1]
+    force = _other_forces(system, tree, fields, state)
+    if force is not None:
+        acting = tree.columns.take(force)
+        d = motion.arms.shape[1]
+        turns = tree.columns.take(state.q)[:, 3:7] if d == 3 else None
+        torque = acting[:, 2:3] if turns is None else quaternions.torque(turns, acting[:, 3:7])
+        wrench = wrench - twists.joined(torque, acting[:, :d])
+        modal = modal - acting[:, tree.size :]
+    wrench = twists.wrench_from_origin(wrench, motion.arms)
+    return jnp.concatenate([wrench, modal], axis=1) if tree.modes else wrench
+
+
+def _gravity(system: AssembledSystem) -> tuple[Any, tuple[AbstractField, ...]]:
+    """The acceleration of gravity, None without, and the other fields."""
+    falling = [field for field in system.fields if type(field) is Gravity]
+    others = tuple(field for field in system.fields if type(field) is not Gravity)
+    if not falling:
+        return None, others
+    return functools.reduce(operator.add, [field.acceleration for field in falling]), others
+
+
+def _quadratic(system: AssembledSystem, tree: Tree, state: Any) -> tuple[Array, Array] | None:
+    """Wrenches about the frames and modal forces of bodies whose invariants give them; None of
+    other ones.
+    """
+    if not any(tree.invariants):
+        return None
+    parts, bent = [], tree.amplitudes.take(state.z)
+    for group, order, known in _groups(system, tree):
+        modes = group.bodies.modes
+        if not known:
+            parts.append([jnp.zeros((len(order), k), state.z.dtype) for k in (6, tree.modes)])
+            continue
+        axes = take(state.motion.frames.axes, order)
+        omega = take(state.motion.twists[:, :3], order)
+        own = take(bent, order)[:, :modes], take(state.bending, order)[:, :modes]
+        wrench, modal = jax.vmap(_quadratic_of)(group.bodies, axes, omega, *own)
+        modal = twists.widened(group.weighted(modal), tree.modes)
+        parts.append([group.weighted(wrench), modal])
+    wrenches, modal = in_tree_order(system, tree, parts)
+    return wrenches, modal
+
+
+def _quadratic_of(
+    body: AbstractBody, axes: Float[Array, "3 3"], omega: Array, bent: Array, bending: Array
+) -> tuple[Float[Array, "6"], Float[Array, " modes"]]:
+    inertia: Any = body.invariants()
+    moving, turning, modal = inertia.quadratic(multiply(axes.T, omega), bent, bending)
+    if inertia.centred:
+        return jnp.concatenate([multiply(axes, turning), moving]), modal
+    return jnp.concatenate([multiply(axes, turning), multiply(axes, moving)]), modal
+
+
+def _other_forces(
+    system: AssembledSystem, tree: Tree, fields: tuple[AbstractField, ...], state: Any
+) -> Float[Array, " N"] | None:
+    """Q of all that neither gravity nor invariants give; None where there is nothing else."""
+    groups = list(zip(system.bodies, tree.invariants, strict=True))
+    acting = any(group.acts(fields, not known) for group, known in groups)
+    if not acting and system.effect_markers is None:
+        return None
+    t, q, v = state.t, state.q, state.v
+    own = [group.force(fields, q, v, not known) for group, known in groups]
+    return system.body_force(own, q) + system.effect_force(t, q, v)

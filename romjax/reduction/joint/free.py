@@ -2,9 +2,11 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ...scene.coordinate import frame_coordinates
+from ...scene.joint.base import turns_at
 from ...scene.marker import Pose
 
 
@@ -30,6 +32,13 @@ class Free(eqx.Module):
     def place(self, z: Float[Array, " size"]) -> Pose:
         """The pose of the frame."""
         return Pose(z[:2], z[2]) if self.size == 3 else Pose(z[:3], z[3:])
+
+    def screws(self, z: Float[Array, " size"]) -> Float[Array, "rates twist"]:
+        """The twists of the frame for unit rates, about the origin."""
+        if self.size == 3:
+            moving = np.eye(3, dtype=z.dtype)[1:]
+            return jnp.concatenate([moving, jnp.stack([jnp.ones_like(z[0]), z[1], -z[0]])[None]])
+        return jnp.concatenate([np.eye(6, dtype=z.dtype)[3:], turns_at(z[:3])])
 
     def read(self, a: Pose, b: Pose) -> Float[Array, " size"]:
         """Return the coordinates of the frame."""

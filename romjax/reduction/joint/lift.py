@@ -14,6 +14,7 @@ from ...scene.marker import Pose
 from . import twists
 from .closing import SomeJoints
 from .kinematics import TreeMotion, edges, frames
+from .ports import Frames
 from .tree import Links, Tree
 
 
@@ -74,13 +75,13 @@ class TreeLift(eqx.Module):
         place = frames(self.tree, edges(self.tree, z))
         return self.at_frames(z, place)
 
-    def at_frames(self, z: Float[Array, " n"], place: Pose) -> Float[Array, " N"]:
+    def at_frames(self, z: Float[Array, " n"], place: Pose | Frames) -> Float[Array, " N"]:
         """The same, from the frames of the bodies."""
         turn = self.turns(place)
         q = self._spread(place.position, turn, self.tree.amplitudes.take(z))
         return q if self.counters is None else self.counters.added(z, q)
 
-    def turns(self, place: Pose) -> Float[Array, "bodies *turn"]:
+    def turns(self, place: Pose | Frames) -> Float[Array, "bodies *turn"]:
         """The turns of the bodies in q."""
         return place.turn if self.lengths is None else place.turn * self.lengths[:, None]
 

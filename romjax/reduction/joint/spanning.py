@@ -58,13 +58,21 @@ def has_own_coordinates(joint: Any) -> bool:
     """Whether a joint has coordinates of its own, which a subclass with a residual of its own has
     not inherited.
     """
-    if joint.freedoms is None:
-        return False
+    return joint.freedoms is not None and goes_with(joint, "place", "residual")
+
+
+def has_own_screws(joint: Any) -> bool:
+    """Whether a joint knows its twists, which a subclass with another `place` has not inherited."""
+    return goes_with(joint, "screws", "place") and type(joint).screws is not AbstractJoint.screws
+
+
+def goes_with(part: Any, name: str, other: str) -> bool:
+    """Whether the class that says `name` of a part knew the `other` that the part has."""
 
     def owner(name: str) -> type:
-        return next(kind for kind in type(joint).__mro__ if name in vars(kind))
+        return next(kind for kind in type(part).__mro__ if name in vars(kind))
 
-    return issubclass(owner("place"), owner("residual"))
+    return issubclass(owner(name), owner(other))
 
 
 def spanning_tree(system: AssembledSystem) -> Spanning:

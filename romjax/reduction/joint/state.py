@@ -17,8 +17,9 @@ from ...system.reduced import Physical, Reduced
 from ...system.state import AbstractState, Energy, Power, Solved
 from . import rates
 from .bodies import Inertias, biases, inertias
-from .kinematics import TreeMotion, along, of_parents, tree_motion
+from .kinematics import TreeMotion, along, tree_motion
 from .recursion import accelerations
+from .screws import of_parents
 
 if TYPE_CHECKING:
     from .system import JointSystem
@@ -57,6 +58,11 @@ class JointState(AbstractState):
         return tree_motion(tree, self.z, rates.rates_of(tree, self.z, self.w))
 
     @functools.cached_property
+    def bending(self) -> Float[Array, "bodies modes"]:
+        """The rates of the amplitudes."""
+        return self._bending(rates.rates_of(self.system.tree, self.z, self.w))
+
+    @functools.cached_property
     def q(self) -> Physical:  # type: ignore[override]
         return self.system.lift.at_frames(self.z, self.motion.frames)
 
@@ -83,7 +89,7 @@ class JointState(AbstractState):
     @functools.cached_property
     def _own_inertias(self) -> Inertias:
         """Those about the frames of the bodies."""
-        return inertias(self.system.full, self.system.tree, self.q)
+        return inertias(self.system.full, self.system.tree, self)
 
     @functools.cached_property
     def _inertia(self) -> Float[Array, "bodies size size"]:
@@ -92,9 +98,7 @@ class JointState(AbstractState):
     @functools.cached_property
     def _bias(self) -> Float[Array, "bodies size"]:
         system = self.system
-        turns = system.lift.turns(self.motion.frames)
-        force = system.full.force(self.t, self.q, self.v)
-        return biases(system.tree, self.motion, self._own_inertias, turns, force)
+        return biases(system.full, system.tree, self, self._own_inertias)
 
     def apply_mass(self, x: Float[Array, "r *k"]) -> Float[Array, "r *k"]:
         if x.ndim == 2:
@@ -133,14 +137,15 @@ class JointState(AbstractState):
         return force + self.apply_mass(still) if tree.spun.rows else force
 
     def energy(self) -> Energy:
-        system, z = self.system, self.z
-        momentum = self.apply_mass(self.w)
+        # The slope by virtual work, not through the kinematics again.
+        system, momentum = self.system, self.apply_mass(self.w)
 
-        def both(z: Array) -> tuple[Array, tuple[Array, Array]]:
-            stored = system.full.stored(self.t, system.lift.position(z))
+        def both(q: Array) -> tuple[Array, tuple[Array, Array]]:
+            stored = system.full.stored(self.t, q)
             return stored[0] + stored[1], stored
 
-        (_, (elastic, potential)), slope = jax.value_and_grad(both, has_aux=True)(z)
+        (_, (elastic, potential)), slope = jax.value_and_grad(both, has_aux=True)(self.q)
+        (slope,) = jax.vjp(self._pushed, jnp.zeros_like(self.w))[1](slope)
         return Energy(0.5 * multiply(self.w, momentum), elastic, potential, momentum, slope)
 
     def power(self) -> Power | None:

@@ -4,19 +4,16 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
-from ...assembly import planar, spatial
 from ...assembly.assembled import AssembledSystem
-from ...assembly.bending import Bending
 from ...assembly.kinematics import Markers
-from ...common.arrays import as_jax, concatenate, pick
-from ...common.compat import is_traced
+from ...common.arrays import pick
 from ...linalg.indexing import Index
+from ...scene.body.base import AbstractBody
 from .free import Free
-from .spanning import Branch, Spanning, frames_of
+from .ports import Frames, ports_of, still_frames
+from .spanning import Branch, Spanning, frames_of, goes_with
 
 
 class Links(eqx.Module):
@@ -37,17 +34,20 @@ class Tree(eqx.Module):
     """Bodies in the order of a tree, each after the one that holds it, its parent.
 
     - `links`: the joints. `ports`: the markers of joints, on the parent of each body, then on each
-      body. `columns`: the frame of each body in q, then its amplitudes; n stands for none.
+      body; `still`: their frames, where no body deforms. `columns`: the frame of each body in q,
+      then its amplitudes; n stands for none.
     - `parents`: by their places in the tree; their number stands for the ground.
     - `motions` (bodies, freedoms + modes): of each body, its joint's rates and those of its
       amplitudes, among the rates u of the tree, as many as freedoms; their number stands for none.
-    - `amplitudes` (bodies, modes): among z.
+    - `amplitudes` (bodies, modes): among z. `invariants`: of the groups of bodies, whether those
+      of their inertia give the forces of motion.
     - `plain`: the coordinates that are no quaternions, among z, and `spun` (balls, 4) those that
       are; u has the rates of the former, and the angular velocities `spins` (balls, 3).
     """
 
     links: tuple[Links, ...]
     ports: Markers
+    still: tuple[Frames, Frames] | None
     columns: Index = eqx.field(static=True)
     parents: tuple[int, ...] = eqx.field(static=True)
     motions: Index = eqx.field(static=True)
@@ -59,6 +59,7 @@ class Tree(eqx.Module):
     n: int = eqx.field(static=True)
     rates: int = eqx.field(static=True)
     freedoms: int = eqx.field(static=True)
+    invariants: tuple[bool, ...] = eqx.field(static=True)
     size: int = eqx.field(static=True)  # of a frame in q
 
     @property
@@ -120,9 +121,11 @@ def plant(system: AssembledSystem, spanning: Spanning) -> Tree:
             stacked = system.joints[key[0]].joints
             joints = jax.tree.map(lambda x, rows=rows: pick(x, rows), stacked)
         links.append(Links(joints, tuple(members), key is not None and key[1], coordinates))
+    ports = ports_of(system, branches, owned, frame, most)
     return Tree(
         links=tuple(links),
-        ports=_ports(system, branches, owned, frame, most),
+        ports=ports,
+        still=still_frames(ports, len(branches)) if most == 0 else None,
         columns=Index.of([(*f, *a, *[system.n] * (most - len(a))) for f, a in owned]),
         parents=parents,
         motions=Index.of(table.motions),
@@ -134,6 +137,7 @@ def plant(system: AssembledSystem, spanning: Spanning) -> Tree:
         n=table.n,
         rates=table.rates,
         freedoms=table.freedoms,
+        invariants=tuple(_knows_invariants(group.bodies) for group in system.bodies),
         size=frame,
     )
 
@@ -175,6 +179,22 @@ class _Coordinates:
         return z, u
 
 
+def _knows_invariants(bodies: AbstractBody) -> bool:
+    """Whether bodies in space, stacked, have invariants, which a subclass with a mass of its own
+    has not inherited.
+    """
+    if bodies.dimension == 2 or not goes_with(bodies, "invariants", "mass_matrix"):
+        return False
+    known = list[bool]()
+
+    def look(body: AbstractBody) -> int:
+        known.append(body.invariants() is not None)
+        return 0
+
+    jax.eval_shape(jax.vmap(look), bodies)
+    return known[0]
+
+
 def _dimension(system: AssembledSystem) -> int:
     return system.bodies[0].bodies.dimension
 
@@ -210,73 +230,3 @@ def _owned(
         size = group.bodies.frame_size
         found.append((list(row[:size]), list(row[size:])))
     return found
-
-
-def _ports(
-    system: AssembledSystem,
-    branches: tuple[Branch, ...],
-    owned: list[tuple[list[int], list[int]]],
-    frame: int,
-    most: int,
-) -> Markers:
-    """The markers of the joints on the parents, then on the bodies.
-
-    Those of free bodies are their frames, and the origin.
-    """
-    d, count = 2 if frame == 3 else 3, len(branches)
-    every, rows = system.joint_markers, list[int]()
-    fresh = 0 if every is None else len(every.points)  # one more row: a frame of a body
-    for side in range(2):
-        for branch in branches:
-            link = branch.link
-            if link is None:
-                rows.append(fresh)
-                continue
-            first = (link.a == branch.body) == (side == 1)
-            blocks = system.joints[link.group].markers
-            rows.append(blocks.start + link.row + (0 if first else blocks.count))
-    taken, dtype = np.array(rows, int), system.q0.dtype
-    turn = np.zeros((), dtype) if d == 2 else np.array([1, 0, 0, 0], dtype)
-
-    def with_origin(given: Any, other: np.ndarray) -> Array:
-        more: Any = other[None] if given is None else _appended(given, other)
-        return pick(more, taken)
-
-    motions = 3 if d == 2 else 6
-    shapes: Any = with_origin(
-        None if every is None else _padded(every.shapes, most), np.zeros((motions, most), dtype)
-    )
-    second = None
-    if every is not None and every.foreshortening is not None:
-        wide = _padded(every.foreshortening, most, axes=2)
-        second = with_origin(wide, np.zeros((d, most, most), dtype))
-    n = system.n
-    ground = list((planar if d == 2 else spatial).ground(n))
-    places = {branch.body: i for i, branch in enumerate(branches)}
-    owners = [places.get(branch.parent) for branch in branches] + list(range(count))
-    frames = [ground if i is None else owned[i][0] for i in owners]
-    bent = [[] if i is None else owned[i][1] for i in owners]
-    return Markers(
-        with_origin(None if every is None else every.points, np.zeros(d, dtype)),
-        with_origin(None if every is None else every.turns, turn),
-        shapes,
-        second,
-        Index.of(frames),
-        Index.of([(*own, *[n] * (most - len(own))) for own in bent]),
-        () if every is None else _bending(every, taken),
-    )
-
-
-def _bending(every: Markers, taken: np.ndarray) -> tuple[Bending, ...]:
-    return tuple(few for own in every.bending if (few := own.among(taken)) is not None)
-
-
-def _padded(x: Any, modes: int, axes: int = 1) -> Any:
-    """The last `axes` of an array filled up with zeros to so many `modes`."""
-    more = [(0, 0)] * (x.ndim - axes) + [(0, modes - k) for k in x.shape[x.ndim - axes :]]
-    return jnp.pad(x, more) if is_traced(x) else np.pad(np.asarray(x), more)
-
-
-def _appended(given: Any, row: np.ndarray) -> Array:
-    flat = concatenate([given.reshape(-1), row.reshape(-1)])
-    return as_jax(flat).reshape(len(given) + 1, *row.shape)

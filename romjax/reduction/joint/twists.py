@@ -5,18 +5,15 @@ A twist is (ω, velocity of the point that the body has there), a wrench (torque
 chapter 2, with all vectors by one frame). All functions take leading axes, which broadcast.
 """
 
-from typing import TypeVar
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...common.arrays import namespace
 from ...linalg import quaternions
 from ...linalg.dense import multiply
 from ...scene.marker import Pose, Twist
-
-T = TypeVar("T")
 
 Vectors = Float[Array, "*axes d"]
 Turns = Float[Array, "..."]
@@ -51,14 +48,20 @@ def about(turning: Array, arm: Array) -> Array:
     """ω × arm."""
     if arm.shape[-1] == 2:
         return turning * perpendicular(arm)
-    return quaternions.cross(*jnp.broadcast_arrays(turning, arm))
+    return _product(turning, arm)
 
 
 def moment(arm: Array, force: Array) -> Array:
     """Return arm × force."""
     if arm.shape[-1] == 2:
         return jnp.sum(perpendicular(arm) * force, axis=-1, keepdims=True)
-    return quaternions.cross(*jnp.broadcast_arrays(arm, force))
+    return _product(arm, force)
+
+
+def _product(a: Vectors, b: Vectors) -> Vectors:
+    """A × b, number by number, which XLA fuses best."""
+    (x, y, z), (u, v, w) = ([x[..., i] for i in range(3)] for x in (a, b))
+    return jnp.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
 
 def perpendicular(x: Float[Array, "*axes 2"]) -> Float[Array, "*axes 2"]:
@@ -76,27 +79,36 @@ def cross(twist: Vectors, other: Vectors) -> Vectors:
 
 
 def axes(turn: Turns) -> Float[Array, "*axes d d"]:
-    """The rotation matrices of angles in the plane (count,), or of quaternions (count, 4)."""
+    """The rotation matrices of angles in the plane (count,), or of quaternions of unit length
+    (count, 4), entry by entry.
+    """
+    xp = namespace(turn)
     if turn.ndim == 1:
-        c, s = jnp.cos(turn), jnp.sin(turn)
-        return kept(jnp.stack([jnp.stack([c, -s], -1), jnp.stack([s, c], -1)], -2))
-    return kept(quaternions.matrix(turn))
+        c, s = xp.cos(turn), xp.sin(turn)
+        entries = [c, -s, s, c]
+    else:
+        w, x, y, z = (turn[..., i] for i in range(4))
+        entries = [
+            *(w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)),
+            *(2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)),
+            *(2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z),
+        ]
+    d = 2 if turn.ndim == 1 else 3
+    matrices: Array = xp.stack(entries, axis=-1).reshape(*entries[0].shape, d, d)
+    return matrices
 
 
-def composed(first: Array, second: Array) -> Float[Array, "*axes d d"]:
-    """Products of rotation matrices."""
-    return multiply(first, second)
+def unit(turn: Turns) -> Turns:
+    """Quaternions of unit length; angles in the plane as they are."""
+    if turn.ndim == 1:
+        return turn
+    scaled: Array = turn / namespace(turn).sqrt(quaternions.squared(turn))[..., None]
+    return scaled
 
 
 def rotated(axes: Float[Array, "*axes d d"], x: Float[Array, "*axes d"]) -> Array:
     """A vector of 2 or 3 numbers by the axes of a frame, by the inertial axes."""
     return jnp.sum(axes * x[..., None, :], axis=-1)
-
-
-def kept(x: T) -> T:
-    """`x`, behind a barrier: XLA would compute what it fuses again for each entry."""
-    same: T = jax.lax.optimization_barrier(x)
-    return same
 
 
 def from_origin(x: Vectors, arm: Float[Array, "*axes d"]) -> Vectors:
@@ -127,7 +139,9 @@ def local_twist(pose: Pose, rate: Pose) -> Vectors:
 
 
 def inverse(pose: Pose) -> Pose:
-    """The pose of the frame that a pose is relative to, as one sees it from the pose."""
+    """The pose of the frame that a pose is relative to, as one sees it from the pose, whose turn
+    has unit length.
+    """
     plane = pose.dimension == 2
     turn = -pose.turn if plane else quaternions.conjugate(pose.turn)
     return Pose(-rotated(axes(turn), pose.position), turn)

@@ -5,9 +5,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ...common.arrays import Time
+from ...linalg import quaternions
 from ..marker import Marker, Pose, check_distinct, check_markers
 from ..outline import Outline, linked
 
@@ -68,6 +71,16 @@ class AbstractJoint(eqx.Module):
         """The joint's own coordinates from the poses of its markers, the inverse of `place`."""
         raise NotImplementedError
 
+    def screws(self, z: Float[Array, " freedoms"]) -> Float[Array, "rates twist"]:
+        """The twists of `a` against `b` for unit rates of the joint's own coordinates, of a free
+        turn for unit angular velocities: angular velocity [rad/s], then velocity [m/s] of the point
+        of `a` at the origin of `b`, all by the axes of `b`.
+
+        A joint without this has them by autodiff of `place`; where it is there, the quaternions of
+        `place` have unit length, unless the joint turns freely.
+        """
+        raise NotImplementedError
+
     @property
     def takes_start(self) -> bool:
         """Whether something was left out that `starting_at` takes from the start."""
@@ -109,3 +122,9 @@ class AbstractJoint(eqx.Module):
         owner = self.owner()
         check_markers(owner, self.markers, self.dimensions)
         check_distinct(owner, self.a, self.b)
+
+
+def turns_at(place: Float[Array, "3"]) -> Float[Array, "3 6"]:
+    """The twists about the origin of unit angular velocities of a body about a `place`."""
+    across = jnp.swapaxes(quaternions.skew(place), 0, 1)
+    return jnp.concatenate([np.eye(3, dtype=place.dtype), across], axis=1)

@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -38,6 +39,9 @@ class FixedAngle(AbstractJoint):
 
     def place(self, z: Float[Array, "2"]) -> Pose:
         return Pose(z, self.value)
+
+    def screws(self, z: Float[Array, "2"]) -> Float[Array, "2 3"]:
+        return jnp.array([[0, 1, 0], [0, 0, 1]], z.dtype)
 
     def read(self, a: Pose, b: Pose) -> Float[Array, "2"]:
         return b.local(a.position)

@@ -4,13 +4,14 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ...common.arrays import Time
 from ..drawing import rail
 from ..marker import Marker, Pose
 from ..outline import Outline
-from .base import QUATERNION, AbstractJoint
+from .base import QUATERNION, AbstractJoint, turns_at
 
 
 class PointOnLine(AbstractJoint):
@@ -45,6 +46,13 @@ class PointOnLine(AbstractJoint):
         if self.b.dimension == 2:
             return Pose(jnp.append(z[:1], 0), z[1])
         return Pose(jnp.pad(z[:1], (2, 0)), z[1:])
+
+    def screws(self, z: Float[Array, " freedoms"]) -> Float[Array, "rates twist"]:
+        if self.b.dimension == 2:
+            turning = jnp.stack([jnp.ones_like(z[0]), jnp.zeros_like(z[0]), -z[0]])
+            return jnp.stack([np.eye(3, dtype=z.dtype)[1], turning])
+        place = jnp.pad(z[:1], (2, 0))
+        return jnp.concatenate([np.eye(6, dtype=z.dtype)[5:], turns_at(place)])
 
     def read(self, a: Pose, b: Pose) -> Float[Array, " freedoms"]:
         relative = a.against(b)

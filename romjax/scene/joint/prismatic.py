@@ -32,6 +32,9 @@ class Prismatic(AbstractJoint):
     def place(self, z: Float[Array, "1"]) -> Pose:
         return Pose(jnp.append(z, 0), self.value)
 
+    def screws(self, z: Float[Array, "1"]) -> Float[Array, "1 3"]:
+        return jnp.array([[0, 1, 0]], z.dtype)
+
     def read(self, a: Pose, b: Pose) -> Float[Array, "1"]:
         return b.along(a.position)[None]
 

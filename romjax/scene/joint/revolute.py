@@ -29,6 +29,9 @@ class Revolute(AbstractJoint):
     def place(self, z: Float[Array, "1"]) -> Pose:
         return Pose(jnp.zeros(2, z.dtype), z[0])
 
+    def screws(self, z: Float[Array, "1"]) -> Float[Array, "1 3"]:
+        return jnp.array([[1, 0, 0]], z.dtype)
+
     def read(self, a: Pose, b: Pose) -> Float[Array, "1"]:
         return (a.angle - b.angle)[None]
 

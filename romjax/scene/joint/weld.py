@@ -30,6 +30,9 @@ class Weld(AbstractJoint):
     def place(self, z: Float[Array, "0"]) -> Pose:
         return Pose(jnp.zeros(2, z.dtype), self.value)
 
+    def screws(self, z: Float[Array, "0"]) -> Float[Array, "0 3"]:
+        return jnp.zeros((0, 3), z.dtype)
+
     def read(self, a: Pose, b: Pose) -> Float[Array, "0"]:
         del b
         return jnp.zeros(0, a.position.dtype)

@@ -72,7 +72,7 @@ class SpatialInertia(eqx.Module):
         p, bent = q[3:7], q[7:]
         square = quaternions.squared(p)
         onto = 2 * quaternions.body_matrix(p) / square  # ω = onto ṗ
-        around = multiply_transposed(onto, self._spinning(bent))
+        around = multiply_transposed(onto, self.spinning(bent))
         turning = multiply_transposed(onto, multiply(self.turning(bent), onto))
         turning += length_inertia(self.moment) / square**2 * p[:, None] * p[None]
         moving = self.mass * jnp.eye(3, dtype=q.dtype)
@@ -81,7 +81,7 @@ class SpatialInertia(eqx.Module):
             aside = jnp.zeros((3, 4 + len(bent)), q.dtype)
         else:
             arm = quaternions.skew(self.arm(bent))
-            own = jnp.concatenate([-multiply(arm, onto), self._sliding(bent)], axis=1)
+            own = jnp.concatenate([-multiply(arm, onto), self.sliding(bent)], axis=1)
             aside = multiply(quaternions.matrix(p), own)
         return _symmetric(moving, aside, _symmetric(turning, around, modal))
 
@@ -93,10 +93,10 @@ class SpatialInertia(eqx.Module):
     def inverse(self, q: Float[Array, " size"]) -> FrameInverse:
         """Inverse of the mass matrix at x, y, z, p, q_f, where M_ff is the identity."""
         p, bent = q[3:7], q[7:]
-        own, beside = self.turning(bent), self._spinning(bent)
+        own, beside = self.turning(bent), self.spinning(bent)
         turn = None
         if not self.centred:
-            arm, slide = quaternions.skew(self.arm(bent)), self._sliding(bent)
+            arm, slide = quaternions.skew(self.arm(bent)), self.sliding(bent)
             moving = self.mass * jnp.eye(3, dtype=q.dtype)
             own, beside = _symmetric(moving, -arm, own), jnp.concatenate([slide, beside])
             turn = quaternions.matrix(p)
@@ -106,21 +106,36 @@ class SpatialInertia(eqx.Module):
     def quadratic_velocity_force(
         self, q: Float[Array, " size"], v: Float[Array, " size"]
     ) -> Float[Array, " size"]:
-        """−Ṁ v + ½ ∂(vᵀ M v)/∂q, by the equations of Boltzmann and Hamel for rates by the axes of
-        the body (Papastavridis, "Analytical Mechanics", 2002, chapter 3).
+        """−Ṁ v + ½ ∂(vᵀ M v)/∂q, by `quadratic`.
 
-        The velocity of the frame drops out. The rates of ω = 2 G ṗ/s and of the length ρ = ln |p|
-        are 2 G p̈/s − 2 r ω/s and pᵀp̈/s + ṗᵀṗ/s − 2 r²/s², r = pᵀṗ.
+        The rates of ω = 2 G ṗ/s and of the length ρ = ln |p| are 2 G p̈/s − 2 r ω/s and
+        pᵀp̈/s + ṗᵀṗ/s − 2 r²/s², r = pᵀṗ.
         """
         p, rate, bent, bending = q[3:7], v[3:7], q[7:], v[7:]
         s, r = quaternions.squared(p), jnp.sum(p * rate)
         onto = 2 * quaternions.body_matrix(p) / s
         omega, stretching = quaternions.apply(onto, rate), 2 * r / s
-        tensor, spinning = self.turning(bent), self._spinning(bent)
-        momentum = multiply(tensor, omega)
-        turning = quaternions.cross(omega, momentum + multiply(spinning, bending))
-        turning -= stretching * momentum
-        modal = -stretching * multiply(omega, spinning)
+        moving, turning, modal = self.quadratic(omega, bent, bending)
+        turning -= stretching * multiply(self.turning(bent), omega)
+        modal -= stretching * multiply(omega, self.spinning(bent))
+        force = -quaternions.apply_transposed(onto, turning)
+        force += length_inertia(self.moment) * (2 * r**2 / s - jnp.sum(rate**2)) / s**2 * p
+        if self.centred:
+            return jnp.concatenate([moving, force, -modal])
+        moving -= stretching * quaternions.cross(omega, self.arm(bent))
+        return jnp.concatenate([-quaternions.rotate(p, moving), force, -modal])
+
+    def quadratic(
+        self, omega: Float[Array, "3"], bent: Float[Array, " modes"], bending: Array
+    ) -> tuple[Float[Array, "3"], Float[Array, "3"], Float[Array, " modes"]]:
+        """Forces, torques and modal forces that a motion asks for while ω, by the axes of the body,
+        and η = q̇_f do not change and the frame has no acceleration, all by the axes of the body: by
+        the equations of Boltzmann and Hamel (Papastavridis, "Analytical Mechanics", 2002, chapter
+        3), in which the velocity of the frame drops out.
+        """
+        tensor, spinning = self.turning(bent), self.spinning(bent)
+        turning = quaternions.cross(omega, multiply(tensor, omega) + multiply(spinning, bending))
+        modal = jnp.zeros_like(bent)
         slope = self._turning_slope(bent)  # ∂J/∂q_f
         if slope is not None:
             along = jnp.sum(slope * omega[None, :, None], axis=1)
@@ -130,24 +145,13 @@ class SpatialInertia(eqx.Module):
             about = jnp.sum(self.gyration * omega[:, None, None], axis=0)
             modal += multiply(bending, about) - multiply(about, bending)
             turning += _square(self.gyration, bending)
-        force = -quaternions.apply_transposed(onto, turning)
-        force += length_inertia(self.moment) * (2 * r**2 / s - jnp.sum(rate**2)) / s**2 * p
-        return jnp.concatenate([self._shifting(q, omega, bending, stretching), force, -modal])
-
-    def _shifting(
-        self, q: Float[Array, " size"], omega: Array, bending: Array, stretching: Array
-    ) -> Float[Array, "3"]:
-        """The quadratic-velocity force on x, y, z."""
         if self.centred:
-            return jnp.zeros(3, q.dtype)
-        arm = self.arm(q[7:])
-        sliding = multiply(self._sliding(q[7:]), bending)
-        total = quaternions.cross(
-            omega, quaternions.cross(omega, arm) + 2 * sliding - stretching * arm
-        )
+            return jnp.zeros_like(omega), turning, modal
+        sliding = multiply(self.sliding(bent), bending)
+        moving = quaternions.cross(omega, quaternions.cross(omega, self.arm(bent)) + 2 * sliding)
         if self.foreshortening is not None:
-            total -= _square(self.foreshortening, bending)
-        return -quaternions.rotate(q[3:7], total)
+            moving -= _square(self.foreshortening, bending)
+        return moving, turning, modal
 
     @property
     def centred(self) -> bool:
@@ -214,14 +218,14 @@ class SpatialInertia(eqx.Module):
         """Raise a SceneError that names owner, field, value and remedy."""
         check_invariants(owner, self, modes)
 
-    def _spinning(self, bent: Float[Array, " modes"]) -> Float[Array, "3 modes"]:
+    def spinning(self, bent: Float[Array, " modes"]) -> Float[Array, "3 modes"]:
         """H: the angular momentum by the axes of the frame, per unit rate of the amplitudes."""
         total = jnp.zeros((3, len(bent)), bent.dtype) if self.swing is None else self.swing
         if self.gyration is None:
             return total
         return total + jnp.sum(self.gyration * bent[None, :, None], axis=1)
 
-    def _sliding(self, bent: Float[Array, " modes"]) -> Float[Array, "3 modes"]:
+    def sliding(self, bent: Float[Array, " modes"]) -> Float[Array, "3 modes"]:
         """Derivative of the first moment by the amplitudes."""
         total = jnp.zeros((3, len(bent)), bent.dtype) if self.shift is None else self.shift
         return total if self.foreshortening is None else total - _times(self.foreshortening, bent)

@@ -18,7 +18,7 @@ from ...orientation import orientation_field
 from ...points import NamedPoints, by_name
 from ..base import AbstractBody, check_name, check_start, frame_start
 from .frame_inverse import FrameInverse, spin_of
-from .inertia import length_inertia
+from .inertia import SpatialInertia, length_inertia
 
 
 class RigidBody(AbstractBody):
@@ -80,6 +80,9 @@ class RigidBody(AbstractBody):
         along = length_inertia(tensor) * p[:, None] * p[None]
         turning = 4 * multiply_transposed(body, multiply(tensor, body)) + along
         return _blocks(self.mass * jnp.eye(3, dtype=q.dtype), turning / s**2)
+
+    def invariants(self) -> SpatialInertia:
+        return SpatialInertia(self.mass, self._tensor())
 
     def inverse_mass(self, q: Float[Array, "7"]) -> FrameInverse:
         core = 1 / self.inertia if self.inertia.ndim == 1 else invert(self.inertia)

@@ -36,7 +36,14 @@ class ConstantVelocity(AbstractJoint):
         return jnp.append(a.position - b.position, twist)
 
     def place(self, z: Float[Array, "2"]) -> Pose:
-        return Pose(jnp.zeros(3, z.dtype), quaternions.small_turn(jnp.append(z, 0)))
+        turn = quaternions.small_turn(jnp.append(z, 0))
+        return Pose(jnp.zeros(3, z.dtype), turn / jnp.sqrt(quaternions.squared(turn)))
+
+    def screws(self, z: Float[Array, "2"]) -> Float[Array, "2 6"]:
+        x, y = 0.5 * z
+        none, one = jnp.zeros_like(x), jnp.ones_like(x)
+        rows = jnp.stack([jnp.stack([one, none, -y]), jnp.stack([none, one, x])])
+        return jnp.pad(rows / (1 + x**2 + y**2), ((0, 0), (0, 3)))
 
     def read(self, a: Pose, b: Pose) -> Float[Array, "2"]:
         relative = a.against(b).turn

@@ -32,6 +32,9 @@ class Cylindrical(AbstractJoint):
     def place(self, z: Float[Array, "2"]) -> Pose:
         return Pose(jnp.pad(z[:1], (2, 0)), about_z(z[1]))
 
+    def screws(self, z: Float[Array, "2"]) -> Float[Array, "2 6"]:
+        return jnp.array([[0, 0, 0, 0, 0, 1], [0, 0, 1, 0, 0, 0]], z.dtype)
+
     def read(self, a: Pose, b: Pose) -> Float[Array, "2"]:
         return jnp.stack([b.along(a.position), angle_about_z(a, b)])
 

@@ -4,13 +4,14 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ....common.arrays import Time
 from ...drawing import placed, square
 from ...marker import Marker, Pose
 from ...outline import Outline
-from ..base import AbstractJoint
+from ..base import AbstractJoint, turns_at
 from .directions import about_z, angle_about_z, tilt
 
 
@@ -35,6 +36,11 @@ class Planar(AbstractJoint):
 
     def place(self, z: Float[Array, "3"]) -> Pose:
         return Pose(jnp.append(z[:2], 0), about_z(z[2]))
+
+    def screws(self, z: Float[Array, "3"]) -> Float[Array, "3 6"]:
+        place = jnp.append(z[:2], 0)
+        moving = np.eye(6, dtype=z.dtype)[3:5]
+        return jnp.concatenate([moving, turns_at(place)[2:]])
 
     def read(self, a: Pose, b: Pose) -> Float[Array, "3"]:
         return jnp.append(b.local(a.position)[:2], angle_about_z(a, b))

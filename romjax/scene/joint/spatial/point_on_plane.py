@@ -4,13 +4,14 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ....common.arrays import Time
 from ...drawing import placed, square
 from ...marker import Marker, Pose
 from ...outline import Outline
-from ..base import QUATERNION, AbstractJoint
+from ..base import QUATERNION, AbstractJoint, turns_at
 
 
 class PointOnPlane(AbstractJoint):
@@ -35,6 +36,10 @@ class PointOnPlane(AbstractJoint):
 
     def place(self, z: Float[Array, "6"]) -> Pose:
         return Pose(jnp.append(z[:2], 0), z[2:])
+
+    def screws(self, z: Float[Array, "6"]) -> Float[Array, "5 6"]:
+        moving = np.eye(6, dtype=z.dtype)[3:5]
+        return jnp.concatenate([moving, turns_at(jnp.append(z[:2], 0))])
 
     def read(self, a: Pose, b: Pose) -> Float[Array, "6"]:
         relative = a.against(b)

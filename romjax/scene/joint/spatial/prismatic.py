@@ -32,6 +32,9 @@ class Prismatic(AbstractJoint):
     def place(self, z: Float[Array, "1"]) -> Pose:
         return Pose(jnp.pad(z, (2, 0)), about_z(jnp.zeros_like(z[0])))
 
+    def screws(self, z: Float[Array, "1"]) -> Float[Array, "1 6"]:
+        return jnp.array([[0, 0, 0, 0, 0, 1]], z.dtype)
+
     def read(self, a: Pose, b: Pose) -> Float[Array, "1"]:
         return b.along(a.position)[None]
 

@@ -31,6 +31,9 @@ class Revolute(AbstractJoint):
     def place(self, z: Float[Array, "1"]) -> Pose:
         return Pose(jnp.zeros(3, z.dtype), about_z(z[0]))
 
+    def screws(self, z: Float[Array, "1"]) -> Float[Array, "1 6"]:
+        return jnp.array([[0, 0, 1, 0, 0, 0]], z.dtype)
+
     def read(self, a: Pose, b: Pose) -> Float[Array, "1"]:
         return angle_about_z(a, b)[None]
 

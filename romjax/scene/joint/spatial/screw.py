@@ -52,6 +52,10 @@ class Screw(AbstractJoint):
         advance = self.pitch * z / (2 * np.pi) + self.offset
         return Pose(jnp.pad(advance, (2, 0)), about_z(z[0]))
 
+    def screws(self, z: Float[Array, "1"]) -> Float[Array, "1 6"]:
+        turning = np.eye(6, dtype=z.dtype)[2]
+        return jnp.append(turning[:5], self.pitch / (2 * np.pi))[None]
+
     def read(self, a: Pose, b: Pose) -> Float[Array, "1"]:
         """The number of full turns is that of the travel."""
         angle, turn = angle_about_z(a, b), 2 * np.pi

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from ....common.arrays import Time
 from ...marker import Marker, Pose
 from ...outline import Outline, marks
-from ..base import QUATERNION, AbstractJoint
+from ..base import QUATERNION, AbstractJoint, turns_at
 
 
 class Spherical(AbstractJoint):
@@ -30,6 +30,9 @@ class Spherical(AbstractJoint):
 
     def place(self, z: Float[Array, "4"]) -> Pose:
         return Pose(jnp.zeros(3, z.dtype), z)
+
+    def screws(self, z: Float[Array, "4"]) -> Float[Array, "3 6"]:
+        return turns_at(jnp.zeros(3, z.dtype))
 
     def read(self, a: Pose, b: Pose) -> Float[Array, "4"]:
         return a.against(b).turn

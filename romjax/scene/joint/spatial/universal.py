@@ -4,6 +4,7 @@ from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ....common.arrays import Time
@@ -39,6 +40,10 @@ class Universal(AbstractJoint):
         cross = quaternions.product(about_z(z[0]), _quarter(z.dtype))
         return Pose(jnp.zeros(3, z.dtype), quaternions.product(cross, about_z(z[1])))
 
+    def screws(self, z: Float[Array, "2"]) -> Float[Array, "2 6"]:
+        second = jnp.pad(jnp.stack([jnp.sin(z[0]), -jnp.cos(z[0])]), (0, 4))
+        return jnp.stack([np.eye(6, dtype=z.dtype)[2], second])
+
     def read(self, a: Pose, b: Pose) -> Float[Array, "2"]:
         relative = a.against(b)
         z = axis(relative, 2)
@@ -57,5 +62,5 @@ class Universal(AbstractJoint):
 
 
 def _quarter(dtype: Any) -> Float[Array, "4"]:
-    """The quaternion of a quarter turn about the x axis."""
-    return jnp.array([1, 1, 0, 0], dtype)
+    """The quaternion, of unit length, of a quarter turn about the x axis."""
+    return jnp.array([np.sqrt(0.5), np.sqrt(0.5), 0, 0], dtype)

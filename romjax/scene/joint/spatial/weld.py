@@ -31,6 +31,9 @@ class Weld(AbstractJoint):
         none = jnp.zeros(4, z.dtype)
         return Pose(none[:3], about_z(none[3]))
 
+    def screws(self, z: Float[Array, "0"]) -> Float[Array, "0 6"]:
+        return jnp.zeros((0, 6), z.dtype)
+
     def read(self, a: Pose, b: Pose) -> Float[Array, "0"]:
         del b
         return jnp.zeros(0, a.position.dtype)
