@@ -107,11 +107,15 @@ from .scene.effect.damper import Damper as Damper
 from .scene.effect.drag import Drag as Drag
 from .scene.effect.force import Force as Force
 from .scene.effect.gravity import Gravity as Gravity
+from .scene.effect.hydraulic_cylinder import HydraulicCylinder as HydraulicCylinder
 from .scene.effect.joint_damper import JointDamper as JointDamper
 from .scene.effect.joint_spring import JointSpring as JointSpring
 from .scene.effect.joint_stop import JointStop as JointStop
+from .scene.effect.low_pass import LowPass as LowPass
 from .scene.effect.motor import Motor as Motor
+from .scene.effect.pid import PID as PID
 from .scene.effect.spring import Spring as Spring
+from .scene.effect.state_effect import AbstractStateEffect as AbstractStateEffect
 from .scene.effect.torque import Torque as Torque
 from .scene.effect.torsion_damper import TorsionDamper as TorsionDamper
 from .scene.effect.torsion_spring import TorsionSpring as TorsionSpring

@@ -321,4 +321,19 @@ ROBOT_EFFECTS = (
     lambda lot, bodies: rj.Actuator(
         *ends(lot, bodies), random_signal(lot, 1.0), gear=2.0, derivative=0.5, motion="distance"
     ),
+    lambda lot, bodies: rj.PID(
+        *ends(lot, bodies),
+        random_signal(lot, 1.0),
+        *lot.between(0, 9, 3),
+        least=-1.0,
+        tracking=0.3,
+        lag=0.2,
+        motion="travel",
+    ),
+    lambda lot, bodies: rj.LowPass(
+        *ends(lot, bodies), random_signal(lot, 1.0), lot.between(0.1, 1), derivative=0.3
+    ),
+    lambda lot, bodies: rj.HydraulicCylinder(
+        *ends(lot, bodies), random_signal(lot, 1.0), 1.0, 0.6, 0.0, 9.0, 8.0, 0.1, 0.3, bulk=20.0
+    ),
 )

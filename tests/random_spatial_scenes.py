@@ -179,4 +179,28 @@ ROBOT_EFFECTS = (
     lambda lot, b: r.JointInertia(
         *ends(lot, b[0], rj.ground), lot.between(0.1, 1), motion="travel"
     ),
+    lambda lot, b: rj.PID(
+        *ends(lot, b[0], b[1]),
+        random_signal(lot, 1.0),
+        *lot.between(0, 9, 3),
+        least=-1.0,
+        tracking=0.3,
+        lag=0.2,
+        motion=motion(lot),
+    ),
+    lambda lot, b: rj.LowPass(
+        *ends(lot, b[0], b[1]), random_signal(lot, 1.0), lot.between(0.1, 1), derivative=0.3
+    ),
+    lambda lot, b: rj.HydraulicCylinder(
+        *ends(lot, b[0], b[1]),
+        random_signal(lot, 1.0),
+        1.0,
+        0.6,
+        0.0,
+        9.0,
+        8.0,
+        0.1,
+        0.3,
+        bulk=20.0,
+    ),
 )

@@ -19,6 +19,15 @@ from romjax.scene.effect.base import displacement
 CART = rj.RigidBody("cart", 1.0, 0.1)
 ON_GROUND = rj.ground.at((0.1, 0.2), 0.3)
 SMOOTH = rj.Friction(0.3)
+CYLINDER = {
+    "area": 1.0,
+    "rod_area": 0.5,
+    "retracted": 0.0,
+    "stroke": 2.0,
+    "supply": 9.0,
+    "flow": 0.1,
+    "dead_volume": 0.1,
+}
 STRIBECK = rj.Friction(0.3, static=0.4, stribeck=0.1)
 
 
@@ -47,6 +56,9 @@ def effect(kind, **options):
         rj.JointDamper: {"a": a, "b": b, "damping": 1.0},
         rj.JointStop: {"a": a, "b": b, "upper": 1.0},
         rj.Actuator: {"a": a, "b": b, "signal": rj.Constant(1.0)},
+        rj.PID: {"a": a, "b": b, "target": rj.Constant(1.0)},
+        rj.LowPass: {"a": a, "b": b, "signal": rj.Constant(1.0), "time_constant": 0.1},
+        rj.HydraulicCylinder: {"a": a, "b": b, "signal": rj.Constant(1.0)} | CYLINDER,
     }
     return kind(**next(given for base, given in needed.items() if issubclass(kind, base)) | options)
 
@@ -67,9 +79,21 @@ EFFECTS = (
     rj.JointDamper,
     rj.JointStop,
     rj.Actuator,
+    rj.PID,
+    rj.LowPass,
+    rj.HydraulicCylinder,
 )
-DISSIPATIVE = (rj.Damper, rj.TorsionDamper, rj.Motor, rj.Drag, rj.JointDamper, rj.Actuator)
-WITH_ROOTS = (rj.Force, rj.Contact, rj.Drag)
+WITH_STATES = (rj.PID, rj.LowPass, rj.HydraulicCylinder)
+DISSIPATIVE = (
+    rj.Damper,
+    rj.TorsionDamper,
+    rj.Motor,
+    rj.Drag,
+    rj.JointDamper,
+    rj.Actuator,
+    *WITH_STATES,
+)
+WITH_ROOTS = (rj.Force, rj.Contact, rj.Drag, rj.HydraulicCylinder)
 every_effect = pytest.mark.parametrize("kind", EFFECTS, ids=lambda kind: kind.__name__)
 
 

@@ -199,6 +199,9 @@ def test_parts_ask_for_positions_where_they_say_so():
         (rj.JointDamper(*deep, 1.0, motion="distance"), 3),
         (rj.JointStop(*flat, upper=0.01, motion="travel"), 2),
         (rj.Actuator(*deep, rj.Constant(1.0), proportional=2.0, motion="travel"), 3),
+        (rj.PID(*flat, rj.Constant(1.0), 2.0, derivative=1.0, motion="travel"), 2),
+        (rj.LowPass(*deep, rj.Constant(1.0), 0.1, motion="distance"), 3),
+        (rj.HydraulicCylinder(*deep, rj.Constant(1.0), 1.0, 0.5, 0.1, 3.0, 9.0, 0.1, 0.1), 3),
     ]
     rng = np.random.default_rng(3)
     states = [
@@ -221,7 +224,10 @@ def test_parts_ask_for_positions_where_they_say_so():
             spins = spin[:, 0] if d == 2 else spin
             twists = [Twist(jnp.asarray(x), y) for x, y in zip(velocity, spins, strict=True)]
             some = slice(0, len(part.markers))
-            for i, wrench in enumerate(part.wrenches(0.3, tuple(poses[some]), tuple(twists[some]))):
+            # States of effects come last, as rates.
+            own = [twists[0]] * len(part.states)
+            motion = [*poses[some], *own], [*twists[some], *own]
+            for i, wrench in enumerate(part.wrenches(0.3, *(tuple(x) for x in motion))):
                 told.append(wrench.force)
                 if i in part.at_points:
                     turned.append(jnp.ravel(wrench.torque))

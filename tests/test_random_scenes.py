@@ -120,7 +120,9 @@ def natural_frequencies(body: rj.Beam):
 
 
 @eqx.filter_jit
-def acting(effect: rj.AbstractMarkerEffect, poses, twists):
+def acting(effect: rj.AbstractMarkerEffect, states, poses, twists):
+    if isinstance(effect, rj.AbstractStateEffect):
+        return effect.driven(TIME, states, poses, twists)
     return effect.wrenches(TIME, poses, twists)
 
 
@@ -143,8 +145,8 @@ def points_motion(body: rj.AbstractBody, points, q, v, a):
 
 def own_coordinates(scene: rj.Scene, q) -> dict[str, np.ndarray]:
     """The coordinates of each body, by name."""
-    ends = np.cumsum([body.size for body in scene.bodies])[:-1]
-    return dict(zip((body.name for body in scene.bodies), np.split(q, ends), strict=True))
+    ends = np.cumsum([body.size for body in scene.bodies])
+    return dict(zip((body.name for body in scene.bodies), np.split(q, ends), strict=False))
 
 
 def marker_motion(scene: rj.Scene, marker: rj.Marker, q, v) -> tuple[rj.Pose, rj.Twist]:
@@ -183,13 +185,15 @@ def body_powers(scene: rj.Scene, q, v, a):
 
 def effect_powers(scene: rj.Scene, q, v) -> list[float]:
     """Of all wrenches on their moving markers."""
-    powers = []
+    # States of effects come after the coordinates of bodies.
+    powers, states = [], list(v[sum(body.size for body in scene.bodies) :])
     for effect in scene.effects:
         if isinstance(effect, rj.AbstractMarkerEffect):
+            own = np.array([states.pop(0) for _ in effect.states])
             poses, twists = zip(
                 *(marker_motion(scene, marker, q, v) for marker in effect.markers), strict=True
             )
-            wrenches = acting(effect, poses, twists)
+            wrenches = acting(effect, own, poses, twists)
             for pair in zip(wrenches, twists, strict=True):
                 wrench, twist = jax.tree.map(np.asarray, pair)
                 powers.append(wrench.force @ twist.velocity)

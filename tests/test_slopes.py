@@ -63,7 +63,8 @@ SCENES = {
     "contact": (rj.gallery.bouncing_ball, 0.1),
 }
 SCENES |= {
-    f"plane {k}": (functools.partial(random_scene, 12 * k, structure=k), 0.1) for k in range(9)
+    f"plane {k}": (functools.partial(random_scene, 12 * k, structure=k), 0.1)
+    for k in (*range(9), 12)
 }
 SCENES |= {
     f"space {k}": (functools.partial(random_spatial_scene, 20 * k, k), 0.1) for k in range(10)

@@ -40,7 +40,7 @@ def displacements(system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Flo
 def _modes(structure: Structure) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates of modes, and where the frames of their bodies begin."""
     frames = np.concatenate([structure.positions, structure.turns], axis=1)
-    others = {*frames.ravel().tolist(), *structure.counters}
+    others = {*frames.ravel().tolist(), *structure.counters, *structure.states}
     modes = np.array([i for i in range(len(structure.coordinates)) if i not in others], int)
     owners = np.array([max(s for s in structure.frames if s < i) for i in modes], int)
     return modes, owners

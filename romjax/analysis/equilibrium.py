@@ -45,9 +45,11 @@ def equilibrium(
 
     Newton's method in (q, λ) with continuation: forces that balance the start are taken away step
     by step, so that the solution follows from the start, and steps are shorter where Newton's
-    method does not converge. Neutral motions, which no force resists, stay as they are at the
-    start, as do lengths of quaternions; joints may repeat each other. Moments of inertia play no
-    part. Whether the equilibrium is stable says `modes(system, q).is_stable`.
+    method does not converge. States of effects are found with it, and are in their places in q, so
+    that `linearize` and `simulate` begin there with them. Neutral motions, which no force resists,
+    stay as they are at the start, as do lengths of quaternions; joints may repeat each other.
+    Moments of inertia play no part. Whether the equilibrium is stable says
+    `modes(system, q).is_stable`.
 
     Differentiable with respect to all numbers of the system, by the implicit function theorem, and
     batchable.

@@ -6,14 +6,17 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..assembly.axial_loads import warn_of_axial_loads
 from ..assembly.locate import locate
 from ..common.arrays import Vector, as_array
 from ..common.checks import check_kind, check_shape
+from ..common.errors import InputError
 from ..compiling.program import program_once
 from ..measure.quantity import AbstractQuantity, Coordinate
+from ..scene.coordinate import INTEGRAL
 from ..scene.effect.base import AbstractMarkerEffect
 from ..system.base import AbstractSystem, check_system
 from .tangent import independent_constraints, tangent_of
@@ -29,7 +32,8 @@ class LinearModel(eqx.Module):
 
     - `A` (s, s), `B` (s, inputs), `C` (outputs, s), `D` (outputs, inputs).
     - `states`, `inputs`, `outputs`: their names. States are coordinates ζ of the tangent space and
-      their rates; `shapes` (n, s/2): what each ζ is in the system's coordinates.
+      their rates, then the first-order states of effects, such as "pid.integral"; `shapes` (n, d):
+      what each ζ is in the system's coordinates.
     """
 
     A: Float[Array, "s s"]
@@ -80,7 +84,7 @@ def linearize(
     """
     check_system("linearize", system)
     q = system.q0 if at is None else as_array(at)
-    velocity = jnp.zeros_like(q) if v is None else as_array(v)
+    velocity = system.structure.at_rest(q) if v is None else as_array(v)
     check_shape("linearize", "at", q, (system.n,))
     check_shape("linearize", "v", velocity, (system.n,))
     time = jnp.asarray(t, q.dtype)
@@ -94,7 +98,9 @@ def linearize(
     )
     warn_of_axial_loads("linearize", system, time, q, velocity)
     names = [f"z{i + 1}" for i in range(shapes.shape[1])]
-    states = (*names, *(f"{name}'" for name in names))
+    known = [system.structure.coordinates[i] for i in system.structure.states]
+    own = [f"{each.owner}.{each.name.removeprefix(INTEGRAL)}" for each in known]
+    states = (*names, *(f"{name}'" for name in names), *own)
     return LinearModel(a, b, c, d, shapes, states, tuple(inputs), tuple(named))
 
 
@@ -126,7 +132,11 @@ def _matrices(
     physical = jnp.stack(forces, axis=1) if forces else jnp.zeros((len(onto), 0), q.dtype)
     pushed = state.kkt().solve(onto.T @ physical, jnp.zeros((system.m, len(forces)), q.dtype))[0]
     b = jnp.concatenate([jnp.zeros((d, len(forces)), q.dtype), tangent.dual @ pushed])
-    return tangent.matrix, b, c, jnp.zeros((len(outputs), len(forces)), q.dtype), basis
+    # Nothing depends on the integrals of states, which are the last of the directions.
+    count = len(system.structure.states)
+    kept = np.r_[: d - count, d : 2 * d]
+    direct = jnp.zeros((len(outputs), len(forces)), q.dtype)
+    return tangent.matrix[kept][:, kept], b[kept], c[:, kept], direct, basis[:, : d - count]
 
 
 def value_of(full: AbstractSystem, what: Output, t: Array, q: Array, v: Array) -> Array:
@@ -144,6 +154,11 @@ def force_of(system: AbstractSystem, what: Input, t: Array, q: Array, v: Array) 
         given = jnp.asarray(what(t, q, v))
         check_shape("linearize", "a force of inputs", given, q.shape)
         return given
+    if what.states:
+        raise InputError(
+            f"linearize: input {what.label()} has states of its own; put it into the scene, and "
+            "give the effect that it drives as an input."
+        )
     located: Any = locate(f"linearize: input {what.label()}", system, what.markers)
     count, motion = len(what.markers), located.motion(q, v)
     each, twists = [

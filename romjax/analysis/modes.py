@@ -13,7 +13,7 @@ from ..common.checks import check_shape
 from ..common.errors import InputError
 from ..common.extras import data_frame
 from ..compiling.program import program_once
-from ..system.base import AbstractSystem, check_system
+from ..system.base import AbstractSystem, check_system, refuse_states
 from .tangent import independent_constraints, tangent_of
 from .turning import turn
 
@@ -76,9 +76,12 @@ def modes(
       vector (3,). Modes are those in that frame, such as flap, lead-lag and whirl: with gyroscopic
       forces and centrifugal stiffening.
 
-    Raises InputError for a wrong shape, or for `turning` of a system without bodies.
+    Raises InputError for a wrong shape, for effects with first-order states, or for `turning` of a
+    system without bodies.
     """
     check_system("modes", system)
+    remedy = "have no frequency; take the eigenvalues of romjax.linearize(system, {}, {}).A"
+    refuse_states("modes", system, InputError, remedy)
     q = system.q0 if at is None else as_array(at)
     check_shape("modes", "at", q, (system.n,))
     generator = None

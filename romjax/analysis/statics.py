@@ -21,6 +21,8 @@ _LEFT, _NEUTRAL = 16, 500
 class Statics(NamedTuple):
     """C_qᵀ λ = Q(t, q, 0) and C(t, q) = 0, with the length of each quaternion as at the `start`.
 
+    States of effects are in their places in q, and at rest as well: their rates are zero.
+
     No force holds these lengths. As the torque of a force on p is in proportion to |p|, they would
     change so that forces which balance a start do so for ever.
     """
@@ -39,7 +41,7 @@ class Statics(NamedTuple):
         self, q: Float[Array, " n"], multipliers: Float[Array, " M"]
     ) -> Float[Array, " n_plus_M"]:
         """C_qᵀ λ − Q, and C."""
-        force = -self.system.force(self.t, q, jnp.zeros_like(q))
+        force = -self.system.force(self.t, q, self.system.structure.at_rest(q))
         if not multipliers.size:
             return force
         reaction = jax.grad(lambda q: multiply(multipliers, self.constraint(q)))(q)

@@ -140,8 +140,15 @@ def _null_space(
 ) -> Float[Array, "n d"]:
     """A basis of what C_q and lengths leave free, orthonormal in the metric of M; a constant."""
     rows, half = jax.lax.stop_gradient(_scaled_rows(system, t, q))
-    _, _, right = jnp.linalg.svd(rows, full_matrices=True)
-    free = right[independent + len(system.structure.quaternions) :].T
+    structure = system.structure
+    moving = np.flatnonzero(~structure.is_state)
+    _, _, right = jnp.linalg.svd(rows[:, moving], full_matrices=True)
+    free = right[independent + len(structure.quaternions) :].T
+    if structure.states:
+        # No constraint knows of states, each of which is a direction by itself, after all others.
+        own = np.eye(system.n)[:, np.array(structure.states)]
+        wide = jnp.zeros((system.n, free.shape[1]), q.dtype).at[moving].set(free)
+        free = jnp.concatenate([wide, jnp.asarray(own, q.dtype)], axis=1)
     basis: Float[Array, "n d"] = jax.scipy.linalg.solve_triangular(half, free, lower=True, trans=1)
     return basis
 

@@ -10,15 +10,17 @@ from ..common.checks import check_kind
 from ..common.errors import SceneError
 from ..linalg.indexing import Index
 from ..linalg.pattern import Pattern
+from ..scene.body.base import AbstractBody
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import GROUND
 from ..scene.placing import marker_start
 from ..scene.scene import Scene
+from ..scene.state_carrier import StateCarrier
 from ..system.mobility import check_mobility
 from ..system.structure import Structure
 from .assembled import AssembledSystem
-from .counting import counters_of, with_counter_starts
+from .counting import carriers_of, counters_of, with_counter_starts
 from .grouping import group
 from .groups import BodyGroup, EffectGroup, JointGroup
 from .kinematics import arrange, columns_of
@@ -48,16 +50,15 @@ def assemble(scene: Scene) -> AssembledSystem:
 
     acting = [e for e in scene.effects if isinstance(e, AbstractMarkerEffect)]
     keys = [unique([part.label() for part in parts]) for parts in (scene.joints, acting)]
-    counters, holding, sides = counters_of((*scene.joints, *acting), unique([*keys[0], *keys[1]]))
-    every_body, every_joint = (*scene.bodies, *counters), (*scene.joints, *holding)
+    parts, names = (*scene.joints, *acting), unique([*keys[0], *keys[1]])
+    carriers, sides = carriers_of(parts, names)
+    counters, holding, sides = counters_of(parts, names, sides)
+    every_body = (*scene.bodies, *carriers, *counters)
+    every_joint = (*scene.joints, *holding)
     joined_sides = [*sides[: len(scene.joints)], *(joint.markers for joint in holding)]
 
     columns, n = columns_of(every_body)
-    bodies, order = [], list[str]()
-    for stacked, members in group(every_body):
-        names = [every_body[i].name for i in members]
-        bodies.append(BodyGroup(stacked, Index.of([columns[name] for name in names])))
-        order += names
+    bodies, order = _groups(every_body, columns)
     named = {body.name: body for body in every_body}
     rows, joined = _connections(every_joint, order)
     joints, joint_markers = arrange(every_joint, joined_sides, named, columns, n)
@@ -78,7 +79,7 @@ def assemble(scene: Scene) -> AssembledSystem:
         structure=Structure(
             coordinates=tuple(c for body in every_body for c in body.coordinates()),
             constraints=tuple(f"joint '{j.label()}'" for j in every_joint for _ in range(j.rows)),
-            rigid=tuple(i < body.frame_size for body in every_body for i in range(body.size)),
+            rigid=tuple(rigid for body in every_body for rigid in _is_rigid(body)),
             flexible=any(body.modes for body in scene.bodies),
             loops=_close_loops(scene),
             contacts=any(effect.begins for effect in acting),
@@ -86,6 +87,7 @@ def assemble(scene: Scene) -> AssembledSystem:
             frames=tuple(columns[body.name][0] for body in scene.bodies),
             quaternions=tuple(columns[b.name][3] for b in scene.bodies if b.dimension == 3),
             counters=tuple(columns[counter.name][0] for counter in counters),
+            states=tuple(columns[carrier.name][0] for carrier in carriers),
             joints=tuple(keys[0][i] for *_, members in joints for i in members if i < len(keys[0])),
             effects=tuple(keys[1][i] for *_, members in effects for i in members),
         ),
@@ -95,6 +97,24 @@ def assemble(scene: Scene) -> AssembledSystem:
     remedy = "Take out the joints that lock the mechanism."
     check_mobility("assemble", system, remedy, SceneError)
     return system
+
+
+def _groups(
+    bodies: Sequence[AbstractBody], columns: dict[str, tuple[int, ...]]
+) -> tuple[list[BodyGroup], list[str]]:
+    """Groups of equal bodies, and the names of these in their order."""
+    groups, order = [], list[str]()
+    for stacked, members in group(bodies):
+        names = [bodies[i].name for i in members]
+        groups.append(BodyGroup(stacked, Index.of([columns[name] for name in names])))
+        order += names
+    return groups, order
+
+
+def _is_rigid(body: AbstractBody) -> list[bool]:
+    """Which coordinates of a body are those of rigid motion; none of a state."""
+    frame = 0 if isinstance(body, StateCarrier) else body.frame_size
+    return [i < frame for i in range(body.size)]
 
 
 def _begun(scene: Scene) -> Scene:

@@ -64,6 +64,7 @@ class AssembledSystem(AbstractSystem):
             lambda: self.gaps(q),
             lambda: self.limits(q),
             lambda *solved: slopes(self, t, q, v, *solved) if self.structure.by_parts else None,
+            self.structure.without_states(v) if self.structure.states else None,
         )
 
     def stored(self, t: Time, q: Float[Array, " n"]) -> tuple[Float[Array, ""], Float[Array, ""]]:

@@ -9,12 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.arrays import as_jax
+from ..common.arrays import as_jax, pick
 from ..compiling.program import program_once
 from ..linalg.indexing import take
 from ..linalg.inverse_mass import InverseMass
 from ..scene.effect.joint_inertia import JointInertia
 from ..scene.marker import Marker
+from ..scene.state_carrier import StateCarrier
 from ..scene.turn_counter import CounterJoint, TurnCounter
 from ..system.structure import COUNTER_INERTIA
 
@@ -24,18 +25,17 @@ G = TypeVar("G")
 _ENDLESS = 1e30
 
 
-_COUNTING = (TurnCounter, CounterJoint)
+_COUNTING = (TurnCounter, CounterJoint, StateCarrier)
 
 
 def counters_of(
-    parts: Sequence[Any], names: Sequence[str]
+    parts: Sequence[Any], names: Sequence[str], before: Sequence[tuple[Marker, ...]]
 ) -> tuple[list[TurnCounter], list[CounterJoint], list[tuple[Marker, ...]]]:
-    """The counters of parts with these `names`, what holds them, and the markers of each part with
-    those of its counters.
+    """The counters of parts with these `names`, what holds them, and the markers of each part, the
+    ones `before` and those of its counters.
     """
     counters, holding, sides = list[TurnCounter](), list[CounterJoint](), []
-    for part, name in zip(parts, names, strict=True):
-        markers = part.markers
+    for part, name, markers in zip(parts, names, before, strict=True):
         dtype = markers[0].point.dtype if markers else float
         for number, (a, b) in enumerate(part.counted if _in_space(part) else ()):
             own = f"counter of {name}" if number == 0 else f"counter {number + 1} of {name}"
@@ -50,15 +50,42 @@ def counters_of(
     return counters, holding, sides
 
 
+def carriers_of(
+    parts: Sequence[Any], names: Sequence[str]
+) -> tuple[list[StateCarrier], list[tuple[Marker, ...]]]:
+    """The carriers of the states of parts with these `names`, and the markers of each part with
+    those of its carriers.
+    """
+    carriers, sides = list[StateCarrier](), []
+    for part, name in zip(parts, names, strict=True):
+        markers = part.markers
+        for number, state in enumerate(getattr(part, "states", ())):
+            own, (first, *_) = f"{state} of {name}", markers
+            unit = part.units[number] if part.units else ""
+            begin = pick(part.initial(), number)
+            known = {"unit": unit, "dimension": first.dimension, "begin": begin}
+            carriers.append(StateCarrier(name=own, **known))
+            still, turn = np.zeros(first.dimension), np.eye(4)[0] if first.dimension == 3 else 0.0
+            placed = (np.asarray(x, first.point.dtype) for x in (still, turn))
+            markers = (*markers, Marker(own, *placed))
+        sides.append(markers)
+    return carriers, sides
+
+
 def without_counters(groups: Sequence[G]) -> tuple[G, ...]:
-    """The groups of bodies or of joints that are those of the scene."""
+    """The groups of bodies or of joints that are those of the scene: neither counters of turns, nor
+    carriers of states.
+    """
     own = (getattr(group, "bodies", None) or getattr(group, "joints", None) for group in groups)
     return tuple(g for g, x in zip(groups, own, strict=True) if not isinstance(x, _COUNTING))
 
 
 def bodies_coordinates(parts: Sequence[Any], q: np.ndarray, n: int) -> np.ndarray:
-    """Return `q` (k, n + counters) without the counters; other arrays stay as they are."""
+    """Return `q` (k, n + others) without what follows the coordinates of bodies, counters of turns
+    and states of effects; other arrays stay as they are.
+    """
     counted = sum(len(part.counted) for part in parts if _in_space(part))
+    counted += sum(len(getattr(part, "states", ())) for part in parts)
     return q[:, :n] if q.ndim == 2 and q.shape[1] == n + counted else q
 
 

@@ -140,7 +140,7 @@ def _loads(group: EffectGroup, t: Time, poses: Pose, rates: Pose) -> _Action:
     moving = group.effects.needs_twists
 
     def act(effect: Any, sides: tuple[Pose, ...], rates: tuple[Pose, ...]) -> tuple[Array, ...]:
-        count = len(effect.markers)
+        count = len(effect.markers) + len(effect.states)
 
         def force(numbers: Array, *speeds: Array) -> tuple[Array, Array]:
             at = (*_poses(numbers, sides[0]), *sides[count:])

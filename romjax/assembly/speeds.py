@@ -32,7 +32,7 @@ def fields_of(structure: Structure) -> tuple[np.ndarray, int]:
     fields = kinds * owners + kinds - 1
     fields[structure.positions] -= 2
     fields[structure.turns] -= 1
-    fields[np.array(structure.counters, int)] = kinds * bodies
+    fields[np.array(structure.counters + structure.states, int)] = kinds * bodies
     return fields, kinds * bodies + 1
 
 

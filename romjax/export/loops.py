@@ -21,6 +21,11 @@ def check_runs(system: AbstractSystem) -> None:
     """Raise InputError for a system whose runs do more than step from one time to the next."""
     if not system.n:
         refuse("a system without coordinates has no motion", "leave it to romjax.simulate")
+    if system.full.structure.states:
+        refuse(
+            "effects with first-order states have tolerances that compiled loops do not know",
+            "leave it to romjax.simulate, or export the right-hand side by romjax.export.c",
+        )
     if has_charts(system):
         refuse(
             "a reduced model with several charts changes its coordinates between steps",

@@ -135,6 +135,9 @@ def metric_of(system: AbstractSystem) -> Float[Array, "n n"]:
     """
     full = system.full
     metric = full.mass(full.q0)
+    if full.structure.states:
+        moving = ~full.structure.is_state
+        metric = metric * jnp.asarray(np.outer(moving, moving), metric.dtype)
     if not full.structure.quaternions:
         return metric
     table = quaternions.columns(full.structure.quaternions)

@@ -83,8 +83,8 @@ def integrate(
     if settings.projection is not None and settings.projects_start:
         q0, v0 = project_start(system, ts[0], q0, v0)
     term, solver, y0 = _problem(system, q0, v0, post_step, settings)
-    positions = system.structure.is_position
-    tolerances = Tolerances.of(positions, settings.rtol, settings.atol, settings.follow)
+    structure, given = system.structure, (settings.rtol, settings.atol, settings.follow)
+    tolerances = Tolerances.of(structure.is_position, *given, structure.is_state)
     controller, first = _step_size_control(ts, settings, tolerances)
     watch = _watch(system, post_step, ts, settings, tolerances)
     most = jnp.asarray(settings.max_steps)

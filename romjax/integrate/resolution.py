@@ -50,7 +50,8 @@ def is_resolved(
     motion = _Motion.of(structure, q, v)
     # The root finders of implicit methods ask for tolerances in metres, whatever size motions have.
     follow = settings.follow & (not has_root_finder(settings.solver))
-    tolerances = Tolerances.of(structure.is_position, settings.rtol, settings.atol, follow)
+    numbers = settings.rtol, settings.atol, follow
+    tolerances = Tolerances.of(structure.is_position, *numbers, structure.is_state)
     reach = tolerances.reached(q, v)
     # For infinite steps: rounding, which short steps enlarge in velocities, is counted below.
     by_q, by_v = tolerances.errors(reach, q, v, jnp.asarray(jnp.inf))
@@ -102,4 +103,5 @@ class _Motion(NamedTuple):
         distance = xp.max(xp.abs(q - q[:1]), axis=0)
         moves = (distance > _REST * (1 + farthest)) | (speed > _REST)
         counts = moves & (metres | ~xp.any(moves & metres))
+        counts = counts & ~structure.is_state if structure.states else counts
         return cls(farthest, distance, speed, counts)

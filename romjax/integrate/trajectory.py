@@ -16,7 +16,7 @@ from ..common.errors import InputError
 from ..common.extras import lazy_import
 from ..common.pictures import animated, inline
 from ..events.record import Events
-from ..scene.coordinate import Coordinate, quaternions_of
+from ..scene.coordinate import Coordinate, find, quaternions_of
 from ..scene.scene import Scene
 from ..system.base import AbstractSystem
 from ..system.flags import WORDS, Flag
@@ -84,16 +84,15 @@ class Trajectory(eqx.Module):
 
     def __getitem__(self, label: str) -> Float[Array, " k"]:
         """One coordinate by its `label`, such as "cart.x", or its rate by "cart.x'"; (k,), in the
-        unit of the coordinate, per second for a rate.
+        unit of the coordinate, per second for a rate. A state of an effect is "pid.integral".
 
         Raises InputError, with the closest labels, if no coordinate has that one.
         """
-        name, values = label, self.q
-        if isinstance(label, str) and label.endswith("'"):
-            name, values = label[:-1], self.v
-        if name not in self.labels:
+        found = find(label, self.labels) if isinstance(label, str) else None
+        if found is None:
             raise unknown_name("Trajectory", "coordinate", label, self.labels)
-        return values[..., self.labels.index(name)]
+        number, is_rate = found
+        return (self.v if is_rate else self.q)[..., number]
 
     @property
     def multipliers(self) -> Float[Array, "*runs k m"]:

@@ -52,20 +52,28 @@ class Tolerances(eqx.Module):
     positions, and rtol max(min(S, 1), |v|) + R / h in velocities, with the largest distance D and
     the largest speed S so far among the positions of bodies [m, m/s], or among all other
     coordinates. R is what rounding leaves of positions, and R / h has as much of an effect in a
-    step h.
+    step h. A state of an effect is of a kind by itself, whatever its size.
     """
 
     rtol: Float[Array, ""]
     atol: Float[Array, ""]
     follow: Bool[Array, ""]
     positions: tuple[bool, ...] = eqx.field(static=True)  # whether coordinates are those of bodies
+    # Whether their rates are states of effects; empty where none are.
+    states: tuple[bool, ...] = eqx.field(static=True, default=())
 
     @classmethod
     def of(
-        cls, positions: Bool[np.ndarray, " n"], rtol: Any, atol: Any, follow: Any
+        cls,
+        positions: Bool[np.ndarray, " n"],
+        rtol: Any,
+        atol: Any,
+        follow: Any,
+        states: Bool[np.ndarray, " n"] | None = None,
     ) -> "Tolerances":
         numbers = jnp.asarray(rtol), jnp.asarray(atol), jnp.asarray(follow)
-        return cls(*numbers, tuple(positions.tolist()))
+        kinds = () if states is None or not states.any() else tuple(states.tolist())
+        return cls(*numbers, tuple(positions.tolist()), kinds)
 
     def start(self, y: Any) -> Reach:
         """Return the reach of the motion before the first step."""
@@ -99,7 +107,9 @@ class Tolerances(eqx.Module):
         q, v = jax.lax.stop_gradient((q, v))
         moved = jnp.max(jnp.abs(jnp.stack([q - reach.origin[None], v])), axis=1)
         noise = self.rounding(reach)
-        followed = self.rtol * jnp.maximum(jnp.minimum(reach.sizes[:2], 1), moved)
+        # States of effects have units of their own, of which 1 says nothing.
+        most = jnp.asarray(np.where([self.states], np.inf, 1), q.dtype) if self.states else 1
+        followed = self.rtol * jnp.maximum(jnp.minimum(reach.sizes[:2], most), moved)
         followed += jnp.stack([noise, noise / h])
         given = self.atol + self.rtol * jnp.max(jnp.abs(jnp.stack([q, v])), axis=1)
         by_q, by_v = jnp.where(self.follow, followed, given)
@@ -116,7 +126,11 @@ class Tolerances(eqx.Module):
         return Reach(start.origin, jnp.maximum(start.sizes, sizes))
 
     def _largest(self, sizes: Float[Array, "rows n"]) -> Float[Array, "rows _"]:
-        """The largest of each row among the coordinates of each kind."""
+        """The largest of each row among the coordinates of each kind; of states each by itself."""
+        if self.states:
+            own = np.array([self.states])
+            others = Tolerances.of(np.array(self.positions), self.rtol, self.atol, self.follow)
+            return jnp.where(own, sizes, others._largest(jnp.where(own, 0, sizes)))
         which = np.array(self.positions, bool)
         if not len(which):
             return sizes

@@ -11,6 +11,7 @@ from ..common.errors import InputError
 from ..compiling.program import program
 from ..integrate.trajectory import Trajectory
 from ..scene.effect.joint_inertia import JointInertia
+from ..scene.state_carrier import StateCarrier
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
 from .states import along, check_origin, check_run
@@ -119,8 +120,9 @@ def part_energies(system: AbstractSystem, run: Trajectory) -> PartEnergies:
 
 def _with_inertia(full: Any) -> tuple[Any, ...]:
     """The groups of bodies, and the counters where some of them are the inertia of joints."""
-    rotors = any(isinstance(group.effects, JointInertia) for group in full.effects)
-    return tuple(full.bodies) if rotors else without_counters(full.bodies)
+    if not any(isinstance(group.effects, JointInertia) for group in full.effects):
+        return without_counters(full.bodies)
+    return tuple(group for group in full.bodies if not isinstance(group.bodies, StateCarrier))
 
 
 def _of_parts(full: Any, t: Array, q: Array, v: Array) -> tuple[list[Array | None], ...]:

@@ -16,6 +16,7 @@ from ..assembly.locate import locate
 from ..common.arrays import Time
 from ..common.checks import unknown_name
 from ..common.errors import InputError
+from ..scene.coordinate import find
 from ..scene.marker import Marker, Pose
 from ..system.base import AbstractSystem
 from .kinematics import length, relative
@@ -41,17 +42,20 @@ class AbstractQuantity(eqx.Module):
 
 
 class Coordinate(AbstractQuantity):
-    """A physical coordinate by its `label`, such as "cart.x"; with a prime, "cart.x'", its rate."""
+    """A physical coordinate by its `label`, such as "cart.x"; with a prime, "cart.x'", its rate; or
+    a state of an effect, such as "pid.integral".
+    """
 
     label: str = eqx.field(static=True)
 
     def value(
         self, full: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
     ) -> Float[Array, ""]:
-        name, values = self.label.removesuffix("'"), v if self.label.endswith("'") else q
-        if name not in full.structure.labels:
+        found = find(self.label, full.structure.labels)
+        if found is None:
             raise unknown_name("quantity", "coordinate", self.label, full.structure.labels)
-        return values[full.structure.labels.index(name)]
+        number, is_rate = found
+        return (v if is_rate else q)[number]
 
 
 class AbstractMarkerQuantity(AbstractQuantity):

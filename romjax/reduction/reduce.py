@@ -5,7 +5,7 @@ from typing import Literal, overload
 from ..basis.basis import Basis
 from ..common.checks import check_kind
 from ..common.errors import ReductionError, UnsuitedError
-from ..system.base import AbstractSystem, check_system
+from ..system.base import AbstractSystem, check_system, refuse_states
 from ..system.reduced import AbstractReducedSystem
 from ..system.training import remember_training
 from .formulation.base import AbstractFormulation
@@ -54,12 +54,12 @@ def reduce(
       `Projected()`, "projected": the chapter's equation 39.6, unstable, for reference only.
       `JointCoordinates()`, "joint": the whole mechanism, without a basis.
 
-    Raises ReductionError if the basis does not fit the system, if it would lock the mechanism or
-    take it apart (galerkin), or if the mechanism passes a singular position (minimal); the message
-    then names a formulation that has made a model of it, or says that none does.
+    Raises ReductionError for effects with states, a basis that does not fit, a mechanism that locks
+    or comes apart (galerkin) or is singular on its way (minimal), with a formulation that suits it.
     """
     chosen: AbstractFormulation = as_formulation(formulation)
     check_system("reduce", system)
+    refuse_states("reduce", system, ReductionError, "no formulation keeps; reduce it without them")
     if isinstance(chosen, JointCoordinates):
         return chosen.reduce(system, basis)
     check_kind("reduce", "the basis", basis, Basis, "what romjax.pod or romjax.sod returns")

@@ -3,6 +3,9 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
+# What begins the name of a coordinate whose rate is a state of an effect.
+INTEGRAL = "∫"
+
 
 class Coordinate(NamedTuple):
     r"""A generalized coordinate in words and signs.
@@ -55,3 +58,16 @@ def quaternions_of(coordinates: Sequence[Coordinate]) -> tuple[int, ...]:
         for i in starts
         if tuple(coordinates[i : i + 4]) == frame_coordinates(coordinates[i].owner, 3)[3:]
     )
+
+
+def find(label: str, labels: Sequence[str]) -> tuple[int, bool] | None:
+    """The number of the coordinate of a `label`, and whether that stands for its rate: "cart.x'",
+    or a state of an effect, "pid.integral". None where there is no such coordinate.
+    """
+    if label in labels:
+        return labels.index(label), False
+    if label.endswith("'") and label[:-1] in labels:
+        return labels.index(label[:-1]), True
+    owner, _, state = label.rpartition(".")
+    carried = f"{owner}.{INTEGRAL}{state}"
+    return (labels.index(carried), True) if carried in labels else None

@@ -17,61 +17,30 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..common.arrays import Time
-from ..linalg.inverse_mass import PlainInverse
-from .body.base import AbstractBody
 from .coordinate import Coordinate
 from .joint.base import AbstractJoint
 from .marker import Marker, Pose
 from .motion import moved
+from .one_coordinate import AbstractOneCoordinate
 
 
-class TurnCounter(AbstractBody):
+class TurnCounter(AbstractOneCoordinate):
     """A body that counts full turns: its coordinate is an angle [rad], in place of a frame's x."""
 
     name: str = eqx.field(static=True)
     inertia: Float[Array, ""]
     dimension: ClassVar[int] = 3
-    modes: ClassVar[int] = 0  # type: ignore[misc]
-    constant_mass: ClassVar[bool] = True
 
-    @property
-    def frame_size(self) -> int:
-        return 1
+    def weight(self) -> Float[Array, ""]:
+        return self.inertia
 
     def start(self) -> tuple[Float[Array, "1"], Float[Array, "1"]]:
         none = jnp.zeros_like(self.inertia)[None]
         return none, none
 
-    def mass_matrix(self, q: Float[Array, "1"]) -> Float[Array, "1"]:
-        del q
-        return self.inertia[None]
-
-    @property
-    def inverts_mass(self) -> bool:
-        return True
-
-    def inverse_mass(self, q: Float[Array, "1"]) -> PlainInverse:
-        del q
-        return PlainInverse(1 / self.inertia[None])
-
-    def elastic_energy(self, q: Float[Array, "1"]) -> Float[Array, ""]:
-        return jnp.zeros((), q.dtype)
-
-    def first_moment(self, q: Float[Array, "1"]) -> Float[Array, "3"]:
-        return jnp.zeros(3, q.dtype)
-
-    def mode_shapes(self, point: Float[Array, "3"]) -> Float[Array, "6 0"]:
-        return jnp.zeros((6, 0), point.dtype)
-
-    def outline(self) -> Float[Array, "0 3"]:
-        return jnp.zeros((0, 3))
-
     def coordinates(self) -> tuple[Coordinate, ...]:
         about = f"angle with full turns, {self.name}"
         return (Coordinate(self.name, "angle", "rad", r"\varphi", about),)
-
-    def check(self) -> None:
-        pass
 
 
 class CounterJoint(AbstractJoint):

@@ -43,6 +43,18 @@ def check_system(owner: str, system: "AbstractSystem") -> None:
     check_kind(owner, "the system", system, AbstractSystem, remedy)
 
 
+def refuse_states(
+    owner: str, system: "AbstractSystem", error: type[Exception], remedy: str
+) -> None:
+    """Raise an `error`, beginning with `owner`, for effects with first-order states, which `remedy`
+    says what to do about.
+    """
+    structure = system.full.structure
+    if structure.states:
+        effect = structure.coordinates[structure.states[0]].owner
+        raise error(f"{owner}: '{effect}' has first-order states, which {remedy}.")
+
+
 class AbstractSystem(eqx.Module):
     """M(q) q̈ + C_qᵀ λ = Q(t, q, q̇), C(t, q) = 0 (chapter equation 39.1, with the sign of 39.2).
 

@@ -151,7 +151,10 @@ def check_start_shapes(
     """The start, that of the system unless given; raise InputError on a wrong shape."""
     q = system.q0 if q0 is None else as_array(q0)
     v = system.v0 if v0 is None else as_array(v0)
-    n = system.n
+    n, structure = system.n, system.structure
     check_shape("start", "q0", q, (n,))
     check_shape("start", "v0", v, (n,))
+    if structure.states and q0 is not None and v0 is None:
+        # A configuration has states in their places, as `equilibrium` returns them.
+        v = structure.without_states(v) + structure.at_rest(q)
     return q, v

@@ -22,7 +22,8 @@ def check_mobility(
     Lengths of quaternions are no freedoms. Repeated constraints do not count: a mechanism may have
     them, and the solution of its equations of motion stays unique.
     """
-    freedoms = system.n - len(system.structure.quaternions)
+    structure = system.structure
+    freedoms = system.n - len(structure.quaternions) - len(structure.states)
     if system.m <= freedoms:
         return
     rows = concrete(_at_start(without_names(system)))

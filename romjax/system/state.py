@@ -151,6 +151,7 @@ class FullState(AbstractState):
     - `stored`: the elastic and the potential energy as a function of q; `work_rate`: the power of
       the other forces. `contact_gaps`: of all contacts. `effect_limits`: of all effects.
     - `part_slopes`: the derivatives by parts, of a, λ and the stabilisation.
+    - `moving`: the velocities of what has kinetic energy; None: all.
     """
 
     q: Float[Array, " n"]
@@ -165,6 +166,7 @@ class FullState(AbstractState):
     contact_gaps: Callable[[], Float[Array, " contacts"] | None] = lambda: None
     effect_limits: Callable[[], Float[Array, " effects"] | None] = lambda: None
     part_slopes: Callable[[Array, Array, Baumgarte | None], Slopes | None] = lambda *_: None
+    moving: Float[Array, " n"] | None = None
 
     @functools.cached_property
     def _mass(self) -> Float[Array, "bodies size *size"]:
@@ -180,14 +182,15 @@ class FullState(AbstractState):
         return self.force_vector()
 
     def energy(self) -> Energy:
-        momentum = self.apply_mass(self.v)
+        moving = self.v if self.moving is None else self.moving
+        momentum = self.apply_mass(moving)
 
         def both(q: Array) -> tuple[Array, tuple[Array, Array]]:
             stored = self.stored(q)
             return stored[0] + stored[1], stored
 
         (_, (elastic, potential)), slope = jax.value_and_grad(both, has_aux=True)(self.q)
-        return Energy(0.5 * multiply(self.v, momentum), elastic, potential, momentum, slope)
+        return Energy(0.5 * multiply(moving, momentum), elastic, potential, momentum, slope)
 
     def power(self) -> Power | None:
         return self.work_rate()

@@ -5,7 +5,9 @@ import functools
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from ..common.identity_cache import IdentityCache
 from ..scene.coordinate import Coordinate
@@ -30,6 +32,8 @@ class Structure:
     - `quaternions`: at which coordinate the quaternion of each body in space begins.
     - `counters`: coordinates that count the turns of an angle, with `COUNTER_INERTIA` of the
       inertia that this angle feels; or that are the motion of a joint with an inertia of its own.
+    - `states`: coordinates whose rates are first-order states of effects, with a unit inertia that
+      is none of the mechanism; nothing depends on the coordinates themselves.
     - `joints`, `effects`: by which keys results name them, each key once, in the order in which the
       system holds them; none, where there are no such parts.
     """
@@ -44,6 +48,7 @@ class Structure:
     frames: tuple[int, ...] = ()
     quaternions: tuple[int, ...] = ()
     counters: tuple[int, ...] = ()
+    states: tuple[int, ...] = ()
     joints: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
 
@@ -73,6 +78,7 @@ class Structure:
             frames=self.frames,
             quaternions=self.quaternions,
             counters=self.counters,
+            states=self.states,
         )
 
     @functools.cached_property
@@ -86,6 +92,23 @@ class Structure:
         mask = np.zeros(len(self.coordinates), bool)
         mask[self.positions] = True
         return mask
+
+    @functools.cached_property
+    def is_state(self) -> np.ndarray:
+        """Whether the rate of each coordinate is a state of an effect, (n,)."""
+        mask = np.zeros(len(self.coordinates), bool)
+        mask[np.array(self.states, int)] = True
+        return mask
+
+    def without_states(self, v: Array) -> Array:
+        """Velocities (n,) with zeros for states; the same array where there are none."""
+        return jnp.where(self.is_state, 0, v) if self.states else v
+
+    def at_rest(self, q: Array) -> Array:
+        """The velocities of a configuration at rest (n,): those of states, which are in their
+        places in `q`, and else zeros.
+        """
+        return jnp.where(self.is_state, q, 0) if self.states else jnp.zeros_like(q)
 
     @functools.cached_property
     def turns(self) -> np.ndarray:
@@ -102,7 +125,7 @@ class Structure:
     def _hash(self) -> int:
         # Every call of a compiled program asks for it.
         kinds = self.rigid, self.flexible, self.loops, self.contacts
-        places = self.frames, self.quaternions, self.counters
+        places = self.frames, self.quaternions, self.counters, self.states
         return hash((self.coordinates, self.constraints, kinds, places))
 
 

@@ -113,18 +113,19 @@ class Audit(AbstractFollower):
         then below the square root of 2n times the sum of the squares of its derivatives times the
         tolerances.
         """
-        t, y, v = after.t, after.y, after.y[1]
+        t, y = after.t, after.y
+        v = self.system.structure.without_states(y[1])
         energy, zero, squared = self._at(t, y)[1].energy(), jnp.zeros_like(t), jnp.sum(v**2)
         share = energy.kinetic / jnp.where(squared > 0, squared, 1)
         if not self.controlled:
             least = share * len(v) * self.tolerances.atol**2
             return Momentary(energy.total, energy.kinetic, least, zero, zero)
         q_errors, v_errors = self.tolerances.errors(
-            after.controller_state[1], y[0][None], v[None], t - before.t
+            after.controller_state[1], y[0][None], y[1][None], t - before.t
         )
         squares = (energy.slope * q_errors) ** 2 + (energy.momentum * v_errors) ** 2
         tolerated = jnp.sqrt(2 * len(v) * jnp.sum(squares))
-        least = share * jnp.sum(v_errors**2)
+        least = share * jnp.sum(self.system.structure.without_states(v_errors) ** 2)
         return Momentary(energy.total, energy.kinetic, least, tolerated, self.tolerances.rtol)
 
     def _work(self, t0: Array, t1: Array, between: diffrax.AbstractLocalInterpolation) -> Power:

@@ -3,11 +3,11 @@
 from typing import ClassVar
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...common.arrays import Time
 from ..fields import Converted, check_numbers, number
+from ..limits import cut_off
 from ..marker import Marker, Pose, Twist, Wrench
 from ..motion import check_motion, moved
 from ..signal import AbstractSignal, signal_field
@@ -54,10 +54,10 @@ class Actuator(AbstractMotionEffect):
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> tuple[Wrench, ...]:
         value, rate, wrenches = displacement(lambda *p: moved(self.motion, *p), poses, twists)
-        signal = _cut(self.signal(t), self.least_signal, self.largest_signal)
+        signal = cut_off(self.signal(t), self.least_signal, self.largest_signal)
         feedback = self.proportional * value + self.derivative * rate()
         force = self.gain * signal + self.offset - self.gear * feedback
-        return wrenches(self.gear * _cut(force, self.least, self.largest))
+        return wrenches(self.gear * cut_off(force, self.least, self.largest))
 
     def label(self) -> str:
         return self.name or super().label()
@@ -68,11 +68,3 @@ class Actuator(AbstractMotionEffect):
         self.signal.check(owner)
         check_numbers(owner, self, "gear", "gain", "offset", "proportional", "derivative")
         check_numbers(owner, self, "least", "largest", "least_signal", "largest_signal")
-
-
-def _cut(
-    x: Float[Array, ""], least: Float[Array, ""] | None, largest: Float[Array, ""] | None
-) -> Float[Array, ""]:
-    """A number cut off at two values, where they are given."""
-    x = x if least is None else jnp.maximum(x, least)
-    return x if largest is None else jnp.minimum(x, largest)

@@ -77,6 +77,10 @@ class AbstractMarkerEffect(AbstractEffect):
     # Pairs of its markers, by their numbers, in space whose angle counts full turns: the pose of a
     # counter for each follows those of the markers, see `counted_angle`.
     counted: ClassVar[tuple[tuple[int, int], ...]] = ()
+    # Names of its first-order states, and their units where they are known, see
+    # `AbstractStateEffect`.
+    states: ClassVar[tuple[str, ...]] = ()
+    units: ClassVar[tuple[str, ...]] = ()
     # Whether it may begin on the way, as contacts do; then the start shows nothing of it.
     begins: ClassVar[bool] = False
     # Whether it is right within a `limit` only.
