@@ -14,6 +14,8 @@ TS = np.linspace(0.0, 0.3, 31)
 TOL = 1e-3
 # Required on held-out points: estimates between half and twice the error.
 EFFECTIVITY = 2.0
+# The same of the linear flow along a training run.
+FLOW = 2.5
 # The chapter's example over the amplitude and frequency of its force, and its first mode.
 CHAPTER = {"force": (5.0, 15.0), "frequency": (8.0, 12.0), "f1": (14.0, 18.0)}
 
@@ -36,7 +38,7 @@ def box():
 
 @pytest.fixture(scope="module")
 def reduced(box):
-    return rj.reduce_over(box, TS, TOL, candidates=8, held_out=4)
+    return rj.reduce_over(box, TS, TOL, candidates=8, held_out=4, flow=True)
 
 
 @pytest.mark.instant
@@ -101,7 +103,7 @@ def test_a_sweep_falls_back_on_the_full_model(box, reduced):
     points = {name: x[[best, worst, worst]] for name, x in reduced.candidates.items()}
     points["mass"][2] = 2 * box.ranges["mass"].high
     between = np.sqrt(reduced.estimates[best] * reduced.estimates[worst])
-    strict = dataclasses.replace(reduced, tol=float(2 * between))
+    strict = dataclasses.replace(reduced, tol=float(2 * between), flows=None)
     swept = rj.sweep_over(strict, points, TS, lambda run: run.q[-1])
     assert swept.by_full.tolist() == [False, True, True]
     assert 0 < swept.estimates[0] < between
@@ -118,10 +120,32 @@ def test_a_sweep_falls_back_on_the_full_model(box, reduced):
         rj.sweep_over(reduced, {"mass": 1.0}, TS, len)
 
 
+@pytest.mark.slow
+def test_the_flow_of_a_box_tells_errors(reduced):
+    """Of held-out mechanisms, by no second run: in size here, and in a sweep the same."""
+    points, told = reduced.held_out, []
+    for i, error in enumerate(reduced.errors):
+        run = rj.simulate(reduced.at(**{name: x[i] for name, x in points.items()}), TS, rtol=1e-7)
+        corrected = reduced.corrected(run)
+        told.append(float(corrected.bar.error))
+        assert error / FLOW <= told[-1] <= error * FLOW
+        assert "estimated (flow along a training run)" in corrected.summary()
+        assert float(rj.compare(corrected, run).error) == pytest.approx(told[-1], rel=1e-2)
+    swept = rj.sweep_over(reduced, points, TS, lambda run: run.q[-1])
+    assert not np.any(swept.by_full)
+    assert np.allclose(swept.estimates, told, rtol=0.1)
+    late = rj.simulate(reduced.at(), TS[:-1])
+    with pytest.raises(rj.InputError, match="30 output times that are not those of the training"):
+        reduced.corrected(late)
+    other = rj.simulate(rj.reduce(reduced.rom.full, rj.pod(late, rank=2)), TS, throw=False)
+    with pytest.raises(rj.InputError, match="the run is one of 2 coordinates"):
+        reduced.corrected(other)
+
+
 @pytest.mark.exhaustive
 def test_full_runs_of_a_sweep_join_the_training(reduced):
     """Fewer lanes are left to the full model, and the others are as good as its own."""
-    strict = dataclasses.replace(reduced, tol=float(np.median(reduced.estimates)))
+    strict = dataclasses.replace(reduced, tol=float(np.median(reduced.estimates)), flows=None)
     plain, learned = (
         rj.sweep_over(strict, reduced.candidates, TS, lambda run: run.q, learn=most)
         for most in (0, 2)

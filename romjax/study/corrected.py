@@ -76,16 +76,16 @@ def corrected_with(
         if by != "residual":
             raise unknown_name("corrected", "estimate", by, ("residual",))
         other, full = by_residual(reduced, run, q, v)
-        return _told(run, other, "linear"), full
+        return told(run, other, "linear"), full
     given = [Finer(by, _name(by))] if by is not None else list(finer_of(rom))
     if not given:
         full = dataclasses.replace(cast(Any, rom.full), q0=q, v0=v)
-        return _told(run, simulated(full, run), "the full model"), full
+        return told(run, simulated(full, run), "the full model"), full
     if concrete(run.q) is None or concrete(q) is None:
         given = given[-1:]
     models = [one.model.with_full(rom.full).starting_at(q, v, run.t[0]) for one in given]
     pairs = [
-        (_told(run, simulated(model, run), one.name), model)
+        (told(run, simulated(model, run), one.name), model)
         for one, model in zip(given, models, strict=True)
     ]
     return pairs[0] if len(pairs) == 1 else max(pairs, key=lambda pair: _size(pair[0]))
@@ -120,7 +120,7 @@ def _by_cap(system: AbstractSystem, run: Trajectory) -> tuple[Trajectory, Abstra
     other = simulated(model, run)
     # Capped modes weigh more than those that errors are measured by.
     derived = EagerQuantities(other.multipliers, metric, other.derived.parts)
-    return _told(run, dataclasses.replace(other, derived=derived), "twice the cap"), model
+    return told(run, dataclasses.replace(other, derived=derived), "twice the cap"), model
 
 
 def _name(model: AbstractReducedSystem) -> str:
@@ -152,7 +152,7 @@ def simulated(model: AbstractSystem, run: Trajectory) -> Trajectory:
     return simulate(model, run.t, rtol=rtol, throw=False, audit=run.balance is not None)
 
 
-def _told(run: Trajectory, other: Trajectory, name: str) -> Trajectory:
+def told(run: Trajectory, other: Trajectory, name: str) -> Trajectory:
     """The other run, and what it tells of the first one."""
     error = jnp.where(run.success & other.success, compare(other, run).error, jnp.inf)
     bar = ErrorBar(error, name)

@@ -1,6 +1,7 @@
 """The error of a reduced run by the error equation of the full system, in residual form."""
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any, cast
 
 import equinox as eqx
@@ -25,7 +26,7 @@ from ..system.structure import without_names
 # Errors are integrated in this unit, so that the step size control sees them beside the motion.
 _UNIT = 1e-2
 # Of violated constraints [rad/s]; the true motion satisfies the stabilised equations with any.
-_DECAY = 20.0
+DECAY = 20.0
 # Of the normal equations of balance, relative: joints may repeat each other.
 _DEPENDENT = 1e-13
 _SWEEPS = 3
@@ -48,15 +49,11 @@ def by_residual(
     grows without bound: the joint forces of a lifted state are wrong. Projected on C = 0.
     """
     full = rom.full
-    if full.structure.quaternions or full.structure.contacts:
-        what = "moves in space" if full.structure.quaternions else "has contacts"
+    reason = nonlinear(rom)
+    if reason:
         raise InputError(
-            f"corrected: the mechanism {what}, of which no linear estimate is known; leave out "
+            f"corrected: {reason}, of which no linear estimate is known; leave out "
             'by="residual", so that a richer model tells.'
-        )
-    if has_charts(rom):
-        raise InputError(
-            'corrected: by="residual" is of one chart, but the model changes its own; leave it out.'
         )
     own = rom.starting_at(run.q[0], run.v[0], run.t[0])
     lifted = own.reconstruct(run.t[0], own.q0, own.v0)
@@ -71,17 +68,37 @@ def by_residual(
     rtol = _USUAL if run.stats.rtol is None else run.stats.rtol
     found = simulate(pair, run.t, rtol=rtol, throw=False, audit=False)
     start: AbstractSystem = dataclasses.replace(cast(Any, full), q0=q, v0=v)
-    q, v, violation, multipliers = _lifted(without_names(own), unit, found.t, found.q, found.v)
-    derived = EagerQuantities(multipliers, metric_of(full), Partitioned.of(start))
-    corrected = dataclasses.replace(
-        found,
+    q, v = _lifted(without_names(own), unit, found.t, found.q, found.v)
+    return with_motion(full, start, found, q, v), start
+
+
+def nonlinear(rom: AbstractReducedSystem) -> str:
+    """The reason why no linear estimate is known of a model's errors, in words; "" if one is."""
+    structure = rom.full.structure
+    if structure.quaternions:
+        return "the mechanism moves in space"
+    if structure.contacts:
+        return "the mechanism has contacts"
+    return "the model changes its chart" if has_charts(rom) else ""
+
+
+def with_motion(
+    full: AbstractSystem,
+    start: AbstractSystem,
+    run: Trajectory,
+    q: Float[Array, "k n"],
+    v: Float[Array, "k n"],
+) -> Trajectory:
+    """A run of a full system by what an error adds to it, on the constraints."""
+    q, v, violation, multipliers = _on_constraints(without_names(full), run.t, q, v)
+    return dataclasses.replace(
+        run,
         q=q,
         v=v,
         violation=violation,
-        derived=derived,
+        derived=EagerQuantities(multipliers, metric_of(full), Partitioned.of(start)),
         coordinates=full.structure.coordinates,
     )
-    return corrected, start
 
 
 def _unit_mass(y: Array) -> Array:
@@ -96,7 +113,7 @@ class _Pair(eqx.Module):
 
     def __call__(self, t: Array, y: Array, rate: Array) -> Array:
         rom, r = self.rom, self.rom.n
-        stabilization = Baumgarte.critical(_DECAY)
+        stabilization = Baumgarte.critical(DECAY)
         state = rom.state(t, y[:r], rate[:r])
         own = state.solve(gamma(rom, t, y[:r], rate[:r], stabilization)).acceleration
         a = state.physical_acceleration(own)
@@ -107,7 +124,18 @@ class _Pair(eqx.Module):
 def _error(full: AbstractSystem, t: Array, motion: Any, error: Any, unit: Array) -> Array:
     """The acceleration of the error, in the unit, along a lifted motion (q, v, a)."""
     q, v, a = motion
-    stabilization, multipliers = Baumgarte.critical(_DECAY), _balance(full, t, q, v, a)
+    values, slopes = jax.jvp(residual_about(full, t, q, v, a), (q, v), error)
+    force, kept = (-(x / unit + dx) for x, dx in zip(values, slopes, strict=True))
+    return full.state(t, q, v).kkt().solve(force, kept)[0]
+
+
+def residual_about(
+    full: AbstractSystem, t: Array, q: Array, v: Array, a: Array
+) -> Callable[[Array, Array], tuple[Array, Array]]:
+    """The residuals r₁, r₂ as functions of q and v, with the accelerations `a` and the multipliers
+    that balance them at (q, v) held fixed.
+    """
+    stabilization, multipliers = Baumgarte.critical(DECAY), _balance(full, t, q, v, a)
 
     def residual(q: Array, v: Array) -> tuple[Array, Array]:
         unbalanced = full.state(t, q, v).residual(a)
@@ -119,9 +147,7 @@ def _error(full: AbstractSystem, t: Array, motion: Any, error: Any, unit: Array)
             along.violation, along.rate
         )
 
-    values, slopes = jax.jvp(residual, (q, v), error)
-    force, kept = (-(x / unit + dx) for x, dx in zip(values, slopes, strict=True))
-    return full.state(t, q, v).kkt().solve(force, kept)[0]
+    return residual
 
 
 def _balance(full: AbstractSystem, t: Array, q: Array, v: Array, a: Array) -> Array:
@@ -142,16 +168,27 @@ def _balance(full: AbstractSystem, t: Array, q: Array, v: Array, a: Array) -> Ar
 @eqx.filter_jit
 def _lifted(
     rom: AbstractReducedSystem, unit: Array, t: Array, y: Array, rate: Array
-) -> tuple[Array, Array, Array, Array]:
-    """q, v, violation and multipliers of the corrected motion at all outputs."""
-    full, r = rom.full, rom.n
+) -> tuple[Array, Array]:
+    """Q and v of the reduced motion and the error, at all outputs."""
+    r = rom.n
 
-    def one(t: Array, y: Array, rate: Array) -> tuple[Array, Array, Array, Array]:
+    def one(t: Array, y: Array, rate: Array) -> tuple[Array, Array]:
         q, v = rom.reconstruct(t, y[:r], rate[:r])
-        q, v = q + unit * y[r:], v + unit * rate[r:]
+        return q + unit * y[r:], v + unit * rate[r:]
+
+    return jax.vmap(one)(t, y, rate)
+
+
+@eqx.filter_jit
+def _on_constraints(
+    full: AbstractSystem, t: Array, q: Array, v: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Q and v on the constraints, their violation and the multipliers, at all outputs."""
+
+    def one(t: Array, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
         if full.m:
             q, v = project(full, t, q, v, _SWEEPS)
         violation = jnp.max(jnp.abs(full.constraint(t, q)), initial=0.0)
         return q, v, violation, solve(full, t, q, v, None).multipliers
 
-    return jax.vmap(one)(t, y, rate)
+    return jax.vmap(one)(t, q, v)

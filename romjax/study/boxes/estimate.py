@@ -1,5 +1,6 @@
 """The error of a reduced run, estimated by models that know more."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,6 +12,7 @@ from ...integrate.trajectory import Trajectory
 from ...system.base import AbstractSystem
 from ...system.reduced import AbstractReducedSystem
 from ..compare import compare
+from ..flow import Flows
 from .reduced_box import reduced_as
 
 
@@ -35,3 +37,20 @@ def run_with_error_estimate(
         error = compare(other, run).error
         errors.append(jnp.where(run.success & other.success, error, jnp.inf))
     return rom, run, jnp.max(jnp.stack(errors))
+
+
+def run_with_error_by_flow(
+    coarse: AbstractReducedSystem,
+    flows: Flows,
+    system: AbstractSystem,
+    times: Float[Array, " k"],
+    rtol: Any,
+) -> tuple[Trajectory, Float[Array, ""]]:
+    """Run the coarse model for a system with other numbers, and estimate the error of the run by
+    the flow along known motions; infinite where the run failed.
+    """
+    rom = reduced_as(coarse, system)
+    run = simulate(rom, times, rtol=rtol, throw=False)
+    change, _ = flows.error(rom, run, system.q0, system.v0)
+    error = compare(dataclasses.replace(run, q=run.q + change), run).error
+    return run, jnp.where(run.success, error, jnp.inf)

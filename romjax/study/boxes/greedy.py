@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from tqdm import tqdm
 
 from ...common.arrays import as_number
+from ...common.errors import InputError
 from ...compiling.program import program
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
@@ -19,8 +20,10 @@ from ...system.base import AbstractSystem, Run
 from ...system.reduced import AbstractReducedSystem
 from ...system.training import with_error
 from ..batch import simulate_all, stacked
+from ..flow import Flows
 from ..ranks.rank_search import SAFETY, Accepted, RankSearch, held_out_error, sharper
-from ..richer import finer_of
+from ..residual import nonlinear
+from ..richer import Finer, finer_of
 from .box import Box
 from .estimate import run_with_error_estimate
 from .reduced_box import ReducedBox
@@ -30,7 +33,7 @@ from .sensitivities import sensitivities
 class Greedy:
     """Training runs that are chosen one by one, from `points` of a box, of which the first ones are
     the `candidates`, and the others held out. With `gradients`, the sensitivities of each training
-    run are snapshots too.
+    run are snapshots too; with `flow`, the flow of errors along them is kept.
     """
 
     def __init__(
@@ -42,9 +45,10 @@ class Greedy:
         tol: float,
         formulation: AbstractFormulation,
         gradients: bool,
+        flow: bool,
     ):
         self.box, self.points, self.candidates = box, points, candidates
-        self.times, self.tol, self.gradients = times, tol, gradients
+        self.times, self.tol, self.gradients, self.flow = times, tol, gradients, flow
         rows = zip(*points.values(), strict=True)
         self.systems = [box.system(**dict(zip(points, row, strict=True))) for row in rows]
         self.search = RankSearch("reduce_over", [], [], tol, formulation)
@@ -131,8 +135,27 @@ class Greedy:
             held_out={name: x[left] for name, x in self.points.items()},
             errors=self.errors,
             guesses=self.guesses,
+            flows=self.flows(rom, finer, self.times) if self.flow else None,
             greedy=self,
         )
+
+    def flows(
+        self, rom: AbstractReducedSystem, finer: tuple[Finer, ...], times: Any
+    ) -> Flows | None:
+        """The flow of a finer model along the training runs; None of a model with all freedoms.
+
+        Raises InputError where no linear estimate of the errors is known.
+        """
+        if not finer:
+            return None
+        space = finer[0].model
+        reason = nonlinear(rom) or nonlinear(space)
+        if reason:
+            raise InputError(
+                f"reduce_over: flow=True, but {reason}, of which no linear estimate is known; "
+                "leave it out, so that a richer model estimates errors."
+            )
+        return Flows.along(space, self.search.systems, times, _accurate(self.tol))
 
 
 def _accurate(tol: float) -> float:

@@ -23,6 +23,7 @@ def reduce_over(
     candidates: int = 64,
     held_out: int = 16,
     gradients: bool = False,
+    flow: bool = False,
     seed: int = 0,
     progress: bool = False,
 ) -> ReducedBox:
@@ -45,10 +46,13 @@ def reduce_over(
     - `gradients`: take the `sensitivities` of the training runs as snapshots too, so that
       derivatives by the parameters are about as accurate as motions; the model is larger, and the
       box must make scenes of traced numbers, as `jax.grad` asks.
+    - `flow`: keep the linearised flow of errors along the training runs, by which
+      `ReducedBox.corrected` and `sweep_over` estimate errors without a second run: for many runs
+      of mechanisms in the plane, without contacts, of which no linear estimate is known.
     - `seed`: of the points. `progress`: show a progress bar.
 
     Raises ReductionError if `runs` training runs are not enough, with the error reached; InputError
-    for numbers without meaning.
+    for numbers without meaning, and a flow of what none is known of.
     """
     if not 0 < tol < 1:
         raise InputError(f"reduce_over: tol={tol}, but it must lie between 0 and 1.")
@@ -59,7 +63,7 @@ def reduce_over(
         )
     points = _points(box, candidates, held_out, seed)
     chosen = as_formulation(formulation)
-    greedy = Greedy(box, points, candidates, as_array(ts), tol, chosen, gradients)
+    greedy = Greedy(box, points, candidates, as_array(ts), tol, chosen, gradients, flow)
     with tqdm(disable=not progress, unit=" models", desc="reduce_over") as bar:
         accepted = greedy.search.smallest(1, bar)
         while (worst := greedy.worst(accepted)) is not None:

@@ -2,12 +2,17 @@
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from ...common.errors import InputError
+from ...integrate.trajectory import Trajectory
 from ...system.base import AbstractSystem
 from ...system.reduced import AbstractReducedSystem
+from ..corrected import corrected, told, true_start
+from ..flow import Flows
+from ..residual import with_motion
 from ..richer import Finer
 from .box import Box
 
@@ -32,6 +37,8 @@ class ReducedBox:
     - `candidates`: the parameters at which its error was estimated, and `estimates` (candidates,).
     - `held_out`: those at which it was measured, by full runs that it was not made of, and
       `errors` (held out,); `guesses` (held out,): what was estimated there.
+    - `flows`: the flow of errors along the training runs, by which `corrected` and `sweep_over`
+      estimate errors; None unless asked for, and of a model with all freedoms.
     - `greedy`: the training runs themselves, to go on from.
     """
 
@@ -45,6 +52,7 @@ class ReducedBox:
     held_out: dict[str, np.ndarray]
     errors: np.ndarray
     guesses: np.ndarray
+    flows: Flows | None
     greedy: "Greedy" = dataclasses.field(repr=False)
 
     @property
@@ -77,6 +85,41 @@ class ReducedBox:
         Raises InputError outside of the box.
         """
         return reduced_as(self.rom, self.box.system(**parameters))
+
+    def corrected(self, run: Trajectory) -> Trajectory:
+        """A run of the model with its error, as `romjax.corrected`: by the flow along the nearest
+        training run where flows are kept, which takes no second run, else by a richer model.
+
+        The flow is linear: beyond 5 % it says no more than that the run is not to be used.
+
+        Raises InputError for the run of another model, and with a flow for a run at other times
+        than those of the training.
+        """
+        rom = cast(AbstractReducedSystem, run.system)
+        if rom.full is rom or rom.n != self.rom.n:
+            raise InputError(
+                f"ReducedBox.corrected: the run is one of {rom.n} coordinates, but the model of "
+                f"the box has {self.rom.n}; simulate ReducedBox.at(…)."
+            )
+        if self.flows is None:
+            return corrected(rom, run)
+        if not np.array_equal(run.t, self.flows.t):
+            raise InputError(
+                f"ReducedBox.corrected: the run has {len(run.t)} output times that are not those "
+                f"of the training, {len(self.flows.t)} from {float(self.flows.t[0]):g} to "
+                f"{float(self.flows.t[-1]):g} s, by which the flow is kept; simulate at these."
+            )
+        q, v = true_start(rom, run)
+        change, rate = self.flows.error(rom, run, q, v)
+        start: Any = dataclasses.replace(cast(Any, rom.full), q0=q, v0=v)
+        other = with_motion(rom.full, start, run, run.q + change, run.v + rate)
+        return told(run, other, "flow along a training run")
+
+    def flows_at(self, times: Any) -> Flows | None:
+        """The flow of errors along the training runs at some output times [s]."""
+        if self.flows is None or np.array_equal(times, self.flows.t):
+            return self.flows
+        return self.greedy.flows(self.rom, self.finer, times)
 
     def trained_at(self, **parameters: float) -> "ReducedBox":
         """The model with the full run of some parameters in its training too; it is estimated and

@@ -16,7 +16,7 @@ from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
 from ..ranks.rank_search import SAFETY, sharper
 from ..sweep import Sweep, sweep
-from .estimate import run_with_error_estimate
+from .estimate import run_with_error_by_flow, run_with_error_estimate
 from .reduced_box import ReducedBox
 
 
@@ -48,11 +48,11 @@ def sweep_over(
     """Run many mechanisms, none with a larger error than asked for, and return what is seen.
 
     The reduced model simulates all points within its box, and one of a richer kind estimates the
-    errors. Where the estimate is above half of `ReducedBox.tol`, where something speaks against
-    the run, and outside of the box, the full model takes over. While it would have to at many
-    points, the full run of the worst one joins the training, and the better model tries the others
-    first (a hierarchy of models: Haasdonk, Kleikamp, Ohlberger, Schindler, Wenzel 2022,
-    arXiv:2204.13454).
+    errors, or the flow of errors along the training runs where that is kept. Where the estimate is
+    above half of `ReducedBox.tol`, where something speaks against the run, and outside of the box,
+    the full model takes over. While it would have to at many points, the full run of the worst one
+    joins the training, and the better model tries the others first (a hierarchy of models:
+    Haasdonk, Kleikamp, Ohlberger, Schindler, Wenzel 2022, arXiv:2204.13454).
 
     **Arguments:**
 
@@ -103,12 +103,16 @@ class _Lanes:
             return
         reduced, see = self.reduced, self.see
         times, rtol = self.times, sharper(reduced.tol)
+        flows = reduced.flows_at(times)
 
         def cheap(point: dict[str, Any]) -> dict[str, Any]:
             system = reduced.box.system_anywhere(point)
-            # Where all freedoms are there, what remains are the flags.
-            finer = [one.model for one in reduced.finer]
-            _, run, change = run_with_error_estimate(reduced.rom, finer, system, times, rtol)
+            if flows is not None:
+                run, change = run_with_error_by_flow(reduced.rom, flows, system, times, rtol)
+            else:
+                # Where all freedoms are there, what remains are the flags.
+                finer = [one.model for one in reduced.finer]
+                _, run, change = run_with_error_estimate(reduced.rom, finer, system, times, rtol)
             return {"seen": see(run), "change": change, "flags": run.flags, "status": run.status}
 
         part = self._swept(cheap, numbers)
