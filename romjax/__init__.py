@@ -114,6 +114,7 @@ from .scene.effect.joint_stop import JointStop as JointStop
 from .scene.effect.low_pass import LowPass as LowPass
 from .scene.effect.motor import Motor as Motor
 from .scene.effect.pid import PID as PID
+from .scene.effect.sampled import Sampled as Sampled
 from .scene.effect.spring import Spring as Spring
 from .scene.effect.state_effect import AbstractStateEffect as AbstractStateEffect
 from .scene.effect.torque import Torque as Torque
@@ -142,6 +143,7 @@ from .scene.scene import Scene as Scene
 from .scene.signal import AbstractSignal as AbstractSignal
 from .scene.signal import Chirp as Chirp
 from .scene.signal import Constant as Constant
+from .scene.signal import Held as Held
 from .scene.signal import Ramp as Ramp
 from .scene.signal import Sine as Sine
 from .scene.signal import Step as Step

@@ -92,6 +92,9 @@ def test_linear_model_has_the_states():
     static = -model.C @ np.linalg.solve(model.A, model.B)
     assert np.allclose(static[:, 0], [0.0, -1.0], atol=1e-12)
     assert model.shapes.shape == (4, 1)
+    pid = dataclasses.replace(controlled().effects[0], name="other")
+    with pytest.raises(rj.InputError, match="input other has states of its own"):
+        rj.linearize(system, {"control": pid}, ["cart.x"])
 
 
 def test_equilibrium_finds_states_and_runs_stay_there():
@@ -250,6 +253,3 @@ def test_what_does_not_carry_states_says_so():
         rj.compile(system)
     with pytest.raises(rj.SceneError, match="lag is -1"):
         controlled(lag=-1.0)
-    pid = dataclasses.replace(controlled().effects[0], name="other")
-    with pytest.raises(rj.InputError, match="input other has states of its own"):
-        rj.linearize(system, {"control": pid}, ["cart.x"])

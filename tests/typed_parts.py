@@ -101,6 +101,8 @@ effects = (
         flow=1e-7,
         dead_volume=1e-5,
     ),
+    rj.Sampled(0.01, lambda t, state, measured: (measured, state), ["cart.x"], ["push"], [0.0]),
+    rj.Torque(here, rj.Held("push")),
     rj.Motor(here, there, rj.Ramp(1.0), proportional=10.0, derivative=1),
     rj.Contact(here, there, rj.Line(), 1e5, friction=rj.Friction(0.3, static=0.4, stribeck=0.1)),
     rj.Contact(here, there, rj.Polynomial([0.0, 1.0]), stiffness=1e5, dissipation=0.1),

@@ -12,6 +12,7 @@ from ..linalg.indexing import Index
 from ..linalg.pattern import Pattern
 from ..scene.body.base import AbstractBody
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect
+from ..scene.effect.sampled import Sampled
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import GROUND
 from ..scene.placing import marker_start
@@ -20,6 +21,7 @@ from ..scene.state_carrier import StateCarrier
 from ..system.mobility import check_mobility
 from ..system.structure import Structure
 from .assembled import AssembledSystem
+from .controllers import Controller, check_held
 from .counting import carriers_of, counters_of, with_counter_starts
 from .grouping import group
 from .groups import BodyGroup, EffectGroup, JointGroup
@@ -45,14 +47,17 @@ def assemble(scene: Scene) -> AssembledSystem:
         "assemble", "the scene", scene, Scene, "a romjax.Scene of bodies, joints and effects"
     )
     scene.check()
+    check_held(scene)
     # A Python number that was put in by hand would be static and recompile at every change.
     scene = _begun(jtu.tree_map(as_array, scene))
 
     acting = [e for e in scene.effects if isinstance(e, AbstractMarkerEffect)]
-    keys = [unique([part.label() for part in parts]) for parts in (scene.joints, acting)]
-    parts, names = (*scene.joints, *acting), unique([*keys[0], *keys[1]])
-    carriers, sides = carriers_of(parts, names)
+    clocks = [e for e in scene.effects if isinstance(e, Sampled)]
+    keys = [unique([part.label() for part in parts]) for parts in (scene.joints, acting, clocks)]
+    parts, names = (*scene.joints, *acting, *clocks), unique([x for own in keys for x in own])
+    carriers, sides = carriers_of(parts, names, scene.dimension)
     counters, holding, sides = counters_of(parts, names, sides)
+    sides = sides[: len(parts) - len(clocks)]
     every_body = (*scene.bodies, *carriers, *counters)
     every_joint = (*scene.joints, *holding)
     joined_sides = [*sides[: len(scene.joints)], *(joint.markers for joint in holding)]
@@ -92,10 +97,10 @@ def assemble(scene: Scene) -> AssembledSystem:
             effects=tuple(keys[1][i] for *_, members in effects for i in members),
         ),
         pattern=Pattern.of([columns[name] for name in order], joined),
+        controllers=_controllers(clocks, carriers, columns),
     )
     system = with_counter_starts(system) if counters else system
-    remedy = "Take out the joints that lock the mechanism."
-    check_mobility("assemble", system, remedy, SceneError)
+    check_mobility("assemble", system, "Take out the joints that lock the mechanism.", SceneError)
     return system
 
 
@@ -109,6 +114,20 @@ def _groups(
         groups.append(BodyGroup(stacked, Index.of([columns[name] for name in names])))
         order += names
     return groups, order
+
+
+def _controllers(
+    clocks: Sequence[Sampled],
+    carriers: Sequence[StateCarrier],
+    columns: dict[str, tuple[int, ...]],
+) -> tuple[Controller, ...]:
+    """The controllers, whose carriers come last."""
+    controllers, first = [], len(carriers) - sum(len(each.states) for each in clocks)
+    for each in clocks:
+        own = carriers[first : first + len(each.states)]
+        controllers.append(Controller(each, tuple(columns[carrier.name][0] for carrier in own)))
+        first += len(own)
+    return tuple(controllers)
 
 
 def _is_rigid(body: AbstractBody) -> list[bool]:

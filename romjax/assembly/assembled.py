@@ -1,5 +1,6 @@
 """The system of a scene: groups of equal elements, each mapped over once."""
 
+import dataclasses
 import functools
 import operator
 from collections.abc import Sequence
@@ -20,6 +21,7 @@ from ..scene.effect.contact import AbstractContact
 from ..system.base import AbstractSystem
 from ..system.state import FullState, Power
 from ..system.structure import Structure
+from .controllers import Controller, told
 from .groups import BodyGroup, EffectGroup, JointGroup
 from .kinematics import Markers
 from .slopes import slopes
@@ -40,6 +42,7 @@ class AssembledSystem(AbstractSystem):
     v0: Float[Array, " n"]
     structure: Structure = eqx.field(static=True)
     pattern: Pattern = eqx.field(static=True)
+    controllers: tuple[Controller, ...] = ()
 
     @property
     def full(self) -> AbstractSystem:
@@ -51,21 +54,28 @@ class AssembledSystem(AbstractSystem):
         return SlowModes() if capped else None
 
     def state(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> FullState:
+        now = self.now(v)
         return FullState(
             q,
             v,
-            self.pattern,
-            lambda: self.mass_blocks(q),
-            lambda: self.jacobian_blocks(t, q),
-            lambda: self.force(t, q, v),
-            lambda q: self.stored(t, q),
-            lambda: self.power(t, q, v),
-            lambda: self.inverse_mass(q),
-            lambda: self.gaps(q),
-            lambda: self.limits(q),
-            lambda *solved: slopes(self, t, q, v, *solved) if self.structure.by_parts else None,
-            self.structure.without_states(v) if self.structure.states else None,
+            now.pattern,
+            lambda: now.mass_blocks(q),
+            lambda: now.jacobian_blocks(t, q),
+            lambda: now.force(t, q, v),
+            lambda q: now.stored(t, q),
+            lambda: now.power(t, q, v),
+            lambda: now.inverse_mass(q),
+            lambda: now.gaps(q),
+            lambda: now.limits(q),
+            lambda *solved: slopes(now, t, q, v, *solved) if now.structure.by_parts else None,
+            now.structure.without_states(v) if now.structure.states else None,
         )
+
+    def now(self, v: Float[Array, " n"]) -> "AssembledSystem":
+        """The system with the values that its controllers have set, which velocities have."""
+        if not self.controllers:
+            return self
+        return dataclasses.replace(self, effects=told(self.controllers, self.effects, v))
 
     def stored(self, t: Time, q: Float[Array, " n"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """The elastic energy of the bodies, and that of fields and effects [J]."""
@@ -84,7 +94,7 @@ class AssembledSystem(AbstractSystem):
         given = list[Array | None]()
         if self.effect_markers is not None:
             poses, twists = self.effect_markers.motion(q, v)
-            for group in self.effects:
+            for group in self.now(v).effects:
                 if group.works(poses):
                     only_taken = group.effects.dissipates and not group.effects.supplies
                     (taken if only_taken else given).append(group.power(t, poses, twists))
@@ -157,7 +167,7 @@ class AssembledSystem(AbstractSystem):
         """Q of all effects on markers."""
         if self.effect_markers is None:
             return 0 * q
-        wrenches = effect_wrenches(self.effects, self.effect_markers, t, q, v)
+        wrenches = effect_wrenches(self.now(v).effects, self.effect_markers, t, q, v)
         return self.effect_markers.pull_back(q, wrenches)
 
     def constraint(self, t: Time, q: Float[Array, " n"]) -> Float[Array, " m"]:

@@ -155,7 +155,10 @@ def _wrenches(full: Any, t: Time, q: Array, v: Array) -> Iterator[tuple[Markers,
         own = full.joints, full.joint_markers
         yield full.joint_markers, joint_wrenches(*own, t, q, multipliers)
     if full.effect_markers is not None:
-        yield full.effect_markers, effect_wrenches(full.effects, full.effect_markers, t, q, v)
+        yield (
+            full.effect_markers,
+            effect_wrenches(full.now(v).effects, full.effect_markers, t, q, v),
+        )
 
 
 def _frames(beams: _Beams, q: Array, v: Array) -> tuple[Array, Array]:

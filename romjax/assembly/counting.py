@@ -51,22 +51,20 @@ def counters_of(
 
 
 def carriers_of(
-    parts: Sequence[Any], names: Sequence[str]
+    parts: Sequence[Any], names: Sequence[str], dimension: int
 ) -> tuple[list[StateCarrier], list[tuple[Marker, ...]]]:
-    """The carriers of the states of parts with these `names`, and the markers of each part with
-    those of its carriers.
+    """The carriers of the states of parts with these `names`, in a scene of a `dimension`, and the
+    markers of each part with those of its carriers.
     """
     carriers, sides = list[StateCarrier](), []
     for part, name in zip(parts, names, strict=True):
         markers = part.markers
         for number, state in enumerate(getattr(part, "states", ())):
-            own, (first, *_) = f"{state} of {name}", markers
-            unit = part.units[number] if part.units else ""
-            begin = pick(part.initial(), number)
-            known = {"unit": unit, "dimension": first.dimension, "begin": begin}
-            carriers.append(StateCarrier(name=own, **known))
-            still, turn = np.zeros(first.dimension), np.eye(4)[0] if first.dimension == 3 else 0.0
-            placed = (np.asarray(x, first.point.dtype) for x in (still, turn))
+            own, begin = f"{state} of {name}", pick(part.initial(), number)
+            unit = part.units[number] if getattr(part, "units", ()) else ""
+            carriers.append(StateCarrier(name=own, unit=unit, dimension=dimension, begin=begin))
+            still, turn = np.zeros(dimension), np.eye(4)[0] if dimension == 3 else 0.0
+            placed = (np.asarray(x, begin.dtype) for x in (still, turn))
             markers = (*markers, Marker(own, *placed))
         sides.append(markers)
     return carriers, sides
@@ -78,6 +76,11 @@ def without_counters(groups: Sequence[G]) -> tuple[G, ...]:
     """
     own = (getattr(group, "bodies", None) or getattr(group, "joints", None) for group in groups)
     return tuple(g for g, x in zip(groups, own, strict=True) if not isinstance(x, _COUNTING))
+
+
+def without_states(groups: Sequence[G]) -> tuple[G, ...]:
+    """The groups of bodies that have kinetic energy: not the carriers of states."""
+    return tuple(g for g in groups if not isinstance(getattr(g, "bodies", None), StateCarrier))
 
 
 def bodies_coordinates(parts: Sequence[Any], q: np.ndarray, n: int) -> np.ndarray:

@@ -42,6 +42,7 @@ def disassemble(system: AssembledSystem) -> Scene:
         mark = _marking(acting, system.effect_markers, owners)
         for row in range(acting.markers.count):
             effects.append(_named(mark(member(acting.effects, row), row), next(names)))
+    effects += [controller.sampled for controller in system.controllers]
     scene = Scene(_in_order(bodies), _in_order(joints), effects)
     arrays: Scene = jtu.tree_map(as_array, scene)
     return arrays

@@ -20,7 +20,6 @@ from ..scene.effect.base import AbstractField, AbstractMarkerEffect
 from ..scene.effect.contact import local_point
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import Pose, Twist, Wrench
-from ..scene.state_carrier import StateCarrier
 from ..system.dynamics import quadratic_velocity_force
 from ..system.schedule import AbstractStack
 from .grouping import T
@@ -129,9 +128,7 @@ class BodyGroup(AbstractStack):
     def kinetic_energy(
         self, q: Float[Array, " n"], v: Float[Array, " n"]
     ) -> Float[Array, " count"]:
-        """The kinetic energy of each; states of effects have none."""
-        if isinstance(self.bodies, StateCarrier):
-            return jnp.zeros(len(self.coordinates.rows), q.dtype)
+        """The kinetic energy of each."""
         mass, own = self.mass(q), self.coordinates.take(v)
         momentum = mass * own if mass.ndim == 2 else jax.vmap(multiply)(mass, own)
         return 0.5 * jnp.sum(own * momentum, axis=1)

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, Int
 from ..scene.body.capped import CappedBody
 from ..system.base import AbstractSystem, AbstractValidity, Run
 from ..system.flags import Flag
+from .counting import without_states
 from .groups import BodyGroup
 
 # Kinetic energy of the added mass that is too much, as a share of all: 1 % of the motion.
@@ -37,7 +38,7 @@ def _energies(
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """The kinetic energy of what the cap has added, and of all bodies [J]."""
     added, every = jnp.zeros((), q.dtype), jnp.zeros((), q.dtype)
-    for group in groups:
+    for group in without_states(groups):
         every += jnp.sum(group.kinetic_energy(q, v))
         if isinstance(group.bodies, CappedBody):
             rates = group.coordinates.take(v)[:, group.bodies.frame_size :]

@@ -124,6 +124,11 @@ def model_of(
         )
     nominal = system(**parameters) if makes else system
     check_system(verb, nominal)
+    if getattr(nominal.full, "controllers", ()):
+        refuse(
+            "sampled controllers act between the steps, which equations of motion know nothing of",
+            "export the scene without them, with what they drive as inputs",
+        )
     acting, measured = (AbstractMarkerEffect, Callable), (str, AbstractQuantity, Callable)
     for key, force in inputs.items():
         check_kind(verb, f"input {key!r}", force, acting, "an effect or a function of t, q, v")

@@ -24,13 +24,15 @@ from .derived import LazyQuantities
 from .outputs import Output, capacity, cut, output_at, padded
 from .partition import Partitioned
 from .post_step import PostStep, ProjectState
+from .ticks import Ticking, ticks
 
 
 def post_step_of(system: AbstractSystem, projection: Projection | None) -> PostStep | None:
     """Return the object that changes the state after each step; None if nothing does."""
+    post_step: PostStep | None = ChartChange.of(system) if has_charts(system) else None
     if projection is not None:
-        return ProjectState(projection.sweeps)
-    return ChartChange.of(system) if has_charts(system) else None
+        post_step = ProjectState(projection.sweeps)
+    return Ticking(post_step) if ticks(system) else post_step
 
 
 def output_of(

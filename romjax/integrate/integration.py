@@ -37,6 +37,7 @@ from .outputs import Output
 from .post_step import PostStep, PostStepSolver
 from .settings import Settings
 from .term import ChartedMotionTerm, ChartedState, MotionTerm, State
+from .ticks import UntilTick, ticked
 from .whole_implicit import WholeImplicit, takes_two_terms
 
 # Keys of the followers that are not differentiated.
@@ -82,6 +83,7 @@ def integrate(
     post_step = post_step_of(system, settings.projection)
     if settings.projection is not None and settings.projects_start:
         q0, v0 = project_start(system, ts[0], q0, v0)
+    v0 = ticked(system, ts[0], q0, v0)
     term, solver, y0 = _problem(system, q0, v0, post_step, settings)
     structure, given = system.structure, (settings.rtol, settings.atol, settings.follow)
     tolerances = Tolerances.of(structure.is_position, *given, structure.is_state)
@@ -182,15 +184,16 @@ def _limits(
 ) -> dict[str, Any]:
     """Return what limits steps besides their errors, contacts and loads, as arguments of `Steps`.
 
-    Nothing limits fixed steps.
+    Nothing limits fixed steps but the ticks of controllers.
     """
     if settings.dt is not None:
-        return {"passage": None, "longest": None, "corners": None}
+        return {"passage": None, "longest": UntilTick.of(system, None), "corners": None}
     schedule = Schedule.of(system).seeing(ts)
     corners = schedule.corners(ts)
+    longest = schedule.longest_step if schedule.limits_steps else None
     return {
         "passage": Passage.of(system, post_step, settings.baumgarte, settings.rtol),
-        "longest": schedule.longest_step if schedule.limits_steps else None,
+        "longest": UntilTick.of(system, longest),
         "corners": corners if len(corners) else None,
     }
 

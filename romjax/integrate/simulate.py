@@ -31,6 +31,7 @@ from .left_out import flag_left_out
 from .resolution import finer
 from .run import run
 from .settings import Settings, check_choices, check_numbers, check_times, progress_meter
+from .ticks import ticks
 from .trajectory import Trajectory
 
 # Steps whose motion there is room for, unless told.
@@ -117,9 +118,9 @@ def simulate(
     tell_of_jit()
     q, v = _check_start(system, q0, v0)
     times = check_times(ts, q.dtype)
-    # Events and monitors ask for bodies and coordinates by their names.
+    # Events, monitors and controllers ask for bodies and coordinates by their names.
     watched, monitors = check_events(events, max_events), check_monitors(follow)
-    bare = system if watched or monitors else without_names(system)
+    bare = system if watched or monitors or ticks(system) else without_names(system)
     again = functools.partial(_training, solver, stabilization, audit)
     step, frequencies = None if dt is None else as_number(dt, q.dtype), None
     if solver is None or stabilization == "default":

@@ -5,13 +5,12 @@ from typing import Any, NamedTuple
 import jax
 from jaxtyping import Array, Float
 
-from ..assembly.counting import without_counters
+from ..assembly.counting import without_counters, without_states
 from ..assembly.locate import assembled
 from ..common.errors import InputError
 from ..compiling.program import program
 from ..integrate.trajectory import Trajectory
 from ..scene.effect.joint_inertia import JointInertia
-from ..scene.state_carrier import StateCarrier
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
 from .states import along, check_origin, check_run
@@ -122,7 +121,7 @@ def _with_inertia(full: Any) -> tuple[Any, ...]:
     """The groups of bodies, and the counters where some of them are the inertia of joints."""
     if not any(isinstance(group.effects, JointInertia) for group in full.effects):
         return without_counters(full.bodies)
-    return tuple(group for group in full.bodies if not isinstance(group.bodies, StateCarrier))
+    return without_states(full.bodies)
 
 
 def _of_parts(full: Any, t: Array, q: Array, v: Array) -> tuple[list[Array | None], ...]:
@@ -131,7 +130,7 @@ def _of_parts(full: Any, t: Array, q: Array, v: Array) -> tuple[list[Array | Non
     stored, given = list[Array | None](), list[Array | None]()
     if full.effect_markers is not None:
         poses, twists = full.effect_markers.motion(q, v)
-        for group in full.effects:
+        for group in full.now(v).effects:
             stored.append(group.energy(t, poses) if group.effects.stores else None)
             given.append(group.power(t, poses, twists) if group.works(poses) else None)
     return (

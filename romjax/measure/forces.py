@@ -203,7 +203,7 @@ def _of_joints(system: Any, t: Array, q: Array, v: Array) -> list[Forces]:
 
 def _of_effects(system: Any, t: Array, q: Array, v: Array) -> list[Forces]:
     full = system.full
-    wrenches = effect_wrenches(full.effects, full.effect_markers, t, q, v)
+    wrenches = effect_wrenches(full.now(v).effects, full.effect_markers, t, q, v)
     blocks = [group.markers for group in full.effects]
     return _by_group(full.effect_markers, blocks, q, v, wrenches)
 

@@ -182,7 +182,7 @@ def _at(fixed: tuple[Any, _Cut], t: Array, q: Array, v: Array) -> Resultants:
         on_joints = joint_wrenches(full.joints, full.joint_markers, t, q, multipliers)
         loads.append((full.joint_markers, cut.of_joints, on_joints))
     if cut.of_effects:
-        on_effects = effect_wrenches(full.effects, full.effect_markers, t, q, v)
+        on_effects = effect_wrenches(full.now(v).effects, full.effect_markers, t, q, v)
         loads.append((full.effect_markers, cut.of_effects, on_effects))
     for load in loads:
         more, turning = _beyond(cut, origin, q, *load)

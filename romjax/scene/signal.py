@@ -17,6 +17,7 @@ __all__ = [
     "AbstractSignal",
     "Chirp",
     "Constant",
+    "Held",
     "Ramp",
     "Sine",
     "Step",
@@ -114,6 +115,26 @@ class Constant(AbstractSignal):
 
     def corners(self) -> Float[Array, " k"]:
         return jnp.zeros(0)
+
+
+class Held(AbstractSignal):
+    """The value that a `Sampled` controller has set last to its signal of the name `output`.
+
+    `value`: that of now, which runs keep.
+    """
+
+    output: str = eqx.field(static=True)
+    value: Converted[Float[Array, ""]] = number(default=0.0)
+
+    def __call__(self, t: Time) -> Float[Array, ""]:
+        del t
+        return self.value
+
+    def corners(self) -> Float[Array, " k"]:
+        return jnp.zeros(0)
+
+    def check(self, owner: str) -> None:
+        check_finite(owner, "Held.value", self.value)
 
 
 class Sine(AbstractSignal):

@@ -1,0 +1,81 @@
+"""Controllers with a clock, among the parts of a system."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..common.errors import SceneError
+from ..scene.effect.sampled import Sampled
+from ..scene.scene import Scene
+from ..scene.signal import Held
+
+T = TypeVar("T")
+
+
+class Controller(eqx.Module):
+    """A controller of a scene, and the `columns` of its numbers among the velocities."""
+
+    sampled: Sampled
+    columns: tuple[int, ...] = eqx.field(static=True)
+
+    def held(self, v: Float[Array, " n"]) -> dict[str, Array]:
+        """The values of its signals, by their names."""
+        own = self.columns[len(self.sampled.state) :]
+        return {name: v[i] for name, i in zip(self.sampled.sets, own, strict=True)}
+
+    def ticked(
+        self, system: Any, t: Array, q: Float[Array, " n"], v: Float[Array, " n"]
+    ) -> Float[Array, " n"]:
+        """The velocities after a tick, if t is one."""
+        columns = jnp.array(self.columns)
+
+        def tick(v: Array) -> Array:
+            measured = [jnp.asarray(what(system, t, q, v)) for what in self.sampled.measured]
+            values = jnp.stack(measured) if measured else jnp.zeros(0, v.dtype)
+            after: Array = v.at[columns].set(self.sampled.ticked(t, v[columns], values))
+            return after
+
+        found: Array = jax.lax.cond(self.sampled.is_tick(t), tick, lambda v: v, v)
+        return found
+
+
+def told(controllers: Sequence[Controller], parts: T, v: Float[Array, " n"]) -> T:
+    """The parts with the values that held signals have now."""
+    values = {name: value for each in controllers for name, value in each.held(v).items()}
+
+    def put(x: Any) -> Any:
+        if not isinstance(x, Held):
+            return x
+        return dataclasses.replace(x, value=jnp.broadcast_to(values[x.output], x.value.shape))
+
+    parts = jax.tree.map(put, parts, is_leaf=_is_held)
+    return parts
+
+
+def check_held(scene: Scene) -> None:
+    """Raise SceneError for held signals that nobody sets, or that two controllers do, and for
+    joints that follow one: a motion that is held jumps.
+    """
+    names = [name for e in scene.effects if isinstance(e, Sampled) for name in e.sets]
+    parts: list[Any] = [*scene.joints, *scene.effects]
+    for part in parts:
+        for signal in filter(_is_held, jax.tree.leaves(part, is_leaf=_is_held)):
+            if part in scene.joints:
+                raise SceneError(
+                    f"'{part.label()}': a joint cannot follow Held('{signal.output}'), which jumps "
+                    "at each tick; drive it by an effect, such as an Actuator."
+                )
+            if names.count(signal.output) != 1:
+                raise SceneError(
+                    f"'{part.label()}': {names.count(signal.output)} controllers set the signal "
+                    f"'{signal.output}'; signals that are set: {', '.join(names) or 'none'}."
+                )
+
+
+def _is_held(x: Any) -> bool:
+    return isinstance(x, Held)

@@ -1,0 +1,149 @@
+"""Controllers with a clock of their own."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...common.arrays import Time, Vector, as_array, as_jax, concatenate
+from ...common.errors import SceneError
+from ..coordinate import find
+from ..fields import Converted, check_numbers, number
+from ..marker import Marker
+from .base import AbstractEffect
+
+# The share of a period by which a step may miss a tick, of rounding.
+_NEAR = 1e-7
+
+
+class Law(eqx.Module):
+    """A function, or a module that is called, as a pytree of arrays alone."""
+
+    arrays: tuple[Array, ...]
+    others: tuple[Any, ...] = eqx.field(static=True)  # the other leaves; None for an array
+    tree: Any = eqx.field(static=True)
+
+    @classmethod
+    def of(cls, function: Callable[..., Any]) -> "Law":
+        if isinstance(function, Law):
+            return function
+        leaves, tree = jax.tree.flatten(function)
+        known = [isinstance(x, jax.Array | np.ndarray | float) for x in leaves]
+        arrays = tuple(
+            as_array(x) if isinstance(x, float) else as_jax(x)
+            for x, is_array in zip(leaves, known, strict=True)
+            if is_array
+        )
+        others = tuple(None if is_array else x for x, is_array in zip(leaves, known, strict=True))
+        return cls(arrays, others, tree)
+
+    def __call__(self, *arguments: Any) -> Any:
+        arrays = iter(self.arrays)
+        leaves = [next(arrays) if x is None else x for x in self.others]
+        return jax.tree.unflatten(self.tree, leaves)(*arguments)
+
+
+class Labelled(eqx.Module):
+    """What is measured by the `label` of a coordinate, a rate or a state."""
+
+    label: str = eqx.field(static=True)
+
+    def __call__(self, system: Any, t: Time, q: Array, v: Array) -> Float[Array, ""]:
+        del t
+        found = find(self.label, system.structure.labels)
+        if found is None:
+            known = ", ".join(system.structure.labels)
+            raise SceneError(
+                f"Sampled: it measures '{self.label}', which is no coordinate; there are: {known}."
+            )
+        column, is_rate = found
+        return (v if is_rate else q)[column]
+
+
+def _measured(given: Iterable[Any]) -> tuple[Any, ...]:
+    return tuple(Labelled(x) if isinstance(x, str) else x for x in given)
+
+
+class Sampled(AbstractEffect):
+    """A controller with a clock: at each multiple of its period it measures, computes and sets
+    signals, which hold their values up to the next tick,
+
+        (u, x) ← function(t, x, measured).
+
+    Steps of a run end at the ticks. It acts by the effects whose signals are `Held("name")`, such
+    as a `Torque` or an `Actuator`. Derivatives pass through the function, whatever is in it, such
+    as a module of equinox with its weights; the period is a constant in them.
+
+    **Arguments:**
+
+    - `period`: between ticks, at its multiples from t = 0 on [s].
+    - `function(t, state, measured) -> (values, state)`: with arrays (states,) and (measured,);
+      `values` (sets,) are what it sets, or one number of one signal.
+    - `measured`: labels of coordinates, rates and states, such as "cart.x'", or quantities of
+      `romjax.quantity`.
+    - `sets`: the names of its signals; runs have them as `run["name.signal"]`, at a tick as they
+      were before.
+    - `state` (states,): its memory at the start, `run["name.state1"]`; none unless given.
+    - `name`: of the controller.
+
+    Signals are zero before the first tick. Controllers that tick at once do so in the order of the
+    scene. Raises SceneError for a period that is not positive, and names that are given twice.
+    """
+
+    period: Converted[Float[Array, ""]] = number()
+    function: Converted[Callable[..., Any], Callable[..., Any]] = eqx.field(converter=Law.of)
+    measured: Converted[tuple[Any, ...], Iterable[Any]] = eqx.field(converter=_measured)
+    sets: Converted[tuple[str, ...], Iterable[str]] = eqx.field(static=True, converter=tuple)
+    state: Converted[Float[Array, " states"], Vector] = number(default=())
+    name: str = eqx.field(static=True, default="controller")
+
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        return ()
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """The names of its numbers: those of its memory, then its signals."""
+        return (*(f"state{i + 1}" for i in range(len(self.state))), *self.sets)
+
+    def initial(self) -> Float[Array, " numbers"]:
+        """The numbers at the start."""
+        return concatenate([self.state, np.zeros(len(self.sets), self.state.dtype)])
+
+    def is_tick(self, t: Time) -> Array:
+        """Whether a time is one of its ticks, but for rounding."""
+        phase = t / self.period
+        return jnp.abs(phase - jnp.round(phase)) < _NEAR
+
+    def until_tick(self, t: Time) -> Float[Array, ""]:
+        """How long it is to the next tick [s]."""
+        return (jnp.floor(t / self.period + _NEAR) + 1) * self.period - t
+
+    def ticked(self, t: Time, numbers: Array, measured: Array) -> Float[Array, " numbers"]:
+        """Its numbers after a tick."""
+        count = len(self.state)
+        values, state = self.function(t, numbers[:count], measured)
+        values, state = jnp.atleast_1d(jnp.asarray(values)), jnp.atleast_1d(jnp.asarray(state))
+        for what, found, wanted in (("values", values, len(self.sets)), ("state", state, count)):
+            if found.shape != (wanted,):
+                raise SceneError(
+                    f"Sampled '{self.name}': its function returns {what} of shape {found.shape}, "
+                    f"but it must be ({wanted},)."
+                )
+        return jnp.concatenate([state, values]).astype(numbers.dtype)
+
+    def label(self) -> str:
+        return self.name
+
+    def check(self) -> None:
+        owner = f"effect '{self.name}'"
+        check_numbers(owner, self, "period", sign="positive")
+        check_numbers(owner, self, "state", shape=(None,))
+        if not self.sets or len(set(self.sets)) < len(self.sets):
+            raise SceneError(
+                f"{owner}: sets is {self.sets}; give a name of its own to each signal."
+            )

@@ -1,0 +1,132 @@
+"""Controllers with a clock, against recursions by hand."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from zoo import run
+
+import romjax as rj
+
+MASS, PERIOD = 2.0, 0.1
+GAINS = 3.0, 4.0
+CART = rj.RigidBody("cart", MASS, 0.1, position=(1.0, 0.0))
+RAIL = rj.Prismatic(CART.at(), rj.ground.at())
+PUSH = rj.Force(CART.at(), (1.0, 0.0), rj.Held("push"))
+TIMES = np.linspace(0.0, 2.0, 21)
+# A double integrator over a period at a constant force.
+STEP = np.array([[1.0, PERIOD], [0.0, 1.0]])
+PUSHED = np.array([PERIOD**2 / 2, PERIOD]) / MASS
+
+
+class Feedback(eqx.Module):
+    """u = −K y, at once or a tick late."""
+
+    gains: jax.Array
+
+    def __call__(self, t, state, measured):
+        command = -self.gains @ measured
+        return (state[0], command[None]) if state.size else (command, state)
+
+
+def scene(gains=GAINS, late=False, *others) -> rj.Scene:
+    memory = [0.0] if late else []
+    law = Feedback(gains if isinstance(gains, jax.Array) else np.asarray(gains))
+    clock = rj.Sampled(PERIOD, law, ["cart.x", "cart.x'"], ["push"], memory, name="clock")
+    return rj.Scene([CART], [RAIL], [clock, PUSH, *others])
+
+
+def recursion(late: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Place and speed at the ticks, and the forces from each on."""
+    x, before = np.array([1.0, 0.0]), 0.0
+    places, forces = [], []
+    for _ in TIMES:
+        command = -np.array(GAINS) @ x
+        force, before = (before, command) if late else (command, before)
+        places.append(x)
+        forces.append(force)
+        x = STEP @ x + PUSHED * force
+    return np.array(places), np.array(forces)
+
+
+@pytest.mark.parametrize("late", [False, True], ids=["at once", "a tick late"])
+def test_feedback_of_a_double_integrator_is_a_recursion(late):
+    moved = run(rj.assemble(scene(late=late)), TIMES, audit=True)
+    places, forces = recursion(late)
+    assert np.max(np.abs(moved["cart.x"] - places[:, 0])) <= 1e-12
+    assert np.max(np.abs(moved["cart.x'"] - places[:, 1])) <= 1e-12
+    # At a tick as it was before.
+    assert np.max(np.abs(moved["clock.push"][1:] - forces[:-1])) <= 1e-12
+    assert moved.is_valid
+    known = rj.effect_forces(moved.system, moved)["Force(cart)"].force[1:, 0]
+    assert np.max(np.abs(known - forces[:-1])) <= 1e-12
+
+
+def test_fixed_steps_end_at_ticks():
+    moved = run(rj.assemble(scene()), TIMES, dt=0.03)
+    assert np.max(np.abs(moved["cart.x"] - recursion(False)[0][:, 0])) <= 1e-12
+
+
+@pytest.mark.slow
+def test_pid_at_a_kilohertz():
+    """Of a mass in oil, whose motion over a tick is known, and an implicit method."""
+    period, drag, gains = 1e-3, 3.0, (400.0, 900.0, 40.0)
+
+    def law(t, state, measured):
+        error = 0.2 - measured[0]
+        integral = state[0] + period * error
+        command = gains[0] * error + gains[1] * integral + gains[2] * (error - state[1]) / period
+        return command, jnp.stack([integral, error])
+
+    # The first difference is none.
+    clock = rj.Sampled(period, law, ["cart.x"], ["push"], [0.0, -0.8])
+    oil = rj.Damper(CART.at(), rj.ground.at(), drag)
+    system = rj.assemble(rj.Scene([CART], [RAIL], [clock, PUSH, oil]))
+    times = np.linspace(0.0, 1.0, 11)
+    x, v, integral, last, found = 1.0, 0.0, 0.0, -0.8, []
+    for k in range(1001):
+        if k % 100 == 0:
+            found.append(x)
+        error = 0.2 - x
+        integral += period * error
+        force = gains[0] * error + gains[1] * integral + gains[2] * (error - last) / period
+        last, rate, limit = error, drag / MASS, force / drag
+        fade = np.exp(-rate * period)
+        x += limit * period + (v - limit) * (1 - fade) / rate
+        v = limit + (v - limit) * fade
+    for solver in (rj.Rodas5P(), None):
+        moved = run(system, times, **({"solver": solver} if solver else {}))
+        assert np.max(np.abs(moved["cart.x"] - np.array(found))) <= 1e-9
+
+
+@pytest.mark.slow
+def test_gradients_by_what_a_function_holds():
+    def late(gains):
+        return run(rj.assemble(scene(gains)), TIMES, max_steps=200)["cart.x"][-1]
+
+    gains = jnp.asarray(GAINS)
+    checked = rj.check_gradient(late, gains)
+    assert checked.error <= 1e-6, checked
+    many = jax.vmap(late)(jnp.stack([gains, 1.1 * gains]))
+    assert np.allclose(many, [late(gains), late(1.1 * gains)], rtol=1e-12)
+
+
+@pytest.mark.instant
+def test_what_cannot_be_says_so(tmp_path):
+    clock = scene().effects[0]
+    with pytest.raises(rj.SceneError, match="0 controllers set the signal 'push'; .*: none"):
+        rj.assemble(rj.Scene([CART], [RAIL], [PUSH]))
+    with pytest.raises(rj.SceneError, match="2 controllers set the signal"):
+        rj.assemble(rj.Scene([CART], [RAIL], [clock, clock, PUSH]))
+    driven = rj.PrescribedTravel(CART.at(), rj.ground.at(), rj.Held("push"))
+    with pytest.raises(rj.SceneError, match="a joint cannot follow Held"):
+        rj.assemble(rj.Scene([CART], [driven], [clock]))
+    with pytest.raises(rj.SceneError, match="period is 0"):
+        rj.Sampled(0.0, clock.function, [], ["push"])
+    with pytest.raises(rj.SceneError, match=r"sets is \('a', 'a'\)"):
+        rj.Sampled(1.0, clock.function, [], ["a", "a"])
+    with pytest.raises(rj.SceneError, match="a Sampled cannot be written to a file"):
+        scene().save(tmp_path / "clock.toml")
+    with pytest.raises(rj.InputError, match="sampled controllers act between the steps"):
+        rj.export.c(rj.assemble(scene()), tmp_path / "clock")
