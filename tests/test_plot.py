@@ -16,6 +16,7 @@ from tolerances import IDENTITY
 
 import romjax as rj
 from romjax import plot
+from romjax.integrate.error_bar import ErrorBar
 from romjax.scene.coordinate import Coordinate
 
 
@@ -58,6 +59,18 @@ def test_response_draws_the_moving_coordinates(truth, approx):
     assert len(styles) == 2
     units = [axes.get_ylabel().split("[")[1] for axes in shown]
     assert units == ["m]", "m]", "m]", "m]", "rad]", "kg$^{1/2}$ m]", "kg$^{1/2}$ m]"]
+
+
+def test_response_draws_the_bar_of_a_run_as_a_band(truth, approx):
+    """As wide on both sides as the corrected run is away."""
+    corrected = dataclasses.replace(truth, bar=ErrorBar(np.asarray(0.01), "local, 2 modes"))
+    (axes,) = panels(plot.response(corrected, approx, coordinates=["cart.x"]))
+    assert [line.get_label() for line in axes.lines] == ["corrected", "approximation"]
+    (band,) = axes.collections
+    edges = band.get_paths()[0].vertices
+    own, right = (np.asarray(run["cart.x"]) for run in (approx, truth))
+    assert abs(edges[:, 1].max() - np.max(own + abs(right - own))) <= IDENTITY
+    assert abs(edges[:, 1].min() - np.min(own - abs(right - own))) <= IDENTITY
 
 
 def test_response_of_named_coordinates(truth):

@@ -7,13 +7,14 @@ import diffrax
 
 from ..common.arrays import Vector
 from ..common.checks import check_kind
-from ..common.errors import InputError
+from ..common.errors import InputError, ReductionError
 from ..integrate.trajectory import Trajectory
 from ..scene.scene import Scene
+from ..study.corrected import corrected
 from ..study.timing import alternating
 from ..system.base import AbstractSystem
 from .advice import advice, in_order, paying, remark
-from .attempt import Attempt, Settings, simulated
+from .attempt import Attempt, Settings, error, simulated
 from .progress import Progress
 from .result import Reductions
 from .row import ReductionRow
@@ -125,6 +126,25 @@ def _result(search: Search, spend: float) -> Reductions:
         skipped=search.skipped,
         pays=bool(paying(rows, tol)),
         unseen=len(search.unseen),
+        bar=_bar(picked[0], search) if paying(rows, tol) else "",
+    )
+
+
+def _bar(tried: Attempt, search: Search) -> str:
+    """What a user is told of the error of a model where no truth is known, beside the truth."""
+    if not search.unseen:
+        return ""
+    truth, (_, rtol, solver) = search.unseen[0], search.settings
+    try:
+        model = tried.model.of(truth.system, truth.run.t[0])
+        run = simulated(model, search.ts, rtol, solver)
+        told = corrected(model, run)
+    except (InputError, ReductionError):  # of such runs nothing is known to tell
+        return ""
+    assert told.bar is not None
+    return (
+        f"romjax.corrected says of {tried.name} on the first unseen run: {told.bar.describe()}; "
+        f"its error is {error(truth.run, run):.1e}."
     )
 
 

@@ -27,7 +27,8 @@ class Reductions:
     - `advice`: which model to take and why, or why none pays, in words.
     - `refused`: what cannot reduce this mechanism, and `skipped`: what was not tried, by name, with
       the reason. `pays`: whether any is worth making. `unseen`: how many runs that no model has
-      seen have judged them.
+      seen have judged them. `bar`: what `corrected` tells of the error of the recommended model on
+      one of these, beside the true one, in words; "" where it tells nothing.
     """
 
     rows: tuple[ReductionRow, ...]
@@ -42,6 +43,7 @@ class Reductions:
     skipped: dict[str, str]
     pays: bool
     unseen: int
+    bar: str = ""
 
     @property
     def recommended(self) -> ReductionRow | None:
@@ -80,6 +82,7 @@ class Reductions:
             "times: as fast as the full model; errors on the training and the largest on three "
             "unseen starts or speeds; made: with training and compiling; pays after: runs."
         ]
+        notes += [self.bar] * bool(self.bar)
         rows = [self.full, *self.shown(every)]
         notes += [f"{row.name}: {row.remark}" for row in rows if row.remark]
         if every:

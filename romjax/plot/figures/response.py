@@ -9,6 +9,9 @@ from ...integrate.trajectory import Trajectory
 from ..panels import check_coordinates, check_motion, choose, finish, grid
 from ..style import line, marks, symbol, unit
 
+# Opacity of bands.
+_BAND = 0.25
+
 
 def response(
     truth: Trajectory,
@@ -22,7 +25,9 @@ def response(
 
     **Arguments:**
 
-    - `truth`, `approx`: motions with q (k, n), of the same coordinates; times may differ.
+    - `truth`, `approx`: motions with q (k, n), of the same coordinates; times may differ. Of a
+      truth that is a run of `corrected`, its distance from approximations at the same times is
+      drawn as a band about these.
     - `coordinates`: labels of the coordinates to draw, such as ["cart.x"]. Without it, those that
       move; of more than eight, the eight that move most in the mass metric.
     - `labels`: names of the motions, that of the truth first.
@@ -30,7 +35,7 @@ def response(
     Raises ValueError if coordinates or names do not fit.
     """
     motions = (truth, *approx)
-    names = _default(len(approx)) if labels is None else [str(name) for name in labels]
+    names = _default(truth, len(approx)) if labels is None else [str(name) for name in labels]
     if len(names) != len(motions):
         raise ValueError(
             f"response: {len(names)} labels for {len(motions)} motions; give one for each, that "
@@ -44,7 +49,11 @@ def response(
     for axes, column in zip(panels, columns, strict=True):
         for index, (name, motion) in enumerate(zip(names, motions, strict=True)):
             style = line(index) | marks(index, len(motions), len(motion.t))
-            axes.plot(np.asarray(motion.t), np.asarray(motion.q[:, column]), label=name, **style)
+            t, q = np.asarray(motion.t), np.asarray(motion.q[:, column])
+            axes.plot(t, q, label=name, **style)
+            if index and truth.bar is not None and np.array_equal(truth.t, t):
+                bar = np.abs(np.asarray(truth.q[:, column]) - q)
+                axes.fill_between(t, q - bar, q + bar, color=style["color"], alpha=_BAND, lw=0)
         coordinate = truth.coordinates[column]
         name = symbol(coordinate, separator="\n")
         axes.set_ylabel(f"{name} {unit(coordinate)}".strip(), multialignment="center")
@@ -52,6 +61,9 @@ def response(
     return figure
 
 
-def _default(count: int) -> list[str]:
+def _default(truth: Trajectory, count: int) -> list[str]:
     numbers = [""] if count == 1 else [f" {i + 1}" for i in range(count)]
-    return ["truth", *(f"approximation{number}" for number in numbers)]
+    return [
+        "truth" if truth.bar is None else "corrected",
+        *(f"approximation{number}" for number in numbers),
+    ]
