@@ -64,6 +64,7 @@ def test_a_run_says_which_beam_is_compressed():
     assert zoo.run(column(0.05), np.linspace(0.0, 0.1, 3)).warnings() == ""
 
 
+@pytest.mark.slow
 def test_modes_and_equilibria_warn():
     pulled = column(-2.0)
     with pytest.warns(UserWarning, match="equilibrium: beam 'column' is pulled by 2 EI/L²"):
@@ -81,6 +82,7 @@ def test_linear_models_warn():
         rj.linearize(pulled, {}, [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options", [{"stiffening": True}, {"EI": None, "frequencies": [8.0, 30.0]}]
 )

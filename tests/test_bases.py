@@ -232,6 +232,7 @@ def test_a_new_decomposition_is_described_and_drawn(truth):
     assert figure.axes[0].get_title() == f"mode 1\n$E$ = {energy} J s"
 
 
+@pytest.mark.slow
 def test_a_new_decomposition_reduces():
     """And nothing speaks against the run but what eight modes leave out."""
     motion = zoo.motion(zoo.five_bar)

@@ -28,6 +28,7 @@ def cantilever(**settings):
     return rj.Scene([beam], [joint], [rj.Gravity(), load])
 
 
+@pytest.mark.slow
 def test_statics_are_exact():
     """The forces at rest of all modes, capped or not, and the joints are the same everywhere."""
     full, capped = (rj.assemble(scene) for scene in (cantilever(), rj.cap(cantilever(), 3.0)))
@@ -61,6 +62,7 @@ def test_no_mode_is_above_the_cap():
     assert system.structure.labels == rj.assemble(scene).structure.labels
 
 
+@pytest.mark.slow
 def test_modes_above_the_cap_that_vibrate_are_flagged():
     """They are right where they follow their loads only."""
     scene = cantilever()

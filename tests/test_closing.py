@@ -112,6 +112,7 @@ def test_a_speed_that_a_joint_forbids_is_named():
         rj.consistent_scene(spatial_bar(angular_velocity=(1.0, 2.0, 3.0)))
 
 
+@pytest.mark.slow
 def test_the_drive_wins_over_what_is_left_out_and_contradicts_what_is_set():
     (body,) = rj.consistent_scene(spatial_bar(signal=rj.Ramp(4.0))).bodies
     assert_close(body.angular_velocity, (0.0, 0.0, 4.0), IDENTITY)

@@ -140,6 +140,7 @@ def flying(radius, stiffness, speed) -> rj.AbstractSystem:
     return rj.assemble(rj.Scene([ball], effects=[contact]))
 
 
+@pytest.mark.slow
 def test_lanes_pass_through_no_contact():
     speeds = np.array([1.0, 3.0, 30.0, 100.0])
 
@@ -153,6 +154,7 @@ def test_lanes_pass_through_no_contact():
     np.testing.assert_allclose(after, -1.0, rtol=DIFFERENCED)
 
 
+@pytest.mark.slow
 def test_steps_end_where_contacts_begin_and_end():
     """Of two balls that bounce no step passes a surface but at its start or end."""
     left, right = (
@@ -171,6 +173,7 @@ def test_steps_end_where_contacts_begin_and_end():
     assert np.sum(np.abs(np.diff(np.sign(heights), axis=0)) > 0) >= 6
 
 
+@pytest.mark.slow
 def test_bounces_from_any_height_are_right():
     """Wherever kinks of the force would have been in the steps, and with few steps in vain, as the
     first one in a contact knows how stiff it is.

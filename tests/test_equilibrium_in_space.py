@@ -31,6 +31,7 @@ def angle(q):
     return 2 * jnp.arctan2(q[5], q[3])
 
 
+@pytest.mark.slow
 def test_a_pendulum_that_is_pushed():
     """Tan φ = F / m g, by turning and not by the length of the quaternion."""
     body = spatial.RigidBody("bob", 2.0, (0.01, 0.02, 0.02), (0.0, 0.0, -1.0))

@@ -184,6 +184,7 @@ def test_the_period_of_a_pendulum():
     assert_close(made.events.times(), wanted, SOLVED)
 
 
+@pytest.mark.slow
 def test_all_events_of_a_chaotic_motion():
     """Those that a search of dense output on a fine grid finds, and no others."""
     chaotic = system(bars)
@@ -240,6 +241,7 @@ def test_derivatives_of_the_fifth_impact_in_forward_mode():
     assert_close(found, slopes((G, 0.8)), SOLVED)
 
 
+@pytest.mark.slow
 def test_lanes_have_events_and_derivatives_of_their_own():
     """In reverse mode, each lane like the run alone."""
     gravities = np.array([8.0, G, 15.0])

@@ -104,6 +104,7 @@ def test_the_run_is_saved(motion, tmp_path):
     assert (again.summary(), again.labels) == (run.summary(), run.labels)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("formulation", in_groups(RANKS, fast=["minimal"], slow=["galerkin"]))
 def test_the_scene_is_reduced(motion, formulation):
     system, run = motion

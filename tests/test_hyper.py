@@ -74,6 +74,7 @@ def test_a_chart_is_chosen_once(system, basis, minimal, monkeypatch):
     rj.reduce(system, basis, "minimal")
 
 
+@pytest.mark.slow
 def test_few_bodies_and_angles_stand_for_all(rom):
     weights = np.concatenate(rom.sample.weights)
     assert np.all(weights >= 0)

@@ -54,6 +54,7 @@ def halved():
     return model(zoo.five_bar, "minimal", 1)
 
 
+@pytest.mark.slow
 def test_a_model_of_few_modes_tells_how_much_it_errs(halved):
     """Without a Python warning: it was asked for."""
     motion, rom = halved

@@ -86,6 +86,7 @@ def hinged(kind):
     return rj.assemble(rj.Scene([body], [hinge], [rj.Gravity(), spring]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind",
     in_groups(
@@ -155,6 +156,7 @@ def every(beams):
     return rj.reduce(full, rj.pod(motion), rj.Local(ranks=(3, 3, 3)))
 
 
+@pytest.mark.slow
 def test_all_modes_are_the_full_model(beams, every):
     _, motion = beams
     made = moved(every)

@@ -129,6 +129,7 @@ def test_points_in_one_place():
     assert_close(found.distance_rate, 0, IDENTITY)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_point_at_rest(dimension):
     """Of an equilibrium, by its coordinates: single values, and no acceleration."""

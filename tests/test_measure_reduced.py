@@ -72,6 +72,7 @@ def pose(marker, q):
 pose_slopes = jax.jit(jax.vmap(jax.jacfwd(pose, argnums=1), in_axes=(None, 0)))
 
 
+@pytest.mark.slow
 def test_reduced_models_agree(truth, reduced):
     """In every measured quantity of two points, by no more than the errors of the model's own
     coordinates, their rates and second rates, as far as the marker moves with them.

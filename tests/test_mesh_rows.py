@@ -25,6 +25,7 @@ def frame(elements=8):
     return meshes.beam_in_space(elements, LENGTH, MASS, 1e4, EI, GJ, POLAR)
 
 
+@pytest.mark.slow
 def test_a_cantilever_of_nodes_with_six_rows():
     """Welded at one end it bends about both axes as by Euler and Bernoulli."""
     stiffness, mass, nodes = frame()

@@ -130,6 +130,7 @@ def test_modes_of_ones_own(cart_pendulum):
     assert_close(zoo.run(rom, [0.0, 0.1]).violation, 0.0, EXACT)
 
 
+@pytest.mark.slow
 def test_a_singular_position_is_refused():
     """Crank and rod of one length: at 90° the slider may stay, and no coordinate says whether."""
     system = rj.assemble(slider_crank(np.pi / 2))

@@ -45,6 +45,7 @@ def test_what_rounding_moves_takes_long_steps():
     assert run.stats.num_steps <= 30
 
 
+@pytest.mark.slow
 def test_a_small_deflection_of_a_beam_is_right():
     """Its frame is welded: nothing moves by metres."""
     beam = rj.Beam("beam", mass=1.0, length=1.0, frequencies=[2.0], amplitudes=[1e-6])
@@ -108,6 +109,7 @@ def test_lanes_of_any_size_are_right():
     assert np.all(errors <= ERROR * sizes)
 
 
+@pytest.mark.slow
 def test_lanes_see_events_of_any_size():
     """Also those of a body that rests at the level."""
     sizes = jnp.array([0.0, 1e-9, 1e-6, 0.1])
@@ -124,6 +126,7 @@ def test_lanes_see_events_of_any_size():
     np.testing.assert_allclose(runs.events.time[1:, :16], np.tile(exact, (3, 1)), atol=ERROR)
 
 
+@pytest.mark.slow
 def test_lanes_tell_where_lengths_count():
     """The root finders of implicit methods know tolerances in metres only."""
 

@@ -77,6 +77,7 @@ def test_a_run_is_the_same_to_the_bit(run, tmp_path):
     assert rj.compare(run, found).error == 0
 
 
+@pytest.mark.slow
 def test_the_scene_of_a_run_is_that_of_its_system(swung):
     """Assembled again, it makes the same motion to the bit, and recompiles nothing."""
     system = rj.assemble(swung.scene)

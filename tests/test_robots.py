@@ -314,6 +314,7 @@ def test_signals_drive_by_name():
     assert [float(gripper.effects[-1].least), float(gripper.effects[-1].largest)] == [-5, 5]
 
 
+@pytest.mark.slow
 def test_joints_mimic_others():
     """Both fingers turn by the angle of the drive, and the tips keep their direction."""
     gripper = rj.load_scene(GALLERY / "gripper.urdf", signals={"drive": rj.Constant(0.01)})
@@ -337,6 +338,7 @@ def test_robots_are_kept_in_scene_files(name, tmp_path):
     assert eqx.tree_equal(found, scene)
 
 
+@pytest.mark.slow
 def test_a_check_says_what_is_left_out(tmp_path):
     """Of the smallest robot: a geom that may touch another one."""
     text = f'<mujoco><worldbody><geom size="1"/>{LINK}</worldbody></mujoco>'

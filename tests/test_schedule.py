@@ -160,6 +160,7 @@ def ends(start, duration):
     return jnp.stack([run.q[-1, 0], run.v[-1, 0]])
 
 
+@pytest.mark.slow
 def test_a_pulse_is_differentiable_and_batchable_by_its_corners():
     """At the end, x = 1 − start − duration and v = 1."""
     starts, durations = np.array([0.2, 0.463, 0.8]), np.array([1e-3, 1e-2, 1e-4])

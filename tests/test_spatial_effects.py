@@ -166,6 +166,7 @@ def test_what_an_effect_refuses(make, words):
         make()
 
 
+@pytest.mark.slow
 def test_a_bushing_past_half_a_turn():
     """It swings as one spring, ½ J ω² = ½ k φ², and says so where that goes past half a turn."""
     body = r.RigidBody("body", 1.0, (0.02, 0.03, 0.05))

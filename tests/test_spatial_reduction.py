@@ -212,6 +212,7 @@ def state(rom):
     return *rom.reconstruct(0.0, rom.q0, rom.v0), a / rom.v0
 
 
+@pytest.mark.slow
 def test_counters_of_angles_are_coordinates_as_others(wheel):
     """From starts on the way, in any turn: the state that is asked for, and φ̈ = −φ, of an angle
     that z is proportional to.

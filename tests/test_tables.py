@@ -83,6 +83,7 @@ def test_a_singular_position_ends_a_table_of_two_coordinates():
         rj.reduce(soft.system, rj.pod(soft, rank=2), "table")
 
 
+@pytest.mark.slow
 def test_two_coordinates_move_as_all_do(surface, two):
     """And with another mass and spring, on a motion that the table was not made of."""
     run = zoo.run(surface, TS)

@@ -75,6 +75,7 @@ def test_jit_changes_nothing():
     assert_close(jax.jit(loss)(PARAMETERS), value, IDENTITY, scale=abs(value))
 
 
+@pytest.mark.slow
 def test_the_gradient_with_respect_to_a_scene_is_a_scene(reverse):
     scene = reverse[1][0]
     assert isinstance(scene, rj.Scene)
