@@ -1,5 +1,7 @@
 """Joint coordinates: the same motion as that of all coordinates and constraints."""
 
+import itertools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,6 +12,7 @@ from joint_trees import tree
 
 import romjax as rj
 from romjax.reduction.joint.formulation import in_joint_coordinates
+from romjax.system.constraints import differentiate
 
 # Two solutions of the same equations, by recursion and by multipliers.
 SAME = 1e-9
@@ -168,6 +171,55 @@ def test_angles_count_turns_without_coordinates_of_their_own():
     assert rom.structure.labels == ("hinge.angle", "screw.angle")
     z, w = state_of(rom, 0)
     agree(rom, z + jnp.array([20.0, -30.0]), w)
+
+
+@eqx.filter_jit
+def cut_rows(rom, t, z, w):
+    """What cut joints ask for, by twists and by autodiff through the kinematics."""
+    state = rom.state(t, z, w)
+    slopes = jax.jacfwd(lambda z: rom.constraint(t, z))(z)
+    known = differentiate(rom.constraint, t, z, w)
+    return (*state.constraints(), state.jacobian()), (*known, slopes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("space", [False, True], ids=["plane", "space"])
+def test_cut_joints_see_the_motion_of_their_markers(space):
+    """Of flexible bodies too, off the configurations in which the joints hold."""
+    scene = tree(2, space)
+    rod = rj.Distance(scene.bodies[0].at(), scene.bodies[-1].at(), 1.0)
+    rom = in_joint_coordinates(
+        rj.assemble(rj.Scene(scene.bodies, [*scene.joints, rod], scene.effects))
+    )
+    assert rom.m == 1
+    own, known = cut_rows(rom, 0.3, *state_of(rom, 0, 0.1))
+    for x, y in zip(own, known, strict=True):
+        np.testing.assert_allclose(x, y, atol=1e-11 * max(1, np.max(np.abs(y))))
+
+
+def test_parallel_hinges_close_a_loop_without_locking_it():
+    """Most rows of the cut hinge are nothing but rounding: with them it has no freedom."""
+    y, corners = (0, 1, 0), np.array([[0, 0, 0], [0.2, 0, 1], [1.2, 0, 1], [1.4, 0, 0]])
+    bars, ends = [], [rj.ground.at((0, 0, 0), axis=y)]
+    joints = list[rj.AbstractJoint]()
+    for i, (a, b) in enumerate(itertools.pairwise(corners)):
+        bars.append(rj.spatial.RigidBody(f"bar{i}", 1.0, (0.1, 0.1, 0.1), position=(a + b) / 2))
+        joints.append(rj.spatial.Revolute(bars[-1].at((a - b) / 2, axis=y), ends[-1]))
+        ends.append(bars[-1].at((b - a) / 2, axis=y))
+    joints.append(rj.spatial.Revolute(rj.ground.at(corners[-1], axis=y), ends[-1]))
+    full = rj.assemble(rj.Scene(bars, joints, [rj.Gravity((3.0, 0, -9.81))]))
+    rom = in_joint_coordinates(full)
+    assert (rom.n, rom.m) == (3, 5)
+    own, other = accelerations_at_start(rom)
+    assert np.max(np.abs(other)) > 1
+    np.testing.assert_allclose(own, other, atol=1e-11)
+
+
+@eqx.filter_jit
+def accelerations_at_start(rom):
+    state = rom.state(0.0, rom.q0, rom.v0)
+    own = state.physical_acceleration(rom.acceleration(0.0, rom.q0, rom.v0)[0])
+    return own, rom.full.acceleration(0.0, state.q, state.v)[0]
 
 
 @pytest.mark.slow

@@ -121,6 +121,8 @@ class AbstractSystem(eqx.Module):
         stabilization: Baumgarte | None = None,
     ) -> tuple[Float[Array, " n"], Float[Array, " m"]]:
         """Accelerations [in units of q per s²] and Lagrange multipliers (chapter equation 39.3)."""
-        gamma = right_hand_side(self.constraint, self.m, t, q, v, stabilization)
-        a, multipliers, _ = self.state(t, q, v).solve(gamma)
+        state = self.state(t, q, v)
+        known = state.constraints()
+        gamma = right_hand_side(self.constraint, self.m, t, q, v, stabilization, known)
+        a, multipliers, _ = state.solve(gamma)
         return a, multipliers

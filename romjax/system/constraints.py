@@ -55,14 +55,15 @@ def right_hand_side(
     q: Float[Array, " n"],
     v: Float[Array, " n"],
     stabilization: Baumgarte | None,
+    known: ConstraintState | None = None,
 ) -> Float[Array, " m"]:
     """γ = −(C_q v)_q v − 2 C_qt v − C_tt − α Ċ − β C of C_q v̇ = γ (chapter equation 39.3).
 
-    Nothing is traced where there are no constraints.
+    Nothing is traced where there are no constraints, or where they are `known`, but for C_q a.
     """
     if m == 0:
         return jnp.zeros(0, q.dtype)
-    state = differentiate(constraint, t, q, v)
+    state = differentiate(constraint, t, q, v) if known is None else known
     if stabilization is None:
         return -state.curvature
     return -state.curvature - stabilization.term(state.violation, state.rate)

@@ -15,7 +15,7 @@ from ..linalg.kkt import KKT
 from .base import AbstractSystem
 from .constraints import ConstraintState, differentiate, right_hand_side
 from .stabilization import Baumgarte
-from .state import Solved
+from .state import AbstractState, Solved
 
 # The solution of the linear equations of a stage, for both of its right-hand sides.
 Stage = Callable[[Float[Array, " n"], Float[Array, " n"]], Float[Array, " n"]]
@@ -66,7 +66,8 @@ def solve(
     stabilization: Baumgarte | None,
 ) -> Solved:
     """The equations of motion at one state, jitted so that all that ask for it share one trace."""
-    return system.state(t, q, v).solve(gamma(system, t, q, v, stabilization))
+    state = system.state(t, q, v)
+    return state.solve(_gamma(system, state, t, q, v, stabilization))
 
 
 def solve_with(
@@ -133,7 +134,8 @@ def constraint_state(
     a: Float[Array, " n"] | None = None,
 ) -> ConstraintState:
     """C, Ċ and C̈; without an acceleration `a`, C̈ without its part C_q a."""
-    return differentiate(system.constraint, t, q, v, a)
+    own = system.state(t, q, v).constraints() if a is None else None
+    return own or differentiate(system.constraint, t, q, v, a)
 
 
 def gamma(
@@ -144,7 +146,19 @@ def gamma(
     stabilization: Baumgarte | None = None,
 ) -> Float[Array, " m"]:
     """The right-hand side γ of the constraints at the level of accelerations, C_q a = γ."""
-    return right_hand_side(system.constraint, system.m, t, q, v, stabilization)
+    return _gamma(system, system.state(t, q, v), t, q, v, stabilization)
+
+
+def _gamma(
+    system: AbstractSystem,
+    state: AbstractState,
+    t: Time,
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    stabilization: Baumgarte | None,
+) -> Float[Array, " m"]:
+    known = state.constraints()
+    return right_hand_side(system.constraint, system.m, t, q, v, stabilization, known)
 
 
 def linearize(

@@ -16,6 +16,7 @@ from ..linalg.indexing import take
 from ..linalg.inverse_mass import InverseMass
 from ..linalg.kkt import KKT
 from ..linalg.pattern import Pattern
+from .constraints import ConstraintState
 from .stabilization import Baumgarte
 
 
@@ -125,6 +126,10 @@ class AbstractState(abc.ABC):
         None where the whole has to be differentiated, or where that is as fast.
         """
         del a, multipliers, stabilization
+        return None
+
+    def constraints(self) -> ConstraintState | None:
+        """Return C, Ċ, and C̈ without its part C_q a; None where they follow by autodiff."""
         return None
 
     @abc.abstractmethod

@@ -12,8 +12,8 @@ from ...assembly.assembled import AssembledSystem
 from ...assembly.groups import JointGroup
 from ...assembly.kinematics import MarkerBlocks, Markers
 from ...common.arrays import Time, pick
-from ...linalg.dense import multiply
 from ...linalg.indexing import Index, spread
+from ...scene.marker import Pose
 
 
 class SomeJoints(eqx.Module):
@@ -32,27 +32,12 @@ class SomeJoints(eqx.Module):
         """The residuals at the coordinates q of the system."""
         if self.markers is None:
             return jnp.zeros(0, q.dtype)
-        poses = self.markers.poses(q)
+        return self.of_poses(t, self.markers.poses(q))
+
+    def of_poses(self, t: Time, poses: Pose) -> Float[Array, " m"]:
+        """The residuals at the poses of the markers."""
         blocks = [group.residual(t, poses) for group in self.groups]
         return spread(blocks, [group.rows.array for group in self.groups], (self.m,))
-
-    def jacobian(
-        self, t: Time, q: Float[Array, " n"], tangent: Float[Array, "n r"]
-    ) -> Float[Array, "m r"]:
-        """Their derivatives, times a `tangent` of q."""
-        if self.markers is None:
-            return jnp.zeros((0, tangent.shape[1]), q.dtype)
-        poses, motion = self.markers.poses(q), self.markers.jacobian(q)
-        columns = self.markers.coordinates()
-        blocks, indices = [], []
-        for group in self.groups:
-            blocks.append(group.jacobian(t, poses, motion))
-            rows = group.rows.array.astype(int)
-            for own in group.bodies_of(group.markers.take(columns)):
-                inside = np.broadcast_to(own[:, None], (*rows.shape, own.shape[1]))
-                flat = rows[:, :, None] * self.size + inside
-                indices.append(np.where(inside < self.size, flat, -1))
-        return multiply(spread(blocks, indices, (self.m, self.size)), tangent)
 
 
 def some_joints(system: AssembledSystem, chosen: tuple[tuple[int, int], ...]) -> SomeJoints:

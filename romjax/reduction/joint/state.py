@@ -13,6 +13,7 @@ from ...common.arrays import Time
 from ...linalg.dense import multiply
 from ...linalg.kkt import KKT
 from ...linalg.pattern import Pattern
+from ...system.constraints import ConstraintState
 from ...system.reduced import Physical, Reduced
 from ...system.state import AbstractState, Energy, Power, Solved
 from . import rates
@@ -113,8 +114,29 @@ class JointState(AbstractState):
         system = self.system
         if not system.m:
             return jnp.zeros((0, system.n), self.z.dtype)
-        tangent = jax.vmap(self._pushed, out_axes=1)(jnp.eye(system.n, dtype=self.z.dtype))
-        return system.cut.jacobian(self.t, self.q, tangent)
+        return system.cut.jacobian(self.t, system.tree, self)
+
+    @functools.cached_property
+    def pushed(self) -> Float[Array, "r bodies size"]:
+        """The motions that unit rates of z give the bodies."""
+        tree = self.system.tree
+        unit = jnp.eye(self.system.n, dtype=self.z.dtype)
+        each: Array = jax.vmap(lambda x: self.moved(rates.rates_of(tree, self.z, x)))(unit)
+        return each
+
+    @functools.cached_property
+    def still(self) -> Float[Array, "bodies twist"]:
+        """The derivatives of the twists where z̈ is zero."""
+        tree, bias = self.system.tree, self.motion.bias
+        accelerated = along(tree, bias)
+        if not tree.spun.rows:
+            return accelerated
+        change = rates.change_of_rates(tree, self.z, self.w, jnp.zeros_like(self.z))
+        return accelerated + self.moved(change)[:, : bias.shape[1]]
+
+    def constraints(self) -> ConstraintState | None:
+        system = self.system
+        return system.cut.constraints(self.t, system.tree, self) if system.m else None
 
     def _pushed(self, x: Reduced) -> Physical:
         """The rates of q for those of z."""
@@ -163,8 +185,7 @@ class JointState(AbstractState):
     def mass(self) -> Float[Array, "r r"]:
         """M, from the motions that unit rates give the bodies."""
         tree, dtype = self.system.tree, self.z.dtype
-        unit = jnp.eye(self.system.n, dtype=dtype)
-        pushed = jax.vmap(lambda x: self.moved(rates.rates_of(tree, self.z, x)))(unit)
+        unit, pushed = jnp.eye(self.system.n, dtype=dtype), self.pushed
         momenta = multiply(self._inertia[None], pushed[..., None])[..., 0]
         flat = pushed.reshape(len(pushed), -1)
         matrix = multiply(flat, momenta.reshape(len(pushed), -1).T)

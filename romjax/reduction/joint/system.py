@@ -15,8 +15,8 @@ from ...compiling.program import program_once
 from ...system.base import AbstractSystem, AbstractValidity
 from ...system.reduced import AbstractReducedSystem, Physical, Reduced, check_alike, start_of
 from ...system.structure import Structure
-from .closing import SomeJoints, some_joints
 from .counters import counters_of
+from .cuts import Cut
 from .lift import TreeLift
 from .spanning import Spanning
 from .state import JointState
@@ -36,7 +36,7 @@ class JointSystem(AbstractReducedSystem):
 
     full: AssembledSystem
     lift: TreeLift
-    cut: SomeJoints
+    cut: Cut
     q0: Float[Array, " r"]
     v0: Float[Array, " r"]
     time: Float[Array, ""]
@@ -77,7 +77,7 @@ class JointSystem(AbstractReducedSystem):
     def constraint(self, t: Time, q: Reduced) -> Float[Array, " m"]:
         if not self.m:
             return jnp.zeros(0, q.dtype)
-        return self.cut.residual(t, self.lift.position(q))
+        return self.cut.joints.residual(t, self.lift.position(q))
 
     def state(self, t: Time, q: Reduced, v: Reduced) -> JointState:
         return JointState(self, t, q, v)
@@ -116,14 +116,14 @@ class JointSystem(AbstractReducedSystem):
 
 def _parts(
     full: AssembledSystem, spanning: Spanning, before: TreeLift | None
-) -> tuple[TreeLift, SomeJoints]:
+) -> tuple[TreeLift, Cut]:
     """The lift, with the lengths of quaternions that it had before, and the cut joints."""
     tree = plant(full, spanning)
     lengths = before.lengths if before is not None else None
     if before is None and full.structure.quaternions:
         lengths = as_array(np.ones(tree.count))
     counters = counters_of(full, tree, spanning, None if before is None else before.counters)
-    return TreeLift(tree, lengths, counters, full.n), some_joints(full, spanning.cut)
+    return TreeLift(tree, lengths, counters, full.n), Cut.of(full, tree, spanning.cut)
 
 
 @program_once
