@@ -90,6 +90,81 @@ def measure() -> Iterator[record.Section]:
         rows,
         ratios,
     )
+    yield inside()
+    yield fitted()
+
+
+LANES = 256
+
+
+def inside() -> record.Section:
+    """Within programs of JAX: one run, and a batch, of which the times of all threads count."""
+    rom = cart(rj.Minimal(), 3)
+    model, usual = rj.compile(rom), rj.simulate(rom, TS, audit=False)
+    settings = {"solver": usual.solver, "stabilization": usual.stats.stabilization}
+    given = {"throw": False, **settings}
+    outside = lambda: model.simulate(TS, **settings)  # noqa: E731
+    alone = jax.jit(lambda q, v: model.simulate(TS, q0=q, v0=v, **given).q)
+    batch = jax.jit(jax.vmap(lambda q, v: model.simulate(TS, q0=q, v0=v, **given).q))
+    lanes = rj.jit(jax.vmap(lambda q, v: rj.simulate(rom, TS, q0=q, v0=v, audit=False, **given).q))
+    rng = np.random.default_rng(0)
+    starts = [
+        np.asarray(x) + size * rng.normal(size=(LANES, rom.n))
+        for x, size in ((rom.q0, 0.003), (rom.v0, 0.01))
+    ]
+    calls = [outside, lambda: alone(rom.q0, rom.v0)]
+    called, jitted = least([on_processor(call) for call in calls], REPEATS, name="a run in jit")
+    calls = [lambda: batch(*starts), lambda: lanes(*starts)]
+    native, traced = least([on_processor(call) for call in calls], 3, name="a batch")
+    rows = [["", "compiled, ms", "by ctypes, or by simulate, ms"]]
+    for name, one, other in (("a run in jit", jitted, called), ("256 lanes", native, traced)):
+        rows.append([name, f"{1e3 * one.least:.3f}", f"{1e3 * other.least:.3f}"])
+    return record.Section(
+        "The cart's minimal model of rank 3 within jit, and 256 starts of it under vmap:",
+        rows,
+        {
+            "in jit: by ctypes / native": called.least / jitted.least,
+            "256 lanes: simulate / native": traced.least / native.least,
+        },
+    )
+
+
+def fitted() -> record.Section:
+    """Stiffness and damping of the cart from noisy measurements of three coordinates."""
+
+    def make(stiffness: Any, damping: Any) -> rj.AbstractSystem:
+        return rj.assemble(rj.gallery.cart_pendulum(stiffness=stiffness, damping=damping))
+
+    true, start = {"stiffness": 100.0, "damping": 0.1}, {"stiffness": 80.0, "damping": 0.2}
+    model, held = rj.compile(make, true), rj.Baumgarte.critical(6.0)
+    settings = {"solver": rj.Rodas5P(), "stabilization": held, "throw": False}
+    seen = np.array([0, 5, 6])
+
+    def native(p: Any) -> Any:
+        return model.simulate(TS, parameters=p, **settings).q[:, seen]
+
+    def usual(p: Any) -> Any:
+        return rj.simulate(make(**p), TS, audit=False, **settings).q[:, seen]
+
+    clean = np.asarray(native(true))
+    noise = 0.01 * np.std(clean, axis=0)
+    measured = clean + noise * np.random.default_rng(0).normal(size=clean.shape)
+    calls = [lambda f=f: rj.fit(f, start, measured, noise=noise) for f in (native, usual)]
+    for call in calls:
+        call()
+    one, other = least([on_processor(call) for call in calls], 3, name="fit")
+    off = max(
+        abs(one.result.parameters[key] - other.result.parameters[key])
+        / other.result.standard_errors[key]
+        for key in true
+    )
+    rows = [["", "compiled, s", "simulate, s", "differ, in standard errors"]]
+    rows.append(["fit", f"{one.least:.3f}", f"{other.least:.3f}", f"{float(off):.1e}"])
+    return record.Section(
+        "Two parameters of the full cart by `fit`, the programs compiled before:",
+        rows,
+        {"fit: simulate / native": other.least / one.least},
+    )
 
 
 if __name__ == "__main__":

@@ -291,3 +291,14 @@ def test_equations_that_no_result_needs_are_left_out():
     jaxpr, used = compat.without_unused(closed)
     assert [equation.primitive.name for equation in jaxpr.eqns] == ["sin"]
     assert used == [True, False]
+
+
+def test_derivatives_in_forward_mode_alone():
+    def doubled(x):
+        return 2 * compat.forward_only("forward, please", x)[0]
+
+    x = jnp.arange(3.0)
+    assert jnp.all(jax.jit(jax.vmap(doubled))(x) == 2 * x)
+    assert jnp.all(jax.jacfwd(doubled)(x) == 2 * jnp.eye(3))
+    with pytest.raises(ValueError, match="forward, please"):
+        jax.grad(lambda x: jnp.sum(doubled(x)))(x)

@@ -7,7 +7,7 @@ The upper bound of jax in pyproject.toml stands for the newest version these tes
 import contextlib
 import math
 from collections.abc import Callable, Iterator
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import diffrax
 import jax
@@ -15,7 +15,11 @@ from diffrax._term import AdjointTerm, WrapTerm
 from jax._src import config, core, xla_bridge
 from jax._src.interpreters import partial_eval
 from jax.experimental import serialize_executable
+from jax.extend.core import Primitive
+from jax.interpreters import ad, batching, mlir
 from jaxlib.cpu import _lapack
+
+from .errors import InputError
 
 M = TypeVar("M")
 
@@ -185,3 +189,20 @@ def scan_kind(solver: Any) -> Any:
 def control_arguments(solver: diffrax.AbstractSolver[Any]) -> Any:
     """Return what a solver passes on to `contr` of its terms, as diffrax asks wrappers for it."""
     return solver.term_compatible_contr_kwargs
+
+
+def forward_only(words: str, *values: jax.Array) -> tuple[jax.Array, ...]:
+    """The same values; in reverse mode InputError with some words."""
+    return tuple([_forward_only.bind(x, words=words) for x in values])
+
+
+def _refuse_reverse(*_: Any, words: str) -> NoReturn:
+    raise InputError(words)
+
+
+_forward_only = Primitive("forward_only")
+_forward_only.def_impl(lambda x, words: x)
+_forward_only.def_abstract_eval(lambda x, words: x)
+ad.deflinear2(_forward_only, _refuse_reverse)
+batching.defvectorized(_forward_only)
+mlir.register_lowering(_forward_only, lambda ctx, x, words: [x])

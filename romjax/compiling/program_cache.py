@@ -81,8 +81,9 @@ def key_of_call(function: Any, *rest: Any) -> str | None:
 
 
 def key_of_text(text: str, *options: Any) -> str | None:
-    """A key of a program in the compiler's language; None if it calls back into this process."""
-    return None if "callback" in text else _digest(text.encode(), repr(options).encode())
+    """A key of a program in the compiler's language; None if it calls this process."""
+    calls = "callback" in text or "romjax_native" in text
+    return None if calls else _digest(text.encode(), repr(options).encode())
 
 
 def keeps(key: str | None) -> bool:

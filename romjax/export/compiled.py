@@ -1,14 +1,17 @@
 """Systems compiled to native code: runs without JAX, many times as fast where they are small."""
 
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import diffrax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, ArrayLike
 
 from ..common import compat, precision
-from ..common.arrays import Vector, as_jax, as_number
-from ..common.checks import check_finite
-from ..integrate.default import default_method, default_stabilization, start_frequencies
+from ..common.arrays import Vector, as_jax
+from ..common.checks import check_finite, check_shape, unknown_name
+from ..common.compat import is_traced
 from ..integrate.derived import LazyQuantities
 from ..integrate.doubt import warn_of_doubt
 from ..integrate.failures import raise_failure
@@ -18,50 +21,38 @@ from ..integrate.rodas5p import Rodas5P
 from ..integrate.settings import check_numbers, check_times
 from ..integrate.statistics import Statistics
 from ..integrate.trajectory import Trajectory
-from ..system.base import AbstractSystem, check_system
+from ..system.base import AbstractSystem
 from ..system.consistent import check_start_shapes
-from ..system.stabilization import Baumgarte
 from ..system.start import Start
 from ..system.structure import without_names
+from .choices import Choice, Choices
+from .inside import Inside, threads
+from .leaving import Model, model_of
 from .loops import check_runs
 from .native import Asked, NativeRuns, Told
 from .refuse import refuse
 
 
-class _Choice(NamedTuple):
-    """What a run is made with where nothing else is asked for."""
-
-    solver: diffrax.AbstractSolver[Any]
-    stabilization: Baumgarte | None
-    fastest: Any
-    terms: tuple[float, float]  # α and β
-
-    @classmethod
-    def of(cls, solver: Any, stabilization: Baumgarte | None, fastest: Any = None) -> "_Choice":
-        terms = 0.0, 0.0
-        if stabilization is not None:
-            terms = float(stabilization.alpha), float(stabilization.beta)
-        return cls(solver, stabilization, fastest, terms)
-
-
 class CompiledModel:
-    """A system compiled to native code, with its numbers; made by `romjax.compile`.
+    """A system compiled to native code; made by `romjax.compile` of the `model` that leaves.
 
-    `system`: the one that was compiled. `operations`: how many of them each function in C has.
+    `system`: the one that was compiled, with the numbers of its `parameters`. `operations`: how
+    many of them each function in C has.
     """
 
     system: AbstractSystem
+    parameters: Mapping[str, float]
     operations: dict[str, int]
 
-    def __init__(self, system: AbstractSystem) -> None:
-        check_system("compile", system)
-        check_runs(system)
-        self.system = system
-        self._bare = without_names(system)
-        self._native = NativeRuns(self._bare)
+    def __init__(self, model: Model) -> None:
+        self.system, self.parameters = model.nominal, model.parameters
+        self._model = model
+        self._native = NativeRuns(
+            model if model.parameters else model._replace(nominal=without_names(model.nominal))
+        )
         self.operations = self._native.operations
-        self._choices: dict[Any, _Choice] = {}
-        self._x0 = np.concatenate([np.asarray(system.q0), np.asarray(system.v0)])
+        self._choices = Choices(model.nominal)
+        self._inside: dict[bool, Inside] = {}
 
     def __repr__(self) -> str:
         return f"CompiledModel({self.system.n} coordinates)"
@@ -72,6 +63,7 @@ class CompiledModel:
         *,
         q0: Vector | None = None,
         v0: Vector | None = None,
+        parameters: Mapping[str, ArrayLike] | None = None,
         solver: diffrax.AbstractSolver[Any] | None = None,
         rtol: float = 1e-6,
         atol: float | None = None,
@@ -84,105 +76,115 @@ class CompiledModel:
 
         The arguments are those of `romjax.simulate`. Methods are `diffrax.Dopri8()` and
         `Rodas5P()`. The balance of energy is not drawn up, and no run is repeated: it is
-        `simulate(…, audit=False)`. Status, `violation` and `flags` are reported alike; arrays are
-        those of NumPy.
+        `simulate(…, audit=False)`. Status, `violation` and `flags` are reported alike.
+
+        Within `jax.jit` and `jax.vmap` it is a part of the program, whose lanes share the
+        processors that this process may use; in forward mode there are derivatives by the start and
+        the parameters, of steps whose lengths are held. Method and stabilization are then
+        those that suit the start and the parameters that the model was compiled with.
 
         **Keyword arguments:**
 
-        - `q0`, `v0`: start; that of the system unless given.
+        - `q0`, `v0`: start; that of the system unless given, which follows its parameters.
+        - `parameters`: other numbers of those that it was compiled with, by name.
         - `solver`, `rtol`, `atol`, `dt`, `max_steps`, `throw`: as `simulate` has them.
         - `stabilization`: `Baumgarte(alpha, beta)` or None; the default of `simulate` unless given.
 
-        Raises InputError for another method, for `Projection()`, and where JAX traces; ValueError
-        and SimulationError as `simulate`.
+        Raises InputError for another method, for `Projection()`, an unknown parameter, tolerances
+        or, without a method and a stabilization, times that JAX traces, and in reverse mode;
+        ValueError and SimulationError as `simulate`.
         """
         given = rtol, rtol if atol is None else atol, dt
-        times, x0 = self._checked(ts, q0, v0, given, max_steps)
-        choice = self._choice(times, q0, v0, dt, solver, stabilization)
+        times = self._times(ts, given, max_steps)
+        is_inside = parameters is not None or not compat.is_outermost()
+        own = (None, None) if is_inside else (q0, v0)
+        choice = self._choices.of(times, *own, dt, solver, stabilization)
         stiff = isinstance(choice.solver, Rodas5P)
         asked = Asked(*given, max_steps, atol is None, choice.terms, stiff)
-        told = self._native.run(times, x0, asked)
-        run = self._trajectory(times, told, choice, asked)
-        run = flag_left_out(self.system, run, np.asarray(rtol), _repeat)
-        if throw and told.status:
-            tolerance = precision.of(np.float64).start_tolerance
-            start = as_jax(x0[: self.system.n]), as_jax(x0[self.system.n :])
-            constraints = Start.of(self.system, as_jax(times[0]), *start, tolerance)
-            raise_failure(self.system, run, constraints)
-        warn_of_doubt(self.system, run)
+        start = self._start(q0, v0)
+        system = self.system
+        if is_inside:
+            p = self._stacked(parameters or {})
+            system = self._model.system(p)
+            told = self._run_inside(system, times, (q0 is None, v0 is None), start, p, asked)
+        else:
+            told = self._native.run(times, None if start is None else np.concatenate(start), asked)
+        run = self._trajectory(system, times, told, choice, asked)
+        run = flag_left_out(system, run, np.asarray(rtol), _repeat)
+        if throw and not (not is_traced(told.status) and told.status == 0):
+            run = raise_failure(system, run, _constraints(system, times, told))
+        warn_of_doubt(system, run)
         return run
 
-    def _checked(
-        self, ts: Vector, q0: Any, v0: Any, numbers: Any, max_steps: int | None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """The times and the start as arrays of NumPy."""
-        if not compat.is_outermost():
-            refuse(
-                "a compiled model runs outside of JAX, and JAX traces this call",
-                "call it outside of jit, vmap and grad, or use romjax.simulate within",
-            )
+    def _times(self, ts: Vector, numbers: Any, max_steps: int | None) -> Any:
+        """The times as an array of NumPy, or of JAX where it traces them."""
         rtol, atol, dt = numbers
+        if any(is_traced(x) for x in numbers):
+            refuse("JAX traces the tolerances or the step of a compiled run", "give numbers")
         check_numbers(max_steps, 0, rtol=rtol, atol=atol, dt=dt)
+        if is_traced(ts):
+            return jnp.asarray(ts, float)
         times = np.ascontiguousarray(ts, float)
         # In NumPy's way, which takes a tenth of the time; what is wrong is told in the usual words.
         if times.ndim != 1 or not (
             len(times) > 1 and np.all(np.diff(times) > 0) and times[-1] < np.inf
         ):
             times = np.ascontiguousarray(check_times(ts, self.system.q0.dtype), float)
+        return times
+
+    def _start(self, q0: Any, v0: Any) -> tuple[Any, Any] | None:
+        """The start that is given, filled up from the own one; None where none is."""
         if q0 is None and v0 is None:
-            return times, self._x0
+            return None
         q, v = check_start_shapes(self.system, q0, v0)
         check_finite("simulate", "q0", q)
         check_finite("simulate", "v0", v)
-        return times, np.concatenate([np.asarray(q, float), np.asarray(v, float)])
+        return q, v
 
-    def _choice(
+    def _stacked(self, parameters: Mapping[str, ArrayLike]) -> Array:
+        """All parameters in order, those of the model where there are no others."""
+        for name in parameters:
+            if name not in self.parameters:
+                raise unknown_name("compile", "parameter", name, tuple(self.parameters))
+        values = {**self.parameters, **parameters}
+        each = [jnp.asarray(value, float) for value in values.values()]
+        for name, value in zip(values, each, strict=True):
+            check_shape("simulate", f"parameter {name}", value, ())
+        return jnp.stack(each) if each else jnp.zeros(0)
+
+    def _run_inside(
         self,
-        ts: np.ndarray,
-        q0: Any,
-        v0: Any,
-        dt: float | None,
-        solver: diffrax.AbstractSolver[Any] | None,
-        stabilization: Any,
-    ) -> _Choice:
-        """The method and the stabilization; those of the own start are remembered."""
-        if solver is not None and not isinstance(solver, diffrax.Dopri8 | Rodas5P):
-            refuse(
-                f"compiled loops are those of diffrax.Dopri8 and romjax.Rodas5P, and not of "
-                f"{type(solver).__name__}",
-                "take one of them, or leave it to romjax.simulate",
-            )
-        if not (stabilization in ("default", None) or isinstance(stabilization, Baumgarte)):
-            refuse(
-                f"compiled loops hold constraints by romjax.Baumgarte, and not by "
-                f"{type(stabilization).__name__}",
-                "take Baumgarte(alpha, beta) or None, or leave it to romjax.simulate",
-            )
-        given = stabilization == "default"
-        if solver is not None and not given:
-            return _Choice.of(solver, stabilization)
-        key = (ts[0], ts[-1], len(ts), dt, solver is None or isinstance(solver, Rodas5P), given)
-        own = q0 is None and v0 is None and (solver is None)
-        if own and given and key in self._choices:
-            return self._choices[key]
-        q, v = check_start_shapes(self.system, q0, v0)
-        found = start_frequencies(self._bare, ts, q, v)
-        step = None if dt is None else as_number(dt, ts.dtype)
-        method = solver or default_method(self.system, as_jax(ts), step, found).solver
-        held = stabilization
-        if given:
-            held = default_stabilization(self._bare, as_jax(ts), step, found)
-        choice = _Choice.of(method, held, found.fastest)
-        if own and given:
-            self._choices[key] = choice
-        return choice
+        system: AbstractSystem,
+        ts: Any,
+        own: tuple[bool, bool],
+        start: tuple[Any, Any] | None,
+        p: Array,
+        asked: Asked,
+    ) -> Told:
+        """A run that is a part of a program of JAX."""
+        if asked.stiff not in self._inside:
+            self._inside[asked.stiff] = Inside(self._native, asked.stiff)
+        numbers, counts = asked.arrays(own[0] + 2 * own[1])
+        x0 = jnp.zeros(2 * system.n) if start is None else jnp.concatenate(start)
+        given = jnp.concatenate([jnp.asarray(asked.terms), p])
+        rows = self._inside[asked.stiff].run(
+            x0, given, jnp.asarray(ts), jnp.asarray(numbers), jnp.append(counts, threads())
+        )
+        steps, accepted, status, flags = (rows.told[i] for i in range(4))
+        q, v, x, violation, _ = rows
+        flags |= self._native.judged(system, ts, q, v, x, violation, asked)
+        return Told(steps, accepted, status, flags, q, v, x, violation)
 
-    def _trajectory(self, ts: np.ndarray, told: Told, choice: _Choice, asked: Asked) -> Trajectory:
+    def _trajectory(
+        self, system: AbstractSystem, ts: Any, told: Told, choice: Choice, asked: Asked
+    ) -> Trajectory:
         """What the rows of a run are."""
-        n, controlled, atol = self.system.n, asked.dt is None, asked.atol
+        n, controlled, atol = system.n, asked.dt is None, np.asarray(asked.atol)
         if asked.follow:
-            atol = min(asked.rtol * min(float(np.max(np.abs(told.v))), 1.0), atol)
-        parts = Partitioned.of(self.system)
+            xp: Any = jnp if is_traced(told.v) else np
+            size = xp.minimum(xp.max(xp.abs(told.v)), 1.0)
+            atol = xp.minimum(asked.rtol * size, asked.atol)
+        parts = Partitioned.of(system)
         demand = compat.make_module(
             LazyQuantities,
             parts=parts,
@@ -194,11 +196,11 @@ class CompiledModel:
         )
         statistics = compat.make_module(
             Statistics,
-            num_steps=np.asarray(told.steps),
-            num_accepted_steps=np.asarray(told.accepted),
-            num_rejected_steps=np.asarray(told.steps - told.accepted),
+            num_steps=told.steps,
+            num_accepted_steps=told.accepted,
+            num_rejected_steps=told.steps - told.accepted,
             rtol=np.asarray(asked.rtol) if controlled else None,
-            atol=np.asarray(atol) if controlled else None,
+            atol=atol if controlled else None,
             fastest_frequency=choice.fastest,
             stabilization=choice.stabilization,
         )
@@ -210,8 +212,8 @@ class CompiledModel:
             violation=told.violation,
             derived=demand,
             stats=statistics,
-            status=np.asarray(told.status),
-            flags=np.asarray(told.flags),
+            status=told.status,
+            flags=told.flags,
             balance=None,
             branching=None,
             imbalance=None,
@@ -219,36 +221,56 @@ class CompiledModel:
             dense=None,
             states=None,
             followed=(),
-            coordinates=self.system.full.structure.coordinates,
+            coordinates=system.full.structure.coordinates,
             solver_parts=Partitioned.of(choice.solver),
         )
 
 
+def _constraints(system: AbstractSystem, ts: Any, told: Told) -> Any:
+    """The constraints at the start of one run, for what is said of it; None where JAX traces it."""
+    if is_traced(told.status):
+        return None
+    q, v = told.x[0, : system.n], told.x[0, system.n :]
+    if not np.all(np.isfinite(q)):
+        q, v = system.q0, system.v0
+    tolerance = precision.of(np.float64).start_tolerance
+    return Start.of(system, as_jax(ts[0]), as_jax(q), as_jax(v), tolerance)
+
+
 def _repeat(rom: AbstractSystem, ts: Vector, rtol: float) -> Trajectory:
     """A motion that a reduced model was made of, by the same means."""
-    return CompiledModel(rom).simulate(ts, rtol=rtol, throw=False)
+    return compile(rom).simulate(ts, rtol=rtol, throw=False)
 
 
-def compile(system: AbstractSystem) -> CompiledModel:
+def compile(
+    system: AbstractSystem | Callable[..., AbstractSystem],
+    parameters: Mapping[str, float] | None = None,
+) -> CompiledModel:
     """A system compiled to native code by the C compiler of this machine.
 
     For many runs of a small system: with up to some ten coordinates, reduced models above all, a
-    run takes a tenth of the time of `simulate`, as long as its structure and its numbers stay.
+    run takes a tenth of the time of `simulate`, as long as its structure stays.
     What `simulate` does beyond stepping is refused in words: contacts, events, projection,
-    charts; and there are no derivatives. Nor is there an audit, so that a run that passes a
-    singular position may end on another branch and not say so: look at one by `simulate` first.
-    `benchmarks/native.txt` has the times.
+    charts. Nor is there an audit, so that a run that passes a singular position may end on another
+    branch and not say so: look at one by `simulate` first. `benchmarks/native.txt` has the times.
 
     **Arguments:**
 
-    - `system`: full or reduced, with the numbers that it has; other numbers need another model.
+    - `system`: full or reduced, with the numbers that it has; or a function of the `parameters` by
+      name that makes one, always of the same structure.
+    - `parameters`: those numbers of it that runs may change, with the ones that they have
+      otherwise.
 
     ```python
     model = rj.compile(rom)
     run = model.simulate(ts)
     ```
 
-    Its library goes to the folder of compiled programs. Raises InputError for what C cannot be
-    made of, for more than 25 000 operations, and where there is no C compiler.
+    Within programs of JAX, `simulate` of the model has derivatives in forward mode, and lanes of
+    `jax.vmap` share the processors; so `fit`, `sweep` and `log_likelihood` take runs of it. Its
+    libraries go to the folder of compiled programs. Raises InputError for what C cannot be made of,
+    for more than 25 000 operations, and where there is no C compiler.
     """
-    return CompiledModel(system)
+    model = model_of("compile", system, {}, None, parameters or {}, None, "model")
+    check_runs(model.nominal)
+    return CompiledModel(model)

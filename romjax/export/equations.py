@@ -70,6 +70,16 @@ def flags(system: AbstractSystem, t: Array, x: State, rtol: Array) -> Mapping[st
     return {"flags": system.validity.flags(system, run)}
 
 
+def initial(system: AbstractSystem) -> Mapping[str, Array]:
+    """The state at the start."""
+    return {"start": jnp.concatenate([system.q0, system.v0])}
+
+
+def corners(system: AbstractSystem) -> Mapping[str, Array]:
+    """The times at which steps have to end, infinite ones for none."""
+    return {"times": Schedule.of(system).corners(jnp.zeros(0))}
+
+
 def longest(schedule: Schedule, t: Array) -> Mapping[str, Array]:
     """The longest step that still sees all loads."""
     return {"longest": schedule.longest_step(t)}

@@ -190,8 +190,7 @@ def _of_runs(model: Model, point: dict[str, tuple[int, ...]]) -> list[Emitted]:
     count, schedule = len(model.inputs), Schedule.of(model.nominal)
 
     def initial(s: Array) -> Mapping[str, Array]:
-        system = model.system(s[count:])
-        return {"start": jnp.concatenate([system.q0, system.v0])}
+        return equations.initial(model.system(s[count:]))
 
     def check(t: Array, x: Array, s: Array) -> Mapping[str, Array]:
         system, q, _ = model.at(x, s[count:])
@@ -200,7 +199,7 @@ def _of_runs(model: Model, point: dict[str, tuple[int, ...]]) -> list[Emitted]:
         return {"good": jnp.concatenate([good, worst[None]])}
 
     def corners(s: Array) -> Mapping[str, Array]:
-        return {"times": Schedule.of(model.system(s[count:])).corners(jnp.zeros(0))}
+        return equations.corners(model.system(s[count:]))
 
     def flags(t: Array, x: Array, s: Array, rtol: Array) -> Mapping[str, Array]:
         return equations.flags(model.system(s[count:]), t, x, rtol)

@@ -3,28 +3,43 @@
  * Further numbers are FULL physical coordinates, FULL_KIND: 1 of positions of bodies, and further
  * functions model_output, model_start and, where it is needed, model_flags.
  */
-static void dopri8_between(double share, double h, const state *m, double *x) {
+static void dopri8_between(double share, double h, const double *y, double k[][X], double *x) {
   double sum[X];
   for (int i = 0; i < X; i++) sum[i] = 0;
   for (int l = 0; l < D_STAGES; l++) {
     double weight = 0;
     for (int d = 0; d < D_DEGREE; d++) weight = weight * share + D_DENSE[l * D_DEGREE + d];
     weight *= share;
-    for (int i = 0; i < X; i++) sum[i] += weight * m->k[l][i];
+    for (int i = 0; i < X; i++) sum[i] += weight * k[l][i];
   }
-  for (int i = 0; i < X; i++) x[i] = m->y[i] + h * sum[i];
+  for (int i = 0; i < X; i++) x[i] = y[i] + h * sum[i];
 }
 
 #ifdef STIFF
-static void rodas5p_between(double share, const state *m, double *x) {
+static void rodas5p_between(double share, const double *y, const double *z, double k[][X],
+                            double *x) {
   for (int i = 0; i < X; i++) {
     double d[3] = {0, 0, 0}, rest = 1 - share;
     for (int l = 0; l < 3; l++)
-      for (int j = 0; j < 8; j++) d[l] += R_DENSE[l * 8 + j] * m->k[j][i];
-    x[i] = rest * m->y[i] + share * (m->z[i] + rest * (d[0] + share * (d[1] + share * d[2])));
+      for (int j = 0; j < 8; j++) d[l] += R_DENSE[l * 8 + j] * k[j][i];
+    x[i] = rest * y[i] + share * (z[i] + rest * (d[0] + share * (d[1] + share * d[2])));
   }
 }
 #endif
+
+/* A state within a step, by that before it, that after it and its stages; or its derivative. */
+static void between(const settings *s, double share, double h, const double *y, const double *z,
+                    double k[][X], double *x) {
+#ifdef STIFF
+  if (s->method == RODAS5P) {
+    rodas5p_between(share, y, z, k, x);
+    return;
+  }
+#endif
+  (void)s;
+  (void)z;
+  dopri8_between(share, h, y, k, x);
+}
 
 typedef struct {
   double *q, *v, *x, *violation;
@@ -39,7 +54,7 @@ static void save(double t, const double *x, const settings *s, outputs *out, int
     out->x[(size_t)row * X + i] = x[i];
     out->finite &= isfinite(x[i]) != 0;
   }
-  model_output(t, x, q, v, own);
+  model_output(t, x, s->given, q, v, own);
   out->violation[row] = own[0];
   out->finite &= isfinite(own[0]) != 0;
   for (int i = 0; i < N; i++) size = larger(fabs(x[i]), size);
@@ -54,7 +69,7 @@ static void save(double t, const double *x, const settings *s, outputs *out, int
 #ifdef FLAGS
   {
     double flags;
-    model_flags(t, x, s->dt == 0 ? s->rtol : 0, &flags);
+    model_flags(t, x, s->given, s->dt == 0 ? s->rtol : 0, &flags);
     out->flags |= (int64_t)flags;
   }
 #endif
@@ -94,22 +109,43 @@ static int resolved(const settings *s, const outputs *out, int64_t steps) {
   return s->follow ? fine : best >= smaller(1e-2 / s->rtol, 1e4);
 }
 
-/* One run. `numbers`: rtol, atol, dt (0: step size control), alpha, beta; `counts`: method,
- * whether tolerances follow the motion, most steps, corners; `told`: steps, accepted ones, status,
+/* Derivatives of a run along directions: how many, those of the start and of the parameters, and
+ * for each of them where q, v and x go. */
+typedef struct {
+  int64_t count;
+  const double *const *start, *const *given;
+  double *const *q, *const *v, *const *x;
+} directions;
+
+/* ALONG */
+static void begin_run(const double *x0, const double *given, int own, double *y) {
+  double start[X];
+  model_initial(given, start);
+  for (int i = 0; i < X; i++) y[i] = own & (i < N ? 1 : 2) ? start[i] : x0[i];
+}
+
+/* One run. `given`: alpha, beta, parameters; `numbers`: rtol, atol, dt (0: step size control);
+ * `counts`: method, whether tolerances follow the motion, most steps, and whether the positions (1)
+ * and velocities (2) at the start are those of the parameters; `told`: steps, accepted ones, status,
  * flags. Rows that the run does not get to are infinite. */
-void model_run(const double *x0, const double *ts, int64_t rows, const double *numbers,
-               const int64_t *counts, const double *corner, double *q, double *v, double *x,
-               double *violation, int64_t *told) {
-  static const double none[1] = {0};
+void model_run(const double *x0, const double *given, const double *ts, int64_t rows,
+               const double *numbers, const int64_t *counts, double *q, double *v, double *x,
+               double *violation, int64_t *told, const directions *along) {
+  double corner[CORNERS + 1], t = ts[0], next, good[2];
+  int controlled = numbers[2] == 0, status = SUCCESS;
   settings s = {numbers[0], numbers[1], numbers[2], ts[rows - 1], 0, (int)counts[0],
-                (int)counts[1], (int)counts[3], counts[2], corner, numbers + 3};
+                (int)counts[1], controlled ? CORNERS : 0, counts[2], corner, given};
   outputs out = {q, v, x, violation, {0}, {0}, {0}, 0, 1, 1};
   state m;
-  double t = ts[0], next, good[2];
   int64_t steps = 0, accepted = 0, row = 0;
-  int status = SUCCESS, controlled = s.dt == 0;
-  if (!s.corner) s.corner = none;
-  for (int i = 0; i < X; i++) m.y[i] = x0[i];
+  model_corners(given, corner);
+  begin_run(x0, given, (int)counts[3], m.y);
+  model_start(t, m.y, given, good);
+#ifdef ALONG
+  tangent *d = along ? begin_along(along, &s, &m, t, (int)counts[3]) : NULL;
+  if (along && !d) status = NOT_FINITE;
+#endif
+  (void)along;
   m.fresh = 1;
   begin(&m.so_far, m.y);
   s.least = 4 * EPS * larger(fabs(ts[0]), fabs(s.t1));
@@ -121,16 +157,21 @@ void model_run(const double *x0, const double *ts, int64_t rows, const double *n
     int kept = attempt(t, next, &s, &m, &longer, &dt, &status);
     steps++;
     if (kept) {
+#ifdef ALONG
+      if (d) step_along(along, t, h, &s, &m, d);
+#endif
       while (row < rows && ts[row] <= next) {
         double share = h == 0 ? 0 : (ts[row] - t) / h, at[X + 1];
-#ifdef STIFF
-        if (s.method == RODAS5P) rodas5p_between(share, &m, at);
-        else
-#endif
-          dopri8_between(share, h, &m, at);
+        between(&s, share, h, m.y, m.z, m.k, at);
         save(ts[row], at, &s, &out, (int)row);
+#ifdef ALONG
+        if (d) save_along(along, ts[row], share, h, at, &s, d, row);
+#endif
         row++;
       }
+#ifdef ALONG
+      if (d) accept_along(along, &s, d);
+#endif
       accept(&s, &m, &longer);
       t = next;
       accepted++;
@@ -138,6 +179,9 @@ void model_run(const double *x0, const double *ts, int64_t rows, const double *n
     next = limited(&s, t, t + dt, kept);
   }
   if (status == SUCCESS && t < s.t1) status = MAX_STEPS;
+#ifdef ALONG
+  if (along) end_along(along, row, rows, d);
+#endif
   for (; row < rows; row++) {
     for (int i = 0; i < FULL; i++) q[row * FULL + i] = v[row * FULL + i] = INFINITY;
     for (int i = 0; i < X; i++) x[row * X + i] = INFINITY;
@@ -146,7 +190,6 @@ void model_run(const double *x0, const double *ts, int64_t rows, const double *n
   }
   if (status == SUCCESS && !out.finite) status = NOT_FINITE;
   if (status == SUCCESS && controlled && HOLDS && !out.holds) status = VIOLATED;
-  model_start(ts[0], x0, good);
   if (!(good[0] && good[1])) status = BAD_START;
   if (controlled && !resolved(&s, &out, accepted)) out.flags |= RESOLUTION;
   told[0] = steps;

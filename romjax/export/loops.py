@@ -1,10 +1,14 @@
 """The loops of a run around the functions of a system, as one source of C."""
 
+from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any
 
 import diffrax
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from ..integrate import rodas5p_tableau as rodas5p
 from ..reduction.system import has_charts
@@ -14,6 +18,7 @@ from ..system.schedule import Schedule
 from ..system.validity import TrainingBox
 from . import equations
 from .emit import Emitted, constant_table, emit
+from .leaving import Model
 from .refuse import refuse
 
 
@@ -44,42 +49,82 @@ def check_runs(system: AbstractSystem) -> None:
         )
 
 
-def functions_of(system: AbstractSystem, stiff: bool) -> list[Emitted]:
-    """The functions that the loops call; `stiff`: with the derivatives that Rodas5P takes."""
-    state, words = {"t": (), "x": (2 * system.n,)}, equations.words(system)
-    stabilized = {**state, "s": (2,)}
+def functions_of(model: Model, stiff: bool, along: bool = False) -> list[Emitted]:
+    """The functions that the loops call, of (t, x, s) with s Baumgarte's α, β and the parameters.
 
-    def of(function: Any, name: str, arguments: Any, summary: str) -> Emitted:
-        known = {key: words[key] for key in words if key in ("x", *_RESULTS[name])}
-        whole = lambda *args: function(system, *args)  # noqa: E731
-        return emit(whole, f"model_{name}", arguments, known, summary)
-
-    found = [
-        of(equations.rate, "rate", stabilized, "Accelerations; s: Baumgarte's alpha and beta."),
-        of(
-            equations.physical_output,
-            "output",
-            state,
-            "Physical coordinates, rates, and violations.",
+    `stiff`: with the derivatives that Rodas5P takes. `along`: with the derivatives of all along
+    directions of the state and the parameters.
+    """
+    nominal, words = model.nominal, equations.words(model.nominal)
+    point = {"t": (), "x": (2 * nominal.n,), "s": (2 + len(model.parameters),)}
+    start, summaries = {"s": point["s"]}, dict(_SUMMARIES)
+    functions: dict[str, tuple[Any, dict[str, tuple[int, ...]]]] = {
+        "rate": (lambda t, x, s: equations.rate(model.system(s[2:]), t, x, s[:2]), point),
+        "output": (lambda t, x, s: equations.physical_output(model.system(s[2:]), t, x), point),
+        "start": (lambda t, x, s: equations.start(model.system(s[2:]), t, x), point),
+        "initial": (lambda s: equations.initial(model.system(s[2:])), start),
+        "corners": (lambda s: equations.corners(model.system(s[2:])), start),
+        "linear": (lambda t, x, s: equations.linear(model.system(s[2:]), t, x, s[:2]), point),
+        "flags": (
+            lambda t, x, s, rtol: equations.flags(model.system(s[2:]), t, x, rtol),
+            point | {"rtol": ()},
         ),
-        of(equations.start, "start", state, "Whether the constraints and their rates hold."),
-    ]
-    if stiff:
-        summary = "Accelerations and their derivatives."
-        found.append(of(equations.linear, "linear", stabilized, summary))
-    if judges_states(system):
-        summary = "What speaks against one state."
-        found.append(of(equations.flags, "flags", {**state, "rtol": ()}, summary))
-    schedule = Schedule.of(system)
-    if schedule.limits_steps:
-        limit = lambda t, s: equations.longest(schedule, t)  # noqa: E731
-        given = {"t": (), "s": (2,)}
-        found.append(emit(limit, "model_longest", given, {}, "The longest step."))
+        "longest": (
+            lambda t, s: equations.longest(Schedule.of(model.system(s[2:])), t),
+            {"t": ()} | start,
+        ),
+    }
+    left_out = {"linear": not stiff, "flags": not judges_states(nominal)}
+    left_out["longest"] = not Schedule.of(nominal).limits_steps
+    found = []
+    for name, (function, arguments) in functions.items():
+        if not left_out.get(name):
+            known = {key: words[key] for key in words if key in ("x", *_RESULTS.get(name, ()))}
+            found.append(emit(function, f"model_{name}", arguments, known, summaries[name]))
+    for name in ("rate", "output", "initial", "linear") if along else ():
+        if not left_out.get(name):
+            found.append(_along(name, *functions[name]))
     return found
 
 
-# Results whose entries are coordinates.
-_RESULTS = {"rate": ("a",), "linear": ("a",), "output": ("q", "v"), "start": (), "flags": ()}
+def _along(name: str, function: Any, arguments: dict[str, tuple[int, ...]]) -> Emitted:
+    """The derivative of a function along a direction of x, where it has one, and of parameters."""
+    directions = {"vx": arguments["x"]} if "x" in arguments else {}
+    directions["vp"] = (arguments["s"][0] - 2,)
+
+    def forward(*args: Array) -> Mapping[str, Array]:
+        *given, s = args[: len(arguments)]
+        *vx, vp = args[len(arguments) :]
+        vs = jnp.concatenate([jnp.zeros(2), vp])
+        head, rest = (given[:1], given[1:]) if vx else ([], given)
+        # In the order of the results, which JAX sorts by their names.
+        names: list[str] = []
+
+        def values(*z: Array) -> list[Array]:
+            results = function(*head, *z)
+            names[:] = results
+            return list(results.values())
+
+        along = jax.jvp(values, (*rest, s), (*vx, vs))[1]
+        return {key: x for key, x in zip(names, along, strict=True) if key not in _NOT_ALONG}
+
+    summary = f"Derivatives of model_{name} along (vx, vp)."
+    return emit(forward, f"model_{name}_jvp", arguments | directions, {}, summary)
+
+
+# Results whose entries are coordinates, and one that nobody differentiates.
+_RESULTS = {"rate": ("a",), "linear": ("a",), "output": ("q", "v")}
+_NOT_ALONG = ("violation",)
+_SUMMARIES = {
+    "rate": "Accelerations.",
+    "output": "Physical coordinates, rates, and violations.",
+    "start": "Whether the constraints and their rates hold.",
+    "initial": "The start of some parameters.",
+    "corners": "Times at which steps have to end.",
+    "linear": "Accelerations and their derivatives.",
+    "flags": "What speaks against one state.",
+    "longest": "The longest step.",
+}
 
 
 def judges_states(system: AbstractSystem) -> bool:
@@ -87,8 +132,9 @@ def judges_states(system: AbstractSystem) -> bool:
     return isinstance(system.validity, TrainingBox) and system.full.validity is None
 
 
-def source_of(system: AbstractSystem, functions: list[Emitted], stiff: bool) -> str:
+def source_of(system: AbstractSystem, functions: list[Emitted]) -> str:
     """The functions of a system with the loops around them."""
+    names = {f.name: f for f in functions}
     kinds = {"KIND": system.structure, "FULL_KIND": system.full.structure}
     tables = [
         f"static const int {name}[] = {{{', '.join(str(int(x)) for x in each.is_position)}}};"
@@ -99,14 +145,15 @@ def source_of(system: AbstractSystem, functions: list[Emitted], stiff: bool) -> 
         "FULL": system.full.n,
         "HOLDS": int(system.m > 0),
         "RESOLUTION": int(Flag.RESOLUTION),
-        **({"STIFF": 1} if stiff else {}),
-        **({"FLAGS": 1} if judges_states(system) else {}),
-        **({"LIMITED": 1} if Schedule.of(system).limits_steps else {}),
+        "CORNERS": names["model_corners"].results["times"][0],
     }
+    parts = {"STIFF": "linear", "FLAGS": "flags", "LIMITED": "longest", "ALONG": "rate_jvp"}
+    defined |= {key: 1 for key, name in parts.items() if f"model_{name}" in names}
     numbers = [f"#define {name} {value}" for name, value in defined.items()]
-    texts = [text_of("steps.c"), text_of("loops.c")]
-    head = ["#include <math.h>", "#include <stddef.h>", "#include <stdint.h>"]
-    return "\n".join([*head, *numbers, *tables, *coefficients(), *internal(functions), *texts])
+    loops = text_of("loops.c").replace("/* ALONG */", text_of("along.c"))
+    texts = [text_of("steps.c"), loops, text_of("lanes.c")]
+    heads = [f"#include <{head}.h>" for head in ("math", "pthread", "stddef", "stdint", "stdlib")]
+    return "\n".join([*heads, *numbers, *tables, *coefficients(), *internal(functions), *texts])
 
 
 def text_of(file: str) -> str:

@@ -2,8 +2,10 @@
 
 import ctypes
 import itertools
+from importlib.metadata import version
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -11,8 +13,8 @@ from jaxtyping import Array, Float, Int
 from ..compiling.program import program_once
 from ..integrate.judge import drift_of
 from ..system.base import AbstractSystem, Run
-from ..system.schedule import Schedule
-from .library import load
+from .leaving import Model
+from .library import FLAGS, load
 from .loops import functions_of, judges_states, source_of
 
 # Steps where there is no limit: more than any run takes.
@@ -33,69 +35,88 @@ class Asked(NamedTuple):
     terms: tuple[float, float]
     stiff: bool
 
+    def arrays(self, own: int) -> tuple[np.ndarray, np.ndarray]:
+        """As C takes them; `own`: 1 for positions, 2 for velocities at the start that are those
+        of the parameters, or both.
+        """
+        numbers = np.array([self.rtol, self.atol, 0.0 if self.dt is None else self.dt], float)
+        most = _UNLIMITED if self.max_steps is None else self.max_steps
+        return numbers, np.array([self.stiff, self.follow, most, own], np.int64)
+
 
 class Told(NamedTuple):
     """What a run tells: numbers of steps, its status and flags, and rows at the output times."""
 
-    steps: int
-    accepted: int
-    status: int
-    flags: int
-    q: np.ndarray
-    v: np.ndarray
-    x: np.ndarray
-    violation: np.ndarray
+    steps: Any
+    accepted: Any
+    status: Any
+    flags: Any
+    q: Any
+    v: Any
+    x: Any
+    violation: Any
 
 
 class NativeRuns:
-    """The runs of a system without names, by libraries that are made when they are asked for.
+    """The runs of a model, by libraries that are made when they are asked for.
 
     `operations`: of the functions that are in them.
     """
 
-    def __init__(self, system: AbstractSystem) -> None:
-        self.system, self.operations = system, dict[str, int]()
-        self._libraries = dict[bool, Any]()
-        corners = np.asarray(Schedule.of(system).corners(system.q0[:0]), float)
-        self._corners = np.ascontiguousarray(corners[np.isfinite(corners)])
+    def __init__(self, model: Model) -> None:
+        self.model, self.operations = model, dict[str, int]()
+        self._libraries = dict[tuple[bool, bool], ctypes.CDLL]()
+        system = model.nominal
         unlimited = system.validity is None and system.full.validity is None
         self._judged = unlimited or judges_states(system)
+        self.given = np.array([*model.parameters.values()], float)
 
-    def run(self, ts: np.ndarray, x0: np.ndarray, asked: Asked) -> Told:
-        """A run from x0 = (q, v) at the times `ts`."""
-        k, n, full = len(ts), self.system.n, self.system.full.n
-        dt = 0.0 if asked.dt is None else asked.dt
-        settings = np.array([asked.rtol, asked.atol, dt, *asked.terms], float)
-        most = _UNLIMITED if asked.max_steps is None else asked.max_steps
-        corners = self._corners if asked.dt is None else self._corners[:0]
-        counts = np.array([asked.stiff, asked.follow, most, len(corners)], ctypes.c_int64)
+    def run(self, ts: np.ndarray, x0: np.ndarray | None, asked: Asked) -> Told:
+        """A run of the nominal system at the times `ts`, from x0 = (q, v) or its own start."""
+        system = self.model.nominal
+        k, n, full = len(ts), system.n, system.full.n
+        numbers, counts = asked.arrays(3 if x0 is None else 0)
+        settings = np.concatenate([numbers, asked.terms, self.given])
         # Room for all in one piece, since asking an array for its place takes a microsecond.
         widths = (full, full, 2 * n, 1)
         ends = list(itertools.accumulate(widths, initial=0))
         room, told = np.empty(k * ends[-1]), np.zeros(4, ctypes.c_int64)
-        begin = room.ctypes.data
+        begin, begin_settings = room.ctypes.data, settings.ctypes.data
         places = [begin + 8 * k * end for end in ends[:-1]]
-        given = settings.ctypes.data, counts.ctypes.data, corners.ctypes.data
-        run = self._library(asked.stiff)
-        run(x0.ctypes.data, ts.ctypes.data, k, *given, *places, told.ctypes.data)
+        start = 0 if x0 is None else x0.ctypes.data
+        run = self.library(asked.stiff, False).model_run
+        head = start, begin_settings + 24, ts.ctypes.data, k, begin_settings, counts.ctypes.data
+        run(*head, *places, told.ctypes.data, None)
         parts = [room[k * a : k * b] for a, b in itertools.pairwise(ends)]
         q, v, x, violation = (y.reshape(k, w) for y, w in zip(parts, widths, strict=True))
-        steps, accepted, status, flags = told.tolist()
-        if not self._judged:
-            drift = np.asarray(0.0 if asked.dt is not None else asked.rtol)
-            flags |= int(_flags(self.system, ts, q, v, x, violation[:, 0], drift))
+        told[3] |= int(self.judged(system, ts, q, v, x, violation[:, 0], asked))
+        # A view of each, which costs less than an array of its own.
+        steps, accepted, status, flags = (told[i : i + 1].reshape(()) for i in range(4))
         return Told(steps, accepted, status, flags, q, v, x, violation[:, 0])
 
-    def _library(self, stiff: bool) -> Any:
-        """The run in C, with the method for stiff systems or without."""
-        if stiff not in self._libraries:
-            functions = functions_of(self.system, stiff)
+    def judged(
+        self, system: AbstractSystem, ts: Any, q: Any, v: Any, x: Any, violation: Any, asked: Asked
+    ) -> Any:
+        """What of the region of validity of a system C has not judged."""
+        if self._judged:
+            return 0
+        drift = np.asarray(0.0 if asked.dt is not None else asked.rtol)
+        return _flags(system, ts, q, v, x, violation, drift)
+
+    def library(self, stiff: bool, along: bool) -> ctypes.CDLL:
+        """The library with the method for stiff systems or without, and with derivatives."""
+        if (stiff, along) not in self._libraries:
+            functions = functions_of(self.model, stiff, along)
             self.operations |= {f.name: f.operations for f in functions}
-            run = load(source_of(self.system, functions, stiff)).model_run
-            pointer = ctypes.c_void_p
-            run.argtypes, run.restype = [pointer, pointer, ctypes.c_int64, *(8 * [pointer])], None
-            self._libraries[stiff] = run
-        return self._libraries[stiff]
+            flags = (*FLAGS, "-pthread", f"-I{jax.ffi.include_dir()}")
+            # The headers of another version of jaxlib make another library.
+            head = f"/* jaxlib {version('jaxlib')} */\n"
+            library = load(head + source_of(self.model.nominal, functions), flags)
+            pointer, count = ctypes.c_void_p, ctypes.c_int64
+            kinds: list[Any] = [pointer, pointer, pointer, count, *(8 * [pointer])]
+            library.model_run.argtypes, library.model_run.restype = kinds, None
+            self._libraries[stiff, along] = library
+        return self._libraries[stiff, along]
 
 
 @program_once

@@ -1,0 +1,99 @@
+"""With which method and stabilization a compiled model runs."""
+
+from typing import Any, NamedTuple
+
+import diffrax
+
+from ..common.arrays import as_jax, as_number
+from ..common.compat import is_traced
+from ..common.outside import outside_of_traces
+from ..integrate.default import default_method, default_stabilization, start_frequencies
+from ..integrate.rodas5p import Rodas5P
+from ..system.base import AbstractSystem
+from ..system.consistent import check_start_shapes
+from ..system.stabilization import Baumgarte
+from ..system.structure import without_names
+from .refuse import refuse
+
+
+class Choice(NamedTuple):
+    """What a run is made with where nothing else is asked for."""
+
+    solver: diffrax.AbstractSolver[Any]
+    stabilization: Baumgarte | None
+    fastest: Any
+    terms: tuple[float, float]  # α and β
+
+    @classmethod
+    def of(cls, solver: Any, stabilization: Baumgarte | None, fastest: Any = None) -> "Choice":
+        terms = 0.0, 0.0
+        if stabilization is not None:
+            terms = float(stabilization.alpha), float(stabilization.beta)
+        return cls(solver, stabilization, fastest, terms)
+
+
+class Choices:
+    """The choices that a system makes, those of its own start remembered."""
+
+    def __init__(self, system: AbstractSystem) -> None:
+        self.system, self._bare = system, without_names(system)
+        self._choices = dict[Any, Choice]()
+
+    def of(
+        self,
+        ts: Any,
+        q0: Any,
+        v0: Any,
+        dt: float | None,
+        solver: diffrax.AbstractSolver[Any] | None,
+        stabilization: Any,
+    ) -> Choice:
+        """The method and the stabilization; those of the own start are remembered."""
+        if solver is not None and not isinstance(solver, diffrax.Dopri8 | Rodas5P):
+            refuse(
+                f"compiled loops are those of diffrax.Dopri8 and romjax.Rodas5P, and not of "
+                f"{type(solver).__name__}",
+                "take one of them, or leave it to romjax.simulate",
+            )
+        if not (stabilization in ("default", None) or isinstance(stabilization, Baumgarte)):
+            refuse(
+                f"compiled loops hold constraints by romjax.Baumgarte, and not by "
+                f"{type(stabilization).__name__}",
+                "take Baumgarte(alpha, beta) or None, or leave it to romjax.simulate",
+            )
+        given = stabilization == "default"
+        if solver is not None and not given:
+            return Choice.of(solver, stabilization)
+        if is_traced(ts):
+            refuse(
+                "JAX traces the output times, which the method and the stabilization depend on",
+                "give times of NumPy, or a solver and a stabilization",
+            )
+        key = (ts[0], ts[-1], len(ts), dt, solver is None or isinstance(solver, Rodas5P), given)
+        own = q0 is None and v0 is None and (solver is None)
+        if own and given and key in self._choices:
+            return self._choices[key]
+        choice: Choice = outside_of_traces(
+            lambda: self._made(ts, q0, v0, dt, solver, stabilization)
+        )
+        if own and given:
+            self._choices[key] = choice
+        return choice
+
+    def _made(
+        self,
+        ts: Any,
+        q0: Any,
+        v0: Any,
+        dt: float | None,
+        solver: diffrax.AbstractSolver[Any] | None,
+        stabilization: Any,
+    ) -> Choice:
+        q, v = check_start_shapes(self.system, q0, v0)
+        found = start_frequencies(self._bare, ts, q, v)
+        step = None if dt is None else as_number(dt, ts.dtype)
+        method = solver or default_method(self.system, as_jax(ts), step, found).solver
+        held = stabilization
+        if stabilization == "default":
+            held = default_stabilization(self._bare, as_jax(ts), step, found)
+        return Choice.of(method, held, found.fastest)
