@@ -10,6 +10,7 @@ from .scene.body.spatial.beam import Beam as Beam
 from .scene.body.spatial.inertia import SpatialInertia as SpatialInertia
 from .scene.body.spatial.modal import ModalBody as ModalBody
 from .scene.body.spatial.rigid import RigidBody as RigidBody
+from .scene.body.spatial.rod import Rod as Rod
 from .scene.effect.joint_inertia import JointInertia as JointInertia
 from .scene.effect.spatial.bushing import Bushing as Bushing
 from .scene.effect.spatial.contact import Contact as Contact

@@ -37,6 +37,7 @@ plate = rj.ModalBody("plate", inertia, [4.0], [(0.0, 0.0)], np.zeros((1, 3, 1)),
 slow = rj.CappedBody(bar, 40)
 cable = rj.Rod("cable", 0.1, 2, 1e-3, 4, shapes="pinned-free", curvature=0.1, damping=[0.1] * 4)
 blade = rj.Rod.of_section("blade", 1.0, rj.sections.Rectangle(0.01, 0.002), modes=3, **BAR)
+whip = rj.spatial.Rod("whip", 0.1, 2, (1e-3, 2e-3), 1e-3, [1e-6] * 3, 4, EA=1e3, GA=[1e3, 1e3])
 stiff = rj.ReducedBody(bar, jnp.eye(2)[:, :1])
 profiles = (
     rj.sections.Rod(0.1),

@@ -37,7 +37,7 @@ class Bending(eqx.Module):
         return position, turn
 
     def gradients(self, amplitudes: Float[Array, "all most"]) -> Array:
-        """The derivatives of the poses by the amplitudes of the bodies."""
+        """Displacements and turns of these markers per unit amplitude of their bodies."""
         slopes: Array = jax.vmap(lambda body, *point: body.local_gradient(*point))(
             self.bodies, self.prepared, self._own(amplitudes)
         )

@@ -66,8 +66,9 @@ class Markers(eqx.Module):
         for own in self.bending:
             slopes = own.gradients(extended[self.amplitudes.array])
             shapes = shapes.at[np.array(own.rows), :, : slopes.shape[2]].set(slopes)
+        around = self._space.about(self.turns, local.turn, [own.rows for own in self.bending])
         turns = self._turns(extended)
-        gradient: PoseGradient = self._space.gradient(turns, local, self.turns, shapes)
+        gradient: PoseGradient = self._space.gradient(turns, local, around, shapes)
         return gradient
 
     def curvature(
@@ -143,12 +144,13 @@ class Markers(eqx.Module):
         if self.foreshortening is not None:
             slide = multiply(self.foreshortening, column[:, None])[..., 0]
             points -= 0.5 * multiply(slide, column)[:, :, 0]
-        turned = displacement[:, d:]
+        turns = self._space.bend(self.turns, displacement[:, d:])
         for own in self.bending:
             rows = np.array(own.rows)
             position, turn = own.poses(amplitudes)
-            points, turned = points.at[rows].set(position), turned.at[rows, 0].set(turn)
-        return Pose(points, self._space.bend(self.turns, turned))
+            points = points.at[rows].set(position)
+            turns = turns.at[rows].set(self._space.turned(turn, self.turns[rows]))
+        return Pose(points, turns)
 
 
 class MarkerBlocks(eqx.Module):

@@ -1,5 +1,7 @@
 """The motion of markers in the plane: frames with x, y [m] and φ [rad]."""
 
+from collections.abc import Sequence
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -21,6 +23,17 @@ def ground(n: int) -> tuple[int, ...]:
 def bend(angles: Float[Array, " count"], turned: Float[Array, "count 1"]) -> Float[Array, " count"]:
     """The angles of markers on bodies whose points are `turned` by their modes [rad]."""
     return angles + turned[:, 0]
+
+
+def turned(angles: Float[Array, " count"], turns: Float[Array, " count"]) -> Float[Array, " count"]:
+    """The angles of markers turned by `turns` on points that are turned by `angles` themselves."""
+    return angles + turns
+
+
+def about(turns: Array, local: Array, rows: Sequence[tuple[int, ...]]) -> Array:
+    """The `turns` of markers, which derivatives in the plane do not know."""
+    del local, rows
+    return turns
 
 
 def compose(frame: Pose, local: Pose) -> Pose:

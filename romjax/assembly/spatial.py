@@ -1,6 +1,9 @@
 """The motion of markers in space: frames with x, y, z [m] and a quaternion of any length."""
 
+from collections.abc import Sequence
+
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.arrays import Numbers
@@ -25,6 +28,22 @@ def bend(
     return quaternions.product(quaternions.small_turn(turned), turns)
 
 
+def turned(own: Float[Array, "count 4"], turns: Float[Array, "count 4"]) -> Float[Array, "count 4"]:
+    """The turns of markers turned by `turns` on points that are turned themselves."""
+    return quaternions.product(own, turns)
+
+
+def about(
+    turns: Float[Array, "count 4"], local: Float[Array, "count 4"], rows: Sequence[tuple[int, ...]]
+) -> Float[Array, "count 4"]:
+    """What small turns of points turn: the markers' `turns`, or the `local` ones on bodies that
+    bend far, whose markers are in `rows`.
+    """
+    for own in rows:
+        turns = turns.at[np.array(own)].set(local[np.array(own)])
+    return turns
+
+
 def compose(frame: Pose, local: Pose) -> Pose:
     """The poses of markers whose bodies have the poses `frame`."""
     arm = quaternions.rotate(frame.turn, local.position)
@@ -40,7 +59,8 @@ def gradient(
     """The derivatives of `compose` by the quaternion p and amplitudes.
 
     A turn of the frame δϑ = 2 E δp / s moves the arm a by δϑ × a. The quaternion p ⊗ b ⊗ c of a
-    marker is linear in p, and in the turn ½ s q_f of its point, which is the vector of b.
+    marker is linear in p, and in the turn ½ s q_f of its point, which is the vector of b; where a
+    body bends far, `turns` are b ⊗ c, and ½ s turns these.
     """
     arm = quaternions.skew(quaternions.rotate(p, local.position))
     turning = 2 * quaternions.space_matrix(p) / quaternions.squared(p)[:, None, None]

@@ -112,6 +112,7 @@ def _prepared(
     body = bodies.get(name)
     if not isinstance(body, Beam | Rod):
         kind = "the ground" if body is None else f"a {type(body).__name__}"
+        kind += " in space" if body is not None and body.dimension == 3 else ""
         raise InputError(f"{owner}: '{name}' is {kind}, but only an rj.Beam or rj.Rod has them.")
     cuts = as_array(positions)
     check_shape(owner, "positions", cuts, (None,))

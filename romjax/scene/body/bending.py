@@ -14,7 +14,7 @@ B = TypeVar("B", bound="AbstractBendingBody")
 
 
 class AbstractBendingBody(AbstractBody):
-    """A body in the plane with local poses of its own, which all that is on it follows."""
+    """A body with local poses of its own, which all that is on it follows."""
 
     @property
     def bends(self) -> bool:
@@ -25,16 +25,20 @@ class AbstractBendingBody(AbstractBody):
         return False
 
     @abc.abstractmethod
-    def prepare(self, point: Float[Array, "2"]) -> Any:
+    def prepare(self, point: Float[Array, " d"]) -> Any:
         """What the pose of a material point needs, made once: a pytree."""
 
     @abc.abstractmethod
     def local_pose(self, prepared: Any, amplitudes: Float[Array, " modes"]) -> tuple[Any, Any]:
-        """Position (2,) [m] and turning [rad] of a prepared point in the frame."""
+        """Position (d,) [m] of a prepared point in the frame, and how it is turned there: [rad] in
+        the plane, by a unit quaternion (4,) in space.
+        """
 
     @abc.abstractmethod
     def local_gradient(self, prepared: Any, amplitudes: Float[Array, " modes"]) -> Any:
-        """The derivatives of `local_pose` by the amplitudes, (3, modes)."""
+        """The displacement of a prepared point and its turn by the axes of the frame per unit
+        amplitude, (3, modes) in the plane, (6, modes) in space.
+        """
 
     @abc.abstractmethod
     def in_span(self: B, combinations: Float[Array, "modes k"]) -> B:
@@ -43,7 +47,7 @@ class AbstractBendingBody(AbstractBody):
         Its start is the nearest one in the modal mass there.
         """
 
-    def mode_shapes(self, point: Float[Array, "2"]) -> Float[Array, "3 modes"]:
+    def mode_shapes(self, point: Float[Array, " d"]) -> Float[Array, "motions modes"]:
         """The local gradient where the body is undeformed."""
         undeformed = as_array((0.0,) * self.modes)
         shapes: Array = as_jax(self.local_gradient(self.prepare(point), undeformed))

@@ -4,10 +4,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .strain_modes import STATIC, Vibrations, anchor_of
 from .strains import Strains, gauss, legendre, turning, weights_to
 
 # Shapes by the supports of the start and of the end, and those that suit any support.
-STATIC = "static"
 SUPPORTS = ("free", "pinned", "clamped")
 SHAPES = (STATIC, *(f"{a}-{b}" for a in SUPPORTS for b in SUPPORTS))
 # Gauss points beyond the number of amplitudes: of polynomials, and of natural modes, which are
@@ -24,16 +24,6 @@ class Ratios(NamedTuple):
     shear: Any
     rotary: Any
     curvature: Any
-
-
-def anchor_of(shapes: str) -> float:
-    """Where the frame sits, as a share of the length: at the supported end, or in the middle."""
-    if shapes == STATIC:
-        return 0.5
-    start, end = shapes.split("-")
-    if start != "free":
-        return 0.0
-    return 0.5 if end == "free" else 1.0
 
 
 def natural_strains(
@@ -53,16 +43,12 @@ def natural_strains(
     count = max(count, 1)
     counts = (count, count * (ratios.stretch is not None), count * (ratios.shear is not None))
     ends = ("free", "free") if static else shapes.split("-")
-    problem = _Problem.of(counts, anchor, ends, ratios, xp)
+    problem = _vibrations(counts, anchor, ends, ratios, xp)
     size = sum(counts)
     if loaded and not static:
         starts = np.cumsum([0, *counts])[:3]
-        first = [0, 1, *(int(i) for i, n in zip(starts[1:], counts[1:], strict=True) if n)]
-        given = np.eye(size)[:, first[:modes]]
-        few = problem.modes(np.eye(size), modes - given.shape[1])[0]
-        # Of the free rod: supports would take out of this span what loads at the ends need.
-        free = problem._replace(held=problem.held[:0])
-        vectors, squares = free.modes(xp.concatenate([given, few], 1), modes)
+        given = [0, 1, *(int(i) for i, n in zip(starts[1:], counts[1:], strict=True) if n)]
+        vectors, squares = problem.with_static(given, modes)
     else:
         vectors, squares = problem.modes(np.eye(size), modes)
     if points is None:
@@ -70,93 +56,48 @@ def natural_strains(
     return Strains.of(vectors, squares, counts, points, anchor)
 
 
-class _Problem(NamedTuple):
-    """Small vibrations about the undeformed rod in units of its length, mass and EI.
-
-    - `mass`, `stiffness`: of the frame, three coordinates, then of all polynomials.
-    - `held`: rows of what the supports hold.
-    """
-
-    mass: Any
-    stiffness: Any
-    held: Any
-    xp: Any
-
-    @classmethod
-    def of(
-        cls,
-        counts: tuple[int, int, int],
-        anchor: float,
-        ends: Any,
-        ratios: Ratios,
-        xp: Any,
-    ) -> "_Problem":
-        points = 2 * counts[0] + 8
-        xi, w = gauss(points)
-        at = np.concatenate([xi, [0.0, 1.0]])
-        theta = np.zeros(points)
-        if ratios.curvature is not None:
-            theta = turning(len(ratios.curvature), xi, anchor) @ ratios.curvature
-        c, s = xp.cos(theta)[:, None], xp.sin(theta)[:, None]
-        turn = turning(counts[0], at, anchor)
-        strain = legendre(counts[1] or counts[2] or 1, xi)
-        x, y = [-s * turn[:points]], [c * turn[:points]]
-        for count, (along, across) in zip(counts[1:], ((c, s), (-s, c)), strict=True):
-            if count:
-                x, y = [*x, along * strain], [*y, across * strain]
-        to = weights_to(points, anchor, at)
-        place = to @ xp.concatenate([c, s], 1)
-        one, none = np.ones((points + 2, 1)), np.zeros((points + 2, 1))
-        turned = np.concatenate([turn, np.zeros((points + 2, sum(counts[1:])))], 1)
-        jacobian = [
-            xp.concatenate([one, none, -place[:, 1:], to @ xp.concatenate(x, 1)], 1),
-            xp.concatenate([none, one, place[:, :1], to @ xp.concatenate(y, 1)], 1),
-            np.concatenate([none, none, one, turned], 1),
-        ]
-        mass = sum(
-            factor * (own[:points].T * w[None]) @ own[:points]
-            for own, factor in zip(jacobian, (1.0, 1.0, ratios.rotary), strict=True)
-        )
-        stiffness = [
-            np.zeros(3),
-            *(
-                factor / (2 * np.arange(count) + 1.0)
-                for factor, count in zip((1.0, ratios.stretch, ratios.shear), counts, strict=True)
-                if count
-            ),
-        ]
-        # The first support holds its end along the rod too: one end alone is to move along.
-        rows = list[Any]()
-        for end, support in enumerate(ends):
-            count = {"free": 0, "pinned": 2, "clamped": 3}[support]
-            rows += [jacobian[i][points + end] for i in range(count) if not (rows and i == 0)]
-        held = xp.stack(rows) if rows else np.zeros((0, 3 + sum(counts)))
-        return cls(mass, xp.diag(xp.concatenate(stiffness)), held, xp)
-
-    def modes(self, span: Any, count: int) -> tuple[Any, Any]:
-        """The strains of the first `count` modes within a `span` of strains, of unit modal mass,
-        and the squares of their frequencies.
-        """
-        xp = self.xp
-        if not count:
-            return np.zeros((len(span), 0)), np.zeros(0)
-        own, _ = xp.linalg.qr(span)
-        wide = xp.concatenate(
-            [
-                np.eye(3, 3 + own.shape[1]),
-                xp.concatenate([np.zeros((len(own), 3)), own], 1),
-            ]
-        )
-        held = self.held @ wide
-        full, _ = xp.linalg.qr(held.T, mode="complete")
-        wide = wide @ full[:, len(held) :]
-        mass, stiffness = (wide.T @ x @ wide for x in (self.mass, self.stiffness))
-        # Of the inverse problem, shifted by the rigid motion, the slow modes are the accurate ones.
-        half = xp.linalg.inv(xp.linalg.cholesky(stiffness + mass))
-        inverse, vectors = xp.linalg.eigh(half @ mass @ half.T)
-        rigid = max(3 - len(held), 0)
-        chosen = np.arange(len(mass))[::-1][rigid : rigid + count]
-        inverse, vectors = inverse[chosen], vectors[:, chosen]
-        strains = (wide @ half.T @ vectors)[3:] / xp.sqrt(inverse)[None]
-        largest = xp.argmax(xp.abs(strains), 0)
-        return strains * xp.sign(strains[largest, np.arange(count)])[None], 1 / inverse - 1
+def _vibrations(
+    counts: tuple[int, int, int], anchor: float, ends: Any, ratios: Ratios, xp: Any
+) -> Vibrations:
+    """The vibrations of the rod whose strains are all polynomials."""
+    points = 2 * counts[0] + 8
+    xi, w = gauss(points)
+    at = np.concatenate([xi, [0.0, 1.0]])
+    theta = np.zeros(points)
+    if ratios.curvature is not None:
+        theta = turning(len(ratios.curvature), xi, anchor) @ ratios.curvature
+    c, s = xp.cos(theta)[:, None], xp.sin(theta)[:, None]
+    turn = turning(counts[0], at, anchor)
+    strain = legendre(counts[1] or counts[2] or 1, xi)
+    x, y = [-s * turn[:points]], [c * turn[:points]]
+    for count, (along, across) in zip(counts[1:], ((c, s), (-s, c)), strict=True):
+        if count:
+            x, y = [*x, along * strain], [*y, across * strain]
+    to = weights_to(points, anchor, at)
+    place = to @ xp.concatenate([c, s], 1)
+    one, none = np.ones((points + 2, 1)), np.zeros((points + 2, 1))
+    turned = np.concatenate([turn, np.zeros((points + 2, sum(counts[1:])))], 1)
+    jacobian = [
+        xp.concatenate([one, none, -place[:, 1:], to @ xp.concatenate(x, 1)], 1),
+        xp.concatenate([none, one, place[:, :1], to @ xp.concatenate(y, 1)], 1),
+        np.concatenate([none, none, one, turned], 1),
+    ]
+    mass = sum(
+        factor * (own[:points].T * w[None]) @ own[:points]
+        for own, factor in zip(jacobian, (1.0, 1.0, ratios.rotary), strict=True)
+    )
+    stiffness = [
+        np.zeros(3),
+        *(
+            factor / (2 * np.arange(count) + 1.0)
+            for factor, count in zip((1.0, ratios.stretch, ratios.shear), counts, strict=True)
+            if count
+        ),
+    ]
+    # The first support holds its end along the rod too: one end alone is to move along.
+    rows = list[Any]()
+    for end, support in enumerate(ends):
+        count = {"free": 0, "pinned": 2, "clamped": 3}[support]
+        rows += [jacobian[i][points + end] for i in range(count) if not (rows and i == 0)]
+    held = xp.stack(rows) if rows else np.zeros((0, 3 + sum(counts)))
+    return Vibrations(mass, xp.diag(xp.concatenate(stiffness)), held, 3, xp)

@@ -1,33 +1,27 @@
 """A slender elastic rod in the plane that bends as far as it likes."""
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...common.arrays import Number, Vector, as_array, as_jax, concrete, each, namespace, untraced
-from ...common.errors import SceneError
-from ..fields import check_numbers, number, radians
-from ..marker import Marker
+from ...common.arrays import Number, Vector, as_array, each, namespace, untraced
+from ..fields import number, radians
 from ..points import NamedPoints, by_name
-from .base import check_name, check_start, flexible_start
-from .bending import AbstractBendingBody, nearest
-from .natural_strains import STATIC, Ratios, natural_strains
+from .natural_strains import Ratios, natural_strains
+from .rod_base import AbstractRod
 from .rod_checks import check_what_shapes_need
 from .rod_inertia import first_moment, mass_matrix, velocity_force
 from .rod_kinematics import Line, Material, gradient, material, pose
 from .sections import AbstractSection
+from .strain_modes import STATIC
 from .strains import Strains
 
-# A marker beyond an end by more than this share of the length is none of the rod's.
-_BEYOND = 1e-9
 
-
-class Rod(AbstractBendingBody):
+class Rod(AbstractRod):
     """A uniform rod that bends as far as it likes: a floating frame and amplitudes of strains.
 
     Coordinates x, y [m], φ [rad] of the frame, then amplitudes a, of which the curvature is a
@@ -86,8 +80,6 @@ class Rod(AbstractBendingBody):
     shapes: str = eqx.field(static=True, default=STATIC)
     loaded: bool = eqx.field(static=True, default=False)
     nodes: int | None = eqx.field(static=True, default=None)
-    mode_kind: ClassVar[str] = "strain shape"
-    mode_unit: ClassVar[str] = "rad"
 
     def __init__(
         self,
@@ -178,29 +170,6 @@ class Rod(AbstractBendingBody):
         return natural_strains(self.shapes, self.modes, self.loaded, self.nodes, ratios, xp)
 
     @property
-    def damped(self) -> bool:
-        return self.modes > 0 and (self.retardation is not None or self.damping is not None)
-
-    def natural_frequencies(self) -> Float[Array, " modes"]:
-        raise SceneError(
-            f"body '{self.name}': a Rod has no modes in a frame that is held, of which frequencies "
-            "could be changed; give it fewer modes, or shapes for its supports, instead of a cap."
-        )
-
-    def start(self) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
-        return flexible_start(self)
-
-    def in_span(self, combinations: Float[Array, "modes k"]) -> "Rod":
-        leaves, structure = jax.tree.flatten(self)
-        # Not by the constructor, which makes shapes.
-        copy: Rod = jax.tree.unflatten(structure, leaves)
-        values = self.strains.in_span(combinations), *nearest(self, combinations)
-        changed = dict(zip(("strains", "amplitudes", "rates"), values, strict=True))
-        for name, value in {**changed, "modes": combinations.shape[1]}.items():
-            object.__setattr__(copy, name, value)
-        return copy
-
-    @property
     def _line(self) -> Line:
         if self.curvature is None:
             return Line(self.strains, self.length, None)
@@ -218,29 +187,25 @@ class Rod(AbstractBendingBody):
     def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "2"]:
         return first_moment(self._line, self.mass, q)
 
-    def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
-        return 0.5 * q[3:] @ (self._stiffness() @ q[3:])
+    @property
+    def _damping(self) -> tuple[Float[Array, ""] | None, Float[Array, " natural"] | None]:
+        return self.retardation, self.damping
 
-    def _stiffness(self) -> Float[Array, "modes modes"]:
+    @property
+    def _named(self) -> NamedPoints:
+        return self.points
+
+    @property
+    def _unit_stiffness(self) -> Float[Array, ""]:
+        return self.EI
+
+    def _elastic(self, amplitudes: Float[Array, " modes"]) -> Float[Array, " modes"]:
         own = self.strains
         total = self.EI / self.length * own.bending
         for factor, gram in ((self.EA, own.pulling), (self.GA, own.shearing)):
             if factor is not None and gram is not None:
                 total += factor * self.length * gram
-        return total
-
-    def damping_force(self, v: Float[Array, " size"]) -> Float[Array, " size"]:
-        own, rates, force = self.strains, v[3:], jnp.zeros_like(v[3:])
-        if self.retardation is not None:
-            force -= self.retardation * (self._stiffness() @ rates)
-        if self.damping is not None:
-            frequencies = jnp.sqrt(own.squares * self.EI / (self.mass * self.length**3))
-            factors = 2 * self.damping * frequencies * self.mass * self.length**2
-            if own.mixing is None:
-                force -= factors * rates
-            else:
-                force -= own.mixing.T @ (factors * (own.mixing @ rates))
-        return jnp.concatenate([jnp.zeros_like(v[:3]), force])
+        return total @ amplitudes
 
     def prepare(self, point: Float[Array, "2"]) -> Material:
         return material(self._line, point)
@@ -250,28 +215,3 @@ class Rod(AbstractBendingBody):
 
     def local_gradient(self, prepared: Material, amplitudes: Any) -> Any:
         return gradient(self._line, prepared, amplitudes)
-
-    def named_points(self) -> Mapping[str, Float[Array, "2"]]:
-        half = untraced(self.length)[0] * np.array([0.5, 0.0])
-        return {"start": as_jax(-half), "end": as_jax(half), **self.points.mapping()}
-
-    def outline(self) -> Float[Array, "points 2"]:
-        along = self.length * jnp.linspace(-0.5, 0.5, 41)
-        return jnp.stack([along, jnp.zeros_like(along)], axis=1)
-
-    def check_marker(self, owner: str, marker: Marker, turning: bool = False) -> None:
-        del turning
-        point, length = (concrete(x) for x in (marker.point, self.length))
-        if point is None or length is None or abs(point[0]) <= length * (0.5 + _BEYOND):
-            return
-        raise SceneError(
-            f"{owner}: a marker on '{self.name}' is {abs(point[0]) - length / 2:g} m beyond its "
-            "end; its points are (arc length from the middle, distance from the axis)."
-        )
-
-    def check(self) -> None:
-        check_name(self.name)
-        owner = f"body '{self.name}'"
-        self.points.check(owner, ("start", "end"))
-        check_numbers(owner, self, "amplitudes", "rates", shape=(self.modes,))
-        check_start(owner, self)

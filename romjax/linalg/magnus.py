@@ -1,0 +1,146 @@
+"""Rotations of frames that turn along a line: steps of order six, and their derivatives by hand.
+
+A frame with the curvature κ by its own axes, R' = R κ̃, turns from ξ to ξ + h by
+R(ξ + h) = R(ξ) exp(Ω̃) with the series of Magnus (Blanes, Casas, Oteo and Ros 2009,
+doi:10.1016/j.physrep.2008.11.001), whose brackets have the other sign here, since R is multiplied
+from the right. Its first term, ∫κ dξ, is taken exactly: about one axis a step has no error.
+
+Moments of κ in a step, (..., 4, 3): its integral, and a₁, a₂, a₃ of the values at the three Gauss
+points. All functions take leading axes, and compute by NumPy what is given as its arrays.
+"""
+
+import math
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..common.arrays import Numbers, namespace
+from . import quaternions
+
+# Where the three Gauss points of a step are, and what moments are of the values there.
+POINTS = 0.5 + math.sqrt(15) / 10 * np.array([-1.0, 0.0, 1.0])
+MOMENTS = np.array(
+    [
+        [0.0, 1.0, 0.0],
+        [-math.sqrt(15) / 3, 0.0, math.sqrt(15) / 3],
+        [10 / 3, -20 / 3, 10 / 3],
+    ]
+)
+# Series of θ² in place of quotients below θ = 1: cos ½θ, sin ½θ / ½θ, both by ¼ θ²,
+# and of (θ − sin θ)/θ³.
+_SHARES = np.array([0.25, 0.25, 1.0])
+_SERIES = [[1 / math.factorial(2 * n + k) for k in (0, 1, 3)] for n in range(9)]
+# The entries of x̃ by those of x.
+_SKEW = np.zeros((3, 3, 3))
+for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+    _SKEW[_i, _k, _j], _SKEW[_i, _j, _k] = 1, -1
+
+
+def rotation(moments: Float[Numbers, "... 4 3"]) -> Float[Numbers, "... 4"]:
+    """The unit quaternion of exp(Ω̃)."""
+    turn: Float[Numbers, "... 4"]
+    turn = _rotation(moments) if isinstance(moments, np.ndarray) else _differentiable(moments)
+    return turn
+
+
+def _rotation(moments: Float[Numbers, "... 4 3"]) -> Float[Numbers, "... 4"]:
+    omega = _series(moments)
+    of_turn = _coefficients(omega)
+    parts = [of_turn[..., :1], 0.5 * of_turn[..., 1:2] * omega]
+    turn: Float[Numbers, "... 4"] = namespace(moments).concatenate(parts, -1)
+    return turn
+
+
+# Its derivative is ½ (0, spin) ⊗ of itself, which compiles faster than that of the quotients.
+_differentiable = jax.custom_jvp(_rotation)
+
+
+@_differentiable.defjvp
+def _turning(given: Any, rates: Any) -> tuple[Any, Any]:
+    (moments,), (rate,) = given, rates
+    turn = _differentiable(moments)
+    half = quaternions.from_vector(0.5 * spin(moments, rate))
+    return turn, quaternions.product(half, turn)
+
+
+def slopes(moments: Float[Numbers, "... 4 3"]) -> Float[Numbers, "... 3 12"]:
+    """The turn of exp(Ω̃), by the axes at the start of the step, per unit of each moment."""
+    xp, one = namespace(moments), _broadcast(np.eye(3), moments.ndim)
+    omega, left, right, rest = _parts(moments)
+    of_turn = _coefficients(omega)[..., None]
+    vectors = xp.stack([moments[..., 1, :], moments[..., 2, :], rest, left, right, omega], -2)
+    skews = skew(vectors)
+    first, second, third, left, right, around = (skews[..., i, :, :] for i in range(6))
+    products = first @ xp.concatenate([second, first], -1)
+    inner = [(products[..., :3] - third) / 60, one - products[..., 3:] / 60, first / 30]
+    outer = xp.concatenate([20 * one - second, first, one + 0 * first], -1)
+    scaled = (left @ xp.concatenate(inner, -1) - right @ outer) / 240
+    onto = one + 0.5 * of_turn[..., 1:2, :] ** 2 * around + of_turn[..., 2:, :] * (around @ around)
+    found: Float[Numbers, "... 3 12"] = xp.concatenate([onto, onto @ scaled], -1)
+    return found
+
+
+def spin(moments: Float[Array, "... 4 3"], rates: Float[Array, "... 4 3"]) -> Float[Array, "... 3"]:
+    """The angular velocity of exp(Ω̃), by the axes at the start of the step, for `rates` of the
+    moments: what `slopes` says of all of them.
+    """
+    omega, rate = jax.jvp(_series, (moments,), (rates,))
+    of_turn = _coefficients(omega)
+    across = cross(omega, rate)
+    around = cross(omega, across)
+    total: Float[Array, "... 3"] = rate + 0.5 * of_turn[..., 1:2] ** 2 * across
+    return total + of_turn[..., 2:] * around
+
+
+def skew(x: Float[Numbers, "... 3"]) -> Float[Numbers, "... 3 3"]:
+    """x̃, with x̃ y = x × y, by one product, which compiles faster than picked entries."""
+    entries: Any = x @ _SKEW.reshape(3, 9)
+    found: Float[Numbers, "... 3 3"] = entries.reshape(*x.shape, 3)
+    return found
+
+
+def cross(a: Float[Numbers, "... 3"], b: Float[Numbers, "... 3"]) -> Float[Numbers, "... 3"]:
+    """A × b."""
+    found: Float[Numbers, "... 3"] = (skew(a) * b[..., None, :]).sum(axis=-1)
+    return found
+
+
+def _series(moments: Float[Numbers, "... 4 3"]) -> Float[Numbers, "... 3"]:
+    """Ω."""
+    omega: Float[Numbers, "... 3"] = _parts(moments)[0]
+    return omega
+
+
+def _parts(moments: Float[Numbers, "... 4 3"]) -> tuple[Any, Any, Any, Any]:
+    """Ω, the factors of its brackets but for 1/240, and 2 a₃ − a₁ × a₂."""
+    first, second, third = (moments[..., i, :] for i in (1, 2, 3))
+    around = skew(first)
+    both = (around * second[..., None, :]).sum(axis=-1)
+    rest = 2 * third - both
+    left = 20 * first + third + both
+    right = second + (around * rest[..., None, :]).sum(axis=-1) / 60
+    return moments[..., 0, :] + cross(left, right) / 240, left, right, rest
+
+
+def _coefficients(omega: Float[Numbers, "... 3"]) -> Float[Numbers, "... 3"]:
+    """Return cos ½θ, sin ½θ / ½θ and (θ − sin θ)/θ³, good at zero with their derivatives."""
+    xp = namespace(omega)
+    square = (omega * omega).sum(axis=-1)[..., None]
+    small = square < 1
+    few = xp.where(small, square, 0) * _broadcast(_SHARES, omega.ndim)
+    many = xp.where(small, 1, square)
+    half = 0.5 * xp.sqrt(many)
+    cosine, sine = xp.cos(half), xp.sin(half) / half
+    total = 0 * few
+    for terms in reversed(_SERIES):
+        total = _broadcast(np.array(terms), omega.ndim) - few * total
+    quotients = xp.concatenate([cosine, sine, (1 - cosine * sine) / many], -1)
+    found: Float[Numbers, "... 3"] = xp.where(small, total, quotients)
+    return found
+
+
+def _broadcast(values: np.ndarray, axes: int) -> np.ndarray:
+    """Return `values` with leading axes of length one, of so many `axes` in all."""
+    return values.reshape((1,) * (axes - values.ndim) + values.shape)
