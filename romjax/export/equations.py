@@ -70,7 +70,7 @@ def flags(system: AbstractSystem, t: Array, x: State, rtol: Array) -> Mapping[st
     return {"flags": system.validity.flags(system, run)}
 
 
-def initial(system: AbstractSystem) -> Mapping[str, Array]:
+def own_start(system: AbstractSystem) -> Mapping[str, Array]:
     """The state at the start."""
     return {"start": jnp.concatenate([system.q0, system.v0])}
 

@@ -190,7 +190,7 @@ def _of_runs(model: Model, point: dict[str, tuple[int, ...]]) -> list[Emitted]:
     count, schedule = len(model.inputs), Schedule.of(model.nominal)
 
     def initial(s: Array) -> Mapping[str, Array]:
-        return equations.initial(model.system(s[count:]))
+        return equations.own_start(model.system(s[count:]))
 
     def check(t: Array, x: Array, s: Array) -> Mapping[str, Array]:
         system, q, _ = model.at(x, s[count:])

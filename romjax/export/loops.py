@@ -62,7 +62,7 @@ def functions_of(model: Model, stiff: bool, along: bool = False) -> list[Emitted
         "rate": (lambda t, x, s: equations.rate(model.system(s[2:]), t, x, s[:2]), point),
         "output": (lambda t, x, s: equations.physical_output(model.system(s[2:]), t, x), point),
         "start": (lambda t, x, s: equations.start(model.system(s[2:]), t, x), point),
-        "initial": (lambda s: equations.initial(model.system(s[2:])), start),
+        "initial": (lambda s: equations.own_start(model.system(s[2:])), start),
         "corners": (lambda s: equations.corners(model.system(s[2:])), start),
         "linear": (lambda t, x, s: equations.linear(model.system(s[2:]), t, x, s[:2]), point),
         "flags": (
