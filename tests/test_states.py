@@ -241,11 +241,32 @@ def test_an_effect_of_ones_own_is_one_class():
     assert np.allclose(moved["Lagging(cart).late"], wanted[:, 1], atol=EXACT)
 
 
+def test_local_bases_keep_states():
+    """All modes are the full model to rounding; fewer err as they do without a controller."""
+    arm = rj.Beam("arm", 1.0, 1.0, frequencies=[4.0, 11.0, 30.0])
+    arm = arm.placed("start", rj.ground.pose((0.0, 0.0)), angle=-1.5)
+    ends = arm.at("start"), rj.ground.at()
+    pid = rj.PID(*ends, rj.Constant(-1.0), 60.0, 80.0, 12.0, lag=0.01, name="pid")
+    system = rj.assemble(rj.Scene([arm], [rj.Revolute(*ends)], [rj.Gravity(), pid]))
+    truth = run(system, TIMES, rtol=1e-9)
+    models = [rj.reduce(system, rj.pod(truth), rj.Local(ranks=(k, 0, 0))) for k in (3, 2)]
+    full, few = (run(model, TIMES, rtol=1e-9) for model in models)
+    assert float(rj.compare(truth, full).error) <= EXACT
+    assert np.allclose(full["pid.integral"], truth["pid.integral"], atol=EXACT)
+    assert 1e-3 < float(rj.compare(truth, few).error) < 4e-3
+    with pytest.raises(
+        rj.ReductionError, match="this formulation does not keep; take romjax.Local"
+    ):
+        rj.reduce(system, rj.pod(truth))
+
+
 @pytest.mark.instant
 def test_what_does_not_carry_states_says_so():
     system = rj.assemble(controlled())
     basis = None
-    with pytest.raises(rj.ReductionError, match="'pid' has first-order states, which no"):
+    with pytest.raises(
+        rj.ReductionError, match="'pid' has first-order states, which this formulation"
+    ):
         rj.reduce(system, basis, rj.JointCoordinates())
     with pytest.raises(rj.InputError, match="modes: 'pid' has first-order states"):
         rj.modes(system)

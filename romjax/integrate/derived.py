@@ -20,6 +20,10 @@ from .chart_change import ChartChange
 from .outputs import capacity, cut, padded
 from .partition import Partitioned
 
+# States of effects have no inertia. This share of the largest one keeps the metric positive
+# definite, and is too small to count in any error or basis.
+_STATE = 1e-30
+
 
 class EagerQuantities(NamedTuple):
     """Quantities that were evaluated with the run.
@@ -137,7 +141,9 @@ def metric_of(system: AbstractSystem) -> Float[Array, "n n"]:
     metric = full.mass(full.q0)
     if full.structure.states:
         moving = ~full.structure.is_state
+        largest = jnp.max(jnp.diagonal(metric), where=jnp.asarray(moving), initial=0.0)
         metric = metric * jnp.asarray(np.outer(moving, moving), metric.dtype)
+        metric += jnp.diag(jnp.where(moving, 0, _STATE * largest))
     if not full.structure.quaternions:
         return metric
     table = quaternions.columns(full.structure.quaternions)

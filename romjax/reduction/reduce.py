@@ -38,9 +38,8 @@ def reduce(
 ) -> AbstractReducedSystem:
     """The system in the coordinates of a basis, or exactly in those of its joints.
 
-    It starts where the snapshots start, or with modes of one's own where the system does; see
-    `ReducedSystem.starting_at` for another start, and `ReducedSystem.with_full` for the same
-    reduction of a system with other numbers.
+    It starts where the snapshots start, or with modes of one's own where the system does;
+    `starting_at` gives another start, and `with_full` the same reduction of other numbers.
 
     **Arguments:**
 
@@ -49,17 +48,17 @@ def reduce(
       constraints that it can violate. `Minimal()`, "minimal": in minimal coordinates, of which the
       modes of the basis span a subspace, with all constraints satisfied exactly, best of a basis
       by `Minimal.basis`. `Local()`, "local": few modes for each flexible body, with all joints.
-      `Tabulated()`, "table": the configurations of a mechanism with one or two freedoms, looked
-      up. `HyperReduced()`, "hyper": a few of many hinged rigid bodies stand for all.
-      `Projected()`, "projected": the chapter's equation 39.6, unstable, for reference only.
-      `JointCoordinates()`, "joint": the whole mechanism, without a basis.
+      `Tabulated()`, "table": configurations of one or two freedoms, looked up. `HyperReduced()`,
+      "hyper": a few of many hinged rigid bodies stand for all. `Projected()`, "projected": the
+      chapter's equation 39.6, unstable, for reference only. `JointCoordinates()`, "joint": exact.
 
-    Raises ReductionError for effects with states, a basis that does not fit, a mechanism that locks
-    or comes apart (galerkin) or is singular on its way (minimal), with a formulation that suits it.
+    Raises ReductionError for effects with states (but for local), a basis that does not fit, a
+    mechanism that locks, comes apart (galerkin) or is singular (minimal), with what suits it.
     """
     chosen: AbstractFormulation = as_formulation(formulation)
     check_system("reduce", system)
-    refuse_states("reduce", system, ReductionError, "no formulation keeps; reduce it without them")
+    if not chosen.keeps_states:
+        refuse_states("reduce", system, ReductionError)
     if isinstance(chosen, JointCoordinates):
         return chosen.reduce(system, basis)
     check_kind("reduce", "the basis", basis, Basis, "what romjax.pod or romjax.sod returns")

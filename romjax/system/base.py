@@ -44,7 +44,10 @@ def check_system(owner: str, system: "AbstractSystem") -> None:
 
 
 def refuse_states(
-    owner: str, system: "AbstractSystem", error: type[Exception], remedy: str
+    owner: str,
+    system: "AbstractSystem",
+    error: type[Exception],
+    remedy: str = "this formulation does not keep; take romjax.Local()",
 ) -> None:
     """Raise an `error`, beginning with `owner`, for effects with first-order states, which `remedy`
     says what to do about.

@@ -55,6 +55,7 @@ class Local(AbstractFormulation):
     is_general: ClassVar[bool] = True
     # It errs on other motions as on its training, which is not what confines its motions.
     is_predictive: ClassVar[bool] = True
+    keeps_states: ClassVar[bool] = True
 
     tol: Converted[Float[Array, ""] | None] = number(default=None)
     ranks: tuple[int, ...] | None = eqx.field(static=True, default=None)
