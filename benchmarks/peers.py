@@ -23,7 +23,7 @@ def missing() -> list[str]:
     return [name for name in ("MuJoCo", "Exudyn") if not importlib.util.find_spec(name.lower())]
 
 
-def mujoco_chain(links: int) -> Run:
+def mujoco_chain(links: int, clock: Callable[[], float] = time.perf_counter) -> Run:
     """By minimal coordinates, with the classical Runge–Kutta method."""
     import mujoco
 
@@ -41,9 +41,9 @@ def mujoco_chain(links: int) -> Run:
     def run(steps: float) -> Timed:
         model.opt.timestep = 1.0 / steps
         data = mujoco.MjData(model)
-        start = time.perf_counter()
+        start = clock()
         mujoco.mj_step(model, data, nstep=int(steps))
-        taken = time.perf_counter() - start
+        taken = clock() - start
         angle = np.cumsum(data.qpos)
         along, up = np.cos(angle), np.sin(angle)
         places = [np.cumsum(along) - along / 2, np.cumsum(up) - up / 2, angle]
@@ -57,7 +57,7 @@ def is_hinged(scene: rj.Scene) -> bool:
     return isinstance(scene.joints[0], rj.spatial.Revolute)
 
 
-def mujoco_in_space(scene: rj.Scene) -> Run:
+def mujoco_in_space(scene: rj.Scene, clock: Callable[[], float] = time.perf_counter) -> Run:
     """Equal bodies, each on a ball joint or a hinge along y on the one before, that spin as the
     first one; returns the positions of all centres of mass.
     """
@@ -85,9 +85,9 @@ def mujoco_in_space(scene: rj.Scene) -> Run:
         model.opt.timestep = 1.0 / steps
         data = mujoco.MjData(model)
         data.qvel[: len(spin)] = spin
-        start = time.perf_counter()
+        start = clock()
         mujoco.mj_step(model, data, nstep=int(steps))
-        taken = time.perf_counter() - start
+        taken = clock() - start
         mujoco.mj_kinematics(model, data)
         return Timed((data.xipos[1:].copy(), int(steps)), taken)
 

@@ -22,22 +22,26 @@ class Timed(NamedTuple):
     first: float = math.nan  # of the call that does not count: it may compile
 
 
-def clocked(call: Callable[[], Any]) -> Timed:
+def clocked(call: Callable[[], Any], clock: Callable[[], float] = time.perf_counter) -> Timed:
     """One call; of a short one the second of two, so that what ran before does not count.
 
     Where setting up is none of the work, a call clocks itself and returns `Timed`.
     """
     for _ in range(2):
-        start = time.perf_counter()
+        start = clock()
         result = jax.block_until_ready(call())
-        taken = time.perf_counter() - start
+        taken = clock() - start
         if taken > SHORT:
             break
     return result if isinstance(result, Timed) else Timed(result, taken)
 
 
 def least(
-    calls: Sequence[Callable[[], Any]], repeats: int, slow: float = math.inf, name: str = ""
+    calls: Sequence[Callable[[], Any]],
+    repeats: int,
+    slow: float = math.inf,
+    name: str = "",
+    clock: Callable[[], float] = time.perf_counter,
 ) -> list[Timed]:
     """Interleaved calls, in rounds, after a first call of each that does not count.
 
@@ -50,7 +54,7 @@ def least(
         for i, call in enumerate(calls):
             if times[i][1:] and times[i][-1] > slow:
                 continue
-            results[i], taken, *_ = clocked(call)
+            results[i], taken, *_ = clocked(call, clock)
             times[i].append(taken)
     return [
         Timed(result, min(taken[1:]), statistics.median(taken[1:]), taken[0])

@@ -50,7 +50,8 @@ def reduce(
       by `Minimal.basis`. `Local()`, "local": few modes for each flexible body, with all joints.
       `Tabulated()`, "table": configurations of one or two freedoms, looked up. `HyperReduced()`,
       "hyper": a few of many hinged rigid bodies stand for all. `Projected()`, "projected": the
-      chapter's equation 39.6, unstable, for reference only. `JointCoordinates()`, "joint": exact.
+      chapter's equation 39.6, unstable, for reference only. `JointCoordinates()`, "joint": exact,
+      or with a basis of few amplitudes.
 
     Raises ReductionError for effects with states (but for local), a basis that does not fit, a
     mechanism that locks, comes apart (galerkin) or is singular (minimal), with what suits it.
@@ -59,8 +60,8 @@ def reduce(
     check_system("reduce", system)
     if not chosen.keeps_states:
         refuse_states("reduce", system, ReductionError)
-    if isinstance(chosen, JointCoordinates):
-        return chosen.reduce(system, basis)
+    if isinstance(chosen, JointCoordinates) and basis is None:
+        return chosen.reduce(system)
     check_kind("reduce", "the basis", basis, Basis, "what romjax.pod or romjax.sod returns")
     assert basis is not None
     if basis.modes.shape[0] != system.n:

@@ -10,6 +10,7 @@ from ..reduction.formulation.base import AbstractFormulation
 from ..reduction.formulation.galerkin import Galerkin
 from ..reduction.formulation.minimal import Minimal
 from ..reduction.hyper.formulation import HyperReduced
+from ..reduction.joint.formulation import JointCoordinates
 from ..reduction.local.formulation import Local
 from ..reduction.tables.formulation import Tabulated
 from .facts import Facts
@@ -103,14 +104,15 @@ class Family:
 def families(facts: Facts) -> list[Family]:
     """Return the kinds of models that are worth trying, the most promising first.
 
-    Where bodies bend, their few slow shapes are all that a motion excites, whatever it is: caps and
-    local bases keep the joints as they are. A cap needs neither a training nor a program, so it
-    comes first. One or two freedoms of rigid bodies in the plane are looked up. Trees of many
-    hinged bodies are sampled. Minimal coordinates are for motions that stiffness confines, or for
-    what is left when loops are closed; a subspace of all coordinates suits motions that turn
-    little, and driven ones, which go the same way again.
+    Where bodies bend, their few slow shapes are all that a motion excites, whatever it is: caps,
+    bases of amplitudes in joint coordinates, and local bases keep the joints as they are. A cap
+    needs neither a training nor a program, so it comes first. One or two freedoms of rigid bodies
+    in the plane are looked up. Trees of many hinged bodies are sampled. Minimal coordinates are for
+    motions that stiffness confines, or for what is left when loops are closed; a subspace of all
+    coordinates suits motions that turn little, and driven ones, which go the same way again.
     """
     local, hyper = _by_share("local", _local), _by_share("hyper", _sampled)
+    joint = _by_share("joint", _jointed)
     galerkin = _by_share("galerkin", _subspace)
     capped = _by_cap(facts.caps)
     minimal = _by_share("minimal", _independent)
@@ -121,9 +123,9 @@ def families(facts: Facts) -> list[Family]:
     )
     chain = not (facts.modes or facts.space or facts.loops or facts.drives)
     if facts.modes:
-        order = [capped, local, minimal, galerkin]
+        order = [capped, local, joint, minimal, galerkin]
         if facts.drives:
-            order = [galerkin, capped, local, minimal]
+            order = [galerkin, capped, local, joint, minimal]
         order += [table] if facts.drives == 0 else []
     elif facts.drives or facts.rigid == 0:
         order = [minimal, table, galerkin]
@@ -150,6 +152,10 @@ def _independent(share: float) -> Candidate:
 
 def _sampled(share: float) -> Candidate:
     return Candidate(HyperReduced(), POD(tol=share), level=share)
+
+
+def _jointed(share: float) -> Candidate:
+    return Candidate(JointCoordinates(), POD(tol=share), level=share)
 
 
 def _local(share: float) -> Candidate:

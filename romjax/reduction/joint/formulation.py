@@ -1,16 +1,20 @@
 """Joint coordinates: the exact motion of a mechanism by the coordinates of its joints."""
 
+import dataclasses
 from collections.abc import Iterator
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Int
 
 from ...assembly.assembled import AssembledSystem
 from ...assembly.locate import assembled
 from ...basis.basis import Basis
+from ...basis.decomposition.base import AbstractDecomposition
+from ...basis.snapshots import Motions, SnapshotSet
 from ...common import precision
-from ...common.arrays import concrete
+from ...common.arrays import as_jax, concrete
 from ...common.errors import ReductionError
 from ...compiling.program import program_once
 from ...scene.coordinate import Coordinate
@@ -19,6 +23,7 @@ from ...system.start import Start
 from ...system.structure import Structure, without_names
 from ..formulation.base import AbstractFormulation
 from .spanning import Spanning, frames_of, spanning_tree
+from .subspace import JointSubspace
 from .system import JointSystem
 from .tree import Tree, plant
 
@@ -26,21 +31,36 @@ from .tree import Tree, plant
 class JointCoordinates(AbstractFormulation):
     """The mechanism itself, by the coordinates of the joints of a tree and modal amplitudes.
 
-    Nothing is left out, and nothing is trained: `reduce(system, formulation=JointCoordinates())`.
+    Nothing is left out or trained in `reduce(system, formulation=JointCoordinates())`.
     Joints of the tree hold by themselves, without stabilisation, multipliers or counters of full
     turns, and accelerations follow by recursion along the branches, in a time that grows with the
     number of bodies (Featherstone, "Rigid Body Dynamics Algorithms", 2008, chapter 7). Where joints
     close loops, the tree leaves out those with the fewest constraints, farthest from the ground;
     these are cut and keep their constraints, as do drives, and joints that bring no `place` and
     `read` of their own. `summary` says which.
+
+    With a basis, as `JointCoordinates().basis` makes it of a run, the amplitudes of all bodies move
+    in a subspace of few; the joints stay as they are, so that one run trains for other motions too.
     """
 
     name: ClassVar[str] = "joint"
 
-    def reduce(self, system: AbstractSystem, basis: Basis | None = None) -> JointSystem:
+    def basis(
+        self, system: AbstractSystem, motion: Motions, decomposition: AbstractDecomposition
+    ) -> Basis:
+        """The decomposition of the amplitudes alone, since the joints are kept."""
+        snapshots = SnapshotSet.of(motion)
+        kept = np.zeros(system.n, np.asarray(snapshots.q).dtype)
+        kept[_amplitudes(system)] = 1
+        basis = decomposition(snapshots.mapped(as_jax(np.diag(kept))))
+        return dataclasses.replace(basis, snapshots=snapshots)
+
+    def reduce(
+        self, system: AbstractSystem, basis: Basis | None = None
+    ) -> JointSystem | JointSubspace:
         """Raises ReductionError for a system that is reduced already, for a start at which joints
-        do not hold, for a mechanism without freedoms, or where an angle counts full turns between
-        bodies that no hinge joins.
+        do not hold, for a mechanism without freedoms, for a basis where nothing deforms, or where
+        an angle counts full turns between bodies that no hinge joins.
         """
         full = assembled("reduce", system)
         if full is not system:
@@ -48,13 +68,20 @@ class JointCoordinates(AbstractFormulation):
                 "reduce: JointCoordinates are those of all bodies, but the system is reduced "
                 "already; reduce what romjax.assemble(scene) returns."
             )
-        if basis is not None:
+        if basis is not None and not _amplitudes(full):
             raise ReductionError(
-                "reduce: JointCoordinates() leave nothing out and take no basis; call "
+                "reduce: JointCoordinates() keep all joints and take a basis for amplitudes alone, "
+                "but no body of the mechanism deforms; call "
                 "romjax.reduce(system, formulation=romjax.JointCoordinates())."
             )
         _check_start(full)
-        return in_joint_coordinates(full)
+        joint = in_joint_coordinates(full)
+        return joint if basis is None else JointSubspace.of(joint, basis)
+
+
+def _amplitudes(system: AbstractSystem) -> list[int]:
+    """The coordinates that are amplitudes."""
+    return [i for i, rigid in enumerate(system.structure.rigid) if not rigid]
 
 
 def in_joint_coordinates(full: AssembledSystem) -> JointSystem:
