@@ -50,8 +50,7 @@ def reduce(
       by `Minimal.basis`. `Local()`, "local": few modes for each flexible body, with all joints.
       `Tabulated()`, "table": configurations of one or two freedoms, looked up. `HyperReduced()`,
       "hyper": a few of many hinged rigid bodies stand for all. `Projected()`, "projected": the
-      chapter's equation 39.6, unstable, for reference only. `JointCoordinates()`, "joint": exact,
-      or with a basis of few amplitudes.
+      chapter's equation 39.6, unstable, for reference only. `JointCoordinates()`, "joint": exact.
 
     Raises ReductionError for effects with states (but for local), a basis that does not fit, a
     mechanism that locks, comes apart (galerkin) or is singular (minimal), with what suits it.
