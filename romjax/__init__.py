@@ -125,12 +125,14 @@ from .scene.joint.coupling import Coupling as Coupling
 from .scene.joint.distance import Distance as Distance
 from .scene.joint.fixed_angle import FixedAngle as FixedAngle
 from .scene.joint.gear import Gear as Gear
+from .scene.joint.knife_edge import KnifeEdge as KnifeEdge
 from .scene.joint.point_on_curve import PointOnCurve as PointOnCurve
 from .scene.joint.point_on_line import PointOnLine as PointOnLine
 from .scene.joint.prescribed import PrescribedAngle as PrescribedAngle
 from .scene.joint.prescribed import PrescribedTravel as PrescribedTravel
 from .scene.joint.prismatic import Prismatic as Prismatic
 from .scene.joint.revolute import Revolute as Revolute
+from .scene.joint.slip_joint import AbstractSlipJoint as AbstractSlipJoint
 from .scene.joint.weld import Weld as Weld
 from .scene.marker import Ground as Ground
 from .scene.marker import Marker as Marker

@@ -26,6 +26,8 @@ from .scene.joint.spatial.point_on_curve import PointOnCurve as PointOnCurve
 from .scene.joint.spatial.point_on_plane import PointOnPlane as PointOnPlane
 from .scene.joint.spatial.prismatic import Prismatic as Prismatic
 from .scene.joint.spatial.revolute import Revolute as Revolute
+from .scene.joint.spatial.rolling import RollingBall as RollingBall
+from .scene.joint.spatial.rolling import RollingDisc as RollingDisc
 from .scene.joint.spatial.screw import Screw as Screw
 from .scene.joint.spatial.spherical import Spherical as Spherical
 from .scene.joint.spatial.universal import Universal as Universal

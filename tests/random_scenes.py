@@ -59,6 +59,7 @@ def random_scene(seed: int, structure: int | None = None) -> rj.Scene:
     if lot.chance(SPOILT):
         joints += lot.one_of(SPOILERS)(lot, bodies)
     if structure == OF_ROBOTS:
+        joints.append(rj.KnifeEdge(*ends(lot, bodies)))
         return rj.Scene(bodies, joints, [make(lot, bodies) for make in ROBOT_EFFECTS])
     effects = [lot.one_of(EFFECTS)(lot, bodies) for _ in range(lot.kinds.integers(1, 7))]
     return rj.Scene(bodies, joints, effects)

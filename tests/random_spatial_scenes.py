@@ -162,6 +162,8 @@ ROBOT_JOINTS = (
     ),
     plain(r.ParallelAxes),
     plain(r.RightAngle),
+    lambda lot, a, b: r.RollingDisc(*ends(lot, a, b), lot.between(0.2, 0.5)),
+    lambda lot, a, b: r.RollingBall(*ends(lot, a, b), lot.between(0.2, 0.5)),
 )
 
 ROBOT_EFFECTS = (

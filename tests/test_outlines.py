@@ -33,6 +33,7 @@ PARTS = [
     rj.FixedAngle(*ENDS),
     rj.Gear(*ENDS, ratio=-2.5),
     rj.Gear(*ENDS, ratio=2.5, name="inner gear"),
+    rj.KnifeEdge(*ENDS),
     rj.PointOnCurve(*ENDS, rj.Circle(0.5), name="circle"),
     rj.PointOnCurve(*ENDS, rj.Polynomial([0.1, 0.2, -0.3]), name="polynomial"),
     rj.PointOnCurve(*ENDS, Ellipse(), name="ellipse"),

@@ -37,6 +37,8 @@ PARTS = [
     r.Prismatic(*ENDS),
     r.Revolute(*ENDS),
     r.Screw(*ENDS, pitch=0.1),
+    r.RollingBall(*ENDS, 0.3),
+    r.RollingDisc(*ENDS, 0.3),
     r.Spherical(*ENDS),
     r.Universal(*ENDS),
     r.Weld(*ENDS),

@@ -62,6 +62,7 @@ joints = [
     rj.Prismatic(wheel.at(), there, 0.1),
     rj.Weld(flat.at(), there, value=0.1),
     rj.FixedAngle(here, there),
+    rj.KnifeEdge(here, there),
     rj.PointOnLine(here, there),
     rj.PointOnCurve(here, there, rj.Circle(2)),
     rj.Distance(here, there, 1.0, "link"),

@@ -19,7 +19,7 @@ from ..measure.quantity import AbstractQuantity, Coordinate
 from ..scene.coordinate import INTEGRAL
 from ..scene.effect.base import AbstractMarkerEffect
 from ..system.base import AbstractSystem, check_system
-from .tangent import independent_constraints, tangent_of
+from .tangent import independent_constraints, refuse_slips, tangent_of
 
 # What acts: an effect of unit strength, or generalized forces of physical coordinates.
 Input = AbstractMarkerEffect | Callable[..., Array]
@@ -87,6 +87,7 @@ def linearize(
     velocity = system.structure.at_rest(q) if v is None else as_array(v)
     check_shape("linearize", "at", q, (system.n,))
     check_shape("linearize", "v", velocity, (system.n,))
+    refuse_slips("linearize", system, v is not None)
     time = jnp.asarray(t, q.dtype)
     named = outputs if isinstance(outputs, Mapping) else {label: label for label in outputs}
     kinds, remedy = (AbstractMarkerEffect, Callable), "an effect or a function of t, q, v"

@@ -14,7 +14,7 @@ from ..common.errors import InputError
 from ..common.extras import data_frame
 from ..compiling.program import program_once
 from ..system.base import AbstractSystem, check_system, refuse_states
-from .tangent import independent_constraints, tangent_of
+from .tangent import independent_constraints, refuse_slips, tangent_of
 from .turning import turn
 
 # What eigenvalues are rounded by, relative to the largest one: those that are zero twice, of free
@@ -91,6 +91,7 @@ def modes(
         generator, v = turn("modes", system, turning, t, q)
     velocity = jnp.zeros_like(q) if v is None else as_array(v)
     check_shape("modes", "v", velocity, (system.n,))
+    refuse_slips("modes", system, v is not None)
     time = jnp.asarray(t, q.dtype)
     independent = independent_constraints("modes", system, time, q)
     found: Modes = _modes(system, time, q, velocity, independent, generator)

@@ -48,6 +48,18 @@ class Tangent(NamedTuple):
     dual: Float[Array, "d n"]  # G⁻¹ Nᵀ M
 
 
+def refuse_slips(owner: str, system: AbstractSystem, moving: bool) -> None:
+    """Raise InputError, beginning with `owner`, for small motions about one that is `moving`, with
+    constraints of velocities: there they leave more freedoms in places than in velocities.
+    """
+    structure = system.full.structure
+    if moving and structure.slips:
+        raise InputError(
+            f"{owner}: {structure.constraints[structure.slips[0]]} holds velocities, so that small "
+            "motions are known at rest alone; leave out v."
+        )
+
+
 def independent_constraints(
     owner: str, system: AbstractSystem, t: ArrayLike, q: Float[Array, " n"]
 ) -> int:

@@ -57,7 +57,6 @@ def assemble(scene: Scene) -> AssembledSystem:
     parts, names = (*scene.joints, *acting, *clocks), unique([x for own in keys for x in own])
     carriers, sides = carriers_of(parts, names, scene.dimension)
     counters, holding, sides = counters_of(parts, names, sides)
-    sides = sides[: len(parts) - len(clocks)]
     every_body = (*scene.bodies, *carriers, *counters)
     every_joint = (*scene.joints, *holding)
     joined_sides = [*sides[: len(scene.joints)], *(joint.markers for joint in holding)]
@@ -88,11 +87,12 @@ def assemble(scene: Scene) -> AssembledSystem:
             flexible=any(body.modes for body in scene.bodies),
             loops=_close_loops(scene),
             contacts=any(effect.begins for effect in acting),
-            by_parts=n >= _BY_PARTS,
+            by_parts=n >= _BY_PARTS and not _slips(every_joint, rows),
             frames=tuple(columns[body.name][0] for body in scene.bodies),
             quaternions=tuple(columns[b.name][3] for b in scene.bodies if b.dimension == 3),
             counters=tuple(columns[counter.name][0] for counter in counters),
             states=tuple(columns[carrier.name][0] for carrier in carriers),
+            slips=_slips(every_joint, rows),
             joints=tuple(keys[0][i] for *_, members in joints for i in members if i < len(keys[0])),
             effects=tuple(keys[1][i] for *_, members in effects for i in members),
         ),
@@ -146,6 +146,13 @@ def _begun(scene: Scene) -> Scene:
         for joint in scene.joints
     ]
     return Scene(scene.bodies, joints, scene.effects)
+
+
+def _slips(joints: Sequence[AbstractJoint], rows: Sequence[range]) -> tuple[int, ...]:
+    """The constraints that hold velocities. Derivatives of such rows by parts are not those along
+    the motion, as they are of functions of positions.
+    """
+    return tuple(own[k] for joint, own in zip(joints, rows, strict=True) for k in joint.slips)
 
 
 def _connections(

@@ -221,7 +221,8 @@ class JointGroup(AbstractStack):
         def residual(turns: Array, positions: Array) -> Array:
             return self.residual(t, Pose(positions, turns))
 
-        return compat.depends_on_first(residual, poses.turn, poses.position)
+        slips = bool(self.joints.slips)  # their residual is zero, and depends on nothing
+        return slips or compat.depends_on_first(residual, poses.turn, poses.position)
 
     def bodies_of(self, sides: tuple[T, ...]) -> tuple[T, ...]:
         """The sides without those of counters, on which the residual does not depend."""

@@ -5,7 +5,7 @@ from typing import Literal, overload
 from ..basis.basis import Basis
 from ..common.checks import check_kind
 from ..common.errors import ReductionError, UnsuitedError
-from ..system.base import AbstractSystem, check_system, refuse_states
+from ..system.base import AbstractSystem, check_reducible, check_system
 from ..system.reduced import AbstractReducedSystem
 from ..system.training import remember_training
 from .formulation.base import AbstractFormulation
@@ -57,8 +57,7 @@ def reduce(
     """
     chosen: AbstractFormulation = as_formulation(formulation)
     check_system("reduce", system)
-    if not chosen.keeps_states:
-        refuse_states("reduce", system, ReductionError)
+    check_reducible(system, chosen)
     if isinstance(chosen, JointCoordinates) and basis is None:
         return chosen.reduce(system)
     check_kind("reduce", "the basis", basis, Basis, "what romjax.pod or romjax.sod returns")

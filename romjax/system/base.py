@@ -1,13 +1,14 @@
 """The system: how a mechanism moves. Full, user-made and reduced ones are all of this kind."""
 
 import abc
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
 from jaxtyping import Array, Float, Int
 
 from ..common.arrays import Time
 from ..common.checks import check_kind
+from ..common.errors import ReductionError
 from .constraints import right_hand_side
 from .stabilization import Baumgarte
 from .state import AbstractState
@@ -56,6 +57,20 @@ def refuse_states(
     if structure.states:
         effect = structure.coordinates[structure.states[0]].owner
         raise error(f"{owner}: '{effect}' has first-order states, which {remedy}.")
+
+
+def check_reducible(system: "AbstractSystem", formulation: Any) -> None:
+    """Raise ReductionError for what a formulation does not keep: first-order states, or, unless it
+    stays in a subspace with constraints, those of velocities.
+    """
+    if not formulation.keeps_states:
+        refuse_states("reduce", system, ReductionError)
+    structure = system.full.structure
+    if structure.slips and not formulation.in_subspace:
+        raise ReductionError(
+            f"reduce: {structure.constraints[structure.slips[0]]} holds velocities, which only "
+            f'"galerkin" keeps, and not "{formulation.name}", whose coordinates satisfy C = 0.'
+        )
 
 
 class AbstractSystem(eqx.Module):

@@ -34,6 +34,7 @@ class Structure:
       inertia that this angle feels; or that are the motion of a joint with an inertia of its own.
     - `states`: coordinates whose rates are first-order states of effects, with a unit inertia that
       is none of the mechanism; nothing depends on the coordinates themselves.
+    - `slips`: constraints of velocities, A(q) v = 0, which no function of positions has.
     - `joints`, `effects`: by which keys results name them, each key once, in the order in which the
       system holds them; none, where there are no such parts.
     """
@@ -49,6 +50,7 @@ class Structure:
     quaternions: tuple[int, ...] = ()
     counters: tuple[int, ...] = ()
     states: tuple[int, ...] = ()
+    slips: tuple[int, ...] = ()
     joints: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
 
@@ -79,6 +81,7 @@ class Structure:
             quaternions=self.quaternions,
             counters=self.counters,
             states=self.states,
+            slips=self.slips,
         )
 
     @functools.cached_property
@@ -125,7 +128,7 @@ class Structure:
     def _hash(self) -> int:
         # Every call of a compiled program asks for it.
         kinds = self.rigid, self.flexible, self.loops, self.contacts
-        places = self.frames, self.quaternions, self.counters, self.states
+        places = self.frames, self.quaternions, self.counters, self.states, self.slips
         return hash((self.coordinates, self.constraints, kinds, places))
 
 

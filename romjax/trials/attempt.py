@@ -15,7 +15,7 @@ from ..integrate.trajectory import Trajectory
 from ..study.accuracy.model import Model, Reduction
 from ..study.compare import compare
 from ..study.timing import Spent, spent, timed
-from ..system.base import AbstractSystem, refuse_states
+from ..system.base import AbstractSystem, check_reducible
 from .candidates import Candidate
 
 # [s] If the runs from unseen starts take longer, only models that may pay are tried on them.
@@ -95,8 +95,7 @@ def made(full: AssembledSystem, candidate: Candidate, training: list[Truth]) -> 
             return model
         assert candidate.formulation is not None
         assert candidate.decomposition is not None
-        if not candidate.formulation.keeps_states:
-            refuse_states("reduce", full, ReductionError)
+        check_reducible(full, candidate.formulation)
         runs = [truth.run for truth in training]
         basis = candidate.formulation.basis(full, runs, candidate.decomposition)
         # All formulations make such systems, but for those that serve as a reference only. `reduce`

@@ -44,6 +44,7 @@ class JointCoordinates(AbstractFormulation):
     """
 
     name: ClassVar[str] = "joint"
+    in_subspace: ClassVar[bool] = False
 
     def basis(
         self, system: AbstractSystem, motion: Motions, decomposition: AbstractDecomposition

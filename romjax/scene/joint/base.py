@@ -24,7 +24,7 @@ QUATERNION = (("w", ""), ("x", ""), ("y", ""), ("z", ""))
 
 
 class AbstractJoint(eqx.Module):
-    """A holonomic constraint between two markers, or more.
+    """A constraint between two markers, or more: holonomic, but for an `AbstractSlipJoint`.
 
     A joint of one's own is a subclass with the fields `a`, `b`, `name`, the number of `rows`
     and the `residual`. Its Jacobian, its time derivatives and the multipliers follow by autodiff.
@@ -55,6 +55,8 @@ class AbstractJoint(eqx.Module):
     freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = None
     # Whether the last four of them are a quaternion, of any length.
     turns_freely: ClassVar[bool] = False
+    # The numbers of its rows that hold velocities, not positions, see `AbstractSlipJoint`.
+    slips: ClassVar[tuple[int, ...]] = ()
 
     def __check_init__(self) -> None:
         self.check()

@@ -1,0 +1,102 @@
+"""Wheels and balls that roll on a plane without slip."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ....linalg import quaternions
+from ...fields import Converted, check_numbers, number
+from ...marker import Marker, Pose, Twist
+from ..slip_joint import AbstractSlipJoint
+
+
+class RollingDisc(AbstractSlipJoint):
+    """A thin disc that rolls on a plane: it touches the plane z = 0 of marker `b`, and the point of
+    its rim that does so has no velocity against `b`.
+
+    **Arguments:**
+
+    - `a`: the centre of the disc, with its z axis as the axle; it may lean, but not lie flat.
+    - `b`: the plane.
+    - `radius` [m]: on the side of positive z.
+
+    Two of its three rows are constraints of velocities (non-holonomic): any place can be reached.
+    Raises SceneError for a radius that is not positive.
+    """
+
+    a: Marker
+    b: Marker
+    radius: Converted[Float[Array, ""]] = number()
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 3
+    slips: ClassVar[tuple[int, ...]] = (1, 2)
+    dimensions: ClassVar[tuple[int, ...]] = (3,)
+
+    def height(self, *poses: Pose) -> Float[Array, "1"]:
+        a, b = poses
+        lowest = a.position + _rim(a, b, self.radius)
+        return b.along(lowest)[None]
+
+    def slip(self, poses: tuple[Pose, ...], twists: tuple[Twist, ...]) -> Float[Array, "2"]:
+        return _slipping(poses, twists, _rim(poses[0], poses[1], self.radius))
+
+    def check(self) -> None:
+        super().check()
+        check_numbers(self.owner(), self, "radius", sign="positive")
+
+
+class RollingBall(AbstractSlipJoint):
+    """A ball that rolls on a plane: it touches the plane z = 0 of marker `b`, and the point of it
+    that does so has no velocity against `b`. It may spin about the normal of the plane.
+
+    **Arguments:** `a`: the centre of the ball. `b`: the plane. `radius` [m]: on the side of
+    positive z.
+
+    Two of its three rows are constraints of velocities (non-holonomic). Raises SceneError for a
+    radius that is not positive.
+    """
+
+    a: Marker
+    b: Marker
+    radius: Converted[Float[Array, ""]] = number()
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 3
+    slips: ClassVar[tuple[int, ...]] = (1, 2)
+    dimensions: ClassVar[tuple[int, ...]] = (3,)
+
+    def height(self, *poses: Pose) -> Float[Array, "1"]:
+        a, b = poses
+        return (b.along(a.position) - self.radius)[None]
+
+    def slip(self, poses: tuple[Pose, ...], twists: tuple[Twist, ...]) -> Float[Array, "2"]:
+        return _slipping(poses, twists, -self.radius * _axis(poses[1]))
+
+    def check(self) -> None:
+        super().check()
+        check_numbers(self.owner(), self, "radius", sign="positive")
+
+
+def _axis(pose: Pose) -> Float[Array, "3"]:
+    """The z axis of a pose."""
+    return pose.turned(np.eye(3, dtype=pose.position.dtype)[2])
+
+
+def _rim(a: Pose, b: Pose, radius: Float[Array, ""]) -> Float[Array, "3"]:
+    """The lowest point of the rim, from the centre."""
+    normal, axle = _axis(b), _axis(a)
+    upward = normal - jnp.sum(normal * axle) * axle
+    return -radius * upward / jnp.sqrt(jnp.sum(upward**2))
+
+
+def _slipping(
+    poses: tuple[Pose, ...], twists: tuple[Twist, ...], contact: Float[Array, "3"]
+) -> Float[Array, "2"]:
+    """The velocity of the point `contact` of `a`, from its position, against `b`, along x and y."""
+    (a, b), (of_a, of_b) = poses, twists
+    own = of_a.velocity + jnp.cross(of_a.angular_velocity, contact)
+    place = a.position + contact - b.position
+    other = of_b.velocity + jnp.cross(of_b.angular_velocity, place)
+    return quaternions.rotate(quaternions.conjugate(b.turn), own - other)[:2]
