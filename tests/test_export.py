@@ -54,7 +54,7 @@ def call(code, name, results, *args, **more):
     return called(code, form, *args, *more.values())
 
 
-def rates(t, x, u, p):
+def rates_of(t, x, u, p):
     system = make(*p)
     q, v = x[:3], x[3:]
     push_there = u[0] * push(t, q, v)
@@ -77,7 +77,7 @@ def test_functions_and_derivatives(bar):
     assert made.states[:4] == ("bar1.x", "bar1.y", "bar1.phi", "bar1.x'")
     assert (made.inputs, made.parameters) == (("push",), ("mass", "gravity"))
     dx = call(code, "f", {"dx": (6,)}, *POINT)["dx"]
-    wanted = np.asarray(jax.jit(rates)(*POINT))
+    wanted = np.asarray(jax.jit(rates_of)(*POINT))
     assert_close(dx, wanted, IDENTITY, scale=np.max(np.abs(wanted)))
     z = call(code, "lift", {"z": (6,)}, *POINT)["z"]
     np.testing.assert_array_equal(z, POINT[1])
@@ -85,7 +85,7 @@ def test_functions_and_derivatives(bar):
     tip = POINT[1][:2] + 0.5 * np.array([np.cos(-0.3), np.sin(-0.3)])
     assert_close(y, np.array([0.4, 0.2, np.hypot(*tip)]), IDENTITY)
     # J, by columns and by rows.
-    jacobians = jax.jit(jax.jacfwd(rates, argnums=(1, 2, 3)))(*POINT)
+    jacobians = jax.jit(jax.jacfwd(rates_of, argnums=(1, 2, 3)))(*POINT)
     whole = np.concatenate(jacobians, axis=1)
     along = [np.split(row, [6, 7]) for row in np.eye(9)]
     columns = [
@@ -112,6 +112,32 @@ def test_the_example_runs_as_simulate_does(bar):
         assert last[0] == pytest.approx(0.5, abs=1e-12)
         # The tolerance of the example, which is relative to one.
         assert_close(np.array(last[1]), float(run["bar1.x"][-1]), 1e-6)
+
+
+@pytest.mark.slow
+def test_casadi_takes_it_with_both_derivatives(bar):
+    casadi = pytest.importorskip("casadi")
+    made, code = bar
+    flags = "-std=c99 -pedantic -Wall -Wextra -Werror -Wno-unused-parameter -fPIC -shared"
+    command = ["cc", *flags.split(), "-o", "libcasadi_bar.so", "casadi.c", "bar.c", "-lm"]
+    subprocess.run(command, cwd=made.folder, check=True)
+    library = str(made.folder / "libcasadi_bar.so")
+    f, y = (casadi.external(name, library) for name in ("bar_rates", "bar_measured"))
+    dx = call(code, "f", {"dx": (6,)}, *POINT)["dx"]
+    np.testing.assert_array_equal(np.array(f(*POINT)).ravel(), dx)
+    np.testing.assert_array_equal(np.array(y(*POINT)).ravel()[:2], [0.4, 0.2])
+    x, u, p = (casadi.MX.sym(name, size) for name, size in (("x", 6), ("u", 1), ("p", 2)))
+    rates, given = f(0.3, x, u, p), casadi.vertcat(x, u, p)
+    weights = np.arange(1.0, 7.0)
+    forward = casadi.Function("jacobian", [x, u, p], [casadi.jtimes(rates, given, np.eye(9))])
+    reverse = casadi.gradient(casadi.dot(weights, rates), given)
+    reverse = casadi.Function("gradient", [x, u, p], [reverse])
+    wanted = np.concatenate(jax.jit(jax.jacfwd(rates_of, argnums=(1, 2, 3)))(*POINT), axis=1)
+    largest = np.max(np.abs(wanted))
+    assert_close(np.array(forward(*POINT[1:])), wanted, IDENTITY, scale=largest)
+    assert_close(
+        np.array(reverse(*POINT[1:])).ravel(), weights @ wanted, IDENTITY, scale=10 * largest
+    )
 
 
 @pytest.mark.slow

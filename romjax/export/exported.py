@@ -19,7 +19,7 @@ from .emit import Emitted, commented, constant_table, emit
 from .equations import words
 from .leaving import Model, model_of
 
-_TEMPLATES = ("main.c", "Makefile", "CMakeLists.txt")
+_TEMPLATES = ("main.c", "casadi.c", "Makefile", "CMakeLists.txt")
 
 
 class Exported(NamedTuple):
@@ -56,9 +56,9 @@ def c(
       where J has the derivatives by x, u and p;
     - tables of numbers, `model_start` and `model_parameters`.
 
-    Beside them are a header, an example with loops of fixed and of controlled steps, a Makefile and
-    a CMakeLists.txt. Results must not overlap arguments; where there are no inputs or
-    parameters, NULL will do for them. Numbers are double precision.
+    Beside them are a header, an example with loops of fixed and of controlled steps, external
+    functions for CasADi, a Makefile and a CMakeLists.txt. Results must not overlap arguments; where
+    there are no inputs or parameters, NULL will do for them. Numbers are double precision.
 
     **Arguments:**
 
