@@ -1,10 +1,10 @@
 """All comparisons side by side: run each, compare its ratios with their floors, write summary.txt.
 
-Each comparison runs in a process of its own and writes NAME.txt; `python benchmarks/NAME.py` runs
-one by itself. The ratios of all, the versions and the machine go to summary.txt. Needs the extra
-`bench`; MuJoCo and Exudyn are left out where they are not installed. Takes about two and a half
-hours on two cores with nothing else to do, most of it for `trust`; Ctrl-C keeps what has been
-measured.
+Each comparison runs in a process of its own and writes NAME.txt, and NAME.json for the site;
+`python benchmarks/NAME.py` runs one by itself. The ratios of all, the versions and the machine go
+to summary.txt. Needs the extra `bench`; MuJoCo and Exudyn are left out where they are not
+installed. Takes about two and a half hours on two cores with nothing else to do, most of it for
+`trust`; Ctrl-C keeps what has been measured.
 
 The exit status is 1 if a ratio is below its floor in floors.toml, if one that has a floor was not
 measured, or if a comparison did not run to its end; 130 after Ctrl-C; otherwise 0.
@@ -45,6 +45,7 @@ COMPARISONS = (
     "accuracy",
     "gallery",
     "error_bars",
+    "verification",
     "trust",
 )
 PATIENCE = 60.0  # [s] for a comparison to write what it has after Ctrl-C

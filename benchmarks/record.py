@@ -13,7 +13,9 @@ import json
 import math
 import os
 import platform
+import re
 import signal
+import subprocess
 import sys
 import textwrap
 import tomllib
@@ -38,6 +40,7 @@ class Section(NamedTuple):
     """A part of a report: text, a table with its header as the first row, and ratios by name.
 
     `absent`: words of ratios that cannot be measured here, such as a program that is not installed.
+    `data`: more of what was measured, for the file of the record as JSON.
     `figure`: a matplotlib figure, saved beside the report.
     """
 
@@ -46,6 +49,7 @@ class Section(NamedTuple):
     ratios: Mapping[str, float] = {}
     absent: Collection[str] = ()
     figure: Any = None
+    data: Mapping[str, Any] = {}
 
     def __str__(self) -> str:
         return f"{self.text}\n\n{table(self.rows)}" if self.rows else self.text
@@ -107,6 +111,37 @@ def machine() -> str:
 def floors(path: Path = FLOORS) -> dict[str, dict[str, float]]:
     """The least value of each ratio that has one, by comparison."""
     return tomllib.loads(path.read_text())
+
+
+def commit() -> str:
+    """Of what is measured, with a plus where files have changed since; empty outside of git."""
+    command = ["git", "-C", str(HERE), "describe", "--always", "--abbrev=12", "--dirty=+"]
+    try:
+        found = subprocess.run(command, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return found.stdout.strip()
+
+
+def as_json(heading: str, at: str, sections: Sequence[Section], judged: Sequence[Verdict]) -> str:
+    """A record for programs: `tables` of what the text shows, `ratios`, and `data`."""
+    tables = [
+        {"text": one.text, "columns": one.rows[0], "rows": one.rows[1:]}
+        for one in sections
+        if one.rows
+    ]
+    tables = [{**one, "rows": [[str(x) for x in row] for row in one["rows"]]} for one in tables]
+    ratios = {one.ratio: {"value": one.value, "floor": one.floor} for one in judged}
+    data = {name: value for one in sections for name, value in one.data.items()}
+    found = {"made": heading[:10], "commit": at, "on": heading[12:], "tables": tables}
+    return written(found | {"ratios": ratios} | ({"data": data} if data else {}))
+
+
+def written(found: Mapping[str, Any]) -> str:
+    """As JSON, with rows and numbers of one thing on one line."""
+    text = json.dumps(found, indent=1, ensure_ascii=False)
+    flat = re.compile(r"([\[{])\n\s+([^\[\]{}]*?)\n\s+([\]}])")
+    return flat.sub(lambda m: m[1] + re.sub(r"\n\s+", " ", m[2]) + m[3], text) + "\n"
 
 
 def judge(
@@ -185,7 +220,8 @@ def main(
     setup: Callable[[], None] = begin,
     choices: Mapping[str, Mapping[str, Any]] = {},
 ) -> None:
-    """Run a comparison as a script: write its report, and end with 1 if a floor does not hold.
+    """Run a comparison as a script: write its report as text and as JSON, and end with 1 if a floor
+    does not hold.
 
     `choices`: settings of argparse for options of its own, by name, which `measure` takes.
     """
@@ -206,6 +242,7 @@ def main(
     signal.signal(signal.SIGINT, signal.default_int_handler)
     setup()
     chosen = {name: getattr(options, name) for name in choices}
+    at = commit()  # before hours in which files may change
     sections, failure = collect(functools.partial(measure, **chosen))
     ratios = {name: float(x) for section in sections for name, x in section.ratios.items()}
     absent = [word for section in sections for word in section.absent]
@@ -214,13 +251,15 @@ def main(
         options.ratios.write_text(json.dumps(found))
     judged = judge(script.stem, ratios, floors().get(script.stem, {}), absent)
     wrong = fallen(judged, {script.stem: failure} if failure else {})
-    parts = [machine(), *map(str, sections)]
+    heading = machine()
+    parts = [heading, *map(str, sections)]
     if judged:
         parts += [MEANING, verdicts(judged)]
     text = "\n\n".join([*parts, wrong] if wrong else parts) + "\n"
     if sections:
         options.out.mkdir(parents=True, exist_ok=True)
         (options.out / f"{script.stem}.txt").write_text(text)
+        (options.out / f"{script.stem}.json").write_text(as_json(heading, at, sections, judged))
         for section in sections:
             if section.figure is not None:
                 section.figure.savefig(options.out / f"{script.stem}.png", dpi=110)

@@ -32,9 +32,11 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_design",
     "api",
+    "figures",
     "gallery",
     "markdown_docstrings",
     "verbs",
+    "verified",
 ]
 exclude_patterns = ["extensions", "reference/api_introduction.md"]
 

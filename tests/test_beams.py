@@ -10,6 +10,7 @@ import pytest
 import scipy.linalg
 import zoo
 from tolerances import IDENTITY, SOLVED
+from verification_problems.turning import stiffened
 
 import romjax as rj
 from romjax.scene.body.modes import bending_moments, bending_shapes
@@ -78,28 +79,6 @@ def test_shapes_of_one_support_span_those_of_another(shapes):
     few, many = (lowest(shapes, modes) / exact - 1 for modes in (2, 8))
     assert few >= many - SOLVED
     assert abs(many) <= (SOLVED if shapes == "pinned-free" else 10 * CONVERGED)
-
-
-def stiffened(tension, speed, terms=9):
-    """Lowest frequency of a clamped beam that turns or is pulled, by Ritz with polynomials.
-
-    In units of √(EI / m L³), m L³ Ω² / EI and EI / L².
-    """
-    square = np.polynomial.Polynomial([0, 0, 1])
-    legendre = [np.polynomial.legendre.leg2poly(row) for row in np.eye(terms)]
-    trial = [np.polynomial.Polynomial(p)(np.polynomial.Polynomial([-1, 2])) for p in legendre]
-    trial = [square * p for p in trial]
-    pull = np.polynomial.Polynomial([tension + speed**2 / 2, 0, -(speed**2) / 2])
-
-    def product(f, g):
-        integral = (f * g).integ()
-        return integral(1) - integral(0)
-
-    bend = [[product(f.deriv(2), g.deriv(2)) for f in trial] for g in trial]
-    pulled = [[product(pull * f.deriv(), g.deriv()) for f in trial] for g in trial]
-    mass = np.array([[product(f, g) for f in trial] for g in trial])
-    stiffness = np.array(bend) + np.array(pulled) - speed**2 * mass
-    return np.sqrt(scipy.linalg.eigh(stiffness, mass)[0][0])
 
 
 @functools.partial(jax.jit, static_argnums=2)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from at_rest import both_slopes, hung_twice
 from comparison import assert_close
-from mechanisms import linkage
+from verification_problems.rest import on_springs
 from zoo import GRAVITY
 
 import romjax as rj
@@ -16,20 +16,10 @@ EXACT = 1e-9
 MASS, STIFFNESS = 2.0, 50.0
 
 
-def on_springs(place, mass, springs, direction, push, gravity) -> rj.AbstractSystem:
-    """A mass at (0, `place`) on springs, each with its anchor, stiffness and rest length, under a
-    force that is given.
-    """
-    body = rj.RigidBody("mass", mass, 0.1, position=(0.0, place))
-    hold = [rj.Spring(body.at(), rj.ground.at(at), k, rest_length=rest) for at, k, rest in springs]
-    force = rj.Force(body.at(), direction, rj.Constant(push))
-    return rj.assemble(rj.Scene([body], [], [rj.Gravity((0.0, -gravity)), *hold, force]))
-
-
 def hung(stiffness=STIFFNESS, load=0.0) -> rj.AbstractSystem:
     """A mass below a spring without length, with a force across, beside a spring that is none."""
     springs = [((0.0, 1.0), stiffness, 0.0), ((1.0, 0.5), 0.0, 0.0)]
-    return on_springs(0.0, MASS, springs, (1.0, 0.0), load, GRAVITY)
+    return rj.assemble(on_springs(0.0, MASS, springs, (1.0, 0.0), load, GRAVITY))
 
 
 def test_a_mass_on_a_spring():
@@ -66,24 +56,6 @@ def test_stable_and_unstable(start, is_stable):
     assert bool(rj.modes(system, q).is_stable) == is_stable
 
 
-def test_a_chain_between_two_points():
-    """Bars of equal weight hang so that the horizontal force is the same in all of them, and the
-    vertical one grows by a weight from bar to bar.
-    """
-    first, last = np.array([0.8, -0.6]), np.array([2.4, 0.1])
-    half = (last - first) / 2
-    height = np.sqrt(1 - half @ half)
-    knee = first + half + height * np.array([half[1], -half[0]]) / np.sqrt(half @ half)
-    points = {"A": (0.0, 0.0), "b": first, "c": knee, "D": last}
-    scene = linkage(points, [("A", "b"), ("b", "c"), ("D", "c")], {}, gravity=True)
-    angle = np.asarray(rj.equilibrium(rj.assemble(scene))).reshape(3, 3)[:, 2]
-    # Moments about the lower end of each bar: tan φ = (V + m g / 2) / H, with V from bar to bar.
-    assert_close(np.diff(np.tan(angle), 2), 0.0, EXACT)
-    along = np.array([1.0, 1.0, -1.0])  # the last bar is drawn from its far end
-    assert_close(along @ np.cos(angle), 2.4, EXACT)
-    assert_close(along @ np.sin(angle), 0.1, EXACT)
-
-
 def test_a_loaded_beam():
     """In modal coordinates K q = Sᵀ F, of a free beam whose ends are pulled up and whose middle is
     pulled down; its place is neutral, and stays.
@@ -100,33 +72,10 @@ def test_a_loaded_beam():
     assert_close(q, [0.5, 0.2, 0.0, *bent], EXACT)
 
 
-def truss(load) -> rj.AbstractSystem:
-    """Two springs to a mass above them, which snaps through under a load."""
-    length = np.hypot(1.0, 0.4)
-    springs = [((x, 0.0), 1000.0, length) for x in (-1.0, 1.0)]
-    return on_springs(0.4, 1.0, springs, (0.0, -1.0), load, 0.0)
-
-
-def test_below_the_load_of_snapping():
-    q = np.asarray(rj.equilibrium(truss(15.0)))
-    stretched = np.hypot(1.0, q[1])
-    pull = 2 * 1000.0 * (np.hypot(1.0, 0.4) - stretched) * q[1] / stretched
-    assert_close(pull, 15.0, EXACT, scale=15.0)
-    assert q[1] > 0.2
-
-
-def test_beyond_the_load_of_snapping():
-    """The springs pull up where the mass is below both ends."""
-    q = np.asarray(rj.equilibrium(truss(40.0)))
-    stretched = np.hypot(1.0, q[1])
-    pull = 2 * 1000.0 * (np.hypot(1.0, 0.4) - stretched) * q[1] / stretched
-    assert_close(pull, 40.0, EXACT, scale=40.0)
-    assert q[1] < -0.4
-
-
 def test_no_equilibrium_is_told():
     springs = [((x, 1.0), 0.0, 0.0) for x in (-1.0, 1.0)]
     falling = on_springs(0.0, 1.0, springs, (1.0, 0.0), 0.0, GRAVITY)
+    falling = rj.assemble(falling)
     with pytest.raises(rj.SimulationError, match=r"followed to 0 of the load.*mass\.y.*by 9\.81"):
         rj.equilibrium(falling)
 

@@ -7,6 +7,7 @@ import pytest
 from at_rest import both_slopes
 from comparison import assert_close
 from spatial_beams import marker
+from verification_problems.rest import hinged_bar, pushed_bob
 from zoo import GRAVITY
 
 import romjax as rj
@@ -18,13 +19,9 @@ ORIGIN, Y = (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 STEEL = 2.1e11  # [Pa]
 
 
-def bar(push, stiffness=50.0, length=1.0) -> rj.AbstractSystem:
+def bar(*numbers) -> rj.AbstractSystem:
     """A bar on a hinge about y with a torsion spring, pushed down at its end."""
-    body = spatial.RigidBody("bar", 1.0, (0.01, 0.02, 0.02), (0.5 * length, 0.0, 0.0))
-    hinge = body.at((-0.5 * length, 0.0, 0.0), axis=Y), rj.ground.at(ORIGIN, axis=Y)
-    load = rj.Force(body.at((0.5 * length, 0.0, 0.0)), (0.0, 0.0, -1.0), rj.Constant(push))
-    spring = rj.TorsionSpring(*hinge, stiffness=stiffness)
-    return rj.assemble(rj.Scene([body], [spatial.Revolute(*hinge)], [spring, load]))
+    return rj.assemble(hinged_bar(*numbers))
 
 
 def angle(q):
@@ -34,11 +31,7 @@ def angle(q):
 @pytest.mark.slow
 def test_a_pendulum_that_is_pushed():
     """Tan φ = F / m g, by turning and not by the length of the quaternion."""
-    body = spatial.RigidBody("bob", 2.0, (0.01, 0.02, 0.02), (0.0, 0.0, -1.0))
-    hinge = spatial.Spherical(body.at((0.0, 0.0, 1.0)), rj.ground.at(ORIGIN))
-    push = rj.Force(body.at(), (1.0, 0.0, 0.0), rj.Constant(7.0))
-    effects = [rj.Gravity((0.0, 0.0, -GRAVITY)), push]
-    q = np.asarray(rj.equilibrium(rj.assemble(rj.Scene([body], [hinge], effects))))
+    q = np.asarray(rj.equilibrium(rj.assemble(pushed_bob())))
     line = np.array([7.0, 0.0, -2.0 * GRAVITY])
     assert_close(q[:3], line / np.linalg.norm(line), EXACT)
     turn = np.arctan2(7.0, 2.0 * GRAVITY) / 2

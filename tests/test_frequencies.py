@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.linalg
+from verification_problems.reduced import building, of_a_building, vibration
 
 import romjax as rj
 
@@ -11,25 +12,6 @@ import romjax as rj
 FREQUENCY, DAMPED = 1e-6, 1e-4
 ALIKE, MIXED = 0.999, 0.95
 COUNT = 20_001  # times of the motions of three masses
-
-
-class Recorded:
-    """A motion of a linear system."""
-
-    def __init__(self, t, q, v, metric):
-        self.t, self.q, self.v, self.metric = t, q, v, metric
-        self.labels = tuple(f"x{i}" for i in range(q.shape[1]))
-
-
-def motion(t, mass, frequencies, modes, damping, place, speed):
-    """Free vibration from modal coordinates and velocities, in closed form."""
-    turning = frequencies * np.sqrt(1 - damping**2)
-    decay = np.exp(-damping * np.outer(t, frequencies))
-    c, s = np.cos(np.outer(t, turning)), np.sin(np.outer(t, turning))
-    sine = (speed + damping * frequencies * place) / turning
-    x = decay * (place * c + sine * s)
-    v = decay * turning * (sine * c - place * s) - damping * frequencies * x
-    return Recorded(t, x @ modes.T, v @ modes.T, mass)
 
 
 def three(frequencies):
@@ -46,7 +28,7 @@ def hertz(basis):
 def test_over_a_common_period():
     mass, w, modes = three([1, 2, 5])
     t = np.linspace(0, 2 * np.pi, COUNT)
-    free = motion(t, mass, w, modes, 0.0, np.array([1.0, 0.6, 0.2]), np.array([0.3, -0.5, 0.4]))
+    free = vibration(t, mass, w, modes, 0.0, np.array([1.0, 0.6, 0.2]), np.array([0.3, -0.5, 0.4]))
     basis = rj.sod(free, rank=3, offset=np.zeros(3))
     assert np.max(np.abs(hertz(basis) / w - 1)) <= FREQUENCY
 
@@ -55,20 +37,12 @@ def test_a_building_from_starts_of_equal_energy():
     """24 storeys, frequencies that share no period. Starts of unit energy in each storey's spring
     and mass make Σ_xx = K⁻¹ and Σ_vv = M⁻¹ at every time, so a second is enough.
     """
-    n = 24
-    stiffness = 900 * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
-    stiffness[-1, -1] = 900
-    mass = np.diag(1.0 + 0.05 * np.arange(n))
-    squares, modes = scipy.linalg.eigh(stiffness, mass)
-    w, unit, t = np.sqrt(squares), np.eye(n), np.linspace(0, 1, 101)
-    runs = []
-    for start in np.sqrt(mass) @ modes:
-        for place, speed in ((start / w, 0 * w), (0 * w, start)):
-            runs.append(motion(t, mass, w, modes, 0.0, place, speed))
-    basis = rj.sod(runs, rank=n, offset=np.zeros(n))
+    mass, stiffness = building()
+    w = np.sqrt(scipy.linalg.eigvalsh(stiffness, mass))
+    basis = of_a_building()
     assert np.max(np.abs(hertz(basis) / w - 1)) <= FREQUENCY
     modes = np.asarray(basis.modes)
-    assert np.max(np.abs(modes.T @ mass @ modes - unit)) <= FREQUENCY
+    assert np.max(np.abs(modes.T @ mass @ modes - np.eye(24))) <= FREQUENCY
 
 
 @pytest.mark.parametrize("damping", [0.01, 0.03])
@@ -79,7 +53,7 @@ def test_of_a_damped_system(damping):
     mass, w, modes = three([1, 2, 5])
     t = np.linspace(0, 80 * np.pi, COUNT)
     speed = w * np.sqrt(w)  # equal ∫x², as each mode lasts 1/ω
-    struck = motion(t, mass, w, modes, damping, np.zeros(3), speed)
+    struck = vibration(t, mass, w, modes, damping, np.zeros(3), speed)
     smooth, proper = (f(struck, rank=3, offset=np.zeros(3)) for f in (rj.sod, rj.pod))
     assert np.max(np.abs(hertz(smooth) / w - 1)) <= DAMPED
     overlap = [

@@ -1,13 +1,20 @@
 """Impacts: momentum and energy are balanced, and joints hold."""
 
-import itertools
-
 import diffrax
 import jax
 import numpy as np
 import pytest
 from comparison import assert_close
 from tolerances import IDENTITY, SOLVED
+from verification_problems.events import (
+    ASIDE,
+    BALL,
+    BALLS,
+    LENGTH,
+    RADIUS,
+    cradle,
+    knocks,
+)
 from zoo import run as moved
 
 import romjax as rj
@@ -15,23 +22,6 @@ from romjax.system import dynamics
 
 G = 9.81
 TS = np.linspace(0.0, 1.0, 21)
-BALLS, RADIUS, LENGTH, MASS, ANGLE = 6, 0.05, 0.5, 0.3, 0.6
-
-
-def cradle():
-    """Newton's cradle, its first ball pulled aside, and the impacts of each with the next."""
-    balls, hinges = [], []
-    for i in range(BALLS):
-        angle = -ANGLE if i == 0 else 0.0
-        hinge = np.array([2 * RADIUS * i, 0.0])
-        position = hinge + LENGTH * np.array([np.sin(angle), -np.cos(angle)])
-        inertia = 0.4 * MASS * RADIUS**2
-        ball = rj.RigidBody(f"ball {i}", MASS, inertia, position=position, angle=angle)
-        balls.append(ball)
-        hinges.append(rj.Revolute(ball.at((0.0, LENGTH)), rj.ground.at(hinge)))
-    gaps = [rj.quantity.Gap(a.at(), b.at()) for a, b in itertools.pairwise(balls)]
-    impacts = [rj.Impact(gap, level=2 * RADIUS) for gap in gaps]
-    return rj.assemble(rj.Scene(balls, hinges, [rj.Gravity()])), impacts
 
 
 @pytest.mark.slow
@@ -44,7 +34,8 @@ def test_newtons_cradle(stabilization):
     """The momentum of the first ball passes to the last, through those that stay at rest, and back,
     with all energy.
     """
-    system, impacts = cradle()
+    scene = cradle()
+    system, impacts = rj.assemble(scene), knocks(scene)
     run = rj.simulate(
         system,
         np.linspace(0.0, 4.0, 101),
@@ -58,8 +49,8 @@ def test_newtons_cradle(stabilization):
     assert run.is_valid
     # From the first to the last and back, one end of the row after the other.
     assert np.argmax(np.asarray(events.happened)[:count], axis=1).tolist() == [0, BALLS - 2] * 3
-    inertia = MASS * LENGTH**2 + 0.4 * MASS * RADIUS**2
-    energy = MASS * G * LENGTH * (1 - np.cos(ANGLE))
+    inertia = BALL * LENGTH**2 + 0.4 * BALL * RADIUS**2
+    energy = BALL * G * LENGTH * (1 - np.cos(ASIDE))
     rates = [np.asarray(v)[:count, 2::3] for v in (events.v_before, events.v_after)]
     assert_close(np.max(np.abs(rates[1]), axis=1), np.sqrt(2 * energy / inertia), SOLVED)
     for rate in rates:

@@ -8,9 +8,9 @@ import pytest
 import scipy.io
 import scipy.linalg
 import scipy.sparse as sp
-import simeon
 import zoo
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
+from verification_problems import simeon
 
 import romjax as rj
 from romjax.scene.body.modes import bending_roots

@@ -9,6 +9,9 @@ import zoo
 from at_rest import both_slopes, hung_twice
 from comparison import assert_close
 from tolerances import SOLVED
+from verification_problems import small
+from verification_problems.small import ARM, CLAMPED, INERTIA, MASS
+from verification_problems.whirl import disk
 from zoo import GRAVITY
 
 import romjax as rj
@@ -16,20 +19,10 @@ from romjax.scene.body.modes import bending_roots, bending_shapes
 
 # Required: relative to the largest frequency.
 EXACT = 1e-9
-MASS, INERTIA, ARM = 1.3, 0.11, 0.5
 
 
-def pendulum(stiffness=2.0, damping=0.3, angle=-np.pi / 2) -> rj.AbstractSystem:
-    """A bar on a hinge, with a torsion spring and a damper."""
-    along = np.array([np.cos(angle), np.sin(angle)])
-    bar = rj.RigidBody("bar", MASS, INERTIA, position=ARM * along, angle=angle)
-    hinge = rj.Revolute(bar.at((-ARM, 0.0)), rj.ground.at())
-    effects = [
-        rj.Gravity(),
-        rj.TorsionSpring(bar.at(), rj.ground.at(), stiffness, angle),
-        rj.TorsionDamper(bar.at(), rj.ground.at(), damping),
-    ]
-    return rj.assemble(rj.Scene([bar], [hinge], effects))
+def pendulum(*numbers, **named) -> rj.AbstractSystem:
+    return rj.assemble(small.pendulum(*numbers, **named))
 
 
 def test_a_damped_pendulum():
@@ -64,11 +57,8 @@ def test_a_hanging_chain():
     """By Lagrange's equations in absolute angles: no coordinate in common with the chain's. With
     a hinge that is made twice.
     """
-    upper, lower = 1.3, 0.7
-    found = rj.modes(hung_twice((upper, lower), (-np.pi / 2, -np.pi / 2)))
-    mass = np.array([[upper / 3 + lower, lower / 2], [lower / 2, lower / 3]])
-    stiffness = GRAVITY * np.diag([upper / 2 + lower, lower / 2])
-    wanted = np.sqrt(scipy.linalg.eigvalsh(stiffness, mass))
+    found = rj.modes(hung_twice((1.3, 0.7), (-np.pi / 2, -np.pi / 2)))
+    wanted = small.two_bars_again(1.3, 0.7)
     assert found.frequencies.shape == (2,)
     assert_close(found.frequencies, wanted, EXACT, scale=wanted[-1])
     assert_close(found.damping, np.zeros(2), EXACT)
@@ -87,10 +77,6 @@ def welded(modes, shapes="free-free") -> rj.AbstractSystem:
         rj.Weld(second.at((-0.25, 0.0)), first.at((0.25, 0.0))),
     ]
     return rj.assemble(rj.Scene([first, second], welds))
-
-
-# Roots of cos x cosh x = −1.
-CLAMPED = np.array([1.8751040687119611, 4.694091132974175, 7.854757438237613])
 
 
 def test_a_clamped_beam_of_welded_ones():
@@ -148,9 +134,7 @@ def test_a_rotating_frame():
 
 def test_a_mechanism_that_turns():
     """The same as bodies in the inertial frame, seen from a frame that turns with them."""
-    disk = rj.RigidBody("disk", MASS, INERTIA)
-    scene = rj.Scene([disk], [], [rj.Spring(disk.at(), rj.ground.at(), SPRING * MASS)])
-    system = rj.assemble(scene)
+    system = rj.assemble(disk(SPRING))
     found = rj.modes(system, turning=SPEED)
     assert_close(found.frequencies[1:], [3.0, 7.0], EXACT)
     with pytest.raises(rj.InputError, match="turning implies the velocity"):

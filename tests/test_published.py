@@ -1,18 +1,17 @@
-"""Published problems with many printed digits, typed in here.
+"""The problems of the page of verification, and what of published ones is no single number."""
 
-Each says where its digits come from. The runs are tight enough that what differs is the mechanics.
-`test_published_parts` has more of them.
-"""
+import json
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import record
+import verification
 import zoo
-from mechanisms import bar, ends
-from tolerances import IDENTITY, PUBLISHED, SOLVED
-from zoo import TIGHT
+from documents import ROOT
+from tolerances import IDENTITY
 
 import romjax as rj
 from romjax.scene.body.modes import bending_roots
@@ -23,52 +22,67 @@ ROOTS = 1e-10
 SPREAD = 0.2
 
 
-@pytest.fixture(scope="module")
-def slider_pendulum() -> rj.Trajectory:
-    """Cart of 1 kg on the x axis with a spring to the origin, and a pendulum of 1 kg and 1 kg m²
-    hinged to it at half its length of 1 m, released from the horizontal; gravity 10 m/s².
-
-    Project Chrono, unit test utest_CH_slider_pend: the rigid twin of the chapter's example.
-    """
-    slider = rj.RigidBody("slider", mass=1.0, inertia=1.0)
-    pendulum = rj.RigidBody("pendulum", mass=1.0, inertia=1.0, position=(0.5, 0.0))
-    scene = rj.Scene(
-        bodies=[slider, pendulum],
-        joints=[
-            rj.PointOnLine(slider.at(), rj.ground.at()),
-            rj.FixedAngle(slider.at(), rj.ground.at()),
-            rj.Revolute(slider.at(), pendulum.at((-0.5, 0.0))),
-        ],
-        effects=[
-            rj.Spring(slider.at(), rj.ground.at(), stiffness=10.0),
-            rj.Gravity((0.0, -10.0)),
-        ],
-    )
-    return zoo.run(rj.assemble(scene), np.array([0.0, 1.0, 5.0]))
+PROBLEMS = {p.name: p for problems in verification.THEMES.values() for p in problems}
+RECORD = json.loads((ROOT / "benchmarks" / "verification.json").read_text())
+FLOORS = record.floors()["verification"]
+# Of every kind one; what takes long is left to the program that measures all of them.
+FAST = {"pendulum", "cart and pendulum", "hanging bars", "bouncing ball"}
+LONG = {
+    "two four-bars",
+    "Bricard's loop",
+    "bar on a torsion spring",
+    "Newton's cradle",
+    "flap of a rotating blade",
+    "whirl of a shaft",
+    "flexible slider crank by six modes",
+    "slope of the time of an event",
+}
+GROUPS = {**dict.fromkeys(FAST, ()), **dict.fromkeys(LONG, pytest.mark.exhaustive)}
+CASES = [
+    pytest.param(name, marks=GROUPS.get(name, pytest.mark.slow)) for name in verification.NAMES
+]
 
 
-@pytest.mark.parametrize(
-    ("place", "q", "v"),
-    [
-        (
-            1,
-            # x of the slider, x, y, φ of the pendulum
-            [0.245029342917678, 0.125147664024744, -0.485415680696258, -1.812918418362238],
-            [0.343720163146326, -2.800896418405298],  # ẋ of the slider, φ̇ of the pendulum
-        ),
-        (
-            2,
-            [-0.504537462593492, -0.782864584168284, -0.415372138444421, -2.161149245960109],
-            [-1.379788493752874, -0.873267630490026],
-        ),
-    ],
-    ids=["t=1", "t=5"],
-)
-def test_slider_pendulum(slider_pendulum, place, q, v):
-    """Positions and velocities at 1 s and 5 s, from a solution in 40-digit arithmetic."""
-    found_q, found_v = np.asarray(slider_pendulum.q[place]), np.asarray(slider_pendulum.v[place])
-    assert np.allclose(found_q[[0, 3, 4, 5]], q, rtol=0, atol=PUBLISHED)
-    assert np.allclose(found_v[[0, 5]], v, rtol=0, atol=PUBLISHED)
+@pytest.mark.parametrize("name", CASES)
+def test_digits(name):
+    """As many as the floor asks for; the program that computes all of them compares times, too."""
+    problem = PROBLEMS[name]
+    found = [float(x) for x in problem.found()]
+    wanted = list(problem.right().values())
+    assert verification.digits(found, wanted, problem.scale) >= FLOORS[verification.ratio(name)]
+
+
+@pytest.mark.instant
+def test_problems_are_told_in_full():
+    """Each has a statement, a source, two ways and a floor, and stands in the record."""
+    assert len(PROBLEMS) == len(verification.NAMES) >= 40
+    for name, problem in PROBLEMS.items():
+        assert 1 <= len(problem.statement.splitlines()) <= 2, name
+        assert problem.source, name
+        assert len({*problem.ways}) == 2, name
+        assert all(problem.ways), name
+    assert {verification.ratio(name) for name in PROBLEMS} == set(FLOORS)
+    assert set(RECORD["data"]) == set(PROBLEMS)
+    assert [name for name, one in RECORD["ratios"].items() if one["value"] < FLOORS[name]] == []
+
+
+@pytest.mark.instant
+def test_right_values_are_those_of_both_ways():
+    """Of those whose second way is printed or takes no time; and the record has these values."""
+    for name in ("elastica at 10", "whirl of a rigid rotor", "floating platform", "bouncing ball"):
+        problem = PROBLEMS[name]
+        right = problem.right()
+        assert verification.digits(problem.again(), list(right.values()), problem.scale) > 10
+        assert RECORD["data"][name]["right"] == pytest.approx(right, rel=1e-12)
+
+
+@pytest.mark.instant
+def test_digits_are_counted():
+    count = verification.digits
+    assert count([1.001, 200.0], [1.0, 200.0]) == pytest.approx(3)
+    assert count([1e-9, 1.0], [0.0, 1.0], scale=1.0) == pytest.approx(9)
+    assert count([1.0], [1.0]) == 16
+    assert count([np.nan], [1.0]) == count([1.0, 2.0], [1.0]) == 0
 
 
 def crosswise(t, q, v):
@@ -149,31 +163,3 @@ def test_mode_shapes_are_orthonormal(axis, shapes):
     slope = sign * slopes[:, across, :, lengthwise]
     largest = np.max(np.abs(slope))
     assert np.allclose(values[:, 2], slope, rtol=0, atol=IDENTITY * largest)
-
-
-@pytest.mark.slow
-def test_rigid_slider_crank():
-    """Crank, rod and slider driven by 0.1 N m until 2 s, then free: 28-digit computation."""
-    crank = bar("crank", (0, 0), (0.1, 0), 0.2)
-    rod = bar("rod", (0.1, 0), (0.4, 0), 0.2)
-    slider = rj.RigidBody("slider", 0.4, 0.0004, position=(0.4, 0.0))
-    joints = [
-        rj.Revolute(ends(crank)[0], rj.ground.at()),
-        rj.Revolute(ends(rod)[0], ends(crank)[1]),
-        rj.Revolute(ends(rod)[1], slider.at()),
-        rj.PointOnLine(slider.at(), rj.ground.at()),
-        rj.FixedAngle(slider.at(), rj.ground.at()),
-    ]
-    driven, free = (
-        rj.assemble(rj.Scene([crank, rod, slider], joints, [rj.Torque(crank.at(), signal)]))
-        for signal in (rj.Constant(0.1), rj.Constant(0.0))
-    )
-    settings = {"rtol": TIGHT / 100, "stabilization": rj.Projection()}
-    first = zoo.run(driven, np.array([0.0, 0.3, 2.0]), **settings)
-    then = zoo.run(free, np.array([2.0, 3.0]), q0=first.q[-1], v0=first.v[-1], **settings)
-    for motion, wanted in (
-        (first, [1.4527988230446317, 6.4377456282995766, 0.2948599870005706]),
-        (then, [108.70661036342387, 46.087278403636394, 0.2529895275806229]),
-    ):
-        found = [motion.q[1, 2], motion.v[1, 2], motion.q[1, 6]]
-        assert np.allclose(found, wanted, rtol=SOLVED, atol=0)

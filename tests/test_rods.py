@@ -4,10 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import scipy.optimize
-import scipy.special
 from comparison import assert_close
 from tolerances import IDENTITY
+from verification_problems.far import cantilever, tip, torque
 
 import romjax as rj
 from romjax.system import dynamics
@@ -15,14 +14,7 @@ from romjax.system import dynamics
 # Of identities of a rod in one frame: sums of some hundred terms, each to some units of the last
 # place, of two expressions that share them.
 ALIKE = 1e-13
-# A cantilever under a dead load across its tip, P L²/EI: angle, deflection and shortening, each in
-# units of the length, by elliptic integrals (Bisshopp and Drucker 1945, doi:10.1090/qam/13360).
-ELASTICA = {
-    1.0: (0.461351949712, 0.301720773800, 0.0564332362834),
-    2.0: (0.781749831557, 0.493457480397, 0.160641720825),
-    5.0: (1.215368117612, 0.713791523612, 0.387628360725),
-    10.0: (1.43028553880385753, 0.81060902488029645, 0.55499559775375127),
-}
+CRITICAL = 1e-9  # relative, of frequencies
 # Kinds of rods: (options).
 KINDS = {
     "inextensible": {},
@@ -36,92 +28,13 @@ def rod(modes=6, kind="inextensible", **options) -> rj.Rod:
     return rj.Rod("rod", 0.7, 1.3, 2.0, modes, **{"rotary": 0.01, **KINDS[kind], **options})
 
 
-def cantilever(modes, load, gravity=0.0) -> tuple[rj.AbstractSystem, rj.Rod]:
-    """A straight rod of one metre, one kilogram and EI = 1, clamped to the ground, under the `load`
-    of a function of the marker at its tip, and gravity against its axis.
-    """
-    blade = rj.Rod("blade", 1.0, 1.0, 1.0, modes).placed("start", rj.ground.pose((0.0, 0.0)))
-    clamp = rj.Weld(blade.at("start"), rj.ground.at((0.0, 0.0)))
-    effects = [load(blade.at("end")), rj.Gravity((-gravity, 0.0))]
-    return rj.assemble(rj.Scene([blade], [clamp], effects)), blade
-
-
-def tip(modes: int, load) -> rj.Pose:
-    """Where the tip of a cantilever is in equilibrium, found from the straight start at once."""
-    system, blade = cantilever(modes, load)
-    q = rj.equilibrium(system)
-    return blade.started(q, np.zeros_like(q)).pose("end")
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(("circles", "tol"), [(1, IDENTITY), (2, 5 * IDENTITY)])
-def test_a_torque_rolls_a_rod_up(circles, tol):
+def test_a_torque_rolls_a_rod_up():
     """Two circles are what the Gauss points of a rod with few modes just see."""
-    turn = 2 * np.pi * circles
-    end = tip(4, lambda at: rj.Torque(at, rj.Constant(turn)))
-    assert_close(end.angle, turn, IDENTITY, turn)
-    assert_close(end.position, [0.0, 0.0], tol)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("modes", "tol"), [(8, 5e-9), (10, 1e-10)])
-def test_dead_loads_bend_a_cantilever_as_the_elastica(modes, tol):
-    for load, wanted in ELASTICA.items():
-        end = tip(modes, lambda at, load=load: rj.Force(at, (0.0, 1.0), rj.Constant(load)))
-        x, y = np.asarray(end.position)
-        assert_close(np.array([end.angle, y, 1 - x]), wanted, tol)
-
-
-# Columns: loads under which the straight one is no longer stable, and its frequencies below them.
-
-COLUMN = 10  # amplitudes
-CRITICAL = 1e-9  # relative
-
-
-def squares(load, gravity=0.0) -> np.ndarray:
-    """ω² of a loaded cantilever, ascending, of the linear model about the straight rod."""
-    model = rj.linearize(cantilever(COLUMN, load, gravity)[0], {}, ())
-    count = model.shapes.shape[1]
-    # Of the inverse, whose largest eigenvalues are the accurate ones.
-    return np.sort(1 / np.linalg.eigvals(-np.linalg.inv(model.A[count:, :count])).real)
-
-
-def along(frame: str, size: float):
-    """A load along the axis that compresses: dead, or one that follows the tip."""
-    return lambda at: rj.Force(at, (-1.0, 0.0), rj.Constant(size), frame=frame)
-
-
-@pytest.mark.slow
-def test_columns_buckle_under_dead_loads():
-    """At π²/4 EI/L² under a force (Euler), at 9/4 j² EI/L³ of a weight per length (Greenhill), j
-    the first zero of the Bessel function of order −1/3.
-    """
-    j = scipy.optimize.brentq(lambda x: scipy.special.jv(-1 / 3, x), 1.0, 2.5, xtol=1e-15)
-    force = lambda p: np.min(1 / squares(along("world", p)))  # noqa: E731
-    weight = lambda g: np.min(1 / squares(along("world", 0.0), g))  # noqa: E731
-    for flexibility, critical in ((force, np.pi**2 / 4), (weight, 9 / 4 * j**2)):
-        below, above = critical * (1 - CRITICAL), critical * (1 + CRITICAL)
-        # The flexibility 1/ω² is positive up to the critical load, and then one is negative.
-        assert flexibility(below) > 0 > flexibility(above)
-
-
-@pytest.mark.slow
-def test_a_column_under_a_load_that_follows_it_has_becks_frequencies():
-    """2 ω² + P² + 2 ω² cosh a cos b + P ω sinh a sin b = 0 in units of EI, L and m, with a² and
-    −b² the roots x of x² + P x − ω² (Beck 1952, doi:10.1007/BF02008828), up to flutter.
-    """
-
-    def unbalanced(omega: float, load: float) -> float:
-        root = np.sqrt(load**2 / 4 + omega**2)
-        a, b = np.sqrt(root - load / 2), np.sqrt(root + load / 2)
-        waves = 2 * omega**2 * np.cosh(a) * np.cos(b) + load * omega * np.sinh(a) * np.sin(b)
-        return load**2 + 2 * omega**2 + waves
-
-    for load in (5.0, 15.0, 19.0):
-        for omega in np.sqrt(squares(along("body", load))[:2]):
-            near = (omega * (1 - 1e-4), omega * (1 + 1e-4))
-            exact = scipy.optimize.brentq(unbalanced, *near, args=(load,), xtol=1e-14)
-            assert_close(omega, exact, CRITICAL, exact)
+    turn = 4 * np.pi
+    angle, across, shortening = tip(cantilever(4, torque(turn)))
+    assert_close(angle, turn, IDENTITY, turn)
+    assert_close(np.array([across, shortening]), [0.0, 1.0], 5 * IDENTITY)
 
 
 # The mechanics of one rod.

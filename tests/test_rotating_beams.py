@@ -21,8 +21,8 @@ from spatial_beams import (
     small_motion,
     turning,
 )
-from test_beams import stiffened
 from tolerances import DIFFERENCED, SOLVED
+from verification_problems.turning import stiffened
 
 import romjax as rj
 from romjax import spatial

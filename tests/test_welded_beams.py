@@ -6,29 +6,17 @@ import numpy as np
 import pytest
 from comparison import assert_close
 from tolerances import SOLVED
+from verification_problems.rest import EI, LENGTH, MASS, cantilever
 
 import romjax as rj
 from romjax import spatial
 from romjax.scene.body.modes import bending_roots, bending_shapes
 from romjax.system import dynamics
 
-LENGTH, MASS, EI = 1.3, 0.7, 3.0
-
 
 def in_the_plane(count, modes, loads, **options):
     """A cantilever of so many beams along x, with a force across its tip and a moment there."""
-    size, mass = LENGTH / count, MASS / count
-    beams = [
-        rj.Beam(
-            f"beam{i}", mass, size, EI=EI, modes=modes, position=((i + 0.5) * size, 0.0), **options
-        )
-        for i in range(count)
-    ]
-    ends = [rj.ground.at(), *(beam.at("end") for beam in beams)]
-    welds = [rj.Weld(beam.at("start"), end) for beam, end in zip(beams, ends, strict=False)]
-    force, moment = (rj.Constant(load) for load in loads)
-    effects = [rj.Force(ends[-1], (0.0, 1.0), force), rj.Torque(ends[-1], moment)]
-    return rj.assemble(rj.Scene(beams, welds, effects))
+    return rj.assemble(cantilever(*loads, count=count, modes=modes, **options))
 
 
 def in_space(count, modes, loads):

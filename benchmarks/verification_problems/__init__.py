@@ -1,0 +1,1 @@
+"""The problems that romjax is held to, by theme; `verification` goes through them."""

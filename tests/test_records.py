@@ -1,0 +1,92 @@
+"""Records of benchmarks as JSON, and the numbers that pages have from them."""
+
+import re
+
+import figures
+import pytest
+import record
+import texts
+import verified
+from documents import BLOCK, PAGES, ROOT
+
+FOLDER = ROOT / "benchmarks"
+ROLE = re.compile(r"\{figure\}`([^`]+)`")
+TABLES = re.compile(r"^```\{figures\} (\w+)\n:tables: (.*)\n:columns: (.*)\n", re.MULTILINE)
+# Pages all of whose measured numbers are from records. What is set, such as a tolerance, is code.
+CONVERTED = ("docs/howto/choose_a_reduction.md", "docs/reference/limits.md")
+MEASURED = re.compile(r"\d(?:\.\d+)?e[-+]?\d+|\d\s?(?:µs|us|ms|s|min|h|%)(?!\w)")
+RECORDS = sorted(path.stem for path in FOLDER.glob("*.json"))
+
+pytestmark = pytest.mark.instant
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_both_forms_say_the_same(name):
+    """A text that is newer is read by `python benchmarks/texts.py NAME`."""
+    made = figures.record(name)
+    text = texts.read((FOLDER / f"{name}.txt").read_text())
+    assert (made["made"], made["tables"]) == (text["made"], text["tables"])
+    assert list(made["ratios"]) == list(text["ratios"])
+    assert made["commit"]
+
+
+def test_what_pages_name_is_in_the_records():
+    roles = [(page, path) for page, text in PAGES.items() for path in ROLE.findall(text)]
+    assert len(roles) > 30
+    assert all(figures.figure(path) for _, path in roles)
+    tables = [found for text in PAGES.values() for found in TABLES.findall(text)]
+    for name, above, columns in tables:
+        named = [[x.strip() for x in words.split("|")] for words in (above, columns)]
+        assert figures.rows_of(name, *named)
+
+
+@pytest.mark.parametrize("page", CONVERTED)
+def test_no_measured_number_is_typed(page):
+    text = re.sub(r"`[^`]*`", "", BLOCK.sub("", PAGES[page]))
+    assert [line for line in text.splitlines() if MEASURED.search(line)] == []
+
+
+@pytest.mark.parametrize("typed", ["takes 105 ms", "errs by 1.5e-4", "in 3 s", "by 80 % on"])
+def test_typed_numbers_are_seen(typed):
+    assert MEASURED.search(typed)
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("nothing; a; b; c", "no record benchmarks/nothing.json"),
+        ("reduction; four-bar, 5 s; local; ms", "0 rows begin with 'local'"),
+        ("reduction; four-bar; table; ms", "2 tables begin with 'four-bar'"),
+        ("reduction; four-bar, 5 s; table; mass", "0 columns begin with 'mass'"),
+        ("reduction; four-bar, 5 s; table", "is no 'record; table; row; column'"),
+    ],
+)
+def test_what_names_nothing_is_refused(path, words):
+    with pytest.raises(ValueError, match=re.escape(words)):
+        figures.figure(path)
+
+
+def test_a_record_and_its_text():
+    """Written as it is read again, empty cells and long names of ratios included."""
+    rows = [["model", "r", "error [m]"], ["full", "", "1e-9"], ["galerkin", "4", "2e-4"]]
+    ratios = {"a ratio whose name is so long that it takes two lines / the other": 2.0}
+    section = record.Section("Some models:", rows, ratios, data={"full": {"digits": 9.0}})
+    judged = record.judge("made_up", ratios, {})
+    heading = "2026-01-02, a machine,\nits system."
+    text = f"{heading}\n\n{section}\n\n{record.MEANING}\n\n{record.verdicts(judged)}\n"
+    read = texts.read(text)
+    assert read["tables"] == [{"text": "Some models:", "columns": rows[0], "rows": rows[1:]}]
+    assert read["ratios"] == {name: {"value": 2.0, "floor": None} for name in ratios}
+    as_json = figures.json.loads(record.as_json(heading, "abc", [section], judged))
+    assert as_json == {**read, "commit": "abc", "data": {"full": {"digits": 9.0}}}
+
+
+def test_the_page_of_verification():
+    """Each problem with its place in the summary, its source and its picture."""
+    page = verified.text()
+    data = figures.record("verification")["data"]
+    assert page.count("\n### ") == len(data) >= 40
+    assert page.count("**Source:**") == page.count("**Met:**") == len(data)
+    assert page.count("<svg") >= 40
+    for name in data:
+        assert f"[{name}](#{verified.anchor(name)})" in page
