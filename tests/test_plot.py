@@ -87,6 +87,41 @@ def test_response_of_a_custom_system_has_no_units(truth):
     assert panels(plot.response(own))[0].get_ylabel() == "q1"
 
 
+def oscillator(name="x") -> rj.LinearModel:
+    """Of x'' + 0.2 x' + 4 x = u, x and x' are given out."""
+    a, b = np.array([[0.0, 1.0], [-4.0, -0.2]]), np.array([[0.0], [1.0]])
+    names = ("z", "z'"), ("u",), (name, f"{name}'")
+    return rj.LinearModel(a, b, np.eye(2), np.zeros((2, 1)), np.eye(1), *names)
+
+
+def test_bode_shows_magnitude_and_phase():
+    omega = np.array([0.5, 2.0, 8.0])
+    size, phase = panels(plot.bode(oscillator(), omega=omega))
+    wanted = 1 / (4 - omega**2 + 0.2j * omega)
+    for axes, values in (
+        (size, 20 * np.log10(np.abs(wanted))),
+        (phase, np.angle(wanted, deg=True)),
+    ):
+        at, found = data(axes.lines[0])
+        np.testing.assert_array_equal(at, omega)
+        np.testing.assert_allclose(found, values, rtol=IDENTITY)
+    assert [line.get_label() for line in size.lines] == ["x", "x'"]
+    whole = data(panels(plot.bode(oscillator()))[0].lines[0])[0]
+    np.testing.assert_allclose(whole[[0, -1]], [0.2, 20.0], rtol=IDENTITY)
+
+
+@pytest.mark.instant
+def test_bode_refuses_what_it_cannot_draw():
+    for arguments, settings, words in (
+        ((), {}, "no model"),
+        ((oscillator(), oscillator("y")), {}, "linearize both with the same"),
+        ((oscillator(),), {"labels": ["a", "b"]}, "2 labels for 1 models"),
+        ((oscillator(),), {"omega": [0.0, 1.0]}, "must be positive"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            plot.bode(*arguments, **settings)
+
+
 def test_response_shows_the_largest_of_many():
     many = motion(rj.gallery.chain(4))
     figure = plot.response(many)

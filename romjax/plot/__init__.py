@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .figures.accuracy import accuracy as accuracy
+    from .figures.bode import bode as bode
     from .figures.errors import errors as errors
     from .figures.modes import modes as modes
     from .figures.reduction import reduction as reduction
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 # Functions, and the modules of `figures` that define them.
 _FIGURES = {
     "accuracy": "accuracy",
+    "bode": "bode",
     "errors": "errors",
     "modes": "modes",
     "reduction": "reduction",
