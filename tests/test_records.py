@@ -13,7 +13,12 @@ FOLDER = ROOT / "benchmarks"
 ROLE = re.compile(r"\{figure\}`([^`]+)`")
 TABLES = re.compile(r"^```\{figures\} (\w+)\n:tables: (.*)\n:columns: (.*)\n", re.MULTILINE)
 # Pages all of whose measured numbers are from records. What is set, such as a tolerance, is code.
-CONVERTED = ("docs/howto/choose_a_reduction.md", "docs/reference/limits.md")
+CONVERTED = (
+    "docs/howto/batches_and_sweeps.md",
+    "docs/howto/choose_a_reduction.md",
+    "docs/reference/faq.md",
+    "docs/reference/limits.md",
+)
 MEASURED = re.compile(r"\d(?:\.\d+)?e[-+]?\d+|\d\s?(?:µs|us|ms|s|min|h|%)(?!\w)")
 RECORDS = sorted(path.stem for path in FOLDER.glob("*.json"))
 

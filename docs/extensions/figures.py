@@ -150,7 +150,10 @@ class Figures(Directive):
             rows = rows_of(self.arguments[0], tables, columns)
         except ValueError as error:
             raise self.error(f"figures: {error}") from error
-        return [_table(["mechanism", *columns], rows, self.options.get("left", 1))]
+        head = ["mechanism", *columns]
+        if len(tables) == 1:  # which the page has named
+            head, rows = columns, [row[1:] for row in rows]
+        return [_table(head, rows, self.options.get("left", 1))]
 
 
 def setup(app: "Sphinx") -> dict[str, Any]:
