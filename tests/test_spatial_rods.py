@@ -5,13 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
+from jaxtyping import Array, Float
 from test_rods import ALIKE
-from test_rods_in_motion import Pulse
 from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
 from romjax import spatial as r
 from romjax.linalg import quaternions
+from romjax.scene.fields import number
 from romjax.system import dynamics
 
 # Kinds of rods: (options).
@@ -33,7 +34,7 @@ def rod(modes=7, **options) -> r.Rod:
     return r.Rod("rod", 0.7, 1.3, (2.0, 1.5), 1.0, (0.02, 0.01, 0.015), modes, **options)
 
 
-def tip(length, stiffness, curvature, force, torque) -> tuple[np.ndarray, ...]:
+def tip(length, stiffness, curvature, force, torque, axis) -> tuple[np.ndarray, ...]:
     """Where the end of a rod is by the axes of its start, which is clamped to the ground, how it
     has moved, and how it is turned: in one call from the undeformed rod.
     """
@@ -45,7 +46,7 @@ def tip(length, stiffness, curvature, force, torque) -> tuple[np.ndarray, ...]:
     clamp = rj.ground.at((0.0, 0.0, 0.0), rotation=axes)
     loads = [
         rj.Force(first.at("end"), (0.0, 0.0, 1.0), rj.Constant(force)),
-        r.Torque(first.at("end"), torque, rj.Constant(np.linalg.norm(torque))),
+        r.Torque(first.at("end"), axis, rj.Constant(torque)),
     ]
     system = rj.assemble(rj.Scene([first], [r.Weld(first.at("start"), clamp)], loads))
     q = rj.equilibrium(system)
@@ -63,7 +64,7 @@ def test_rods_roll_up_and_bend_out_of_their_plane():
     circle (1979, doi:10.1002/nme.1620140703) under a load across, to the digits of another code.
     """
     for axis in np.eye(3)[1:]:
-        place, _, turned = tip(1.0, (1.0, 20.0, 30.0), 0.0, 0.0, 2 * np.pi * axis)
+        place, _, turned = tip(1.0, (1.0, 20.0, 30.0), 0.0, 0.0, 2 * np.pi, axis)
         assert_close(place, np.zeros(3), IDENTITY)
         assert_close(turned, np.eye(3), 10 * IDENTITY)
     for load, exact in {
@@ -71,9 +72,55 @@ def test_rods_roll_up_and_bend_out_of_their_plane():
         600.0: (-13.6050230096, 53.4761081403, -23.5612967857),
     }.items():
         stiffness = 8.333e5, 1e7, 41.6667e5
-        _, moved, _ = tip(25 * np.pi, stiffness, 0.01, load, 1e-300 * np.eye(3)[0])
+        _, moved, _ = tip(25 * np.pi, stiffness, 0.01, load, 0.0, np.eye(3)[0])
         along, radial, aside = moved
         assert_close(np.array([radial, aside, along]), exact, 1e-7)
+
+
+# Sections by forces along, then torques about x, y and z.
+COMPOSITE = np.diag([1368.17e3, 88.56e3, 38.78e3, 16.96e3, 59.12e3, 141.47e3])
+COMPOSITE[3:, 3:] += [[0, 17.61e3, -351.0], [17.61e3, 0, -370.0], [-351.0, -370.0, 0]]
+ISOTROPIC = np.diag([2.5e10, 8.2604167e9, 8.2604167e9, 1.41872656e8, 5.20833e8, 1.30208333e8])
+
+
+@pytest.mark.slow
+def test_coupled_and_twisted_sections_under_a_load_at_the_tip():
+    """A composite beam, and one that is twisted by a right angle (Wang, Sprague, Jonkman, Johnson
+    and Jonkman 2017, Wind Energy 20, 1439–1462), to the digits of two codes.
+    """
+    composite = -0.0902726627566, -0.0647488486259, 1.22973648292371
+    twisted = -1.14152599954, -1.71805334647, -3.59321324027
+    for matrix, twist, load, exact in (
+        (COMPOSITE, 0.0, 150.0, composite),
+        (ISOTROPIC, np.pi / 20, -4e6, twisted),
+    ):
+        beam = r.Rod.of_stiffness(
+            "beam", 1.0, 10.0, matrix, (0.02, 0.01, 0.01), 60, nodes=24, curvature=(twist, 0.0, 0.0)
+        )
+        assert_close(np.asarray(_deflection(beam, jnp.asarray(load))), exact, 1e-8)
+
+
+@jax.jit
+def _deflection(beam, load):
+    """How the end moves against the start, by the axes there, for a force along its z."""
+    start, end = (beam.prepare(jnp.array([s * 5.0, 0.0, 0.0])) for s in (-1, 1))
+
+    def place(a):
+        origin, turn = beam.local_pose(start, a)
+        arm = beam.local_pose(end, a)[0] - origin
+        return quaternions.rotate(quaternions.conjugate(turn), arm)
+
+    def potential(a, share):
+        energy = beam.elastic_energy(jnp.concatenate([jnp.zeros(7), a]))
+        return energy - share * load * place(a)[2]
+
+    def step(a, share):
+        slope, stiffness = jax.grad(potential)(a, share), jax.hessian(potential)(a, share)
+        return a - jnp.linalg.solve(stiffness, slope), None
+
+    none = jnp.zeros(beam.modes)
+    shares = jnp.concatenate([jnp.linspace(0.1, 1.0, 10), jnp.ones(6)])
+    return place(jax.lax.scan(step, none, shares)[0]) - place(none)
 
 
 # The mechanics of one rod.
@@ -129,6 +176,15 @@ def test_a_rod_that_bends_in_a_plane_is_the_planar_one():
         angle = np.asarray(planar.angle)
         assert_close(x, [np.cos(angle), np.sin(angle), 0.0], ALIKE)
         assert_close(y, [-np.sin(angle), np.cos(angle), 0.0], ALIKE)
+
+
+class Pulse(rj.AbstractSignal):
+    """size · sin²(π t / 2.5) until 2.5 s."""
+
+    size: Float[Array, ""] = number()
+
+    def __call__(self, t):
+        return jnp.where(t < 2.5, self.size * jnp.sin(jnp.pi * t / 2.5) ** 2, 0.0)
 
 
 @pytest.mark.slow

@@ -28,10 +28,10 @@ MOMENTS = np.array(
         [10 / 3, -20 / 3, 10 / 3],
     ]
 )
-# Series of θ² in place of quotients below θ = 1: cos ½θ, sin ½θ / ½θ, both by ¼ θ²,
+# Series of θ² in place of quotients below θ = 0.2: cos ½θ, sin ½θ / ½θ, both by ¼ θ²,
 # and of (θ − sin θ)/θ³.
 _SHARES = np.array([0.25, 0.25, 1.0])
-_SERIES = [[1 / math.factorial(2 * n + k) for k in (0, 1, 3)] for n in range(9)]
+_SERIES = [[1 / math.factorial(2 * n + k) for k in (0, 1, 3)] for n in range(5)]
 # The entries of x̃ by those of x.
 _SKEW = np.zeros((3, 3, 3))
 for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -128,7 +128,7 @@ def _coefficients(omega: Float[Numbers, "... 3"]) -> Float[Numbers, "... 3"]:
     """Return cos ½θ, sin ½θ / ½θ and (θ − sin θ)/θ³, good at zero with their derivatives."""
     xp = namespace(omega)
     square = (omega * omega).sum(axis=-1)[..., None]
-    small = square < 1
+    small = square < 0.04
     few = xp.where(small, square, 0) * _broadcast(_SHARES, omega.ndim)
     many = xp.where(small, 1, square)
     half = 0.5 * xp.sqrt(many)
