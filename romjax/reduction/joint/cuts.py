@@ -86,7 +86,7 @@ class Cut(eqx.Module):
         return differentiate(residual, t, *[jnp.concatenate(x, axis=1) for x in each])
 
     def jacobian(self, t: Time, tree: Tree, state: Any) -> Float[Array, "m r"]:
-        """C_z, from the motion of the bodies for unit rates of z, `state.pushed`."""
+        """C_z, from the motion of the bodies for unit rates of z, which the state has."""
         moving = marker_motion(tree, self._markers, self.owners, state)
         size = moving.twists.shape[1]
         pushed = jnp.moveaxis(state.pushed, 0, 2)  # (bodies, size, r)
