@@ -149,7 +149,8 @@ class AssembledSystem(AbstractSystem):
 
     def force(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " n"]:
         own = [group.force(self.fields, q, v) for group in self.bodies]
-        return self.body_force(own, q) + self.effect_force(t, q, v)
+        total = self.body_force(own, q)
+        return total if self.effect_markers is None else total + self.effect_force(t, q, v)
 
     def body_force(
         self, own: Sequence[Float[Array, "count size"] | None], q: Float[Array, " n"]
