@@ -279,6 +279,7 @@ def test_files_keep_what_is_set(tmp_path, capsys):
         rj.load_scene(path)
 
 
+@pytest.mark.slow
 def test_check_says_what_moves_and_warns_of_much(tmp_path, capsys):
     """An offset that is given moves the bar by 60 degrees."""
     path = tmp_path / "bar.toml"

@@ -54,6 +54,7 @@ def test_all_directions_of_a_driven_four_bar(decompose):
     assert error(rom, "four-bar", 1.1) <= FULL
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("formulation", ["minimal", "table"])
 def test_without_freedom_a_model_is_kinematics(formulation):
     """Positions, speeds and the torque of the drive, of another drive too, in hardly a step."""

@@ -87,6 +87,7 @@ def test_disc_rolls_in_a_circle():
     assert np.max(np.abs(moved.imbalance)) <= 1e-9
 
 
+@pytest.mark.slow
 def test_ball_on_a_turntable_goes_in_a_circle():
     """Two turns for seven of the table, if it is homogeneous."""
     radius, spin, speed = 0.1, 3.0, 0.4
@@ -134,6 +135,7 @@ def test_rows_are_kept_in_a_reduction():
             rj.reduce(system, basis, formulation)
 
 
+@pytest.mark.slow
 def test_modes_and_equilibrium_at_rest():
     """Along the edge a spring moves the mass, and across it nothing does."""
     body = rj.RigidBody("body", MASS, INERTIA)

@@ -50,6 +50,7 @@ def test_force_and_stiffness(dimension):
     assert np.all(np.isfinite(slope))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_modes(dimension):
     """√(k/m), as for a spring to which no rest length is given."""

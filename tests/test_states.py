@@ -97,6 +97,7 @@ def test_linear_model_has_the_states():
         rj.linearize(system, {"control": pid}, ["cart.x"])
 
 
+@pytest.mark.slow
 def test_equilibrium_finds_states_and_runs_stay_there():
     system = rj.assemble(controlled())
     q = rj.equilibrium(system)
@@ -199,6 +200,7 @@ def test_gradients_and_batches():
     assert np.allclose(many, [late(gains), late(1.1 * gains)], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_files_and_events(tmp_path):
     scene = controlled(lag=LAG, start=1.5)
     scene.save(tmp_path / "pid.toml")
@@ -241,6 +243,7 @@ def test_an_effect_of_ones_own_is_one_class():
     assert np.allclose(moved["Lagging(cart).late"], wanted[:, 1], atol=EXACT)
 
 
+@pytest.mark.slow
 def test_local_bases_keep_states():
     """All modes are the full model to rounding; fewer err as they do without a controller."""
     arm = rj.Beam("arm", 1.0, 1.0, frequencies=[4.0, 11.0, 30.0])

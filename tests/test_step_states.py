@@ -68,6 +68,7 @@ def test_states_are_saved(runs, tmp_path):
     assert np.array_equal(rj.pod(loaded).values, rj.pod(runs[0]).values)
 
 
+@pytest.mark.slow
 def test_who_has_none(pair):
     """Mechanisms without contacts, and lanes of a batch, in which they would need much room."""
     assert zoo.motion(zoo.bar).states is None

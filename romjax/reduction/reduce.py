@@ -65,7 +65,7 @@ def reduce(
     if basis.modes.shape[0] != system.n:
         raise ReductionError(
             f"reduce: the basis has {basis.modes.shape[0]} coordinates and the system {system.n}; "
-            "make the basis from a simulation of this system."
+            "make the basis from a simulation of this system, which must be a full one."
         )
     try:
         return remember_training(chosen.reduce(system, basis), basis, chosen)
