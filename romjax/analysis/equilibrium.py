@@ -102,16 +102,18 @@ def _solve(
     def left(q: Array, multipliers: Array, load: Array) -> Array:
         return statics.residual(q, multipliers) - (1 - load) * forces
 
-    def linear(q: Array, multipliers: Array) -> Linear:
-        return Linear.of(statics.matrix(q, multipliers), sizes)
-
     def newton(q: Array, multipliers: Array, load: Array) -> tuple[Array, Array, Array]:
-        def step(x: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], None]:
-            change = linear(*x).solve(left(*x, load))
-            return (x[0] - change[:n], x[1] - change[n:]), None
+        # The matrix at the last point only tells what rounding leaves. It is that of one step more,
+        # whose result nobody takes, so that the program contains it once.
+        def step(x: tuple[Array, Array, Array, Array, Array], _: None) -> tuple[Any, None]:
+            at, unbalanced = x[:2], left(*x[:2], load)
+            linear = Linear.of(statics.matrix(*at), sizes)
+            change = linear.solve(unbalanced)
+            balanced = linear.balances(unbalanced, *at, largest)
+            return (at[0] - change[:n], at[1] - change[n:], *at, balanced), None
 
-        x, _ = jax.lax.scan(step, (q, multipliers), None, length=_STEPS)
-        return *x, linear(*x).balances(left(*x, load), *x, largest)
+        begin = q, multipliers, q, multipliers, jnp.zeros((), bool)
+        return jax.lax.scan(step, begin, None, length=_STEPS + 1)[0][2:]
 
     def advance(now: _Reached) -> _Reached:
         load = jnp.minimum(now.load + now.step, 1.0)
@@ -140,7 +142,9 @@ def _balancing(statics: Statics, sizes: Float[Array, " n"]) -> Float[Array, " M"
     `sizes`: those of a mechanism with the mass D⁻².
     """
     n, none = len(sizes), jnp.zeros(unit_length.count(statics.system), sizes.dtype)
-    matrix = statics.matrix(statics.start, none).at[:n, :n].set(jnp.diag(sizes**-2))
+    rows = jax.jacfwd(statics.constraint)(statics.start)
+    below = jnp.concatenate([rows, jnp.zeros((len(none), len(none)), rows.dtype)], axis=1)
+    matrix = jnp.concatenate([jnp.concatenate([jnp.diag(sizes**-2), rows.T], axis=1), below])
     unbalanced = statics.residual(statics.start, none).at[n:].set(0)
     return -Linear.of(matrix, sizes).solve(unbalanced)[n:]
 
