@@ -40,6 +40,7 @@ def test_models_are_chosen_by_structure():
     assert kinds(bodies=8, freedoms=8, loops=False, steps=5000)[:2] == ["minimal", "hyper"]
     assert kinds(**bent, drives=1)[0] == "galerkin"
     assert "local" not in kinds()
+    assert kinds(loops=False, space=True)[0] == "joint"
     assert "capped" not in kinds(modes=4, freedoms=5)
 
 

@@ -82,6 +82,7 @@ _KINEMATICS = "drives prescribe the motion, so that positions follow without any
 _KINDS = {
     "galerkin": "few modes of all coordinates leave out what is stiff.",
     "minimal": "the joints hold exactly, and no stiff direction is left.",
+    "joint": "its joints hold exactly, by recursion from body to body.",
     "local": "its bodies keep the few shapes that the motion excites, and their joints.",
     "capped": "its fastest modes follow their loads, with no vibration of their own.",
     "table": "the configurations are looked up, no constraint is solved.",

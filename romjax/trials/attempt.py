@@ -9,9 +9,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..assembly.assembled import AssembledSystem
+from ..basis.decomposition.pod import POD
 from ..common.errors import InputError, ReductionError
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
+from ..reduction.reduce import reduce
 from ..study.accuracy.model import Model, Reduction
 from ..study.compare import compare
 from ..study.timing import Spent, spent, timed
@@ -94,9 +96,11 @@ def made(full: AssembledSystem, candidate: Candidate, training: list[Truth]) -> 
             assert model.system.n == full.n  # it is made when it is first asked for
             return model
         assert candidate.formulation is not None
-        assert candidate.decomposition is not None
         check_reducible(full, candidate.formulation)
         runs = [truth.run for truth in training]
+        if candidate.decomposition is None:
+            exact = reduce(full, None, candidate.formulation)
+            return Model(full, Reduction(exact, POD(1)(runs), candidate.formulation, 0.0))
         basis = candidate.formulation.basis(full, runs, candidate.decomposition)
         # All formulations make such systems, but for those that serve as a reference only. `reduce`
         # says which other formulation would do; here the table does.

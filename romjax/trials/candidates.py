@@ -36,8 +36,8 @@ _FEW = 3
 @dataclasses.dataclass(frozen=True, eq=False)
 class Candidate:
     """A reduction to try: a `formulation` and the `decomposition` of its basis, which says how many
-    modes; or a `cap` [Hz] on the modes of bodies instead. `level`: where it is on the scale of its
-    kind.
+    modes, None of one that needs no basis; or a `cap` [Hz] on the modes of bodies instead. `level`:
+    where it is on the scale of its kind.
     """
 
     formulation: AbstractFormulation | None = None
@@ -109,10 +109,12 @@ def families(facts: Facts) -> list[Family]:
     needs neither a training nor a program, so it comes first. One or two freedoms of rigid bodies
     in the plane are looked up. Trees of many hinged bodies are sampled. Minimal coordinates are for
     motions that stiffness confines, or for what is left when loops are closed; a subspace of all
-    coordinates suits motions that turn little, and driven ones, which go the same way again.
+    coordinates suits motions that turn little, and driven ones, which go the same way again. Joints
+    of trees of rigid bodies are exact, and faster than what holds constraints.
     """
     local, hyper = _by_share("local", _local), _by_share("hyper", _sampled)
     joint = _by_share("joint", _jointed)
+    exact = Family("joint", (Candidate(JointCoordinates()),), trained=False)
     galerkin = _by_share("galerkin", _subspace)
     capped = _by_cap(facts.caps)
     minimal = _by_share("minimal", _independent)
@@ -121,7 +123,8 @@ def families(facts: Facts) -> list[Family]:
     table = Family(
         "table", tuple(Candidate(Tabulated(_TABLE), POD(rank)) for rank in _table(facts))
     )
-    chain = not (facts.modes or facts.space or facts.loops or facts.drives)
+    tree = not (facts.modes or facts.loops or facts.drives)
+    chain = tree and not facts.space
     if facts.modes:
         order = [capped, local, joint, minimal, galerkin]
         if facts.drives:
@@ -130,9 +133,10 @@ def families(facts: Facts) -> list[Family]:
     elif facts.drives or facts.rigid == 0:
         order = [minimal, table, galerkin]
     elif chain and facts.bodies >= _MANY_BODIES:
-        order = [minimal, hyper, galerkin] if facts.stiff else [hyper, minimal, galerkin]
+        first = [minimal, hyper] if facts.stiff else [hyper, minimal]
+        order = [*first, exact, galerkin]
     else:
-        order = [table, minimal, galerkin]
+        order = [exact, table, minimal, galerkin] if tree else [table, minimal, galerkin]
     return [family for family in order if family.candidates]
 
 
