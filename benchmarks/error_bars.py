@@ -5,6 +5,7 @@ of both is one where the estimate is right. What the bar costs is counted in run
 the reduced model, all at one tolerance. Writes `error_bars.txt` beside this file.
 """
 
+import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -18,9 +19,14 @@ from tqdm import tqdm
 import romjax as rj
 from romjax.reduction.formulation.parse import as_formulation
 from romjax.study.accuracy.model import capped
+from romjax.study.flow import Flows
+from romjax.study.richer import finer_of
 
 RTOL = 1e-8
 REPEATS, SLOW = 10, 2.0
+HEADER = ["model", "error", "bar / error", "flow / error", "outputs", "refused"]
+HEADER += ["full runs", "reduced runs"]
+FLOWS = ("8 beams",)
 USABLE = 0.05  # beyond it the bar says that the run is not to be used
 WITHIN = 2.0  # of estimates over true errors of outputs, and one over it
 LEAST = 1e-6  # relative to the reach of an output; below it ratios mean nothing
@@ -36,12 +42,14 @@ MODELS: dict[str, tuple[int, tuple[tuple[str, int], ...]]] = {
 
 
 class Judged(NamedTuple):
-    """One run: its true error, its bar, whether that says not to use it, and the ratios of its
-    outputs that are large enough: the last body's place at the end, and its mean angle.
+    """One run: its true error, its bar, that by the flow along the training, whether the bar says
+    not to use it, and the ratios of its outputs that are large enough: the last body's place at the
+    end, and its mean angle.
     """
 
     error: float
     bar: float
+    flow: float
     refused: bool
     outputs: tuple[float, ...]
 
@@ -71,7 +79,17 @@ def outputs(run: rj.Trajectory) -> np.ndarray:
     return np.array([q[-1, last], q[-1, last + 1], np.mean(q[:, last + 2])])
 
 
-def judged(model: rj.AbstractSystem, truth: rj.Trajectory) -> Judged:
+def by_flow(flows: Flows | None, model: Any, run: rj.Trajectory) -> float:
+    """The error of a run by the flow along the training run, which is no run of the model itself;
+    NaN without one.
+    """
+    if flows is None:
+        return np.nan
+    change, _ = flows.error(model, run, model.full.q0, model.full.v0)
+    return float(rj.compare(dataclasses.replace(run, q=run.q + change), run).error)
+
+
+def judged(model: rj.AbstractSystem, truth: rj.Trajectory, flows: Flows | None) -> Judged:
     """One run of a model, from its own start."""
     run = rj.simulate(model, truth.t, rtol=RTOL, audit=False, throw=False)
     corrected = rj.corrected(model, run)
@@ -81,6 +99,7 @@ def judged(model: rj.AbstractSystem, truth: rj.Trajectory) -> Judged:
     return Judged(
         float(rj.compare(truth, run).error),
         float(rj.compare(corrected, run).error),
+        by_flow(flows, model, run),
         bool(corrected.flags & rj.Flag.ESTIMATE),
         tuple(float(x) for x in estimated[large] / true[large]),
     )
@@ -107,9 +126,10 @@ def section(name: str, case: Case) -> record.Section:
     method = {"solver": case.truth[0], "rtol": case.truth[1], "audit": False}
     training = rj.simulate(case.system(), ts, **method)
     truths = [rj.simulate(one, ts, **method) for one in tqdm(systems, name, leave=False)]
-    rows = [["model", "error", "bar / error", "outputs", "refused", "full runs", "reduced runs"]]
+    rows = [HEADER]
     ratios = {}
     for kind, rank in models:
+        flows = None
         if kind == "cap":
             made = [capped(one, float(rank)) for one in systems]
         else:
@@ -117,9 +137,13 @@ def section(name: str, case: Case) -> record.Section:
             basis = chosen.basis(training.system, training, rj.POD(rank))
             rom: Any = rj.reduce(training.system, basis, chosen)
             made = [rom.with_full(one).starting_at(one.q0, one.v0) for one in systems]
-        found = [judged(*pair) for pair in tqdm(list(zip(made, truths, strict=True)), leave=False)]
+            if name in FLOWS and (finer := finer_of(rom)):
+                flows = Flows.along(finer[0].model, [training.system], ts, RTOL)
+        pairs = list(zip(made, truths, strict=True))
+        found = [judged(*pair, flows) for pair in tqdm(pairs, leave=False)]
         error = np.array([x.error for x in found])
         ratio = np.array([x.bar for x in found]) / error
+        flow = np.array([x.flow for x in found]) / error
         seen = np.array([x for one in found if one.error <= USABLE for x in one.outputs])
         near = np.mean((seen <= WITHIN) & (seen >= 1 / WITHIN)) if len(seen) else np.nan
         taken = cost(systems[0], made[0], ts)
@@ -129,6 +153,7 @@ def section(name: str, case: Case) -> record.Section:
                 model,
                 f"{np.min(error):.0e} to {np.max(error):.0e}",
                 f"{np.min(ratio):.3f} to {np.max(ratio):.3f}",
+                "-" if flows is None else f"{np.min(flow):.2f} to {np.max(flow):.2f}",
                 f"{near:.0%}",
                 f"{sum(x.refused for x in found)} of {np.sum(error > USABLE)}",
                 *(f"{x:.2f}" for x in taken),
@@ -136,10 +161,14 @@ def section(name: str, case: Case) -> record.Section:
         )
         ratios[f"{name}, {model}: least ratio"] = float(np.min(ratio))
         ratios[f"{name}, {model}: 1 / largest"] = float(1 / np.max(ratio))
+        if flows is not None:
+            ratios[f"{name}, {model}: flow, least ratio"] = float(np.min(flow))
+            ratios[f"{name}, {model}: flow, 1 / largest"] = float(1 / np.max(flow))
     return record.Section(
-        f"{name}: {count} motions that no snapshot is from; bars over true errors, the share of\n"
-        f"outputs within {WITHIN:g} times, how many runs are refused of those that err by more\n"
-        "than 5 %, and what the bar costs:",
+        f"{name}: {count} motions that no snapshot is from; bars over true errors, by a\n"
+        "richer run and by the flow along the training run, the share of outputs within\n"
+        f"{WITHIN:g} times, how many runs are refused of those that err by more than 5 %, and\n"
+        "what the bar of a richer run costs:",
         rows,
         ratios,
     )
