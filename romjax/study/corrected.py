@@ -4,17 +4,22 @@ import dataclasses
 from typing import Any, Literal, cast
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.arrays import concrete
 from ..common.checks import check_kind, unknown_name
+from ..common.compat import is_outermost
 from ..common.errors import InputError, ReductionError
+from ..common.identity_cache import IdentityCache
+from ..compiling.program import program
 from ..integrate.derived import EagerQuantities
 from ..integrate.error_bar import ErrorBar
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..system.base import AbstractSystem, check_system
 from ..system.reduced import AbstractReducedSystem
+from ..system.structure import without_names
 from .compare import compare
 from .residual import by_residual
 from .richer import Finer, finer_of, twice_capped
@@ -77,18 +82,41 @@ def corrected_with(
             raise unknown_name("corrected", "estimate", by, ("residual",))
         other, full = by_residual(reduced, run, q, v)
         return told(run, other, "linear"), full
-    given = [Finer(by, _name(by))] if by is not None else list(finer_of(rom))
+    given = [Finer(by, _name(by))] if by is not None else _finer_alike(reduced)
     if not given:
         full = dataclasses.replace(cast(Any, rom.full), q0=q, v0=v)
         return told(run, simulated(full, run), "the full model"), full
     if concrete(run.q) is None or concrete(q) is None:
         given = given[-1:]
-    models = [one.model.with_full(rom.full).starting_at(q, v, run.t[0]) for one in given]
+    full = rom.full
+    alike = [x.model if x.model.full is full else x.model.with_full(full) for x in given]
+    models = [model.starting_at(q, v, run.t[0]) for model in alike]
     pairs = [
         (told(run, simulated(model, run), one.name), model)
         for one, model in zip(given, models, strict=True)
     ]
     return pairs[0] if len(pairs) == 1 else max(pairs, key=lambda pair: _size(pair[0]))
+
+
+def _finer_alike(rom: AbstractReducedSystem) -> list[Finer]:
+    """The models that tell the errors of a reduced one, of its own mechanism."""
+    found: list[Finer] | None = _alike.get(rom)
+    if found is None:
+        found = [Finer(x.model.with_full(rom.full), x.name) for x in finer_of(rom)]
+        if is_outermost():
+            _alike.put(rom, found)
+    return found
+
+
+# By the reduced model that they judge: another mechanism is assembled in 40 ms.
+_alike = IdentityCache()
+
+
+@program
+def _lifted(
+    model: AbstractReducedSystem, t: Float[Array | np.ndarray, ""], z: Array, w: Array
+) -> tuple[Physical, Physical]:
+    return model.reconstruct(t, z, w)
 
 
 def _check(rom: AbstractSystem, run: Trajectory) -> None:
@@ -137,7 +165,7 @@ def true_start(rom: AbstractReducedSystem, run: Trajectory) -> tuple[Physical, P
         nearest = rom.starting_at(full.q0, full.v0, run.t[0])
     except ReductionError:
         return own
-    lifted = nearest.reconstruct(run.t[0], nearest.q0, nearest.v0)
+    lifted = _lifted(without_names(nearest), run.t[0], nearest.q0, nearest.v0)
     sizes = [1 + jnp.max(jnp.abs(x)) for x in own]
     apart = [jnp.max(jnp.abs(x - y)) / size for x, y, size in zip(lifted, own, sizes, strict=True)]
     same = jnp.maximum(*apart) <= _SAME
