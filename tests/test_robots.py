@@ -377,7 +377,6 @@ def test_scenes_are_written_as_mjcf(name, tmp_path):
             np.testing.assert_allclose(other, one, rtol=0, atol=1e-11 * max(1, np.max(np.abs(one))))
 
 
-@pytest.mark.instant
 def test_what_mjcf_cannot_hold_is_refused_by_name(tmp_path):
     with pytest.raises(rj.SceneError, match="'cart' is a RigidBody|'pendulum' is a Beam"):
         rj.gallery.cart_pendulum().save(tmp_path / "cart.xml")
