@@ -156,7 +156,6 @@ def every(beams):
     return rj.reduce(full, rj.pod(motion), rj.Local(ranks=(3, 3, 3)))
 
 
-@pytest.mark.slow
 def test_all_modes_are_the_full_model(beams, every):
     _, motion = beams
     made = moved(every)
