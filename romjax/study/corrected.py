@@ -82,15 +82,13 @@ def corrected_with(
             raise unknown_name("corrected", "estimate", by, ("residual",))
         other, full = by_residual(reduced, run, q, v)
         return told(run, other, "linear"), full
-    given = [Finer(by, _name(by))] if by is not None else _finer_alike(reduced)
+    given = _finer_alike(reduced) if by is None else [Finer(by.with_full(rom.full), _name(by))]
     if not given:
         full = dataclasses.replace(cast(Any, rom.full), q0=q, v0=v)
         return told(run, simulated(full, run), "the full model"), full
     if concrete(run.q) is None or concrete(q) is None:
         given = given[-1:]
-    full = rom.full
-    alike = [x.model if x.model.full is full else x.model.with_full(full) for x in given]
-    models = [model.starting_at(q, v, run.t[0]) for model in alike]
+    models = [one.model.starting_at(q, v, run.t[0]) for one in given]
     pairs = [
         (told(run, simulated(model, run), one.name), model)
         for one, model in zip(given, models, strict=True)

@@ -113,7 +113,7 @@ def _flow(
         return upper
 
     one, none = jnp.eye(r, dtype=q.dtype), jnp.zeros((r, r), q.dtype)
-    start = jnp.concatenate([jnp.eye(2 * r, 4 * r, dtype=q.dtype)])
+    start = jnp.eye(2 * r, 4 * r, dtype=q.dtype)
     pushed = jnp.concatenate([none, none, one, none], axis=1)
     ramped = jnp.concatenate([none, none, none, one], axis=1)
 
@@ -179,8 +179,8 @@ def _error(
     first = jnp.concatenate([right[0] - x[0], right[1] - y[0]])
 
     def step(e: Array, k: Array) -> tuple[Array, Array]:
-        columns = (x[nearest, k] for x in (flows.transition, flows.held, flows.ramp))
-        transition, held, ramp = columns
+        columns = flows.transition, flows.held, flows.ramp
+        transition, held, ramp = (x[nearest, k] for x in columns)
         e = transition @ e + held @ d[k] + ramp @ (d[k + 1] - d[k])
         return e, e
 

@@ -9,10 +9,10 @@ from ...common.arrays import Time
 from ..fields import Converted, check_numbers, number
 from ..limits import cut_off
 from ..marker import Marker, Pose, Twist, Wrench
-from ..motion import check_motion, moved
+from ..motion import check_motion
 from ..signal import AbstractSignal, signal_field
 from .along_motion import AbstractMotionEffect
-from .base import check_markers, displacement
+from .base import check_markers
 
 
 class Actuator(AbstractMotionEffect):
@@ -53,14 +53,11 @@ class Actuator(AbstractMotionEffect):
     def wrenches(
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> tuple[Wrench, ...]:
-        value, rate, wrenches = displacement(lambda *p: moved(self.motion, *p), poses, twists)
+        value, rate, wrenches = self.displacement(poses, twists)
         signal = cut_off(self.signal(t), self.least_signal, self.largest_signal)
         feedback = self.proportional * value + self.derivative * rate()
         force = self.gain * signal + self.offset - self.gear * feedback
         return wrenches(self.gear * cut_off(force, self.least, self.largest))
-
-    def label(self) -> str:
-        return self.name or super().label()
 
     def check(self) -> None:
         owner = check_markers(self)

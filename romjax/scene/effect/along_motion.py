@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..marker import Pose
-from ..motion import counts, is_limited, limit_of, points_of
-from .base import AbstractMarkerEffect
+from ..marker import Pose, Twist
+from ..motion import counts, is_limited, limit_of, moved, points_of
+from .base import AbstractMarkerEffect, Displacement, displacement
 
 
 class AbstractMotionEffect(AbstractMarkerEffect):
@@ -36,3 +36,7 @@ class AbstractMotionEffect(AbstractMarkerEffect):
     def limit(self, *poses: Pose) -> Float[Array, ""]:
         """Return where three angles are told apart no more: a number that changes its sign."""
         return limit_of(self.motion, *poses)
+
+    def displacement(self, poses: tuple[Pose, ...], twists: tuple[Twist, ...]) -> Displacement:
+        """The motion, and the functions of its rate and of the wrenches of a force along it."""
+        return displacement(lambda *p: moved(self.motion, *p), poses, twists)

@@ -58,8 +58,9 @@ class AbstractEffect(eqx.Module):
         return ()
 
     def label(self) -> str:
-        """The label of the effect in messages: its kind and its bodies."""
-        return f"{type(self).__name__}({', '.join(marker.body for marker in self.markers)})"
+        """The label of the effect in messages: its name if it has one, else its kind and bodies."""
+        name: str = getattr(self, "name", "")
+        return name or f"{type(self).__name__}({', '.join(marker.body for marker in self.markers)})"
 
 
 class AbstractMarkerEffect(AbstractEffect):
@@ -201,13 +202,17 @@ class AbstractField(AbstractEffect):
         """Potential energy [J] of one body with the coordinates q."""
 
 
-def displacement(
-    measure: Callable[..., Float[Array, " k"]], poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-) -> tuple[
+# The value, its rate, and the wrenches of a force along it.
+Displacement = tuple[
     Float[Array, " k"],
     Callable[[], Float[Array, " k"]],
     Callable[[Float[Array, " k"]], tuple[Wrench, ...]],
-]:
+]
+
+
+def displacement(
+    measure: Callable[..., Float[Array, " k"]], poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+) -> Displacement:
     """A displacement between poses: its value, its rate and the wrenches of a force along it.
 
     The rate is a function, so that nothing of it is traced where it is not called. The wrenches

@@ -116,9 +116,6 @@ class HydraulicCylinder(AbstractStateEffect):
         """Return g of a difference of pressures."""
         return difference / (difference**2 + self.transition**2) ** 0.25
 
-    def label(self) -> str:
-        return self.name or super().label()
-
     def check(self) -> None:
         owner = check_markers(self)
         self.signal.check(owner)

@@ -13,7 +13,7 @@ from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
 from ..motion import check_motion, moved
 from .along_motion import AbstractMotionEffect
-from .base import check_markers, displacement
+from .base import check_markers
 
 
 class JointStop(AbstractMotionEffect):
@@ -61,7 +61,7 @@ class JointStop(AbstractMotionEffect):
         self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
     ) -> tuple[Wrench, ...]:
         del t
-        value, rate, wrenches = displacement(lambda *p: moved(self.motion, *p), poses, twists)
+        value, rate, wrenches = self.displacement(poses, twists)
         beyond = self._beyond(value)
         push = -self.stiffness * beyond
         if self.dissipation is not None:

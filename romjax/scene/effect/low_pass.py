@@ -8,10 +8,10 @@ from jaxtyping import Array, Float
 from ...common.arrays import Time, concatenate
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Twist, Wrench
-from ..motion import check_motion, moved
+from ..motion import check_motion
 from ..signal import AbstractSignal, signal_field
 from .along_motion import AbstractMotionEffect
-from .base import check_markers, displacement
+from .base import check_markers
 from .state_effect import AbstractStateEffect
 
 
@@ -60,7 +60,7 @@ class LowPass(AbstractMotionEffect, AbstractStateEffect):
         poses: tuple[Pose, ...],
         twists: tuple[Twist, ...],
     ) -> Float[Array, " k"]:
-        value, rate, _ = displacement(lambda *p: moved(self.motion, *p), poses, twists)
+        value, rate, _ = self.displacement(poses, twists)
         feedback = self.proportional * value + self.derivative * rate()
         command = self.gain * self.signal(t) - feedback
         return (command - states) / self.time_constant
@@ -73,11 +73,8 @@ class LowPass(AbstractMotionEffect, AbstractStateEffect):
         twists: tuple[Twist, ...],
     ) -> tuple[Wrench, ...]:
         del t
-        _, _, wrenches = displacement(lambda *p: moved(self.motion, *p), poses, twists)
+        _, _, wrenches = self.displacement(poses, twists)
         return wrenches(states[0])
-
-    def label(self) -> str:
-        return self.name or super().label()
 
     def check(self) -> None:
         owner = check_markers(self)

@@ -11,10 +11,10 @@ from ...common.arrays import Time, concatenate
 from ..fields import Converted, check_numbers, number
 from ..limits import cut_off
 from ..marker import Marker, Pose, Twist, Wrench
-from ..motion import check_motion, moved
+from ..motion import check_motion
 from ..signal import AbstractSignal, signal_field
 from .along_motion import AbstractMotionEffect
-from .base import check_markers, displacement
+from .base import check_markers
 from .state_effect import AbstractStateEffect
 
 
@@ -87,7 +87,7 @@ class PID(AbstractMotionEffect, AbstractStateEffect):
         poses: tuple[Pose, ...],
         twists: tuple[Twist, ...],
     ) -> tuple[Wrench, ...]:
-        _, _, wrenches = displacement(lambda *p: moved(self.motion, *p), poses, twists)
+        _, _, wrenches = self.displacement(poses, twists)
         lags = self.lag is not None
         return wrenches(states[1] if lags else self._command(t, states[0], poses, twists)[2])
 
@@ -99,15 +99,12 @@ class PID(AbstractMotionEffect, AbstractStateEffect):
         twists: tuple[Twist, ...],
     ) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
         """The error e, the command u, and what is left of that."""
-        value, rate, _ = displacement(lambda *p: moved(self.motion, *p), poses, twists)
+        value, rate, _ = self.displacement(poses, twists)
         t = jnp.asarray(t, value.dtype)
         target, wanted = jax.jvp(self.target, (t,), (jnp.ones_like(t),))
         error = target - value
         command = self.proportional * error + integral + self.derivative * (wanted - rate())
         return error, command, cut_off(command, self.least, self.largest)
-
-    def label(self) -> str:
-        return self.name or super().label()
 
     def check(self) -> None:
         owner = check_markers(self)

@@ -136,9 +136,6 @@ class Sampled(AbstractEffect):
                 )
         return jnp.concatenate([state, values]).astype(numbers.dtype)
 
-    def label(self) -> str:
-        return self.name
-
     def check(self) -> None:
         owner = f"effect '{self.name}'"
         check_numbers(owner, self, "period", sign="positive")
