@@ -1,10 +1,11 @@
 """Records of benchmarks as JSON, and the numbers that pages have from them."""
 
+import json
 import re
 
-import figures
 import pytest
 import record
+import records
 import texts
 import verified
 from documents import BLOCK, PAGES, ROOT
@@ -28,7 +29,7 @@ pytestmark = pytest.mark.instant
 @pytest.mark.parametrize("name", RECORDS)
 def test_both_forms_say_the_same(name):
     """A text that is newer is read by `python benchmarks/texts.py NAME`."""
-    made = figures.record(name)
+    made = records.record(name)
     text = texts.read((FOLDER / f"{name}.txt").read_text())
     assert (made["made"], made["tables"]) == (text["made"], text["tables"])
     assert list(made["ratios"]) == list(text["ratios"])
@@ -38,11 +39,11 @@ def test_both_forms_say_the_same(name):
 def test_what_pages_name_is_in_the_records():
     roles = [(page, path) for page, text in PAGES.items() for path in ROLE.findall(text)]
     assert len(roles) > 30
-    assert all(figures.figure(path) for _, path in roles)
+    assert all(records.figure(path) for _, path in roles)
     tables = [found for text in PAGES.values() for found in TABLES.findall(text)]
     for name, above, columns in tables:
         named = [[x.strip() for x in words.split("|")] for words in (above, columns)]
-        assert figures.rows_of(name, *named)
+        assert records.rows_of(name, *named)
 
 
 @pytest.mark.parametrize("page", CONVERTED)
@@ -68,7 +69,7 @@ def test_typed_numbers_are_seen(typed):
 )
 def test_what_names_nothing_is_refused(path, words):
     with pytest.raises(ValueError, match=re.escape(words)):
-        figures.figure(path)
+        records.figure(path)
 
 
 def test_a_record_and_its_text():
@@ -82,14 +83,14 @@ def test_a_record_and_its_text():
     read = texts.read(text)
     assert read["tables"] == [{"text": "Some models:", "columns": rows[0], "rows": rows[1:]}]
     assert read["ratios"] == {name: {"value": 2.0, "floor": None} for name in ratios}
-    as_json = figures.json.loads(record.as_json(heading, "abc", [section], judged))
+    as_json = json.loads(record.as_json(heading, "abc", [section], judged))
     assert as_json == {**read, "commit": "abc", "data": {"full": {"digits": 9.0}}}
 
 
 def test_the_page_of_verification():
     """Each problem with its place in the summary, its source and its picture."""
     page = verified.text()
-    data = figures.record("verification")["data"]
+    data = records.record("verification")["data"]
     assert page.count("\n### ") == len(data) >= 40
     assert page.count("**Source:**") == page.count("**Met:**") == len(data)
     assert page.count("<svg") >= 40

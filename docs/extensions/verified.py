@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import figures
+import records
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
@@ -81,11 +81,11 @@ def text() -> str:
     """The page."""
     from verification import THEMES
 
-    record = figures.record("verification")
-    data = record["data"]
+    measured = records.record("verification")
+    data = measured["data"]
     known = {theme: [p for p in problems if p.name in data] for theme, problems in THEMES.items()}
     count = sum(map(len, known.values()))
-    about = {key: " ".join(record[key].split()).rstrip(".") for key in ("made", "commit", "on")}
+    about = {key: " ".join(measured[key].split()).rstrip(".") for key in ("made", "commit", "on")}
     blocks = [INTRODUCTION.format(count=count, **about)]
     for theme, problems in known.items():
         blocks.append(SUMMARY.format(theme=theme))

@@ -1,0 +1,87 @@
+"""Cells, ratios and floors of the records of benchmarks, by the words that they begin with."""
+
+import datetime
+import functools
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+RECORDS = Path(__file__).parents[2] / "benchmarks"
+# After the extensions, some of which have names that benchmarks have, too.
+sys.path.append(str(RECORDS))
+
+import texts  # noqa: E402
+
+
+@functools.cache
+def record(name: str) -> dict[str, Any]:
+    """What a comparison measured last."""
+    path = RECORDS / f"{name}.json"
+    if path.exists():
+        return json.loads(path.read_text())
+    # Measured before records came as JSON.
+    text = path.with_suffix(".txt")
+    if not text.exists():
+        raise ValueError(f"there is no record benchmarks/{name}.json")
+    return texts.record_of(text)
+
+
+def _one(kind: str, words: str, choices: Sequence[Any], names: Sequence[str]) -> Any:
+    """The choice whose name is `words`, or the only one that begins with them."""
+    exact = [x for x, name in zip(choices, names, strict=True) if name == words]
+    found = exact or [x for x, name in zip(choices, names, strict=True) if name.startswith(words)]
+    if len(found) != 1:
+        raise ValueError(f"{len(found)} {kind}s begin with {words!r}: {', '.join(names)[:300]}")
+    return found[0]
+
+
+def _row(words: str, rows: Sequence[Sequence[str]]) -> Sequence[str]:
+    """The one whose first cells are `words`, or the only one that begins with them."""
+    names = [[" ".join(" ".join(row[: i + 1]).split()) for i in range(len(row))] for row in rows]
+    exact = [row for row, cells in zip(rows, names, strict=True) if words in cells]
+    return exact[0] if len(exact) == 1 else _one("row", words, rows, [x[-1] for x in names])
+
+
+def figure(path: str) -> str:
+    """The number that a role names, as the record has it."""
+    name, *parts = (part.strip() for part in path.split(";"))
+    if name == "floors" and len(parts) == 2:
+        return f"{texts.record.floors()[parts[0]][parts[1]]:g}"
+    found = record(name)
+    if len(parts) == 1:
+        value = _one("ratio", parts[0], list(found["ratios"].values()), list(found["ratios"]))
+        return f"{value['value']:.3g}"
+    if len(parts) != 3:
+        raise ValueError(f"{path!r} is no 'record; table; row; column', nor 'record; ratio'")
+    tables = found["tables"]
+    table = _one("table", parts[0], tables, [" ".join(x["text"].split()) for x in tables])
+    row = _row(parts[1], table["rows"])
+    return row[_one("column", parts[2], range(len(row)), table["columns"])]
+
+
+def ages(today: datetime.date) -> list[tuple[str, str, str, str]]:
+    """Of all records: name, date, age in days and commit."""
+    found = []
+    names = {path.stem for kind in ("txt", "json") for path in RECORDS.glob(f"*.{kind}")}
+    for name in sorted(names - {"summary"}):
+        one = record(name)
+        days = (today - datetime.date.fromisoformat(one["made"])).days
+        found.append((name, one["made"], str(max(days, 0)), one["commit"] or "unknown"))
+    return found
+
+
+def rows_of(name: str, tables: Sequence[str], columns: Sequence[str]) -> list[list[str]]:
+    """The columns of tables of a record, each row behind the beginning of its table's text."""
+    found, made = [], record(name)["tables"]
+    texts = [" ".join(one["text"].split()) for one in made]
+    for words in tables:
+        table = _one("table", words, made, texts)
+        at = [
+            _one("column", column, range(len(table["columns"])), table["columns"])
+            for column in columns
+        ]
+        for i, row in enumerate(table["rows"]):
+            found.append([words if i == 0 else "", *(row[j] for j in at)])
+    return found
