@@ -32,7 +32,7 @@ def test_models_are_chosen_by_structure():
     for trees of many; subspaces come first where a drive repeats itself.
     """
     assert kinds() == ["table", "minimal", "galerkin"]
-    assert kinds(space=True) == ["minimal", "galerkin"]
+    assert kinds(space=True) == ["joint", "minimal", "galerkin"]
     assert kinds(bodies=8, freedoms=8, loops=False)[0] == "hyper"
     assert "hyper" not in kinds(bodies=8, freedoms=8, loops=False, space=True)
     bent = {"modes": 4, "freedoms": 5, "caps": (40.0, 80.0)}

@@ -109,8 +109,9 @@ def families(facts: Facts) -> list[Family]:
     needs neither a training nor a program, so it comes first. One or two freedoms of rigid bodies
     in the plane are looked up. Trees of many hinged bodies are sampled. Minimal coordinates are for
     motions that stiffness confines, or for what is left when loops are closed; a subspace of all
-    coordinates suits motions that turn little, and driven ones, which go the same way again. Joints
-    of trees of rigid bodies are exact, and faster than what holds constraints.
+    coordinates suits motions that turn little, and driven ones, which go the same way again. Joint
+    coordinates of rigid bodies are exact, and faster than what holds constraints: of trees, and in
+    space of loops too, where most joints hold without a row.
     """
     local, hyper = _by_share("local", _local), _by_share("hyper", _sampled)
     joint = _by_share("joint", _jointed)
@@ -136,7 +137,8 @@ def families(facts: Facts) -> list[Family]:
         first = [minimal, hyper] if facts.stiff else [hyper, minimal]
         order = [*first, exact, galerkin]
     else:
-        order = [exact, table, minimal, galerkin] if tree else [table, minimal, galerkin]
+        order = [exact] if tree or facts.space else []
+        order += [table, minimal, galerkin]
     return [family for family in order if family.candidates]
 
 
