@@ -1,14 +1,21 @@
-"""Cells, ratios and floors of the records of benchmarks, by the words that they begin with."""
+"""Cells, ratios and floors of the records of benchmarks, by the words that they begin with.
+
+`python docs/extensions/records.py` writes those of the README anew, which has no roles: each stands
+between a comment that names it and an empty one.
+"""
 
 import datetime
 import functools
 import json
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 RECORDS = Path(__file__).parents[2] / "benchmarks"
+README = RECORDS.parent / "README.md"
+NAMED = re.compile(r"<!-- ([^>]*;[^>]*) -->(.*?)<!-- -->", re.DOTALL)
 # After the extensions, some of which have names that benchmarks have, too.
 sys.path.append(str(RECORDS))
 
@@ -44,6 +51,11 @@ def _row(words: str, rows: Sequence[Sequence[str]]) -> Sequence[str]:
     return exact[0] if len(exact) == 1 else _one("row", words, rows, [x[-1] for x in names])
 
 
+def _above(tables: Sequence[dict[str, Any]]) -> list[str]:
+    """What stands above tables, without the backticks that would end a role."""
+    return [" ".join(one["text"].replace("`", "").split()) for one in tables]
+
+
 def figure(path: str) -> str:
     """The number that a role names, as the record has it."""
     name, *parts = (part.strip() for part in path.split(";"))
@@ -56,7 +68,7 @@ def figure(path: str) -> str:
     if len(parts) != 3:
         raise ValueError(f"{path!r} is no 'record; table; row; column', nor 'record; ratio'")
     tables = found["tables"]
-    table = _one("table", parts[0], tables, [" ".join(x["text"].split()) for x in tables])
+    table = _one("table", parts[0], tables, _above(tables))
     row = _row(parts[1], table["rows"])
     return row[_one("column", parts[2], range(len(row)), table["columns"])]
 
@@ -75,9 +87,8 @@ def ages(today: datetime.date) -> list[tuple[str, str, str, str]]:
 def rows_of(name: str, tables: Sequence[str], columns: Sequence[str]) -> list[list[str]]:
     """The columns of tables of a record, each row behind the beginning of its table's text."""
     found, made = [], record(name)["tables"]
-    texts = [" ".join(one["text"].split()) for one in made]
     for words in tables:
-        table = _one("table", words, made, texts)
+        table = _one("table", words, made, _above(made))
         at = [
             _one("column", column, range(len(table["columns"])), table["columns"])
             for column in columns
@@ -85,3 +96,12 @@ def rows_of(name: str, tables: Sequence[str], columns: Sequence[str]) -> list[li
         for i, row in enumerate(table["rows"]):
             found.append([words if i == 0 else "", *(row[j] for j in at)])
     return found
+
+
+def written(text: str) -> str:
+    """A page without roles, with the numbers that the records have now."""
+    return NAMED.sub(lambda at: f"<!-- {at[1]} -->{figure(at[1])}<!-- -->", text)
+
+
+if __name__ == "__main__":
+    README.write_text(written(README.read_text()))
