@@ -102,7 +102,7 @@ MISTAKES: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "newer version": ("format = 1", "format = 2", (":1: format:", "install a newer one")),
     "no version": ("format = 1", "", ("`format` is missing",)),
     "version as text": ("format = 1", 'format = "1"', ("the text '1'; write format = 1",)),
-    "space": ("format = 1", "format = 1\ndimension = 3", ("in space", "one of the plane")),
+    "space": ("format = 1", "format = 1\ndimension = 3", (":2: dimension", "write dimension = 2")),
     "four dimensions": ("format = 1", "format = 1\ndimension = 4", ("write dimension = 2",)),
     "open bracket": ("[bodies.rod]", "[bodies.rod", ("no TOML, line 20", "Expected ']'")),
     "no quotes": ('type = "Gravity"', "type = Gravity", ("no TOML, line 43", "Texts need quotes")),

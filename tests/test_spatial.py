@@ -139,8 +139,18 @@ def test_kinetic_energy_and_gyroscopic_force():
             "in the plane, but the part is one of space",
         ),
         (
-            lambda: rj.Revolute(rj.ground.at((0, 0, 0)), r.RigidBody("a", 1.0, (1, 1, 1)).at()),
+            lambda: rj.KnifeEdge(rj.ground.at((0, 0, 0)), r.RigidBody("a", 1.0, (1, 1, 1)).at()),
             "romjax.spatial those of space",
+        ),
+        (
+            lambda: r.Weld(r.RigidBody("a", 1.0, (1, 1, 1)).at(), rj.ground.at((0, 0, 0)), 0.3),
+            "value is 0.3, an angle of the plane; in space all axes stay parallel",
+        ),
+        (
+            lambda: r.PointOnCurve(
+                rj.RigidBody("a", 1.0, 1.0).at(), rj.ground.at(), r.Helix(0.3, 0.5)
+            ),
+            "curve is a Helix, a curve in space, but the markers are in the plane",
         ),
         (lambda: r.RigidBody("a", 1.0, (1, 1, 3)), "those of no body"),
         (lambda: r.RigidBody("a", 1.0, [[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]), "not symmetric"),

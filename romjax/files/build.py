@@ -47,6 +47,11 @@ class Builder:
         """The scene; an empty one if anything is wrong."""
         names = self._names("bodies")
         bodies = [self.body(name) for name in names if not self.problems.full]
+        found = {body.dimension for body in bodies if body}
+        if found and self.tables.get("dimension", 2) not in found:
+            words = f"The bodies have {min(found)}; write dimension = {min(found)}."
+            self.problems.add(("dimension",), words)
+            return Scene([])
         joints = list(self._parts("joints", AbstractJoint))
         effects = list(self._parts("effects", AbstractEffect))
         if self.problems.found:
@@ -54,9 +59,6 @@ class Builder:
         scene = Scene([body for body in bodies if body], joints, effects)
         try:
             scene.check()
-            if scene.dimension != self.tables.get("dimension", 2):
-                words = f"The bodies have {scene.dimension}; write dimension = {scene.dimension}."
-                self.problems.add(("dimension",), words)
         except ValueError as error:
             self.problems.add((), str(error))
         return scene

@@ -7,6 +7,7 @@ import typing
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from .. import spatial
 from ..common.fields import ANGLE, ROTATION, UNIT
 from .forms import Form, RotationForm, form_of, refined
 
@@ -116,15 +117,24 @@ def _makers_of(part: type) -> list[Maker]:
     """The constructor of a part, and its class methods of_…"""
     fields, constructor = _fields(part), inspect.getattr_static(part, "__init__")
     main = _arguments(constructor, fields)
-    own_name = SPATIAL + part.__name__ if f".{SPATIAL}" in part.__module__ else part.__name__
-    found = [Maker(part, own_name, part, main)]
+    found = [Maker(part, name, part, main) for name in _names(part)]
     for name, value in inspect.getmembers(part, inspect.ismethod):
         if name.startswith("of_") and value.__self__ is part:
             own = _arguments(value, fields)
             if _takes_more(value):
                 own |= {key: x for key, x in main.items() if key not in own and not x.required}
-            found.append(Maker(part, f"{own_name}.{name}", value, own))
+            found += [Maker(part, f"{kind}.{name}", value, own) for kind in _names(part)]
     return found
+
+
+def _names(part: type) -> tuple[str, ...]:
+    """The types by which files know a part: what is for space alone has its prefix, and what
+    `romjax.spatial` has too is read by both names.
+    """
+    name = part.__name__
+    if f".{SPATIAL}" in part.__module__:
+        return (SPATIAL + name,)
+    return (name, SPATIAL + name) if getattr(spatial, name, None) is part else (name,)
 
 
 def _fields(part: type) -> dict[str, Argument]:

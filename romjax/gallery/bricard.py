@@ -6,7 +6,7 @@ import numpy as np
 
 from ..common.arrays import Number
 from ..scene.effect.gravity import Gravity
-from ..scene.joint.spatial.revolute import Revolute
+from ..scene.joint.revolute import Revolute
 from ..scene.marker import ground
 from ..scene.scene import Scene
 from .rods import rod, towards

@@ -10,8 +10,8 @@ from ..scene.body.spatial.rigid import RigidBody
 from ..scene.effect.damper import Damper
 from ..scene.effect.gravity import Gravity
 from ..scene.effect.spring import Spring
-from ..scene.joint.spatial.prismatic import Prismatic
-from ..scene.joint.spatial.revolute import Revolute
+from ..scene.joint.prismatic import Prismatic
+from ..scene.joint.revolute import Revolute
 from ..scene.marker import ground
 from ..scene.scene import Scene
 from .rods import rod, towards

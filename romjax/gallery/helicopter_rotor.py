@@ -7,8 +7,8 @@ import numpy as np
 from ..scene.body.spatial.beam import Beam
 from ..scene.body.spatial.rigid import RigidBody
 from ..scene.effect.force import Force
-from ..scene.joint.spatial.revolute import Revolute
-from ..scene.joint.spatial.weld import Weld
+from ..scene.joint.revolute import Revolute
+from ..scene.joint.weld import Weld
 from ..scene.marker import ground
 from ..scene.orientation import rotation
 from ..scene.scene import Scene

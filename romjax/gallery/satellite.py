@@ -6,7 +6,7 @@ from ..common.arrays import Number
 from ..scene.body.spatial.beam import Beam
 from ..scene.body.spatial.rigid import RigidBody
 from ..scene.effect.spatial.torque import Torque
-from ..scene.joint.spatial.weld import Weld
+from ..scene.joint.weld import Weld
 from ..scene.orientation import rotation
 from ..scene.scene import Scene
 from ..scene.signal import Step, Sum

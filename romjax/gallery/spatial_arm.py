@@ -7,8 +7,8 @@ from ..scene.body.spatial.beam import Beam
 from ..scene.body.spatial.rigid import RigidBody
 from ..scene.effect.gravity import Gravity
 from ..scene.effect.motor import Motor
-from ..scene.joint.spatial.revolute import Revolute
-from ..scene.joint.spatial.weld import Weld
+from ..scene.joint.revolute import Revolute
+from ..scene.joint.weld import Weld
 from ..scene.marker import ground
 from ..scene.scene import Scene
 from ..scene.signal import Step

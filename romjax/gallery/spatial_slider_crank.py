@@ -5,8 +5,8 @@ import numpy as np
 from ..common.arrays import Number
 from ..scene.body.spatial.rigid import RigidBody
 from ..scene.effect.gravity import Gravity
-from ..scene.joint.spatial.prismatic import Prismatic
-from ..scene.joint.spatial.revolute import Revolute
+from ..scene.joint.prismatic import Prismatic
+from ..scene.joint.revolute import Revolute
 from ..scene.joint.spatial.spherical import Spherical
 from ..scene.joint.spatial.universal import Universal
 from ..scene.marker import ground

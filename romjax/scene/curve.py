@@ -13,26 +13,36 @@ from .drawing import REACH, arc, follow
 from .fields import Converted, check_numbers, number
 
 
-class AbstractCurve(eqx.Module):
+class AbstractTrack(eqx.Module):
+    """The base of curves in the plane and in space, to which a point can be held."""
+
+    # Whether pictures show only a part of it.
+    endless: ClassVar[bool] = True
+
+    @abc.abstractmethod
+    def __call__(self, point: Float[Array, " d"]) -> Float[Array, "*less"]:
+        """Return residuals, zero on the curve [m]."""
+
+    def outline(
+        self, point: Float[Array, " d"], size: Float[Array, ""]
+    ) -> Float[Array, "points d"]:
+        """Points of the curve for pictures, to both sides of the foot of `point` [m].
+
+        `size` [m] is that of signs.
+        """
+        return follow(lambda point: jnp.atleast_1d(self(point)), point, size)
+
+    @abc.abstractmethod
+    def check(self, owner: str) -> None:
+        """Raise a SceneError that names owner, field, value and remedy."""
+
+
+class AbstractCurve(AbstractTrack):
     """Points with a residual of zero; subclass it with one `__call__` for a curve of your own."""
 
     @abc.abstractmethod
     def __call__(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         """Return zero on the curve [m], negative numbers inside; its gradient is not zero there."""
-
-    # Whether pictures show only a part of it.
-    endless: ClassVar[bool] = True
-
-    def outline(self, point: Float[Array, "2"], size: Float[Array, ""]) -> Float[Array, "points 2"]:
-        """Points of the curve for pictures, to both sides of the foot of `point` [m].
-
-        `size` [m] is that of signs.
-        """
-        return follow(lambda point: self(point)[None], point, size)
-
-    @abc.abstractmethod
-    def check(self, owner: str) -> None:
-        """Raise a SceneError that names owner, field, value and remedy."""
 
 
 class Line(AbstractCurve):

@@ -2,34 +2,22 @@
 
 import abc
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.arrays import Vector, concrete
 from ..common.errors import SceneError
-from .drawing import follow
+from .curve import AbstractTrack
 from .fields import Converted, check_numbers, number
 
 
-class AbstractSpaceCurve(eqx.Module):
+class AbstractSpaceCurve(AbstractTrack):
     """Points with two residuals of zero; subclass it with one `__call__` for one of your own."""
 
     @abc.abstractmethod
     def __call__(self, point: Float[Array, "3"]) -> Float[Array, "2"]:
         """Return two residuals, zero on the curve [m], with independent gradients there."""
-
-    def outline(self, point: Float[Array, "3"], size: Float[Array, ""]) -> Float[Array, "points 3"]:
-        """Points of the curve for pictures, to both sides of the foot of `point` [m].
-
-        `size` [m] is that of signs.
-        """
-        return follow(self, point, size)
-
-    @abc.abstractmethod
-    def check(self, owner: str) -> None:
-        """Raise a SceneError that names owner, field, value and remedy."""
 
 
 class Helix(AbstractSpaceCurve):

@@ -13,7 +13,7 @@ from ...scene.joint.base import AbstractJoint
 from ...scene.joint.coupling import Coupling
 from ...scene.joint.prescribed import PrescribedAngle, PrescribedTravel
 from ...scene.joint.spatial.spherical import Spherical
-from ...scene.joint.spatial.weld import Weld
+from ...scene.joint.weld import Weld
 from ...scene.marker import Marker
 from ...scene.placement import Placement
 from ...scene.signal import Constant

@@ -14,10 +14,10 @@ from ...scene.body.spatial.rigid import RigidBody
 from ...scene.effect.actuator import Actuator
 from ...scene.effect.gravity import Gravity
 from ...scene.effect.joint_damper import ANY
-from ...scene.joint.spatial.prismatic import Prismatic
-from ...scene.joint.spatial.revolute import Revolute
+from ...scene.joint.prismatic import Prismatic
+from ...scene.joint.revolute import Revolute
 from ...scene.joint.spatial.spherical import Spherical
-from ...scene.joint.spatial.weld import Weld
+from ...scene.joint.weld import Weld
 from ...scene.marker import GROUND, Marker
 from ...scene.motion import moved
 from ...scene.placement import Placement

@@ -7,12 +7,12 @@ import numpy as np
 
 from ...scene.effect.joint_damper import ANY
 from ...scene.joint.point_on_line import PointOnLine
+from ...scene.joint.prismatic import Prismatic
+from ...scene.joint.revolute import Revolute
 from ...scene.joint.spatial.aligned import ParallelAxes, RightAngle, Untwisted
 from ...scene.joint.spatial.cylindrical import Cylindrical
 from ...scene.joint.spatial.planar import Planar
 from ...scene.joint.spatial.point_on_plane import PointOnPlane
-from ...scene.joint.spatial.prismatic import Prismatic
-from ...scene.joint.spatial.revolute import Revolute
 from ...scene.joint.spatial.spherical import Spherical
 from ...scene.joint.spatial.universal import Universal
 from ...scene.marker import Marker

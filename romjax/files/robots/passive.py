@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
+from ...scene.effect.bushing import Bushing
 from ...scene.effect.contact import Friction
 from ...scene.effect.damper import Damper
 from ...scene.effect.joint_damper import ANY, JointDamper
 from ...scene.effect.joint_inertia import JointInertia
 from ...scene.effect.joint_spring import JointSpring
 from ...scene.effect.joint_stop import JointStop
-from ...scene.effect.spatial.bushing import Bushing
 from ...scene.marker import Marker
 from .joints import Measured
 from .model import Model

@@ -17,7 +17,6 @@ from ..marker import GROUND, Marker, Pose, check_distinct
 from ..outline import Outline
 from .base import AbstractJoint
 from .revolute import Revolute
-from .spatial.revolute import Revolute as RevoluteInSpace
 
 # How far a hinge may be from the middle of a wheel that it holds [m].
 _TOUCHING = 1e-9
@@ -152,7 +151,7 @@ def _carriers(wheel: Marker, joints: Sequence[AbstractJoint]) -> list[str]:
     """The bodies on which hinges hold a wheel in its middle."""
     carriers, hub = [], concrete(wheel.point)
     for joint in joints:
-        if not isinstance(joint, Revolute | RevoluteInSpace):
+        if not isinstance(joint, Revolute):
             continue
         for own, other in ((joint.a, joint.b), (joint.b, joint.a)):
             point = concrete(own.point) if own.body == wheel.body else None

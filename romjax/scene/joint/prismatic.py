@@ -6,34 +6,48 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...common.arrays import Time
+from ...common.arrays import Number, Time
 from ..fields import Converted, check_numbers, radians
 from ..marker import Marker, Pose
 from ..outline import Outline
 from .base import AbstractJoint
+from .directions import SLIDING, about_axis, angle_kept, turned
 from .sliding import sliding
 
 
 class Prismatic(AbstractJoint):
-    """Marker `a` slides along the local x axis of marker `b` and keeps the angle `value` [rad]."""
+    """Marker `a` slides along the local x axis of marker `b` and keeps the angle `value` [rad]; in
+    space it slides along z, and all axes stay parallel.
+    """
 
     a: Marker
     b: Marker
-    value: Converted[Float[Array, ""]] = radians(default=0.0)
+    value: Converted[Float[Array, ""] | None, Number] = radians(default=0.0)
     name: str = eqx.field(static=True, default="")
-    rows: ClassVar[int] = 2
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
     hatched: ClassVar[bool] = False
     freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = (("travel", "m"),)
 
-    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "2"]:
+    def __post_init__(self) -> None:
+        self.value = angle_kept(self)
+
+    @property
+    def rows(self) -> int:  # type: ignore[override]
+        return 2 if self.b.dimension == 2 else 5
+
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, " rows"]:
         del t
+        if self.value is None:
+            return jnp.concatenate([b.across(a.position), turned(a, b)])
         return jnp.stack([b.across(a.position), a.angle - b.angle - self.value])
 
     def place(self, z: Float[Array, "1"]) -> Pose:
+        if self.value is None:
+            return Pose(jnp.pad(z, (2, 0)), about_axis(jnp.zeros_like(z[0]), 3))
         return Pose(jnp.append(z, 0), self.value)
 
-    def screws(self, z: Float[Array, "1"]) -> Float[Array, "1 3"]:
-        return jnp.array([[0, 1, 0]], z.dtype)
+    def screws(self, z: Float[Array, "1"]) -> Float[Array, "1 twist"]:
+        return jnp.array([SLIDING[self.b.dimension]], z.dtype)
 
     def read(self, a: Pose, b: Pose) -> Float[Array, "1"]:
         return b.along(a.position)[None]
@@ -43,8 +57,9 @@ class Prismatic(AbstractJoint):
     ) -> tuple[Outline, ...]:
         del t
         a, b = poses
-        return sliding(Pose(a.position, a.angle - self.value), b, size)
+        return sliding(a if self.value is None else Pose(a.position, a.angle - self.value), b, size)
 
     def check(self) -> None:
         super().check()
-        check_numbers(self.owner(), self, "value")
+        if self.b.dimension == 2:
+            check_numbers(self.owner(), self, "value")

@@ -7,37 +7,51 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...common.arrays import Time
+from ..drawing import axis_line
 from ..marker import Marker, Pose
 from ..outline import Outline, marks
 from .base import AbstractJoint
+from .directions import TURNING, about_axis, angle_about_axis, tilt
 
 
 class Revolute(AbstractJoint):
-    """The two markers stay at one position (chapter equation 39.16); both bodies may turn."""
+    """The two markers stay at one position (chapter equation 39.16), and both bodies may turn; in
+    space about their z axes, which stay along each other.
+    """
 
     a: Marker
     b: Marker
     name: str = eqx.field(static=True, default="")
-    rows: ClassVar[int] = 2
-    at_points: ClassVar[tuple[int, ...]] = (0, 1)
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
     freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = (("angle", "rad"),)
 
-    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "2"]:
+    @property
+    def rows(self) -> int:  # type: ignore[override]
+        return 2 if self.b.dimension == 2 else 5
+
+    @property
+    def at_points(self) -> tuple[int, ...]:  # type: ignore[override]
+        return (0, 1) if self.b.dimension == 2 else ()
+
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, " rows"]:
         del t
-        return a.position - b.position
+        apart = a.position - b.position
+        return apart if a.dimension == 2 else jnp.concatenate([apart, tilt(a, b)])
 
     def place(self, z: Float[Array, "1"]) -> Pose:
-        return Pose(jnp.zeros(2, z.dtype), z[0])
+        dimension = self.b.dimension
+        return Pose(jnp.zeros(dimension, z.dtype), about_axis(z[0], dimension))
 
-    def screws(self, z: Float[Array, "1"]) -> Float[Array, "1 3"]:
-        return jnp.array([[1, 0, 0]], z.dtype)
+    def screws(self, z: Float[Array, "1"]) -> Float[Array, "1 twist"]:
+        return jnp.array([TURNING[self.b.dimension]], z.dtype)
 
     def read(self, a: Pose, b: Pose) -> Float[Array, "1"]:
-        return (a.angle - b.angle)[None]
+        return angle_about_axis(a, b)[None]
 
     def outline(
         self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
     ) -> tuple[Outline, ...]:
-        """Two marks at one position, unless the joint is torn."""
-        del t, size
-        return (marks(poses),)
+        """Two marks at one position, unless the joint is torn; in space the axis too."""
+        del t
+        axis = [Outline(axis_line(poses[1], size), "link")] if self.b.dimension == 3 else []
+        return *axis, marks(poses)

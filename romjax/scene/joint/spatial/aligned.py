@@ -11,7 +11,7 @@ from ...drawing import axis_line
 from ...marker import Marker, Pose
 from ...outline import Outline
 from ..base import AbstractJoint
-from .directions import axis, tilt, turned
+from ..directions import axis, tilt, turned
 
 
 class AbstractAligned(AbstractJoint):

@@ -10,8 +10,8 @@ from ....common.arrays import Time
 from ...marker import Marker, Pose
 from ...outline import Outline
 from ..base import AbstractJoint
+from ..directions import about_z, angle_about_z, tilt
 from ..sliding import sliding
-from .directions import about_z, angle_about_z, tilt
 
 
 class Cylindrical(AbstractJoint):

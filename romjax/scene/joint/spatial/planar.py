@@ -12,7 +12,7 @@ from ...drawing import placed, square
 from ...marker import Marker, Pose
 from ...outline import Outline
 from ..base import AbstractJoint, turns_at
-from .directions import about_z, angle_about_z, tilt
+from ..directions import about_z, angle_about_z, tilt
 
 
 class Planar(AbstractJoint):

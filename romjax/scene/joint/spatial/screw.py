@@ -14,8 +14,8 @@ from ...fields import Converted, check_numbers, number
 from ...marker import Marker, Pose
 from ...outline import Outline
 from ..base import AbstractJoint
+from ..directions import about_z, angle_about_z, tilt
 from ..sliding import sliding
-from .directions import about_z, angle_about_z, tilt
 
 
 class Screw(AbstractJoint):

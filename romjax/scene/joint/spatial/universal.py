@@ -13,7 +13,7 @@ from ...drawing import axis_line
 from ...marker import Marker, Pose
 from ...outline import Outline, marks
 from ..base import AbstractJoint
-from .directions import about_z, angle_about_z, axis
+from ..directions import about_z, angle_about_z, axis
 
 
 class Universal(AbstractJoint):

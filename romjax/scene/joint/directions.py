@@ -1,12 +1,21 @@
-"""Directions of markers in space, and how they differ: what residuals of joints are made of."""
+"""Directions of markers, and how they differ: what joints are made of, most of it in space."""
+
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ....linalg import quaternions
-from ...marker import Pose
+from ...common.arrays import concrete
+from ...common.errors import SceneError
+from ...linalg import quaternions
+from ..marker import Pose
+
+# The twists of a unit turn about the axis of joints, z in space, and of a unit travel along it, x
+# in the plane and z in space, by the dimension: angular velocity, then velocity.
+TURNING = {2: (1, 0, 0), 3: (0, 0, 1, 0, 0, 0)}
+SLIDING = {2: (0, 1, 0), 3: (0, 0, 0, 0, 0, 1)}
 
 
 def axis(pose: Pose, number: int) -> Float[Array, "3"]:
@@ -28,6 +37,11 @@ def turned(a: Pose, b: Pose) -> Float[Array, "3"]:
     """
     relative = quaternions.product(quaternions.conjugate(b.turn), a.turn)
     return 2 * relative[1:] / jnp.sqrt(quaternions.squared(relative))
+
+
+def about_axis(angle: Float[Array, ""], dimension: int) -> Float[Array, "*turn"]:
+    """The turn of a pose by an `angle` [rad] about the axis of joints."""
+    return angle if dimension == 2 else about_z(angle)
 
 
 def about_z(angle: Float[Array, ""]) -> Float[Array, "4"]:
@@ -59,3 +73,25 @@ def angle_about_z(a: Pose, b: Pose) -> Float[Array, ""]:
     relative = quaternions.product(quaternions.conjugate(b.turn), a.turn)
     w, z = jnp.where(relative[0] < 0, -1, 1) * relative[np.array([0, 3])]
     return 2 * jnp.arctan2(z, w)
+
+
+def angle_about_axis(a: Pose, b: Pose) -> Float[Array, ""]:
+    """The angle of `a` against `b` about the axis of joints [rad], in space as `angle_about_z`."""
+    return a.angle - b.angle if a.dimension == 2 else angle_about_z(a, b)
+
+
+def angle_kept(joint: Any) -> Float[Array, ""] | None:
+    """The angle `value` that a joint keeps in the plane. In space it has none, so that no program
+    has it as input; raises SceneError for one that is given there.
+    """
+    if joint.b.dimension == 2:
+        angle: Float[Array, ""] | None = joint.value
+        return angle
+    given = None if joint.value is None else concrete(joint.value)
+    if joint.value is not None and (given is None or np.any(given)):
+        raise SceneError(
+            f"{joint.owner()}: value is {joint.value}, an angle of the plane; in space all axes "
+            "stay parallel: turn a marker instead, by its `rotation` or `angle`.",
+            field="value",
+        )
+    return None
