@@ -178,7 +178,6 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _schema(options: argparse.Namespace) -> int:
-    # Here, since it loads pydantic.
     from .files.schema import json_schema
 
     del options

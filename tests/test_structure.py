@@ -200,7 +200,7 @@ def test_every_public_name_is_exported_once():
 
 # What takes long to load and few need: with the command line either, and with the package.
 SLOW = {"matplotlib", "pandas", "scipy.spatial", "scipy.io", "scipy.stats"}
-SLOWEST = {*SLOW, "pydantic", "tomlkit", "xarray"}
+SLOWEST = {*SLOW, "tomlkit", "xarray"}
 
 
 def test_importing_changes_no_setting_makes_no_array_and_loads_nothing_slow():

@@ -7,7 +7,7 @@ import dataclasses
 import inspect
 import types
 import typing
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jaxtyping
@@ -46,9 +46,21 @@ class Numbers:
 
 @dataclasses.dataclass(frozen=True)
 class Plain:
-    """A string, an integer or a truth value, which no parameter can stand for."""
+    """A string, an integer, a truth value or a number, which no parameter can stand for."""
 
     kind: type
+
+
+@dataclasses.dataclass(frozen=True)
+class Choice:
+    """One of some strings or integers."""
+
+    values: tuple[Any, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class PointForm:
+    """A point: its name, or its coordinates."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,13 +96,42 @@ class TableOf:
     item: "Form"
 
 
-Form = Numbers | Plain | MarkerForm | RotationForm | PartOf | ListOf | TableOf
+class Key(NamedTuple):
+    """What stands under a key of a table."""
+
+    form: "Form"
+    required: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """A table of these `keys` and no others. `name`, `words`: for editors."""
+
+    name: str
+    keys: collections.abc.Mapping[str, Key]
+    words: str = ""
+
+
+Form = (
+    Numbers
+    | Plain
+    | Choice
+    | PointForm
+    | MarkerForm
+    | RotationForm
+    | PartOf
+    | ListOf
+    | TableOf
+    | Table
+)
 ANY = Numbers(ANY_AXES, loose=True)
 
 
 def form_of(annotation: Any) -> Form | None:
     """The form of a type; None for one that has none, such as a function."""
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is typing.Literal:
+        return Choice(arguments)
     if origin in (typing.Union, types.UnionType):
         return _of_union(arguments)
     if origin in (list, tuple, collections.abc.Sequence, collections.abc.Iterable):

@@ -76,8 +76,13 @@ def makers(base: type) -> dict[str, Maker]:
 
     A user's part does not take the place of one of romjax: it is called "module.Name".
     """
+    return _makers(tuple(_descendants(base)))
+
+
+@functools.lru_cache
+def _makers(parts: tuple[type, ...]) -> dict[str, Maker]:
     found: dict[str, Maker] = {}
-    for part in classes((base,)):
+    for part in parts:
         if inspect.isabstract(part) or part.__name__.startswith(("_", "Abstract")):
             continue
         for maker in _makers_of(part):
@@ -96,19 +101,15 @@ def maker_of(part: Any, base: type) -> Maker | None:
     return None
 
 
-def classes(bases: tuple[type, ...]) -> tuple[type, ...]:
-    """All classes that are defined: what a schema of them depends on."""
-    return tuple(part for base in bases for part in (base, *_descendants(base)))
-
-
 def _own(part: type) -> bool:
     return part.__module__.split(".")[0] == __name__.split(".")[0]
 
 
 def _descendants(base: type) -> Iterator[type]:
+    """All classes that are defined: a base, and what derives from it."""
+    yield base
     direct: list[type] = base.__subclasses__()
     for part in direct:
-        yield part
         yield from _descendants(part)
 
 

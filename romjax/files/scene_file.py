@@ -14,6 +14,7 @@ from ..scene.signal import AbstractSignal
 from .build import Builder
 from .parameters import check_given, free_parameters, resolve_parameters
 from .problems import Problems
+from .schema import validate
 from .settings import Settings
 from .toml import read_tables
 from .versions import check_version
@@ -192,9 +193,6 @@ def _checked(problems: Problems) -> tuple[dict[str, Any], Scene]:
     tables = read_tables(problems)
     check_version(tables, problems)
     problems.raise_any()
-    # Here, since it loads pydantic, which takes longer than a small scene.
-    from .schema import validate
-
     validate(tables, problems)
     wrong = problems.touch(("parameters",))
     free = {} if wrong else free_parameters(tables.get("parameters", {}))
