@@ -19,7 +19,7 @@ from ..scene.body.base import AbstractBody
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect
 from ..scene.effect.contact import local_point
 from ..scene.joint.base import AbstractJoint
-from ..scene.marker import Pose, Twist, Wrench
+from ..scene.marker import Pose, Poses, Twist, Wrench, Wrenches
 from ..system.dynamics import quadratic_velocity_force
 from ..system.schedule import AbstractStack
 from .grouping import T
@@ -198,9 +198,9 @@ class JointGroup(AbstractStack):
     ) -> Float[Array, "side count rows size"]:
         """Derivatives with respect to the coordinates of the bodies on all sides."""
 
-        def slopes(joint: AbstractJoint, poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
+        def slopes(joint: AbstractJoint, poses: Poses) -> Poses:
             own, counters = self.bodies_of(poses), poses[len(self.bodies_of(poses)) :]
-            sides: tuple[Pose, ...]
+            sides: Poses
             sides = jax.jacrev(lambda own: joint.residual(t, *own, *counters))(own)
             return sides
 
@@ -228,18 +228,18 @@ class JointGroup(AbstractStack):
         """The sides without those of counters, on which the residual does not depend."""
         return sides[: len(self.joints.markers)]
 
-    def wrenches(self, t: Time, poses: Pose, multipliers: Float[Array, " m"]) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Pose, multipliers: Float[Array, " m"]) -> Wrenches:
         """Return the wrenches of the joints on all of their markers, one row per joint.
 
         The constraint forces −C_qᵀ λ, as wrenches at the poses that the residual is a function of.
         """
 
-        def react(joint: AbstractJoint, own: Array, poses: tuple[Pose, ...]) -> tuple[Wrench, ...]:
+        def react(joint: AbstractJoint, own: Array, poses: Poses) -> Wrenches:
             _, transpose = jax.vjp(lambda *poses: joint.residual(t, *poses), *poses)
             return tuple(p.wrench(force) for p, force in zip(poses, transpose(-own), strict=True))
 
         own, sides = self.rows.take(multipliers), self.markers.take(poses)
-        wrenches: tuple[Wrench, ...] = jax.vmap(react)(self.joints, own, sides)
+        wrenches: Wrenches = jax.vmap(react)(self.joints, own, sides)
         return wrenches
 
 

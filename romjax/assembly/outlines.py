@@ -17,8 +17,8 @@ from ..scene.body.base import AbstractBody
 from ..scene.drawing import hatched
 from ..scene.effect.base import AbstractEffect
 from ..scene.joint.base import AbstractJoint
-from ..scene.marker import GROUND, Marker, Pose, ground
-from ..scene.outline import Outline, Style
+from ..scene.marker import GROUND, Marker, Pose, Poses, ground
+from ..scene.outline import Outlines, Style
 from ..scene.scene import Scene
 from .counting import bodies_coordinates
 from .kinematics import MarkerBlocks, Markers, arrange, columns_of, prepare_points
@@ -124,7 +124,7 @@ def _evaluate(
     t: Float[Array, " frames"],
     q: Float[Array, "frames n"],
     largest: Float[Array, ""],
-) -> tuple[Float[Array, "frames points d"], list[tuple[Outline, ...]], Float[Array, ""]]:
+) -> tuple[Float[Array, "frames points d"], list[Outlines], Float[Array, ""]]:
     """Points of the bodies; outlines of joints and effects, group by group, with the axes (frames,
     elements, points, d); the size of signs, at most half of the `largest` body's.
     """
@@ -142,10 +142,8 @@ def _evaluate(
     # Not to hide bodies that are many and small.
     size = jnp.where(largest > 0, jnp.minimum(size, largest / 2), size)
 
-    def frame(t: Array, poses: Pose) -> list[tuple[Outline, ...]]:
-        def outline(
-            part: Any, number: Array | np.ndarray, poses: tuple[Pose, ...]
-        ) -> tuple[Outline, ...]:
+    def frame(t: Array, poses: Pose) -> list[Outlines]:
+        def outline(part: Any, number: Array | np.ndarray, poses: Poses) -> Outlines:
             del number  # there for parts without any number or marker, to be mapped over
             return tuple(part.outline(t, poses, size))
 

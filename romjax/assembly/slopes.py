@@ -25,7 +25,7 @@ from ..linalg.dense import multiply, multiply_transposed
 from ..linalg.implicit import Columns, Slopes
 from ..linalg.indexing import sum_onto, take
 from ..linalg.pattern import Pattern
-from ..scene.marker import Pose
+from ..scene.marker import Pose, Poses
 from ..system.constraints import differentiate
 from ..system.stabilization import Baumgarte
 from .groups import EffectGroup, JointGroup
@@ -118,7 +118,7 @@ def _of_bodies(
 def _reactions(group: JointGroup, t: Time, poses: Pose, multipliers: Float[Array, " m"]) -> _Action:
     """C_pᵀ λ of joints."""
 
-    def react(joint: Any, own: Array, sides: tuple[Pose, ...]) -> tuple[Array, Array]:
+    def react(joint: Any, own: Array, sides: Poses) -> tuple[Array, Array]:
         counters = sides[len(joint.markers) :]
 
         def force(numbers: Array) -> tuple[Array, Array]:
@@ -139,7 +139,7 @@ def _loads(group: EffectGroup, t: Time, poses: Pose, rates: Pose) -> _Action:
     """−f of effects."""
     moving = group.effects.needs_twists
 
-    def act(effect: Any, sides: tuple[Pose, ...], rates: tuple[Pose, ...]) -> tuple[Array, ...]:
+    def act(effect: Any, sides: Poses, rates: Poses) -> tuple[Array, ...]:
         count = len(effect.markers) + len(effect.states)
 
         def force(numbers: Array, *speeds: Array) -> tuple[Array, Array]:

@@ -16,7 +16,7 @@ from ..assembly.wrenches import effect_wrenches, joint_wrenches
 from ..common.checks import unknown_name
 from ..integrate.trajectory import Trajectory
 from ..linalg import quaternions
-from ..scene.marker import Pose, Twist, Wrench
+from ..scene.marker import Pose, Poses, Twist, Twists, Wrench, Wrenches
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
 from .states import along, check_run, solved
@@ -32,9 +32,9 @@ class Forces(eqx.Module):
     - `poses`, `twists`, `wrenches`: of each marker in order, by the inertial axes.
     """
 
-    poses: tuple[Pose, ...]
-    twists: tuple[Twist, ...]
-    wrenches: tuple[Wrench, ...]
+    poses: Poses
+    twists: Twists
+    wrenches: Wrenches
 
     @property
     def force(self) -> Float[Array, "*k d"]:

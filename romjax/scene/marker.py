@@ -51,23 +51,20 @@ class Pose(NamedTuple):
         return quaternions.matrix(self.turn)
 
     def along(self, point: Float[Array, " d"]) -> Float[Array, ""]:
-        """Return how far a point is along the axis on which joints slide [m].
-
-        The point is one of the inertial frame; the axis is the local x in the plane, z in space.
+        """How far a point, by inertial axes, is along the axis on which joints slide [m]: local x
+        in the plane, z in space.
         """
         if self.dimension == 3:
             return self.local(point)[2]
-        return multiply(
-            jnp.stack([jnp.cos(self.angle), jnp.sin(self.angle)]), point - self.position
-        )
+        ahead = jnp.stack([jnp.cos(self.angle), jnp.sin(self.angle)])
+        return multiply(ahead, point - self.position)
 
     def across(self, point: Float[Array, " d"]) -> Float[Array, "*more"]:
         """How far a point is from that axis [m]: local y in the plane, x and y (2,) in space."""
         if self.dimension == 3:
             return self.local(point)[:2]
-        return multiply(
-            jnp.stack([-jnp.sin(self.angle), jnp.cos(self.angle)]), point - self.position
-        )
+        aside = jnp.stack([-jnp.sin(self.angle), jnp.cos(self.angle)])
+        return multiply(aside, point - self.position)
 
     def local(self, point: Float[Array, " d"]) -> Float[Array, " d"]:
         """A point of the inertial frame in the marker's own [m]."""
@@ -173,10 +170,14 @@ class Wrench(NamedTuple):
         return jnp.sum(moving, axis=-1) + (jnp.sum(turning, axis=-1) if in_space else turning)
 
 
-class Marker(eqx.Module):
-    """A frame fixed to a material point of a body.
+# Of several markers, in their order.
+Poses = tuple[Pose, ...]
+Twists = tuple[Twist, ...]
+Wrenches = tuple[Wrench, ...]
 
-    Made by `body.at(point)` or `ground.at(point)`.
+
+class Marker(eqx.Module):
+    """A frame fixed to a material point of a body, by `body.at(point)` or `ground.at(point)`.
 
     **Arguments:**
 
@@ -284,12 +285,11 @@ def check_markers(owner: str, markers: Sequence[Marker], dimensions: tuple[int, 
     for marker in markers:
         marker.check(owner)
         if marker.dimension not in dimensions:
-            given, other = (
-                ("space", "the plane") if marker.dimension == 3 else ("the plane", "space")
-            )
+            words = {2: "the plane", 3: "space"}
             raise SceneError(
-                f"{owner}: its marker on '{marker.body}' is in {given}, but the part is one of "
-                f"{other}; romjax has the parts of the plane, romjax.spatial those of space."
+                f"{owner}: its marker on '{marker.body}' is in {words[marker.dimension]}, but the "
+                f"part is one of {words[dimensions[0]]}; romjax has the parts of the plane, "
+                "romjax.spatial those of space."
             )
         if marker.dimension != markers[0].dimension:
             raise SceneError(

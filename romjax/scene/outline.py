@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .fields import check_choice
-from .marker import Pose
+from .marker import Poses
 
 # What an outline stands for; pictures choose colours and widths by it. The last three are marks,
 # of one size on every picture, at each of the points; the others are lines through them.
@@ -49,12 +49,15 @@ class Outline(eqx.Module):
         check_choice("Outline", "style", self.style, STYLES)
 
 
-def marks(poses: tuple[Pose, ...], style: Style = "hinge") -> Outline:
+Outlines = tuple[Outline, ...]
+
+
+def marks(poses: Poses, style: Style = "hinge") -> Outline:
     """Marks at the markers of a joint: at one position, unless the joint is torn."""
     return Outline(jnp.stack([pose.position for pose in poses]), style)
 
 
-def linked(poses: tuple[Pose, ...], style: Style = "link") -> tuple[Outline, ...]:
+def linked(poses: Poses, style: Style = "link") -> Outlines:
     """Dots at the markers and a line from each to the next, the plain sign of any part."""
     points = jnp.stack([pose.position for pose in poses])
     return Outline(points, style), Outline(points, "point")

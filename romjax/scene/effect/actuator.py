@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 from ...common.arrays import Time
 from ..fields import Converted, check_numbers, number
 from ..limits import cut_off
-from ..marker import Marker, Pose, Twist, Wrench
+from ..marker import Marker, Poses, Twists, Wrenches
 from ..motion import check_motion
 from ..signal import AbstractSignal, signal_field
 from .along_motion import AbstractMotionEffect
@@ -50,9 +50,7 @@ class Actuator(AbstractMotionEffect):
     name: str = eqx.field(static=True, default="")
     needs_twists: ClassVar[bool] = True
 
-    def wrenches(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         value, rate, wrenches = self.displacement(poses, twists)
         signal = cut_off(self.signal(t), self.least_signal, self.largest_signal)
         feedback = self.proportional * value + self.derivative * rate()

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..marker import Pose, Twist
+from ..marker import Pose, Poses, Twists
 from ..motion import counts, is_limited, limit_of, moved, points_of
 from .base import AbstractMarkerEffect, Displacement, displacement
 
@@ -37,6 +37,6 @@ class AbstractMotionEffect(AbstractMarkerEffect):
         """Return where three angles are told apart no more: a number that changes its sign."""
         return limit_of(self.motion, *poses)
 
-    def displacement(self, poses: tuple[Pose, ...], twists: tuple[Twist, ...]) -> Displacement:
+    def displacement(self, poses: Poses, twists: Twists) -> Displacement:
         """The motion, and the functions of its rate and of the wrenches of a force along it."""
         return displacement(lambda *p: moved(self.motion, *p), poses, twists)

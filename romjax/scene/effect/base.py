@@ -17,8 +17,8 @@ from ...common.errors import SceneError
 from .. import marker
 from ..body.base import AbstractBody
 from ..fields import check_choice, check_numbers
-from ..marker import Marker, Pose, Twist, Wrench
-from ..outline import Outline, linked
+from ..marker import Marker, Pose, Poses, Twists, Wrench, Wrenches
+from ..outline import Outlines, linked
 
 if TYPE_CHECKING:
     from typing import ClassVar as AbstractClassVar
@@ -47,9 +47,7 @@ class AbstractEffect(eqx.Module):
     def check(self) -> None:
         """Raise a SceneError that names effect, field, value and remedy."""
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """Return the outlines for pictures, from the poses of the markers at time t, if any.
 
         `size` [m] is what a sign such as an arrow should be about as large as.
@@ -93,9 +91,7 @@ class AbstractMarkerEffect(AbstractEffect):
         values = (getattr(self, field.name) for field in dataclasses.fields(self))
         return tuple(value for value in values if isinstance(value, Marker))
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """Return the outlines for pictures, from the poses of the markers at time t.
 
         They are lines between the markers, unless the effect has a sign of its own, about as large
@@ -105,9 +101,7 @@ class AbstractMarkerEffect(AbstractEffect):
         return linked(poses)
 
     @abc.abstractmethod
-    def wrenches(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         """Force [N] and torque [N m] on each marker, in their order."""
 
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
@@ -122,9 +116,7 @@ class AbstractMarkerEffect(AbstractEffect):
         """
         return jnp.ones((), poses[0].position.dtype)
 
-    def power(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> Float[Array, ""]:
+    def power(self, t: Time, poses: Poses, twists: Twists) -> Float[Array, ""]:
         """Power [W] of the wrenches that have no potential energy, and of the change of `energy`
         with time alone.
         """
@@ -148,16 +140,12 @@ class AbstractPotential(AbstractMarkerEffect):
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         """Potential energy [J]."""
 
-    def wrenches(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         del twists
         slopes = jax.grad(lambda poses: self.energy(t, *poses))(poses)
         return tuple(-pose.wrench(slope) for pose, slope in zip(poses, slopes, strict=True))
 
-    def power(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> Float[Array, ""]:
+    def power(self, t: Time, poses: Poses, twists: Twists) -> Float[Array, ""]:
         """Power [W] of what changes the energy with time, at rest."""
         del twists
         t = jnp.asarray(t, poses[0].position.dtype)
@@ -178,14 +166,10 @@ class AbstractDissipation(AbstractMarkerEffect):
     supplies: ClassVar[bool] = False
 
     @abc.abstractmethod
-    def rayleigh(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> Float[Array, ""]:
+    def rayleigh(self, t: Time, poses: Poses, twists: Twists) -> Float[Array, ""]:
         """Rayleigh's dissipation function [W]."""
 
-    def wrenches(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         slopes = jax.grad(lambda twists: self.rayleigh(t, poses, twists))(twists)
         return tuple(Wrench(-slope.velocity, -slope.angular_velocity) for slope in slopes)
 
@@ -206,12 +190,12 @@ class AbstractField(AbstractEffect):
 Displacement = tuple[
     Float[Array, " k"],
     Callable[[], Float[Array, " k"]],
-    Callable[[Float[Array, " k"]], tuple[Wrench, ...]],
+    Callable[[Float[Array, " k"]], Wrenches],
 ]
 
 
 def displacement(
-    measure: Callable[..., Float[Array, " k"]], poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    measure: Callable[..., Float[Array, " k"]], poses: Poses, twists: Twists
 ) -> Displacement:
     """A displacement between poses: its value, its rate and the wrenches of a force along it.
 
@@ -227,7 +211,7 @@ def displacement(
         _, change = jax.jvp(measure, poses, rates)
         return change
 
-    def wrenches(force: Float[Array, " k"]) -> tuple[Wrench, ...]:
+    def wrenches(force: Float[Array, " k"]) -> Wrenches:
         return tuple(p.wrench(slope) for p, slope in zip(poses, pull_back(force), strict=True))
 
     return value, rate, wrenches

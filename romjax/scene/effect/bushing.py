@@ -12,8 +12,8 @@ from ...linalg import quaternions
 from ...linalg.dense import multiply
 from ..drawing import arc, placed, wheel
 from ..fields import Converted, check_finite, number
-from ..marker import Marker, Pose, Twist, Wrench
-from ..outline import Outline
+from ..marker import Marker, Pose, Poses, Twists, Wrenches
+from ..outline import Outline, Outlines
 from .base import AbstractMarkerEffect, check_markers, displacement
 
 # Of its directions, in the plane and in space.
@@ -64,9 +64,7 @@ class Bushing(AbstractMarkerEffect):
         delta = _delta(*poses)
         return 0.5 * jnp.sum(delta * _apply(self.stiffness, delta))
 
-    def wrenches(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         del t
         delta, rate, wrenches = displacement(_delta, poses, twists)
         force = -_apply(self.stiffness, delta)
@@ -78,9 +76,7 @@ class Bushing(AbstractMarkerEffect):
         """The cosine of half the angle of rotation, up to a factor."""
         return _turn(*poses)[0]
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """A sleeve that sits on `b`, and a pin inside that sits on `a`."""
         del t
         a, b = poses

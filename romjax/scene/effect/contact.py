@@ -14,8 +14,8 @@ from ...common.errors import SceneError
 from ..curve import AbstractCurve
 from ..drawing import placed
 from ..fields import Converted, check_numbers, number
-from ..marker import Marker, Pose, Twist, Wrench
-from ..outline import Outline
+from ..marker import Marker, Pose, Poses, Twists, Wrenches
+from ..outline import Outline, Outlines
 from .base import AbstractMarkerEffect, check_markers, displacement
 
 
@@ -169,16 +169,12 @@ class Contact(AbstractContact):
     def gap(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return self.curve(point)
 
-    def wrenches(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         del t
         point, rate, wrenches = displacement(local_point, poses, twists)
         return wrenches(self.force(*self.depth(point), rate))
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """The curve, and the point that it stops."""
         del t
         a, b = poses

@@ -9,8 +9,8 @@ from jaxtyping import Array, Float
 from ...common.arrays import Time
 from ..drawing import dashpot
 from ..fields import Converted, check_numbers, number
-from ..marker import Marker, Pose, Twist
-from ..outline import Outline
+from ..marker import Marker, Poses, Twists
+from ..outline import Outline, Outlines
 from .base import AbstractDissipation, check_markers
 
 
@@ -35,9 +35,7 @@ class Damper(AbstractDissipation):
     hatched: ClassVar[bool] = True
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 
-    def rayleigh(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> Float[Array, ""]:
+    def rayleigh(self, t: Time, poses: Poses, twists: Twists) -> Float[Array, ""]:
         del t
         a, b = twists
         if self.along_line:
@@ -48,9 +46,7 @@ class Damper(AbstractDissipation):
             return 0.5 * self.damping * (e @ (a.velocity - b.velocity)) ** 2
         return 0.5 * self.damping * jnp.sum((a.velocity - b.velocity) ** 2)
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         del t
         a, b = poses
         parts = dashpot(a.position, b.position, size)

@@ -7,8 +7,8 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Time
 from ..fields import Converted, check_numbers, number
-from ..marker import Marker, Pose, Twist
-from ..outline import Outline
+from ..marker import Marker, Poses, Twists
+from ..outline import Outline, Outlines
 from .base import AbstractDissipation, check_markers
 
 
@@ -30,18 +30,14 @@ class Drag(AbstractDissipation):
     at_points: ClassVar[tuple[int, ...]] = (0,)
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 
-    def rayleigh(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> Float[Array, ""]:
+    def rayleigh(self, t: Time, poses: Poses, twists: Twists) -> Float[Array, ""]:
         del t, poses
         squared = jnp.sum(twists[0].velocity ** 2)
         # The second derivative of a cube of a length is NaN at zero, where there is no force.
         speed = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
         return self.density * self.coefficient * self.area * squared * speed / 6
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         del t, size
         return (Outline(poses[0].position[None], "point"),)
 

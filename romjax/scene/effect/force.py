@@ -9,8 +9,8 @@ from jaxtyping import Array, Float
 from ...common.arrays import Time, Vector
 from ..drawing import arrow
 from ..fields import UNIT, Converted, number
-from ..marker import Marker, Pose, Twist, Wrench
-from ..outline import Outline
+from ..marker import Marker, Poses, Twists, Wrench, Wrenches
+from ..outline import Outline, Outlines
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractMarkerEffect, check_direction, check_markers, directed
 
@@ -37,17 +37,13 @@ class Force(AbstractMarkerEffect):
     def at_points(self) -> tuple[int, ...]:  # type: ignore[override]
         return (0,) if self.frame == "world" else ()
 
-    def wrenches(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         del twists
         force = self.signal(t) * self.direction / jnp.linalg.norm(self.direction)
         force = directed(force, self.frame, poses[0])
         return (Wrench(force, jnp.zeros_like(force[0] if force.shape == (2,) else force)),)
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """An arrow of fixed length from the marker, in the direction of the force."""
         (wrench,) = self.wrenches(t, poses, ())
         (pose,) = poses

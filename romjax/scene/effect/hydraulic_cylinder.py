@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Time, concatenate
 from ..fields import Converted, check_numbers, number
-from ..marker import Marker, Pose, Twist, Wrench
+from ..marker import Marker, Pose, Poses, Twists, Wrenches
 from ..motion import moved
 from ..signal import AbstractSignal, signal_field
 from .base import check_markers, displacement
@@ -74,11 +74,7 @@ class HydraulicCylinder(AbstractStateEffect):
         return concatenate([self.pressure_a, self.pressure_b])
 
     def rates(
-        self,
-        t: Time,
-        states: Float[Array, " k"],
-        poses: tuple[Pose, ...],
-        twists: tuple[Twist, ...],
+        self, t: Time, states: Float[Array, " k"], poses: Poses, twists: Twists
     ) -> Float[Array, " k"]:
         length, rate, _ = displacement(lambda *p: moved("distance", *p), poses, twists)
         out, speed, opening = length - self.retracted, rate(), self.signal(t)
@@ -95,13 +91,7 @@ class HydraulicCylinder(AbstractStateEffect):
         volume_b = self.dead_volume + self.rod_area * (self.stroke - out)
         return self.bulk * jnp.stack([rate_a / volume_a, rate_b / volume_b])
 
-    def driven(
-        self,
-        t: Time,
-        states: Float[Array, " k"],
-        poses: tuple[Pose, ...],
-        twists: tuple[Twist, ...],
-    ) -> tuple[Wrench, ...]:
+    def driven(self, t: Time, states: Float[Array, " k"], poses: Poses, twists: Twists) -> Wrenches:
         del t
         _, rate, wrenches = displacement(lambda *p: moved("distance", *p), poses, twists)
         pushed = self.area * states[0] - self.rod_area * states[1]

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Time
 from ..fields import Converted, check_numbers, number
-from ..marker import Marker, Pose, Twist, Wrench
+from ..marker import Marker, Poses, Twists, Wrench, Wrenches
 from ..motion import check_motion, counts, moved
 from .along_motion import AbstractMotionEffect
 from .base import check_markers, displacement
@@ -48,9 +48,7 @@ class JointDamper(AbstractMotionEffect):
         # A speed does not know of full turns.
         return ()
 
-    def wrenches(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         del t
         if self.motion == ANY:
             torque = self.damping * (twists[1].angular_velocity - twists[0].angular_velocity)

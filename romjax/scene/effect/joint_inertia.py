@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Time
 from ..fields import Converted, check_numbers, number
-from ..marker import Marker, Pose, Twist, Wrench
+from ..marker import Marker, Pose, Poses, Twists, Wrench, Wrenches
 from ..motion import check_motion, is_limited, limit_of
 from .base import AbstractMarkerEffect, check_markers
 
@@ -43,9 +43,7 @@ class JointInertia(AbstractMarkerEffect):
         """Return where three angles are told apart no more: a number that changes its sign."""
         return limit_of(self.motion, *poses)
 
-    def wrenches(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         del t, twists
         none = jnp.zeros_like(poses[0].position)
         return tuple(Wrench(none, none) for _ in poses)

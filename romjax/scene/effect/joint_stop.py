@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from ...common.arrays import Time, concrete
 from ...common.errors import SceneError
 from ..fields import Converted, check_numbers, number
-from ..marker import Marker, Pose, Twist, Wrench
+from ..marker import Marker, Pose, Poses, Twists, Wrenches
 from ..motion import check_motion, moved
 from .along_motion import AbstractMotionEffect
 from .base import check_markers
@@ -57,9 +57,7 @@ class JointStop(AbstractMotionEffect):
         del t
         return 0.5 * self.stiffness * self._beyond(moved(self.motion, *poses)) ** 2
 
-    def wrenches(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         del t
         value, rate, wrenches = self.displacement(poses, twists)
         beyond = self._beyond(value)

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Time, concatenate
 from ..fields import Converted, check_numbers, number
-from ..marker import Marker, Pose, Twist, Wrench
+from ..marker import Marker, Poses, Twists, Wrenches
 from ..motion import check_motion
 from ..signal import AbstractSignal, signal_field
 from .along_motion import AbstractMotionEffect
@@ -54,24 +54,14 @@ class LowPass(AbstractMotionEffect, AbstractStateEffect):
         return concatenate([self.start])
 
     def rates(
-        self,
-        t: Time,
-        states: Float[Array, " k"],
-        poses: tuple[Pose, ...],
-        twists: tuple[Twist, ...],
+        self, t: Time, states: Float[Array, " k"], poses: Poses, twists: Twists
     ) -> Float[Array, " k"]:
         value, rate, _ = self.displacement(poses, twists)
         feedback = self.proportional * value + self.derivative * rate()
         command = self.gain * self.signal(t) - feedback
         return (command - states) / self.time_constant
 
-    def driven(
-        self,
-        t: Time,
-        states: Float[Array, " k"],
-        poses: tuple[Pose, ...],
-        twists: tuple[Twist, ...],
-    ) -> tuple[Wrench, ...]:
+    def driven(self, t: Time, states: Float[Array, " k"], poses: Poses, twists: Twists) -> Wrenches:
         del t
         _, _, wrenches = self.displacement(poses, twists)
         return wrenches(states[0])

@@ -10,8 +10,8 @@ from ...common.arrays import Time
 from ..counted_angle import counted_angle
 from ..drawing import placed, turning_arrow
 from ..fields import Converted, check_numbers, number
-from ..marker import Marker, Pose, Twist, Wrench
-from ..outline import Outline
+from ..marker import Marker, Poses, Twists, Wrench, Wrenches
+from ..outline import Outline, Outlines
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractMarkerEffect, check_markers
 
@@ -39,9 +39,7 @@ class Motor(AbstractMarkerEffect):
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
     counted: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1),)
 
-    def wrenches(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         a, b, *counter = poses
         angle = counted_angle(a, b, *counter)
         speed = b.about(twists[0].angular_velocity - twists[1].angular_velocity)
@@ -52,9 +50,7 @@ class Motor(AbstractMarkerEffect):
         idle = [Wrench(none, jnp.zeros_like(torque)) for _ in counter]
         return Wrench(none, torque), Wrench(none, -torque), *idle
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """An arrow around `a`, in the sense in which the target turns."""
         a, _ = poses
         t = jnp.asarray(t, size.dtype)

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from ...common.arrays import Time, concatenate
 from ..fields import Converted, check_numbers, number
 from ..limits import cut_off
-from ..marker import Marker, Pose, Twist, Wrench
+from ..marker import Marker, Poses, Twists, Wrenches
 from ..motion import check_motion
 from ..signal import AbstractSignal, signal_field
 from .along_motion import AbstractMotionEffect
@@ -68,11 +68,7 @@ class PID(AbstractMotionEffect, AbstractStateEffect):
         return concatenate([self.start] * len(self.states))
 
     def rates(
-        self,
-        t: Time,
-        states: Float[Array, " k"],
-        poses: tuple[Pose, ...],
-        twists: tuple[Twist, ...],
+        self, t: Time, states: Float[Array, " k"], poses: Poses, twists: Twists
     ) -> Float[Array, " k"]:
         error, command, cut = self._command(t, states[0], poses, twists)
         rate = self.integral * error
@@ -80,23 +76,13 @@ class PID(AbstractMotionEffect, AbstractStateEffect):
             rate += (cut - command) / self.tracking
         return jnp.stack([rate] if self.lag is None else [rate, (cut - states[1]) / self.lag])
 
-    def driven(
-        self,
-        t: Time,
-        states: Float[Array, " k"],
-        poses: tuple[Pose, ...],
-        twists: tuple[Twist, ...],
-    ) -> tuple[Wrench, ...]:
+    def driven(self, t: Time, states: Float[Array, " k"], poses: Poses, twists: Twists) -> Wrenches:
         _, _, wrenches = self.displacement(poses, twists)
         lags = self.lag is not None
         return wrenches(states[1] if lags else self._command(t, states[0], poses, twists)[2])
 
     def _command(
-        self,
-        t: Time,
-        integral: Float[Array, ""],
-        poses: tuple[Pose, ...],
-        twists: tuple[Twist, ...],
+        self, t: Time, integral: Float[Array, ""], poses: Poses, twists: Twists
     ) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
         """The error e, the command u, and what is left of that."""
         value, rate, _ = self.displacement(poses, twists)

@@ -8,8 +8,8 @@ from jaxtyping import Array, Float
 from ...common.arrays import Time
 from ..drawing import zigzag
 from ..fields import Converted, check_numbers, number
-from ..marker import Marker, Pose
-from ..outline import Outline
+from ..marker import Marker, Pose, Poses
+from ..outline import Outline, Outlines
 from .base import AbstractPotential, check_markers
 
 
@@ -51,9 +51,7 @@ class Spring(AbstractPotential):
         energy = 0.5 * self.stiffness * squared
         return energy if self.cubic is None else energy + 0.25 * self.cubic * squared**2
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         del t
         a, b = poses
         return (Outline(zigzag(a.position, b.position, size), "spring"),)

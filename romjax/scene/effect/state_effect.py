@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...common.arrays import Time, as_jax
-from ..marker import Pose, Twist, Wrench
+from ..marker import Poses, Twists, Wrench, Wrenches
 from .base import AbstractMarkerEffect
 
 if TYPE_CHECKING:
@@ -37,27 +37,15 @@ class AbstractStateEffect(AbstractMarkerEffect):
 
     @abc.abstractmethod
     def rates(
-        self,
-        t: Time,
-        states: Float[Array, " k"],
-        poses: tuple[Pose, ...],
-        twists: tuple[Twist, ...],
+        self, t: Time, states: Float[Array, " k"], poses: Poses, twists: Twists
     ) -> Float[Array, " k"]:
         """The rates of the states, from the poses and twists of the markers at time t."""
 
     @abc.abstractmethod
-    def driven(
-        self,
-        t: Time,
-        states: Float[Array, " k"],
-        poses: tuple[Pose, ...],
-        twists: tuple[Twist, ...],
-    ) -> tuple[Wrench, ...]:
+    def driven(self, t: Time, states: Float[Array, " k"], poses: Poses, twists: Twists) -> Wrenches:
         """Force [N] and torque [N m] on each marker, in their order."""
 
-    def wrenches(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         """Those of `driven`, and the rates as forces on the carriers of the states, whose poses and
         twists come after those of the markers.
         """
@@ -69,9 +57,7 @@ class AbstractStateEffect(AbstractMarkerEffect):
         idle = [Wrench(zero, still) for _ in own[0][number:]]
         return (*driven[:number], *carried, *idle)
 
-    def power(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> Float[Array, ""]:
+    def power(self, t: Time, poses: Poses, twists: Twists) -> Float[Array, ""]:
         """Power [W] of the wrenches on the markers."""
         states, own = self._told(poses, twists)
         wrenches = self.driven(t, states, *own)
@@ -79,8 +65,8 @@ class AbstractStateEffect(AbstractMarkerEffect):
         return jnp.asarray(sum(wrench.power(twist) for wrench, twist in pairs))
 
     def _told(
-        self, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> tuple[Float[Array, " k"], tuple[tuple[Pose, ...], tuple[Twist, ...]]]:
+        self, poses: Poses, twists: Twists
+    ) -> tuple[Float[Array, " k"], tuple[Poses, Twists]]:
         """The states, and the poses and twists of the markers, with those of counters of turns."""
         first, number = len(self.markers), len(self.markers) + len(self.states)
         states = jnp.stack([twist.velocity[0] for twist in twists[first:number]])

@@ -8,8 +8,8 @@ from jaxtyping import Array, Float
 from ...common.arrays import Time
 from ..drawing import placed, turning_arrow
 from ..fields import UNIT
-from ..marker import Marker, Pose, Twist, Wrench
-from ..outline import Outline
+from ..marker import Marker, Poses, Twists, Wrench, Wrenches
+from ..outline import Outline, Outlines
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractMarkerEffect, check_markers
 
@@ -27,15 +27,11 @@ class Torque(AbstractMarkerEffect):
     signal: AbstractSignal = signal_field(metadata={UNIT: "N m"})
     needs_twists: ClassVar[bool] = False
 
-    def wrenches(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         del twists
         return (Wrench(jnp.zeros_like(poses[0].position), self.signal(t)),)
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """An arrow around the marker, in the sense of the torque."""
         (pose,) = poses
         way = placed(pose, turning_arrow(size, self.signal(t)))

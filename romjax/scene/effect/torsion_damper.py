@@ -8,8 +8,8 @@ from jaxtyping import Array, Float
 from ...common.arrays import Time
 from ..drawing import arc, placed
 from ..fields import Converted, check_numbers, number
-from ..marker import Marker, Pose, Twist
-from ..outline import Outline
+from ..marker import Marker, Pose, Poses, Twists
+from ..outline import Outline, Outlines
 from .base import AbstractDissipation, check_markers
 
 
@@ -28,17 +28,13 @@ class TorsionDamper(AbstractDissipation):
     damping: Converted[Float[Array, ""]] = number()
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
 
-    def rayleigh(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> Float[Array, ""]:
+    def rayleigh(self, t: Time, poses: Poses, twists: Twists) -> Float[Array, ""]:
         del t
         a, b = twists
         speed = poses[1].about(a.angular_velocity - b.angular_velocity)
         return 0.5 * self.damping * speed**2
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """A ring around a vane that turns with `a`."""
         del t
         a, b = poses

@@ -10,8 +10,8 @@ from ...common.arrays import Time
 from ..counted_angle import counted_angle
 from ..drawing import arc, placed
 from ..fields import Converted, check_numbers, number, radians
-from ..marker import Marker, Pose
-from ..outline import Outline
+from ..marker import Marker, Pose, Poses
+from ..outline import Outline, Outlines
 from .base import AbstractPotential, check_markers
 
 
@@ -41,9 +41,7 @@ class TorsionSpring(AbstractPotential):
         del t
         return 0.5 * self.stiffness * (counted_angle(*poses) - self.rest_angle) ** 2
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """A spiral from the x axis of `a` outwards, two turns more than the angle of both."""
         del t
         a, b = poses

@@ -11,8 +11,8 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Time
 from ...linalg import quaternions
-from ..marker import Marker, Pose, check_distinct, check_markers
-from ..outline import Outline, linked
+from ..marker import Marker, Pose, Poses, check_distinct, check_markers
+from ..outline import Outlines, linked
 
 if TYPE_CHECKING:
     from typing import ClassVar as AbstractClassVar
@@ -93,9 +93,7 @@ class AbstractJoint(eqx.Module):
         del poses
         return self
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """Return the outlines for pictures, from the poses of `a` and `b` at time t.
 
         `size` [m] is what a sign such as the box of a slider should be about as large as. Without a

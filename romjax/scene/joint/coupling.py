@@ -10,9 +10,9 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Time, Vector
 from ..fields import Converted, check_finite, check_shape, number
-from ..marker import Marker, Pose, check_distinct
+from ..marker import Marker, Pose, Poses, check_distinct
 from ..motion import check_motion, moved
-from ..outline import Outline
+from ..outline import Outline, Outlines
 from .base import AbstractJoint
 
 
@@ -61,9 +61,7 @@ class Coupling(AbstractJoint):
         powers = [self.coefficients[k] * leading**k for k in range(self.coefficients.shape[0])]
         return (led - functools.reduce(operator.add, powers))[None]
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """A line between the two joints."""
         del t, size
         return (Outline(jnp.stack([pose.position for pose in poses[:2]]), "link"),)

@@ -8,8 +8,8 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Time
 from ..fields import Converted, check_numbers, number
-from ..marker import Marker, Pose
-from ..outline import Outline
+from ..marker import Marker, Pose, Poses
+from ..outline import Outline, Outlines
 from .base import AbstractJoint
 
 
@@ -32,9 +32,7 @@ class Distance(AbstractJoint):
         d = a.position - b.position
         return ((d @ d - self.length**2) / (2 * self.length))[None]
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         del t, size
         points = jnp.stack([pose.position for pose in poses])
         return Outline(points, "link"), Outline(points, "hinge")

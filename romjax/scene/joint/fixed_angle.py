@@ -10,8 +10,8 @@ from jaxtyping import Array, Float
 from ...common.arrays import Time
 from ..drawing import placed
 from ..fields import Converted, check_numbers, radians
-from ..marker import Marker, Pose
-from ..outline import Outline
+from ..marker import Marker, Pose, Poses
+from ..outline import Outline, Outlines
 from .base import AbstractJoint
 
 
@@ -46,9 +46,7 @@ class FixedAngle(AbstractJoint):
     def read(self, a: Pose, b: Pose) -> Float[Array, "2"]:
         return b.local(a.position)
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         del t
         corner = np.array([(0.8, 0.0), (0.8, 0.8), (0.0, 0.8), (0, 0), (0.8, 0)]) * size
         return (Outline(placed(poses[0], corner), "link"),)

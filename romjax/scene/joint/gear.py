@@ -13,8 +13,8 @@ from ...common.errors import SceneError
 from ..counted_angle import counted_angle
 from ..drawing import belt, length_between, wheel
 from ..fields import check_numbers, number, radians
-from ..marker import GROUND, Marker, Pose, check_distinct
-from ..outline import Outline
+from ..marker import GROUND, Marker, Pose, Poses, check_distinct
+from ..outline import Outline, Outlines
 from .base import AbstractJoint
 from .revolute import Revolute
 
@@ -96,9 +96,7 @@ class Gear(AbstractJoint):
                 angle_a, angle_b = angle_a - others[0].angle, angle_b - others[1].angle
         return (angle_a - self.ratio * angle_b - self.offset)[None]
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """Pitch circles, which touch where axes are parallel and wheels mesh outside; in the plane
         else a belt.
         """

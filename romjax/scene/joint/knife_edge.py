@@ -8,8 +8,8 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Time
 from ..drawing import placed
-from ..marker import Marker, Pose, Twist
-from ..outline import Outline
+from ..marker import Marker, Poses, Twists
+from ..outline import Outline, Outlines
 from .slip_joint import AbstractSlipJoint
 
 
@@ -26,7 +26,7 @@ class KnifeEdge(AbstractSlipJoint):
     rows: ClassVar[int] = 1
     slips: ClassVar[tuple[int, ...]] = (0,)
 
-    def slip(self, poses: tuple[Pose, ...], twists: tuple[Twist, ...]) -> Float[Array, "1"]:
+    def slip(self, poses: Poses, twists: Twists) -> Float[Array, "1"]:
         (a, b), (of_a, of_b) = poses, twists
         arm = a.position - b.position
         turned = of_b.angular_velocity * jnp.stack([-arm[1], arm[0]])
@@ -34,9 +34,7 @@ class KnifeEdge(AbstractSlipJoint):
         across = jnp.cos(a.angle) * velocity[1] - jnp.sin(a.angle) * velocity[0]
         return across[None]
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """The edge."""
         del t
         edge = jnp.array([[-0.5, 0.0], [0.5, 0.0]]) * size

@@ -10,8 +10,8 @@ from ...common.arrays import Time
 from ...common.errors import SceneError
 from ..curve import AbstractCurve, AbstractTrack
 from ..drawing import placed
-from ..marker import Marker, Pose
-from ..outline import Outline
+from ..marker import Marker, Pose, Poses
+from ..outline import Outline, Outlines
 from .base import AbstractJoint
 
 
@@ -44,9 +44,7 @@ class PointOnCurve(AbstractJoint):
             return self.curve(point)[None]
         return jnp.stack([self.curve(point[:2]), point[2]])
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         del t
         a, b = poses
         point = b.local(a.position)

@@ -9,8 +9,8 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Time
 from ..drawing import rail
-from ..marker import Marker, Pose
-from ..outline import Outline
+from ..marker import Marker, Pose, Poses
+from ..outline import Outline, Outlines
 from .base import QUATERNION, AbstractJoint, turns_at
 
 
@@ -58,9 +58,7 @@ class PointOnLine(AbstractJoint):
         relative = a.against(b)
         return jnp.append(b.along(a.position), relative.turn)
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         del t
         a, b = poses
         return (

@@ -12,8 +12,8 @@ from ...common.arrays import Time
 from ...common.errors import SceneError
 from ..drawing import arrow, on_axis, placed, turning_arrow
 from ..fields import UNIT
-from ..marker import Marker, Pose
-from ..outline import Outline
+from ..marker import Marker, Pose, Poses
+from ..outline import Outline, Outlines
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractJoint
 
@@ -79,9 +79,7 @@ class PrescribedAngle(AbstractPrescribed):
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         return a.angle_against(b, self.signal(t))[None]
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         del t
         a, _ = poses
         way = placed(a, turning_arrow(size, jnp.ones_like(size)))
@@ -110,9 +108,7 @@ class PrescribedTravel(AbstractPrescribed):
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         return (b.along(a.position) - self.signal(t))[None]
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """An arrow along the axis of `b`, from its origin to the foot of `a`."""
         del t
         a, b = poses

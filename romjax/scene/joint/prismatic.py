@@ -8,8 +8,8 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Number, Time
 from ..fields import Converted, check_numbers, radians
-from ..marker import Marker, Pose
-from ..outline import Outline
+from ..marker import Marker, Pose, Poses
+from ..outline import Outlines
 from .base import AbstractJoint
 from .directions import SLIDING, about_axis, angle_kept, turned
 from .sliding import sliding
@@ -52,9 +52,7 @@ class Prismatic(AbstractJoint):
     def read(self, a: Pose, b: Pose) -> Float[Array, "1"]:
         return b.along(a.position)[None]
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         del t
         a, b = poses
         return sliding(a if self.value is None else Pose(a.position, a.angle - self.value), b, size)

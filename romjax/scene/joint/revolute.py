@@ -8,8 +8,8 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Time
 from ..drawing import axis_line
-from ..marker import Marker, Pose
-from ..outline import Outline, marks
+from ..marker import Marker, Pose, Poses
+from ..outline import Outline, Outlines, marks
 from .base import AbstractJoint
 from .directions import TURNING, about_axis, angle_about_axis, tilt
 
@@ -48,9 +48,7 @@ class Revolute(AbstractJoint):
     def read(self, a: Pose, b: Pose) -> Float[Array, "1"]:
         return angle_about_axis(a, b)[None]
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """Two marks at one position, unless the joint is torn; in space the axis too."""
         del t
         axis = [Outline(axis_line(poses[1], size), "link")] if self.b.dimension == 3 else []

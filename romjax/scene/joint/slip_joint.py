@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...common.arrays import Time
-from ..marker import Pose, Twist
+from ..marker import Pose, Poses, Twists
 from .base import AbstractJoint
 
 
@@ -34,12 +34,12 @@ class AbstractSlipJoint(AbstractJoint):
         return jnp.zeros(0, poses[0].position.dtype)
 
     @abc.abstractmethod
-    def slip(self, poses: tuple[Pose, ...], twists: tuple[Twist, ...]) -> Float[Array, " slips"]:
+    def slip(self, poses: Poses, twists: Twists) -> Float[Array, " slips"]:
         """Velocities that are zero where the joint holds, linear in the twists [m/s]."""
 
 
 @jax.custom_jvp
-def _held(joint: Any, poses: tuple[Pose, ...]) -> Float[Array, " slips"]:
+def _held(joint: Any, poses: Poses) -> Float[Array, " slips"]:
     # Zero, as a product: of a constant, vmap would not see that its derivative is mapped over.
     return jnp.full(len(joint.slips), 0 * poses[0].position[0])
 

@@ -8,8 +8,8 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Number, Time
 from ..fields import Converted, check_numbers, radians
-from ..marker import Marker, Pose
-from ..outline import Outline, marks
+from ..marker import Marker, Pose, Poses
+from ..outline import Outlines, marks
 from .base import AbstractJoint
 from .directions import about_axis, angle_kept, turned
 
@@ -52,9 +52,7 @@ class Weld(AbstractJoint):
         del b
         return jnp.zeros(0, a.position.dtype)
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """Two marks at one position, unless the joint is torn."""
         del t, size
         return (marks(poses, "weld"),)

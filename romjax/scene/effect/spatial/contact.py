@@ -9,8 +9,8 @@ from ....common.arrays import Time
 from ....linalg import quaternions
 from ...drawing import placed
 from ...fields import Converted, check_numbers, number
-from ...marker import Marker, Pose, Twist, Wrench
-from ...outline import Outline
+from ...marker import Marker, Pose, Poses, Twists, Wrenches
+from ...outline import Outline, Outlines
 from ...surface import AbstractSurface
 from ..base import displacement
 from ..contact import AbstractContact, Friction, check_contact, local_point
@@ -50,9 +50,7 @@ class Contact(AbstractContact):
         gap = self.surface(point)
         return gap if self.radius is None else gap - self.radius
 
-    def wrenches(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         del t
         a, b = poses
         depth, inside, normal = self.depth(local_point(a, b))
@@ -68,9 +66,7 @@ class Contact(AbstractContact):
         _, rate, wrenches = displacement(point, poses, twists)
         return wrenches(self.force(depth, inside, normal, rate))
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """The surface at the foot of the point, and the point that it stops."""
         del t
         a, b = poses

@@ -9,8 +9,8 @@ from jaxtyping import Array, Float
 from ....common.arrays import Time, Vector
 from ...drawing import arrow, normals, turning_arrow
 from ...fields import UNIT, Converted, number
-from ...marker import Marker, Pose, Twist, Wrench
-from ...outline import Outline
+from ...marker import Marker, Poses, Twists, Wrench, Wrenches
+from ...outline import Outline, Outlines
 from ...signal import AbstractSignal, signal_field
 from ..base import AbstractMarkerEffect, check_direction, check_markers, directed
 
@@ -33,17 +33,13 @@ class Torque(AbstractMarkerEffect):
     needs_twists: ClassVar[bool] = False
     dimensions: ClassVar[tuple[int, ...]] = (3,)
 
-    def wrenches(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         del twists
         torque = self.signal(t) * self.direction / jnp.linalg.norm(self.direction)
         torque = directed(torque, self.frame, poses[0])
         return (Wrench(jnp.zeros_like(torque), torque),)
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """An arrow along the direction of the torque, and one around it in its sense."""
         (pose,) = poses
         given = self.direction / jnp.sqrt(self.direction @ self.direction)

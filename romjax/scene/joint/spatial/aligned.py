@@ -8,8 +8,8 @@ from jaxtyping import Array, Float
 
 from ....common.arrays import Time
 from ...drawing import axis_line
-from ...marker import Marker, Pose
-from ...outline import Outline
+from ...marker import Marker, Pose, Poses
+from ...outline import Outline, Outlines
 from ..base import AbstractJoint
 from ..directions import axis, tilt, turned
 
@@ -20,9 +20,7 @@ class AbstractAligned(AbstractJoint):
     dimensions: ClassVar[tuple[int, ...]] = (3,)
     hatched: ClassVar[bool] = False
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """The z axes of both."""
         del t
         return tuple(Outline(axis_line(pose, size), "link") for pose in poses)

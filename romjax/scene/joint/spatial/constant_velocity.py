@@ -9,8 +9,8 @@ from jaxtyping import Array, Float
 from ....common.arrays import Time
 from ....linalg import quaternions
 from ...drawing import axis_line
-from ...marker import Marker, Pose
-from ...outline import Outline, marks
+from ...marker import Marker, Pose, Poses
+from ...outline import Outline, Outlines, marks
 from ..base import AbstractJoint
 
 
@@ -49,9 +49,7 @@ class ConstantVelocity(AbstractJoint):
         relative = a.against(b).turn
         return 2 * relative[1:3] / relative[0]
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         del t
         shafts = [Outline(axis_line(pose, size), "link") for pose in poses]
         return *shafts, marks(poses)

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ....common.arrays import Time
-from ...marker import Marker, Pose
-from ...outline import Outline
+from ...marker import Marker, Pose, Poses
+from ...outline import Outlines
 from ..base import AbstractJoint
 from ..directions import about_z, angle_about_z, tilt
 from ..sliding import sliding
@@ -38,9 +38,7 @@ class Cylindrical(AbstractJoint):
     def read(self, a: Pose, b: Pose) -> Float[Array, "2"]:
         return jnp.stack([b.along(a.position), angle_about_z(a, b)])
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         del t
         a, b = poses
         return sliding(Pose(a.position, b.turn), b, size)

@@ -9,8 +9,8 @@ from jaxtyping import Array, Float
 
 from ....common.arrays import Time
 from ...drawing import placed, square
-from ...marker import Marker, Pose
-from ...outline import Outline
+from ...marker import Marker, Pose, Poses
+from ...outline import Outline, Outlines
 from ..base import AbstractJoint, turns_at
 from ..directions import about_z, angle_about_z, tilt
 
@@ -45,9 +45,7 @@ class Planar(AbstractJoint):
     def read(self, a: Pose, b: Pose) -> Float[Array, "3"]:
         return jnp.append(b.local(a.position)[:2], angle_about_z(a, b))
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """A square of the plane at the foot of `a`."""
         del t
         a, b = poses

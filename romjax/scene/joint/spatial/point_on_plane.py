@@ -9,8 +9,8 @@ from jaxtyping import Array, Float
 
 from ....common.arrays import Time
 from ...drawing import placed, square
-from ...marker import Marker, Pose
-from ...outline import Outline
+from ...marker import Marker, Pose, Poses
+from ...outline import Outline, Outlines
 from ..base import QUATERNION, AbstractJoint, turns_at
 
 
@@ -45,9 +45,7 @@ class PointOnPlane(AbstractJoint):
         relative = a.against(b)
         return jnp.append(relative.position[:2], relative.turn)
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """A square of the plane at the foot of `a`."""
         del t
         a, b = poses

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from ....linalg import quaternions
 from ...fields import Converted, check_numbers, number
-from ...marker import Marker, Pose, Twist
+from ...marker import Marker, Pose, Poses, Twists
 from ..slip_joint import AbstractSlipJoint
 
 
@@ -40,7 +40,7 @@ class RollingDisc(AbstractSlipJoint):
         lowest = a.position + _rim(a, b, self.radius)
         return b.along(lowest)[None]
 
-    def slip(self, poses: tuple[Pose, ...], twists: tuple[Twist, ...]) -> Float[Array, "2"]:
+    def slip(self, poses: Poses, twists: Twists) -> Float[Array, "2"]:
         return _slipping(poses, twists, _rim(poses[0], poses[1], self.radius))
 
     def check(self) -> None:
@@ -71,7 +71,7 @@ class RollingBall(AbstractSlipJoint):
         a, b = poses
         return (b.along(a.position) - self.radius)[None]
 
-    def slip(self, poses: tuple[Pose, ...], twists: tuple[Twist, ...]) -> Float[Array, "2"]:
+    def slip(self, poses: Poses, twists: Twists) -> Float[Array, "2"]:
         return _slipping(poses, twists, -self.radius * _axis(poses[1]))
 
     def check(self) -> None:
@@ -91,9 +91,7 @@ def _rim(a: Pose, b: Pose, radius: Float[Array, ""]) -> Float[Array, "3"]:
     return -radius * upward / jnp.sqrt(jnp.sum(upward**2))
 
 
-def _slipping(
-    poses: tuple[Pose, ...], twists: tuple[Twist, ...], contact: Float[Array, "3"]
-) -> Float[Array, "2"]:
+def _slipping(poses: Poses, twists: Twists, contact: Float[Array, "3"]) -> Float[Array, "2"]:
     """The velocity of the point `contact` of `a`, from its position, against `b`, along x and y."""
     (a, b), (of_a, of_b) = poses, twists
     own = of_a.velocity + jnp.cross(of_a.angular_velocity, contact)

@@ -11,8 +11,8 @@ from jaxtyping import Array, Float
 from ....common.arrays import Time
 from ...counted_angle import counted_angle
 from ...fields import Converted, check_numbers, number
-from ...marker import Marker, Pose
-from ...outline import Outline
+from ...marker import Marker, Pose, Poses
+from ...outline import Outlines
 from ..base import AbstractJoint
 from ..directions import about_z, angle_about_z, tilt
 from ..sliding import sliding
@@ -63,9 +63,7 @@ class Screw(AbstractJoint):
         turns = (b.along(a.position) - self.offset) / pitch - angle / turn
         return (angle + turn * jax.lax.stop_gradient(jnp.round(turns)))[None]
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         del t
         a, b, *_ = poses
         return sliding(a, b, size)

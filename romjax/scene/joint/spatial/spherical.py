@@ -7,8 +7,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ....common.arrays import Time
-from ...marker import Marker, Pose
-from ...outline import Outline, marks
+from ...marker import Marker, Pose, Poses
+from ...outline import Outlines, marks
 from ..base import QUATERNION, AbstractJoint, turns_at
 
 
@@ -37,9 +37,7 @@ class Spherical(AbstractJoint):
     def read(self, a: Pose, b: Pose) -> Float[Array, "4"]:
         return a.against(b).turn
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """Two marks at one position, unless the joint is torn."""
         del t, size
         return (marks(poses),)

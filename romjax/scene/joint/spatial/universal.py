@@ -10,8 +10,8 @@ from jaxtyping import Array, Float
 from ....common.arrays import Time
 from ....linalg import quaternions
 from ...drawing import axis_line
-from ...marker import Marker, Pose
-from ...outline import Outline, marks
+from ...marker import Marker, Pose, Poses
+from ...outline import Outline, Outlines, marks
 from ..base import AbstractJoint
 from ..directions import about_z, angle_about_z, axis
 
@@ -52,9 +52,7 @@ class Universal(AbstractJoint):
         second = angle_about_z(relative, Pose(relative.position, cross))
         return jnp.stack([first, second])
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         """The cross of both axes."""
         del t
         cross = [Outline(axis_line(pose, size), "link") for pose in poses]
