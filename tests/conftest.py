@@ -1,5 +1,7 @@
 """Settings of all tests, what each may cost, and the runs that several of them look at."""
 
+import contextlib
+import ctypes
 import functools
 import gc
 import os
@@ -115,7 +117,9 @@ def room_for_programs():
     """Forget compiled programs before there are too many of them.
 
     Each takes hundreds of mapped pieces of memory, Linux allows a process 65530, and LLVM crashes
-    where it gets no more. And what is traced stays in memory with them.
+    where it gets no more. And what is traced stays in memory with them. Forgetting takes a second,
+    and what is forgotten is traced anew: once the C library has given back what it would keep, many
+    files go by until the next time.
     """
     yield
     maps, sizes = Path("/proc/self/maps"), Path("/proc/self/statm")
@@ -127,6 +131,8 @@ def room_for_programs():
             program._compiled.cache_clear()
         jax.clear_caches()
         gc.collect()
+        with contextlib.suppress(AttributeError):  # of another C library
+            ctypes.CDLL(None).malloc_trim(0)
 
 
 @pytest.fixture(scope="module")
