@@ -10,7 +10,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from motions import cart_and_beam, motion
+from motions import cart_and_beam, motion, through
 from PIL import Image
 from tolerances import IDENTITY
 
@@ -248,3 +248,33 @@ def test_the_package_of_figures_hands_out_functions_only():
     assert set(plot._FIGURES) <= set(dir(plot))
     with pytest.raises(AttributeError, match="has no attribute 'figure'"):
         plot.figure  # noqa: B018
+
+
+# Loads.
+
+
+def test_loads_of_a_clamped_beam():
+    """Under a force across its tip: the moment falls along it, and the weld carries the force."""
+    beam = rj.Beam("beam", 1.0, 2.0, EI=1e4, modes=2, position=(1.0, 0.0))
+    wall = rj.Weld(beam.at("start"), rj.ground.at(), name="wall")
+    push = rj.Force(beam.at("end"), (0.0, 1.0), rj.Constant(3.0))
+    system = rj.assemble(rj.Scene([beam], [wall], [push]))
+    run = through(system, q=rj.equilibrium(system))
+    figure = plot.loads(system, run)
+    (coloured,) = figure.axes[0].collections
+    moments = np.asarray(coloured.get_array())
+    places = np.linspace(0.0, 2.0, len(moments) + 1)
+    # In the deformed configuration, which is shorter by the square of a deflection of 0.8 mm.
+    np.testing.assert_allclose(moments, 3.0 * (2.0 - (places[1:] + places[:-1]) / 2), atol=1e-6)
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert "3 N" in texts
+    assert "deformation × 50" in figure.axes[0].get_title()
+    bare = plot.loads(system, run, quantity="shear", forces=False, deformation=1.0)
+    assert bare.axes[0].get_title() == "t = 0 s"
+    assert not bare.axes[0].texts
+
+
+@pytest.mark.instant
+def test_loads_refuses_other_quantities():
+    with pytest.raises(rj.InputError, match="quantity is 'torque', but must be one of"):
+        plot.loads(None, None, quantity="torque")

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from .figures.accuracy import accuracy as accuracy
     from .figures.bode import bode as bode
     from .figures.errors import errors as errors
+    from .figures.loads import loads as loads
     from .figures.modes import modes as modes
     from .figures.reduction import reduction as reduction
     from .figures.reductions import reductions as reductions
@@ -22,6 +23,7 @@ _FIGURES = {
     "accuracy": "accuracy",
     "bode": "bode",
     "errors": "errors",
+    "loads": "loads",
     "modes": "modes",
     "reduction": "reduction",
     "reductions": "reductions",

@@ -1,6 +1,5 @@
 """From runs and modes to a moving picture."""
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -21,7 +20,8 @@ from ...system.base import AbstractSystem
 from ..palette import VIEW, View
 from ..shapes import amplitudes
 from .animation import Animation
-from .frames import Clock, Model, models, playing_rate
+from .designs import course, mechanism_of, scenes_of
+from .frames import Clock, Model, exaggeration, models, playing_rate
 
 FRAMES = 600
 # Of one period of a mode, with the first one repeated at the end; and how fast it passes [°/s].
@@ -34,7 +34,7 @@ def animate(
     *motions: Trajectory | Modes | Basis,
     labels: Sequence[str] | None = None,
     trace: Marker | Sequence[Marker] = (),
-    deformation: int | float = 1.0,
+    deformation: int | float | None = None,
     frames: int = FRAMES,
     title: str = "romjax",
     view: View = VIEW,
@@ -44,12 +44,14 @@ def animate(
     **Arguments:**
 
     - `mechanism`: a scene, or a system, full or reduced, that was assembled from one.
-    - `motions`: runs of it at the same times, over each other; the first is the reference. Or
-      `rj.modes(system)`, or a basis, of which each of the first 24 modes swings through a period;
-      or nothing, for its start.
+    - `motions`: runs of it over each other; the first is the reference, at whose times the others
+      are shown, to their ends. Runs of other numbers of the same parts, such as another design, are
+      drawn by their own. Or `rj.modes(system)`, or a basis, of which each of the first 24 modes
+      swings through a period; or nothing, for its start.
     - `labels`: names of the runs in the legend.
     - `trace`: markers whose paths are drawn.
-    - `deformation`: what modal deformations are multiplied by at first.
+    - `deformation`: what modal deformations are multiplied by at first, over the shape without
+      them. Unless given, once where they are seen, and else as many times as shows them.
     - `frames`: the most frames; output times are left out where there are more.
     - `title`: of the page.
     - `view`: azimuth against the x axis and elevation of the view of space [rad]; the page's can be
@@ -58,31 +60,37 @@ def animate(
     Raises InputError if runs and mechanism do not fit.
     """
     traced = [trace] if isinstance(trace, Marker) else list(trace)
-    if not (np.isfinite(deformation) and deformation >= 0 and frames >= 1):
+    given = 1.0 if deformation is None else float(deformation)
+    if not (np.isfinite(given) and given >= 0 and frames >= 1):
         raise InputError(
             f"animate: deformation is {deformation} and frames is {frames}; the first must not be "
             "negative, and there must be a frame."
         )
     scene = _scene_of(mechanism)
     if any(isinstance(motion, Modes) for motion in motions):
-        return _swinging(mechanism, scene, motions, traced, float(deformation), title, view)
+        return _swinging(mechanism, scene, motions, traced, given, title, view)
     if any(isinstance(motion, Basis) for motion in motions):
-        return _of_basis(scene, motions, traced, float(deformation), title, view)
+        return _of_basis(scene, motions, traced, given, title, view)
     runs: Any = motions
     names = _names(len(runs), labels)
     for name, run in zip(names, runs, strict=True):
-        _check(scene, runs[0], name, run)
+        _check(scene, name, run)
     if runs:
         times = np.asarray(runs[0].t, float)
-        chosen = _spread(times, frames)
-        q = {name: np.asarray(run.q)[chosen] for name, run in zip(names, runs, strict=True)}
-        t = times[chosen]
+        t = times[_spread(times, frames)]
+        q = {name: course(run, t) for name, run in zip(names, runs, strict=True)}
+        scenes = scenes_of(scene, runs)
     else:
         t, q = np.zeros(1), {"": np.concatenate([body.start()[0] for body in scene.bodies])[None]}
+        scenes = [scene]
     clock = Clock("t", "s", playing_rate(float(np.ptp(t))))
-    return Animation(
-        t, models(scene, t, q, traced), clock, float(deformation), title=title, view=view
-    )
+    if all(own is scene for own in scenes):
+        drawn = models(scene, t, q, traced)
+    else:  # designs that differ, each by its own numbers
+        pairs = zip(scenes, q.items(), strict=True)
+        drawn = [models(own, t, {name: values}, traced)[0] for own, (name, values) in pairs]
+    scale = exaggeration(drawn) if deformation is None else given
+    return Animation(t, drawn, clock, scale, title=title, view=view)
 
 
 def animate_run(run: Trajectory, *others: Trajectory, **options: Any) -> Animation:
@@ -90,18 +98,14 @@ def animate_run(run: Trajectory, *others: Trajectory, **options: Any) -> Animati
 
     Raises InputError for a run that carries none.
     """
-    system = getattr(run.derived, "system", None)
-    if system is None:
+    if np.ndim(run.t) != 1:
+        raise InputError(_batch("Trajectory.animate", run))
+    full = mechanism_of(run)
+    if full is None:
         raise InputError(
             "Trajectory.animate: this run, of a transformation of JAX or by a method of diffrax "
             "that is implicit, does not know its mechanism; call romjax.animate(scene, run)."
         )
-    if np.ndim(run.t) != 1:
-        raise InputError(_batch("Trajectory.animate", run))
-    # A run's system has no names; they are in its coordinates.
-    nameless = assembled("Trajectory.animate", system)
-    structure = dataclasses.replace(nameless.structure, coordinates=run.coordinates)
-    full = dataclasses.replace(nameless, structure=structure)
     return animate(full, run, *others, **options)
 
 
@@ -128,8 +132,8 @@ def _names(count: int, labels: Sequence[str] | None) -> list[str]:
     return names
 
 
-def _check(scene: Scene, first: Trajectory, name: str, run: Trajectory) -> None:
-    """Raise InputError unless a run is one of the scene, at the times of the first."""
+def _check(scene: Scene, name: str, run: Trajectory) -> None:
+    """Raise InputError unless a run is one of the scene."""
     owner = f"animate: the run {name!r}" if name else "animate: the run"
     if not isinstance(run, Trajectory):
         raise InputError(f"{owner} is a {type(run).__name__}; give what romjax.simulate returns.")
@@ -146,12 +150,6 @@ def _check(scene: Scene, first: Trajectory, name: str, run: Trajectory) -> None:
             f"{owner} has other coordinates than the scene, {alien}: the bodies of the scene "
             f"({', '.join(body.name for body in scene.bodies)}) have {len(wanted)}; animate runs "
             "of this scene."
-        )
-    t, own = np.asarray(first.t), np.asarray(run.t)
-    if t.shape != own.shape or not np.allclose(t, own, rtol=1e-6, atol=0):
-        raise InputError(
-            f"{owner} has {len(own)} times from {own[0]:g} s to {own[-1]:g} s, but the first has "
-            f"{len(t)} from {t[0]:g} s to {t[-1]:g} s; simulate both with the same ts."
         )
 
 

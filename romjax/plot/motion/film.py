@@ -20,7 +20,7 @@ from tqdm import tqdm
 from ...common.errors import InputError
 from ...common.writing import replacing
 from ..mechanism import Picture, bounds, framed, projected, stage
-from ..style import SMALL, line
+from ..style import GREY, SMALL, line
 
 if TYPE_CHECKING:
     from .animation import Animation
@@ -119,10 +119,14 @@ def _frames(
     moving = [projected(model.deformed(animation.deformation), animation.view) for model in models]
     figure = Figure(dpi=DPI)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    # Beneath exaggerated deformations, the shape of the first model without them.
+    bare = models[0].deformed(0.0) if animation.deformation > 1 else []
+    still = projected([o for o in bare if o.style == "body"], animation.view) if bare else []
     pictures = [
         Picture(axes, parts, details=index == 0, **line(index))
         for index, parts in enumerate(moving)
     ]
+    beneath = [Picture(axes, still, color=GREY, linewidth=1.2, zorder=1)] if still else []
     box = framed(bounds([part for parts in moving for part in parts]))
     stage(axes, box, view)
     _lay_out(figure, axes, box, pictures, [model.name for model in models])
@@ -131,10 +135,11 @@ def _frames(
     clock, span = animation.clock, float(np.ptp(animation.t)) or 1.0
     digits = max(0, int(np.ceil(-np.log10(span / len(chosen)))))
     times = "" if animation.deformation == 1 else f", deformation × {animation.deformation:g}"
-    artists = [title, *(line for picture in pictures for line in picture.lines.values())]
+    shown = [*beneath, *pictures]
+    artists = [title, *(line for picture in shown for line in picture.lines.values())]
     background = _Background(figure, artists)
     for index in chosen:
-        for picture in pictures:
+        for picture in shown:
             picture.show(int(index))
         title.set_text(f"{clock.symbol} = {animation.t[index]:.{digits}f} {clock.unit}{times}")
         yield background.with_artists()

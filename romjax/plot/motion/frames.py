@@ -34,6 +34,32 @@ class Model(NamedTuple):
         ]
 
 
+# Deformations below this share of the picture's diagonal are hard to see, and are drawn as many
+# times as large as makes them some of it; what is far below is rounding.
+INVISIBLE, SHOWN, ROUNDING = 0.01, 0.04, 1e-7
+
+
+def exaggeration(shown: Sequence[Model]) -> float:
+    """What deformations have to be multiplied by to be seen: 1, 2, 5 times a power of ten; 1 where
+    they are seen as they are, or there are none.
+    """
+    bodies = [
+        (a.points, b.points)
+        for model in shown
+        for a, b in zip(model.actual, model.undeformed, strict=bool(model.undeformed))
+        if a.style == "body"
+    ]
+    if not bodies:
+        return 1.0
+    places = np.concatenate([a.reshape(-1, a.shape[2]) for a, _ in bodies])
+    diagonal = float(np.linalg.norm(np.ptp(places, axis=0)))
+    largest = max(float(np.max(np.linalg.norm(a - b, axis=2))) for a, b in bodies)
+    if not ROUNDING * diagonal < largest < INVISIBLE * diagonal:
+        return 1.0
+    wanted = SHOWN * diagonal / largest
+    return max(m * 10.0**k for k in range(8) for m in (1, 2, 5) if m * 10.0**k <= wanted)
+
+
 def models(
     scene: Scene,
     t: Float[np.ndarray, " frames"],

@@ -7,7 +7,7 @@ const picture = element("picture");
 const solid = data.dimension === 3;
 const MARGIN = solid ? {left: 12, right: 12, top: 12, bottom: 12} : {left: 62, right: 14, top: 10, bottom: 44};
 // From the back to the front.
-const STYLES = ["ground", "track", "surface", "ahead", "trace", "spring", "damper", "link", "fill", "body",
+const STYLES = ["ground", "track", "surface", "still", "ahead", "trace", "spring", "damper", "link", "fill", "body",
   "load", "hinge", "weld", "point"];
 const SIGNS = {hinge: 3.6, weld: 3.2, point: 2.2};  // [px]
 const DETAILS = new Set(["ground", "track", "surface", "spring", "damper", "link", "load"]);
@@ -63,10 +63,10 @@ const models = data.models.map((model, index) => ({
   parts: model.parts.map(part => ({...part, move: decode(part.move), bend: part.bend && decode(part.bend)})),
 }));
 
-const pointsOf = (part, frame) => {
+const pointsOf = (part, frame, scale = state.scale) => {
   const values = new Float64Array(part.move.base.length);
   add(values, part.move, frame, 1);
-  if (part.bend) add(values, part.bend, frame, state.scale);
+  if (part.bend) add(values, part.bend, frame, scale);
   return values;
 };
 
@@ -188,6 +188,16 @@ const drawModel = (model, frame, details, at) => {
         strings[o.style] += d;
         if (o.closed && o.style === "body") strings.fill += d;
       }
+    }
+  }
+  // Beneath exaggerated deformations, the shape without them.
+  if (model.shown && details && state.scale > 1) for (const part of model.parts.filter(part => part.bend)) {
+    const values = pointsOf(part, frame, 0);
+    let j = 0;
+    for (const o of part.outlines) {
+      const list = Array.from({length: o.points}, (_, i) => at(values, j + i * data.dimension));
+      j += o.points * data.dimension;
+      if (o.style === "body") strings.still += line(list) + (o.closed ? "Z" : "");
     }
   }
   if (model.shown) for (const trace of model.traces) {
