@@ -114,6 +114,7 @@ from .scene.effect.joint_stop import JointStop as JointStop
 from .scene.effect.low_pass import LowPass as LowPass
 from .scene.effect.motor import Motor as Motor
 from .scene.effect.pid import PID as PID
+from .scene.effect.rope import Rope as Rope
 from .scene.effect.sampled import Sampled as Sampled
 from .scene.effect.spring import Spring as Spring
 from .scene.effect.state_effect import AbstractStateEffect as AbstractStateEffect

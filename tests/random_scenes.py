@@ -319,6 +319,9 @@ ROBOT_EFFECTS = (
     lambda lot, bodies: rj.JointStop(
         *ends(lot, bodies), -0.1, 0.1, lot.between(1, 9), lot.between(0, 1), motion="travel"
     ),
+    lambda lot, bodies: rj.Rope(
+        *ends(lot, bodies), 0.5, lot.between(1, 9), ends(lot, bodies), lot.between(0, 1)
+    ),
     lambda lot, bodies: rj.Actuator(
         *ends(lot, bodies), random_signal(lot, 1.0), gear=2.0, derivative=0.5, motion="distance"
     ),

@@ -174,6 +174,9 @@ ROBOT_EFFECTS = (
     lambda lot, b: rj.JointStop(
         *ends(lot, b[0], b[1]), -0.1, 0.1, 5.0, lot.between(0, 0.5), motion=motion(lot)
     ),
+    lambda lot, b: rj.Rope(
+        *ends(lot, b[0], b[1]), 0.5, lot.between(1, 9), ends(lot, b[1], rj.ground), 0.3
+    ),
     lambda lot, b: rj.Actuator(
         *ends(lot, b[0], rj.ground), random_signal(lot, 1), derivative=1.0, motion=motion(lot)
     ),

@@ -55,6 +55,7 @@ def effect(kind, **options):
         rj.JointSpring: {"a": a, "b": b, "stiffness": 1.0},
         rj.JointDamper: {"a": a, "b": b, "damping": 1.0},
         rj.JointStop: {"a": a, "b": b, "upper": 1.0},
+        rj.Rope: {"a": a, "b": b, "length": 1.0, "stiffness": 1.0},
         rj.Actuator: {"a": a, "b": b, "signal": rj.Constant(1.0)},
         rj.PID: {"a": a, "b": b, "target": rj.Constant(1.0)},
         rj.LowPass: {"a": a, "b": b, "signal": rj.Constant(1.0), "time_constant": 0.1},
@@ -78,6 +79,7 @@ EFFECTS = (
     rj.JointSpring,
     rj.JointDamper,
     rj.JointStop,
+    rj.Rope,
     rj.Actuator,
     rj.PID,
     rj.LowPass,
@@ -93,7 +95,7 @@ DISSIPATIVE = (
     rj.Actuator,
     *WITH_STATES,
 )
-WITH_ROOTS = (rj.Force, rj.Contact, rj.Drag, rj.HydraulicCylinder)
+WITH_ROOTS = (rj.Force, rj.Contact, rj.Drag, rj.Rope, rj.HydraulicCylinder)
 every_effect = pytest.mark.parametrize("kind", EFFECTS, ids=lambda kind: kind.__name__)
 
 

@@ -198,6 +198,7 @@ def test_parts_ask_for_positions_where_they_say_so():
         (rj.JointSpring(*flat, 1.0, 0.1, motion="distance"), 2),
         (rj.JointDamper(*deep, 1.0, motion="distance"), 3),
         (rj.JointStop(*flat, upper=0.01, motion="travel"), 2),
+        (rj.Rope(*deep, 0.1, 1.0, dissipation=0.1), 3),
         (rj.Actuator(*deep, rj.Constant(1.0), proportional=2.0, motion="travel"), 3),
         (rj.PID(*flat, rj.Constant(1.0), 2.0, derivative=1.0, motion="travel"), 2),
         (rj.LowPass(*deep, rj.Constant(1.0), 0.1, motion="distance"), 3),

@@ -57,6 +57,7 @@ PARTS = [
     rj.LowPass(*ENDS, SWING, 0.1),
     rj.Motor(*ENDS, SWING, proportional=5.0, derivative=0.4),
     rj.PID(*ENDS, SWING, 1.0),
+    rj.Rope(*ENDS, 0.1, 3.0, via=[ENDS[1], ENDS[0]]),
     rj.Spring(*ENDS, stiffness=20.0),
     rj.TorsionDamper(*ENDS, damping=0.8),
     rj.TorsionSpring(*ENDS, stiffness=3.0),

@@ -64,7 +64,7 @@ joints = [
     rj.FixedAngle(here, there),
     rj.KnifeEdge(here, there),
     rj.PointOnLine(here, there),
-    rj.PointOnCurve(here, there, rj.Circle(2)),
+    rj.PointOnCurve(here, there, rj.Circle(2, hollow=True)),
     rj.Distance(here, there, 1.0, "link"),
     rj.Gear(here, there, -2, offset=jnp.array(0.1)),
     rj.Coupling(here, bar.at(), there, there, (0.0, 2.0)),
@@ -89,6 +89,7 @@ effects = (
     rj.JointDamper(here, there, 0.1, rj.Friction(0.2), "travel"),
     rj.JointSpring(here, there, stiffness=10.0, rest=1),
     rj.JointStop(here, there, upper=2.0, stiffness=1e3),
+    rj.Rope(here, there, 2.0, 1e4, via=[bar.at(), there], dissipation=0.1, name="hoist"),
     rj.PID(here, there, rj.Ramp(1.0), 10.0, integral=2, largest=3.0, name="elbow control"),
     rj.LowPass(here, there, rj.Constant(1.0), time_constant=0.1, motion="travel"),
     rj.HydraulicCylinder(

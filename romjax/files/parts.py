@@ -82,7 +82,8 @@ def makers(base: type) -> dict[str, Maker]:
 @functools.lru_cache
 def _makers(parts: tuple[type, ...]) -> dict[str, Maker]:
     found: dict[str, Maker] = {}
-    for part in parts:
+    # Those of romjax first, whose names are theirs.
+    for part in sorted(parts, key=_own, reverse=True):
         if inspect.isabstract(part) or part.__name__.startswith(("_", "Abstract")):
             continue
         for maker in _makers_of(part):

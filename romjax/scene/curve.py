@@ -60,13 +60,15 @@ class Line(AbstractCurve):
 
 
 class Circle(AbstractCurve):
-    """x² + y² = `radius`² [m]."""
+    """x² + y² = `radius`² [m]; what is solid is around it where it is `hollow`, as a hole is."""
 
     radius: Converted[Float[Array, ""]] = number()
+    hollow: bool = eqx.field(static=True, default=False)
     endless: ClassVar[bool] = False
 
     def __call__(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        return (point @ point - self.radius**2) / (2 * self.radius)
+        outside = (point @ point - self.radius**2) / (2 * self.radius)
+        return -outside if self.hollow else outside
 
     def outline(self, point: Float[Array, "2"], size: Float[Array, ""]) -> Float[Array, "points 2"]:
         del point, size

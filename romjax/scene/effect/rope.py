@@ -1,0 +1,105 @@
+"""A rope over pulleys."""
+
+import itertools
+from collections.abc import Iterable
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...common.arrays import Time
+from ..fields import Converted, check_numbers, number
+from ..marker import Marker, Pose, Twist, Wrench
+from ..motion import moved
+from ..outline import Outline
+from .base import AbstractMarkerEffect, check_markers, displacement
+
+
+class Rope(AbstractMarkerEffect):
+    """A rope between two points over small pulleys without friction: it pulls where it is taut, and
+    does nothing where it is slack.
+
+    The straight pieces from point to point are L long together. Where they are longer than the rope
+    by s = L − length, its tension is k s (1 + D s'), never negative, the same in all pieces: it
+    begins at zero at any speed, as in `Contact`. The rope has no mass, does not bend, and pulleys
+    are points: a wheel that is large against the pieces, or that has an inertia, is a body with a
+    `Coupling`.
+
+    **Arguments:**
+
+    - `a`, `b`: the two ends. `via`: markers that it runs over, in their order from `a` to `b`; none
+      unless given. Several may be on one body, as in a tackle. In `effect_forces` they are the
+      sides "c", "d", ….
+    - `length`: of the slack rope [m]. `stiffness`: k [N/m], as E A / length.
+    - `dissipation`: D [s/m]; none unless given.
+    - `name`: of the rope.
+
+    Raises SceneError for a length that is not positive, and negative numbers.
+    """
+
+    a: Marker
+    b: Marker
+    length: Converted[Float[Array, ""]] = number()
+    stiffness: Converted[Float[Array, ""]] = number()
+    via: Converted[tuple[Marker, ...], Iterable[Marker]] = eqx.field(converter=tuple, default=())
+    dissipation: Converted[Float[Array, ""] | None] = number(default=None)
+    name: str = eqx.field(static=True, default="")
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
+    hatched: ClassVar[bool] = True
+    stores: ClassVar[bool] = True
+    supplies: ClassVar[bool] = False
+    begins: ClassVar[bool] = True
+
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        return (self.a, self.b, *self.via)
+
+    @property
+    def at_points(self) -> tuple[int, ...]:  # type: ignore[override]
+        return tuple(range(len(self.via) + 2))
+
+    @property
+    def needs_twists(self) -> bool:  # type: ignore[override]
+        return self.dissipation is not None
+
+    @property
+    def dissipates(self) -> bool:  # type: ignore[override]
+        return self.dissipation is not None
+
+    def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
+        del t
+        return 0.5 * self.stiffness * jnp.maximum(_length(*poses) - self.length, 0) ** 2
+
+    def wrenches(
+        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
+    ) -> tuple[Wrench, ...]:
+        del t
+        length, rate, wrenches = displacement(_length, poses, twists)
+        tension = self.stiffness * jnp.maximum(length - self.length, 0)
+        if self.dissipation is not None:
+            tension *= jnp.maximum(1 + self.dissipation * rate(), 0)
+        return wrenches(-tension)
+
+    def outline(
+        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
+    ) -> tuple[Outline, ...]:
+        del t, size
+        return (Outline(jnp.stack([pose.position for pose in _along(poses)]), "link"),)
+
+    def check(self) -> None:
+        owner = check_markers(self)
+        check_numbers(owner, self, "length", sign="positive")
+        check_numbers(owner, self, "stiffness", "dissipation", sign="not negative")
+
+
+def _along(poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
+    """The poses from one end to the other."""
+    a, b, *via = poses
+    return (a, *via, b)
+
+
+def _length(*poses: Pose) -> Float[Array, ""]:
+    """Of the straight pieces from point to point [m]."""
+    pieces = [moved("distance", *pair) for pair in itertools.pairwise(_along(poses))]
+    return jnp.sum(jnp.stack(pieces))
