@@ -3,6 +3,7 @@
 Of JAX's interface this uses what is not public; tests/test_compat.py fails when it changes.
 """
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -141,7 +142,8 @@ def as_functions(closed: Any, fits: Callable[[Any], bool], few: int) -> Any:
     asked |= {x for x in jaxpr.outvars if not isinstance(x, core.Literal)}
 
     def replaced(equation: Any) -> Any:
-        if sum(1 for x in core.jaxprs_in_params(equation.params) for _ in equations(x)) < few:
+        inside = (y for x in core.jaxprs_in_params(equation.params) for y in equations(x))
+        if len(list(itertools.islice(inside, few))) < few:
             return equation
         read = {x: None for x in equation.invars if not isinstance(x, core.Literal)}
         fills = [filled[x] for x in read if x in filled]

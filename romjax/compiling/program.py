@@ -18,6 +18,7 @@ Both hold only for a program that nothing surrounds: within a transformation of 
 import dataclasses
 import functools
 import gc
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, NamedTuple, TypeVar, cast
 
@@ -260,7 +261,8 @@ def _as_functions(flat: Callable[..., Any], most: int, *arrays: Any) -> Any:
 
 def _fits(most: int, jaxpr: Any) -> bool:
     """Whether this can be one function: no calls of a library, no large products or copies."""
-    equations = list(jaxprs.equations(jaxpr))
+    # One more than a function may have says that it has too many.
+    equations = list(itertools.islice(jaxprs.equations(jaxpr), most + 1))
     return (
         len(equations) <= most
         and jaxprs.largest_copy(jaxpr) <= _LARGEST_COPY
