@@ -4,6 +4,7 @@ import argparse
 import ast
 import inspect
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import nbformat
@@ -26,6 +27,11 @@ PAGES = {
     for path in sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
     if not (name := str(path.relative_to(ROOT))).startswith((*GENERATED, "CHANGELOG.md"))
 }
+
+# The sources of the package, by their paths in it, parsed once for all who look at them.
+PACKAGE = ROOT / "romjax"
+FILES = {path.relative_to(PACKAGE).as_posix(): path for path in sorted(PACKAGE.rglob("*.py"))}
+TREES = {name: ast.parse(path.read_text()) for name, path in FILES.items()}
 
 BLOCK = re.compile(r"^```([^`\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)  # language, content
 SPAN = re.compile(r"`([^`]+)`")
@@ -74,14 +80,20 @@ def options(parser: argparse.ArgumentParser) -> dict[str, argparse.Action]:
 
 def _docstrings() -> dict[str, str]:
     found = {}
-    for path in sorted((ROOT / "romjax").rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Module):
-                found[str(path.relative_to(ROOT))] = ast.get_docstring(node) or ""
-            if isinstance(node, ast.ClassDef | ast.FunctionDef):
-                place = f"{path.relative_to(ROOT)}:{node.lineno}"
-                found[place] = ast.get_docstring(node) or ""
+    for name, tree in TREES.items():
+        found[f"romjax/{name}"] = ast.get_docstring(tree) or ""
+        for node in _definitions(tree):
+            found[f"romjax/{name}:{node.lineno}"] = ast.get_docstring(node) or ""
     return found
+
+
+def _definitions(node: ast.AST) -> Iterator[ast.ClassDef | ast.FunctionDef]:
+    """The classes and functions within a statement, which no expression holds."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.ClassDef | ast.FunctionDef):
+            yield child
+        if isinstance(child, ast.stmt | ast.excepthandler | ast.match_case):
+            yield from _definitions(child)
 
 
 def _markdown(path: Path) -> str:

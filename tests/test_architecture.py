@@ -10,15 +10,13 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import pytest
+from documents import FILES, PACKAGE, TREES
 
 import romjax as rj
 from romjax.study.fit import Fit
 from romjax.study.sweep import Sweep
 from romjax.system.base import AbstractSystem
 
-PACKAGE = Path(rj.__file__).parent
-FILES = {path.relative_to(PACKAGE).as_posix(): path for path in sorted(PACKAGE.rglob("*.py"))}
-TREES = {name: ast.parse(path.read_text()) for name, path in FILES.items()}
 # Required: the largest sizes, in lines, and in members and calls.
 FILE, FUNCTION, REDUCTION = 300, 60, 1100
 MEMBERS, CALLS = 12, 20

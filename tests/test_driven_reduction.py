@@ -25,7 +25,6 @@ DRIVEN = {
     "slider crank": (lambda k: GALLERY.slider_crank(speed=150.0 * k), 0.1),
     "vehicle axle": (lambda k: GALLERY.vehicle_axle(duration=0.12 / k), 2.0),
     "spatial slider crank": (lambda k: zoo.driven_loop_in_space(speed=6.0 * k), 0.5),
-    "jansen": (lambda k: GALLERY.jansen(duration=4.0 / k), 3.6),
 }
 
 

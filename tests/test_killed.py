@@ -12,7 +12,7 @@ from processes import in_a_process
 
 import romjax as rj
 
-KILLS = in_groups([5, 100], slow=[5])  # the last is required
+KILLS = in_groups([3, 100], slow=[3])  # the last is required
 
 # Each child is forked before JAX starts its threads, as importing takes seconds, and saves two
 # things in turn; the parent ends it at some moment, or its own end does.
@@ -195,7 +195,7 @@ print(there(), len(list(pathlib.Path(folder).glob("claim-*"))))
 """
 
 
-@pytest.mark.parametrize("seed", in_groups(range(20), fast=[0], slow=[1, 2]))
+@pytest.mark.parametrize("seed", in_groups(range(20), slow=[0]))
 def test_processes_share_a_sweep(seed, tmp_path):
     """One is killed, one stopped for a while, one comes late; each that ends has all of it, equal
     to the bit to that of one process.

@@ -247,13 +247,13 @@ def test_a_random_tree_accelerates_as_by_mujoco(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [2, 12, 40])
+@pytest.mark.parametrize("count", [2, 40])
 def test_random_trees_accelerate_as_by_mujoco(count, tmp_path):
     compare_with_mujoco(written(tmp_path, tree(count, seed=count)), 25, spread=0.3)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [6, 12])
+@pytest.mark.parametrize("count", [12])
 def test_random_loops_accelerate_exactly(count, tmp_path):
     """Points that are connected and joints that are coupled, against Lagrange's multipliers on
     MuJoCo's matrices, whose own loops yield.
