@@ -129,6 +129,15 @@ def two_beams(tilt):
     return rj.Scene(beams, joints, [rj.Gravity()])
 
 
+def test_a_basis_is_of_a_full_system():
+    """Even if it has as many coordinates as those of joints are, which mean something else."""
+    full = zoo.system(zoo.bars)
+    rom = rj.reduce(full, formulation="joint")
+    basis = rj.Basis.from_modes(np.eye(rom.n), np.zeros(rom.n))
+    with pytest.raises(rj.ReductionError, match="a full one, not reduced"):
+        rj.reduce(rom, basis)
+
+
 def test_a_joint_that_is_apart_is_refused():
     bar = rj.RigidBody("bar", 1.0, 0.1, position=(0.5, 0.2))
     hinge = rj.Revolute(bar.at((-0.5, 0.0)), rj.ground.at(), name="hinge")
@@ -241,7 +250,7 @@ def test_parallel_hinges_close_a_loop_without_locking_it():
     joints.append(rj.spatial.Revolute(rj.ground.at(corners[-1], axis=y), ends[-1]))
     full = rj.assemble(rj.Scene(bars, joints, [rj.Gravity((3.0, 0, -9.81))]))
     rom = in_joint_coordinates(full)
-    assert (rom.n, rom.m) == (3, 5)
+    assert (rom.n, rom.m, rom.cut.rank) == (3, 5, 2)
     own, other = accelerations_at_start(rom)
     assert np.max(np.abs(other)) > 1
     np.testing.assert_allclose(own, other, atol=1e-11)
@@ -263,3 +272,18 @@ def test_a_loop_is_cut_and_closed():
     ts = np.linspace(0.0, 0.5, 51)
     own, other = zoo.run(rom, ts, rtol=1e-9), zoo.run(full, ts, rtol=1e-9)
     np.testing.assert_allclose(own.q, other.q, atol=1e-7)
+
+
+@pytest.mark.slow
+def test_a_row_that_the_others_imply_costs_no_steps():
+    """Of the five rows of Bricard's last hinge, four are independent where it holds; off there the
+    fifth would be too, and as stiff as the hinge is apart.
+    """
+    full = rj.assemble(rj.gallery.bricard())
+    rom = rj.reduce(full, formulation="joint")
+    assert (rom.n, rom.m, rom.cut.rank) == (5, 5, 4)
+    ts = np.linspace(0.0, 1.0, 51)
+    own, other = zoo.run(rom, ts, rtol=1e-8), zoo.run(full, ts, rtol=1e-8)
+    np.testing.assert_allclose(own.q, other.q, atol=1e-6)
+    assert own.stats.num_steps <= other.stats.num_steps
+    assert np.max(own.violation) <= 1e-6

@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..system.dynamics import solve
 from ..system.reduced import AbstractReducedSystem
 from .trajectory import Trajectory
 
@@ -30,12 +31,15 @@ def reactions(rom: AbstractReducedSystem, trajectory: Trajectory) -> Float[Array
     A reduced model has few multipliers or none. Those of the mechanism follow from the balance
     M q̈ + C_qᵀ λ = Q of the rigid-body coordinates, with the acceleration of the reduced model: one
     small least-squares problem for each output. Modal coordinates are left out: a dropped mode
-    balances the joint forces by its elastic force, of which the reduced model knows nothing.
+    balances the joint forces by its elastic force, of which the reduced model knows nothing. Of
+    joint coordinates, which drop nothing, they are those of the full system.
 
     **Arguments:** the reduced system `rom`; a `trajectory` that was simulated with it.
     """
 
     def forces(t: Array, q: Array, v: Array) -> Array:
+        if rom.is_exact:
+            return solve(rom.full, t, q, v, None).multipliers
         return balancing_multipliers(rom, t, q, v, lifted_acceleration(rom, t, q, v))
 
     return jax.vmap(forces)(trajectory.t, trajectory.q, trajectory.v)

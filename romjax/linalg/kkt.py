@@ -88,7 +88,9 @@ class KKT(eqx.Module):
         weighed = inverse_mass.weigh(sides, bodies)
         lengths = jnp.sum(weighed * sides, axis=2)
         lengths = jnp.sum(take(lengths, pattern.sides_of_nodes), axis=1)
-        self.scale = 1 / jnp.sqrt(jnp.where(lengths > 0, lengths, 1))
+        # A row of zeros asks for nothing, whatever its γ.
+        inverse = 1 / jnp.sqrt(jnp.where(lengths > 0, lengths, 1))
+        self.scale = jnp.where(lengths > 0, inverse, 0)
         scale = take(self.scale, nodes)
         self.scaled = scale[:, :, None] * sides
         right = jnp.swapaxes(take(weighed, pairs.right), 1, 2)  # W Tᵀ Cᵀ

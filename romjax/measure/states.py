@@ -150,8 +150,8 @@ def solved(
     `system`, without stabilisation.
     """
     rom = _reduced(system)
-    if rom is None:
-        a, multipliers, _ = solve(system, t, q, v, None)
+    if rom is None or rom.is_exact:
+        a, multipliers, _ = solve(system.full, t, q, v, None)
         return a, multipliers
     a = lifted_acceleration(rom, t, q, v)
     return a, balancing_multipliers(rom, t, q, v, a)

@@ -62,10 +62,10 @@ def reduce(
         return chosen.reduce(system)
     check_kind("reduce", "the basis", basis, Basis, "what romjax.pod or romjax.sod returns")
     assert basis is not None
-    if basis.modes.shape[0] != system.n:
+    if system.full is not system or basis.modes.shape[0] != system.n:
         raise ReductionError(
             f"reduce: the basis has {basis.modes.shape[0]} coordinates and the system {system.n}; "
-            "make the basis from a simulation of this system, which must be a full one."
+            "make the basis from a simulation of this system, a full one, not reduced."
         )
     try:
         return remember_training(chosen.reduce(system, basis), basis, chosen)

@@ -31,6 +31,9 @@ class AbstractReducedSystem(AbstractSystem):
     # Whether its accelerations satisfy the equations of motion in its subspace, so that forces,
     # powers and moments follow from them.
     satisfies_dynamics: ClassVar[bool] = True
+    # Whether its motion is that of the full system, whose equations then hold at its states, and
+    # not only in a subspace.
+    is_exact: ClassVar[bool] = False
 
     if TYPE_CHECKING:
         # As in AbstractSystem: fields of this class would come before those of the kinds.

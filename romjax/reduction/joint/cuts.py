@@ -47,10 +47,13 @@ class MarkerMotion(NamedTuple):
 class Cut(eqx.Module):
     """The joints that a tree leaves out, and the places in it of the bodies of their markers; the
     number of bodies stands for the ground, one more for angles that count turns.
+
+    - `rank`: how many of the rows are independent where the joints hold; None for all.
     """
 
     joints: SomeJoints
     owners: tuple[int, ...] = eqx.field(static=True)
+    rank: int | None = eqx.field(static=True, default=None)
 
     @classmethod
     def of(cls, system: AssembledSystem, tree: Tree, chosen: tuple[tuple[int, int], ...]) -> "Cut":

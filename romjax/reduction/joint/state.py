@@ -20,6 +20,7 @@ from . import rates
 from .bodies import Inertias, biases, inertias
 from .kinematics import TreeMotion, along, tree_motion
 from .recursion import accelerations
+from .redundant import independent_rows
 from .screws import of_parents
 
 if TYPE_CHECKING:
@@ -111,6 +112,14 @@ class JointState(AbstractState):
         return momenta + rates.of_lengths(tree, self.z, x) if tree.spun.rows else momenta
 
     def jacobian(self) -> Float[Array, "m r"]:
+        """C_z; zero in rows that repeat others where the cut joints hold."""
+        rows, rank = self.every_row(), self.system.cut.rank
+        if rank is None:
+            return rows
+        return jnp.where(independent_rows(rows, rank)[:, None], rows, 0)
+
+    def every_row(self) -> Float[Array, "m r"]:
+        """C_z with the rows that repeat others."""
         system = self.system
         if not system.m:
             return jnp.zeros((0, system.n), self.z.dtype)

@@ -1,6 +1,7 @@
 """A mechanism in the coordinates of its joints and the amplitudes of its bodies."""
 
 import dataclasses
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -11,6 +12,7 @@ from jaxtyping import Array, Float
 from ...assembly.assembled import AssembledSystem
 from ...assembly.locate import assembled
 from ...common.arrays import Time, Vector, as_array
+from ...common.compat import is_traced
 from ...compiling.program import program_once
 from ...system.base import AbstractSystem, AbstractValidity
 from ...system.reduced import AbstractReducedSystem, Physical, Reduced, check_alike, start_of
@@ -18,6 +20,7 @@ from ...system.structure import Structure
 from .counters import counters_of
 from .cuts import Cut
 from .lift import TreeLift
+from .redundant import rank_of_rows
 from .spanning import Spanning
 from .state import JointState
 from .tree import Tree, plant
@@ -33,6 +36,8 @@ class JointSystem(AbstractReducedSystem):
       close loops, or have no coordinates of their own.
     - `q0`, `v0` (r,): the start, at `time` [s]. `structure`, `summary`: names and words.
     """
+
+    is_exact: ClassVar[bool] = True
 
     full: AssembledSystem
     lift: TreeLift
@@ -56,7 +61,7 @@ class JointSystem(AbstractReducedSystem):
         time = jnp.zeros((), z.dtype)
         lift, cut = _parts(full, spanning, None)
         rom = cls(full, lift, cut, z, z, time, spanning, structure, summary)
-        return rom.starting_at(full.q0, full.v0)
+        return rom.starting_at(full.q0, full.v0)._without_repeated_rows()
 
     @property
     def tree(self) -> Tree:
@@ -105,8 +110,16 @@ class JointSystem(AbstractReducedSystem):
         check_alike(self.full, full)
         other = assembled("with_full", full)
         lift, cut = _parts(other, self.spanning, self.lift)
+        # While JAX traces, as many rows repeat others as before.
+        cut = dataclasses.replace(cut, rank=self.cut.rank)
         rom = dataclasses.replace(self, full=other, lift=lift, cut=cut)
-        return rom._starting_at(self.q0, self.v0, self.time)
+        rom = rom._starting_at(self.q0, self.v0, self.time)
+        return rom if is_traced(rom.q0) else rom._without_repeated_rows()
+
+    def _without_repeated_rows(self) -> "JointSystem":
+        """The system that knows how many rows of cut joints repeat others."""
+        rank = rank_of_rows(self)
+        return dataclasses.replace(self, cut=dataclasses.replace(self.cut, rank=rank))
 
     def _starting_at(self, z: Reduced, w: Reduced, time: Float[Array, ""]) -> "JointSystem":
         rom = dataclasses.replace(self, q0=z, v0=w, time=jnp.asarray(time, z.dtype))
