@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...common.arrays import Number, Vector, concatenate, untraced
+from ...common.arrays import Number, Vector, as_array, concatenate, untraced
 from ...common.errors import SceneError
 from ...linalg import quaternions
 from ...linalg.inverse_mass import AbstractBodyInverse
@@ -23,6 +23,8 @@ from .inertia import Inertia
 from .spatial.inertia import SpatialInertia
 
 T = TypeVar("T", bound="AbstractBody")
+# Of a frame in space.
+ORIGIN = (0.0, 0.0, 0.0)
 
 
 class AbstractBody(eqx.Module):
@@ -276,18 +278,21 @@ def check_start(owner: str, body: Any) -> None:
 def frame_start(body: Any) -> tuple[Float[Array, " frame"], Float[Array, " frame"]]:
     """Initial coordinates and velocities of the frame, of the fields of every kind of body."""
     if body.dimension == 2:
-        return (
-            concatenate([body.position, body.angle]),
-            concatenate([body.velocity, body.angular_velocity]),
-        )
-    turning = quaternions.derivative(*untraced(body.orientation, body.angular_velocity))
-    return (
-        concatenate([body.position, body.orientation]),
-        concatenate([body.velocity, turning]),
-    )
+        turn, turning = body.angle, body.angular_velocity
+    else:
+        turn = body.orientation
+        turning = quaternions.derivative(*untraced(turn, body.angular_velocity))
+    return concatenate([body.position, turn]), concatenate([body.velocity, turning])
 
 
 def flexible_start(body: Any) -> tuple[Float[Array, " size"], Float[Array, " size"]]:
     """Initial coordinates and velocities of a body with modes: of its frame, then modal ones."""
     q, v = frame_start(body)
     return concatenate([q, body.amplitudes]), concatenate([v, body.rates])
+
+
+def undeflected(body: Any) -> None:
+    """Set the amplitudes and their rates to zero where a body with modes is made without them."""
+    for field in ("amplitudes", "rates"):
+        if getattr(body, field) is None:
+            setattr(body, field, as_array((0.0,) * body.modes))

@@ -1,5 +1,6 @@
 """A slender elastic beam in a floating frame."""
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
@@ -10,9 +11,9 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Number, Vector, as_array, as_jax, concrete, each, namespace, untraced
 from ...common.errors import SceneError
-from ..fields import check_choice, check_mass, check_numbers, number, radians
+from ..fields import Converted, check_choice, check_mass, check_numbers, number, radians
 from ..points import NamedPoints, by_name
-from .base import AbstractBody, check_name, check_start, flexible_start
+from .base import AbstractBody, check_name, check_start, flexible_start, undeflected
 from .inertia import Inertia
 from .modes import (
     FREE,
@@ -64,71 +65,46 @@ class Beam(AbstractBody):
     """
 
     name: str = eqx.field(static=True)
-    mass: Float[Array, ""] = number()
-    length: Float[Array, ""] = number()
-    EI: Float[Array, ""] | None = number(default=None)
-    frequencies: Float[Array, " modes"] | None = number(default=None)
-    inertia: Float[Array, ""] | None = number(default=None)
-    damping: Float[Array, " modes"] | None = number(default=None)
-    position: Float[Array, "2"] = number(default=(0.0, 0.0))
-    angle: Float[Array, ""] = radians(default=0.0)
-    velocity: Float[Array, "2"] = number(default=(0.0, 0.0))
-    angular_velocity: Float[Array, ""] = number(default=0.0)
-    amplitudes: Float[Array, " modes"] = number(default=())
-    rates: Float[Array, " modes"] = number(default=())
-    points: NamedPoints = by_name(default=())
-    modes: int = eqx.field(static=True, default=0)
+    mass: Converted[Float[Array, ""]] = number()
+    length: Converted[Float[Array, ""]] = number()
+    _: dataclasses.KW_ONLY
+    EI: Converted[Float[Array, ""] | None, Number | None] = number(default=None)
+    frequencies: Converted[Float[Array, " modes"] | None, Vector | None] = number(default=None)
+    inertia: Converted[Float[Array, ""] | None, Number | None] = number(default=None)
+    damping: Converted[Float[Array, " modes"] | None, Vector | None] = number(default=None)
+    position: Converted[Float[Array, "2"], Vector] = number(default=(0.0, 0.0))
+    angle: Converted[Float[Array, ""]] = radians(default=0.0)
+    velocity: Converted[Float[Array, "2"], Vector] = number(default=(0.0, 0.0))
+    angular_velocity: Converted[Float[Array, ""]] = number(default=0.0)
+    amplitudes: Converted[Float[Array, " modes"], Vector | None] = number(default=None)
+    rates: Converted[Float[Array, " modes"], Vector | None] = number(default=None)
+    points: Converted[NamedPoints, Mapping[str, Vector]] = by_name(default=())
+    modes: Converted[int, int | None] = eqx.field(static=True, default=None)
     axis: str = eqx.field(static=True, default="x")
     shapes: str | None = eqx.field(static=True, default=None)
     stiffening: bool = eqx.field(static=True, default=False)
     mode_kind: ClassVar[str] = "bending mode"
 
-    def __init__(
-        self,
-        name: str,
-        mass: Number,
-        length: Number,
-        *,
-        EI: Number | None = None,
-        modes: int | None = None,
-        frequencies: Vector | None = None,
-        inertia: Number | None = None,
-        axis: str = "x",
-        shapes: str | None = None,
-        damping: Vector | Number | None = None,
-        stiffening: bool = False,
-        position: Vector = (0.0, 0.0),
-        angle: Number = 0.0,
-        velocity: Vector = (0.0, 0.0),
-        angular_velocity: Number = 0.0,
-        amplitudes: Vector | None = None,
-        rates: Vector | None = None,
-        points: Mapping[str, Vector] | NamedPoints | None = None,
-    ):
-        if frequencies is not None and EI is not None:
-            raise SceneError(f"body '{name}': give either EI or frequencies, not both.")
-        if EI is None and frequencies is None and modes:
-            raise SceneError(f"body '{name}': {modes} modes need EI or frequencies.", field="modes")
-        if EI is not None and modes is None:
-            raise SceneError(f"body '{name}': with EI, say how many modes, such as modes=2.")
-        given = None if frequencies is None else each(frequencies, 1)
-        if given is not None and modes not in (None, len(given)):
-            raise SceneError(
-                f"body '{name}': modes={modes}, but {len(given)} frequencies are given.",
-                field="modes",
-            )
-        self.name, self.axis, self.shapes, self.stiffening = name, axis, shapes, stiffening
-        self.modes = len(given) if given is not None else modes or 0
-        self.mass, self.length, self.frequencies = as_array(mass), as_array(length), given
-        self.EI = None if EI is None else as_array(EI)
-        self.inertia = None if inertia is None else as_array(inertia)
-        self.damping = None if damping is None else each(damping, self.modes)
-        self.position, self.angle = as_array(position), as_array(angle)
-        self.velocity, self.angular_velocity = as_array(velocity), as_array(angular_velocity)
-        zero = as_array((0.0,) * self.modes)
-        self.amplitudes = zero if amplitudes is None else as_array(amplitudes)
-        self.rates = zero if rates is None else as_array(rates)
-        self.points = NamedPoints.of(points or {})
+    def __post_init__(self) -> None:
+        owner, modes = f"body '{self.name}'", self.modes
+        if self.frequencies is not None and self.EI is not None:
+            raise SceneError(f"{owner}: give either EI or frequencies, not both.")
+        if self.EI is None and self.frequencies is None and modes:
+            raise SceneError(f"{owner}: {modes} modes need EI or frequencies.", field="modes")
+        if self.EI is not None and modes is None:
+            raise SceneError(f"{owner}: with EI, say how many modes, such as modes=2.")
+        if self.frequencies is not None:
+            self.frequencies = each(self.frequencies, 1)
+            count = len(self.frequencies)
+            if modes not in (None, count):
+                raise SceneError(
+                    f"{owner}: modes={modes}, but {count} frequencies are given.", field="modes"
+                )
+            modes = count
+        self.modes = modes or 0
+        if self.damping is not None:
+            self.damping = each(self.damping, self.modes)
+        undeflected(self)
 
     @classmethod
     def of_section(

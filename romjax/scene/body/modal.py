@@ -1,5 +1,6 @@
 """Flexible bodies of any shape, by their inertia invariants and mode shapes at some points."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
@@ -8,12 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...common.arrays import Number, Vector, as_array, concrete
+from ...common.arrays import Number, Vector, as_array, concrete, each
 from ...common.errors import SceneError
 from ...linalg.dense import multiply
-from ..fields import check_numbers, number, radians
+from ..fields import Converted, check_numbers, number, parts, radians
 from ..marker import Marker
-from .base import AbstractBody, check_name, check_start, flexible_start
+from .base import AbstractBody, check_name, check_start, flexible_start, undeflected
 from .component_modes import Matrix
 from .finite_elements import reduce_mesh
 from .inertia import Inertia
@@ -207,50 +208,25 @@ class ModalBody(AbstractModalBody):
 
     name: str = eqx.field(static=True)
     inertia: Inertia
-    stiffness: Float[Array, "modes *modes"] = number()
-    points: Float[Array, "points 2"] = number()
-    shapes: Float[Array, "points 3 modes"] = number()
-    damping: Float[Array, "modes *modes"] | None = number(default=None)
-    position: Float[Array, "2"] = number(default=(0.0, 0.0))
-    angle: Float[Array, ""] = radians(default=0.0)
-    velocity: Float[Array, "2"] = number(default=(0.0, 0.0))
-    angular_velocity: Float[Array, ""] = number(default=0.0)
-    amplitudes: Float[Array, " modes"] = number(default=())
-    rates: Float[Array, " modes"] = number(default=())
-    ports: tuple[str, ...] = eqx.field(static=True, default=())
-    unturned: tuple[str, ...] = eqx.field(static=True, default=())
-    modes: int = eqx.field(static=True, default=0)
+    stiffness: Converted[Float[Array, "modes *modes"], Vector] = number()
+    points: Converted[Float[Array, "points 2"], Vector] = number()
+    shapes: Converted[Float[Array, "points 3 modes"], Vector] = number()
+    _: dataclasses.KW_ONLY
+    damping: Converted[Float[Array, "modes *modes"] | None, Vector | None] = number(default=None)
+    position: Converted[Float[Array, "2"], Vector] = number(default=(0.0, 0.0))
+    angle: Converted[Float[Array, ""]] = radians(default=0.0)
+    velocity: Converted[Float[Array, "2"], Vector] = number(default=(0.0, 0.0))
+    angular_velocity: Converted[Float[Array, ""]] = number(default=0.0)
+    amplitudes: Converted[Float[Array, " modes"], Vector | None] = number(default=None)
+    rates: Converted[Float[Array, " modes"], Vector | None] = number(default=None)
+    ports: Converted[tuple[str, ...], Sequence[str]] = parts(static=True, default=())
+    unturned: Converted[tuple[str, ...], Sequence[str]] = parts(static=True, default=())
+    modes: int = eqx.field(static=True, init=False)
 
-    def __init__(
-        self,
-        name: str,
-        inertia: Inertia,
-        stiffness: Vector,
-        points: Vector,
-        shapes: Vector,
-        *,
-        damping: Vector | None = None,
-        ports: Sequence[str] = (),
-        unturned: Sequence[str] = (),
-        position: Vector = (0.0, 0.0),
-        angle: Number = 0.0,
-        velocity: Vector = (0.0, 0.0),
-        angular_velocity: Number = 0.0,
-        amplitudes: Vector | None = None,
-        rates: Vector | None = None,
-    ):
-        self.name, self.inertia = name, inertia
-        self.ports, self.unturned = tuple(ports), tuple(unturned)
-        given = as_array(stiffness)
-        self.stiffness = given if given.ndim else given[None]
-        self.points, self.shapes = as_array(points), as_array(shapes)
+    def __post_init__(self) -> None:
+        self.stiffness = each(self.stiffness, 1)
         self.modes = len(self.stiffness)
-        self.damping = None if damping is None else as_array(damping)
-        self.position, self.angle = as_array(position), as_array(angle)
-        self.velocity, self.angular_velocity = as_array(velocity), as_array(angular_velocity)
-        zero = as_array((0.0,) * self.modes)
-        self.amplitudes = zero if amplitudes is None else as_array(amplitudes)
-        self.rates = zero if rates is None else as_array(rates)
+        undeflected(self)
 
     @property
     def constant_mass(self) -> bool:

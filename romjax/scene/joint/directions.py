@@ -80,13 +80,12 @@ def angle_about_axis(a: Pose, b: Pose) -> Float[Array, ""]:
     return a.angle - b.angle if a.dimension == 2 else angle_about_z(a, b)
 
 
-def angle_kept(joint: Any) -> Float[Array, ""] | None:
-    """The angle `value` that a joint keeps in the plane. In space it has none, so that no program
-    has it as input; raises SceneError for one that is given there.
+def drop_angle(joint: Any) -> None:
+    """Take the angle `value`, which a joint keeps in the plane, from one in space, so that no
+    program has it as input; raises SceneError for one that is given there.
     """
     if joint.b.dimension == 2:
-        angle: Float[Array, ""] | None = joint.value
-        return angle
+        return
     given = None if joint.value is None else concrete(joint.value)
     if joint.value is not None and (given is None or np.any(given)):
         raise SceneError(
@@ -94,4 +93,4 @@ def angle_kept(joint: Any) -> Float[Array, ""] | None:
             "stay parallel: turn a marker instead, by its `rotation` or `angle`.",
             field="value",
         )
-    return None
+    joint.value = None

@@ -11,7 +11,7 @@ from ..fields import Converted, check_numbers, radians
 from ..marker import Marker, Pose, Poses
 from ..outline import Outlines
 from .base import AbstractJoint
-from .directions import SLIDING, about_axis, angle_kept, turned
+from .directions import SLIDING, about_axis, drop_angle, turned
 from .sliding import sliding
 
 
@@ -29,7 +29,7 @@ class Prismatic(AbstractJoint):
     freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = (("travel", "m"),)
 
     def __post_init__(self) -> None:
-        self.value = angle_kept(self)
+        drop_angle(self)
 
     @property
     def rows(self) -> int:  # type: ignore[override]

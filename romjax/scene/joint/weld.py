@@ -11,7 +11,7 @@ from ..fields import Converted, check_numbers, radians
 from ..marker import Marker, Pose, Poses
 from ..outline import Outlines, marks
 from .base import AbstractJoint
-from .directions import about_axis, angle_kept, turned
+from .directions import about_axis, drop_angle, turned
 
 
 class Weld(AbstractJoint):
@@ -27,7 +27,7 @@ class Weld(AbstractJoint):
     freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = ()
 
     def __post_init__(self) -> None:
-        self.value = angle_kept(self)
+        drop_angle(self)
 
     @property
     def rows(self) -> int:  # type: ignore[override]

@@ -1,5 +1,6 @@
 """A slender elastic beam in space."""
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
@@ -11,10 +12,10 @@ from numpy.polynomial import legendre
 
 from ....common.arrays import Number, Vector, as_array, as_jax, concrete, each, namespace, untraced
 from ....common.errors import SceneError
-from ...fields import check_mass, check_numbers, number
-from ...orientation import orientation_field, quaternion_of
+from ...fields import Converted, check_mass, check_numbers, number, parts
+from ...orientation import orientation_field
 from ...points import NamedPoints, by_name
-from ..base import check_name, check_start
+from ..base import ORIGIN, check_name, check_start, undeflected
 from ..free_modes import free_modes
 from ..sections import AbstractSection
 from .beam_inertia import beam_inertia, rotations
@@ -59,70 +60,42 @@ class Beam(AbstractFlexibleBody):
     dimension: ClassVar[int] = 3
 
     name: str = eqx.field(static=True)
-    mass: Float[Array, ""] = number()
-    length: Float[Array, ""] = number()
-    inertia: Float[Array, "3"] = number()
-    EI: Float[Array, "2"] | None = number(default=None)
-    GJ: Float[Array, ""] | None = number(default=None)
-    EA: Float[Array, ""] | None = number(default=None)
-    damping: Float[Array, " modes"] | None = number(default=None)
-    position: Float[Array, "3"] = number(default=(0.0, 0.0, 0.0))
-    orientation: Float[Array, "4"] = orientation_field(default=None)
-    velocity: Float[Array, "3"] = number(default=(0.0, 0.0, 0.0))
-    angular_velocity: Float[Array, "3"] = number(default=(0.0, 0.0, 0.0))
-    amplitudes: Float[Array, " modes"] = number(default=())
-    rates: Float[Array, " modes"] = number(default=())
-    points: NamedPoints = by_name(default=())
-    bending: tuple[int, int] = eqx.field(static=True, default=(0, 0))
+    mass: Converted[Float[Array, ""]] = number()
+    length: Converted[Float[Array, ""]] = number()
+    inertia: Converted[Float[Array, "3"], Vector] = number()
+    _: dataclasses.KW_ONLY
+    EI: Converted[Float[Array, "2"] | None, Vector | None] = number(default=None)
+    GJ: Converted[Float[Array, ""] | None, Number | None] = number(default=None)
+    EA: Converted[Float[Array, ""] | None, Number | None] = number(default=None)
+    damping: Converted[Float[Array, " modes"] | None, Vector | None] = number(default=None)
+    position: Converted[Float[Array, "3"], Vector] = number(default=ORIGIN)
+    orientation: Converted[Float[Array, "4"], Vector | None] = orientation_field(default=None)
+    velocity: Converted[Float[Array, "3"], Vector] = number(default=ORIGIN)
+    angular_velocity: Converted[Float[Array, "3"], Vector] = number(default=ORIGIN)
+    amplitudes: Converted[Float[Array, " modes"], Vector | None] = number(default=None)
+    rates: Converted[Float[Array, " modes"], Vector | None] = number(default=None)
+    points: Converted[NamedPoints, Mapping[str, Vector]] = by_name(default=())
+    bending: Converted[tuple[int, int], tuple[int, int] | int] = parts(static=True, default=0)
     torsion: int = eqx.field(static=True, default=0)
     extension: int = eqx.field(static=True, default=0)
     stiffening: bool = eqx.field(static=True, default=False)
     rotary: bool = eqx.field(static=True, default=False)
 
-    def __init__(
-        self,
-        name: str,
-        mass: Number,
-        length: Number,
-        inertia: Vector,
-        *,
-        EI: Vector | Number | None = None,
-        bending: tuple[int, int] | int = 0,
-        GJ: Number | None = None,
-        torsion: int = 0,
-        EA: Number | None = None,
-        extension: int = 0,
-        damping: Vector | Number | None = None,
-        stiffening: bool = False,
-        rotary: bool = False,
-        position: Vector = (0.0, 0.0, 0.0),
-        orientation: Vector | None = None,
-        velocity: Vector = (0.0, 0.0, 0.0),
-        angular_velocity: Vector = (0.0, 0.0, 0.0),
-        amplitudes: Vector | None = None,
-        rates: Vector | None = None,
-        points: Mapping[str, Vector] | NamedPoints | None = None,
-    ):
-        self.name, self.stiffening, self.rotary = name, stiffening, rotary
+    def __post_init__(self) -> None:
+        bending: Any = self.bending
         planes = (bending, bending) if isinstance(bending, int) else tuple(bending)
-        if len(planes) != 2 or min(*planes, torsion, extension) < 0:
+        if len(planes) != 2 or min(*planes, self.torsion, self.extension) < 0:
             raise SceneError(
-                f"body '{name}': bending={bending}, torsion={torsion} and extension={extension} "
-                "are no numbers of modes; give one for each plane of bending."
+                f"body '{self.name}': bending={bending}, torsion={self.torsion} and "
+                f"extension={self.extension} are no numbers of modes; give one for each plane of "
+                "bending."
             )
-        self.bending, self.torsion, self.extension = (planes[0], planes[1]), torsion, extension
-        self.mass, self.length, self.inertia = as_array(mass), as_array(length), as_array(inertia)
-        self.EI = None if EI is None else each(EI, 2)
-        self.GJ = None if GJ is None else as_array(GJ)
-        self.EA = None if EA is None else as_array(EA)
-        self.damping = None if damping is None else each(damping, self.modes)
-        self.position = as_array(position)
-        self.orientation = quaternion_of(f"body '{name}'", None, orientation)
-        self.velocity, self.angular_velocity = as_array(velocity), as_array(angular_velocity)
-        zero = as_array((0.0,) * self.modes)
-        self.amplitudes = zero if amplitudes is None else as_array(amplitudes)
-        self.rates = zero if rates is None else as_array(rates)
-        self.points = NamedPoints.of(points or {})
+        self.bending = planes
+        if self.EI is not None:
+            self.EI = each(self.EI, 2)
+        if self.damping is not None:
+            self.damping = each(self.damping, self.modes)
+        undeflected(self)
 
     @classmethod
     def of_section(

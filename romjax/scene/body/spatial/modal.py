@@ -1,15 +1,16 @@
 """A flexible body of any shape in space."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import ClassVar
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ....common.arrays import Vector, as_array
-from ...fields import number
-from ...orientation import orientation_field, quaternion_of
+from ....common.arrays import Vector, each
+from ...fields import Converted, number, parts
+from ...orientation import orientation_field
+from ..base import ORIGIN, undeflected
 from ..modal import AbstractModalBody
 from .flexible import AbstractFlexibleBody
 from .inertia import SpatialInertia
@@ -45,50 +46,25 @@ class ModalBody(AbstractFlexibleBody, AbstractModalBody):
 
     name: str = eqx.field(static=True)
     inertia: SpatialInertia
-    stiffness: Float[Array, "modes *modes"] = number()
-    points: Float[Array, "points 3"] = number()
-    shapes: Float[Array, "points 6 modes"] = number()
-    damping: Float[Array, "modes *modes"] | None = number(default=None)
-    position: Float[Array, "3"] = number(default=(0.0, 0.0, 0.0))
-    orientation: Float[Array, "4"] = orientation_field(default=None)
-    velocity: Float[Array, "3"] = number(default=(0.0, 0.0, 0.0))
-    angular_velocity: Float[Array, "3"] = number(default=(0.0, 0.0, 0.0))
-    amplitudes: Float[Array, " modes"] = number(default=())
-    rates: Float[Array, " modes"] = number(default=())
-    ports: tuple[str, ...] = eqx.field(static=True, default=())
-    unturned: tuple[str, ...] = eqx.field(static=True, default=())
-    modes: int = eqx.field(static=True, default=0)
+    stiffness: Converted[Float[Array, "modes *modes"], Vector] = number()
+    points: Converted[Float[Array, "points 3"], Vector] = number()
+    shapes: Converted[Float[Array, "points 6 modes"], Vector] = number()
+    _: dataclasses.KW_ONLY
+    damping: Converted[Float[Array, "modes *modes"] | None, Vector | None] = number(default=None)
+    position: Converted[Float[Array, "3"], Vector] = number(default=ORIGIN)
+    orientation: Converted[Float[Array, "4"], Vector | None] = orientation_field(default=None)
+    velocity: Converted[Float[Array, "3"], Vector] = number(default=ORIGIN)
+    angular_velocity: Converted[Float[Array, "3"], Vector] = number(default=ORIGIN)
+    amplitudes: Converted[Float[Array, " modes"], Vector | None] = number(default=None)
+    rates: Converted[Float[Array, " modes"], Vector | None] = number(default=None)
+    ports: Converted[tuple[str, ...], Sequence[str]] = parts(static=True, default=())
+    unturned: Converted[tuple[str, ...], Sequence[str]] = parts(static=True, default=())
+    modes: int = eqx.field(static=True, init=False)
 
-    def __init__(
-        self,
-        name: str,
-        inertia: SpatialInertia,
-        stiffness: Vector,
-        points: Vector,
-        shapes: Vector,
-        *,
-        damping: Vector | None = None,
-        ports: Sequence[str] = (),
-        unturned: Sequence[str] = (),
-        position: Vector = (0.0, 0.0, 0.0),
-        orientation: Vector | None = None,
-        velocity: Vector = (0.0, 0.0, 0.0),
-        angular_velocity: Vector = (0.0, 0.0, 0.0),
-        amplitudes: Vector | None = None,
-        rates: Vector | None = None,
-    ):
-        self.name, self.inertia = name, inertia
-        self.ports, self.unturned = tuple(ports), tuple(unturned)
-        self.stiffness = jnp.atleast_1d(as_array(stiffness))
-        self.points, self.shapes = as_array(points), as_array(shapes)
+    def __post_init__(self) -> None:
+        self.stiffness = each(self.stiffness, 1)
         self.modes = len(self.stiffness)
-        self.damping = None if damping is None else as_array(damping)
-        self.position = as_array(position)
-        self.orientation = quaternion_of(f"body '{name}'", None, orientation)
-        self.velocity, self.angular_velocity = as_array(velocity), as_array(angular_velocity)
-        zero = jnp.zeros(self.modes)
-        self.amplitudes = zero if amplitudes is None else as_array(amplitudes)
-        self.rates = zero if rates is None else as_array(rates)
+        undeflected(self)
 
     def invariants(self) -> SpatialInertia:
         return self.inertia
