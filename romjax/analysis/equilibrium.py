@@ -11,8 +11,10 @@ from jaxtyping import Array, ArrayLike, Float
 from ..assembly.axial_loads import warn_of_axial_loads
 from ..common.arrays import Vector, as_array, concrete
 from ..common.checks import check_finite, check_shape
+from ..common.compat import is_outermost
 from ..common.errors import SimulationError
 from ..compiling.program import program_once
+from ..linalg.dense import multiply
 from ..system import unit_length
 from ..system.base import AbstractSystem, check_system
 from .displacements import displacements
@@ -65,13 +67,14 @@ def equilibrium(
     check_shape("equilibrium", "q0", q, (system.n,))
     check_finite("equilibrium", "q0", q)
     time = jnp.asarray(t, q.dtype)
-    reached, left = _solve(*jax.lax.stop_gradient((system, time, q)))
-    load, residual = concrete(reached.load), concrete(left)
-    if load is None or residual is None:
+    reached = _solve(*jax.lax.stop_gradient((system, time, q)))
+    load = concrete(reached.load)
+    if load is None:
         found = eqx.error_if(
             reached.q, reached.load < 1, "equilibrium: the continuation ended before the full load."
         )
     elif load < 1:
+        residual = np.asarray(_unbalanced(system, time, q, reached))
         worst = int(np.argmax(np.abs(residual)))
         raise SimulationError(
             f"equilibrium: from the start the solution was followed to {float(load):.4g} of the "
@@ -81,33 +84,33 @@ def equilibrium(
         )
     else:
         found = reached.q
-    position: Float[Array, " n"] = _differentiable(system, time, found, reached.multipliers)
+    position: Float[Array, " n"] = found
+    if not is_outermost():
+        position = _differentiable(system, time, found, reached.multipliers)
     still = jnp.zeros_like(position)
     warn_of_axial_loads("equilibrium", system, time, position, still)
     return position
 
 
 @program_once
-def _solve(
-    system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]
-) -> tuple[_Reached, Float[Array, " n"]]:
-    n, none = system.n, jnp.zeros(unit_length.count(system), q0.dtype)
+def _solve(system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]) -> _Reached:
+    n = system.n
     statics, sizes = Statics(system, t, q0), displacements(system, t, q0)
-    multipliers = _balancing(statics, sizes)
+    given, rows = -statics.force(q0), unit_length.jacobian(system, t, q0)
+    multipliers = _balancing(given, rows, sizes)
     # That the start needs to be in balance.
-    forces = statics.residual(q0, multipliers).at[n:].set(0)
-    terms = jnp.stack([forces[:n], statics.residual(q0, none)[:n]])
+    needed = given + multiply(rows.T, multipliers)
+    forces = jnp.concatenate([needed, jnp.zeros_like(multipliers)])
+    terms = jnp.stack([needed, given])
     largest = jnp.max(jnp.abs(terms) * sizes[None], initial=0.0)
-
-    def left(q: Array, multipliers: Array, load: Array) -> Array:
-        return statics.residual(q, multipliers) - (1 - load) * forces
 
     def newton(q: Array, multipliers: Array, load: Array) -> tuple[Array, Array, Array]:
         # The matrix at the last point only tells what rounding leaves. It is that of one step more,
         # whose result nobody takes, so that the program contains it once.
         def step(x: tuple[Array, Array, Array, Array, Array], _: None) -> tuple[Any, None]:
-            at, unbalanced = x[:2], left(*x[:2], load)
-            linear = Linear.of(statics.matrix(*at), sizes)
+            at = x[:2]
+            matrix, residual = statics.linearized(*at)
+            linear, unbalanced = Linear.of(matrix, sizes), residual - (1 - load) * forces
             change = linear.solve(unbalanced)
             balanced = linear.balances(unbalanced, *at, largest)
             return (at[0] - change[:n], at[1] - change[n:], *at, balanced), None
@@ -133,19 +136,29 @@ def _solve(
     zero, one = jnp.zeros_like(t), jnp.ones_like(t)
     # A start off its constraints is put on them by the first steps.
     begin = _Reached(q0, multipliers, zero, one, jnp.zeros((), int))
-    end = jax.lax.while_loop(unfinished, advance, begin)
-    return end, statics.residual(end.q, end.multipliers)[:n]
+    end: _Reached = jax.lax.while_loop(unfinished, advance, begin)
+    return end
 
 
-def _balancing(statics: Statics, sizes: Float[Array, " n"]) -> Float[Array, " M"]:
-    """The multipliers that leave least of the forces at the start, |D (C_qᵀ λ − Q)| for D the
-    `sizes`: those of a mechanism with the mass D⁻².
+@program_once
+def _unbalanced(
+    system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"], reached: _Reached
+) -> Float[Array, " n"]:
+    """What is left of the forces where the continuation ended."""
+    return Statics(system, t, q0).residual(reached.q, reached.multipliers)[: system.n]
+
+
+def _balancing(
+    given: Float[Array, " n"], rows: Float[Array, "M n"], sizes: Float[Array, " n"]
+) -> Float[Array, " M"]:
+    """The multipliers that leave least of the `given` forces at the start, |D (C_qᵀ λ − Q)| for D
+    the `sizes`: those of a mechanism with the mass D⁻².
     """
-    n, none = len(sizes), jnp.zeros(unit_length.count(statics.system), sizes.dtype)
-    rows = jax.jacfwd(statics.constraint)(statics.start)
-    below = jnp.concatenate([rows, jnp.zeros((len(none), len(none)), rows.dtype)], axis=1)
-    matrix = jnp.concatenate([jnp.concatenate([jnp.diag(sizes**-2), rows.T], axis=1), below])
-    unbalanced = statics.residual(statics.start, none).at[n:].set(0)
+    n, count = len(sizes), len(rows)
+    none = jnp.zeros((count, count), rows.dtype)
+    upper = jnp.concatenate([jnp.diag(sizes**-2), rows.T], axis=1)
+    matrix = jnp.concatenate([upper, jnp.concatenate([rows, none], axis=1)])
+    unbalanced = jnp.concatenate([given, jnp.zeros(count, given.dtype)])
     return -Linear.of(matrix, sizes).solve(unbalanced)[n:]
 
 
@@ -159,7 +172,8 @@ def _differentiable(
     """The same q, with the derivative −J⁺ ∂F of the residual F and Newton's matrix J."""
     position, held = (jnp.asarray(jax.lax.stop_gradient(x)) for x in (q, multipliers))
     fixed: Any = jax.lax.stop_gradient(Statics(system, jnp.asarray(t), position))
-    linear = Linear.of(fixed.matrix(position, held), displacements(fixed.system, fixed.t, position))
+    matrix, _ = fixed.linearized(position, held)
+    linear = Linear.of(matrix, displacements(fixed.system, fixed.t, position))
     right = Statics(system, jnp.asarray(t), position).residual(position, held)
     change = linear.solve(right - jax.lax.stop_gradient(right))
     corrected: Float[Array, " n"] = position - change[: system.n]

@@ -37,22 +37,31 @@ class Statics(NamedTuple):
         lengths = unit_length.extended(self.system, self.t, self.start)[m:]
         return jnp.concatenate([values[:m], values[m:] - lengths])
 
+    def force(self, q: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Q at rest."""
+        return self.system.state(self.t, q, self.system.structure.at_rest(q)).slow_force()
+
     def residual(
         self, q: Float[Array, " n"], multipliers: Float[Array, " M"]
     ) -> Float[Array, " n_plus_M"]:
         """C_qᵀ λ − Q, and C."""
-        force = -self.system.force(self.t, q, self.system.structure.at_rest(q))
+        force = -self.force(q)
         if not multipliers.size:
             return force
         reaction = jax.grad(lambda q: multiply(multipliers, self.constraint(q)))(q)
         return jnp.concatenate([force + reaction, self.constraint(q)])
 
-    def matrix(
+    def linearized(
         self, q: Float[Array, " n"], multipliers: Float[Array, " M"]
-    ) -> Float[Array, "n_plus_M n_plus_M"]:
-        """The derivatives of the residual: the stiffness, bordered by C_q."""
-        by_q, by_multipliers = jax.jacfwd(self.residual, argnums=(0, 1))(q, multipliers)
-        return jnp.concatenate([by_q, by_multipliers], axis=1)
+    ) -> tuple[Float[Array, "n_plus_M n_plus_M"], Float[Array, " n_plus_M"]]:
+        """The derivatives of the residual, the stiffness bordered by C_q, and the residual."""
+
+        def both(*at: Array) -> tuple[Array, Array]:
+            residual = self.residual(*at)
+            return residual, residual
+
+        slopes, residual = jax.jacfwd(both, argnums=(0, 1), has_aux=True)(q, multipliers)
+        return jnp.concatenate(slopes, axis=1), residual
 
 
 class Linear(NamedTuple):

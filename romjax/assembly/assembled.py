@@ -64,6 +64,7 @@ class AssembledSystem(AbstractSystem):
             lambda: now.force(t, q, v),
             lambda q: now.stored(t, q),
             lambda: now.power(t, q, v),
+            lambda: now._force(t, q, v, quadratic=False),
             lambda: now.inverse_mass(q),
             lambda: now.gaps(q),
             lambda: now.limits(q),
@@ -148,7 +149,12 @@ class AssembledSystem(AbstractSystem):
         return self.pattern.apply_mass(self.mass_blocks(q), jnp.eye(self.n, dtype=q.dtype))
 
     def force(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " n"]:
-        own = [group.force(self.fields, q, v) for group in self.bodies]
+        return self._force(t, q, v)
+
+    def _force(
+        self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"], quadratic: bool = True
+    ) -> Float[Array, " n"]:
+        own = [group.force(self.fields, q, v, quadratic) for group in self.bodies]
         total = self.body_force(own, q)
         return total if self.effect_markers is None else total + self.effect_force(t, q, v)
 

@@ -90,6 +90,10 @@ class AbstractState(abc.ABC):
     def force(self) -> Float[Array, " n"]:
         """Generalized force Q."""
 
+    def slow_force(self) -> Float[Array, " n"]:
+        """Q without quadratic velocity forces where the system knows them: all of it at rest."""
+        return self.force()
+
     @abc.abstractmethod
     def energy(self) -> Energy:
         """The energy of the physical motion, with its derivatives in the system's coordinates."""
@@ -152,6 +156,7 @@ class FullState(AbstractState):
 
     - `pattern`: where the blocks sit; `mass_blocks`, `jacobian_blocks`: those of M and of C_q, as
       `KKT` takes them; `force_vector`: Q. Functions, so that only what is asked for is traced.
+    - `slow_force_vector`: Q without quadratic velocity forces; None where these are not known.
     - `inverse_mass`: M⁻¹; gives None where it is not known in closed form.
     - `stored`: the elastic and the potential energy as a function of q; `work_rate`: the power of
       the other forces. `contact_gaps`: of all contacts. `effect_limits`: of all effects.
@@ -167,6 +172,7 @@ class FullState(AbstractState):
     force_vector: Callable[[], Float[Array, " n"]]
     stored: Callable[[Float[Array, " n"]], tuple[Float[Array, ""], Float[Array, ""]]]
     work_rate: Callable[[], Power | None]
+    slow_force_vector: Callable[[], Float[Array, " n"]] | None = None
     inverse_mass: Callable[[], InverseMass | None] = lambda: None
     contact_gaps: Callable[[], Float[Array, " contacts"] | None] = lambda: None
     effect_limits: Callable[[], Float[Array, " effects"] | None] = lambda: None
@@ -196,6 +202,9 @@ class FullState(AbstractState):
 
         (_, (elastic, potential)), slope = jax.value_and_grad(both, has_aux=True)(self.q)
         return Energy(0.5 * multiply(moving, momentum), elastic, potential, momentum, slope)
+
+    def slow_force(self) -> Float[Array, " n"]:
+        return self.force() if self.slow_force_vector is None else self.slow_force_vector()
 
     def power(self) -> Power | None:
         return self.work_rate()
