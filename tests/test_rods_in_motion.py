@@ -2,6 +2,8 @@
 
 import itertools
 
+import diffrax
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -11,7 +13,9 @@ from jaxtyping import Array, Float
 from tolerances import SOLVED
 
 import romjax as rj
+from romjax.integrate.default import default_method
 from romjax.scene.fields import number
+from romjax.system.frequencies import Frequencies
 
 # Of sums over the part beyond a cut, whose nodes are not the Gauss points of the rod.
 OTHER_NODES = 1e-7
@@ -28,6 +32,23 @@ def hinged(rod, gravity=9.81, force=0.0):
     loads = [rj.Force(rod.at("end"), (1.0, 0.0), rj.Constant(force))]
     hinge = rj.Revolute(rod.at("start"), rj.ground.at((0.0, 0.0)))
     return rj.Scene([rod], [hinge], [rj.Gravity((0.0, -gravity)), *loads])
+
+
+def test_rods_that_nothing_damps_are_followed_by_an_explicit_method():
+    """With damping the fast vibration dies, and Rodas5P steps over it."""
+    start = Frequencies(*(np.asarray(x) for x in (1.0, 2e4, 0.0)))
+    ts = np.linspace(0.0, 1.0, 101)
+    for options, solver in (({}, diffrax.Dopri8), ({"damping": 0.01}, rj.Rodas5P)):
+        system = rj.assemble(pendulum(4, **options))
+        assert isinstance(default_method(system, ts, None, start).solver, solver)
+        taken = []
+
+        def choose(ts, system=system, taken=taken):
+            taken.append(default_method(system, ts, None, start).solver)
+            return ts
+
+        jax.make_jaxpr(choose)(ts)  # while JAX traces
+        assert isinstance(taken[0], solver)
 
 
 @pytest.mark.slow

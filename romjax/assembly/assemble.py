@@ -43,9 +43,8 @@ def assemble(scene: Scene) -> AssembledSystem:
     Raises SceneError, naming the part and the remedy, for an empty scene, duplicate names, a
     marker on an unknown body, impossible numbers, or joints that leave no motion.
     """
-    check_kind(
-        "assemble", "the scene", scene, Scene, "a romjax.Scene of bodies, joints and effects"
-    )
+    remedy = "a romjax.Scene of bodies, joints and effects"
+    check_kind("assemble", "the scene", scene, Scene, remedy)
     scene.check()
     check_held(scene)
     # A Python number that was put in by hand would be static and recompile at every change.
@@ -85,6 +84,7 @@ def assemble(scene: Scene) -> AssembledSystem:
             constraints=tuple(f"joint '{j.label()}'" for j in every_joint for _ in range(j.rows)),
             rigid=tuple(rigid for body in every_body for rigid in _is_rigid(body)),
             flexible=any(body.modes for body in scene.bodies),
+            ringing=all(b.bends and not b.damped for b in scene.bodies if b.modes),
             loops=_close_loops(scene),
             contacts=any(effect.begins for effect in acting),
             by_parts=n >= _BY_PARTS and not _slips(every_joint, rows),

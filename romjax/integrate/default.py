@@ -26,6 +26,9 @@ _OUTPUTS = 100
 # Steps that Rodas5P takes at least, and how many times those of Dopri8 where the fast vibration has
 # to be followed. Dopri8 takes steps of at most this over the fastest frequency.
 _FEWEST, _FOLLOWING, _STABLE = 50, 1.4, 4.0
+# Steps of Dopri8 up to which rods without damping are followed: Rodas5P takes more of them, each at
+# several times the cost (measured for pendulums up to 4000 steps, whose tips turn by 1 to 1e-3).
+_RUNG = 1e4
 # What a step of Rodas5P costs in steps of Dopri8: by parts, whatever the number of coordinates; of
 # the whole residual, at first and for each coordinate.
 _BY_PARTS, _WHOLE, _COORDINATE = 2.0, 1.5, 0.1
@@ -96,7 +99,8 @@ def default_method(
     Dopri8 carry some twenty times the tolerance. While JAX traces, numbers are unknown,
     and flexible systems count as stiff. So do contacts, with any step size control: a long step
     from free flight may end inside, where the last stages of Dopri8 see a force that its estimate
-    of the error does not. A fast spin in space is not stiff: every method has to follow it.
+    of the error does not. A fast spin in space is not stiff: every method has to follow it; nor are
+    rods without damping, whose fast vibrations are in what bends far.
 
     Whether the fast vibration is excited is unknown before the run. If it is not, Rodas5P takes
     few steps; if it is, both methods follow it, and Rodas5P's steps cost c times as much: 2 where
@@ -106,8 +110,10 @@ def default_method(
     """
     explicit, implicit = _solvers()
     known, times, step = concrete(start.fastest), concrete(ts), concrete(dt)
+    ringing = system.structure.flexible and system.full.structure.ringing
     if known is None or times is None or (dt is not None and step is None):
-        stiff = system.structure.flexible or system.structure.contacts
+        flexible = system.structure.flexible and not ringing
+        stiff = flexible or system.structure.contacts
         return Method(implicit if stiff else explicit, "numbers are unknown while JAX traces")
     if dt is not None:
         if known * step > _RESOLVED:
@@ -123,6 +129,8 @@ def default_method(
     cost = _BY_PARTS if system.structure.by_parts else _WHOLE + _COORDINATE * system.n
     if fastest * span / max(outputs, _OUTPUTS) <= np.pi:
         return Method(explicit, "the outputs can show the fastest frequency")
+    if ringing and fastest * span / _STABLE <= _RUNG:
+        return Method(explicit, "what bends far without damping vibrates, and has to be followed")
     if fastest * span / _STABLE <= _FEWEST * _FOLLOWING * cost**2:
         return Method(explicit, "steps that resolve the fastest frequency are cheaper here")
     return Method(implicit, "the fastest frequency is far above what the outputs can show")

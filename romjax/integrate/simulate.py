@@ -75,8 +75,9 @@ def simulate(
     - `q0`, `v0`: start in the system's coordinates; those of the system unless given.
     - `solver`: any diffrax solver; unless given, `Rodas5P()` where the fastest frequency of the
       system at its start is above what the outputs can show, and so far above that the steps
-      that it saves pay for theirs; `diffrax.Dopri8()` elsewhere (while JAX traces: Rodas5P for
-      flexible systems). `Trajectory.solver` is the one that was used.
+      that it saves pay for theirs; `diffrax.Dopri8()` elsewhere, and for rods that nothing damps
+      (while JAX traces: Rodas5P for other flexible systems). `Trajectory.solver` is the one that
+      was used.
     - `rtol`, `atol`: tolerances of the step size control. Unless `atol` is given, errors are
       relative to how far and how fast the motion has got, of whatever size it is; but where it
       has moved by more than a metre or a radian, or faster than one a second, they are `rtol` in

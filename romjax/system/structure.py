@@ -25,6 +25,8 @@ class Structure:
     - `flexible`: whether parts may be much faster than the motion; true, where it is unknown.
     - `loops`: whether joints close loops, so that constraints may lose rank on the way; in a tree
       of joints none depends on the others. True, where it is unknown.
+    - `ringing`: whether all flexible parts bend far without damping, so that a motion sets them
+      vibrating, and nothing stops them.
     - `contacts`: whether effects may begin on the way, of which the start shows nothing.
     - `by_parts`: whether states give their slopes part by part, for implicit steps.
     - `frames`: at which coordinate the frame of each body begins: its position, then its angle or
@@ -53,6 +55,7 @@ class Structure:
     slips: tuple[int, ...] = ()
     joints: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
+    ringing: bool = False
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -74,6 +77,7 @@ class Structure:
             unnamed,
             rigid=self.rigid,
             flexible=self.flexible,
+            ringing=self.ringing,
             loops=self.loops,
             contacts=self.contacts,
             by_parts=self.by_parts,
@@ -127,7 +131,7 @@ class Structure:
     @functools.cached_property
     def _hash(self) -> int:
         # Every call of a compiled program asks for it.
-        kinds = self.rigid, self.flexible, self.loops, self.contacts
+        kinds = self.rigid, self.flexible, self.ringing, self.loops, self.contacts
         places = self.frames, self.quaternions, self.counters, self.states, self.slips
         return hash((self.coordinates, self.constraints, kinds, places))
 

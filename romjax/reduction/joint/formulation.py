@@ -153,6 +153,7 @@ def _structure(full: AssembledSystem, tree: Tree, spanning: Spanning) -> Structu
         constraints=tuple(names),
         rigid=tuple(i not in flexible for i in range(tree.n)),
         flexible=known.flexible,
+        ringing=known.ringing,
         loops=bool(names),
         contacts=known.contacts,
         quaternions=tuple(row[0] for row in tree.spun.rows),
