@@ -23,6 +23,17 @@ INTRODUCTION = """# Gallery
 `rj.gallery` has {count} ready scenes, each a function, with a scene file beside it. The pictures
 below are what `rj.animate(scene, run)` makes of a run: space plays and stops, the arrows go from
 frame to frame, dragging moves the picture.
+
+Stories begin with a question of a designer and end with a decision:
+
+- [Which move leaves this robot arm at rest?](../tutorials/notebooks/arm_at_rest.ipynb) A light link
+  that vibrates, and a move that is quick all the same.
+- [How thick must this crank pin be?](../tutorials/notebooks/crank_pin.ipynb) The force in a pin,
+  and what a counterweight changes.
+- [How fast may this press run?](../tutorials/notebooks/press.ipynb) A bending moment over
+  speeds and masses, by a reduced model.
+- [How long should this arm take?](../tutorials/notebooks/flexible_robot_arm.ipynb) Meshed links in
+  space, reduced and in a batch.
 """
 SCENE = """
 ## {example.name}
