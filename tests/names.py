@@ -45,6 +45,8 @@ INSTANCES = {
     "ground": rj.Ground,
     "mesh": rj.Mesh,
     "other": rj.AbstractBody,
+    "pinion": rj.AbstractBody,
+    "rack": rj.AbstractBody,
     "rod": rj.AbstractBody,
     "report": rj.Comparison,
     "rom": rj.ReducedSystem,
