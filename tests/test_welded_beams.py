@@ -74,7 +74,7 @@ def compliance(make, *settings, **options):
 EXACT = np.array([[LENGTH**3 / 3, LENGTH**2 / 2], [LENGTH**2 / 2, LENGTH]]) / EI
 
 
-@pytest.mark.parametrize("count", [1, 2, 4, 8])
+@pytest.mark.parametrize("count", [1, 4])
 def test_statics_of_welded_beams_are_exact(count):
     """F L³ / 3EI, F L² / 2EI, M L² / 2EI and M L / EI by two modes, in the plane and in space."""
     for make in (in_the_plane, in_space):

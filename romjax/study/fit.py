@@ -3,7 +3,7 @@
 import dataclasses
 import inspect
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -15,9 +15,10 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float
 from tqdm import tqdm
 
-from ..compiling.xla import filter_jit, tracing_with_options
+from ..compiling.xla import filter_jit
 from ..integrate.adjoint import forward_mode
 from ..integrate.doubt import telling
+from .least_squares import Solution, levenberg_marquardt
 
 Vector = Float[Array, " p"]
 
@@ -91,46 +92,58 @@ def fit(
         _Bounds.of(origin, start, lower, upper),
     )
     begin = misfit.bounds.free(origin)
-    with tracing_with_options():
-        shape = jax.eval_shape(lambda: predict(start)).shape
-    if shape != data.shape:
-        raise ValueError(f"fit: predict returns the shape {shape}, but measured has {data.shape}.")
     with forward_mode():
-        size = float(jnp.sqrt(jnp.mean(_evaluate(misfit, begin) ** 2)))
+        residuals = _linearize(misfit, begin).residuals
+    size = float(jnp.sqrt(jnp.mean(residuals**2)))
     if not np.isfinite(size):
         raise ValueError("fit: the prediction is not finite at the start; begin elsewhere.")
     # The search starts with a damping of one, so residuals are made of that size.
-    size = size or 1.0
-    misfit = eqx.tree_at(lambda m: m.weight, misfit, misfit.weight / size)
-    result = _search(misfit, begin, optimizer, steps, tol, progress)
+    result = _search(misfit, begin, size or 1.0, optimizer, steps, tol, progress)
+    best = jnp.asarray(result.x, begin.dtype)
     # What the user has compiled was traced before, when nobody was asked how it went.
     last = eqx.tree_at(lambda m: m.predict, misfit, inspect.unwrap(predict))
     with forward_mode():
-        residuals, jacobian = (size * np.asarray(x) for x in _linearize(last, result.value))
+        point = _linearize(misfit, best)
+        _tell(last, best)
     jax.effects_barrier()
+    residuals, jacobian = np.asarray(point.residuals), np.asarray(point.jacobian)
     freedom = max(1, int(np.sum(present)) - origin.size)
     variance = float(residuals @ residuals) / freedom if noise is None else 1.0
     covariance = variance * inverse_square(jacobian)
     return Fit(
-        parameters=unravel(misfit.bounds.natural(result.value)),
+        parameters=unravel(misfit.bounds.natural(best)),
         standard_errors=unravel(jnp.asarray(np.sqrt(np.diagonal(covariance)))),
         covariance=covariance,
         residual=float(np.sqrt(residuals @ residuals / max(1, np.sum(present)))),
-        steps=int(result.stats["num_steps"]),
-        success=bool(result.result == optimistix.RESULTS.successful),
+        steps=result.steps,
+        success=result.success,
     )
 
 
 def _search(
     misfit: "_Misfit",
     begin: Vector,
+    size: float,
     optimizer: optax.GradientTransformation | None,
     steps: int,
     tol: float,
     progress: bool,
-) -> Any:
-    """The solution of optimistix, by Levenberg and Marquardt's method without an `optimizer`."""
+) -> Solution:
+    """The free numbers with the least residuals, which are of a `size` at the start, by Levenberg
+    and Marquardt's method without an `optimizer`.
+    """
     with tqdm(disable=not progress, desc="fit", unit="step") as bar:
+        if optimizer is None:
+
+            def evaluate(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+                with forward_mode():
+                    point = _linearize(misfit, jnp.asarray(free, begin.dtype))
+                slopes = np.asarray(point.jacobian) * np.asarray(point.growth)
+                return np.asarray(point.residuals) / size, slopes / size
+
+            return levenberg_marquardt(
+                evaluate, np.asarray(begin), steps=steps, tol=tol, tell=bar.update
+            )
 
         def step() -> None:
             bar.update()
@@ -139,15 +152,12 @@ def _search(
             jax.debug.callback(step)
 
         common: Any = {"rtol": tol, "atol": tol, "verbose": show if progress else False}
-        if optimizer is None:
-            with forward_mode():
-                method: Any = optimistix.LevenbergMarquardt(**common)
-                solution = _least_squares(misfit, method, begin, steps)
-        else:
-            method = optimistix.BestSoFarMinimiser(optimistix.OptaxMinimiser(optimizer, **common))
-            solution = _minimise(misfit, method, begin, steps)
+        scaled = eqx.tree_at(lambda m: m.weight, misfit, misfit.weight / size)
+        method: Any = optimistix.BestSoFarMinimiser(optimistix.OptaxMinimiser(optimizer, **common))
+        found = _minimise(scaled, method, begin, steps)
         jax.effects_barrier()
-    return solution
+        success = bool(found.result == optimistix.RESULTS.successful)
+        return Solution(np.asarray(found.value), int(found.stats["num_steps"]), success)
 
 
 def inverse_square(jacobian: np.ndarray) -> np.ndarray:
@@ -239,28 +249,43 @@ class _Misfit(eqx.Module):
     bounds: _Bounds
 
     def at(self, natural: Vector) -> Float[Array, " k"]:
-        return jnp.ravel((self.predict(self.unravel(natural)) - self.target) * self.weight)
+        predicted, wanted = jnp.asarray(self.predict(self.unravel(natural))), self.target.shape
+        if predicted.shape != wanted:
+            raise ValueError(
+                f"fit: predict returns the shape {predicted.shape}, but measured has {wanted}."
+            )
+        return jnp.ravel((predicted - self.target) * self.weight)
 
     def __call__(self, free: Vector, args: Any = None) -> Float[Array, " k"]:
         return self.at(self.bounds.natural(free))
 
 
-@filter_jit
-def _evaluate(misfit: _Misfit, free: Vector) -> Float[Array, " k"]:
-    return misfit(free)
+class _Point(NamedTuple):
+    """Residuals (k,), their derivatives by the parameters (k, p), and those of the parameters by
+    the free numbers (p,).
+    """
+
+    residuals: Float[Array, " k"]
+    jacobian: Float[Array, "k p"]
+    growth: Vector
 
 
 @filter_jit
-def _linearize(misfit: _Misfit, free: Vector) -> tuple[Float[Array, " k"], Float[Array, "k p"]]:
-    natural = misfit.bounds.natural(free)
-    with telling("fit, at the best parameters"):
+def _linearize(misfit: _Misfit, free: Vector) -> _Point:
+    natural, growth = jax.jvp(misfit.bounds.natural, (free,), (jnp.ones_like(free),))
+
+    def twice(natural: Vector) -> tuple[Array, Array]:
         residuals = misfit.at(natural)
-    return residuals, jax.jacfwd(misfit.at)(natural)
+        return residuals, residuals
+
+    jacobian, residuals = jax.jacfwd(twice, has_aux=True)(natural)
+    return _Point(residuals, jacobian, growth)
 
 
 @filter_jit
-def _least_squares(misfit: _Misfit, method: Any, begin: Vector, steps: int) -> Any:
-    return optimistix.least_squares(misfit, method, begin, max_steps=steps, throw=False)
+def _tell(misfit: _Misfit, free: Vector) -> Float[Array, " k"]:
+    with telling("fit, at the best parameters"):
+        return misfit(free)
 
 
 @filter_jit
