@@ -26,6 +26,7 @@ NOTEBOOKS = "docs/tutorials/notebooks/"
 WITHOUT_CODE = {
     "docs/reference/benchmarks.md",
     "docs/reference/limits.md",
+    "docs/reference/stability.md",
     "docs/start/what_it_is_for.md",
     "docs/howto/stabilization.md",
 }

@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 
 import pytest
 import yaml
@@ -23,6 +24,18 @@ def test_version():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     assert citation["version"] == rj.__version__
     assert re.findall(r"^## (\S+)", CHANGES, re.MULTILINE)[0] == rj.__version__
+
+
+@pytest.mark.instant
+def test_the_extra_all_is_what_any_function_may_ask_for():
+    """Each extra that a message names, and none beside."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    (named,) = project["optional-dependencies"]["all"]
+    sources = "".join(path.read_text() for path in (ROOT / "romjax").rglob("*.py"))
+    asked = {name for name in project["optional-dependencies"] if f'"{name}")' in sources}
+    asked |= {name for name in project["optional-dependencies"] if f'"{name}", ' in sources}
+    asked |= set(re.findall(r"romjax\[(\w+)\]", sources))
+    assert set(re.fullmatch(r"romjax\[(.*)\]", named)[1].split(",")) == asked
 
 
 @pytest.mark.instant
