@@ -138,7 +138,7 @@ BELOW = {
     "gallery": {"linalg", "scene", "spatial"},
     "spatial": {"scene"},
     "plot": {"scene", "basis", "system", "assembly", "reduction", "integrate", "study"}
-    | {"analysis", "trials"},
+    | {"measure", "analysis", "trials"},
 }
 
 

@@ -44,7 +44,7 @@ class Bending(eqx.Module):
         return slopes
 
     def among(self, rows: np.ndarray) -> "Bending | None":
-        """Those whose rows are among the given ones, numbered by their places there."""
+        """The markers whose rows are among the given ones, numbered by their places there."""
         places = {row: place for place, row in enumerate(rows.tolist())}
         kept = np.array([i for i, row in enumerate(self.rows) if row in places], int)
         if not kept.size:

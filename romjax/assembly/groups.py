@@ -160,7 +160,7 @@ class BodyGroup(AbstractStack):
         return self.weighted(jnp.sum(own * damping, axis=1))
 
     def weighted(self, x: Float[Array, "count *k"]) -> Float[Array, "count *k"]:
-        """What is of the Lagrangian of each body, times its weight."""
+        """Terms of the Lagrangian of each body, times its weight."""
         if self.weights is None:
             return x
         return x * self.weights.reshape(self.weights.shape + (1,) * (x.ndim - 1))

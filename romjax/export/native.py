@@ -36,8 +36,8 @@ class Asked(NamedTuple):
     stiff: bool
 
     def arrays(self, own: int) -> tuple[np.ndarray, np.ndarray]:
-        """As C takes them; `own`: 1 for positions, 2 for velocities at the start that are those
-        of the parameters, or both.
+        """The numbers as C takes them; `own`: 1 for positions, 2 for velocities at the start that
+        are those of the parameters, or both.
         """
         numbers = np.array([self.rtol, self.atol, 0.0 if self.dt is None else self.dt], float)
         most = _UNLIMITED if self.max_steps is None else self.max_steps

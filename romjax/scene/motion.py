@@ -86,7 +86,7 @@ def counts(motion: str) -> tuple[tuple[int, int], ...]:
 
 
 def points_of(motion: str) -> tuple[int, ...]:
-    """Those of both markers whose positions are all that the motion asks for."""
+    """The numbers of the markers whose positions are all that the motion asks for."""
     return {"distance": (0, 1), "travel": (0,)}.get(motion, ())
 
 

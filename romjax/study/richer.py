@@ -78,7 +78,7 @@ def _richer_kind(rom: AbstractReducedSystem, recipe: Recipe) -> Finer | None:
 
 
 def _more_freedoms(rom: AbstractReducedSystem, sizes: list[int]) -> tuple[int, ...]:
-    """As few modes for each body, equally many, as have more freedoms than a model; else all."""
+    """The fewest modes for each body, equally many, with more freedoms than a model; else all."""
     for k in range(1, max(sizes)):
         left_out = sum(max(0, most - k) for most in sizes)
         if rom.full.n - rom.full.m - left_out > _freedoms(rom):

@@ -53,7 +53,7 @@ class LinearizationByParts(NamedTuple):
     redundant: bool  # whether constraints may repeat each other
 
     def stages(self, step: Float[Array, ""]) -> Stage:
-        """As those of `Linearization`."""
+        """The solution of the equations of stages, as in `Linearization`."""
         return ImplicitKKT(self.kkt, self.slopes, step, self.redundant).stage
 
 
@@ -78,7 +78,7 @@ def solve_with(
     stabilization: Baumgarte | None,
     applied: Applied | None,
 ) -> Solved:
-    """As `solve`, with a generalized force that is `applied` beside those of the system."""
+    """The equations of motion as in `solve`, with a generalized force `applied` in addition."""
     if applied is None:
         return solve(system, t, q, v, stabilization)
     state, right = system.state(t, q, v), gamma(system, t, q, v, stabilization)

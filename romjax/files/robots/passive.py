@@ -97,7 +97,7 @@ def stop(
 
 
 def _stiffness(time: float, ratio: float, mass: float) -> float:
-    """By a time constant and a damping ratio; or by a stiffness, which is negative there."""
+    """The stiffness by a time constant and a damping ratio, or as it is given, negative there."""
     return mass / (time * ratio) ** 2 if time > 0 else -time * mass
 
 

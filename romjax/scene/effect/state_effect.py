@@ -46,8 +46,8 @@ class AbstractStateEffect(AbstractMarkerEffect):
         """Force [N] and torque [N m] on each marker, in their order."""
 
     def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
-        """Those of `driven`, and the rates as forces on the carriers of the states, whose poses and
-        twists come after those of the markers.
+        """The wrenches of `driven`, and the rates as forces on the carriers of the states, whose
+        poses and twists come after those of the markers.
         """
         states, own = self._told(poses, twists)
         number, zero = len(self.markers), jnp.zeros_like(poses[0].position)

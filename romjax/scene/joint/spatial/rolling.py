@@ -1,5 +1,6 @@
 """Wheels and balls that roll on a plane without slip."""
 
+import abc
 from typing import ClassVar
 
 import equinox as eqx
@@ -13,7 +14,33 @@ from ...marker import Marker, Pose, Poses, Twists
 from ..slip_joint import AbstractSlipJoint
 
 
-class RollingDisc(AbstractSlipJoint):
+class AbstractRolling(AbstractSlipJoint):
+    """The base of round bodies that touch the plane z = 0 of marker `b` at a point of `a` without
+    velocity against it.
+    """
+
+    radius: eqx.AbstractVar[Float[Array, ""]]
+    rows: ClassVar[int] = 3
+    slips: ClassVar[tuple[int, ...]] = (1, 2)
+    dimensions: ClassVar[tuple[int, ...]] = (3,)
+
+    @abc.abstractmethod
+    def touching(self, a: Pose, b: Pose) -> Float[Array, "3"]:
+        """The point that touches, from the centre [m]."""
+
+    def height(self, *poses: Pose) -> Float[Array, "1"]:
+        a, b = poses
+        return b.along(a.position + self.touching(a, b))[None]
+
+    def slip(self, poses: Poses, twists: Twists) -> Float[Array, "2"]:
+        return _slipping(poses, twists, self.touching(*poses))
+
+    def check(self) -> None:
+        super().check()
+        check_numbers(self.owner(), self, "radius", sign="positive")
+
+
+class RollingDisc(AbstractRolling):
     """A thin disc that rolls on a plane: it touches the plane z = 0 of marker `b`, and the point of
     its rim that does so has no velocity against `b`.
 
@@ -31,24 +58,14 @@ class RollingDisc(AbstractSlipJoint):
     b: Marker
     radius: Converted[Float[Array, ""]] = number()
     name: str = eqx.field(static=True, default="")
-    rows: ClassVar[int] = 3
-    slips: ClassVar[tuple[int, ...]] = (1, 2)
-    dimensions: ClassVar[tuple[int, ...]] = (3,)
 
-    def height(self, *poses: Pose) -> Float[Array, "1"]:
-        a, b = poses
-        lowest = a.position + _rim(a, b, self.radius)
-        return b.along(lowest)[None]
-
-    def slip(self, poses: Poses, twists: Twists) -> Float[Array, "2"]:
-        return _slipping(poses, twists, _rim(poses[0], poses[1], self.radius))
-
-    def check(self) -> None:
-        super().check()
-        check_numbers(self.owner(), self, "radius", sign="positive")
+    def touching(self, a: Pose, b: Pose) -> Float[Array, "3"]:
+        normal, axle = _axis(b), _axis(a)
+        upward = normal - jnp.sum(normal * axle) * axle
+        return -self.radius * upward / jnp.sqrt(jnp.sum(upward**2))
 
 
-class RollingBall(AbstractSlipJoint):
+class RollingBall(AbstractRolling):
     """A ball that rolls on a plane: it touches the plane z = 0 of marker `b`, and the point of it
     that does so has no velocity against `b`. It may spin about the normal of the plane.
 
@@ -63,32 +80,15 @@ class RollingBall(AbstractSlipJoint):
     b: Marker
     radius: Converted[Float[Array, ""]] = number()
     name: str = eqx.field(static=True, default="")
-    rows: ClassVar[int] = 3
-    slips: ClassVar[tuple[int, ...]] = (1, 2)
-    dimensions: ClassVar[tuple[int, ...]] = (3,)
 
-    def height(self, *poses: Pose) -> Float[Array, "1"]:
-        a, b = poses
-        return (b.along(a.position) - self.radius)[None]
-
-    def slip(self, poses: Poses, twists: Twists) -> Float[Array, "2"]:
-        return _slipping(poses, twists, -self.radius * _axis(poses[1]))
-
-    def check(self) -> None:
-        super().check()
-        check_numbers(self.owner(), self, "radius", sign="positive")
+    def touching(self, a: Pose, b: Pose) -> Float[Array, "3"]:
+        del a
+        return -self.radius * _axis(b)
 
 
 def _axis(pose: Pose) -> Float[Array, "3"]:
     """The z axis of a pose."""
     return pose.turned(np.eye(3, dtype=pose.position.dtype)[2])
-
-
-def _rim(a: Pose, b: Pose, radius: Float[Array, ""]) -> Float[Array, "3"]:
-    """The lowest point of the rim, from the centre."""
-    normal, axle = _axis(b), _axis(a)
-    upward = normal - jnp.sum(normal * axle) * axle
-    return -radius * upward / jnp.sqrt(jnp.sum(upward**2))
 
 
 def _slipping(poses: Poses, twists: Twists, contact: Float[Array, "3"]) -> Float[Array, "2"]:

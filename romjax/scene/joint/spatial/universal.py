@@ -36,7 +36,7 @@ class Universal(AbstractJoint):
         return jnp.append(a.position - b.position, jnp.sum(axis(a, 2) * axis(b, 2)))
 
     def place(self, z: Float[Array, "2"]) -> Pose:
-        """By Cardan's cross: `a` turns about its own z axis, with the cross about that of `b`."""
+        """The pose by Cardan's cross: `a` turns about its own z axis, the cross about `b`'s."""
         cross = quaternions.product(about_z(z[0]), _quarter(z.dtype))
         return Pose(jnp.zeros(3, z.dtype), quaternions.product(cross, about_z(z[1])))
 
