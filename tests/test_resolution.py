@@ -70,6 +70,27 @@ def test_a_mechanism_of_any_size_moves_alike(size):
     assert error <= ERROR
 
 
+@pytest.mark.slow
+def test_the_amplitudes_of_a_beam_of_any_size_are_right():
+    """On a hinge that swings. Amplitudes are in m kg^½: those of a millimetre and a microgram are
+    far below the tolerance of an angle.
+    """
+
+    def end(length, mass):
+        beam = rj.Beam("beam", mass, length, EI=30 * mass * length**3, modes=2)
+        hinge = beam.at("start"), rj.ground.at()
+        beam = beam.placed("start", rj.ground.pose((0.0, 0.0)))
+        swing = rj.PrescribedAngle(*hinge, rj.Sine(0.5, 1.0))
+        scene = rj.consistent_scene(rj.Scene([beam], [rj.Revolute(*hinge), swing]))
+        system = rj.assemble(scene)
+        moved = rj.simulate(system, np.linspace(0.0, 2.0, 41))
+        return np.asarray(rj.measure(system, moved, beam.at("end")).position) / length
+
+    expected = end(1.0, 1.0)
+    for length, mass in ((1e-3, 1e-9), (1e-2, 1e-4)):
+        assert np.max(np.abs(end(length, mass) - expected)) <= ERROR
+
+
 def test_what_doubles_cannot_resolve_is_told():
     with pytest.warns(UserWarning, match="tolerances are hardly smaller than the motion"):
         run = rj.simulate(spring(1e-10, at=1.0), TS)

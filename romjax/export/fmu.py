@@ -26,7 +26,7 @@ from .description import Variables, build_description, model_description
 from .emit import Emitted, constant_table, emit
 from .leaving import TIMES, Model, frequencies_of, model_of
 from .library import compiled
-from .loops import check_runs, coefficients, internal, judges_states, text_of
+from .loops import check_runs, coefficients, internal, judges_states, shares_of, text_of
 
 # As the standard names platforms.
 _MACHINES = {"amd64": "x86_64", "arm64": "aarch64", "i386": "x86", "i686": "x86"}
@@ -245,6 +245,7 @@ def _source(model: Model, functions: list[Emitted], token: str) -> str:
             *(f"#include <{head}>" for head in heads),
             *(f"#define {key} {value}" for key, value in defined.items()),
             f"static const int KIND[] = {{{kinds}}};",
+            shares_of(model.nominal),
             constant_table("PARAMETERS", start),
             *coefficients(),
             *internal(functions),

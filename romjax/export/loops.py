@@ -5,12 +5,14 @@ from importlib.resources import files
 from typing import Any
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from ..integrate import rodas5p_tableau as rodas5p
+from ..integrate.amplitudes import amplitude_shares
 from ..reduction.system import has_charts
 from ..system.base import AbstractSystem
 from ..system.flags import Flag
@@ -140,6 +142,7 @@ def source_of(system: AbstractSystem, functions: list[Emitted]) -> str:
         f"static const int {name}[] = {{{', '.join(str(int(x)) for x in each.is_position)}}};"
         for name, each in kinds.items()
     ]
+    tables.append(shares_of(system))
     defined = {
         "N": system.n,
         "FULL": system.full.n,
@@ -154,6 +157,12 @@ def source_of(system: AbstractSystem, functions: list[Emitted]) -> str:
     texts = [text_of("steps.c"), loops, text_of("lanes.c")]
     heads = [f"#include <{head}.h>" for head in ("math", "pthread", "stddef", "stdint", "stdlib")]
     return "\n".join([*heads, *numbers, *tables, *coefficients(), *internal(functions), *texts])
+
+
+def shares_of(system: AbstractSystem) -> str:
+    """The table of the shares that coordinates have of the tolerances of their kind."""
+    shares = eqx.filter_jit(amplitude_shares)(system, system.q0)
+    return constant_table("SHARE", np.ones(system.n) if shares is None else np.asarray(shares))
 
 
 def text_of(file: str) -> str:

@@ -1,6 +1,7 @@
 /* Steps of a model and their control, those of romjax.simulate.
  *
- * Before this text stand the numbers of the model (N coordinates, KIND: 1 of positions of bodies),
+ * Before this text stand the numbers of the model (N coordinates, KIND: 1 of positions of bodies,
+ * SHARE: of the tolerances of their kind, as the model that was exported has them),
  * the coefficients of the methods, and the functions model_rate and, where they are needed,
  * model_linear and model_longest. What these are given besides t and x is for them alone.
  */
@@ -71,8 +72,8 @@ static double scaled(const settings *s, reach *r, const double *x, const double 
     if (s->follow) {
       double from = fabs(x[i] - r->origin[i]), to = fabs(end[i] - r->origin[i]);
       double moved = larger(from, to), fast = larger(fabs(x[N + i]), fabs(end[N + i]));
-      by_q = s->rtol * larger(smaller(r->distance[kind], 1), moved) + noise;
-      by_v = s->rtol * larger(smaller(r->speed[kind], 1), fast) + noise / h;
+      by_q = s->rtol * larger(smaller(r->distance[kind], 1) * SHARE[i], moved) + noise;
+      by_v = s->rtol * larger(smaller(r->speed[kind], 1) * SHARE[i], fast) + noise / h;
     } else {
       by_q = s->atol + s->rtol * larger(fabs(x[i]), fabs(end[i]));
       by_v = s->atol + s->rtol * larger(fabs(x[N + i]), fabs(end[N + i]));

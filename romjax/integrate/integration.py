@@ -30,6 +30,7 @@ from ..march.tolerances import Tolerances
 from ..system.base import AbstractSystem
 from ..system.consistent import project_start
 from ..system.schedule import Schedule
+from .amplitudes import amplitude_shares
 from .dense import output_of, post_step_of
 from .follow.audit import Audit, Findings
 from .follow.monitor import Monitors
@@ -86,7 +87,8 @@ def integrate(
     v0 = ticked(system, ts[0], q0, v0)
     term, solver, y0 = _problem(system, q0, v0, post_step, settings)
     structure, given = system.structure, (settings.rtol, settings.atol, settings.follow)
-    tolerances = Tolerances.of(structure.is_position, *given, structure.is_state)
+    shares = None if settings.dt is not None else amplitude_shares(system, q0)
+    tolerances = Tolerances.of(structure.is_position, *given, structure.is_state, shares)
     controller, first = _step_size_control(ts, settings, tolerances)
     watch = _watch(system, post_step, ts, settings, tolerances)
     most = jnp.asarray(settings.max_steps)

@@ -52,7 +52,8 @@ class Tolerances(eqx.Module):
     positions, and rtol max(min(S, 1), |v|) + R / h in velocities, with the largest distance D and
     the largest speed S so far among the positions of bodies [m, m/s], or among all other
     coordinates. R is what rounding leaves of positions, and R / h has as much of an effect in a
-    step h. A state of an effect is of a kind by itself, whatever its size.
+    step h. A state of an effect is of a kind by itself, whatever its size. Coordinates with other
+    units than those of their kind have `shares` of min(D, 1) and min(S, 1), as amplitudes have.
     """
 
     rtol: Float[Array, ""]
@@ -61,6 +62,7 @@ class Tolerances(eqx.Module):
     positions: tuple[bool, ...] = eqx.field(static=True)  # whether coordinates are those of bodies
     # Whether their rates are states of effects; empty where none are.
     states: tuple[bool, ...] = eqx.field(static=True, default=())
+    shares: Float[Array, " n"] | None = None
 
     @classmethod
     def of(
@@ -70,10 +72,11 @@ class Tolerances(eqx.Module):
         atol: Any,
         follow: Any,
         states: Bool[np.ndarray, " n"] | None = None,
+        shares: Float[Array, " n"] | None = None,
     ) -> "Tolerances":
         numbers = jnp.asarray(rtol), jnp.asarray(atol), jnp.asarray(follow)
         kinds = () if states is None or not states.any() else tuple(states.tolist())
-        return cls(*numbers, tuple(positions.tolist()), kinds)
+        return cls(*numbers, tuple(positions.tolist()), kinds, shares)
 
     def start(self, y: Any) -> Reach:
         """Return the reach of the motion before the first step."""
@@ -109,7 +112,9 @@ class Tolerances(eqx.Module):
         noise = self.rounding(reach)
         # States of effects have units of their own, of which 1 says nothing.
         most = jnp.asarray(np.where([self.states], np.inf, 1), q.dtype) if self.states else 1
-        followed = self.rtol * jnp.maximum(jnp.minimum(reach.sizes[:2], most), moved)
+        sizes = jnp.minimum(reach.sizes[:2], most)
+        sizes = sizes if self.shares is None else sizes * self.shares[None]
+        followed = self.rtol * jnp.maximum(sizes, moved)
         followed += jnp.stack([noise, noise / h])
         given = self.atol + self.rtol * jnp.max(jnp.abs(jnp.stack([q, v])), axis=1)
         by_q, by_v = jnp.where(self.follow, followed, given)

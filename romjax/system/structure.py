@@ -37,6 +37,8 @@ class Structure:
     - `states`: coordinates whose rates are first-order states of effects, with a unit inertia that
       is none of the mechanism; nothing depends on the coordinates themselves.
     - `slips`: constraints of velocities, A(q) v = 0, which no function of positions has.
+    - `amplitudes`: coordinates that are amplitudes, where no frames are known, each with its number
+      in the full system.
     - `joints`, `effects`: by which keys results name them, each key once, in the order in which the
       system holds them; none, where there are no such parts.
     """
@@ -53,6 +55,7 @@ class Structure:
     counters: tuple[int, ...] = ()
     states: tuple[int, ...] = ()
     slips: tuple[int, ...] = ()
+    amplitudes: tuple[tuple[int, int], ...] = ()
     joints: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
     ringing: bool = False
@@ -86,6 +89,7 @@ class Structure:
             counters=self.counters,
             states=self.states,
             slips=self.slips,
+            amplitudes=self.amplitudes,
         )
 
     @functools.cached_property
@@ -133,7 +137,7 @@ class Structure:
         # Every call of a compiled program asks for it.
         kinds = self.rigid, self.flexible, self.ringing, self.loops, self.contacts
         places = self.frames, self.quaternions, self.counters, self.states, self.slips
-        return hash((self.coordinates, self.constraints, kinds, places))
+        return hash((self.coordinates, self.constraints, kinds, places, self.amplitudes))
 
 
 _nameless = IdentityCache()

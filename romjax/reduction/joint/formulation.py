@@ -134,7 +134,7 @@ def _structure(full: AssembledSystem, tree: Tree, spanning: Spanning) -> Structu
     names = [known.constraints[row] for row in _cut_rows(full, spanning)]
     by_number = list(frames_of(full))
     found: dict[int, Coordinate] = {}
-    flexible = dict[int, bool]()
+    amplitudes = dict[int, int]()
     for link in tree.links:
         for place, columns in zip(link.bodies, link.coordinates.rows, strict=True):
             branch = spanning.branches[place]
@@ -147,16 +147,17 @@ def _structure(full: AssembledSystem, tree: Tree, spanning: Spanning) -> Structu
         for given, column in zip(own[tree.size :], columns, strict=True):
             if column < tree.n:
                 found[column] = known.coordinates[given]
-                flexible[column] = True
+                amplitudes[column] = given
     return Structure(
         coordinates=tuple(found[i] for i in range(tree.n)),
         constraints=tuple(names),
-        rigid=tuple(i not in flexible for i in range(tree.n)),
+        rigid=tuple(i not in amplitudes for i in range(tree.n)),
         flexible=known.flexible,
         ringing=known.ringing,
         loops=bool(names),
         contacts=known.contacts,
         quaternions=tuple(row[0] for row in tree.spun.rows),
+        amplitudes=tuple(amplitudes.items()),
     )
 
 
