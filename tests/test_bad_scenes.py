@@ -106,6 +106,10 @@ PARTS = {
         lambda: rj.Force(bar().at(), (0.0, 0.0), rj.Constant(1.0)),
         r"Force\(bar\).*direction is \[0\. 0\.\]; give a vector that is not zero",
     ),
+    "force with a direction that vanishes": (
+        lambda: rj.Force(bar().at(), (1e-300, 0.0), rj.Constant(1.0)),
+        r"direction is .*1\.e-300.*whose square numbers can hold",
+    ),
     "force without signal": (
         lambda: rj.Force(bar().at(), (1.0, 0.0), 10.0),
         r"signal is 10\.0; give a signal such as Constant\(10\.0\)",

@@ -122,6 +122,9 @@ def test_what_cannot_be_says_so(tmp_path):
     driven = rj.PrescribedTravel(CART.at(), rj.ground.at(), rj.Held("push"))
     with pytest.raises(rj.SceneError, match="a joint cannot follow Held"):
         rj.assemble(rj.Scene([CART], [driven], [clock]))
+    lost = rj.Sampled(1.0, clock.function, ["cart.z"], ["push"])
+    with pytest.raises(rj.SceneError, match=r"measures 'cart.z', which is no coordinate; .*cart.x"):
+        rj.assemble(rj.Scene([CART], [RAIL], [lost, PUSH]))
     with pytest.raises(rj.SceneError, match="period is 0"):
         rj.Sampled(0.0, clock.function, [], ["push"])
     with pytest.raises(rj.SceneError, match=r"sets is \('a', 'a'\)"):

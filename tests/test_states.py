@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.linalg
+import zoo
 from zoo import run
 
 import romjax as rj
@@ -261,6 +262,18 @@ def test_local_bases_keep_states():
         rj.ReductionError, match="this formulation does not keep; take romjax.Local"
     ):
         rj.reduce(system, rj.pod(truth))
+
+
+def test_large_states_hide_no_joint_that_is_apart():
+    """A state has a size of its own, such as a pressure, which says nothing of lengths."""
+    bar = zoo.bar().bodies[0]
+    ends = bar.at(), rj.ground.at()
+    joints = [rj.FixedAngle(*ends), rj.PrescribedAngle(*ends, rj.Step(0.5, 0.2, 0.1))]
+    # Its command is cut off to nothing.
+    idle = rj.PID(*ends, rj.Constant(0.0), start=1e9, least=0.0, largest=0.0)
+    system = rj.assemble(rj.Scene([bar], joints, [idle]))
+    moved = run(system, TIMES, stabilization=rj.Projection(), throw=False)
+    assert rj.Status(int(moved.status)) is rj.Status.CONSTRAINTS_VIOLATED
 
 
 @pytest.mark.instant

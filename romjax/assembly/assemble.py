@@ -21,7 +21,7 @@ from ..scene.state_carrier import StateCarrier
 from ..system.mobility import check_mobility
 from ..system.structure import Structure
 from .assembled import AssembledSystem
-from .controllers import Controller, check_held
+from .controllers import Controller, check_held, check_measured
 from .counting import carriers_of, counters_of, with_counter_starts
 from .grouping import group
 from .groups import BodyGroup, EffectGroup, JointGroup
@@ -56,8 +56,7 @@ def assemble(scene: Scene) -> AssembledSystem:
     parts, names = (*scene.joints, *acting, *clocks), unique([x for own in keys for x in own])
     carriers, sides = carriers_of(parts, names, scene.dimension)
     counters, holding, sides = counters_of(parts, names, sides)
-    every_body = (*scene.bodies, *carriers, *counters)
-    every_joint = (*scene.joints, *holding)
+    every_body, every_joint = (*scene.bodies, *carriers, *counters), (*scene.joints, *holding)
     joined_sides = [*sides[: len(scene.joints)], *(joint.markers for joint in holding)]
 
     columns, n = columns_of(every_body)
@@ -66,7 +65,7 @@ def assemble(scene: Scene) -> AssembledSystem:
     rows, joined = _connections(every_joint, order)
     joints, joint_markers = arrange(every_joint, joined_sides, named, columns, n)
     effects, effect_markers = arrange(acting, sides[len(scene.joints) :], named, columns, n)
-    starts = [body.start() for body in every_body]
+    q0, v0 = (concatenate(each) for each in zip(*(b.start() for b in every_body), strict=True))
     system = AssembledSystem(
         bodies=tuple(bodies),
         joints=tuple(
@@ -77,8 +76,8 @@ def assemble(scene: Scene) -> AssembledSystem:
         effects=tuple(EffectGroup(stacked, markers) for stacked, markers, _ in effects),
         effect_markers=effect_markers,
         fields=tuple(e for e in scene.effects if isinstance(e, AbstractField)),
-        q0=concatenate([q for q, _ in starts]),
-        v0=concatenate([v for _, v in starts]),
+        q0=q0,
+        v0=v0,
         structure=Structure(
             coordinates=tuple(c for body in every_body for c in body.coordinates()),
             constraints=tuple(f"joint '{j.label()}'" for j in every_joint for _ in range(j.rows)),
@@ -99,6 +98,7 @@ def assemble(scene: Scene) -> AssembledSystem:
         pattern=Pattern.of([columns[name] for name in order], joined),
         controllers=_controllers(clocks, carriers, columns),
     )
+    check_measured(system.controllers, system.structure.labels)
     system = with_counter_starts(system) if counters else system
     check_mobility("assemble", system, "Take out the joints that lock the mechanism.", SceneError)
     return system

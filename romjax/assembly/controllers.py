@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..common.errors import SceneError
-from ..scene.effect.sampled import Sampled
+from ..scene.effect.sampled import Labelled, Sampled
 from ..scene.scene import Scene
 from ..scene.signal import Held
 
@@ -75,6 +75,16 @@ def check_held(scene: Scene) -> None:
                     f"'{part.label()}': {names.count(signal.output)} controllers set the signal "
                     f"'{signal.output}'; signals that are set: {', '.join(names) or 'none'}."
                 )
+
+
+def check_measured(controllers: Sequence[Controller], labels: tuple[str, ...]) -> None:
+    """Raise SceneError for a controller that measures what none of the `labels` of the coordinates
+    says.
+    """
+    for controller in controllers:
+        for what in controller.sampled.measured:
+            if isinstance(what, Labelled):
+                what.place(labels)
 
 
 def _is_held(x: Any) -> bool:

@@ -146,7 +146,7 @@ class Passage(AbstractPassage):
     @property
     def _noise(self) -> Float[Array, ""]:
         """Return the rounding errors of gaps [m]."""
-        q = self.system.full.q0
+        q = self.system.full.structure.without_states(self.system.full.q0)
         return _ROUNDING * jnp.finfo(q.dtype).eps * jnp.maximum(1.0, jnp.max(jnp.abs(q)))
 
     def _rates(self, t: Array, y: Any) -> Float[Array, " contacts"]:

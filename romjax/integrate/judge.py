@@ -51,7 +51,8 @@ def judge_run(
         unresolved = ~_is_resolved(system, ts[0], q0, limits)
         ladder.insert(0, (unresolved, Status.PRECISION))
     if settings.holds_constraints:
-        violated = ~_constraints_hold(own.q, own.violation, settings)
+        places = system.structure.without_states(own.q)
+        violated = ~_constraints_hold(places, own.violation, settings)
         ladder.append((violated, Status.CONSTRAINTS_VIOLATED))
     conditions = [condition for condition, _ in ladder]
     codes = [jnp.asarray(int(status)) for _, status in ladder]

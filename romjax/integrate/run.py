@@ -232,7 +232,7 @@ def _flags(
     """Return the system's flags for its motion, and that of tolerances too coarse for it."""
     flags, drift = jnp.zeros((), int), jnp.zeros_like(ts)
     if settings.dt is None:
-        drift = drift_of(outputs.q, settings.rtol)
+        drift = drift_of(system.full.structure.without_states(outputs.q), settings.rtol)
         resolved = is_resolved(system, settings, outputs.q, outputs.v, steps)
         flags = jnp.where(resolved, 0, int(Flag.RESOLUTION))
     full = system.full

@@ -82,9 +82,9 @@ class Audit(AbstractFollower):
         before, after, tried = step.before, step.after, step.tried
         branching = seen.branching
         if branching is not None:
-            system, state = self._at(after.t, after.y)
-            q = after.y[0]
-            branching = branching.follow(after.t, state.kkt(), system.constraint(after.t, q), q)
+            (system, state), q = self._at(after.t, after.y), after.y[0]
+            places, violation = system.structure.without_states(q), system.constraint(after.t, q)
+            branching = branching.follow(after.t, state.kkt(), violation, places)
         now, work = self._energies(before, after), self._work(before.t, after.t, tried.between)
         if tried.arrival is not None:
             # Of impacts at the end of the step.

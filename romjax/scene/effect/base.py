@@ -226,9 +226,13 @@ def check_direction(owner: str, effect: Any, dimension: int) -> None:
     """Check a `direction` of the `dimension` of the scene, and the `frame` that it is fixed to."""
     check_numbers(owner, effect, "direction", shape=(dimension,))
     direction = concrete(effect.direction)
-    if direction is not None and not np.any(direction):
+    # Its square, which is divided by, must be a number: of 1e-200 it is zero.
+    square = None if direction is None else np.sum(np.square(direction))
+    if square is not None and not np.finfo(square.dtype).tiny <= square < np.inf:
         raise SceneError(
-            f"{owner}: direction is {direction}; give a vector that is not zero.", field="direction"
+            f"{owner}: direction is {direction}; give a vector that is not zero, whose square "
+            "numbers can hold.",
+            field="direction",
         )
     check_choice(owner, "frame", effect.frame, ("world", "body"))
 

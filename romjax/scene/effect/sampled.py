@@ -54,14 +54,18 @@ class Labelled(eqx.Module):
 
     def __call__(self, system: Any, t: Time, q: Array, v: Array) -> Float[Array, ""]:
         del t
-        found = find(self.label, system.structure.labels)
-        if found is None:
-            known = ", ".join(system.structure.labels)
-            raise SceneError(
-                f"Sampled: it measures '{self.label}', which is no coordinate; there are: {known}."
-            )
-        column, is_rate = found
+        column, is_rate = self.place(system.structure.labels)
         return (v if is_rate else q)[column]
+
+    def place(self, labels: tuple[str, ...]) -> tuple[int, bool]:
+        """The number of the coordinate, and whether it is its rate; SceneError if there is none."""
+        found = find(self.label, labels)
+        if found is None:
+            raise SceneError(
+                f"Sampled: it measures '{self.label}', which is no coordinate; there are: "
+                f"{', '.join(labels)}."
+            )
+        return found
 
 
 def _measured(given: Iterable[Any]) -> tuple[Any, ...]:
