@@ -21,11 +21,16 @@ from trust_kinds import (
     driven,
     events,
     flexible,
+    joints,
     loads,
     planar,
     reduced,
+    rods,
+    rolling,
     scales,
+    sizes,
     spatial,
+    states,
     top,
 )
 from trust_kinds.kind import LANES, Kind, Outcome, alone, compiled, judged, numbers_of, swept
@@ -38,7 +43,10 @@ WAYS = {
 }
 VERDICTS = ("right", "told", "false", "apart", "silent")
 SHOWN = 60  # cases that are listed
-FAMILIES = (planar, driven, flexible, spatial, top, bent, loads, events, contacts, scales, reduced)
+FAMILIES = (
+    *(planar, driven, flexible, spatial, top, bent, loads, events, contacts, scales, reduced),
+    *(sizes, rods, states, rolling, joints),
+)
 KINDS: dict[str, Kind] = {name: kind for family in FAMILIES for name, kind in family.KINDS.items()}
 
 

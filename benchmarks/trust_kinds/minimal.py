@@ -39,7 +39,8 @@ class Minimal:
 
     `positions` (p, t, s): where bodies are, (bodies, columns). `kinetic` (p, x, ẋ), `potential`
     (p, t, s, x): energies of these. `force` (p, t, s, ṡ): Q on the coordinates. The numbers "s" and
-    "ds" are the start, "end" the time; steps end at `breaks` (p).
+    "ds" are the start, "end" the time; steps end at `breaks` (p). `slip` (p, s, ṡ): velocities that
+    are zero, linear in ṡ.
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class Minimal:
         force: Callable[..., Any] = nothing,
         columns: Sequence[int] = (0, 1),
         breaks: Callable[[Numbers], Any] = lambda p: (),
+        slip: Callable[..., Any] | None = None,
     ):
         self.breaks, self._columns, self._rates = breaks, list(columns), None
 
@@ -68,7 +70,14 @@ class Minimal:
                 return energy(p, t, s, ds) - potential(p, t, s, positions(p, t, s))
 
             pull = jax.grad(lagrangian)(s) + force(p, t, s, ds)
-            return jnp.linalg.solve(mass, pull - drift)
+            if slip is None:
+                return jnp.linalg.solve(mass, pull - drift)
+            # A(s) ṡ = 0 with multipliers: A s̈ = −Ȧ ṡ.
+            rows = jax.jacfwd(slip, 2)(p, s, ds)
+            count = len(rows)
+            bent = jax.jvp(lambda s: slip(p, s, ds), (s,), (ds,))[1]
+            whole = jnp.block([[mass, rows.T], [rows, jnp.zeros((count, count))]])
+            return jnp.linalg.solve(whole, jnp.concatenate([pull - drift, -bent]))[: len(s)]
 
         self._acceleration = acceleration
         self._velocity = jax.jit(velocity)
