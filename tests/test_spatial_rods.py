@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from comparison import assert_close
 from jaxtyping import Array, Float
+from motions import through
 from test_rods import ALIKE
 from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
 from romjax import spatial as r
 from romjax.linalg import quaternions
+from romjax.scene.body.strains import legendre
 from romjax.scene.fields import number
 from romjax.system import dynamics
 
@@ -189,7 +191,7 @@ class Pulse(rj.AbstractSignal):
 
 @pytest.mark.slow
 def test_a_beam_that_flies_in_a_plane_is_the_planar_one():
-    """Turned by one radian: positions, momentum and energy."""
+    """Turned by one radian: positions, momentum, energy, and the forces inside."""
     ts, light = np.array([0.0, 2.5, 3.5, 4.5]), (20.0, 10.0, 10.0)
     flat = rj.Rod("beam", 10.0, 10.0, 500.0, 6, EA=1e4, GA=1e4, rotary=10.0)
     space = r.Rod("beam", 10.0, 10.0, 500.0, 400.0, light, 12, EA=1e4, GA=1e4, orientation=TURN)
@@ -199,21 +201,53 @@ def test_a_beam_that_flies_in_a_plane_is_the_planar_one():
     loads += [rj.Torque(flat.at("start"), Pulse(-160.0))]
     others = [rj.Force(space.at("start"), along, Pulse(16.0))]
     others += [r.Torque(space.at("start"), about, Pulse(-160.0))]
-    paths, energies = [], []
+    paths, energies, found = [], [], []
     for body, effects in ((flat, loads), (space, others)):
         system = rj.assemble(rj.Scene([body], [], effects))
-        run = rj.simulate(system, ts, rtol=1e-10, audit=False)
+        run = rj.simulate(system, ts, rtol=1e-10)
         paths.append(np.asarray(rj.measure(system, run, body.at("end")).position))
         energies.append(np.asarray(rj.energy(system, run).total))
         centre = np.asarray(jax.jit(jax.vmap(body.first_moment))(run.q))[1:] / 10.0
         assert_close(np.linalg.norm(np.diff(centre, axis=0), axis=1), [2.0, 2.0], SOLVED)
-    with pytest.raises(rj.InputError, match="'beam' is a Rod in space"):
-        rj.resultants(system, run, "beam", [0.0])
+        found.append([np.asarray(x) for x in rj.resultants(system, run, body, [-5.0, 1.0])])
     inside = paths[1] @ axes
     assert_close(inside[:, :2], paths[0], SOLVED, 10.0)
     assert_close(inside[:, 2], np.zeros(4), SOLVED, 10.0)
     assert_close(energies[1], energies[0], 1e-8)
+    for flat_one, whole, own in zip(*found, ([], [0], [2]), strict=True):
+        largest = np.max(np.abs(flat_one))
+        assert_close(whole[(..., *own)], flat_one, SOLVED, largest)
+        across = np.delete(whole, own, axis=-1) if own else np.zeros(1)
+        assert_close(across, np.zeros_like(across), SOLVED, largest)
     assert_close(energies[1][1:], energies[1][1], 1e-8)
+
+
+@pytest.mark.slow
+def test_resultants_in_space_are_those_of_the_loads_and_of_the_law():
+    """Of a curved and twisted rod in balance with a force and a torque at its end, large ones."""
+    one = rod(24, curvature=(0.3, 0.5, 1.0), orientation=TURN).placed("start", ORIGIN)
+    push, twist = np.array([0.8, -0.5, 1.0]), np.array([0.3, 0.4, -0.5])
+    clamp = rj.ground.at((0.0, 0.0, 0.0), rotation=np.asarray(one.pose("start").rotation))
+    loads = [
+        rj.Force(one.at("end"), push / np.linalg.norm(push), rj.Constant(np.linalg.norm(push))),
+        r.Torque(one.at("end"), twist / np.linalg.norm(twist), rj.Constant(np.linalg.norm(twist))),
+    ]
+    scene = rj.Scene([one], [r.Weld(one.at("start"), clamp)], loads)
+    q = rj.equilibrium(rj.assemble(scene))
+    bent, cuts = one.started(q, np.zeros_like(q)), np.array([-0.65, -0.2, 0.4])
+    system = rj.assemble(rj.Scene([bent], scene.joints, loads))
+    found = rj.resultants(system, through(system), "rod", cuts)
+    basis, end = np.asarray(bent.strains.basis[:3]), np.asarray(bent.pose("end").position)
+    for i, s in enumerate(cuts):
+        pose = bent.pose((s, 0.0, 0.0))
+        inside = np.asarray(pose.rotation).T
+        force, arm = inside @ push, end - np.asarray(pose.position)
+        moment = inside @ (twist + np.cross(arm, push))
+        assert_close(found.axial[0, i], force[0], SOLVED)
+        assert_close(found.shear[0, i], force[1:], SOLVED)
+        assert_close(found.moment[0, i], moment, SOLVED)
+        strains = legendre(basis.shape[1], s / 1.3 + 0.5) @ basis @ np.asarray(q[7:]) / 1.3
+        assert_close(np.array([1.0, 2.0, 1.5]) * strains, moment, 1e-5)
 
 
 # What is refused.

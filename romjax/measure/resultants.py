@@ -15,11 +15,15 @@ from ..common.arrays import Vector, as_array, concrete
 from ..common.checks import check_finite, check_shape
 from ..common.errors import InputError
 from ..integrate.trajectory import Trajectory
+from ..linalg import quaternions
 from ..scene.body.beam import Beam
 from ..scene.body.rigid import RigidBody
 from ..scene.body.rod import Rod
+from ..scene.body.rod_base import AbstractRod
+from ..scene.body.spatial.rigid import RigidBody as SpatialRigidBody
+from ..scene.body.spatial.rod import Rod as SpatialRod
 from ..scene.effect.base import AbstractField
-from ..scene.marker import Pose, Wrench
+from ..scene.marker import Pose, Twist, Wrench
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
 from .states import along, check_run, solved
@@ -40,18 +44,22 @@ class Resultants(NamedTuple):
     - `moment` (k, positions) [N m]: the torque about the cut, counter-clockwise; positive where the
       slope increases with the position. Between loads, dM/ds = −V and dV/ds = −p for a load p per
       length along n, inertia included.
+
+    Of a rod in space they are by the axes of the section, of which x is along it: `shear`
+    (k, positions, 2) along y and z, and `moment` (k, positions, 3), the torque about x, which
+    twists, and about y and z.
     """
 
     axial: Float[Array, "k positions"]
-    shear: Float[Array, "k positions"]
-    moment: Float[Array, "k positions"]
+    shear: Float[Array, "k positions *yz"]
+    moment: Float[Array, "k positions *xyz"]
 
 
 class _Cut(eqx.Module):
     """A beam and the points of it that the equilibrium at some cuts needs.
 
-    - `length`: of the beam. `gyration`: rotary inertia of its sections per mass [m²], and `bends`
-      whether they turn as it bends, not in rigid motion only.
+    - `length`: of the beam. `gyration`: rotary inertia of its sections per mass [m²], in space
+      about their axes, and `bends` whether they turn as it bends, not in rigid motion only.
     - `cuts`: where it is cut, along its axis from its middle.
     - `shares`: mass that each node of the quadrature stands for, (positions, nodes).
     - `points`: the cuts, then the nodes beyond each, one after the other.
@@ -60,7 +68,7 @@ class _Cut(eqx.Module):
     """
 
     length: Float[Array, ""]
-    gyration: Float[Array, ""]
+    gyration: Float[Array, "*xyz"]
     cuts: Float[Array, " positions"]
     shares: Float[Array, "positions nodes"]
     points: Located
@@ -71,10 +79,10 @@ class _Cut(eqx.Module):
 
 
 def resultants(
-    system: AbstractSystem, run: Trajectory, beam: Beam | Rod | str, positions: Vector
+    system: AbstractSystem, run: Trajectory, beam: Beam | Rod | SpatialRod | str, positions: Vector
 ) -> Resultants:
-    """Axial force, shear force and bending moment of a beam or a rod along a run; see `Resultants`
-    for what they are and for their signs.
+    """Axial force, shear force and bending moment of a beam or a rod along a run, and the torque
+    that twists a rod in space; see `Resultants` for what they are and for their signs.
 
     By the equilibrium of the part beyond each cut in the deformed configuration: forces of joints
     and effects on it, weight, and inertia from the accelerations of its points. In a motion without
@@ -86,8 +94,9 @@ def resultants(
     **Arguments:**
 
     - `system`: full or reduced. `run`: simulated with it.
-    - `beam`: an `rj.Beam` or an `rj.Rod` of the scene, or its name.
-    - `positions`: of the cuts along the axis of the body frame [m], from −length / 2 to length / 2.
+    - `beam`: an `rj.Beam`, an `rj.Rod` or an `rj.spatial.Rod` of the scene, or its name.
+    - `positions`: of the cuts along the axis of the body frame, the arc length along a rod, from
+      the middle [m], from −length / 2 to length / 2.
 
     A uniform distribution of mass is assumed, and for a beam with an `inertia` of its own that the
     difference to a thin bar is distributed uniformly too, as a rotary inertia. The inertia of a
@@ -105,15 +114,16 @@ def resultants(
 
 
 def _prepared(
-    owner: str, system: AbstractSystem, beam: Beam | Rod | str, positions: Vector
+    owner: str, system: AbstractSystem, beam: Beam | Rod | SpatialRod | str, positions: Vector
 ) -> _Cut:
     name = beam if isinstance(beam, str) else beam.name
     columns, bodies = bodies_of(owner, system, [name])
     body = bodies.get(name)
-    if not isinstance(body, Beam | Rod):
+    if not isinstance(body, Beam | Rod | SpatialRod):
         kind = "the ground" if body is None else f"a {type(body).__name__}"
         kind += " in space" if body is not None and body.dimension == 3 else ""
-        raise InputError(f"{owner}: '{name}' is {kind}, but only an rj.Beam or rj.Rod has them.")
+        known = "an rj.Beam, an rj.Rod or an rj.spatial.Rod"
+        raise InputError(f"{owner}: '{name}' is {kind}, but only {known} has them.")
     cuts = as_array(positions)
     check_shape(owner, "positions", cuts, (None,))
     check_finite(owner, "positions", cuts)
@@ -130,9 +140,10 @@ def _prepared(
     places = cuts[:, None] + beyond * ((nodes + 1) / 2)[None]
     axis = int(isinstance(body, Beam) and body.axis == "y")
     along_axis = jnp.concatenate([cuts, places.reshape(-1)])
-    none = jnp.zeros_like(along_axis)
-    points = jnp.stack([along_axis, none] if axis == 0 else [none, along_axis], axis=1)
-    if isinstance(body, Rod):
+    points = along_axis[:, None] * np.eye(body.dimension)[None, axis]
+    unturned = np.broadcast_to(np.eye(4)[0], (len(points), 4))
+    turns = jnp.zeros_like(along_axis) if body.dimension == 2 else jnp.asarray(unturned)
+    if isinstance(body, AbstractRod):
         gyration = body.rotary * body.length / body.mass
     else:
         thin = body.mass * body.length**2 / 12
@@ -143,7 +154,7 @@ def _prepared(
         gyration=jnp.asarray(gyration),
         cuts=cuts,
         shares=body.mass / body.length * beyond * (weights / 2)[None],
-        points=located([name] * len(points), points, none, columns, bodies),
+        points=located([name] * len(points), points, turns, columns, bodies),
         axis=axis,
         of_joints=_markers_on(full.joint_markers, first),
         of_effects=_markers_on(full.effect_markers, first),
@@ -164,20 +175,24 @@ def _at(fixed: tuple[Any, _Cut], t: Array, q: Array, v: Array) -> Resultants:
     a, multipliers = solved(system, t, q, v)
     full, count = system.full, len(cut.cuts)
     own = [cut.points.own(x) for x in (q, v, a)]
-    poses, accelerations = _poses_and_accelerations(cut.points.markers, *own)
-    origin, angle = poses.position[:count], poses.angle[:count]
+    poses, twists, accelerations = _motion(cut.points.markers, *own)
+    origin = poses.position[:count]
 
     def nodes(x: Array) -> Array:
-        return x[count:].reshape(*cut.shares.shape, 2)
+        return x[count:].reshape(*cut.shares.shape, *x.shape[1:])
 
     weight = _per_mass(full.fields, poses.position)
-    forces = cut.shares[:, :, None] * (nodes(weight) - nodes(accelerations.position))
+    forces = cut.shares[:, :, None] * (nodes(weight) - nodes(accelerations.velocity))
     arms = nodes(poses.position) - origin[:, None]
     force, torque = jnp.sum(forces, axis=1), jnp.sum(_cross(arms, forces), axis=1)
-    turning = own[2][2] * jnp.ones_like(cut.shares)
-    if cut.bends:
-        turning = accelerations.turn[count:].reshape(cut.shares.shape)
-    torque -= cut.gyration * jnp.sum(cut.shares * turning, axis=1)
+    if poses.dimension == 3:
+        spun = _spun(cut.gyration, poses, twists, accelerations)
+        torque -= jnp.sum(cut.shares[:, :, None] * nodes(spun), axis=1)
+    else:
+        turning = own[2][2] * jnp.ones_like(cut.shares)
+        if cut.bends:
+            turning = nodes(accelerations.angular_velocity)
+        torque -= cut.gyration * jnp.sum(cut.shares * turning, axis=1)
     loads = []
     if cut.of_joints:
         on_joints = joint_wrenches(full.joints, full.joint_markers, t, q, multipliers)
@@ -188,6 +203,11 @@ def _at(fixed: tuple[Any, _Cut], t: Array, q: Array, v: Array) -> Resultants:
     for load in loads:
         more, turning = _beyond(cut, origin, q, *load)
         force, torque = force + more, torque + turning
+    if poses.dimension == 3:
+        axes = quaternions.matrix(poses.turn[:count])
+        force, torque = (quaternions.apply_transposed(axes, x) for x in (force, torque))
+        return Resultants(axial=force[:, 0], shear=force[:, 1:], moment=torque)
+    angle = poses.angle[:count]
     c, s = jnp.cos(angle), jnp.sin(angle)
     x, y = (c, s) if cut.axis == 0 else (-s, c)
     return Resultants(
@@ -195,6 +215,16 @@ def _at(fixed: tuple[Any, _Cut], t: Array, q: Array, v: Array) -> Resultants:
         shear=x * force[:, 1] - y * force[:, 0],
         moment=torque,
     )
+
+
+def _spun(gyration: Array, poses: Pose, twists: Twist, accelerations: Twist) -> Array:
+    """The rates of the angular momentum of sections per mass, (points, 3)."""
+    axes = quaternions.matrix(poses.turn)
+    spin, turning = (
+        quaternions.apply_transposed(axes, x.angular_velocity) for x in (twists, accelerations)
+    )
+    own = gyration[None] * turning + _cross(spin, gyration[None] * spin)
+    return quaternions.apply(axes, own)
 
 
 def _beyond(
@@ -208,18 +238,16 @@ def _beyond(
     margin = jnp.where(cut.cuts > 0, -_SAME, _SAME) * cut.length
     counts = (ahead > margin[:, None])[:, :, None]
     forces = jnp.where(counts, wrenches.force[rows][None], 0)
-    torques = jnp.where(counts[:, :, 0], wrenches.torque[rows][None], 0)
+    given = wrenches.torque[rows][None]
+    torques = jnp.where(counts if given.ndim == 3 else counts[:, :, 0], given, 0)
     arms = markers.poses(q).position[rows][None] - origin[:, None]
     return jnp.sum(forces, axis=1), jnp.sum(torques + _cross(arms, forces), axis=1)
 
 
-def _poses_and_accelerations(markers: Markers, q: Array, v: Array, a: Array) -> tuple[Pose, Pose]:
-    def rate(q: Array, v: Array) -> tuple[Pose, Pose]:
-        poses, rates = jax.jvp(markers.poses, (q,), (v,))
-        return poses, rates
-
-    (poses, _), (_, accelerations) = jax.jvp(rate, (q, v), (v, a))
-    return poses, accelerations
+def _motion(markers: Markers, q: Array, v: Array, a: Array) -> tuple[Pose, Twist, Twist]:
+    """Poses and twists, and the rates of these."""
+    (poses, twists), (_, accelerations) = jax.jvp(markers.motion, (q, v), (v, a))
+    return poses, twists, accelerations
 
 
 def _per_mass(fields: tuple[AbstractField, ...], points: Array) -> Array:
@@ -228,12 +256,17 @@ def _per_mass(fields: tuple[AbstractField, ...], points: Array) -> Array:
     for field in fields:
 
         def energy(point: Array, field: AbstractField = field) -> Array:
-            probe = RigidBody("point", mass=1.0, inertia=1.0)
-            return field.energy(probe, jnp.concatenate([point, jnp.zeros(1, point.dtype)]))
+            if len(point) == 2:
+                flat = RigidBody("point", mass=1.0, inertia=1.0)
+                return field.energy(flat, jnp.concatenate([point, jnp.zeros(1, point.dtype)]))
+            probe = SpatialRigidBody("point", mass=1.0, inertia=(1.0, 1.0, 1.0))
+            return field.energy(probe, jnp.concatenate([point, np.eye(4, dtype=point.dtype)[0]]))
 
         total -= jax.vmap(jax.grad(energy))(points)
     return total
 
 
 def _cross(a: Array, b: Array) -> Array:
+    if a.shape[-1] == 3:
+        return quaternions.cross(a, b)
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
