@@ -14,6 +14,15 @@ from .arrays import concrete
 _MOST = 8
 
 
+def is_number(text: str) -> bool:
+    """Whether a text is a number as Python reads one."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def table(header: list[str], rows: list[list[str]]) -> str:
     """Columns of numbers, the first one of names, in plain text."""
     lines = [header, ["-" * len(name) for name in header], *rows]

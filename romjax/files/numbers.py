@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+from ..common.plain import is_number
 from .forms import Numbers
 from .problems import shown
 
@@ -33,7 +34,7 @@ def wrong_numbers(form: Numbers, value: Any) -> str:
     wanted = "a number" if not form.axes else _lists(form)
     hint = ""
     if isinstance(value, str):
-        hint = " Write it without quotes." if _is_number(value) else ' A parameter is "=name".'
+        hint = " Write it without quotes." if is_number(value) else ' A parameter is "=name".'
     return f"It is {shown(value)}, but {wanted} is needed.{hint}"
 
 
@@ -76,14 +77,6 @@ def lengths(length: int | tuple[int, ...]) -> tuple[int, ...]:
 
 def _size(length: int | tuple[int, ...]) -> str:
     return " or ".join(map(str, lengths(length)))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def number_schema(form: Numbers) -> dict[str, Any]:

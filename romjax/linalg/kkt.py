@@ -68,6 +68,12 @@ class KKT(eqx.Module):
     scaled: Float[Array, "sides height size"]  # B T
     factor: Factor | None  # of S + ε I; None without constraints
 
+    @classmethod
+    def dense(cls, jacobian: Float[Array, "m n"], mass: Float[Array, "n *n"]) -> "KKT":
+        """All in one block: of a C_q and of M, or of its diagonal."""
+        m, n = jacobian.shape
+        return cls(Pattern.dense(n, m), mass[None], jacobian[None][: min(m, 1)])
+
     def __init__(
         self,
         pattern: Pattern,

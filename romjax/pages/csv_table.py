@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ..common import writing
+from ..common.plain import is_number
 
 # What spreadsheets take for a formula, which they would evaluate.
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
@@ -26,13 +27,5 @@ def write(
 
 
 def _cell(value: Any) -> Any:
-    is_formula = isinstance(value, str) and value.startswith(_FORMULA) and not _is_number(value)
+    is_formula = isinstance(value, str) and value.startswith(_FORMULA) and not is_number(value)
     return f"'{value}" if is_formula else value
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

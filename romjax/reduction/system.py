@@ -12,7 +12,6 @@ from ..common.arrays import Time, Vector, as_array
 from ..compiling.program import program_once
 from ..linalg.dense import multiply
 from ..linalg.kkt import KKT
-from ..linalg.pattern import Pattern
 from ..scene.coordinate import Coordinate
 from ..system.base import AbstractSystem, AbstractValidity
 from ..system.reduced import AbstractReducedSystem, check_alike, start_of
@@ -77,9 +76,6 @@ class ReducedSystem(AbstractReducedSystem):
 
     def mass(self, q: Reduced) -> Float[Array, "r r"]:
         return self.state(self.time, q, jnp.zeros_like(q)).mass()
-
-    def force(self, t: Time, q: Reduced, v: Reduced) -> Reduced:
-        return self.state(t, q, v).force()
 
     def constraint(self, t: Time, q: Reduced) -> Float[Array, " m"]:
         if self.combinations is None:
@@ -184,9 +180,7 @@ class ReducedState(AbstractState):
         return multiply(self.motion.tangent.T, pushed - self.inner.force())
 
     def kkt(self) -> KKT:
-        rows = self.jacobian()
-        m, r = rows.shape
-        return KKT(Pattern.dense(r, m), self.mass()[None], rows[None][: min(m, 1)])
+        return KKT.dense(self.jacobian(), self.mass())
 
     def physical_acceleration(self, a: Reduced) -> Physical:
         _, _, tangent, bias = self.motion

@@ -12,7 +12,6 @@ from ..common.arrays import Time, Vector, as_array
 from ..integrate.default import start_frequencies
 from ..linalg.dense import multiply
 from ..linalg.kkt import KKT
-from ..linalg.pattern import Pattern
 from ..reduction.formulation.base import AbstractFormulation, start
 from ..system.base import AbstractSystem, AbstractValidity
 from ..system.reduced import AbstractReducedSystem, Physical, Reduced
@@ -146,8 +145,7 @@ class ProjectedState(AbstractState):
         return a - self.force()
 
     def kkt(self) -> KKT:
-        ones = jnp.ones((1, self.system.n), self.z.dtype)
-        return KKT(Pattern.dense(self.system.n, 0), ones, self.jacobian()[None][:0])
+        return KKT.dense(self.jacobian(), jnp.ones(self.system.n, self.z.dtype))
 
     def energy(self) -> Energy:
         return self._full.energy().by_coordinates(self.system.modes)

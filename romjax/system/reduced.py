@@ -50,6 +50,9 @@ class AbstractReducedSystem(AbstractSystem):
         """Coordinates that the constraints leave free, r − m."""
         return self.n - self.m
 
+    def force(self, t: Time, q: Reduced, v: Reduced) -> Reduced:
+        return self.state(t, q, v).force()
+
     @abc.abstractmethod
     def reconstruct(self, t: Time, q: Reduced, v: Reduced) -> tuple[Physical, Physical]:
         """The physical coordinates and velocities that a reduced state stands for."""

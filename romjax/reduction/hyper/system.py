@@ -14,7 +14,6 @@ from ...assembly.part import part
 from ...common.arrays import Time, Vector, as_array
 from ...linalg.dense import multiply
 from ...linalg.kkt import KKT
-from ...linalg.pattern import Pattern
 from ...system.base import AbstractSystem, AbstractValidity
 from ...system.reduced import AbstractReducedSystem, Physical, Reduced, check_alike
 from ...system.state import AbstractState, Energy, Power
@@ -91,9 +90,6 @@ class HyperReducedSystem(AbstractReducedSystem):
 
     def mass(self, q: Reduced) -> Float[Array, "r r"]:
         return self.state(self.time, q, jnp.zeros_like(q)).inner.mass()
-
-    def force(self, t: Time, q: Reduced, v: Reduced) -> Reduced:
-        return self.state(t, q, v).force()
 
     def constraint(self, t: Time, q: Reduced) -> Float[Array, " m"]:
         del t
@@ -186,8 +182,7 @@ class HyperReducedState(AbstractState):
         return self.apply_mass(a) - self.force()
 
     def kkt(self) -> KKT:
-        none = jnp.zeros((0, 0, self.z.size), self.z.dtype)
-        return KKT(Pattern.dense(self.z.size, 0), self.inner.mass()[None], none)
+        return KKT.dense(self.jacobian(), self.inner.mass())
 
     def physical_acceleration(self, a: Reduced) -> Physical:
         pushed: Array = multiply(self._motion.tangent, a)

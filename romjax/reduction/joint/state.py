@@ -12,7 +12,6 @@ from jaxtyping import Array, Float
 from ...common.arrays import Time
 from ...linalg.dense import multiply
 from ...linalg.kkt import KKT
-from ...linalg.pattern import Pattern
 from ...system.constraints import ConstraintState
 from ...system.reduced import Physical, Reduced
 from ...system.state import AbstractState, Energy, Power, Solved
@@ -203,9 +202,7 @@ class JointState(AbstractState):
         return matrix + jax.vmap(lambda x: rates.of_lengths(tree, self.z, x))(unit)
 
     def kkt(self) -> KKT:
-        rows = self.jacobian()
-        m, r = rows.shape
-        return KKT(Pattern.dense(r, m), self.mass()[None], rows[None][: min(m, 1)])
+        return KKT.dense(self.jacobian(), self.mass())
 
     def solve(self, gamma: Float[Array, " m"]) -> Solved:
         if self.system.m:

@@ -13,7 +13,6 @@ from ...basis.orthonormal import orthonormalize
 from ...common.arrays import Time, Vector, as_jax
 from ...linalg.dense import multiply
 from ...linalg.kkt import KKT
-from ...linalg.pattern import Pattern
 from ...scene.coordinate import Coordinate
 from ...system.base import AbstractValidity
 from ...system.constraints import ConstraintState
@@ -102,9 +101,6 @@ class JointSubspace(AbstractReducedSystem):
     def mass(self, q: Reduced) -> Float[Array, "r r"]:
         return self.state(self.time, q, jnp.zeros_like(q)).mass()
 
-    def force(self, t: Time, q: Reduced, v: Reduced) -> Reduced:
-        return self.state(t, q, v).force()
-
     def constraint(self, t: Time, q: Reduced) -> Float[Array, " m"]:
         return self.joint.constraint(t, self._expanded(q))
 
@@ -186,9 +182,7 @@ class SubspaceState(AbstractState):
         return self.inner.constraints()
 
     def kkt(self) -> KKT:
-        rows = self.jacobian()
-        m, r = rows.shape
-        return KKT(Pattern.dense(r, m), self.mass()[None], rows[None][: min(m, 1)])
+        return KKT.dense(self.jacobian(), self.mass())
 
     def physical_acceleration(self, a: Reduced) -> Physical:
         return self.inner.physical_acceleration(multiply(self.modes, a))

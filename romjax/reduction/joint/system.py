@@ -76,9 +76,6 @@ class JointSystem(AbstractReducedSystem):
     def mass(self, q: Reduced) -> Float[Array, "r r"]:
         return self.state(self.time, q, jnp.zeros_like(q)).mass()
 
-    def force(self, t: Time, q: Reduced, v: Reduced) -> Reduced:
-        return self.state(t, q, v).force()
-
     def constraint(self, t: Time, q: Reduced) -> Float[Array, " m"]:
         if not self.m:
             return jnp.zeros(0, q.dtype)

@@ -10,9 +10,9 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Time
 from ..fields import Converted, check_numbers, number
-from ..marker import Marker, Pose, Twist, Wrench
+from ..marker import Marker, Pose, Poses, Twists, Wrenches
 from ..motion import moved
-from ..outline import Outline
+from ..outline import Outline, Outlines
 from .base import AbstractMarkerEffect, check_markers, displacement
 
 
@@ -71,9 +71,7 @@ class Rope(AbstractMarkerEffect):
         del t
         return 0.5 * self.stiffness * jnp.maximum(_length(*poses) - self.length, 0) ** 2
 
-    def wrenches(
-        self, t: Time, poses: tuple[Pose, ...], twists: tuple[Twist, ...]
-    ) -> tuple[Wrench, ...]:
+    def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         del t
         length, rate, wrenches = displacement(_length, poses, twists)
         tension = self.stiffness * jnp.maximum(length - self.length, 0)
@@ -81,9 +79,7 @@ class Rope(AbstractMarkerEffect):
             tension *= jnp.maximum(1 + self.dissipation * rate(), 0)
         return wrenches(-tension)
 
-    def outline(
-        self, t: Time, poses: tuple[Pose, ...], size: Float[Array, ""]
-    ) -> tuple[Outline, ...]:
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         del t, size
         return (Outline(jnp.stack([pose.position for pose in _along(poses)]), "link"),)
 
@@ -93,7 +89,7 @@ class Rope(AbstractMarkerEffect):
         check_numbers(owner, self, "stiffness", "dissipation", sign="not negative")
 
 
-def _along(poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
+def _along(poses: Poses) -> Poses:
     """The poses from one end to the other."""
     a, b, *via = poses
     return (a, *via, b)
