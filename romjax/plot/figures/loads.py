@@ -73,8 +73,8 @@ def loads(
     scene = disassemble(assembled("loads", system))
     if scene.dimension != 2:
         raise InputError(
-            "loads: the mechanism is in space, and beams there have no resultants; draw forces of "
-            "romjax.joint_forces over time."
+            "loads: the mechanism is in space, but loads are drawn in the plane; draw "
+            "romjax.joint_forces and romjax.resultants over time."
         )
     values = {
         body.name: np.asarray(getattr(resultants(system, run, body, _cuts(body)), quantity))
