@@ -53,7 +53,8 @@ def scenes_of(scene: Scene, runs: Sequence[Trajectory]) -> list[Scene]:
     """What each run is drawn by: `scene`, or where their numbers differ, such as those of two
     designs, the scene of each; of a run that does not know its own, `scene`.
     """
-    known = [mechanism_of(run) for run in runs]
+    # Systems of other makers, whose coordinates are those of the scene, have no scene.
+    known = [mechanism_of(run) if _has_bodies(run) else None for run in runs]
     own = [scene if full is None else disassemble(full) for full in known]
     numbers = [
         [np.asarray(x) for x in jax.tree.leaves(one)]
@@ -64,3 +65,8 @@ def scenes_of(scene: Scene, runs: Sequence[Trajectory]) -> list[Scene]:
         len(x) == len(numbers[0]) and all(map(np.array_equal, x, numbers[0])) for x in numbers
     )
     return [scene] * len(runs) if same else own
+
+
+def _has_bodies(run: Trajectory) -> bool:
+    full = getattr(getattr(run.derived, "system", None), "full", None)
+    return hasattr(full, "joint_markers")
