@@ -13,7 +13,7 @@ from ..common.arrays import as_jax, put
 from ..common.compat import is_traced
 from ..compiling.program import program_once
 from ..linalg.dense import multiply
-from ..linalg.indexing import Index
+from ..linalg.indexing import Index, consecutive
 from ..scene.body.base import AbstractBody
 from ..scene.body.bending import AbstractBendingBody
 from ..scene.marker import GROUND, Marker, Pose, Twist, Wrench
@@ -163,7 +163,9 @@ class MarkerBlocks(eqx.Module):
     def take(self, stacked: T) -> tuple[T, ...]:
         """The rows of each side, from any pytree with a row for each marker."""
         starts = [self.start + side * self.count for side in range(self.sides)]
-        return tuple(jax.tree.map(lambda x, b=b: x[b : b + self.count], stacked) for b in starts)
+        return tuple(
+            jax.tree.map(lambda x, b=b: consecutive(x, b, self.count), stacked) for b in starts
+        )
 
 
 def columns_of(bodies: Sequence[AbstractBody]) -> tuple[dict[str, tuple[int, ...]], int]:

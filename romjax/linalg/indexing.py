@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Shaped
@@ -41,12 +42,19 @@ def take(array: Shaped[Array, "n *k"], table: np.ndarray) -> Shaped[Array, "..."
     flat, size = table.reshape(-1), array.shape[0]
     start = int(flat[0]) if flat.size else 0
     if start + flat.size <= size and np.array_equal(flat, np.arange(start, start + flat.size)):
-        picked = array[start : start + flat.size]
+        picked = consecutive(array, start, flat.size)
     else:
         if flat.size and flat.max() >= size:
             array = jnp.concatenate([array, np.zeros((1, *array.shape[1:]), array.dtype)])
         picked = array[flat]
     return picked.reshape(table.shape + array.shape[1:])
+
+
+def consecutive(array: Shaped[Array, "n *k"], start: int, count: int) -> Shaped[Array, "count *k"]:
+    """Consecutive entries along the first axis, as a slice, but faster to trace."""
+    if isinstance(array, np.ndarray):
+        return array[start : start + count]
+    return jax.lax.slice_in_dim(array, start, start + count)
 
 
 def spread(
