@@ -76,7 +76,10 @@ def test_no_sample(tmp_path, capsys, option):
 def test_run_cart_pendulum(tmp_path):
     """The main job: a page with all of it, figures, animation and trajectories."""
     result = subprocess.run(
-        [sys.executable, "-m", "romjax", "run", "cart-pendulum", "--out", str(tmp_path)],
+        [
+            *(sys.executable, "-m", "romjax", "run", "cart-pendulum"),
+            *("--budget", "15", "--out", str(tmp_path)),
+        ],
         capture_output=True,
         text=True,
         check=True,
