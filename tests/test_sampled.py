@@ -68,6 +68,38 @@ def test_fixed_steps_end_at_ticks():
     assert np.max(np.abs(moved["cart.x"] - recursion(False)[0][:, 0])) <= 1e-12
 
 
+def counting(period=PERIOD) -> rj.AbstractSystem:
+    """A cart at 1 m/s, and a controller that counts its ticks and does nothing."""
+    cart = rj.RigidBody("cart", MASS, 0.1, velocity=(1.0, 0.0))
+    clock = rj.Sampled(period, _one_more, [], ["push"], [0.0], name="clock")
+    push = rj.Force(cart.at(), (1.0, 0.0), rj.Held("push"))
+    return rj.assemble(rj.Scene([cart], [], [clock, push]))
+
+
+def _one_more(t, state, measured):
+    return 0.0 * state, state + 1
+
+
+def _place(system, t, q, v):
+    return q[0]
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-3])
+def test_no_tick_counts_twice_beside_an_event(rtol):
+    """That of 0.5 s, of which a step that ends there is carried back to the event before."""
+    system = counting()
+    for before in (0.0, 2e-8, 1e-7, 3e-6, 1e-4, -1e-7, -3e-6):
+        event = rj.Crossing(_place, 0.5 - before)
+        moved = rj.simulate(system, np.array([0.0, 1.05]), events=[event], rtol=rtol)
+        assert (moved["clock.state1"][-1], moved.events.count) == (11, 1)
+
+
+def test_no_tick_is_missed_at_late_times():
+    """Of a billion ticks, whose times have some seven digits after those of the period left."""
+    moved = rj.simulate(counting(), np.array([1e8, 1e8 + 10.05]))
+    assert moved["clock.state1"][-1] == 101
+
+
 @pytest.mark.slow
 def test_pid_at_a_kilohertz():
     """Of a mass in oil, whose motion over a tick is known, and an implicit method."""

@@ -24,6 +24,9 @@ from .search import first_crossing
 # A step that ends closer to an event than this times rtol, or than the second number, in lengths of
 # the step, is carried there by a Taylor series, of which derivatives err by as much.
 _REACH, _NEAREST = 0.1, 1e-9
+# Where a step ends at a tick of a controller, no event may carry it back so far that the tick, which
+# has been, counts as the next: less than the share of a period by which a step may miss it.
+_OF_TICKS = 5e-8
 # In this last share of a step, Newton's method from the end is more accurate than dense output.
 _NEWTON = 0.05
 # Impacts of one gap at times closer than this share of the run would never end: a ball of which
@@ -50,6 +53,7 @@ class Watch(AbstractWatch):
     end: Float[Array, ""]  # of the run
     span: Float[Array, ""]  # from its start
     most: int = eqx.field(static=True)
+    ticks: bool = eqx.field(static=True)  # whether controllers with a clock act
 
     def start(self, t: Float[Array, ""], y: Any) -> Watching:
         """Return the state of the watch before the first step."""
@@ -216,7 +220,9 @@ class Watch(AbstractWatch):
         return jnp.array([event.stops for event in self.events])
 
     def _reach(self, t0: Array, t1: Array) -> Array:
-        return jnp.maximum(_REACH * self.tolerances.rtol, _NEAREST) * (t1 - t0)
+        share = _REACH * self.tolerances.rtol
+        share = jnp.minimum(share, _OF_TICKS) if self.ticks else share
+        return jnp.maximum(share, _NEAREST) * (t1 - t0)
 
     def _passes(self, side: Array, rates: Array) -> Bool[Array, " events"]:
         """Say of each quantity whether it crosses its level in the direction that is asked for."""

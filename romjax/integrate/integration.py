@@ -38,7 +38,7 @@ from .outputs import Output
 from .post_step import PostStep, PostStepSolver
 from .settings import Settings
 from .term import ChartedMotionTerm, ChartedState, MotionTerm, State
-from .ticks import UntilTick, ticked
+from .ticks import UntilTick, ticked, ticks
 from .whole_implicit import WholeImplicit, takes_two_terms
 
 # Keys of the followers that are not differentiated.
@@ -178,6 +178,7 @@ def _watch(
         end=ts[-1],
         span=ts[-1] - ts[0],
         most=settings.max_events,
+        ticks=ticks(system),
     )
 
 

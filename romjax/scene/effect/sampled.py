@@ -18,6 +18,8 @@ from .base import AbstractEffect
 
 # The share of a period by which a step may miss a tick, of rounding.
 _NEAR = 1e-7
+# Or by so many units in the last place of the time.
+_ROUNDING = 8
 
 
 class Law(eqx.Module):
@@ -121,11 +123,12 @@ class Sampled(AbstractEffect):
     def is_tick(self, t: Time) -> Array:
         """Whether a time is one of its ticks, but for rounding."""
         phase = t / self.period
-        return jnp.abs(phase - jnp.round(phase)) < _NEAR
+        return jnp.abs(phase - jnp.round(phase)) < _near(phase)
 
     def until_tick(self, t: Time) -> Float[Array, ""]:
         """How long it is to the next tick [s]."""
-        return (jnp.floor(t / self.period + _NEAR) + 1) * self.period - t
+        phase = t / self.period
+        return (jnp.floor(phase + _near(phase)) + 1) * self.period - t
 
     def ticked(self, t: Time, numbers: Array, measured: Array) -> Float[Array, " numbers"]:
         """Its numbers after a tick."""
@@ -148,3 +151,9 @@ class Sampled(AbstractEffect):
             raise SceneError(
                 f"{owner}: sets is {self.sets}; give a name of its own to each signal."
             )
+
+
+def _near(phase: Float[Array, ""]) -> Float[Array, ""]:
+    """The share of a period that counts as none, at so many periods."""
+    phase = jnp.asarray(phase)
+    return jnp.maximum(_NEAR, _ROUNDING * jnp.finfo(phase.dtype).eps * jnp.abs(phase))
