@@ -163,5 +163,8 @@ def test_what_cannot_be_says_so(tmp_path):
         rj.Sampled(1.0, clock.function, [], ["a", "a"])
     with pytest.raises(rj.SceneError, match="a Sampled cannot be written to a file"):
         scene().save(tmp_path / "clock.toml")
+    for ask in (rj.equilibrium, rj.modes):
+        with pytest.raises(rj.InputError, match="the controller 'clock' acts at its ticks"):
+            ask(rj.assemble(scene()))
     with pytest.raises(rj.InputError, match="sampled controllers act between the steps"):
         rj.export.c(rj.assemble(scene()), tmp_path / "clock")

@@ -19,6 +19,7 @@ from ..system import unit_length
 from ..system.base import AbstractSystem, check_system
 from .displacements import displacements
 from .statics import Linear, Statics
+from .tangent import refuse_clocks
 
 # Newton steps for one load, and load steps in all.
 _STEPS, _LOADS = 12, 200
@@ -59,13 +60,15 @@ def equilibrium(
     **Arguments:** the `system`, full or reduced; `q0` (n,), from where, its own start unless given;
     time `t` [s].
 
-    Raises SimulationError if the continuation ends (a snap-through, or no equilibrium at all), with
+    Raises InputError for controllers with a clock, whose laws no equation of motion has, and
+    SimulationError if the continuation ends (a snap-through, or no equilibrium at all), with
     the share of the load that was reached and the coordinate that is least balanced.
     """
     check_system("equilibrium", system)
     q = system.q0 if q0 is None else as_array(q0)
     check_shape("equilibrium", "q0", q, (system.n,))
     check_finite("equilibrium", "q0", q)
+    refuse_clocks("equilibrium", system)
     time = jnp.asarray(t, q.dtype)
     reached = _solve(*jax.lax.stop_gradient((system, time, q)))
     load = concrete(reached.load)

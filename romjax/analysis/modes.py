@@ -14,7 +14,7 @@ from ..common.errors import InputError
 from ..common.extras import data_frame
 from ..compiling.program import program_once
 from ..system.base import AbstractSystem, check_system, refuse_states
-from .tangent import independent_constraints, refuse_slips, tangent_of
+from .tangent import independent_constraints, refuse_clocks, refuse_slips, tangent_of
 from .turning import turn
 
 # What eigenvalues are rounded by, relative to the largest one: those that are zero twice, of free
@@ -81,6 +81,7 @@ def modes(
     """
     check_system("modes", system)
     remedy = "have no frequency; take the eigenvalues of romjax.linearize(system, {}, {}).A"
+    refuse_clocks("modes", system)
     refuse_states("modes", system, InputError, remedy)
     q = system.q0 if at is None else as_array(at)
     check_shape("modes", "at", q, (system.n,))

@@ -60,6 +60,20 @@ def refuse_slips(owner: str, system: AbstractSystem, moving: bool) -> None:
         )
 
 
+def refuse_clocks(owner: str, system: AbstractSystem) -> None:
+    """Raise InputError, beginning with `owner`, for controllers that act at their ticks alone: the
+    equations of motion know what they hold, and not their laws.
+    """
+    controllers = getattr(system.full, "controllers", ())
+    if controllers:
+        name = controllers[0].sampled.name
+        raise InputError(
+            f"{owner}: the controller '{name}' acts at its ticks, which equations of motion do not "
+            "have; ask the scene without it and without what it drives, or put its law in as an "
+            "effect, such as a PID."
+        )
+
+
 def independent_constraints(
     owner: str, system: AbstractSystem, t: ArrayLike, q: Float[Array, " n"]
 ) -> int:

@@ -24,8 +24,8 @@ from .search import first_crossing
 # A step that ends closer to an event than this times rtol, or than the second number, in lengths of
 # the step, is carried there by a Taylor series, of which derivatives err by as much.
 _REACH, _NEAREST = 0.1, 1e-9
-# Where a step ends at a tick of a controller, no event may carry it back so far that the tick, which
-# has been, counts as the next: less than the share of a period by which a step may miss it.
+# Where a step ends at a tick of a controller, no event carries it back so far that the tick, which
+# has been, counts as the next: by less than the share of a period by which a step may miss it.
 _OF_TICKS = 5e-8
 # In this last share of a step, Newton's method from the end is more accurate than dense output.
 _NEWTON = 0.05

@@ -122,12 +122,12 @@ class Sampled(AbstractEffect):
 
     def is_tick(self, t: Time) -> Array:
         """Whether a time is one of its ticks, but for rounding."""
-        phase = t / self.period
+        phase = jnp.asarray(t / self.period)
         return jnp.abs(phase - jnp.round(phase)) < _near(phase)
 
     def until_tick(self, t: Time) -> Float[Array, ""]:
         """How long it is to the next tick [s]."""
-        phase = t / self.period
+        phase = jnp.asarray(t / self.period)
         return (jnp.floor(phase + _near(phase)) + 1) * self.period - t
 
     def ticked(self, t: Time, numbers: Array, measured: Array) -> Float[Array, " numbers"]:
@@ -155,5 +155,4 @@ class Sampled(AbstractEffect):
 
 def _near(phase: Float[Array, ""]) -> Float[Array, ""]:
     """The share of a period that counts as none, at so many periods."""
-    phase = jnp.asarray(phase)
     return jnp.maximum(_NEAR, _ROUNDING * jnp.finfo(phase.dtype).eps * jnp.abs(phase))
