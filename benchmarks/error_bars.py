@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 import record
+from linkages import bending_four_bar
 from reduced_scenes import CASES, Case
 from timing import least
 from tqdm import tqdm
@@ -19,32 +20,24 @@ from tqdm import tqdm
 import romjax as rj
 from romjax.reduction.formulation.parse import as_formulation
 from romjax.study.accuracy.model import capped
+from romjax.study.corrected import corrected_with
 from romjax.study.flow import Flows
 from romjax.study.richer import finer_of
 
 RTOL = 1e-8
 REPEATS, SLOW = 10, 2.0
-HEADER = ["model", "error", "bar / error", "flow / error", "outputs", "refused"]
+HEADER = ["model", "error", "bar / error", "flow / error", "outputs", "forces", "refused"]
 HEADER += ["full runs", "reduced runs"]
 FLOWS = ("8 beams",)
 USABLE = 0.05  # beyond it the bar says that the run is not to be used
 WITHIN = 2.0  # of estimates over true errors of outputs, and one over it
 LEAST = 1e-6  # relative to the reach of an output; below it ratios mean nothing
-# By case: how many motions are unseen, and the models that are judged.
-MODELS: dict[str, tuple[int, tuple[tuple[str, int], ...]]] = {
-    "8 beams": (24, (("minimal", 8), ("minimal", 16), ("local", 8))),
-    "cart-pendulum": (
-        20,
-        (("galerkin", 3), ("galerkin", 4), ("galerkin", 5), ("minimal", 3), ("cap", 40)),
-    ),
-    "32 segments": (20, (("minimal", 4), ("minimal", 6), ("hyper", 4), ("hyper", 6))),
-}
 
 
 class Judged(NamedTuple):
     """One run: its true error, its bar, that by the flow along the training, whether the bar says
     not to use it, and the ratios of its outputs that are large enough: the last body's place at the
-    end, and its mean angle.
+    end, and its mean angle (in space its mean height); and that of the largest joint force.
     """
 
     error: float
@@ -52,6 +45,15 @@ class Judged(NamedTuple):
     flow: float
     refused: bool
     outputs: tuple[float, ...]
+    force: float
+
+
+class Judging(NamedTuple):
+    """A mechanism, the motions that no snapshot is from, and the models that are judged."""
+
+    case: Case
+    others: Sequence[dict[str, float]]
+    models: tuple[tuple[str, int], ...]
 
 
 def starts(count: int) -> list[dict[str, float]]:
@@ -72,6 +74,45 @@ def loads(count: int) -> list[dict[str, float]]:
     return found
 
 
+def arms(count: int) -> list[dict[str, float]]:
+    """Loads [kg] and stiffnesses [N m²] of the arm."""
+    lot, found = np.random.default_rng(13), []
+    for _ in range(count):
+        load, stiffness = lot.uniform((0.5, 600.0), (2.5, 1400.0))
+        found.append({"load": load, "EI": stiffness})
+    return found
+
+
+def speeds(count: int) -> list[dict[str, float]]:
+    """Speeds [rad/s] of the crank, and stiffnesses [N m²] of the coupler."""
+    lot, found = np.random.default_rng(17), []
+    for _ in range(count):
+        speed, stiffness = lot.uniform((8.0, 5.0), (12.0, 10.0))
+        found.append({"speed": speed, "EI": stiffness})
+    return found
+
+
+ARM = Case(rj.gallery.spatial_arm, 1.5, (), (), truth=(rj.Rodas5P(), 1e-10))
+FOUR_BAR = Case(bending_four_bar, 1.0, (), ())
+JUDGED = {
+    "8 beams": Judging(
+        CASES["8 beams"], starts(24), (("minimal", 8), ("minimal", 16), ("local", 8))
+    ),
+    "cart-pendulum": Judging(
+        CASES["cart-pendulum"],
+        loads(20),
+        (("galerkin", 3), ("galerkin", 4), ("galerkin", 5), ("minimal", 3), ("cap", 40)),
+    ),
+    "32 segments": Judging(
+        CASES["32 segments"],
+        starts(20),
+        (("minimal", 4), ("minimal", 6), ("hyper", 4), ("hyper", 6)),
+    ),
+    "arm in space": Judging(ARM, arms(20), (("local", 1), ("local", 3), ("minimal", 5))),
+    "driven four-bar": Judging(FOUR_BAR, speeds(20), (("local", 1), ("minimal", 1))),
+}
+
+
 def outputs(run: rj.Trajectory) -> np.ndarray:
     """The place of the last body at the end, and its mean angle."""
     last = max(i for i, label in enumerate(run.labels) if label.endswith(".x"))
@@ -89,20 +130,40 @@ def by_flow(flows: Flows | None, model: Any, run: rj.Trajectory) -> float:
     return float(rj.compare(dataclasses.replace(run, q=run.q + change), run).error)
 
 
-def judged(model: rj.AbstractSystem, truth: rj.Trajectory, flows: Flows | None) -> Judged:
+def largest_force(system: rj.AbstractSystem, run: rj.Trajectory) -> float:
+    """The largest force of a joint [N]."""
+    forces = rj.joint_forces(system, run).stacked
+    return float(max(np.max(np.linalg.norm(np.asarray(x.force), axis=-1)) for x in forces))
+
+
+def judged(
+    full: rj.AbstractSystem, model: rj.AbstractSystem, truth: rj.Trajectory, flows: Flows | None
+) -> Judged:
     """One run of a model, from its own start."""
     run = rj.simulate(model, truth.t, rtol=RTOL, audit=False, throw=False)
-    corrected = rj.corrected(model, run)
+    corrected, richer = corrected_with(model, run)
     right, own, told = map(outputs, (truth, run, corrected))
     true, estimated = np.abs(right - own), np.abs(told - own)
     large = true > LEAST * max(1.0, float(np.max(np.abs(right))))
+    pairs = (full, truth), (model, run), (richer, corrected)
+    force, own_force, told_force = (largest_force(*pair) for pair in pairs)
+    off = abs(force - own_force)
+    by_force = abs(told_force - own_force) / off if off > LEAST * force else np.nan
     return Judged(
         float(rj.compare(truth, run).error),
         float(rj.compare(corrected, run).error),
         by_flow(flows, model, run),
         bool(corrected.flags & rj.Flag.ESTIMATE),
         tuple(float(x) for x in estimated[large] / true[large]),
+        by_force,
     )
+
+
+def share(ratios: Sequence[float]) -> str:
+    """Of those that are near one, in words; "-" where none is known."""
+    known = np.array([x for x in ratios if np.isfinite(x)])
+    near = (known <= WITHIN) & (known >= 1 / WITHIN)
+    return f"{np.mean(near):.0%}" if len(known) else "-"
 
 
 def cost(full: rj.AbstractSystem, model: rj.AbstractSystem, ts: Any) -> tuple[float, float]:
@@ -117,11 +178,10 @@ def cost(full: rj.AbstractSystem, model: rj.AbstractSystem, ts: Any) -> tuple[fl
     return bar.least / whole.least, bar.least / own.least
 
 
-def section(name: str, case: Case) -> record.Section:
+def section(name: str, judging: Judging) -> record.Section:
     """The table of one mechanism, and the ratios that have floors."""
-    count, models = MODELS[name]
+    case, others, models = judging
     ts = jnp.linspace(0.0, case.end, 101)
-    others = loads(count) if name == "cart-pendulum" else starts(count)
     systems = [case.system(**numbers) for numbers in others]
     method = {"solver": case.truth[0], "rtol": case.truth[1], "audit": False}
     training = rj.simulate(case.system(), ts, **method)
@@ -139,13 +199,14 @@ def section(name: str, case: Case) -> record.Section:
             made = [rom.with_full(one).starting_at(one.q0, one.v0) for one in systems]
             if name in FLOWS and (finer := finer_of(rom)):
                 flows = Flows.along(finer[0].model, [training.system], ts, RTOL)
-        pairs = list(zip(made, truths, strict=True))
+        pairs = list(zip(systems, made, truths, strict=True))
         found = [judged(*pair, flows) for pair in tqdm(pairs, leave=False)]
         error = np.array([x.error for x in found])
         ratio = np.array([x.bar for x in found]) / error
         flow = np.array([x.flow for x in found]) / error
-        seen = np.array([x for one in found if one.error <= USABLE for x in one.outputs])
-        near = np.mean((seen <= WITHIN) & (seen >= 1 / WITHIN)) if len(seen) else np.nan
+        usable = [one for one in found if one.error <= USABLE]
+        near = share([x for one in usable for x in one.outputs])
+        forces = share([one.force for one in usable])
         taken = cost(systems[0], made[0], ts)
         model = f"{kind} {rank}"
         rows.append(
@@ -154,7 +215,8 @@ def section(name: str, case: Case) -> record.Section:
                 f"{np.min(error):.0e} to {np.max(error):.0e}",
                 f"{np.min(ratio):.3f} to {np.max(ratio):.3f}",
                 "-" if flows is None else f"{np.min(flow):.2f} to {np.max(flow):.2f}",
-                f"{near:.0%}",
+                near,
+                forces,
                 f"{sum(x.refused for x in found)} of {np.sum(error > USABLE)}",
                 *(f"{x:.2f}" for x in taken),
             ]
@@ -165,22 +227,22 @@ def section(name: str, case: Case) -> record.Section:
             ratios[f"{name}, {model}: flow, least ratio"] = float(np.min(flow))
             ratios[f"{name}, {model}: flow, 1 / largest"] = float(1 / np.max(flow))
     return record.Section(
-        f"{name}: {count} motions that no snapshot is from; bars over true errors, by a\n"
-        "richer run and by the flow along the training run, the share of outputs within\n"
-        f"{WITHIN:g} times, how many runs are refused of those that err by more than 5 %, and\n"
-        "what the bar of a richer run costs:",
+        f"{name}: {len(others)} motions that no snapshot is from; bars over true errors, by a\n"
+        "richer run and by the flow along the training run, the shares of outputs and of\n"
+        f"largest joint forces within {WITHIN:g} times, how many runs are refused of those that\n"
+        "err by more than 5 %, and what the bar of a richer run costs:",
         rows,
         ratios,
     )
 
 
-def measure(cases: Sequence[str] = tuple(MODELS)) -> Iterator[record.Section]:
+def measure(cases: Sequence[str] = tuple(JUDGED)) -> Iterator[record.Section]:
     """One table for each mechanism."""
     for name in cases:
-        yield section(name, CASES[name])
+        yield section(name, JUDGED[name])
 
 
-CHOICES = {"cases": {"nargs": "+", "choices": tuple(MODELS), "default": tuple(MODELS)}}
+CHOICES = {"cases": {"nargs": "+", "choices": tuple(JUDGED), "default": tuple(JUDGED)}}
 
 if __name__ == "__main__":
     record.main(measure, choices=CHOICES)

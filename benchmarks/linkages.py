@@ -64,6 +64,26 @@ def four_bar(
     return rj.Scene(bodies, joints + more, [rj.Gravity()] if gravity else [])
 
 
+def bending_four_bar(speed: float = 10.0, EI: float = 7.0) -> rj.Scene:
+    """A crank that turns steadily [rad/s], a coupler of this stiffness [N m²], and a rocker."""
+    base, knee, top, foot = (0.0, 0.0), (0.05, 0.09), (0.28, 0.42), (0.35, 0.13)
+    crank, rod, rocker = (
+        bar("crank", base, knee, 0.05),
+        bar("coupler", knee, top),
+        bar("rocker", foot, top, 0.08),
+    )
+    place = {"position": rod.position, "angle": rod.angle}
+    coupler = rj.Beam("coupler", 0.11, float(rod.extent[0]), EI=EI, modes=2, **place)
+    joints = [
+        rj.Revolute(ends(crank)[0], rj.ground.at(base)),
+        rj.Revolute(coupler.at("start"), ends(crank)[1]),
+        rj.Revolute(ends(rocker)[1], coupler.at("end")),
+        rj.Revolute(ends(rocker)[0], rj.ground.at(foot)),
+        rj.PrescribedAngle(crank.at(), rj.ground.at(), rj.Ramp(speed, crank.angle)),
+    ]
+    return rj.consistent_scene(rj.Scene([crank, coupler, rocker], joints, [rj.Gravity()]))
+
+
 def five_bar(rod: float = 1.0, spring: float = 60.0) -> rj.Scene:
     """Two cranks and between them two rods, one of a given mass [kg], whose common pin hangs on a
     spring [N/m]; two freedoms.
