@@ -74,12 +74,14 @@ class Family:
     """Candidates of one kind: one after the other, or the first and the `scale` of all.
 
     `trained`: whether a run is what the model knows, so that several may be better than one.
+    `compiles`: whether each of its models needs a program of its own.
     """
 
     name: str
     candidates: tuple[Candidate, ...]
     trained: bool = True
     scale: Scale | None = None
+    compiles: bool = True
 
     def finer(self, than: Candidate, excess: float) -> Candidate | None:
         """Return the next candidate after one that errs by `excess` times what is asked."""
@@ -177,7 +179,8 @@ def _by_cap(caps: Sequence[float]) -> Family:
     if not caps:
         return Family("capped", (), trained=False)
     first = _capped(caps[min(_FIRST_CAP, len(caps) - 1)])
-    return Family("capped", (first,), False, Scale(_capped, caps[0], caps[-1], _OF_CAPS))
+    scale = Scale(_capped, caps[0], caps[-1], _OF_CAPS)
+    return Family("capped", (first,), trained=False, scale=scale, compiles=False)
 
 
 def _ranks(facts: Facts) -> list[int]:

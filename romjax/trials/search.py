@@ -149,7 +149,7 @@ class Search:
         for number, one in enumerate(tries):
             while one.candidate is not None:
                 # At least one model is tried, whatever the time.
-                if self.attempts and not clock.has_time():
+                if self.attempts and not clock.has_time(one):
                     names = [x.family.name for x in tries[number:] if not (x.models or x.refused)]
                     self.skipped.update(dict.fromkeys(names, NO_TIME))
                     return
@@ -166,7 +166,7 @@ class Search:
             candidate, tried = one.right
             excess = tried.error / self.settings.tol
             one.candidate = one.family.coarser(candidate, excess, one.wrong)
-            if one.candidate is None or not clock.has_time():
+            if one.candidate is None or not clock.has_time(one):
                 return
             count = len(self.attempts)
             with clock:
@@ -241,9 +241,13 @@ class _Clock:
     def __exit__(self, *_: Any) -> None:
         self.taken.append(time.process_time() - self.begin)
 
-    def has_time(self) -> bool:
-        """Whether a step is likely to come to its end."""
-        return time.process_time() + float(np.mean(self.taken or [0.0])) <= self.deadline
+    def has_time(self, one: Try) -> bool:
+        """Whether another step in a kind of models is likely to come to its end: it takes as long
+        as others did, or hardly anything where a program is there already.
+        """
+        known = one.models > 0 and not one.family.compiles
+        expected = 0.0 if known else float(np.mean(self.taken or [0.0]))
+        return time.process_time() + expected <= self.deadline
 
 
 def _truth(system: AssembledSystem, like: Trajectory, rtol: float) -> Truth | None:
