@@ -27,7 +27,7 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 
 # Pieces of memory that a process may have mapped before programs are forgotten, and how much of it
 # may be in use [bytes].
-MOST_MAPS, MOST_MEMORY = 30_000, 2.5e9
+MOST_MAPS, MOST_MEMORY = 30_000, 2e9
 
 # Required of a fast test with its fixtures: programs that it compiles, operations of JAX outside of
 # them, of which the first test of a process has most, and seconds of a processor. What compiles
