@@ -20,6 +20,7 @@ from tolerances import IDENTITY
 
 import romjax as rj
 from romjax.assembly.outlines import MovingOutline, outlines
+from romjax.plot.motion.arrows import arrow
 from romjax.plot.motion.designs import course
 from romjax.plot.motion.frames import Clock, Model, exaggeration, playing_rate
 from romjax.scene.outline import STYLES
@@ -198,6 +199,29 @@ def test_designs_are_drawn_by_their_own_numbers(falling):
     drawn = [model.actual[0].points[0] for model in falling.animate(other).models]
     sizes = [np.ptp(points[:, 0]) for points in drawn]
     assert sizes == pytest.approx([1.0, 1.5], abs=IDENTITY)
+
+
+def test_forces_of_joints_are_arrows(hanging, falling):
+    """From the hinge along its force, all on one scale, the longest a share of the picture."""
+    shown = rj.animate(hanging, falling, forces=True)
+    arrows = [o.points for o in shown.models[0].actual if o.part.startswith("force of ")]
+    forces = [np.asarray(own.force) for own in rj.joint_forces(hanging, falling).values()]
+    ways = [points[:, 1] - points[:, 0] for points in arrows]
+    scale = np.max(np.linalg.norm(ways, axis=2)) / np.max(np.linalg.norm(forces, axis=2))
+    np.testing.assert_allclose(ways, scale * np.array(forces), atol=IDENTITY)
+    np.testing.assert_allclose(arrows[0][:, 0], 0.0, atol=1e-6)
+    assert apart(decoded(data(shown.html()), 0), shown.models[0].actual) <= PIXELS
+
+
+@pytest.mark.instant
+def test_arrows_have_heads_in_space():
+    """Of the same length on both sides, and across."""
+    way = np.array([[1.0, 2.0, 2.0], [0.0, 0.0, 3.0]])
+    points = arrow(np.zeros((2, 3)), way)
+    left, right = points[:, 2] - points[:, 1], points[:, 4] - points[:, 1]
+    np.testing.assert_allclose(np.sum((left - right) * way, axis=1), 0.0, atol=IDENTITY)
+    lengths = np.linalg.norm(left, axis=1), np.linalg.norm(right, axis=1)
+    np.testing.assert_allclose(*lengths)
 
 
 @pytest.mark.instant

@@ -20,6 +20,7 @@ from ...system.base import AbstractSystem
 from ..palette import VIEW, View
 from ..shapes import amplitudes
 from .animation import Animation
+from .arrows import with_forces
 from .designs import course, mechanism_of, scenes_of
 from .frames import Clock, Model, exaggeration, models, playing_rate
 
@@ -35,6 +36,7 @@ def animate(
     labels: Sequence[str] | None = None,
     trace: Marker | Sequence[Marker] = (),
     deformation: int | float | None = None,
+    forces: bool = False,
     frames: int = FRAMES,
     title: str = "romjax",
     view: View = VIEW,
@@ -52,6 +54,8 @@ def animate(
     - `trace`: markers whose paths are drawn.
     - `deformation`: what modal deformations are multiplied by at first, over the shape without
       them. Unless given, once where they are seen, and else as many times as shows them.
+    - `forces`: whether the forces of the joints of the first run, on the bodies of their first
+      markers, are drawn as arrows.
     - `frames`: the most frames; output times are left out where there are more.
     - `title`: of the page.
     - `view`: azimuth against the x axis and elevation of the view of space [rad]; the page's can be
@@ -77,7 +81,8 @@ def animate(
         _check(scene, name, run)
     if runs:
         times = np.asarray(runs[0].t, float)
-        t = times[_spread(times, frames)]
+        chosen = _spread(times, frames)
+        t = times[chosen]
         q = {name: course(run, t) for name, run in zip(names, runs, strict=True)}
         scenes = scenes_of(scene, runs)
     else:
@@ -90,6 +95,8 @@ def animate(
         pairs = zip(scenes, q.items(), strict=True)
         drawn = [models(own, t, {name: values}, traced)[0] for own, (name, values) in pairs]
     scale = exaggeration(drawn) if deformation is None else given
+    if forces and runs:
+        drawn[0] = with_forces(drawn[0], runs[0], chosen)
     return Animation(t, drawn, clock, scale, title=title, view=view)
 
 
