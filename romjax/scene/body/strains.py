@@ -126,19 +126,6 @@ def turning(count: int, xi: Any, anchor: float, xp: Any = np) -> Any:
     return from_start(xi, xp) - from_start(np.float64(anchor), np)
 
 
-def summed(weights: Any, values: Any) -> Any:
-    """Σ_j w_ij x_j of `values` (points, ...) by `weights` (..., points).
-
-    Where JAX traces, a sum of products: XLA writes a product of small matrices out, as a hundred
-    times the code, of which it compiles some hundred for a step.
-    """
-    if isinstance(values, np.ndarray) and isinstance(weights, np.ndarray):
-        flat = weights @ values.reshape(len(values), -1)
-        return flat.reshape(len(weights), *values.shape[1:])
-    each = weights.reshape(*weights.shape, *[1] * (values.ndim - 1)) * values[None]
-    return each.sum(axis=1)
-
-
 def weights_to(points: int, anchor: float, xi: Any, xp: Any = np) -> Any:
     """Weights (..., points) on values at the Gauss points of their integral from anchor to ξ.
 

@@ -7,7 +7,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ....linalg import magnus, quaternions
-from ..strains import summed
 from .rod_kinematics import Line, columns, motion, sections, turning
 
 
@@ -19,9 +18,8 @@ def mass_matrix(line: Line, mass: Any, rotary: Any, q: Float[Array, " size"]) ->
     weights = line.strains.weights()[:, None, None]
     size = moved.shape[2]
     own = [mass * weights * moved, line.length * weights * rotary[None, :, None] * turned]
-    # Point by point: one product of all is ten times the code.
     total = sum(
-        jnp.sum(jnp.swapaxes(x, 1, 2) @ y, axis=0)
+        x.reshape(-1, size).T @ y.reshape(-1, size)
         for x, y in zip(own, (moved, turned), strict=True)
     )
     p = q[3:7]
@@ -65,14 +63,14 @@ def jacobian(
     """
     own, at = line.strains, sections(line, q[7:])
     to = line.length * own.places()
-    place = line.origin()[None] + summed(to, at.slope)
+    place = line.origin()[None] + to @ at.slope
     turned = turning(at)
     moved = columns(line, at, turned)
     p, shape = q[3:7], (own.points, 3)
     onto = 2 * quaternions.body_matrix(p) / quaternions.squared(p)
     along = jnp.broadcast_to(quaternions.matrix(p).T, (*shape, 3))
     around = -magnus.skew(place) @ onto
-    integrals = summed(to, moved)
+    integrals = (to @ moved.reshape(own.points, -1)).reshape(moved.shape)
     both = jnp.concatenate([jnp.broadcast_to(onto, (*shape, 4)), turned], axis=2)
     tilted = jnp.swapaxes(at.axes[1:], 1, 2) @ both
     still = np.zeros((*shape, 3), q.dtype)
@@ -86,7 +84,7 @@ def jacobian(
 def first_moment(line: Line, mass: Any, q: Float[Array, " size"]) -> Float[Array, "3"]:
     """∫ρ r [kg m]."""
     own = line.strains
-    mean = summed((own.weights() @ own.places())[None], sections(line, q[7:]).slope)[0]
+    mean = (own.places().T @ own.weights()) @ sections(line, q[7:]).slope
     moment: Array = mass * (q[:3] + quaternions.rotate(q[3:7], line.origin() + line.length * mean))
     return moment
 

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from ....common.arrays import namespace, untraced
 from ....linalg import magnus, quaternions
-from ..strains import gauss, summed, weights_to
+from ..strains import gauss, weights_to
 from .rod_strains import SpatialStrains, moments, path
 
 _UNTURNED = np.array([[1.0, 0.0, 0.0, 0.0]])
@@ -95,14 +95,14 @@ def sections(line: Line, amplitudes: Any, point: Material | None = None) -> Sect
         tables = xp.concatenate([tables, step[None]])
         bent = xp.concatenate([bent + xp.zeros((own.points, 4, 3)), more[None]])
         before = xp.concatenate([before, near[None]])
-        last = xp.concatenate([summed(near[None, 1:], sums)[0], xp.ones(1)])
+        last = xp.concatenate([near[1:] @ sums, xp.ones(1)])
         sums = xp.concatenate([xp.pad(sums, ((0, 0), (0, 1))), last[None]])
-    along = quaternions.apply(tables, amplitudes[None]).reshape(-1, 4, 3) + bent
+    along = (tables @ amplitudes).reshape(-1, 4, 3) + bent
     outwards = _outwards if xp is np else _differentiable
     turns, axes = outwards(own.points, own.anchor, along, before, sums)
     slope = axes[1 : own.points + 1, :, 0]
     if own.strain is not None:
-        strained = quaternions.apply(xp.asarray(own.strain), amplitudes[None])
+        strained = xp.asarray(own.strain) @ amplitudes
         slope = slope + quaternions.apply(axes[1 : own.points + 1], strained)
     return Sections(along, turns, axes, slope, before, sums, tables)
 
@@ -116,7 +116,7 @@ def _outwards(points: int, anchor: float, moments: Any, before: Any, sums: Any) 
     for reach in path(points, anchor).levels:
         own = quaternions.product(own[reach], own)
     if len(moments) > points:
-        more = quaternions.product(summed(before[points:], own), more)
+        more = quaternions.product(before[points:] @ own, more)
     turns = xp.concatenate([own, more])
     return turns, quaternions.matrix(turns)
 
@@ -130,20 +130,21 @@ def _turned(points: int, anchor: float, given: Any, rates: Any) -> tuple[Any, An
     (moments, before, sums), (rate, *_) = given, rates
     turns, axes = _differentiable(points, anchor, moments, before, sums)
     each = quaternions.apply(_starts(before, axes), magnus.spin(moments, rate))
-    spin = jnp.concatenate([jnp.zeros((1, 3), each.dtype), summed(sums, each)])
+    spin = jnp.concatenate([jnp.zeros((1, 3), each.dtype), sums @ each])
     turning = quaternions.product(quaternions.from_vector(0.5 * spin), turns)
     return (turns, axes), (turning, magnus.skew(spin) @ axes)
 
 
 def _starts(before: Any, axes: Any) -> Any:
     """The axes (steps, 3, 3) where steps begin."""
-    return summed(before, axes[: before.shape[1]])
+    count = before.shape[1]
+    return (before @ axes[:count].reshape(count, 9)).reshape(-1, 3, 3)
 
 
 def turning(at: Sections) -> Any:
     """How sections turn per unit amplitude, (steps, 3, modes)."""
-    each = _starts(at.before, at.axes) @ magnus.slopes(at.moments)
-    return summed(at.sums, (each[..., None] * at.tables[:, None]).sum(axis=2))
+    each = _starts(at.before, at.axes) @ magnus.slopes(at.moments) @ at.tables
+    return (at.sums @ each.reshape(len(each), -1)).reshape(each.shape)
 
 
 def columns(line: Line, at: Sections, turned: Any) -> Any:
@@ -170,19 +171,19 @@ class Motion(NamedTuple):
 def motion(line: Line, at: Sections, rates: Float[Array, " modes"]) -> Motion:
     """The motion of the Gauss points for the `rates` of amplitudes."""
     own, cross = line.strains, magnus.cross
-    changed = quaternions.apply(own.steps, rates[None]).reshape(at.moments.shape)
+    changed = (own.steps @ rates).reshape(at.moments.shape)
     steps = jax.jvp(lambda moments: magnus.spin(moments, changed), (at.moments,), (changed,))
     starts = _starts(at.before, at.axes)
     first, second = (quaternions.apply(starts, x) for x in steps)
-    spin = summed(at.sums, first)
-    spinning = summed(at.sums, second + cross(summed(at.before[:, 1:], spin), first))
+    spin = at.sums @ first
+    spinning = at.sums @ (second + cross(at.before[:, 1:] @ spin, first))
     rate, force = cross(spin, at.slope), cross(spinning, at.slope)
     straining = jnp.zeros_like(rate)
     if own.strain is not None:
-        straining = quaternions.apply(at.axes[1:], quaternions.apply(own.strain, rates[None]))
+        straining = quaternions.apply(at.axes[1:], own.strain @ rates)
     force = force + cross(spin, rate + 2 * straining)
     to = line.length * own.places()
-    return Motion(summed(to, rate + straining), summed(to, force), spin, spinning)
+    return Motion(to @ (rate + straining), to @ force, spin, spinning)
 
 
 def material(line: Line, point: Any) -> Material:
@@ -209,8 +210,7 @@ def pose(line: Line, point: Material, amplitudes: Any) -> tuple[Any, Any]:
     """Position (3,) and quaternion (4,) of a material point in the frame."""
     at = sections(line, amplitudes, point)
     slope, axes, weights, off = untraced(at.slope, at.axes[-1], point.weights, point.off)
-    arm = quaternions.apply(axes, off)
-    return line.origin() + summed(weights[None], slope)[0] + arm, at.turns[-1]
+    return line.origin() + weights @ slope + axes @ off, at.turns[-1]
 
 
 def gradient(line: Line, point: Material, amplitudes: Any) -> Any:
@@ -219,8 +219,8 @@ def gradient(line: Line, point: Material, amplitudes: Any) -> Any:
     turned = turning(at)
     moved, weights, off = untraced(columns(line, at, turned), point.weights, point.off)
     own, xp = turned[-1], namespace(moved)
-    moved = summed(weights[None], moved)[0]
-    return xp.concatenate([moved + _crossed(quaternions.apply(at.axes[-1], off), own), own])
+    moved = (weights @ moved.reshape(len(moved), -1)).reshape(own.shape)
+    return xp.concatenate([moved + _crossed(at.axes[-1] @ off, own), own])
 
 
 def _crossed(vectors: Any, turned: Any) -> Any:
