@@ -42,6 +42,7 @@ COMPARISONS = (
     "scaling",
     "implicit",
     "spatial",
+    "joint",
     "accuracy",
     "gallery",
     "error_bars",
