@@ -186,4 +186,4 @@ from .trials.reductions import reductions as reductions
 from .trials.result import Reductions as Reductions
 from .trials.row import ReductionRow as ReductionRow
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"

@@ -46,6 +46,7 @@ COMMANDS = {
     "python -m pytest -q -m slow": CI,
     "python -m pytest -q -m exhaustive": BY_HAND,
     "python -m pytest -q -m instant": PART,
+    "python docs/extensions/records.py": BY_HAND,
     "python tests/mutations.py": BY_HAND,
     'pip install -q --no-compile -e ".[dev]"': CI,
     "ruff format --check .": CI,
