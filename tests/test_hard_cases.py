@@ -183,6 +183,13 @@ def test_passing_a_bifurcation():
     assert abs(np.min(motion.q[:, 6]) + 2) <= 1e-3
 
 
+def test_fixed_steps_that_are_far_too_long_are_no_success():
+    """Nothing is promised of joints in fixed steps, but none may fly apart without a word."""
+    blown = run(rj.assemble(four_bar()), np.arange(21) / 5, solver=RK4(), dt=0.2, throw=False)
+    assert np.max(blown.violation) > 1e9
+    assert blown.status == rj.Status.CONSTRAINTS_VIOLATED
+
+
 @pytest.mark.slow
 def test_a_stiff_mode():
     """A stiff mode. f₂ = 100 kHz: explicit methods take 600 000 steps for one second."""

@@ -50,10 +50,9 @@ def judge_run(
     if limits is not None:
         unresolved = ~_is_resolved(system, ts[0], q0, limits)
         ladder.insert(0, (unresolved, Status.PRECISION))
-    if settings.holds_constraints:
-        places = system.structure.without_states(own.q)
-        violated = ~_constraints_hold(places, own.violation, settings)
-        ladder.append((violated, Status.CONSTRAINTS_VIOLATED))
+    places = system.structure.without_states(own.q)
+    violated = ~_constraints_hold(places, own.violation, settings)
+    ladder.append((violated, Status.CONSTRAINTS_VIOLATED))
     conditions = [condition for condition, _ in ladder]
     codes = [jnp.asarray(int(status)) for _, status in ladder]
     return jnp.select(conditions, codes, jnp.asarray(int(Status.SUCCESS)))
@@ -62,9 +61,13 @@ def judge_run(
 def _constraints_hold(
     q: Float[Array, "k n"], violation: Float[Array, " k"], settings: Settings
 ) -> Bool[Array, ""]:
-    """Whether projection or Baumgarte's term has done what it can do."""
+    """Whether projection or Baumgarte's term has done what it can do; whatever the settings, no
+    joint is as far apart as the mechanism is large.
+    """
     size = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=1))
-    if settings.baumgarte is not None:
+    if not settings.holds_constraints:
+        allowed = size[:1]
+    elif settings.baumgarte is not None:
         # Stabilization holds the constraints only as well as the errors of the steps allow.
         allowed = _APART * size[0] + _DRIFT * drift_of(q, settings.rtol)
     else:

@@ -31,7 +31,7 @@ REMEDIES = {
     "masses that a joint connects differ by 1e4 or more, or two joints nearly repeat each other; "
     'call jax.config.update("jax_enable_x64", True) before making any array',
     Status.CONSTRAINTS_VIOLATED: "not all joints hold on the way; look at the trajectory's "
-    "violation, take out joints that contradict each other, or tighten rtol",
+    "violation, take out joints that contradict each other, tighten rtol, or shorten fixed steps",
     Status.MAX_EVENTS: "more happened than there is room for; raise max_events, or watch for less",
     Status.CONTACT_LASTS: "bodies overlap at the start or stay in contact after an impact, or "
     "impacts follow one another without end; end the run there by a romjax.Stop, or use a "

@@ -94,9 +94,10 @@ class KKT(eqx.Module):
         weighed = inverse_mass.weigh(sides, bodies)
         lengths = jnp.sum(weighed * sides, axis=2)
         lengths = jnp.sum(take(lengths, pattern.sides_of_nodes), axis=1)
-        # A row of zeros asks for nothing, whatever its γ.
+        # A row of zeros asks for nothing, whatever its γ. Negative ones are of mass matrices that
+        # are not positive, as of stiffened beams that bend too far.
         inverse = 1 / jnp.sqrt(jnp.where(lengths > 0, lengths, 1))
-        self.scale = jnp.where(lengths > 0, inverse, 0)
+        self.scale = jnp.where(lengths == 0, 0, inverse)
         scale = take(self.scale, nodes)
         self.scaled = scale[:, :, None] * sides
         right = jnp.swapaxes(take(weighed, pairs.right), 1, 2)  # W Tᵀ Cᵀ

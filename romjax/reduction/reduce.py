@@ -62,10 +62,15 @@ def reduce(
         return chosen.reduce(system)
     check_kind("reduce", "the basis", basis, Basis, "what romjax.pod or romjax.sod returns")
     assert basis is not None
-    if system.full is not system or basis.modes.shape[0] != system.n:
+    if system.full is not system:
+        raise ReductionError(
+            "reduce: the system is reduced already; give its full one, as `rom.full`, with a basis "
+            "of a simulation of that."
+        )
+    if basis.modes.shape[0] != system.n:
         raise ReductionError(
             f"reduce: the basis has {basis.modes.shape[0]} coordinates and the system {system.n}; "
-            "make the basis from a simulation of this system, a full one, not reduced."
+            "make the basis from a simulation of this system."
         )
     try:
         return remember_training(chosen.reduce(system, basis), basis, chosen)
