@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -47,11 +48,14 @@ def take(array: Shaped[Array, "n *k"], table: np.ndarray) -> Shaped[Array, "..."
         if flat.size and flat.max() >= size:
             array = jnp.concatenate([array, np.zeros((1, *array.shape[1:]), array.dtype)])
         picked = array[flat]
-    return picked.reshape(table.shape + array.shape[1:])
+    found: Array = picked.reshape(table.shape + array.shape[1:])
+    return found
 
 
-def consecutive(array: Shaped[Array, "n *k"], start: int, count: int) -> Shaped[Array, "count *k"]:
-    """Consecutive entries along the first axis, as a slice, but faster to trace."""
+def consecutive(array: Any, start: int, count: int) -> Any:
+    """Consecutive entries along the first axis of an array of JAX or NumPy, as a slice, but faster
+    to trace.
+    """
     if isinstance(array, np.ndarray):
         return array[start : start + count]
     return jax.lax.slice_in_dim(array, start, start + count)

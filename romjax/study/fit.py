@@ -18,7 +18,7 @@ from tqdm import tqdm
 from ..compiling.xla import filter_jit
 from ..integrate.adjoint import forward_mode
 from ..integrate.doubt import telling
-from .least_squares import Solution, levenberg_marquardt
+from .least_squares import Solution, least_squares
 
 Vector = Float[Array, " p"]
 
@@ -68,8 +68,8 @@ def fit(
       the residuals unless given.
     - `lower`, `upper`: bounds, pytrees like `start` with None for no bound, or single numbers for
       all, never touched: the search goes on in logarithms of the distance from them.
-    - `optimizer`: an optax method, such as `optax.adam(0.05)`; Levenberg and Marquardt's unless
-      given, which takes some ten steps.
+    - `optimizer`: an optax method, such as `optax.adam(0.05)`; unless given the trust region of
+      Branch, Coleman and Li (1999, doi:10.1137/S1064827595289108), which takes some ten steps.
     - `steps`, `tol`: most steps, and relative change of parameters and residual that ends them.
     - `progress`: show a progress bar.
 
@@ -129,9 +129,7 @@ def _search(
     tol: float,
     progress: bool,
 ) -> Solution:
-    """The free numbers with the least residuals, which are of a `size` at the start, by Levenberg
-    and Marquardt's method without an `optimizer`.
-    """
+    """The free numbers with the least residuals, which are of a `size` at the start."""
     with tqdm(disable=not progress, desc="fit", unit="step") as bar:
         if optimizer is None:
 
@@ -139,11 +137,10 @@ def _search(
                 with forward_mode():
                     point = _linearize(misfit, jnp.asarray(free, begin.dtype))
                 slopes = np.asarray(point.jacobian) * np.asarray(point.growth)
+                bar.update()
                 return np.asarray(point.residuals) / size, slopes / size
 
-            return levenberg_marquardt(
-                evaluate, np.asarray(begin), steps=steps, tol=tol, tell=bar.update
-            )
+            return least_squares(evaluate, np.asarray(begin), steps, tol)
 
         def step() -> None:
             bar.update()
