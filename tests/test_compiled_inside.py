@@ -155,7 +155,6 @@ def test_failures_are_told(model):
         moved(model, (1.0, 1.0), q0=np.array([0.5, 0.3, 0.0]))
 
 
-@pytest.mark.instant
 @pytest.mark.parametrize(
     ("settings", "words"),
     [

@@ -64,7 +64,7 @@ def _constraints_hold(
     """Whether projection or Baumgarte's term has done what it can do; whatever the settings, no
     joint is as far apart as the mechanism is large.
     """
-    size = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=1))
+    size = jnp.max(jnp.abs(q), axis=1, initial=1.0)
     if not settings.holds_constraints:
         allowed = size[:1]
     elif settings.baumgarte is not None:
@@ -77,7 +77,7 @@ def _constraints_hold(
 
 def drift_of(q: Float[Array, "k n"], rtol: ArrayLike) -> Float[Array, " k"]:
     """The violation that is no more than the tolerance of the step size control."""
-    size = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=1))
+    size = jnp.max(jnp.abs(q), axis=1, initial=1.0)
     return jnp.asarray(rtol) * size
 
 
