@@ -65,31 +65,10 @@ def starts(count: int) -> list[dict[str, float]]:
     return found
 
 
-def loads(count: int) -> list[dict[str, float]]:
-    """Forces and frequencies of the cart, and the first mode of the pendulum."""
-    lot, found = np.random.default_rng(11), []
-    for _ in range(count):
-        force, frequency, f1 = lot.uniform((5.0, 8.0, 14.0), (15.0, 12.0, 18.0))
-        found.append({"force": force, "frequency": frequency, "f1": f1})
-    return found
-
-
-def arms(count: int) -> list[dict[str, float]]:
-    """Loads [kg] and stiffnesses [N m²] of the arm."""
-    lot, found = np.random.default_rng(13), []
-    for _ in range(count):
-        load, stiffness = lot.uniform((0.5, 600.0), (2.5, 1400.0))
-        found.append({"load": load, "EI": stiffness})
-    return found
-
-
-def speeds(count: int) -> list[dict[str, float]]:
-    """Speeds [rad/s] of the crank, and stiffnesses [N m²] of the coupler."""
-    lot, found = np.random.default_rng(17), []
-    for _ in range(count):
-        speed, stiffness = lot.uniform((8.0, 5.0), (12.0, 10.0))
-        found.append({"speed": speed, "EI": stiffness})
-    return found
+def drawn(seed: int, count: int, **ranges: tuple[float, float]) -> list[dict[str, float]]:
+    """Numbers for a scene, each between two."""
+    lot, (low, high) = np.random.default_rng(seed), zip(*ranges.values(), strict=True)
+    return [dict(zip(ranges, lot.uniform(low, high), strict=True)) for _ in range(count)]
 
 
 ARM = Case(rj.gallery.spatial_arm, 1.5, (), (), truth=(rj.Rodas5P(), 1e-10))
@@ -100,7 +79,7 @@ JUDGED = {
     ),
     "cart-pendulum": Judging(
         CASES["cart-pendulum"],
-        loads(20),
+        drawn(11, 20, force=(5.0, 15.0), frequency=(8.0, 12.0), f1=(14.0, 18.0)),
         (("galerkin", 3), ("galerkin", 4), ("galerkin", 5), ("minimal", 3), ("cap", 40)),
     ),
     "32 segments": Judging(
@@ -108,8 +87,14 @@ JUDGED = {
         starts(20),
         (("minimal", 4), ("minimal", 6), ("hyper", 4), ("hyper", 6)),
     ),
-    "arm in space": Judging(ARM, arms(20), (("local", 1), ("local", 3), ("minimal", 5))),
-    "driven four-bar": Judging(FOUR_BAR, speeds(20), (("local", 1), ("minimal", 1))),
+    "arm in space": Judging(
+        ARM,
+        drawn(13, 20, load=(0.5, 2.5), EI=(600.0, 1400.0)),
+        (("local", 1), ("local", 3), ("minimal", 5)),
+    ),
+    "driven four-bar": Judging(
+        FOUR_BAR, drawn(17, 20, speed=(8.0, 12.0), EI=(5.0, 10.0)), (("local", 1), ("minimal", 1))
+    ),
 }
 
 
