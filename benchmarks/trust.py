@@ -7,12 +7,18 @@ a start that is moved by 1e-9 of the motion ends 1e-6 of it apart, are counted a
 wrong or told of. Each scene runs alone and in a sweep (`jit` of `vmap`), of which the flags count,
 and those of some kinds under `jit` as well. Kinds and their truths are in `trust_kinds`; a scene is
 its kind and its seed, from zero on. Writes `trust.txt` beside this file.
+
+Hours of work are not lost: `--kept FILE` adds every outcome to a file as soon as it is found, and
+what is in the file is not done again. The record says how many outcomes are of which commit.
 """
 
 import functools
+import json
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 
+import numpy as np
 import record
 from tqdm import tqdm
 from trust_kinds import (
@@ -33,7 +39,18 @@ from trust_kinds import (
     states,
     top,
 )
-from trust_kinds.kind import LANES, Kind, Outcome, alone, compiled, judged, numbers_of, swept
+from trust_kinds.kind import (
+    LANES,
+    Found,
+    Kind,
+    Numbers,
+    Outcome,
+    alone,
+    compiled,
+    judged,
+    numbers_of,
+    swept,
+)
 
 SCENES = 56  # of each kind
 WAYS = {
@@ -50,20 +67,61 @@ FAMILIES = (
 KINDS: dict[str, Kind] = {name: kind for family in FAMILIES for name, kind in family.KINDS.items()}
 
 
-def outcomes(name: str, seeds: Sequence[int], kinds: Mapping[str, Kind] = KINDS) -> list[Outcome]:
-    """What comes of the scenes of one kind, in each way."""
+Done = tuple[str, int, str]  # a kind, a seed and a way
+
+
+def outcomes(
+    name: str,
+    seeds: Sequence[int],
+    kinds: Mapping[str, Kind] = KINDS,
+    ways: Collection[str] = tuple(WAYS),
+    done: Collection[Done] = (),
+) -> Iterator[Outcome]:
+    """What comes of the scenes of one kind, in each way, but of those that are done."""
     kind = kinds[name]
-    every = [numbers_of(name, kind, seed) for seed in seeds]
-    # No bar where nobody looks.
-    bar = tqdm(every, name, leave=False, disable=None)
-    others = {"jit": compiled, "sweep": swept}
-    ways = [others[way](kind, every) for way in kind.ways[1:]]
-    found = []
-    for seed, numbers, *each in zip(seeds, bar, *ways, strict=True):
-        truth = functools.cache(functools.partial(kind.truth, numbers))
-        for way, one in zip(kind.ways, (alone(kind, numbers), *each), strict=True):
-            found.append(judged(name, seed, way, one, truth))
-    return found
+
+    @functools.cache
+    def numbers(seed: int) -> Numbers:
+        return numbers_of(name, kind, seed)
+
+    @functools.cache
+    def truth(seed: int, nudge: float) -> np.ndarray:
+        return kind.truth(numbers(seed), nudge)
+
+    for way in (way for way in kind.ways if way in ways):
+        left = [seed for seed in seeds if (name, seed, way) not in done]
+        # No bar where nobody looks.
+        bar = tqdm(left, f"{name}, {way}", leave=False, disable=None)
+        for seed, one in zip(bar, found_in(way, kind, map(numbers, left)), strict=True):
+            yield judged(name, seed, way, one, functools.partial(truth, seed))
+
+
+def found_in(way: str, kind: Kind, every: Iterable[Numbers]) -> Iterator[Found]:
+    """What comes of scenes in one way; those in a batch, at once."""
+    if way == "alone":
+        yield from (alone(kind, numbers) for numbers in every)
+    elif batch := list(every):
+        yield from {"jit": compiled, "sweep": swept}[way](kind, batch)
+
+
+def read(kept: Path | None) -> list[tuple[str, Outcome]]:
+    """Outcomes in a file, each with the commit of what it was found with; a last line that was cut
+    off is taken away.
+    """
+    if kept is None or not kept.exists():
+        return []
+    text = kept.read_text()
+    whole = text[: text.rfind("\n") + 1]
+    if whole != text:
+        kept.write_text(whole)
+    return [(one.pop("commit"), Outcome(**one)) for one in map(json.loads, whole.splitlines())]
+
+
+def write(kept: Path | None, at: str, one: Outcome) -> None:
+    """Add an outcome to a file, which is whole after each."""
+    if kept is not None:
+        with kept.open("a") as file:
+            file.write(json.dumps({"commit": at, **one._asdict()}) + "\n")
 
 
 def counted(found: Sequence[Outcome], way: str) -> record.Section:
@@ -98,26 +156,50 @@ def listed(found: Sequence[Outcome], verdict: str) -> record.Section:
     return record.Section(f"Scenes that are {verdict}{more}:", rows)
 
 
+def origins(commits: Sequence[str], found: Sequence[Outcome]) -> record.Section:
+    """How many scenes there are, and how many outcomes are of which commit."""
+    scenes = len({(one.kind, one.seed) for one in found})
+    kinds = len({one.kind for one in found})
+    text = (
+        f"{scenes} scenes of {kinds} of {len(KINDS)} kinds, seeds from zero on, where kinds have"
+        "\nunequal numbers the run was ended before all were done. Outcomes by the commit of the"
+        "\nlibrary that they were found with:"
+    )
+    return record.Section(text, [["commit", "outcomes"], *Counter(commits).items()])
+
+
 def measure(
-    kinds: Sequence[str] = tuple(KINDS), scenes: int = SCENES, first: int = 0
+    kinds: Sequence[str] = tuple(KINDS),
+    scenes: int = SCENES,
+    first: int = 0,
+    ways: Sequence[str] = tuple(WAYS),
+    kept: Path | None = None,
 ) -> Iterator[record.Section]:
     """Tables of counts for all ways, and the scenes that are silently wrong or wrongly told of."""
-    found: list[Outcome] = []
+    at = record.commit()
+    found = [(commit, one) for commit, one in read(kept) if one.kind in kinds]
+    done = {(one.kind, one.seed, one.way) for _, one in found}
     try:
         for name in tqdm(kinds, "kinds", disable=None):
-            found += outcomes(name, range(first, first + scenes))
+            for one in outcomes(name, range(first, first + scenes), ways=ways, done=done):
+                write(kept, at, one)
+                found.append((at, one))
     finally:
         # What has been counted is kept if it is interrupted.
+        commits, every = [commit for commit, _ in found], [one for _, one in found]
+        yield origins(commits, every)
         for way in WAYS:
-            yield counted(found, way)
+            yield counted(every, way)
         for verdict in ("silent", "false"):
-            yield listed(found, verdict)
+            yield listed(every, verdict)
 
 
 CHOICES = {
     "kinds": {"nargs": "+", "choices": tuple(KINDS), "default": tuple(KINDS), "metavar": "KIND"},
     "scenes": {"type": int, "default": SCENES, "help": "of each kind (%(default)s)"},
     "first": {"type": int, "default": 0, "help": "the first seed (%(default)s)"},
+    "ways": {"nargs": "+", "choices": tuple(WAYS), "default": tuple(WAYS), "metavar": "WAY"},
+    "kept": {"type": Path, "metavar": "FILE", "help": "add outcomes to it, and go on from there"},
 }
 
 if __name__ == "__main__":

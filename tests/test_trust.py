@@ -67,6 +67,32 @@ def test_scenes_are_those_of_their_seeds(trust):
 
 
 @pytest.mark.instant
+def test_a_campaign_goes_on_where_it_ended(trust, monkeypatch, tmp_path):
+    """What is in the file is counted and not done again, a line that was cut off is."""
+    kept, ran = tmp_path / "kept.jsonl", []
+
+    def move(numbers):
+        ran.append(numbers["x"])
+        return np.array([[0.0], [numbers["x"]]]), None
+
+    exact = lambda numbers, nudge: np.array([[0.0], [numbers["x"]]])  # noqa: E731
+    kind = trust.Kind(lambda chance: {"x": 1 + chance.uniform()}, move, exact, ("alone",))
+    monkeypatch.setattr(trust.outcomes, "__defaults__", ({"a": kind}, ("alone",), ()))
+    for scenes in (2, 3):
+        sections = list(trust.measure(["a"], scenes, kept=kept))
+        assert sections[0].text.startswith(f"{scenes} scenes of 1 of ")
+        assert len(ran) == scenes
+    text = kept.read_text()
+    assert len(text.splitlines()) == 3
+    kept.write_text(text[:-9])
+    list(trust.measure(["a"], 0, kept=kept))
+    assert len(ran) == 3
+    list(trust.measure(["a"], 3, kept=kept))
+    assert len(ran) == 4
+    assert len(trust.read(kept)) == 3
+
+
+@pytest.mark.instant
 @pytest.mark.parametrize(
     ("values", "verdict"), [(None, "told"), ([0.0, 2.0], "silent"), ([0.0, 1.0], "right")]
 )
@@ -85,5 +111,5 @@ def test_a_refusal_is_told(trust, values, verdict):
 def test_no_scene_is_silently_wrong(trust, name):
     """The first of each kind, a hundred in all, in each way."""
     count = -(-SCENES // len(trust.KINDS))
-    found = trust.outcomes(name, range(count))
+    found = list(trust.outcomes(name, range(count)))
     assert {(one.kind, one.seed) for one in found if one.verdict == "silent"} == set()
