@@ -252,6 +252,16 @@ def test_executables_survive_on_disk():
 
 
 @pytest.mark.instant
+@pytest.mark.instant
+def test_the_mark_of_a_missing_field_is_found_by_its_name():
+    """It is an object of the structure of a module, and found there again by pickling that name."""
+    node = jax.tree.structure(eqx.nn.Identity()).node_data()
+    mark = node[1][0]
+    name = compat.name_of_missing(mark)
+    assert getattr(sys.modules[type(mark).__module__], name) is mark
+    assert compat.name_of_missing(eqx) is None
+
+
 def test_settings_that_change_what_is_traced():
     before = compat.trace_settings()
     assert compat.trace_settings() == before

@@ -9,6 +9,7 @@ import textwrap
 import zlib
 from pathlib import Path
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -20,9 +21,11 @@ from tolerances import IDENTITY
 import romjax as rj
 from romjax.compiling import program_cache
 from romjax.compiling.program import program
+from romjax.integrate.partition import Partitioned
 
 X = jnp.asarray(np.random.default_rng(1).normal(size=5))
 SYSTEM = rj.assemble(rj.gallery.chain(2))
+METHOD = diffrax.Dopri8()
 
 
 @pytest.fixture
@@ -94,6 +97,18 @@ def test_constants_are_no_arguments_of_functions():
         print(bool(rj.simulate(rom, run.t, rtol=1e-10).success))
     """
     assert in_a_process(code, XLA_FLAGS="") == "True"
+
+
+def test_what_a_program_from_the_disk_returns_holds_its_method(folder):
+    """And all other structures that are no part of the program's numbers."""
+
+    def parted(x):
+        return x, Partitioned.of(METHOD)
+
+    first, again = program(parted)(X), program(parted)(X)
+    assert len(list(folder.iterdir())) == 1
+    assert jax.tree.structure(first) == jax.tree.structure(again)
+    assert eqx.tree_equal(again[1].combine(), METHOD)
 
 
 def test_functions_of_the_user_are_known_by_what_they_compute(folder):
@@ -218,6 +233,7 @@ def test_the_oldest_programs_go_first(folder, monkeypatch):
 OWN_CACHE_OF_JAX = """
     import os
     from romjax.compiling.program import program
+from romjax.integrate.partition import Partitioned
     jax.config.update("jax_compilation_cache_dir", {!r})
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     for name in {!r}:

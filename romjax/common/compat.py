@@ -12,6 +12,7 @@ from typing import Any, NoReturn, TypeVar
 import diffrax
 import jax
 from diffrax._term import AdjointTerm, WrapTerm
+from equinox._module._flatten import MISSING
 from jax._src import config, core, xla_bridge
 from jax._src.interpreters import partial_eval
 from jax.experimental import serialize_executable
@@ -108,6 +109,15 @@ def dump_executable(compiled: Any) -> tuple[Any, ...]:
     binary, _, tree = serialize_executable.serialize(compiled)
     # A structure of results is an example of them, since it cannot be pickled itself.
     return binary, len(compiled.in_avals[0]), jax.tree.unflatten(tree, range(tree.num_leaves))
+
+
+def name_of_missing(value: Any) -> str | None:
+    """The name in its module of equinox's mark for a field that is not there; None of all else.
+
+    There is one such object in a process, and a structure that holds a copy of it unflattens to
+    nothing, so that it has to be pickled by its name.
+    """
+    return "MISSING" if value is MISSING else None
 
 
 def load_executable(binary: bytes, count: int, example: Any) -> Any:

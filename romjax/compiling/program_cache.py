@@ -46,6 +46,8 @@ _LARGEST = 2**30
 # And the libraries that models were compiled to by the user's own compiler.
 _PROGRAM, _CALL, _LIBRARY = ".program", ".call", ".library"
 _OWN = re.compile(r"[0-9a-f]{64}\.(program|call|library)")
+# Counts the ways in which programs were written, of which this version reads the last.
+_WRITING = b"2"
 # Bytes since the folder was last looked through; more than any number at first.
 _written = [math.inf]
 
@@ -121,7 +123,9 @@ def store(text: str, compiled: Any) -> None:
     if file is None:
         return
     try:
-        content = zlib.compress(pickle.dumps(compat.dump_executable(compiled)), level=1)
+        stream = io.BytesIO()
+        _Writer(stream).dump(compat.dump_executable(compiled))
+        content = zlib.compress(stream.getbuffer(), level=1)
     except (pickle.PicklingError, TypeError, AttributeError, ValueError, NotImplementedError):
         return  # results of a class of the user's own, say, that Python finds under no name
     _write(file, content)
@@ -211,7 +215,7 @@ def _forget_oldest(here: Path) -> None:
 
 
 def _digest(*parts: bytes) -> str:
-    digest = hashlib.sha256(_machine())
+    digest = hashlib.sha256(_machine() + _WRITING)
     for part in parts:
         digest.update(part)
     return digest.hexdigest()
@@ -237,6 +241,14 @@ def _processor() -> list[str]:
         return general
     names = ("model name", "flags", "CPU part", "Features")
     return general + sorted({line for line in lines if line.startswith(names)})
+
+
+class _Writer(pickle.Pickler):
+    """Writes programs with the structures of their results."""
+
+    def reducer_override(self, obj: Any) -> Any:
+        """Say how to write an object that is none of Python's basic types."""
+        return compat.name_of_missing(obj) or NotImplemented
 
 
 class _Describer(pickle.Pickler):

@@ -137,21 +137,23 @@ def sweep(
     used = tuple(devices[: math.gcd(chunk, len(devices))])
     if path is None and jax.process_count() > 1:
         raise ValueError("sweep: several processes need a `path` to exchange their results.")
-    # Of what is kept in a folder, the form is asked for before anything is computed. And the form
-    # that a program from the disk has names a run's solver by objects of another process.
-    form = _form(function, parameters)
-    store = Chunks.open(path, parameters, lanes, chunk, form)
+    # Of what is kept in a folder, the form is asked for before anything is computed; tracing takes
+    # as long as compiling.
+    form = None if path is None else _form(function, parameters)
+    store, tree = Chunks.open(path, parameters, lanes, chunk, form), jax.tree.structure(form)
     own = [min(chunk, lanes - first) for first in range(0, lanes, chunk)]
 
     def compute(number: int) -> list[np.ndarray]:
+        nonlocal tree
         # The last chunk is filled up with its last lane, for the same program.
         here = np.minimum(np.arange(number * chunk, (number + 1) * chunk), lanes - 1)
         results = _run(function, used, jax.tree.map(lambda x: x[here], parameters))
-        return [np.asarray(x)[: own[number]] for x in jax.tree.leaves(results)]
+        arrays, tree = jax.tree.flatten(results)
+        return [np.asarray(x)[: own[number]] for x in arrays]
 
     with tqdm(total=lanes, disable=not progress, desc="sweep", unit=" lanes") as bar:
         leaves = store.complete(len(own), compute, lambda number: bar.update(own[number]))
-    values, outcome = jax.tree.unflatten(jax.tree.structure(form), leaves)
+    values, outcome = jax.tree.unflatten(tree, leaves)
     return Sweep(values, outcome.status, outcome.flags, parameters)
 
 
