@@ -267,6 +267,25 @@ def test_the_robots_of_the_gallery_accelerate_exactly(name):
     compare_with_mujoco(GALLERY / name, 10, spread=0.1)
 
 
+def test_a_tendon_over_sites_is_a_rope(tmp_path):
+    """It lifts a mass by what it is too long, as in MuJoCo; one that pushes is refused."""
+    text = (
+        '<mujoco><worldbody><site name="hook" pos="0 0 1"/><site name="pulley" pos="0.5 0 1.2"/>'
+        f'<body pos="0.3 0 0"><joint type="slide" axis="0 0 1"/><site name="eye"/>{BALL}</body>'
+        '</worldbody><tendon>\n<spatial name="r" stiffness="300" springlength="{low} 1.2">'
+        '<site site="hook"/><site site="pulley"/><site site="eye"/></spatial></tendon></mujoco>'
+    )
+    path = written(tmp_path, text.replace("{low}", "0"))
+    scene, model = rj.load_scene(path), mujoco.MjModel.from_xml_path(str(path))
+    assert [type(effect).__name__ for effect in scene.effects] == ["Gravity", "Rope"]
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    system = rj.assemble(scene)
+    _, found = computed(system)
+    assert abs(float(found[2]) - data.qacc[0]) < ALIKE * abs(data.qacc[0])
+    refused(tmp_path, text.replace("{low}", "0.3"), ":2: tendon 'r': it runs over several sites")
+
+
 # What comes in.
 
 

@@ -9,6 +9,7 @@ from ...scene.effect.contact import Friction
 from ...scene.effect.joint_damper import JointDamper
 from ...scene.effect.joint_spring import JointSpring
 from ...scene.effect.joint_stop import JointStop
+from ...scene.effect.rope import Rope
 from ...scene.joint.base import AbstractJoint
 from ...scene.joint.coupling import Coupling
 from ...scene.joint.prescribed import PrescribedAngle, PrescribedTravel
@@ -96,33 +97,70 @@ def _reference(arrays: Any, joint: int) -> float:
     return float(arrays.qpos0[arrays.jnt_qposadr[joint]])
 
 
-def tendon_ends(model: Model, tree: Tree, number: int) -> tuple[Marker, Marker]:
-    """The markers of a tendon that is a straight line."""
+def tendon_sites(model: Model, tree: Tree, number: int) -> list[Marker]:
+    """The markers of the sites that a tendon runs over in straight pieces."""
     arrays = model.arrays
     first, count = int(arrays.tendon_adr[number]), int(arrays.tendon_num[number])
-    if count != 2 or any(int(arrays.wrap_type[first + k]) != _SITE for k in range(count)):
-        raise model.refuse("tendon", number, "it is no straight line; lead it between two sites.")
-    a, b = (site_marker(arrays, tree, int(arrays.wrap_objid[first + k])) for k in range(2))
-    return a, b
+    if any(int(arrays.wrap_type[first + k]) != _SITE for k in range(count)):
+        raise model.refuse("tendon", number, "it is not straight; lead it from site to site.")
+    return [site_marker(arrays, tree, int(arrays.wrap_objid[first + k])) for k in range(count)]
+
+
+def tendon_ends(model: Model, tree: Tree, number: int) -> tuple[Marker, Marker]:
+    """The markers of a tendon that is one straight line."""
+    sites = tendon_sites(model, tree, number)
+    if len(sites) != 2:
+        raise model.refuse(
+            "tendon",
+            number,
+            "it runs over several sites, and more than pulls where it is longer than the upper end "
+            'of its springlength or range; give springlength="0 …", or lead it between two sites.',
+        )
+    return sites[0], sites[1]
 
 
 def tendons(model: Model, tree: Tree) -> Iterator[Any]:
-    """The effects of tendons: springs, dampers, friction and stops along straight lines."""
+    """The effects of tendons: springs, dampers, friction and stops along straight lines, and ropes
+    over several sites.
+    """
     arrays = model.arrays
     for i in range(arrays.ntendon):
-        a, b = tendon_ends(model, tree, i)
         if np.any(arrays.tendon_stiffnesspoly[i]) or np.any(arrays.tendon_dampingpoly[i]):
             raise model.refuse("tendon", i, "it has polynomials; give one number each.")
-        stiffness, damping = float(arrays.tendon_stiffness[i]), float(arrays.tendon_damping[i])
-        friction = float(arrays.tendon_frictionloss[i])
-        shortest, longest = (float(x) for x in arrays.tendon_lengthspring[i])
-        if stiffness and shortest == longest:
-            yield JointSpring(a, b, stiffness, longest, "distance")
-        elif stiffness:
-            yield JointStop(a, b, shortest, longest, stiffness, motion="distance")
-        if damping or friction:
-            rubbing = Friction(friction) if friction else None
-            yield JointDamper(a, b, damping, rubbing, "distance")
-        if arrays.tendon_limited[i]:
-            ends = [float(x) for x in arrays.tendon_range[i]]
-            yield JointStop(a, b, ends[0], ends[1], _STOP, _DISSIPATION, "distance")
+        yield from _ropes(model, tree, i) if arrays.tendon_num[i] > 2 else _line(model, tree, i)
+
+
+def _line(model: Model, tree: Tree, i: int) -> Iterator[Any]:
+    arrays, (a, b) = model.arrays, tendon_ends(model, tree, i)
+    stiffness, damping = float(arrays.tendon_stiffness[i]), float(arrays.tendon_damping[i])
+    friction = float(arrays.tendon_frictionloss[i])
+    shortest, longest = (float(x) for x in arrays.tendon_lengthspring[i])
+    if stiffness and shortest == longest:
+        yield JointSpring(a, b, stiffness, longest, "distance")
+    elif stiffness:
+        yield JointStop(a, b, shortest, longest, stiffness, motion="distance")
+    if damping or friction:
+        rubbing = Friction(friction) if friction else None
+        yield JointDamper(a, b, damping, rubbing, "distance")
+    if arrays.tendon_limited[i]:
+        ends = [float(x) for x in arrays.tendon_range[i]]
+        yield JointStop(a, b, ends[0], ends[1], _STOP, _DISSIPATION, "distance")
+
+
+def _ropes(model: Model, tree: Tree, i: int) -> Iterator[Any]:
+    """What a tendon over several sites does, if that is to pull where it is too long."""
+    arrays, (a, *via, b) = model.arrays, tendon_sites(model, tree, i)
+    stiffness, (shortest, longest) = (
+        float(arrays.tendon_stiffness[i]),
+        arrays.tendon_lengthspring[i],
+    )
+    limited, (least, most) = bool(arrays.tendon_limited[i]), arrays.tendon_range[i]
+    pushes = (stiffness and shortest > 0) or (limited and least > 0)
+    if pushes or arrays.tendon_damping[i] or arrays.tendon_frictionloss[i]:
+        tendon_ends(model, tree, i)
+    name = model.numbered("tendon", i)
+    if stiffness:
+        yield Rope(a, b, float(longest), stiffness, via=via, name=name)
+    if limited:
+        stop = f"{name}: range" if stiffness else name
+        yield Rope(a, b, float(most), _STOP, via=via, dissipation=_DISSIPATION, name=stop)

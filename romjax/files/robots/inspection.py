@@ -1,5 +1,6 @@
 """What of a file is not understood: refused with its line, or listed as left out."""
 
+import math
 from collections.abc import Mapping
 
 from ...common.errors import SceneFileError
@@ -8,6 +9,8 @@ from .vocabulary import ALL, Words, key
 
 # Values of attributes that ask for nothing.
 _NONE = {"", "auto", "enable", "false", "none"}
+# What attributes of ranges and of limits have in their names: these may be infinite.
+_ENDS = ("range", "effort", "velocity", "lower", "upper")
 
 
 def inspect(root: Element, table: Mapping[str, Words], extensible: bool) -> list[str]:
@@ -48,6 +51,10 @@ class _Found:
             kind = words.kind(name)
             if kind == "refused" and _asks(value):
                 self._refuse(element, f" {name}={value!r}", words.remedy)
+            elif kind == "taken" and (wrong := _wrong(name, value)):
+                self.refused.append(
+                    f"{element.place}: {element.called()} {name}={value!r}: {wrong}."
+                )
             elif kind == "left_out" or (kind is None and self.extensible):
                 self._leave(element, f" {name}={value!r}")
         for child in element.children:
@@ -66,11 +73,29 @@ class _Found:
             self.left_out.append(words)
 
 
+def _wrong(name: str, value: str) -> str:
+    """What is wrong with the numbers of an attribute, with a remedy; "" if nothing is."""
+    numbers = _numbers(value)
+    if any(math.isnan(x) for x in numbers):
+        return "a number is none; give a finite one"
+    if any(math.isinf(x) for x in numbers) and not any(word in name for word in _ENDS):
+        return "a number is infinite; give a finite one"
+    if name.endswith("range") and len(numbers) == 2 and numbers[0] > numbers[1]:
+        return "the lower end is above the upper one; exchange them"
+    return ""
+
+
+def _numbers(value: str) -> list[float]:
+    """The numbers that a value consists of, none if it has anything else."""
+    try:
+        return [float(number) for number in value.split()]
+    except ValueError:
+        return []
+
+
 def _asks(value: str) -> bool:
     """Whether the value of an attribute asks for anything."""
     if value.strip().lower() in _NONE:
         return False
-    try:
-        return any(float(number) != 0 for number in value.split())
-    except ValueError:
-        return True
+    numbers = _numbers(value)
+    return not numbers or any(number != 0 for number in numbers)

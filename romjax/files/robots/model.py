@@ -11,7 +11,19 @@ from ...common.errors import SceneFileError
 from ...common.extras import extra
 from .inspection import inspect
 from .markup import Element, read
+from .urdf import check_urdf
 from .vocabulary import MJCF, URDF
+
+# What to do, by what MuJoCo says.
+_REMEDIES = {
+    "must be larger than mjMINVAL": (
+        "a joint moves what has no mass or no inertia; give it an <inertial>, or take its joint "
+        "out, so that it is a part of the link before"
+    ),
+    "Error opening file": (
+        "give the file, or an <inertial> to the link: then its mesh is a picture, and not read"
+    ),
+}
 
 
 class Model(NamedTuple):
@@ -61,6 +73,8 @@ def read_model(path: Path) -> Model:
             "scene files of romjax end with .toml."
         )
     left_out = inspect(root, URDF if urdf else MJCF, extensible=urdf)
+    if urdf:
+        check_urdf(root)
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         # Links that are fixed to others would lose their names.
@@ -120,9 +134,23 @@ def _said(path: Path, root: Element, words: str) -> str:
     """MuJoCo's message as one of romjax, with the line that it names."""
     text = " ".join(words.split()).removeprefix("XML Error: ").removeprefix("Error: ")
     line = re.search(r"line (\d+)", text)
-    place = f"{path}:{line[1]}" if line else str(path)
-    if not line and (named := re.search(r"[Ee]lement name '([^']+)'|joint '([^']+)'", text)):
-        name = named[1] or named[2]
-        found = next((x for x in root.walk() if x.attributes.get("name") == name), None)
-        place = found.place if found else place
-    return f"{place}: {text}; MuJoCo's reader says so, see its reference of the format."
+    found = None if line else _named(root, text)
+    place = f"{path}:{line[1]}" if line else found.place if found else str(path)
+    end = "MuJoCo's reader says so, see its reference of the format"
+    end = next((remedy for begin, remedy in _REMEDIES.items() if begin in text), end)
+    return f"{place}: {text}; {end}."
+
+
+def _named(root: Element, text: str) -> Element | None:
+    """The element of the name, or with the file, that a message names."""
+    named = re.search(r"[Ee]lement name '([^']+)'|joint '([^']+)'|file '([^']+)'", text)
+    if not named:
+        return None
+    name = named[1] or named[2] or named[3]
+    keys = ("file", "filename") if named[3] else ("name",)
+    for element in root.walk():
+        values = [element.attributes[key] for key in keys if key in element.attributes]
+        # Of a file the message may say the whole path.
+        if name in values or (named[3] and any(name.endswith(Path(x).name) for x in values if x)):
+            return element
+    return None
