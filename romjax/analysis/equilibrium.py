@@ -73,7 +73,7 @@ def equilibrium(
     reached = _solve(*jax.lax.stop_gradient((system, time, q)))
     load = concrete(reached.load)
     if load is None:
-        found = eqx.error_if(
+        solution = eqx.error_if(
             reached.q, reached.load < 1, "equilibrium: the continuation ended before the full load."
         )
     elif load < 1:
@@ -86,10 +86,10 @@ def equilibrium(
             f"start from another q0.{_SINGLE if q.dtype == jnp.float32 else ''}"
         )
     else:
-        found = reached.q
-    position: Float[Array, " n"] = found
+        solution = reached.q
+    position: Float[Array, " n"] = solution
     if not is_outermost():
-        position = _differentiable(system, time, found, reached.multipliers)
+        position = _differentiable(system, time, solution, reached.multipliers)
     still = jnp.zeros_like(position)
     warn_of_axial_loads("equilibrium", system, time, position, still)
     return position

@@ -95,9 +95,9 @@ def modes(
     refuse_slips("modes", system, v is not None)
     time = jnp.asarray(t, q.dtype)
     independent = independent_constraints("modes", system, time, q)
-    found: Modes = _modes(system, time, q, velocity, independent, generator)
+    result: Modes = _modes(system, time, q, velocity, independent, generator)
     warn_of_axial_loads("modes", system, time, q, velocity)
-    return found
+    return result
 
 
 @program_once

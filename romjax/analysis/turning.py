@@ -34,8 +34,8 @@ def turn(
     omega = jnp.asarray(as_array(turning), q.dtype)
     shape = (3,) if structure.quaternions and omega.ndim else ()
     check_shape(owner, "turning", omega, shape)
-    found: tuple[Array, Array] = _turn(without_names(system), omega, jnp.asarray(t, q.dtype), q)
-    return found
+    result: tuple[Array, Array] = _turn(without_names(system), omega, jnp.asarray(t, q.dtype), q)
+    return result
 
 
 @program_once

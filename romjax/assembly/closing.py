@@ -47,14 +47,14 @@ def consistent_scene(scene: Scene) -> Scene:
     system = assemble(scene)
     if system.m == 0:
         return scene
-    found = _close(system)
-    if concrete(found.start.violation) is not None:
-        check_closed("consistent_scene", system, found.start)
-        if not found.start.fits:
-            refuse_speeds(system, found.q, found.given, np.asarray(found.held))
-        if found.bends:
-            _warn_of_bending(system, found.q)
-    return started(scene, found.q, found.v)
+    closed = _close(system)
+    if concrete(closed.start.violation) is not None:
+        check_closed("consistent_scene", system, closed.start)
+        if not closed.start.fits:
+            refuse_speeds(system, closed.q, closed.given, np.asarray(closed.held))
+        if closed.bends:
+            _warn_of_bending(system, closed.q)
+    return started(scene, closed.q, closed.v)
 
 
 def started(scene: Scene, q: Float[Array, " n"], v: Float[Array, " n"]) -> Scene:
@@ -127,9 +127,9 @@ def _in_turn(
 
     def turn(carry: tuple[Array, Array], free: Array) -> tuple[tuple[Array, Array], Array]:
         x, done = carry
-        found = step(x, free)
-        good = is_good(found)
-        return (jnp.where(done, x, jnp.where(good, found, x)), done | good), found
+        candidate = step(x, free)
+        good = is_good(candidate)
+        return (jnp.where(done, x, jnp.where(good, candidate, x)), done | good), candidate
 
     # A loop over the sets, so that the step is compiled once.
     (best, done), tried = jax.lax.scan(turn, (x, jnp.asarray(False)), frees)

@@ -40,8 +40,8 @@ class Controller(eqx.Module):
             after: Array = v.at[columns].set(self.sampled.ticked(t, v[columns], values))
             return after
 
-        found: Array = jax.lax.cond(self.sampled.is_tick(t), tick, lambda v: v, v)
-        return found
+        velocity: Array = jax.lax.cond(self.sampled.is_tick(t), tick, lambda v: v, v)
+        return velocity
 
 
 def told(controllers: Sequence[Controller], parts: T, v: Float[Array, " n"]) -> T:

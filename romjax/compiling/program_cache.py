@@ -165,12 +165,12 @@ def _without_links(path: str, flags: int) -> int:
     return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
 
 
-def _is_safe(found: os.stat_result, kind: Callable[[int], bool]) -> bool:
+def _is_safe(status: os.stat_result, kind: Callable[[int], bool]) -> bool:
     """Whether a file or folder is the user's, and nobody else can write to it."""
     if not hasattr(os, "geteuid"):  # Windows, where others cannot write to a user's folders
-        return kind(found.st_mode)
+        return kind(status.st_mode)
     others = stat.S_IWGRP | stat.S_IWOTH
-    return kind(found.st_mode) and found.st_uid == os.geteuid() and not found.st_mode & others
+    return kind(status.st_mode) and status.st_uid == os.geteuid() and not status.st_mode & others
 
 
 def _write(file: Path, content: bytes) -> None:

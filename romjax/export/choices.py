@@ -90,10 +90,10 @@ class Choices:
         stabilization: Any,
     ) -> Choice:
         q, v = check_start_shapes(self.system, q0, v0)
-        found = start_frequencies(self._bare, ts, q, v)
+        frequencies = start_frequencies(self._bare, ts, q, v)
         step = None if dt is None else as_number(dt, ts.dtype)
-        method = solver or default_method(self.system, as_jax(ts), step, found).solver
+        method = solver or default_method(self.system, as_jax(ts), step, frequencies).solver
         held = stabilization
         if stabilization == "default":
-            held = default_stabilization(self._bare, as_jax(ts), step, found)
-        return Choice.of(method, held, found.fastest)
+            held = default_stabilization(self._bare, as_jax(ts), step, frequencies)
+        return Choice.of(method, held, frequencies.fastest)

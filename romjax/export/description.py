@@ -49,32 +49,34 @@ class Variables(NamedTuple):
         computed = {key: x for key, x in model.outputs.items() if key not in shown}
         units = _units_of(coordinates)
         full = _units_of(model.nominal.full.structure.coordinates)
-        found = [Variable("time", {"causality": "independent", "variability": "continuous"}, "s")]
+        variables = [
+            Variable("time", {"causality": "independent", "variability": "continuous"}, "s")
+        ]
         for label, value in zip(states, model.start().tolist(), strict=True):
             causality = "output" if label in shown else "local"
             given = {"causality": causality, "variability": "continuous", "initial": "exact"}
-            found.append(Variable(label, given | {"start": repr(value)}, units[label]))
+            variables.append(Variable(label, given | {"start": repr(value)}, units[label]))
         for k, label in enumerate(states, 1):
             given = {"causality": "local", "variability": "continuous", "initial": "calculated"}
             unit = _rate(units[label])
-            found.append(Variable(f"der({label})", given | {"derivative": str(k)}, unit))
+            variables.append(Variable(f"der({label})", given | {"derivative": str(k)}, unit))
         for label in model.inputs:
             given = {"causality": "input", "variability": "continuous", "start": "0.0"}
-            found.append(Variable(label, given))
+            variables.append(Variable(label, given))
         for label, value in model.parameters.items():
             given = {"causality": "parameter", "variability": "tunable", "initial": "exact"}
-            found.append(Variable(label, given | {"start": repr(float(value))}))
+            variables.append(Variable(label, given | {"start": repr(float(value))}))
         for label, what in computed.items():
             given = {"causality": "output", "variability": "continuous", "initial": "calculated"}
             unit = full.get(what, "") if isinstance(what, str) else ""
-            found.append(Variable(label, given, unit))
-        names = [variable.name for variable in found]
+            variables.append(Variable(label, given, unit))
+        names = [variable.name for variable in variables]
         if twice := sorted({x for x in names if names.count(x) > 1}):
             raise InputError(
                 f"export.fmu: there are several variables of the name {twice[0]!r}; states, "
                 "inputs, parameters and outputs need names of their own."
             )
-        return cls(name, states, shown, computed, tuple(found))
+        return cls(name, states, shown, computed, tuple(variables))
 
 
 def _units_of(coordinates: tuple[Coordinate, ...]) -> dict[str, str]:

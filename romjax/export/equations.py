@@ -32,12 +32,12 @@ def rate(system: AbstractSystem, t: Array, x: State, stabilization: Array) -> Ma
 def linear(system: AbstractSystem, t: Array, x: State, stabilization: Array) -> Mapping[str, Array]:
     """The acceleration and its derivatives."""
     q, v = x[: system.n], x[system.n :]
-    found = linearize(system, t, q, v, baumgarte(system, stabilization))
+    slopes = linearize(system, t, q, v, baumgarte(system, stabilization))
     return {
-        "a": found.acceleration,
-        "by_q": found.by_position,
-        "by_v": found.by_velocity,
-        "by_t": found.by_time,
+        "a": slopes.acceleration,
+        "by_q": slopes.by_position,
+        "by_v": slopes.by_velocity,
+        "by_t": slopes.by_time,
     }
 
 
@@ -55,17 +55,17 @@ def physical_output(system: AbstractSystem, t: Array, x: State) -> Mapping[str, 
 def start(system: AbstractSystem, t: Array, x: State) -> Mapping[str, Array]:
     """Whether the constraints hold, and their rates."""
     q, v = x[: system.n], x[system.n :]
-    found = Start.of(system, t, q, v, precision.of(q.dtype).start_tolerance)
-    return {"good": jnp.stack([found.closed, found.fits])}
+    state = Start.of(system, t, q, v, precision.of(q.dtype).start_tolerance)
+    return {"good": jnp.stack([state.closed, state.fits])}
 
 
 def flags(system: AbstractSystem, t: Array, x: State, rtol: Array) -> Mapping[str, Array]:
     """What speaks against one state of a reduced system: its flags."""
     q, v = x[: system.n], x[system.n :]
     assert system.validity is not None
-    found = physical_output(system, t, x)
-    own, physical = q[None], found["q"][None]
-    violation, drift = found["violation"][:1], drift_of(physical, rtol)
+    output = physical_output(system, t, x)
+    own, physical = q[None], output["q"][None]
+    violation, drift = output["violation"][:1], drift_of(physical, rtol)
     run = Run(t[None], own, v[None], physical, violation, drift)
     return {"flags": system.validity.flags(system, run)}
 

@@ -120,13 +120,13 @@ def _emitted(model: Model, name: str) -> list[Emitted]:
         ("outputs", model.measured, "y", list(model.outputs)),
         ("lift", model.lifted, "z", known["q"] + known["v"]),
     ]
-    found = [
+    functions = [
         _one(f"{name}_{stem}", function, point, labels | {result: entries}, result)
         for stem, function, result, entries in whole
     ]
     for stem, function in (("f", model.rates), ("outputs", model.measured)):
-        found += _derivatives(f"{name}_{stem}", function, point)
-    return found
+        functions += _derivatives(f"{name}_{stem}", function, point)
+    return functions
 
 
 def _one(name: str, function: Any, point: Any, labels: Any, result: str) -> Emitted:

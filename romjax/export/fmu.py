@@ -169,20 +169,22 @@ def _functions(model: Model) -> list[Emitted]:
         return dict(zip(("bx", "bs"), back, strict=True))
 
     def linear(t: Array, x: Array, s: Array) -> Mapping[str, Array]:
-        found = model.linear(t, x, s[:count], s[count:])
-        return dict(zip(("a", "by_q", "by_v", "by_t"), found, strict=True))
+        functionss = model.linear(t, x, s[:count], s[count:])
+        return dict(zip(("a", "by_q", "by_v", "by_t"), functionss, strict=True))
 
     along, across = {"vx": (states,), "vs": (given,)}, {"wx": (states,), "wy": (outputs,)}
     measured = lambda t, x, s: {"y": both(x, s, t)[1]}  # noqa: E731
-    found = [
+    functions = [
         emit(rate, "model_rate", point, labels, "Accelerations."),
         emit(measured, "model_outputs", point, labels, "Outputs."),
         emit(forward, "model_jvp", point | along, {}, "Derivatives along (vx, vs)."),
         emit(reverse, "model_vjp", point | across, {}, "Adjoint derivatives of (wx, wy)."),
     ]
     if _is_stiff(model):
-        found.append(emit(linear, "model_linear", point, labels, "Accelerations and derivatives."))
-    return found + _of_runs(model, point)
+        functions.append(
+            emit(linear, "model_linear", point, labels, "Accelerations and derivatives.")
+        )
+    return functions + _of_runs(model, point)
 
 
 def _of_runs(model: Model, point: dict[str, tuple[int, ...]]) -> list[Emitted]:
@@ -208,17 +210,17 @@ def _of_runs(model: Model, point: dict[str, tuple[int, ...]]) -> list[Emitted]:
         return equations.longest(Schedule.of(model.system(s[count:])), t)
 
     given = {"s": point["s"]}
-    found = [
+    functions = [
         emit(initial, "model_initial", given, {}, "The start of some parameters."),
         emit(check, "model_check", point, {}, "Whether constraints and rates hold; violation."),
         emit(corners, "model_corners", given, {}, "Times at which steps have to end."),
     ]
     if judges_states(model.nominal):
         summary = "What speaks against one state."
-        found.append(emit(flags, "model_flags", point | {"rtol": ()}, {}, summary))
+        functions.append(emit(flags, "model_flags", point | {"rtol": ()}, {}, summary))
     if schedule.limits_steps:
-        found.append(emit(longest, "model_longest", {"t": ()} | given, {}, "The longest step."))
-    return found
+        functions.append(emit(longest, "model_longest", {"t": ()} | given, {}, "The longest step."))
+    return functions
 
 
 def _source(model: Model, functions: list[Emitted], token: str) -> str:

@@ -141,9 +141,9 @@ def model_of(
         remedy = "a label, a quantity or a function"
         check_kind(verb, f"output {key!r}", what, measured, remedy)
     if stabilization == "default":
-        found = frequencies_of(nominal)
+        frequencies = frequencies_of(nominal)
         stabilization = default_stabilization(
-            without_names(nominal), jnp.asarray(TIMES), None, found
+            without_names(nominal), jnp.asarray(TIMES), None, frequencies
         )
     if not isinstance(stabilization, Baumgarte | None):
         refuse(

@@ -78,15 +78,15 @@ def functions_of(model: Model, stiff: bool, along: bool = False) -> list[Emitted
     }
     left_out = {"linear": not stiff, "flags": not judges_states(nominal)}
     left_out["longest"] = not Schedule.of(nominal).limits_steps
-    found = []
+    emitted = []
     for name, (function, arguments) in functions.items():
         if not left_out.get(name):
             known = {key: words[key] for key in words if key in ("x", *_RESULTS.get(name, ()))}
-            found.append(emit(function, f"model_{name}", arguments, known, summaries[name]))
+            emitted.append(emit(function, f"model_{name}", arguments, known, summaries[name]))
     for name in ("rate", "output", "initial", "linear") if along else ():
         if not left_out.get(name):
-            found.append(_along(name, *functions[name]))
-    return found
+            emitted.append(_along(name, *functions[name]))
+    return emitted
 
 
 def _along(name: str, function: Any, arguments: dict[str, tuple[int, ...]]) -> Emitted:

@@ -96,9 +96,9 @@ def stablehlo(
         p = jnp.stack([numbers[0][name] for name in names]) if names else jnp.zeros(0)
         steps: Any = {"rtol": rtol, "atol": atol, "dt": dt, "max_steps": max_steps}
         choice: Any = {"solver": solver, "stabilization": held, "throw": False, "audit": False}
-        found = simulate(model.system(p), times, q0=q0, v0=v0, **steps, **choice)
+        trajectory = simulate(model.system(p), times, q0=q0, v0=v0, **steps, **choice)
         fields = ("q", "v", "violation", "status", "flags")
-        return {field: jnp.asarray(getattr(found, field)) for field in fields}
+        return {field: jnp.asarray(getattr(trajectory, field)) for field in fields}
 
     number = jax.ShapeDtypeStruct((), nominal.q0.dtype)
     given = [nominal.q0, nominal.v0] + ([dict.fromkeys(names, number)] if names else [])
@@ -118,10 +118,10 @@ def _chosen(
 ) -> tuple[diffrax.AbstractSolver[Any], Stabilization]:
     """The method and the stabilization, by the numbers that the system has."""
     bare = without_names(system)
-    found = start_frequencies(bare, ts, system.q0, system.v0)
+    frequencies = start_frequencies(bare, ts, system.q0, system.v0)
     step = None if dt is None else as_number(dt, system.q0.dtype)
     times = as_jax(ts)
-    method = solver or default_method(system, times, step, found).solver
+    method = solver or default_method(system, times, step, frequencies).solver
     if stabilization == "default":
-        stabilization = default_stabilization(bare, times, step, found)
+        stabilization = default_stabilization(bare, times, step, frequencies)
     return method, stabilization

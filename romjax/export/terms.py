@@ -58,8 +58,8 @@ def literal(x: Any) -> str:
 
 def uses_of(numbers: Sequence[Any]) -> tuple[str, ...]:
     """The variables that some numbers need."""
-    found = {name: None for x in numbers if isinstance(x, Term) for name in x.uses}
-    return tuple(found)
+    variables = {name: None for x in numbers if isinstance(x, Term) for name in x.uses}
+    return tuple(variables)
 
 
 class Writer:

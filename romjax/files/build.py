@@ -47,14 +47,14 @@ class Builder:
         """The scene; an empty one if anything is wrong."""
         names = self._names("bodies")
         bodies = [self.body(name) for name in names if not self.problems.full]
-        found = {body.dimension for body in bodies if body}
-        if found and self.tables.get("dimension", 2) not in found:
-            words = f"The bodies have {min(found)}; write dimension = {min(found)}."
+        dimensions = {body.dimension for body in bodies if body}
+        if dimensions and self.tables.get("dimension", 2) not in dimensions:
+            words = f"The bodies have {min(dimensions)}; write dimension = {min(dimensions)}."
             self.problems.add(("dimension",), words)
             return Scene([])
         joints = list(self._parts("joints", AbstractJoint))
         effects = list(self._parts("effects", AbstractEffect))
-        if self.problems.found:
+        if self.problems.mistakes:
             return Scene([])
         scene = Scene([body for body in bodies if body], joints, effects)
         try:

@@ -81,17 +81,17 @@ def makers(base: type) -> dict[str, Maker]:
 
 @functools.lru_cache
 def _makers(parts: tuple[type, ...]) -> dict[str, Maker]:
-    found: dict[str, Maker] = {}
+    makers: dict[str, Maker] = {}
     # Those of romjax first, whose names are theirs.
     for part in sorted(parts, key=_own, reverse=True):
         if inspect.isabstract(part) or part.__name__.startswith(("_", "Abstract")):
             continue
         for maker in _makers_of(part):
-            known, name = found.get(maker.name), maker.name
+            known, name = makers.get(maker.name), maker.name
             if known and _own(known.part) and not _own(part):
                 name = f"{part.__module__}.{name}"
-            found[name] = dataclasses.replace(maker, name=name)
-    return found
+            makers[name] = dataclasses.replace(maker, name=name)
+    return makers
 
 
 def maker_of(part: Any, base: type) -> Maker | None:
@@ -119,14 +119,14 @@ def _makers_of(part: type) -> list[Maker]:
     """The constructor of a part, and its class methods of_…"""
     fields, constructor = _fields(part), inspect.getattr_static(part, "__init__")
     main = _arguments(constructor, fields)
-    found = [Maker(part, name, part, main) for name in _names(part)]
+    makers = [Maker(part, name, part, main) for name in _names(part)]
     for name, value in inspect.getmembers(part, inspect.ismethod):
         if name.startswith("of_") and value.__self__ is part:
             own = _arguments(value, fields)
             if _takes_more(value):
                 own |= {key: x for key, x in main.items() if key not in own and not x.required}
-            found += [Maker(part, f"{kind}.{name}", value, own) for kind in _names(part)]
-    return found
+            makers += [Maker(part, f"{kind}.{name}", value, own) for kind in _names(part)]
+    return makers
 
 
 def _names(part: type) -> tuple[str, ...]:
@@ -141,27 +141,27 @@ def _names(part: type) -> tuple[str, ...]:
 
 def _fields(part: type) -> dict[str, Argument]:
     """Return the fields of a part with their forms."""
-    hints, found = _hints(part), {}
+    hints, fields = _hints(part), {}
     for field in dataclasses.fields(part):
         hint = hints.get(field.name, field.type)
         optional, angle = type(None) in typing.get_args(hint), bool(field.metadata.get(ANGLE))
         form = RotationForm() if field.metadata.get(ROTATION) else form_of(hint)
         unit = field.metadata.get(UNIT, "")
-        found[field.name] = Argument(field.name, form, angle=angle, optional=optional, unit=unit)
-    return found
+        fields[field.name] = Argument(field.name, form, angle=angle, optional=optional, unit=unit)
+    return fields
 
 
 def _arguments(call: Any, fields: Mapping[str, Argument]) -> dict[str, Argument]:
     """Return the arguments of a function that makes a part with some fields."""
-    hints, found = _hints(call), {}
+    hints, arguments = _hints(call), {}
     for name, parameter in inspect.signature(call).parameters.items():
         if name == "self" or parameter.kind is parameter.VAR_KEYWORD:
             continue
         field = fields.get(name, Argument(name, None))
         form = refined(form_of(hints.get(name, parameter.annotation)), field.form)
         default = EMPTY if parameter.default is parameter.empty else parameter.default
-        found[name] = dataclasses.replace(field, form=form, default=default)
-    return found
+        arguments[name] = dataclasses.replace(field, form=form, default=default)
+    return arguments
 
 
 def _takes_more(call: Any) -> bool:

@@ -29,31 +29,31 @@ class Problems:
 
     path: Path
     text: str = ""
-    found: list[tuple[Place, str]] = dataclasses.field(default_factory=list)
+    mistakes: list[tuple[Place, str]] = dataclasses.field(default_factory=list)
 
     def add(self, place: Place, words: str) -> None:
         """A mistake at some key: cause and remedy."""
-        if not self.full and (place, words) not in self.found:
-            self.found.append((place, words))
+        if not self.full and (place, words) not in self.mistakes:
+            self.mistakes.append((place, words))
 
     @property
     def full(self) -> bool:
         """Whether there are so many that nobody needs to look for more."""
-        return len(self.found) >= _LISTED
+        return len(self.mistakes) >= _LISTED
 
     def touch(self, place: Place) -> bool:
         """Whether there is a mistake at some key or within it."""
-        return any(other[: len(place)] == place for other, _ in self.found)
+        return any(other[: len(place)] == place for other, _ in self.mistakes)
 
     def raise_any(self) -> None:
         """Raise a SceneFileError if there are mistakes."""
-        if self.found:
+        if self.mistakes:
             raise SceneFileError("\n".join(self.lines()))
 
     def lines(self) -> list[str]:
         """Each mistake in words."""
         numbers = line_numbers(self.text)
-        ordered = sorted(self.found, key=lambda one: _line(numbers, one[0]))
+        ordered = sorted(self.mistakes, key=lambda one: _line(numbers, one[0]))
         said = [self._say(_line(numbers, place), place, words) for place, words in ordered]
         return said + [f"{self.path}: and more; these come first."] * self.full
 
@@ -108,7 +108,7 @@ def _keys(place: Place) -> str:
 
 def line_numbers(text: str) -> dict[Place, int]:
     """The lines, from 1, at which tables and keys begin, as far as one line at a time tells."""
-    found: dict[Place, int] = {}
+    numbers: dict[Place, int] = {}
     counts = Counter[Place]()
     table: Place = ()
     for number, line in enumerate(text.splitlines(), 1):
@@ -123,8 +123,8 @@ def line_numbers(text: str) -> dict[Place, int]:
         elif assignment:
             place = table + _path(assignment[1])
         for length in range(1, len(place) + 1):
-            found.setdefault(place[:length], number)
-    return found
+            numbers.setdefault(place[:length], number)
+    return numbers
 
 
 def _path(key: str) -> Place:

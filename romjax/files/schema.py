@@ -211,14 +211,14 @@ def _wrong_keys(keys: Mapping[str, Key], place: Place, table: Any) -> Iterator[t
 
 def json_schema() -> dict[str, Any]:
     """The JSON schema of scene files, for editors."""
-    found: dict[str, dict[str, Any]] = {}
-    _schema(_DOCUMENT, found)
-    own = found.pop(_DOCUMENT.name)
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **own, "$defs": found}
+    definitions: dict[str, dict[str, Any]] = {}
+    _schema(_DOCUMENT, definitions)
+    own = definitions.pop(_DOCUMENT.name)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **own, "$defs": definitions}
 
 
-def _schema(form: Form, found: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """The schema of a form; those of tables are among the ones that are `found`, by their names."""
+def _schema(form: Form, definitions: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """The schema of a form; those of tables are put into the `definitions`, by their names."""
     match form:
         case Numbers():
             return number_schema(form)
@@ -228,23 +228,23 @@ def _schema(form: Form, found: dict[str, dict[str, Any]]) -> dict[str, Any]:
         case Choice(values):
             return {"enum": list(values)}
         case PointForm():
-            return {"anyOf": [_schema(_TEXT, found), number_schema(_POINT)]}
+            return {"anyOf": [_schema(_TEXT, definitions), number_schema(_POINT)]}
         case MarkerForm():
-            return {"oneOf": [_schema(x, found) for x in (_TEXT, _MARKER)]}
+            return {"oneOf": [_schema(x, definitions) for x in (_TEXT, _MARKER)]}
         case RotationForm():
-            return {"oneOf": [_schema(x, found) for x in (ROTATION_NUMBERS, _AXIS, _EULER)]}
+            return {"oneOf": [_schema(x, definitions) for x in (ROTATION_NUMBERS, _AXIS, _EULER)]}
         case ListOf(item):
-            return {"type": "array", "items": _schema(item, found)}
+            return {"type": "array", "items": _schema(item, definitions)}
         case TableOf(item):
-            return {"type": "object", "additionalProperties": _schema(item, found)}
+            return {"type": "object", "additionalProperties": _schema(item, definitions)}
         case PartOf(base):
             tables = [_part(maker, base) for maker in _readable(base).values()]
-            return {"oneOf": [_schema(table, found) for table in tables]}
+            return {"oneOf": [_schema(table, definitions) for table in tables]}
         case Table(name, keys, words):
-            if name not in found:
+            if name not in definitions:
                 own: dict[str, Any] = {"type": "object", "additionalProperties": False}
-                found[name] = own | ({"description": words} if words else {})
-                properties = {key: _schema(x.form, found) for key, x in keys.items()}
+                definitions[name] = own | ({"description": words} if words else {})
+                properties = {key: _schema(x.form, definitions) for key, x in keys.items()}
                 required = [key for key, x in keys.items() if x.required]
-                found[name] |= {"properties": properties, "required": required}
+                definitions[name] |= {"properties": properties, "required": required}
             return {"$ref": f"#/$defs/{name}"}

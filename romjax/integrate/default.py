@@ -61,11 +61,11 @@ def start_frequencies(
     if not is_outermost() or q is not system.q0 or v is not system.v0:
         return _frequencies(system, t, q, v)
     now = np.asarray(t)
-    at, found = _known.get(system) or (None, None)
-    if found is None or at != now:
-        found = _frequencies(system, t, q, v)
-        _known.put(system, (now, found))
-    return found
+    at, frequencies = _known.get(system) or (None, None)
+    if frequencies is None or at != now:
+        frequencies = _frequencies(system, t, q, v)
+        _known.put(system, (now, frequencies))
+    return frequencies
 
 
 @program_once

@@ -164,11 +164,11 @@ def _errors(system: AbstractSystem, simulate: Simulate) -> tuple[TrainingError, 
 
 def _measure(training: Training, simulate: Simulate) -> None:
     """Fill in the errors of a model, which needs its motions no longer."""
-    found = []
+    errors = []
     for number, motion in enumerate(training.motions):
         rom = _beginning_as(training.rom, motion, number == 0) if _is_known(motion) else None
-        found += [] if rom is None else [_error(rom, motion, simulate)]
-    training.errors, training.motions = tuple(found), ()
+        errors += [] if rom is None else [_error(rom, motion, simulate)]
+    training.errors, training.motions = tuple(errors), ()
 
 
 def _is_known(motion: Any) -> bool:

@@ -88,10 +88,10 @@ class Trajectory(eqx.Module):
 
         Raises InputError, with the closest labels, if no coordinate has that one.
         """
-        found = find(label, self.labels) if isinstance(label, str) else None
-        if found is None:
+        column = find(label, self.labels) if isinstance(label, str) else None
+        if column is None:
             raise unknown_name("Trajectory", "coordinate", label, self.labels)
-        number, is_rate = found
+        number, is_rate = column
         return (self.v if is_rate else self.q)[..., number]
 
     @property

@@ -214,8 +214,8 @@ def improve_inverse(
         return inverse + multiply(inverse, error), jnp.max(jnp.abs(error)), count + 1
 
     start = (inverse, jnp.full_like(inverse[0, 0], jnp.inf), 0)
-    found: Array = jax.lax.while_loop(unfinished, square, start)[0]
-    return found
+    improved: Array = jax.lax.while_loop(unfinished, square, start)[0]
+    return improved
 
 
 def solve_by_inverse(
@@ -251,8 +251,8 @@ def solve_by_similar(
             return x + step, jnp.max(jnp.abs(step), initial=0.0), count + 1
 
         start = (jnp.zeros_like(right), jnp.asarray(jnp.inf, right.dtype), 0)
-        found: Array = jax.lax.while_loop(unfinished, refine, start)[0]
-        return found
+        solution: Array = jax.lax.while_loop(unfinished, refine, start)[0]
+        return solution
 
     solution: Float[Array, m * k] = jax.lax.custom_linear_solve(
         lambda x: multiply(matrix, x),

@@ -149,8 +149,8 @@ class ImplicitKKT(eqx.Module):
             return x, right - self._multiply(self, x, transposed), sizes(left), count + 1
 
         start = (jnp.zeros_like(right), right, jnp.full_like(enough, jnp.inf), 0)
-        found: Array = jax.lax.while_loop(unfinished, sweep, start)[0]
-        return found
+        solution: Array = jax.lax.while_loop(unfinished, sweep, start)[0]
+        return solution
 
     def _multiply(
         self, blocks: Any, x: Float[Array, "size k"], transposed: bool = False

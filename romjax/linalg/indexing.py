@@ -48,8 +48,8 @@ def take(array: Shaped[Array, "n *k"], table: np.ndarray) -> Shaped[Array, "..."
         if flat.size and flat.max() >= size:
             array = jnp.concatenate([array, np.zeros((1, *array.shape[1:]), array.dtype)])
         picked = array[flat]
-    found: Array = picked.reshape(table.shape + array.shape[1:])
-    return found
+    rows: Array = picked.reshape(table.shape + array.shape[1:])
+    return rows
 
 
 def consecutive(array: Any, start: int, count: int) -> Any:

@@ -78,8 +78,8 @@ def slopes(moments: Float[Numbers, "... 4 3"]) -> Float[Numbers, "... 3 12"]:
     outer = xp.concatenate([20 * one - second, first, one + 0 * first], -1)
     scaled = (left @ xp.concatenate(inner, -1) - right @ outer) / 240
     onto = one + 0.5 * of_turn[..., 1:2, :] ** 2 * around + of_turn[..., 2:, :] * (around @ around)
-    found: Float[Numbers, "... 3 12"] = xp.concatenate([onto, onto @ scaled], -1)
-    return found
+    derivatives: Float[Numbers, "... 3 12"] = xp.concatenate([onto, onto @ scaled], -1)
+    return derivatives
 
 
 def spin(moments: Float[Array, "... 4 3"], rates: Float[Array, "... 4 3"]) -> Float[Array, "... 3"]:
@@ -97,14 +97,14 @@ def spin(moments: Float[Array, "... 4 3"], rates: Float[Array, "... 4 3"]) -> Fl
 def skew(x: Float[Numbers, "... 3"]) -> Float[Numbers, "... 3 3"]:
     """x̃, with x̃ y = x × y, by one product, which compiles faster than picked entries."""
     entries: Any = x @ _SKEW.reshape(3, 9)
-    found: Float[Numbers, "... 3 3"] = entries.reshape(*x.shape, 3)
-    return found
+    matrix: Float[Numbers, "... 3 3"] = entries.reshape(*x.shape, 3)
+    return matrix
 
 
 def cross(a: Float[Numbers, "... 3"], b: Float[Numbers, "... 3"]) -> Float[Numbers, "... 3"]:
     """A × b."""
-    found: Float[Numbers, "... 3"] = (skew(a) * b[..., None, :]).sum(axis=-1)
-    return found
+    product: Float[Numbers, "... 3"] = (skew(a) * b[..., None, :]).sum(axis=-1)
+    return product
 
 
 def _series(moments: Float[Numbers, "... 4 3"]) -> Float[Numbers, "... 3"]:
@@ -137,8 +137,8 @@ def _coefficients(omega: Float[Numbers, "... 3"]) -> Float[Numbers, "... 3"]:
     for terms in reversed(_SERIES):
         total = _broadcast(np.array(terms), omega.ndim) - few * total
     quotients = xp.concatenate([cosine, sine, (1 - cosine * sine) / many], -1)
-    found: Float[Numbers, "... 3"] = xp.where(small, total, quotients)
-    return found
+    coefficients: Float[Numbers, "... 3"] = xp.where(small, total, quotients)
+    return coefficients
 
 
 def _broadcast(values: np.ndarray, axes: int) -> np.ndarray:

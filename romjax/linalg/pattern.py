@@ -100,8 +100,8 @@ class Pattern:
     def bodies_at(self, coordinates: np.ndarray) -> np.ndarray:
         """Return the bodies whose first coordinates are given; −1 where there is none."""
         body_of = {int(first): i for i, first in enumerate(self.coordinates.array[:, 0])}
-        found = [body_of.get(int(first), -1) for first in coordinates.reshape(-1)]
-        return np.array(found, int).reshape(coordinates.shape)
+        bodies = [body_of.get(int(first), -1) for first in coordinates.reshape(-1)]
+        return np.array(bodies, int).reshape(coordinates.shape)
 
     # Between flat vectors and blocks.
 

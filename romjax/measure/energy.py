@@ -89,7 +89,7 @@ def part_energies(system: AbstractSystem, run: Trajectory) -> PartEnergies:
     """
     check_run("part_energies", system, run)
     full = assembled("part_energies", system)
-    found = along(_of_parts, without_names(full), run.t, run.q, run.v)
+    energies = along(_of_parts, without_names(full), run.t, run.q, run.v)
     coordinates, keys = full.structure.coordinates, full.structure.effects
     bodies = [
         [coordinates[rows[0]].owner for rows in group.coordinates.rows]
@@ -108,7 +108,7 @@ def part_energies(system: AbstractSystem, run: Trajectory) -> PartEnergies:
             for i, name in enumerate(group)
         }
 
-    kinetic, elastic, field, damping, stored, given = found
+    kinetic, elastic, field, damping, stored, given = energies
     return PartEnergies(
         kinetic=named(kinetic, bodies),
         elastic=named(elastic, bodies),

@@ -124,8 +124,8 @@ class ForceTable(eqx.Module):
         for forces, names in zip(self.stacked, self.names, strict=True):
             if key in names:
                 part = functools.partial(_part, names.index(key))
-                found: Forces = jax.tree.map(part, forces, is_leaf=_is_pair)
-                return found
+                one: Forces = jax.tree.map(part, forces, is_leaf=_is_pair)
+                return one
         raise unknown_name(f"{self.kind}_forces", self.kind, key, self.keys())
 
 
@@ -162,8 +162,8 @@ def joint_forces(system: AbstractSystem, run: Trajectory) -> ForceTable:
     full, bare = assembled("joint_forces", system), without_names(system)
     if full.joint_markers is None:
         return ForceTable((), (), "joint")
-    found = along(_of_joints, bare, run.t, run.q, run.v)
-    return _table("joint", without_counters(full.joints), full.structure.joints, found)
+    stacked = along(_of_joints, bare, run.t, run.q, run.v)
+    return _table("joint", without_counters(full.joints), full.structure.joints, stacked)
 
 
 def effect_forces(system: AbstractSystem, run: Trajectory) -> ForceTable:
@@ -180,18 +180,18 @@ def effect_forces(system: AbstractSystem, run: Trajectory) -> ForceTable:
     full, bare = assembled("effect_forces", system), without_names(system)
     if full.effect_markers is None:
         return ForceTable((), (), "effect")
-    found = along(_of_effects, bare, run.t, run.q, run.v)
-    return _table("effect", full.effects, full.structure.effects, found)
+    stacked = along(_of_effects, bare, run.t, run.q, run.v)
+    return _table("effect", full.effects, full.structure.effects, stacked)
 
 
 def _table(
-    kind: Literal["joint", "effect"], groups: Any, keys: tuple[str, ...], found: list[Forces]
+    kind: Literal["joint", "effect"], groups: Any, keys: tuple[str, ...], stacked: list[Forces]
 ) -> ForceTable:
     names, first = [], 0
     for group in groups:
         names.append(keys[first : first + group.markers.count])
         first += group.markers.count
-    return ForceTable(tuple(found), tuple(names), kind)
+    return ForceTable(tuple(stacked), tuple(names), kind)
 
 
 def _of_joints(system: Any, t: Array, q: Array, v: Array) -> list[Forces]:

@@ -51,10 +51,10 @@ class Coordinate(AbstractQuantity):
     def value(
         self, full: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
     ) -> Float[Array, ""]:
-        found = find(self.label, full.structure.labels)
-        if found is None:
+        column = find(self.label, full.structure.labels)
+        if column is None:
             raise unknown_name("quantity", "coordinate", self.label, full.structure.labels)
-        number, is_rate = found
+        number, is_rate = column
         return (v if is_rate else q)[number]
 
 

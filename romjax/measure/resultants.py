@@ -109,8 +109,8 @@ def resultants(
     check_run(owner, system, run)
     cut = _prepared(owner, system, beam, positions)
     bare = without_names(system)
-    found: Resultants = along(_at, (bare, cut), run.t, run.q, run.v)
-    return found
+    loads: Resultants = along(_at, (bare, cut), run.t, run.q, run.v)
+    return loads
 
 
 def _prepared(

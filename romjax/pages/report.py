@@ -77,11 +77,11 @@ def best(result: Reductions) -> dict[str, Trajectory]:
 
 def _bases(truth: Trajectory) -> dict[str, Basis]:
     """Return the bases of the motion by POD and SOD, as far as it has any."""
-    found = {}
+    bases = {}
     for decomposition in (POD(), SOD()):
         with contextlib.suppress(InputError):
-            found[decomposition.name] = decomposition(truth)
-    return found
+            bases[decomposition.name] = decomposition(truth)
+    return bases
 
 
 def _page(

@@ -95,14 +95,14 @@ def on_beam(beam: Any, owner: str, marker: Marker) -> Marker:
 
 def _points(body: AbstractBody, frame: Pose, length: float) -> dict[str, Any]:
     """The named points of a body that are between the ends, in the frame of the beam."""
-    found = {}
+    points = {}
     for name, point in body.named_points().items():
         place = against(start_pose(body, point), frame).position
         known = concrete(place)
         within = known is None or abs(float(known[0])) <= 0.5 * length * (1 + _AT_END)
         if name not in ("start", "end") and within:
-            found[name] = as_array(place)
-    return found
+            points[name] = as_array(place)
+    return points
 
 
 def _inertia(body: Any, frame: Pose, length: float) -> Any:

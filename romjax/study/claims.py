@@ -102,10 +102,10 @@ class Claims:
 def _owner(file: Path) -> dict[str, Any]:
     """What a claim says of its process; empty if it is gone or not yet written."""
     try:
-        found = json.loads(file.read_bytes())
+        content = json.loads(file.read_bytes())
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return content if isinstance(content, dict) else {}
 
 
 def _runs(pid: Any) -> bool:

@@ -98,12 +98,12 @@ def corrected_with(
 
 def _finer_alike(rom: AbstractReducedSystem) -> list[Finer]:
     """The models that tell the errors of a reduced one, of its own mechanism."""
-    found: list[Finer] | None = _alike.get(rom)
-    if found is None:
-        found = [Finer(x.model.with_full(rom.full), x.name) for x in finer_of(rom)]
+    finer: list[Finer] | None = _alike.get(rom)
+    if finer is None:
+        finer = [Finer(x.model.with_full(rom.full), x.name) for x in finer_of(rom)]
         if is_outermost():
-            _alike.put(rom, found)
-    return found
+            _alike.put(rom, finer)
+    return finer
 
 
 # By the reduced model that they judge: another mechanism is assembled in 40 ms.
@@ -136,13 +136,13 @@ def _check(rom: AbstractSystem, run: Trajectory) -> None:
 
 
 def _by_cap(system: AbstractSystem, run: Trajectory) -> tuple[Trajectory, AbstractSystem]:
-    found = twice_capped(system)
-    if found is None:
+    capped = twice_capped(system)
+    if capped is None:
         raise InputError(
             "corrected: the system is a full one, which leaves nothing out; give the reduced or "
             "capped model that was simulated. Of errors of its steps a smaller rtol tells."
         )
-    model, metric = found
+    model, metric = capped
     other = simulated(model, run)
     # Capped modes weigh more than those that errors are measured by.
     derived = EagerQuantities(other.multipliers, metric, other.derived.parts)

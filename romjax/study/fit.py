@@ -151,10 +151,10 @@ def _search(
         common: Any = {"rtol": tol, "atol": tol, "verbose": show if progress else False}
         scaled = eqx.tree_at(lambda m: m.weight, misfit, misfit.weight / size)
         method: Any = optimistix.BestSoFarMinimiser(optimistix.OptaxMinimiser(optimizer, **common))
-        found = _minimise(scaled, method, begin, steps)
+        minimum = _minimise(scaled, method, begin, steps)
         jax.effects_barrier()
-        success = bool(found.result == optimistix.RESULTS.successful)
-        return Solution(np.asarray(found.value), int(found.stats["num_steps"]), success)
+        success = bool(minimum.result == optimistix.RESULTS.successful)
+        return Solution(np.asarray(minimum.value), int(minimum.stats["num_steps"]), success)
 
 
 def inverse_square(jacobian: np.ndarray) -> np.ndarray:

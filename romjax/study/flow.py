@@ -64,7 +64,7 @@ class Flows(eqx.Module):
 
         Raises SimulationError where one of its motions fails.
         """
-        found, runs = [], []
+        flows, runs = [], []
         for system in systems:
             model = space.with_full(system).starting_at(system.q0, system.v0)
             run = simulate(model, ts, rtol=rtol, audit=False)
@@ -72,9 +72,9 @@ class Flows(eqx.Module):
             fastest = float(start_frequencies(bare, run.t, bare.q0, bare.v0).fastest)
             longest = float(np.max(np.diff(np.asarray(run.t))))
             steps = int(np.clip(np.ceil(longest * fastest / _LARGEST_ANGLE), 1, _MOST_STEPS))
-            found.append(_flow(bare, run.t, run.q, run.v, np.asarray(steps)))
+            flows.append(_flow(bare, run.t, run.q, run.v, np.asarray(steps)))
             runs.append(run)
-        stacked = jax.tree.map(lambda *x: jnp.stack(x), *found)
+        stacked = jax.tree.map(lambda *x: jnp.stack(x), *flows)
         positions = jnp.stack([run.q for run in runs])
         return cls(without_names(space), runs[0].t, positions, runs[0].metric, *stacked)
 
@@ -91,8 +91,8 @@ class Flows(eqx.Module):
         apart = run.q[None] - self.q
         nearest = jnp.argmin(jnp.einsum("rki,ij,rkj->r", apart, self.metric, apart))
         motion = run.t, run.q, run.v
-        found: tuple[Array, Array] = _error(self, without_names(rom), motion, (q, v), nearest)
-        return found
+        result: tuple[Array, Array] = _error(self, without_names(rom), motion, (q, v), nearest)
+        return result
 
 
 @program

@@ -45,7 +45,7 @@ def least_squares(
         known = np.all(np.isfinite(slopes))
         return (residuals if known else np.full_like(residuals, np.nan)), slopes
 
-    found = scipy.optimize.least_squares(
+    minimum = scipy.optimize.least_squares(
         lambda x: at(x.tobytes())[0],
         begin.astype(float),
         lambda x: at(x.tobytes())[1],
@@ -55,4 +55,4 @@ def least_squares(
         gtol=None,
         max_nfev=steps + 1,
     )
-    return Solution(found.x, int(found.nfev) - 1, bool(found.success))
+    return Solution(minimum.x, int(minimum.nfev) - 1, bool(minimum.success))

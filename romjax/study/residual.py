@@ -66,10 +66,10 @@ def by_residual(
         v0=jnp.concatenate([own.v0, rate]),
     )
     rtol = _USUAL if run.stats.rtol is None else run.stats.rtol
-    found = simulate(pair, run.t, rtol=rtol, throw=False, audit=False)
+    both = simulate(pair, run.t, rtol=rtol, throw=False, audit=False)
     start: AbstractSystem = dataclasses.replace(cast(Any, full), q0=q, v0=v)
-    q, v = _lifted(without_names(own), unit, found.t, found.q, found.v)
-    return with_motion(full, start, found, q, v), start
+    q, v = _lifted(without_names(own), unit, both.t, both.q, both.v)
+    return with_motion(full, start, both, q, v), start
 
 
 def nonlinear(rom: AbstractReducedSystem) -> str:

@@ -101,9 +101,9 @@ def closed(
         step, _ = kkt(q).solve(jnp.zeros_like(q), -system.constraint(t, q))
         return q + step, None
 
-    found: Array
-    found, _ = jax.lax.scan(sweep, q, None, length=sweeps)
-    return found
+    position: Array
+    position, _ = jax.lax.scan(sweep, q, None, length=sweeps)
+    return position
 
 
 def fitting(
@@ -123,9 +123,9 @@ def fitting(
         step, _ = kkt(q).solve(jnp.zeros_like(v), -excess)
         return v + step, None
 
-    found: Array
-    found, _ = jax.lax.scan(solve, v, None, length=solves, unroll=solves == 1)
-    return found
+    velocity: Array
+    velocity, _ = jax.lax.scan(solve, v, None, length=solves, unroll=solves == 1)
+    return velocity
 
 
 def project_start(

@@ -162,5 +162,5 @@ def error_of(model: Model, truth: Truth, settings: Settings) -> float:
 
 def error(truth: Trajectory, run: Trajectory) -> float:
     """Return the error of a run, infinite if it has failed."""
-    found = float(compare(truth, run).error)
-    return found if np.isfinite(found) and bool(run.success) else np.inf
+    value = float(compare(truth, run).error)
+    return value if np.isfinite(value) and bool(run.success) else np.inf

@@ -88,8 +88,8 @@ def _result(search: Search, spend: float) -> Reductions:
         return lambda: simulated(system, search.ts, rtol, solver)
 
     calls = [call(system) for system in systems]
-    found = alternating(calls, spend)
-    full_time, (trained, unseen) = float(found.times[0]), search.own()
+    timed = alternating(calls, spend)
+    full_time, (trained, unseen) = float(timed.times[0]), search.own()
     full = ReductionRow(
         name="full",
         formulation="full",
@@ -108,7 +108,7 @@ def _result(search: Search, spend: float) -> Reductions:
     rows = [
         _row(tried, float(taken), float(ratio), full)
         for tried, taken, ratio in zip(
-            search.attempts, found.times[1:], found.speed_ups[1:], strict=True
+            search.attempts, timed.times[1:], timed.speed_ups[1:], strict=True
         )
     ]
     order = in_order(rows, tol)

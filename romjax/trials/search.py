@@ -225,8 +225,8 @@ class Search:
         self.progress.doing("other starts" if not self.facts.drives else "other speeds")
         systems = variants(self.scene, self.system, self.training[0].run, changes)
         rtol = self.settings.rtol if self.once.work > _LONG else _sharp(self.settings.rtol)
-        found = [_truth(system, self.full, rtol) for system in systems]
-        return [truth for truth in found if truth is not None]
+        truths = [_truth(system, self.full, rtol) for system in systems]
+        return [truth for truth in truths if truth is not None]
 
 
 class _Clock:

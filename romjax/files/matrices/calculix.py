@@ -69,19 +69,19 @@ def _turning(path: Path, dofs: np.ndarray, deck: Deck | None, places: Nodes) -> 
         )
     for index, number in zip(unnamed, made.tolist(), strict=True):
         pairs[index] = pairs[index][0], number
-    found = dofs.copy()
+    numbered = dofs.copy()
     for node, turning in pairs:
         own = dofs[:, 0] == turning
-        found[own, 0], found[own, 1] = node, dofs[own, 1] + 3
-    return found
+        numbered[own, 0], numbered[own, 1] = node, dofs[own, 1] + 3
+    return numbered
 
 
 def _thickness(dofs: np.ndarray) -> np.ndarray:
     """Changes of thickness as modal coordinates: rigid motion in the plane leaves them at rest."""
-    found, across = dofs.copy(), dofs[:, 1] == _THICKNESS
-    found[across, 0] = dofs[:, 0].max() + 1 + np.arange(np.sum(across))
-    found[across, 1] = 0
-    return found
+    numbered, across = dofs.copy(), dofs[:, 1] == _THICKNESS
+    numbered[across, 0] = dofs[:, 0].max() + 1 + np.arange(np.sum(across))
+    numbered[across, 1] = 0
+    return numbered
 
 
 def _layers(
@@ -112,13 +112,13 @@ def _layers(
 
 def _dofs(path: Path) -> np.ndarray:
     """Node and direction of each row, written as node.direction, (rows, 2)."""
-    found = []
+    pairs = []
     for line, row in data_lines(path, _COMMENT):
         node, _, direction = row.strip().partition(".")
         if not (node.isdigit() and direction.isdigit()):
             raise wrong(path, line, f"{row.strip()!r} is not node.direction; write it again")
-        found.append((int(node), int(direction)))
-    return np.array(found, np.int64).reshape(-1, 2)
+        pairs.append((int(node), int(direction)))
+    return np.array(pairs, np.int64).reshape(-1, 2)
 
 
 def _read(path: Path, dofs: np.ndarray) -> Entries:

@@ -139,10 +139,10 @@ def data_lines(path: Path, comment: str) -> list[tuple[int, str]]:
 
 def whole(path: Path, numbers: np.ndarray, comment: str) -> np.ndarray:
     """Columns of numbers of nodes and rows as integers; raises InputError for a fraction."""
-    found = np.rint(numbers)
-    fraction = np.any(found != numbers, axis=1)
+    rounded = np.rint(numbers)
+    fraction = np.any(rounded != numbers, axis=1)
     if np.any(fraction):
         line, row = data_lines(path, comment)[int(np.argmax(fraction))]
         raise wrong(path, line, f"{row.strip()!r} numbers nodes by fractions; write it again")
-    integers: np.ndarray = found.astype(np.int64)
+    integers: np.ndarray = rounded.astype(np.int64)
     return integers

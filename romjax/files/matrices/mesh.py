@@ -133,8 +133,8 @@ def _of_calculix(dimension: int, rows: calculix.Rows, places: Nodes) -> Mesh:
     means = _places(dimension, stiffness, places, numbers)
     index = np.arange(1, len(of) + 1)
     mesh = _mesh(dimension, stiffness, mass, Nodes(index, means[node]))
-    found = layer_places(stiffness.path, mesh.stiffness, mesh.mass, means, node)
-    return mesh._replace(nodes=found, numbers=of)
+    nodes = layer_places(stiffness.path, mesh.stiffness, mesh.mass, means, node)
+    return mesh._replace(nodes=nodes, numbers=of)
 
 
 def _mesh(dimension: int, stiffness: Entries, mass: Entries, places: Nodes) -> Mesh:
@@ -238,5 +238,5 @@ def _places(dimension: int, entries: Entries, nodes: Nodes, numbers: np.ndarray)
             f"the nodes lie between z = {places[:, 2].min():g} and {places[:, 2].max():g} m; mesh "
             "the body in a plane of constant z, or give dimension=3",
         )
-    found: np.ndarray = places[:, :dimension]
-    return found
+    positions: np.ndarray = places[:, :dimension]
+    return positions

@@ -22,15 +22,15 @@ def read_punch(
     path: Path, mass: Path | None, names: Sequence[str] | None
 ) -> tuple[Entries, Entries]:
     """Stiffness and mass in one file, or in two, by their `names`, or by the letters K and M."""
-    found: dict[str, list[Card]] = {}
+    matrices: dict[str, list[Card]] = {}
     files: dict[str, Path] = {}
     for file in (path,) if mass is None else (path, mass):
         for card in cards(existing(file, "write it by EXTSEOUT or PARAM,EXTOUT,DMIGPCH"), "DMIG"):
             name = card.field(0).upper()
             if files.setdefault(name, file) != file:
                 raise wrong(file, card.lines[0], f"{name} is in {path} too; give one of both")
-            found.setdefault(name, []).append(card)
-    one, other = (_entries(files[name], found[name]) for name in _chosen(path, found, names))
+            matrices.setdefault(name, []).append(card)
+    one, other = (_entries(files[name], matrices[name]) for name in _chosen(path, matrices, names))
     return one, other
 
 
@@ -68,7 +68,7 @@ def read_op4(
     """Stiffness and mass in one OUTPUT4 file, text or binary, or in two (extra `nastran`)."""
     instead = "or write DMIG entries to a punch file, which need no package"
     op4 = extra("load_mesh", "pyNastran.op4.op4", "nastran", instead)
-    found: dict[str, tuple[Path, Any]] = {}
+    known: dict[str, tuple[Path, Any]] = {}
     for file in (path,) if mass is None else (path, mass):
         existing(file, "write it by OUTPUT4")
         try:
@@ -76,8 +76,8 @@ def read_op4(
         except Exception as error:  # whatever a broken file makes the package do
             words = str(error).split("\n")[0]
             raise wrong(file, 0, f"is no OUTPUT4 file ({words}); write it again") from error
-        found |= {name.upper(): (file, matrix) for name, matrix in matrices.items()}
-    one, other = (_coordinates(*found[x], degrees) for x in _chosen(path, found, names))
+        known |= {name.upper(): (file, matrix) for name, matrix in matrices.items()}
+    one, other = (_coordinates(*known[x], degrees) for x in _chosen(path, known, names))
     return one, other
 
 
@@ -90,15 +90,17 @@ def _coordinates(path: Path, matrix: Any, degrees: Degrees) -> Entries:
     return Entries(path, rows, columns, entries.data, np.zeros(len(ids), int), modal=True)
 
 
-def _chosen(path: Path, found: Mapping[str, Any], names: Sequence[str] | None) -> tuple[str, str]:
+def _chosen(
+    path: Path, matrices: Mapping[str, Any], names: Sequence[str] | None
+) -> tuple[str, str]:
     """The names of stiffness and mass among those that were found."""
-    listed = ", ".join(found) or "none"
+    listed = ", ".join(matrices) or "none"
     if names is not None:
         stiffness, mass = (name.upper() for name in names)
-        if stiffness not in found or mass not in found:
+        if stiffness not in matrices or mass not in matrices:
             raise wrong(path, 0, f"has no {stiffness} or {mass}; it has the matrices {listed}")
         return stiffness, mass
-    chosen = [[name for name in found if name.startswith(letter)] for letter in "KM"]
+    chosen = [[name for name in matrices if name.startswith(letter)] for letter in "KM"]
     if any(len(candidates) != 1 for candidates in chosen):
         raise wrong(
             path, 0, f"has the matrices {listed}; give names=(…, …) of the stiffness and the mass"

@@ -97,12 +97,12 @@ def _grids(path: Path) -> list[tuple[float, ...]]:
 def _sorted(numbers: list[Any], places: list[Any]) -> Nodes:
     """Sort nodes by their numbers; raise InputError for a number that is there twice."""
     ids = np.array(numbers, np.int64)
-    found = np.zeros((len(ids), 3))
-    for row, place in zip(found, places, strict=True):
+    positions = np.zeros((len(ids), 3))
+    for row, place in zip(positions, places, strict=True):
         row[: len(place)] = place
     order = np.argsort(ids, kind="stable")
-    ids, found = ids[order], found[order]
+    ids, positions = ids[order], positions[order]
     twice = ids[1:] == ids[:-1]
     if np.any(twice):
         raise InputError(f"load_mesh: node {ids[np.argmax(twice)]} is there twice; remove one.")
-    return Nodes(ids, found)
+    return Nodes(ids, positions)

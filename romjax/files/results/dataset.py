@@ -26,11 +26,11 @@ def dataset_of(
     xarray = extra("Trajectory.to_xarray", "xarray", "files")
     variables, names = variables_of(run), names_of(run)
     for name, value in extras.items():
-        for found in measured(name, value, len(run.t)):
-            words = {"long_name": f"{found.name}, measured"}
-            words |= {"units": found.unit} if found.unit else {}
-            variables[found.name] = (("time", *found.axes), found.values, words)
-            if found.axes == ("axis",):
+        for quantity in measured(name, value, len(run.t)):
+            words = {"long_name": f"{quantity.name}, measured"}
+            words |= {"units": quantity.unit} if quantity.unit else {}
+            variables[quantity.name] = (("time", *quantity.axes), quantity.values, words)
+            if quantity.axes == ("axis",):
                 names["axis"] = (("axis",), np.array(["x", "y"], object), {"long_name": "axis"})
     attributes = attributes_of(run, scene) | origin("run")
     if error:

@@ -57,13 +57,13 @@ def _mistakes(dataset: Any) -> Iterator[str]:
     for name, wanted in _dimensions(lanes).items():
         if name not in dataset:
             continue  # optional, or missed by the reader
-        found = dataset[name]
-        if found.dims not in wanted:
-            dimensions = " or ".join(f"({', '.join(dims)})" for dims in wanted)
-            yield f"'{name}' has the dimensions ({', '.join(found.dims)}) instead of {dimensions}"
+        variable = dataset[name]
+        if variable.dims not in wanted:
+            allowed = " or ".join(f"({', '.join(dims)})" for dims in wanted)
+            yield f"'{name}' has the dimensions ({', '.join(variable.dims)}) instead of {allowed}"
         kinds, words = _kinds(name)
-        if found.dtype.kind not in kinds:
-            yield f"'{name}' has the type {found.dtype} instead of {words}"
+        if variable.dtype.kind not in kinds:
+            yield f"'{name}' has the type {variable.dtype} instead of {words}"
     if "column" in dataset.sizes and dataset.sizes["column"] != dataset.sizes.get("coordinate"):
         yield f"'metric' has the shape {dataset['metric'].shape}, which is not square"
     types = {str(dataset[name].dtype) for name in _FINITE if name in dataset}

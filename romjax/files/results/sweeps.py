@@ -54,8 +54,8 @@ def dataset_of(sweep: Sweep) -> Any:
 
 def _leaves(tree: Any, alone: str) -> Iterator[tuple[str, Any]]:
     """The arrays and runs in a pytree by their paths; one that is `alone` is called so."""
-    found = jax.tree.leaves_with_path(tree, is_leaf=lambda x: isinstance(x, Trajectory))
-    for path, leaf in found:
+    leaves = jax.tree.leaves_with_path(tree, is_leaf=lambda x: isinstance(x, Trajectory))
+    for path, leaf in leaves:
         yield jax.tree_util.keystr(path, simple=True, separator=".") or alone, leaf
 
 

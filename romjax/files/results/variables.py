@@ -53,23 +53,23 @@ STATES = {
 def variables_of(run: Trajectory) -> dict[str, Variable]:
     """All numbers of a run, or of runs of one batch, whose first dimension is `lane`."""
     lanes = ("lane",) * (run.t.ndim - 1)
-    found: dict[str, Variable] = {}
+    variables: dict[str, Variable] = {}
 
     def put(name: str, dimensions: tuple[str, ...], value: Any, unit: str, words: str) -> None:
         if value is not None:
             attributes = {"long_name": words} | ({"units": unit} if unit else {})
-            found[name] = (lanes + dimensions, np.asarray(value), attributes)
+            variables[name] = (lanes + dimensions, np.asarray(value), attributes)
 
     for name, (dimensions, unit, words) in ARRAYS.items():
         put(name, dimensions, getattr(run, name), unit, words)
-    found["q"][2]["units"] = _together(run, "")
-    found["v"][2]["units"] = _together(run, "/s")
+    variables["q"][2]["units"] = _together(run, "")
+    variables["v"][2]["units"] = _together(run, "/s")
     for name, (unit, words) in STATISTICS.items():
         put(name, (), getattr(run.stats, name), unit, words)
     put("status", (), run.status, "1", "how the run ended")
-    found["status"][2].update(meanings_of_status())
+    variables["status"][2].update(meanings_of_status())
     put("flags", (), run.flags, "1", "what speaks against it, as a sum")
-    found["flags"][2].update(meanings_of_flags())
+    variables["flags"][2].update(meanings_of_flags())
     for owner in ("balance", "branching"):
         parts = getattr(run, owner)
         for name, value in ({} if parts is None else parts._asdict()).items():
@@ -80,13 +80,13 @@ def variables_of(run: Trajectory) -> dict[str, Variable]:
         put("baumgarte_alpha", rows, used.alpha, "1/s", "of Baumgarte's stabilisation")
         put("baumgarte_beta", rows, used.beta, "1/s^2", "of Baumgarte's stabilisation")
     elif isinstance(used, Projection):
-        found["projection_sweeps"] = ((), used.sweeps, {"long_name": "of each projection"})
+        variables["projection_sweeps"] = ((), used.sweeps, {"long_name": "of each projection"})
     if run.states is not None:
         for name, (dimensions, unit, words) in STATES.items():
             put(f"step_{name}", dimensions, getattr(run.states, name), unit, words)
     if run.events is not None:
-        _put_events(run, found)
-    return found
+        _put_events(run, variables)
+    return variables
 
 
 def _together(run: Trajectory, per: str) -> str:
@@ -95,7 +95,7 @@ def _together(run: Trajectory, per: str) -> str:
     return " or ".join(f"{unit}{per}" for unit in units)
 
 
-def _put_events(run: Trajectory, found: dict[str, Variable]) -> None:
+def _put_events(run: Trajectory, variables: dict[str, Variable]) -> None:
     if run.t.ndim > 1:
         raise InputError(
             "Trajectory.to_xarray: events of several runs at once are of different number; map "
@@ -107,9 +107,9 @@ def _put_events(run: Trajectory, found: dict[str, Variable]) -> None:
     for name, (dimensions, unit, words) in EVENTS.items():
         attributes = {"long_name": words} | ({"units": unit} if unit else {})
         values = np.asarray(getattr(run.events, name))[:count]
-        found[f"event_{name}"] = (dimensions, values, attributes)
+        variables[f"event_{name}"] = (dimensions, values, attributes)
     lasting = {"long_name": "whether the run ended since bodies stayed in contact"}
-    found["event_lasting"] = ((), np.asarray(run.events.lasting), lasting)
+    variables["event_lasting"] = ((), np.asarray(run.events.lasting), lasting)
 
 
 def meanings_of_flags() -> dict[str, Any]:

@@ -85,7 +85,7 @@ class _Writer:
 
     def _tree(self) -> dict[str, tuple[str, Any]]:
         """The parent of each body that a joint carries, and the joint."""
-        found = dict[str, tuple[str, Any]]()
+        parents = dict[str, tuple[str, Any]]()
         reached, grown = {GROUND}, True
         roots = [body.name for body in self.scene.bodies]
         while grown or roots:
@@ -94,14 +94,14 @@ class _Writer:
                 a, b = joint.a.body, joint.b.body
                 child, parent = (a, b) if b in reached else (b, a)
                 if type(joint) in _KINDS and parent in reached and child not in reached:
-                    found[child], grown = (parent, joint), True
+                    parents[child], grown = (parent, joint), True
                     reached.add(child)
             roots = [name for name in roots if name not in reached]
             if not grown and roots:
                 # Of bodies that nothing ties to the ground one is free.
                 reached.add(roots[0])
                 grown = True
-        return found
+        return parents
 
     def document(self, name: str) -> str:
         """The file."""

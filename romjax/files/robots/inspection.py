@@ -19,14 +19,14 @@ def inspect(root: Element, table: Mapping[str, Words], extensible: bool) -> list
 
     Raises SceneFileError, with a line for each element and attribute that is refused.
     """
-    found = _Found(table, extensible)
-    found.visit((), root)
-    if found.refused:
-        raise SceneFileError("\n".join(found.refused))
-    return found.left_out
+    visitor = _Inspector(table, extensible)
+    visitor.visit((), root)
+    if visitor.refused:
+        raise SceneFileError("\n".join(visitor.refused))
+    return visitor.left_out
 
 
-class _Found:
+class _Inspector:
     """What has been found so far on the way through a file."""
 
     def __init__(self, table: Mapping[str, Words], extensible: bool):

@@ -43,16 +43,16 @@ class Measured(NamedTuple):
 
 
 class Joints:
-    """The joints of a model between the bodies of its tree: those `found`, and how each joint of
+    """The joints of a model between the bodies of its tree: `joints`, and how each joint of
     the file is `measured`, by its number.
     """
 
-    found: list[Any]
+    joints: list[Any]
     measured: dict[int, Measured]
 
     def __init__(self, model: Model, tree: Tree):
         self.model, self.tree, self._arrays = model, tree, model.arrays
-        self.found, self.measured = [], {}
+        self.joints, self.measured = [], {}
         for link in range(1, self._arrays.nbody):
             if tree.root[link] == link:
                 self._connect(link)
@@ -89,7 +89,7 @@ class Joints:
         if len(slides) == 1 and not turns:
             where = self.measured[slides[0]].a, self.measured[slides[0]].b
         free = 3 if ball else len(turns)
-        self.found += _joined(where, marks, len(slides), free, self._names(numbers))
+        self.joints += _joined(where, marks, len(slides), free, self._names(numbers))
 
     def _check(self, slides: list[int], turns: list[int]) -> None:
         """Refuse axes that are not at right angles, and hinges about several points."""
@@ -180,7 +180,7 @@ class Joints:
         a, b = self._pair(link, point, turn, sign * self._reference(slide), turned)
         self.measured[hinge] = Measured(self._name(hinge), link, a, b, self._angle(hinge))
         self.measured[slide] = Measured(self._name(slide), link, a, b, "travel", sign)
-        self.found.append(Cylindrical(a, b, name=self._names([slide, hinge])))
+        self.joints.append(Cylindrical(a, b, name=self._names([slide, hinge])))
 
     def _position(self, link: int, slides: list[int], point: Any) -> tuple[Marker, Marker]:
         """Markers of what the slides leave of a position: on a line, or on a plane, along z."""

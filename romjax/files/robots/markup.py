@@ -37,8 +37,8 @@ class Element:
 
     def find(self, tag: str, name: str) -> "Element | None":
         """The first element of a tag and a name within this one."""
-        found = (x for x in self.walk() if x.tag == tag and x.attributes.get("name") == name)
-        return next(found, None)
+        elements = (x for x in self.walk() if x.tag == tag and x.attributes.get("name") == name)
+        return next(elements, None)
 
     def walk(self) -> Iterator["Element"]:
         """All elements from this one on, as they stand in the file."""

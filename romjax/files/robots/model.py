@@ -48,8 +48,8 @@ class Model(NamedTuple):
     def refuse(self, kind: str, number: int, words: str) -> SceneFileError:
         """The error that one of the elements cannot be read, with its line if it has a name."""
         name = self.name(kind, number)
-        found = next((x for x in self.root.walk() if name and _is(x, kind, name)), None)
-        place = found.place if found else str(self.root.path)
+        element = next((x for x in self.root.walk() if name and _is(x, kind, name)), None)
+        place = element.place if element else str(self.root.path)
         return SceneFileError(f"{place}: {kind} '{name or number}': {words}")
 
 
@@ -134,8 +134,8 @@ def _said(path: Path, root: Element, words: str) -> str:
     """MuJoCo's message as one of romjax, with the line that it names."""
     text = " ".join(words.split()).removeprefix("XML Error: ").removeprefix("Error: ")
     line = re.search(r"line (\d+)", text)
-    found = None if line else _named(root, text)
-    place = f"{path}:{line[1]}" if line else found.place if found else str(path)
+    element = None if line else _named(root, text)
+    place = f"{path}:{line[1]}" if line else element.place if element else str(path)
     end = "MuJoCo's reader says so, see its reference of the format"
     end = next((remedy for begin, remedy in _REMEDIES.items() if begin in text), end)
     return f"{place}: {text}; {end}."

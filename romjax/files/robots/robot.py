@@ -68,7 +68,7 @@ def _read(path: Path, start: str, signals: Mapping[str, AbstractSignal]) -> Robo
     data, controls = _started(model, start)
     tree = Tree(model, data)
     joints = Joints(model, tree)
-    joined = [*joints.found, *equalities(model, tree, joints.measured)]
+    joined = [*joints.joints, *equalities(model, tree, joints.measured)]
     effects = [
         *_gravity(model),
         *passive(model, joints.measured),

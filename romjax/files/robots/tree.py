@@ -102,12 +102,12 @@ class Tree:
 
     def _points(self, links: list[int], centre: Any) -> dict[str, Any]:
         """The points of a body by name: the origin, its sites, and the links that it has taken."""
-        found = {ORIGIN: -centre}
+        points = {ORIGIN: -centre}
         for link in links[1:]:
-            found.setdefault(self.names[link], self._within[link].position - centre)
+            points.setdefault(self.names[link], self._within[link].position - centre)
         for site in range(self._arrays.nsite):
             link = int(self._arrays.site_bodyid[site])
             if link in links:
                 point = self._within[link].point(self._arrays.site_pos[site]) - centre
-                found.setdefault(self.model.numbered("site", site), point)
-        return found
+                points.setdefault(self.model.numbered("site", site), point)
+        return points

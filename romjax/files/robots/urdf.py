@@ -116,8 +116,8 @@ def _rings(
 
 
 def _of(joint: Element, tag: str, attribute: str) -> str | None:
-    found = (child for child in joint.children if child.tag == tag)
-    return next((child.attributes.get(attribute) for child in found), None)
+    children = (child for child in joint.children if child.tag == tag)
+    return next((child.attributes.get(attribute) for child in children), None)
 
 
 def _number(text: str) -> float:

@@ -102,13 +102,13 @@ def _cuts(beam: Beam | Rod) -> np.ndarray:
 
 
 def _arrows(system: AbstractSystem, scene: Scene, run: Trajectory) -> list[_Arrow]:
-    table, found = joint_forces(system, run), []
+    table, arrows = joint_forces(system, run), []
     for label, joint in zip(_keys(scene, table), scene.joints, strict=True):
         sides = [i for i, marker in enumerate(joint.markers) if marker.body != GROUND]
         if sides:
             force = np.asarray(table[label].wrenches[sides[0]].force)
-            found.append(_Arrow(label, joint.markers[sides[0]], force))
-    return found
+            arrows.append(_Arrow(label, joint.markers[sides[0]], force))
+    return arrows
 
 
 def _keys(scene: Scene, table: Any) -> list[str]:

@@ -27,14 +27,14 @@ def course(run: Trajectory, t: Float[np.ndarray, " frames"]) -> Float[np.ndarray
     h = own[near + 1] - own[near]
     s = np.clip((t - own[near]) / h, 0.0, 1.0)[:, None]
     h = h[:, None]
-    found = (
+    interpolated = (
         (1 + 2 * s) * (1 - s) ** 2 * q[near]
         + s * (1 - s) ** 2 * h * v[near]
         + s**2 * (3 - 2 * s) * q[near + 1]
         - s**2 * (1 - s) * h * v[near + 1]
     )
     # An output itself is shown as it is.
-    exact = np.where(s == 0, q[near], np.where(s == 1, q[near + 1], found))
+    exact = np.where(s == 0, q[near], np.where(s == 1, q[near + 1], interpolated))
     return np.where((t > own[-1] + slack)[:, None], np.nan, exact)
 
 

@@ -100,8 +100,8 @@ def _best(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"])
         return affine
 
     seen = seen or survey(system, t, q, _SNAPSHOTS)
-    if not _resolved(seen) and (found := _followed(system, t, q, seen)) is not None:
-        return found
+    if not _resolved(seen) and (followed := _followed(system, t, q, seen)) is not None:
+        return followed
     best = best_directions(seen)
     return Candidate(seen.chart(best.independent, best.dependent), best.condition)
 

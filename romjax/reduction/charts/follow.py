@@ -62,9 +62,9 @@ def _follow(
             return q, (now, q, sizes[-1] <= limits.newton_accepted)
 
         shares = jnp.arange(1, _POINTS + 1, dtype=q.dtype) / _POINTS
-        last, (times, points, found) = jax.lax.scan(point, q0, shares)
+        last, (times, points, converged) = jax.lax.scan(point, q0, shares)
         beside = jnp.max(jnp.abs(last - q1))
-        arrived = jnp.all(found) & (beside <= _ARRIVED * (1 + jnp.max(jnp.abs(q1))))
+        arrived = jnp.all(converged) & (beside <= _ARRIVED * (1 + jnp.max(jnp.abs(q1))))
         return times, points, arrived
 
     return jax.vmap(one)(t[:-1], q[:-1], t[1:], q[1:])

@@ -193,9 +193,9 @@ def biases(
         lifted = lifted - jnp.asarray(gravity, dtype)[None]
     wrench = twists.joined(twists.moment(own.arm, lifted), own.mass[:, None] * lifted)
     modal = jnp.sum(own.sliding * lifted[:, None], axis=2)
-    found = _quadratic(system, tree, state)
-    if found is not None:
-        wrench, modal = wrench + found[0], modal + found[1]
+    quadratic = _quadratic(system, tree, state)
+    if quadratic is not None:
+        wrench, modal = wrench + quadratic[0], modal + quadratic[1]
     force = _other_forces(system, tree, fields, state)
     if force is not None:
         acting = tree.columns.take(force)

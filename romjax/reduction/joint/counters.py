@@ -57,12 +57,12 @@ def counters_of(
 
 def _turning(tree: Tree, spanning: Spanning) -> dict[frozenset[int], int]:
     """The coordinates that are angles about the z axes of joints, by the bodies that these join."""
-    found = {}
+    angles = {}
     for link in tree.links:
         names = [name for name, _ in link.joints.freedoms]
         if "angle" not in names:
             continue
         for place, row in zip(link.bodies, link.coordinates.rows, strict=True):
             branch = spanning.branches[place]
-            found[frozenset((branch.body, branch.parent))] = row[names.index("angle")]
-    return found
+            angles[frozenset((branch.body, branch.parent))] = row[names.index("angle")]
+    return angles

@@ -133,7 +133,7 @@ def _structure(full: AssembledSystem, tree: Tree, spanning: Spanning) -> Structu
     known = full.structure
     names = [known.constraints[row] for row in _cut_rows(full, spanning)]
     by_number = list(frames_of(full))
-    found: dict[int, Coordinate] = {}
+    coordinates: dict[int, Coordinate] = {}
     amplitudes = dict[int, int]()
     for link in tree.links:
         for place, columns in zip(link.bodies, link.coordinates.rows, strict=True):
@@ -142,14 +142,14 @@ def _structure(full: AssembledSystem, tree: Tree, spanning: Spanning) -> Structu
             if branch.link is not None:
                 label = _label(full, branch.link.group, branch.link.row)
             for column, (name, unit) in zip(columns, link.joints.freedoms, strict=True):
-                found[column] = Coordinate(label, name, unit)
+                coordinates[column] = Coordinate(label, name, unit)
     for own, columns in zip(tree.columns.rows, tree.amplitudes.rows, strict=True):
         for given, column in zip(own[tree.size :], columns, strict=True):
             if column < tree.n:
-                found[column] = known.coordinates[given]
+                coordinates[column] = known.coordinates[given]
                 amplitudes[column] = given
     return Structure(
-        coordinates=tuple(found[i] for i in range(tree.n)),
+        coordinates=tuple(coordinates[i] for i in range(tree.n)),
         constraints=tuple(names),
         rigid=tuple(i not in amplitudes for i in range(tree.n)),
         flexible=known.flexible,

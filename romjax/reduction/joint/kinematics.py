@@ -174,5 +174,5 @@ def _parents_axes(tree: Tree, axes: Float[Array, "bodies d d"]) -> Float[Array, 
     ground = np.eye(axes.shape[1], dtype=axes.dtype)[None]
     if tree.is_chain:
         return jnp.concatenate([ground, axes[:-1]])
-    found: Array = jnp.concatenate([axes, ground])[np.array(tree.parents, np.uint32)]
-    return found
+    carriers: Array = jnp.concatenate([axes, ground])[np.array(tree.parents, np.uint32)]
+    return carriers

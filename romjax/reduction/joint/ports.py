@@ -89,8 +89,8 @@ def ports_of(
 
 def still_frames(ports: Markers, count: int) -> tuple[Frames, Frames]:
     """The frames of ports on bodies that do not deform, of the parents and of the bodies."""
-    found = Frames.of(Pose(*untraced(ports.points, ports.turns)))
-    each: list[Any] = [as_jax(x) for x in found]
+    frames = Frames.of(Pose(*untraced(ports.points, ports.turns)))
+    each: list[Any] = [as_jax(x) for x in frames]
     return Frames(*[x[:count] for x in each]), Frames(*[x[count:] for x in each])
 
 

@@ -64,7 +64,7 @@ def accelerations(
 
     size = inertia.shape[1]
     none = (jnp.zeros((size, size), dtype), jnp.zeros(size, dtype))
-    found = _to_ground(tree, fold, none, (columns, inertia, bias, unused))
+    articulated = _to_ground(tree, fold, none, (columns, inertia, bias, unused))
 
     def follow(port: Carry, at: Any) -> tuple[Carry, Any]:
         """Give a body its acceleration, from the twist and the amplitudes of its parent."""
@@ -77,7 +77,7 @@ def accelerations(
         return (after, rates[tree.freedoms :]), rates
 
     start = (jnp.zeros(d, dtype), jnp.zeros(tree.modes, dtype))
-    rates, twists = _from_ground(tree, follow, start, (columns, found))
+    rates, twists = _from_ground(tree, follow, start, (columns, articulated))
     return rates, twists
 
 
@@ -98,8 +98,8 @@ def _to_ground(tree: Tree, fold: Any, none: Carry, rows: Any) -> Any:
 
     def step(held: Carry, at: Any) -> tuple[Carry, Any]:
         i, parent, own = at
-        given, found = fold(jax.tree.map(lambda x: x[i], held), own)
-        return jax.tree.map(lambda x, more: x.at[parent].add(more), held, given), found
+        given, result = fold(jax.tree.map(lambda x: x[i], held), own)
+        return jax.tree.map(lambda x, more: x.at[parent].add(more), held, given), result
 
     empty = jax.tree.map(lambda x: jnp.zeros((tree.count + 1, *x.shape), x.dtype), none)
     return jax.lax.scan(step, empty, (*_numbers(tree), rows), reverse=True)[1]
@@ -117,8 +117,8 @@ def _from_ground(tree: Tree, follow: Any, start: Carry, rows: Any) -> Any:
 
     def step(held: Carry, at: Any) -> tuple[Carry, Any]:
         i, parent, own = at
-        after, found = both(jax.tree.map(lambda x: x[parent], held), own)
-        return jax.tree.map(lambda x, new: x.at[i].set(new), held, after), found
+        after, result = both(jax.tree.map(lambda x: x[parent], held), own)
+        return jax.tree.map(lambda x, new: x.at[i].set(new), held, after), result
 
     empty = jax.tree.map(lambda x: jnp.zeros((tree.count + 1, *x.shape), x.dtype), start)
     return jax.lax.scan(step, empty, (*_numbers(tree), rows))[1]

@@ -61,11 +61,11 @@ def rank_of_rows(system: Any) -> int | None:
         away = lot.normal(size=len(freedoms)) @ freedoms
         q = start + _AWAY * away / np.max(np.abs(away))
         for _ in range(_STEPS):
-            found, slopes = map(np.asarray, _rows(system, q))
-            if np.max(np.abs(found)) <= _HELD * precision.of(q.dtype).projected:
+            residual, slopes = map(np.asarray, _rows(system, q))
+            if np.max(np.abs(residual)) <= _HELD * precision.of(q.dtype).projected:
                 break
             left, values, across = np.linalg.svd(slopes, full_matrices=False)
-            q = q - (left.T @ found * values / (values**2 + found @ found)) @ across
+            q = q - (left.T @ residual * values / (values**2 + residual @ residual)) @ across
         else:
             return None
         ranks.append(_rank(slopes)[0])

@@ -71,7 +71,7 @@ def of_parents(tree: Tree, x: Float[Array, "bodies *k"]) -> Float[Array, "bodies
 
 def joint_screws(tree: Tree, z: Float[Array, " n"], rates: Float[Array, "bodies rates"]) -> Screws:
     """Those of the joints in their second markers, padded to the one with most freedoms."""
-    found = []
+    screws = []
     for link in tree.links:
         own, free = link.coordinates.take(z), link.joints.turns_freely
         k = own.shape[1] - free
@@ -85,8 +85,8 @@ def joint_screws(tree: Tree, z: Float[Array, " n"], rates: Float[Array, "bodies 
             each = screws_of(functools.partial(along_joint, link), own, u, change)
         columns = twists.widened(each.columns, tree.freedoms)
         sign = -1 if link.reversed else 1
-        found.append(Screws(sign * columns, sign * each.drift))
-    ordered: Screws = in_order(tree, found)
+        screws.append(Screws(sign * columns, sign * each.drift))
+    ordered: Screws = in_order(tree, screws)
     return ordered
 
 

@@ -46,12 +46,12 @@ class Spanning(NamedTuple):
 
 def frames_of(system: AssembledSystem) -> dict[int, tuple[int, int, int]]:
     """The bodies by their first coordinate: each one's number, its group, and its row there."""
-    found = dict[int, tuple[int, int, int]]()
+    frames = dict[int, tuple[int, int, int]]()
     for g, group in enumerate(system.bodies):
         if not isinstance(group.bodies, TurnCounter):
             for row, columns in enumerate(group.coordinates.rows):
-                found[columns[0]] = (len(found), g, row)
-    return found
+                frames[columns[0]] = (len(frames), g, row)
+    return frames
 
 
 def has_own_coordinates(joint: Any) -> bool:
@@ -122,12 +122,12 @@ def _along_branches(branches: list[Branch]) -> tuple[Branch, ...]:
     held: dict[int, list[Branch]] = {}
     for branch in branches:
         held.setdefault(branch.parent, []).append(branch)
-    found, waiting = list[Branch](), held.get(GROUND, [])[::-1]
+    ordered, waiting = list[Branch](), held.get(GROUND, [])[::-1]
     while waiting:
         branch = waiting.pop()
-        found.append(branch)
+        ordered.append(branch)
         waiting += held.get(branch.body, [])[::-1]
-    return tuple(found)
+    return tuple(ordered)
 
 
 def _links(system: AssembledSystem) -> list[Link]:

@@ -222,11 +222,11 @@ def _owned(
 ) -> list[tuple[list[int], list[int]]]:
     """The columns of the frame and of the amplitudes of each body."""
     by_number = {number: (first, g) for first, (number, g, _) in frames_of(system).items()}
-    found = []
+    columns = []
     for branch in branches:
         first, g = by_number[branch.body]
         group = system.bodies[g]
         row = next(row for row in group.coordinates.rows if row[0] == first)
         size = group.bodies.frame_size
-        found.append((list(row[:size]), list(row[size:])))
-    return found
+        columns.append((list(row[:size]), list(row[size:])))
+    return columns

@@ -170,8 +170,8 @@ def _of_another(lift: ImplicitLift, full: AbstractSystem) -> ImplicitLift:
             return d - step, jnp.max(jnp.abs(step))
 
         d, steps = jax.lax.scan(newton, own + lead, None, length=_FULL_STEPS)
-        found = steps[-1] <= precision.of(d.dtype).newton_accepted
-        d = jnp.where(found & (lift.pace > 0), d, own)
+        converged = steps[-1] <= precision.of(d.dtype).newton_accepted
+        d = jnp.where(converged & (lift.pace > 0), d, own)
         return d - own, d
 
     snapshots = lift.guesses, lift.times, lift.snapshots

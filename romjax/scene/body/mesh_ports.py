@@ -44,9 +44,9 @@ class Port(NamedTuple):
 
     def follow(self, elastic: np.ndarray) -> np.ndarray:
         """Displacement and rotation of the port, (3 or 6, modes), by displacements (n, modes)."""
-        found = np.zeros((3 * (len(self.centre) - 1), elastic.shape[1]))
-        found[: self.motion.shape[1]] = np.linalg.pinv(self.motion) @ elastic[self.rows]
-        return found
+        motions = np.zeros((3 * (len(self.centre) - 1), elastic.shape[1]))
+        motions[: self.motion.shape[1]] = np.linalg.pinv(self.motion) @ elastic[self.rows]
+        return motions
 
     def loads(self, size: int) -> np.ndarray:
         """Forces on the nodes for unit forces and torques on the port, (size, motions): they do the

@@ -70,11 +70,11 @@ def slopes(line: Line, amplitudes: Any) -> Slopes:
 def columns(line: Line, at: Slopes) -> Any:
     """The derivatives of `slope` by the amplitudes, (2, points, modes)."""
     own, xp = line.strains, namespace(at.slope)
-    found = perpendicular(at.slope)[:, :, None] * xp.asarray(own.turn)[None]
+    derivatives = perpendicular(at.slope)[:, :, None] * xp.asarray(own.turn)[None]
     for table, vector in ((own.stretch, at.tangent), (own.shear, at.normal)):
         if table is not None:
-            found = found + vector[:, :, None] * xp.asarray(table)[None]
-    return found
+            derivatives = derivatives + vector[:, :, None] * xp.asarray(table)[None]
+    return derivatives
 
 
 def jacobian(

@@ -109,10 +109,10 @@ def gauss(points: int) -> tuple[np.ndarray, np.ndarray]:
 def legendre(count: int, xi: Any, xp: Any = np) -> Any:
     """The first Legendre polynomials on 0 to 1, (..., count)."""
     x = 2 * xi - 1
-    found = [1 + 0 * x, x]
+    polynomials = [1 + 0 * x, x]
     for k in range(1, count - 1):
-        found.append(((2 * k + 1) * x * found[k] - k * found[k - 1]) / (k + 1))
-    return xp.stack(found, -1)[..., :count]
+        polynomials.append(((2 * k + 1) * x * polynomials[k] - k * polynomials[k - 1]) / (k + 1))
+    return xp.stack(polynomials, -1)[..., :count]
 
 
 def turning(count: int, xi: Any, anchor: float, xp: Any = np) -> Any:

@@ -61,13 +61,13 @@ class Labelled(eqx.Module):
 
     def place(self, labels: tuple[str, ...]) -> tuple[int, bool]:
         """The number of the coordinate, and whether it is its rate; SceneError if there is none."""
-        found = find(self.label, labels)
-        if found is None:
+        column = find(self.label, labels)
+        if column is None:
             raise SceneError(
                 f"Sampled: it measures '{self.label}', which is no coordinate; there are: "
                 f"{', '.join(labels)}."
             )
-        return found
+        return column
 
 
 def _measured(given: Iterable[Any]) -> tuple[Any, ...]:
@@ -135,10 +135,10 @@ class Sampled(AbstractEffect):
         count = len(self.state)
         values, state = self.function(t, numbers[:count], measured)
         values, state = jnp.atleast_1d(jnp.asarray(values)), jnp.atleast_1d(jnp.asarray(state))
-        for what, found, wanted in (("values", values, len(self.sets)), ("state", state, count)):
-            if found.shape != (wanted,):
+        for what, value, wanted in (("values", values, len(self.sets)), ("state", state, count)):
+            if value.shape != (wanted,):
                 raise SceneError(
-                    f"Sampled '{self.name}': its function returns {what} of shape {found.shape}, "
+                    f"Sampled '{self.name}': its function returns {what} of shape {value.shape}, "
                     f"but it must be ({wanted},)."
                 )
         return jnp.concatenate([state, values]).astype(numbers.dtype)

@@ -179,10 +179,10 @@ class _Search:
             width = _MARGIN * (one.high - one.low)
             lower[name] = float(min(max(ends[0], one.low), x - width))
             upper[name] = float(max(min(ends[1], one.high), x + width))
-        found = fit(
+        fitted = fit(
             corrected, best.point, self.measured, noise=self.noise, lower=lower, upper=upper
         )
-        trial = {name: float(x) for name, x in found.parameters.items()}
+        trial = {name: float(x) for name, x in fitted.parameters.items()}
         ranges = self.box.ranges.items()
         moved = max(abs(trial[n] - best.point[n]) / (x.high - x.low) for n, x in ranges)
         return trial, self._misfit(np.asarray(corrected(trial))), moved

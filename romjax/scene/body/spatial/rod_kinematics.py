@@ -150,11 +150,11 @@ def turning(at: Sections) -> Any:
 def columns(line: Line, at: Sections, turned: Any) -> Any:
     """The derivatives of `slope` by the amplitudes, (points, 3, modes), for the turns `turned`."""
     own = line.strains
-    found = _crossed(at.slope, turned[: own.points])
+    derivatives = _crossed(at.slope, turned[: own.points])
     if own.strain is not None:
         (strain,) = untraced(own.strain)
-        found = found + at.axes[1 : own.points + 1] @ strain
-    return found
+        derivatives = derivatives + at.axes[1 : own.points + 1] @ strain
+    return derivatives
 
 
 class Motion(NamedTuple):
