@@ -28,12 +28,12 @@ def _read(path: Path, degrees: Degrees) -> Entries:
     first = lines[0][1] if lines else ""
     if first.startswith("%%MatrixMarket"):
         raise wrong(path, 1, "is of Matrix Market; ModalBody.of_mesh takes its name as it is")
-    places = np.array([line for line, _ in lines])
+    at = np.array([line for line, _ in lines])
     if "," in first:
         numbers = table(path, 5, ",", _COMMENT)
         ids = whole(path, numbers[:, :4], _COMMENT)
-        return Entries(path, ids[:, :2], ids[:, 2:], numbers[:, 4], places)
+        return Entries(path, ids[:, :2], ids[:, 2:], numbers[:, 4], at)
     numbers = table(path, 3, None, _COMMENT)
     ids = whole(path, numbers[:, :2], _COMMENT)
     size = int(ids.max())
-    return Entries(path, *degrees.of(path, ids, size), numbers[:, 2], places, modal=True)
+    return Entries(path, *degrees.of(path, ids, size), numbers[:, 2], at, modal=True)

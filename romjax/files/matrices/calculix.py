@@ -30,7 +30,7 @@ class Rows(NamedTuple):
 
 
 def read(
-    stiffness: Path, mass: Path | None, deck: Deck | None, places: Nodes, dimension: int
+    stiffness: Path, mass: Path | None, deck: Deck | None, nodes: Nodes, dimension: int
 ) -> Rows:
     """Read both matrices; files of the mass (unless given) and of the rows are beside the first.
 
@@ -38,7 +38,7 @@ def read(
     """
     cure = "run a step *FREQUENCY with SOLVER=MATRIXSTORAGE"
     path = existing(stiffness.with_suffix(".dof"), cure)
-    dofs = _turning(path, _dofs(path), deck, places)
+    dofs = _turning(path, _dofs(path), deck, nodes)
     of = None
     if deck is not None and deck.plane:
         if dimension == 3:
@@ -51,9 +51,9 @@ def read(
     return Rows(one, other, of)
 
 
-def _turning(path: Path, dofs: np.ndarray, deck: Deck | None, places: Nodes) -> np.ndarray:
+def _turning(path: Path, dofs: np.ndarray, deck: Deck | None, nodes: Nodes) -> np.ndarray:
     """Displacements of nodes that turn rigid bodies, as rotations of their reference nodes."""
-    made = np.setdiff1d(dofs[:, 0], places.numbers)
+    made = np.setdiff1d(dofs[:, 0], nodes.numbers)
     pairs = [] if deck is None else list(deck.rigid)
     # CalculiX numbers the nodes that it makes in the order of the rigid bodies.
     unnamed = [index for index, (_, turning) in enumerate(pairs) if turning is None]
@@ -124,16 +124,14 @@ def _dofs(path: Path) -> np.ndarray:
 def _read(path: Path, dofs: np.ndarray) -> Entries:
     numbers = table(path, 3, None, _COMMENT)
     ids = whole(path, numbers[:, :2], _COMMENT)
-    places = np.array([line for line, _ in data_lines(path, _COMMENT)])
+    lines = np.array([line for line, _ in data_lines(path, _COMMENT)])
     outside = np.any((ids < 1) | (ids > len(dofs)), axis=1)
     if np.any(outside):
-        line = int(places[np.argmax(outside)])
+        line = int(lines[np.argmax(outside)])
         raise wrong(
             path,
             line,
             f"row or column {ids[np.argmax(outside)].max()}, but the file .dof beside it has "
             f"{len(dofs)}; take both from one job",
         )
-    return Entries(
-        path, dofs[ids[:, 0] - 1], dofs[ids[:, 1] - 1], numbers[:, 2], places, modal=True
-    )
+    return Entries(path, dofs[ids[:, 0] - 1], dofs[ids[:, 1] - 1], numbers[:, 2], lines, modal=True)

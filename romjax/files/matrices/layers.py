@@ -15,14 +15,14 @@ _FITS = 1e-6
 _FLAT = 1e-9
 
 
-def layer_places(
+def layer_positions(
     path: Path, stiffness: sp.csc_array, mass: sp.csc_array, means: np.ndarray, of: np.ndarray
 ) -> np.ndarray:
-    """Places of the nodes of layers (layers, 3) [m], of which K and M have three rows each.
+    """Positions of the nodes of layers (layers, 3) [m], of which K and M have three rows each.
 
-    The file has the places of their `means` (nodes, 3), and which of these each belongs to, `of`
-    (layers,). What moves a free body rigidly strains nothing, and it moves a node as its place
-    says: so the places are in K. Raises InputError where its rigid motions are not those of layers
+    The file has the positions of their `means` (nodes, 3), and which of these each belongs to, `of`
+    (layers,). What moves a free body rigidly strains nothing, and it moves a node as its position
+    says: so the positions are in K. Raises InputError where its rigid motions are not of layers
     about their means.
     """
     shares = sp.csc_array((1 / np.bincount(of)[of], (of, np.arange(len(of)))))
@@ -39,7 +39,7 @@ def layer_places(
     line = axes[0] if len(spread) < 2 or spread[1] < _FLAT * spread[0] else None
     turning = motions[:, :, 3:]
     if line is None:
-        places = 0.5 * np.stack(
+        positions = 0.5 * np.stack(
             [
                 turning[:, 1, 2] - turning[:, 2, 1],
                 turning[:, 2, 0] - turning[:, 0, 2],
@@ -50,8 +50,8 @@ def layer_places(
     else:
         across = np.cross(line[None], np.eye(3))  # a · (b × x) = x · (a × b) for the axes b
         beside = np.einsum("i,lib->lb", line, turning) @ np.linalg.pinv(across).T
-        places = np.outer(arms[of] @ line, line) + beside
-    left = _left(motions, places, line)
+        positions = np.outer(arms[of] @ line, line) + beside
+    left = _left(motions, positions, line)
     if not left < _FITS:
         raise wrong(
             path,
@@ -60,12 +60,12 @@ def layer_places(
             "size of the mesh; take supports and equations out of the model, or mesh the body "
             "by solid elements",
         )
-    return np.asarray(origin[None] + size * places)
+    return np.asarray(origin[None] + size * positions)
 
 
-def _left(motions: np.ndarray, places: np.ndarray, line: np.ndarray | None) -> float:
-    """The largest difference of motions (layers, 3, 6) from those of nodes at these places."""
-    rigid = rigid_motion(places, np.ones((len(places), 3), bool))
+def _left(motions: np.ndarray, positions: np.ndarray, line: np.ndarray | None) -> float:
+    """The largest difference of motions (layers, 3, 6) from those of nodes at these positions."""
+    rigid = rigid_motion(positions, np.ones((len(positions), 3), bool))
     apart = motions.reshape(-1, 6) - rigid
     if line is not None:  # of what turns about the line, any part is in the motions
         about = rigid[:, 3:] @ line

@@ -13,7 +13,7 @@ from ...common.errors import InputError
 from . import abaqus, calculix, nastran
 from .deck import deck_of
 from .entries import COMPONENTS, Entries, code, decode, wrong
-from .layers import layer_places
+from .layers import layer_positions
 from .nodes import Nodes, nodes_of
 from .numbered import Degrees
 
@@ -107,37 +107,37 @@ def load_mesh(
                 f"load_mesh: {path} has no places of nodes; give nodes=…, such as the input deck."
             )
         nodes = path
-    places = nodes_of(nodes)
-    degrees = Degrees(places.numbers, components, dimension)
+    known = nodes_of(nodes)
+    degrees = Degrees(known.numbers, components, dimension)
     if kind == ".mtx":
-        return _mesh(dimension, *abaqus.read(path, other, degrees), places)
+        return _mesh(dimension, *abaqus.read(path, other, degrees), known)
     if kind == ".sti":
         deck = deck_of(Path(nodes)) if isinstance(nodes, str | os.PathLike) else None
-        return _of_calculix(dimension, calculix.read(path, other, deck, places, dimension), places)
+        return _of_calculix(dimension, calculix.read(path, other, deck, known, dimension), known)
     if kind in _PUNCH:
-        return _mesh(dimension, *nastran.read_punch(path, other, names), places)
+        return _mesh(dimension, *nastran.read_punch(path, other, names), known)
     if kind == ".op4":
-        return _mesh(dimension, *nastran.read_op4(path, other, names, degrees), places)
+        return _mesh(dimension, *nastran.read_op4(path, other, names, degrees), known)
     raise InputError(
         f"load_mesh: {path} is no .mtx, .sti, .pch, .bdf, .dat, .nas or .op4; give a file of "
         "Abaqus, CalculiX or Nastran by its ending."
     )
 
 
-def _of_calculix(dimension: int, rows: calculix.Rows, places: Nodes) -> Mesh:
-    """A mesh whose nodes may stand for layers, which then have places of their own."""
+def _of_calculix(dimension: int, rows: calculix.Rows, nodes: Nodes) -> Mesh:
+    """A mesh whose nodes may stand for layers, which then have positions of their own."""
     stiffness, mass, of = rows
     if of is None:
-        return _mesh(dimension, stiffness, mass, places)
+        return _mesh(dimension, stiffness, mass, nodes)
     numbers, node = np.unique(of, return_inverse=True)
-    means = _places(dimension, stiffness, places, numbers)
+    means = _positions(dimension, stiffness, nodes, numbers)
     index = np.arange(1, len(of) + 1)
     mesh = _mesh(dimension, stiffness, mass, Nodes(index, means[node]))
-    nodes = layer_places(stiffness.path, mesh.stiffness, mesh.mass, means, node)
-    return mesh._replace(nodes=nodes, numbers=of)
+    layers = layer_positions(stiffness.path, mesh.stiffness, mesh.mass, means, node)
+    return mesh._replace(nodes=layers, numbers=of)
 
 
-def _mesh(dimension: int, stiffness: Entries, mass: Entries, places: Nodes) -> Mesh:
+def _mesh(dimension: int, stiffness: Entries, mass: Entries, nodes: Nodes) -> Mesh:
     """The part of both matrices that moves in the plane or in space, and its nodes."""
     moves, turning, left_out = _COMPONENTS[dimension]
     known = np.unique(np.concatenate([*stiffness.codes(), *mass.codes()]))
@@ -154,7 +154,7 @@ def _mesh(dimension: int, stiffness: Entries, mass: Entries, places: Nodes) -> M
     return Mesh(
         k[kept][:, kept],
         m[kept][:, kept],
-        _places(dimension, stiffness, places, numbers),
+        _positions(dimension, stiffness, nodes, numbers),
         _dofs(stiffness, degrees, numbers, wanted, len(moves)),
         numbers,
     )
@@ -221,8 +221,8 @@ def _dofs(
     return rows
 
 
-def _places(dimension: int, entries: Entries, nodes: Nodes, numbers: np.ndarray) -> np.ndarray:
-    """Places of the nodes of the matrices; those of a plane mesh must have the same z."""
+def _positions(dimension: int, entries: Entries, nodes: Nodes, numbers: np.ndarray) -> np.ndarray:
+    """Positions of the nodes of the matrices; those of a plane mesh must have the same z."""
     missing = np.setdiff1d(numbers, nodes.numbers)
     if len(missing):
         raise wrong(
@@ -230,13 +230,13 @@ def _places(dimension: int, entries: Entries, nodes: Nodes, numbers: np.ndarray)
             0,
             f"{len(missing)} nodes, such as {missing[0]}, have no place; give those of this model",
         )
-    places = nodes.places[np.searchsorted(nodes.numbers, numbers)]
-    if dimension == 2 and np.ptp(places[:, 2]) > _ROUNDING * np.max(np.ptp(places, axis=0)):
+    positions = nodes.positions[np.searchsorted(nodes.numbers, numbers)]
+    if dimension == 2 and np.ptp(positions[:, 2]) > _ROUNDING * np.max(np.ptp(positions, axis=0)):
         raise wrong(
             entries.path,
             0,
-            f"the nodes lie between z = {places[:, 2].min():g} and {places[:, 2].max():g} m; mesh "
-            "the body in a plane of constant z, or give dimension=3",
+            f"the nodes lie between z = {positions[:, 2].min():g} and {positions[:, 2].max():g} m; "
+            "mesh the body in a plane of constant z, or give dimension=3",
         )
-    positions: np.ndarray = places[:, :dimension]
-    return positions
+    columns: np.ndarray = positions[:, :dimension]
+    return columns

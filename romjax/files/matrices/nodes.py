@@ -1,4 +1,4 @@
-"""Numbers and places of nodes: from arrays, input decks of Abaqus and CalculiX, or bulk data."""
+"""Numbers and positions of nodes: from arrays, input decks of Abaqus and CalculiX, or bulk data."""
 
 import os
 from collections.abc import Mapping
@@ -16,10 +16,10 @@ _BULK = (".bdf", ".dat", ".nas", ".pch")
 
 
 class Nodes(NamedTuple):
-    """Nodes by rising number: `numbers` (nodes,) and `places` (nodes, 3) [m]."""
+    """Nodes by rising number: `numbers` (nodes,) and `positions` (nodes, 3) [m]."""
 
     numbers: np.ndarray
-    places: np.ndarray
+    positions: np.ndarray
 
 
 def nodes_of(given: Any) -> Nodes:
@@ -31,13 +31,13 @@ def nodes_of(given: Any) -> Nodes:
         return _read(Path(given))
     if isinstance(given, Mapping):
         return _sorted(list(given), list(given.values()))
-    places = np.asarray(given, float)
-    if places.ndim != 2:
+    positions = np.asarray(given, float)
+    if positions.ndim != 2:
         raise InputError(
-            f"load_mesh: nodes has shape {places.shape}, but it must be (nodes, 2) or (nodes, 3), "
-            "a mapping from numbers to places, or the name of a file."
+            f"load_mesh: nodes has shape {positions.shape}, but it must be (nodes, 2) or (nodes, "
+            "3), a mapping from numbers to places, or the name of a file."
         )
-    return _sorted(list(range(1, len(places) + 1)), list(places))
+    return _sorted(list(range(1, len(positions) + 1)), list(positions))
 
 
 def _read(path: Path) -> Nodes:
@@ -89,20 +89,20 @@ def _grids(path: Path) -> list[tuple[float, ...]]:
                     f"GRID {card.field(0)} is in the coordinate system {card.field(index)}; write "
                     "nodes and displacements in the basic one",
                 )
-        places = [card.real(path, index) if card.field(index) else 0.0 for index in (2, 3, 4)]
-        rows.append((float(card.integer(path, 0)), *places))
+        positions = [card.real(path, index) if card.field(index) else 0.0 for index in (2, 3, 4)]
+        rows.append((float(card.integer(path, 0)), *positions))
     return rows
 
 
-def _sorted(numbers: list[Any], places: list[Any]) -> Nodes:
+def _sorted(numbers: list[Any], positions: list[Any]) -> Nodes:
     """Sort nodes by their numbers; raise InputError for a number that is there twice."""
     ids = np.array(numbers, np.int64)
-    positions = np.zeros((len(ids), 3))
-    for row, place in zip(positions, places, strict=True):
-        row[: len(place)] = place
+    rows = np.zeros((len(ids), 3))
+    for row, own in zip(rows, positions, strict=True):
+        row[: len(own)] = own
     order = np.argsort(ids, kind="stable")
-    ids, positions = ids[order], positions[order]
+    ids, rows = ids[order], rows[order]
     twice = ids[1:] == ids[:-1]
     if np.any(twice):
         raise InputError(f"load_mesh: node {ids[np.argmax(twice)]} is there twice; remove one.")
-    return Nodes(ids, positions)
+    return Nodes(ids, rows)

@@ -74,12 +74,12 @@ def _vibrations(
         if count:
             x, y = [*x, along * strain], [*y, across * strain]
     to = weights_to(points, anchor, at)
-    place = to @ xp.concatenate([c, s], 1)
+    position = to @ xp.concatenate([c, s], 1)
     one, none = np.ones((points + 2, 1)), np.zeros((points + 2, 1))
     turned = np.concatenate([turn, np.zeros((points + 2, sum(counts[1:])))], 1)
     jacobian = [
-        xp.concatenate([one, none, -place[:, 1:], to @ xp.concatenate(x, 1)], 1),
-        xp.concatenate([none, one, place[:, :1], to @ xp.concatenate(y, 1)], 1),
+        xp.concatenate([one, none, -position[:, 1:], to @ xp.concatenate(x, 1)], 1),
+        xp.concatenate([none, one, position[:, :1], to @ xp.concatenate(y, 1)], 1),
         np.concatenate([none, none, one, turned], 1),
     ]
     mass = sum(

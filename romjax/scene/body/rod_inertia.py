@@ -24,8 +24,8 @@ def velocity_force(
     line: Line, mass: Any, q: Float[Array, " size"], v: Float[Array, " size"]
 ) -> Float[Array, " size"]:
     """−∫ρ Jᵀ r̈ at q̈ = 0; sections turn linearly in q, and add nothing."""
-    place, columns = jacobian(line, q)
-    force = acceleration(line, q, v, place) * line.strains.weights()[None]
+    position, columns = jacobian(line, q)
+    force = acceleration(line, q, v, position) * line.strains.weights()[None]
     total: Array = -mass * (force.reshape(-1) @ columns.reshape(-1, columns.shape[2]))
     return total
 
@@ -33,7 +33,7 @@ def velocity_force(
 def first_moment(line: Line, mass: Any, q: Float[Array, " size"]) -> Float[Array, "2"]:
     """∫ρ r [kg m]."""
     own = line.strains
-    mean = slopes(line, q[3:]).slope @ (own.places().T @ own.weights())
+    mean = slopes(line, q[3:]).slope @ (own.positions().T @ own.weights())
     x, y = line.origin() + line.length * mean
     c, s = jnp.cos(q[2]), jnp.sin(q[2])
     moment: Array = mass * (q[:2] + jnp.stack([c * x - s * y, s * x + c * y]))

@@ -84,22 +84,25 @@ def jacobian(
     coordinates, along the axes of the frame.
     """
     own, at = line.strains, slopes(line, q[3:])
-    to = line.length * own.places()
-    place = line.origin()[:, None] + at.slope @ to.T
+    to = line.length * own.positions()
+    position = line.origin()[:, None] + at.slope @ to.T
     c, s = jnp.cos(q[2]), jnp.sin(q[2])
     frame = jnp.broadcast_to(jnp.stack([c, s, -s, c]).reshape(2, 1, 2), (2, own.points, 2))
-    parts = [frame, perpendicular(place)[:, :, None], to @ columns(line, at)]
-    return place, jnp.concatenate(parts, axis=2)
+    parts = [frame, perpendicular(position)[:, :, None], to @ columns(line, at)]
+    return position, jnp.concatenate(parts, axis=2)
 
 
 def acceleration(
-    line: Line, q: Float[Array, " size"], v: Float[Array, " size"], place: Float[Array, "2 points"]
+    line: Line,
+    q: Float[Array, " size"],
+    v: Float[Array, " size"],
+    position: Float[Array, "2 points"],
 ) -> Float[Array, "2 points"]:
-    """The accelerations of the Gauss points at the positions `place` for q̈ = 0, along the axes of
+    """The accelerations of the Gauss points at `position` for q̈ = 0, along the axes of
     the frame.
     """
     own, at, rates = line.strains, slopes(line, q[3:]), v[3:]
-    to = line.length * own.places().T
+    to = line.length * own.positions().T
     spin = (own.turn @ rates)[None]
     straining = jnp.zeros_like(at.slope)
     for table, vector in ((own.stretch, at.tangent), (own.shear, at.normal)):
@@ -107,7 +110,7 @@ def acceleration(
             straining = straining + vector * (table @ rates)[None]
     rate = (perpendicular(at.slope) * spin + straining) @ to
     second = (2 * perpendicular(straining) * spin - at.slope * spin**2) @ to
-    total: Array = second + 2 * v[2] * perpendicular(rate) - v[2] ** 2 * place
+    total: Array = second + 2 * v[2] * perpendicular(rate) - v[2] ** 2 * position
     return total
 
 

@@ -89,7 +89,7 @@ class Strains(eqx.Module):
         changed.setdefault("mixing", combinations)
         return dataclasses.replace(self, **changed)
 
-    def places(self) -> np.ndarray:
+    def positions(self) -> np.ndarray:
         """Weights (points, points) of ∫ dξ from the anchor to each Gauss point."""
         weights: np.ndarray = weights_to(self.points, self.anchor, gauss(self.points)[0])
         return weights

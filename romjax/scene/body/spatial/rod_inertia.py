@@ -35,14 +35,14 @@ def velocity_force(
     cross = magnus.cross
     p, rate = q[3:7], v[3:7]
     s, r = quaternions.squared(p), jnp.sum(p * rate)
-    place, moved, turned = jacobian(line, q)
+    position, moved, turned = jacobian(line, q)
     at = sections(line, q[7:])
     own = motion(line, at, v[7:])
     # Of ω = 2 G ṗ/s, of which Ġ ṗ is zero.
     omega = quaternions.body_angular_velocity(p, rate)[None]
     alpha = -2 * r / s * omega
-    acceleration = cross(alpha, place) + own.acceleration
-    acceleration += cross(omega, cross(omega, place) + 2 * own.rate)
+    acceleration = cross(alpha, position) + own.acceleration
+    acceleration += cross(omega, cross(omega, position) + 2 * own.rate)
     turns = own.spinning + alpha + cross(omega, own.spin)
     axes = at.axes[1:]
     spin = quaternions.apply_transposed(axes, omega + own.spin)
@@ -62,20 +62,20 @@ def jacobian(
     coordinates along the axes of the frame, and the turns of sections along their own axes.
     """
     own, at = line.strains, sections(line, q[7:])
-    to = line.length * own.places()
-    place = line.origin()[None] + to @ at.slope
+    to = line.length * own.positions()
+    position = line.origin()[None] + to @ at.slope
     turned = turning(at)
     moved = columns(line, at, turned)
     p, shape = q[3:7], (own.points, 3)
     onto = 2 * quaternions.body_matrix(p) / quaternions.squared(p)
     along = jnp.broadcast_to(quaternions.matrix(p).T, (*shape, 3))
-    around = -magnus.skew(place) @ onto
+    around = -magnus.skew(position) @ onto
     integrals = (to @ moved.reshape(own.points, -1)).reshape(moved.shape)
     both = jnp.concatenate([jnp.broadcast_to(onto, (*shape, 4)), turned], axis=2)
     tilted = jnp.swapaxes(at.axes[1:], 1, 2) @ both
     still = np.zeros((*shape, 3), q.dtype)
     return (
-        place,
+        position,
         jnp.concatenate([along, around, integrals], axis=2),
         jnp.concatenate([still, tilted], axis=2),
     )
@@ -84,7 +84,7 @@ def jacobian(
 def first_moment(line: Line, mass: Any, q: Float[Array, " size"]) -> Float[Array, "3"]:
     """∫ρ r [kg m]."""
     own = line.strains
-    mean = (own.places().T @ own.weights()) @ sections(line, q[7:]).slope
+    mean = (own.positions().T @ own.weights()) @ sections(line, q[7:]).slope
     moment: Array = mass * (q[:3] + quaternions.rotate(q[3:7], line.origin() + line.length * mean))
     return moment
 

@@ -182,7 +182,7 @@ def motion(line: Line, at: Sections, rates: Float[Array, " modes"]) -> Motion:
     if own.strain is not None:
         straining = quaternions.apply(at.axes[1:], own.strain @ rates)
     force = force + cross(spin, rate + 2 * straining)
-    to = line.length * own.places()
+    to = line.length * own.positions()
     return Motion(to @ (rate + straining), to @ force, spin, spinning)
 
 

@@ -64,8 +64,8 @@ def _vibrations(shapes: str, count: int, anchor: float, ratios: Ratios, xp: Any)
     turned = turning(at)
     to = weights_to(points, anchor, gauss(points)[0])
     moved = (to @ columns(line, at, turned).reshape(points, -1)).reshape(turned.shape)
-    place = line.origin() + to @ at.slope
-    both = _moving(place, moved, xp), _turning(at.axes[1:], turned, xp)
+    position = line.origin() + to @ at.slope
+    both = _moving(position, moved, xp), _turning(at.axes[1:], turned, xp)
     factors = np.ones(3), ratios.rotary
     mass = 0.0
     for own, factor in zip(both, factors, strict=True):
@@ -77,10 +77,10 @@ def _vibrations(shapes: str, count: int, anchor: float, ratios: Ratios, xp: Any)
     return Vibrations(mass, xp.pad(stiffness, ((6, 0), (6, 0))), held, 6, xp)
 
 
-def _moving(place: Any, own: Any, xp: Any) -> Any:
-    """Rows (points, 3, 6 + strains) of how points at a `place` move."""
+def _moving(position: Any, own: Any, xp: Any) -> Any:
+    """Rows (points, 3, 6 + strains) of how points at a `position` move."""
     one = np.broadcast_to(np.eye(3), (len(own), 3, 3))
-    return xp.concatenate([one, -quaternions.skew(place), own], 2)
+    return xp.concatenate([one, -quaternions.skew(position), own], 2)
 
 
 def _turning(axes: Any, own: Any, xp: Any) -> Any:
@@ -99,9 +99,9 @@ def _held(line: Line, shapes: str, xp: Any) -> Any:
         if not positions:
             continue
         point = material(line, np.array([along, 0.0, 0.0]))
-        place, turn = untraced(*pose(line, point, none))
+        position, turn = untraced(*pose(line, point, none))
         own = gradient(line, point, none)
-        moved = _moving(place[None], own[None, :3], xp)[0]
+        moved = _moving(position[None], own[None, :3], xp)[0]
         turned = _turning(quaternions.matrix(turn)[None], own[None, 3:], xp)[0]
         # The first support holds its end along the rod too: one end alone is to move along.
         rows += [*moved[1 if rows else 0 :], *turned[:turns]]

@@ -61,7 +61,7 @@ class SpatialStrains(eqx.Module):
         changed.setdefault("mixing", combinations)
         return dataclasses.replace(self, **changed)
 
-    def places(self) -> np.ndarray:
+    def positions(self) -> np.ndarray:
         """Weights (points, points) of ∫ dξ from the anchor to each Gauss point."""
         weights: np.ndarray = weights_to(self.points, self.anchor, gauss(self.points)[0])
         return weights
@@ -91,8 +91,8 @@ def tables(basis: Any, points: int, anchor: float) -> tuple[Any, Any]:
 
 def moments(count: int, start: Any, size: Any, xp: Any = np) -> Any:
     """The moments (..., 4, count) of Legendre polynomials in steps of a `size` from a `start`."""
-    places = [start + share * size for share in magnus.POINTS]
-    values = xp.stack([legendre(count, place, xp) for place in places], -2)
+    positions = [start + share * size for share in magnus.POINTS]
+    values = xp.stack([legendre(count, position, xp) for position in positions], -2)
     own = size[..., None, None] * (magnus.MOMENTS @ values)
     whole = turning(count, start + size, 0.0, xp) - turning(count, start, 0.0, xp)
     return xp.concatenate([whole[..., None, :], own], -2)
@@ -117,7 +117,7 @@ class Path(NamedTuple):
 def path(points: int, anchor: float) -> Path:
     """The path to the Gauss points of a rod."""
     xi = gauss(points)[0]
-    places, after, own = np.append(anchor, xi), xi >= anchor, np.arange(1, points + 1)
+    positions, after, own = np.append(anchor, xi), xi >= anchor, np.arange(1, points + 1)
     before = np.where(after, own - 1, own + 1)
     outside = (before == 0) | (before > points)
     outside |= after != after[np.clip(before, 1, points) - 1]
@@ -128,4 +128,4 @@ def path(points: int, anchor: float) -> Path:
         levels.append(reach.astype(np.uint32))
         sums = sums + sums[reach]
         reach = reach[reach]
-    return Path(places[before], np.eye(points + 1)[before], sums[1:], tuple(levels))
+    return Path(positions[before], np.eye(points + 1)[before], sums[1:], tuple(levels))
