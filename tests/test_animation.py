@@ -23,6 +23,9 @@ from romjax.assembly.outlines import MovingOutline, outlines
 from romjax.plot.motion.arrows import arrow
 from romjax.plot.motion.designs import course
 from romjax.plot.motion.frames import Clock, Model, exaggeration, playing_rate
+from romjax.plot.motion.hulls import faces
+from romjax.plot.motion.outputs import Output, outputs_of
+from romjax.plot.motion.page import PIECES, player
 from romjax.scene.outline import STYLES
 
 # Required: of a page of 10 s [bytes], and of a point in a picture of 1000 pixels [pixels].
@@ -126,13 +129,16 @@ def test_the_page_needs_nothing_else(moving):
 
 @pytest.mark.instant
 def test_the_player_finds_its_elements():
-    folder = resources.files("romjax.plot.motion")
-    script, page = ((folder / f"player.{kind}").read_text("utf-8") for kind in ("js", "html"))
+    script, page = "".join(player(f"{name}.js") for name in PIECES), player("page.html")
     asked = set(re.findall(r'element\("(\w+)"\)', script))
-    assert len(asked) >= 8
+    assert len(asked) >= 12
     assert asked <= set(re.findall(r'\bid="(\w+)"', page))
-    known = set(re.findall(r'"(\w+)"', script[: script.index("// Coded")]))
+    known = set(re.findall(r'"(\w+)"', player("draw.js")))
     assert set(STYLES) <= known
+    folder = resources.files("romjax.plot.motion") / "player"
+    assert {path.name for path in folder.iterdir() if path.name.endswith(".js")} == {
+        f"{name}.js" for name in PIECES
+    }
 
 
 def test_notebooks_show_it_in_a_frame(moving, scene, falling):
@@ -222,6 +228,82 @@ def test_arrows_have_heads_in_space():
     np.testing.assert_allclose(np.sum((left - right) * way, axis=1), 0.0, atol=IDENTITY)
     lengths = np.linalg.norm(left, axis=1), np.linalg.norm(right, axis=1)
     np.testing.assert_allclose(*lengths)
+
+
+@pytest.mark.instant
+def test_boxes_have_faces():
+    """Seen from outside counter-clockwise: their areas are vectors that sum up to nothing, and the
+    volume below each, from the middle, to that of the box. What is bent, or flat, has none.
+    """
+    path = "000 100 110 010 000 001 101 100 101 111 110 111 011 010 011 001"
+    corners = np.array([[int(digit) for digit in corner] for corner in path.split()]) - 0.5
+    turn, _ = np.linalg.qr(np.array([[2.0, 1.0, 0.0], [-1.0, 1.0, 3.0], [0.5, 0.0, 1.0]]))
+    turn = turn * np.linalg.det(turn)
+    for box in (
+        corners * (1.0, 2.0, 3.0),
+        1e3 * corners @ turn.T * (1.0, 1.0, 1.0),
+        1e-3 * corners,
+    ):
+        found = faces(box)
+        assert sorted(map(len, found)) == [4] * 6
+        ways = [np.cross(box[b] - box[a], box[d] - box[a]) for a, b, _, d in found]
+        volume = (
+            sum(way @ box[face].mean(axis=0) for way, face in zip(ways, found, strict=True)) / 3
+        )
+        np.testing.assert_allclose(np.sum(ways, axis=0), 0.0, atol=IDENTITY * volume ** (2 / 3))
+        edges = [np.linalg.norm(box[1] - box[0]), np.linalg.norm(box[2] - box[1])]
+        np.testing.assert_allclose(volume, np.prod([*edges, np.linalg.norm(box[5] - box[4])]))
+    angle = np.linspace(0.0, 4.0, 30)
+    helix = np.stack([np.cos(angle), np.sin(angle), angle], axis=1)
+    for line in (helix, corners * (1.0, 1.0, 0.0), np.zeros((16, 3)), corners * np.nan):
+        assert faces(line) == []
+
+
+@pytest.mark.instant
+def test_outputs_are_plotted():
+    """The page is told all curves, to a pixel; nothing is left where a run has ended."""
+    t = np.linspace(0.0, 1.0, 30)
+    outline = [MovingOutline("bar", np.stack([t, t**2], axis=1)[:, None], "point", False)]
+    curves = np.stack([np.sin(9 * t), np.cos(9 * t)], axis=1)
+    still = np.zeros((30, 1))
+    shown = [Output("force [N]", curves), Output("nothing", still)]
+    moving = rj.Animation(t, [Model("", outline, [])], Clock("t", "s", 1.0), outputs=shown)
+    told = data(moving.html())["outputs"]
+    assert [(one["name"], one["curves"]) for one in told] == [("force [N]", 2), ("nothing", 1)]
+    np.testing.assert_allclose(decode(told[0]["values"], 30), curves, atol=1e-3)
+    np.testing.assert_array_equal(decode(told[1]["values"], 30), still)
+    bare = rj.Animation(t, moving.models, moving.clock)
+    tall = [int(re.findall(r"height: (\d+)px", x.embedded())[-1]) for x in (moving, bare)]
+    assert tall[0] == tall[1] + 2 * 84
+
+
+def test_outputs_are_those_of_runs(falling):
+    """Coordinates by name or by how far they move, and what one has measured; refused otherwise."""
+    some = np.arange(0, 31, 3)
+    q = np.asarray(falling.q)
+
+    def plotted(wanted):
+        return outputs_of(wanted, [falling], [q[some]], some)
+
+    (named,) = plotted(["bar2.phi"])
+    assert named.name == "bar2.phi [rad]"
+    np.testing.assert_array_equal(named.values[:, 0], q[some, 5])
+    assert len(plotted(2)) == 2
+    measured = np.where(np.arange(31) < 20, np.asarray(falling.t), np.nan)
+    (own,) = plotted({"time [s]": measured})
+    np.testing.assert_allclose(own.values[:, 0], np.minimum(falling.t[some], falling.t[18]))
+    told = data(falling.animate(outputs=["bar1.x"]).html())["outputs"]
+    assert [one["name"] for one in told] == ["bar1.x [m]"]
+    for wanted, words in (
+        (["bar3.x"], "no coordinate 'bar3.x'"),
+        ({"x": np.zeros(3)}, "has shape .3,., but its run has 31 outputs"),
+        ({"x": [np.zeros(31)] * 2}, "2 curves for 1 runs"),
+        ({"x": np.full(31, np.nan)}, "no finite number"),
+    ):
+        with pytest.raises(rj.InputError, match=words):
+            plotted(wanted)
+    with pytest.raises(rj.InputError, match="those of a run; give one"):
+        outputs_of(1, [], [], some)
 
 
 @pytest.mark.instant

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
 PAGE = Path(__file__).parents[1] / "reference" / "gallery.md"
+PLOTTED = 2  # coordinates under the motion
 MOVING = executed.FOLDER / "extra" / "gallery"
 MOVING.mkdir(parents=True, exist_ok=True)
 
@@ -52,7 +53,9 @@ $ romjax run {example.name}
 
 def keep(example: Example, scene: rj.Scene, run: rj.Trajectory) -> None:
     """Keep the moving picture of a run for the site."""
-    rj.animate(scene, run, title=example.title).save(MOVING / f"{example.name}.html")
+    rj.animate(scene, run, outputs=PLOTTED, title=example.title).save(
+        MOVING / f"{example.name}.html"
+    )
 
 
 def _simulate(number: int) -> None:

@@ -7,13 +7,18 @@ from collections.abc import Sequence
 from typing import Any
 
 _PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
-:root {{ color-scheme: light; }}
+<html lang="en"><head><meta charset="utf-8">
+<meta name="viewport" content="width=device-width"><title>{title}</title><style>
+:root {{ color-scheme: light dark; --ink: #222; --page: #fff; --line: #ddd; }}
+@media (prefers-color-scheme: dark) {{
+  :root {{ --ink: #ececec; --page: #16181c; --line: #3a3e46; }}
+}}
+html {{ background: var(--page); }}
 body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem;
-  background: #fff; color: #222; }}
-img {{ max-width: 100%; }}
+  color: var(--ink); }}
+img {{ max-width: 100%; background: #fff; border-radius: 4px; }}
 table {{ border-collapse: collapse; font-size: 0.85rem; font-variant-numeric: tabular-nums; }}
-th, td {{ padding: 0.2rem 0.7rem; border-bottom: 1px solid #ddd; text-align: right; }}
+th, td {{ padding: 0.2rem 0.7rem; border-bottom: 1px solid var(--line); text-align: right; }}
 td {{ white-space: nowrap; }}
 .wide {{ overflow-x: auto; }}
 th:nth-child(-n+{left}), td:nth-child(-n+{left}) {{ text-align: left; }}

@@ -23,6 +23,8 @@ from . import chapter, csv_table, document
 
 # Models whose motions are shown over the full one.
 _SHOWN = 3
+# Coordinates that are plotted under the motion.
+_PLOTTED = 2
 
 
 def write(
@@ -52,7 +54,9 @@ def write(
     moving = None
     if animation:
         shown = {"full": truth} | approx
-        moving = animate(scene, *shown.values(), labels=list(shown), title=example.name)
+        moving = animate(
+            scene, *shown.values(), labels=list(shown), outputs=_PLOTTED, title=example.name
+        )
     swinging = animate(scene, next(iter(bases.values()))) if animation and bases else None
     page = folder / "report.html"
     writing.write(page, _page(result, study, example, bases, pictures, (moving, swinging)))

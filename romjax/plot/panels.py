@@ -1,16 +1,11 @@
-"""One panel per coordinate over time: which coordinates, and the grid they are drawn in."""
-
-from collections.abc import Sequence
+"""One panel per coordinate over time, in a grid."""
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..integrate.trajectory import Trajectory
-from ..study.compare import compare
 from .style import SMALL, DisplayedFigure
-
-MOST = 8  # panels, unless the coordinates are named
 
 
 def check_motion(owner: str, motion: Trajectory) -> None:
@@ -47,33 +42,6 @@ def check_times(owner: str, truth: Trajectory, name: str, approx: Trajectory) ->
 def _times(motion: Trajectory) -> str:
     t = np.asarray(motion.t)
     return f"{len(t)} times from {t[0]:g} s to {t[-1]:g} s"
-
-
-def choose(
-    owner: str, truth: Trajectory, coordinates: Sequence[str] | None
-) -> tuple[list[int], str]:
-    """The columns of q to show, and a note if some that move are left out.
-
-    `coordinates` are labels; without them, those that move. Of many, the ones whose motion is
-    largest in the metric, √M_ii max |q_i − q_i(0)|, since metres and radians do not compare.
-    """
-    labels = list(truth.labels)
-    if coordinates is not None:
-        unknown = [name for name in coordinates if name not in labels]
-        if unknown or len(coordinates) == 0:
-            what = f"there is no coordinate '{unknown[0]}'" if unknown else "no coordinates given"
-            raise ValueError(f"{owner}: {what}; the motion has: {', '.join(labels)}.")
-        return [labels.index(name) for name in coordinates], ""
-    moving = np.flatnonzero(np.asarray(compare(truth, truth).moving))
-    if not len(moving):
-        moving = np.arange(len(labels))
-    if len(moving) <= MOST:
-        return moving.tolist(), ""
-    q = np.asarray(truth.q)
-    reach = np.sqrt(np.diag(np.asarray(truth.metric))) * np.max(np.abs(q - q[0]), axis=0)
-    largest = np.sort(moving[np.argsort(-reach[moving], kind="stable")[:MOST]])
-    note = f"the {MOST} of {len(moving)} moving coordinates that move most in the mass metric"
-    return largest.tolist(), note
 
 
 def grid(count: int) -> tuple[Figure, list[Axes]]:

@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 
 from ...integrate.trajectory import Trajectory
 from ...study.compare import compare
-from ..panels import check_coordinates, check_times, choose, finish, grid
+from ..choice import choose
+from ..panels import check_coordinates, check_times, finish, grid
 from ..style import line, marks, symbol
 
 DECADES = 8  # shown below the largest error; a zero crossing reaches further and says nothing

@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ...integrate.trajectory import Trajectory
-from ..panels import check_coordinates, check_motion, choose, finish, grid
+from ..choice import choose
+from ..panels import check_coordinates, check_motion, finish, grid
 from ..style import line, marks, symbol, unit
 
 # Opacity of bands.

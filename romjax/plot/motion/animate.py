@@ -1,11 +1,10 @@
 """From runs and modes to a moving picture."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from ...analysis.modes import Modes
 from ...assembly.counting import bodies_coordinates
@@ -18,16 +17,14 @@ from ...scene.marker import Marker
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem
 from ..palette import VIEW, View
-from ..shapes import amplitudes
 from .animation import Animation
 from .arrows import with_forces
 from .designs import course, mechanism_of, scenes_of
-from .frames import Clock, Model, exaggeration, models, playing_rate
+from .frames import Clock, exaggeration, models, playing_rate
+from .outputs import Wanted, outputs_of
+from .swings import swinging
 
 FRAMES = 600
-# Of one period of a mode, with the first one repeated at the end; and how fast it passes [°/s].
-PERIOD, TURNING = 61, 180.0
-MODES = 24  # the most
 
 
 def animate(
@@ -37,6 +34,7 @@ def animate(
     trace: Marker | Sequence[Marker] = (),
     deformation: int | float | None = None,
     forces: bool = False,
+    outputs: Wanted = (),
     frames: int = FRAMES,
     title: str = "romjax",
     view: View = VIEW,
@@ -56,6 +54,10 @@ def animate(
       them. Unless given, once where they are seen, and else as many times as shows them.
     - `forces`: whether the forces of the joints of the first run, on the bodies of their first
       markers, are drawn as arrows.
+    - `outputs`: what the page plots under the motion, with a cursor at the time that is shown:
+      labels of coordinates; how many coordinates, those that move most in the mass metric; or a
+      dictionary of values by their names, an array (outputs,) of the first run or a list of one for
+      each.
     - `frames`: the most frames; output times are left out where there are more.
     - `title`: of the page.
     - `view`: azimuth against the x axis and elevation of the view of space [rad]; the page's can be
@@ -71,10 +73,10 @@ def animate(
             "negative, and there must be a frame."
         )
     scene = _scene_of(mechanism)
-    if any(isinstance(motion, Modes) for motion in motions):
-        return _swinging(mechanism, scene, motions, traced, given, title, view)
-    if any(isinstance(motion, Basis) for motion in motions):
-        return _of_basis(scene, motions, traced, given, title, view)
+    if any(isinstance(motion, Modes | Basis) for motion in motions):
+        if outputs:
+            raise InputError("animate: outputs are those of runs; modes have none.")
+        return swinging(mechanism, scene, motions, traced, given, title, view)
     runs: Any = motions
     names = _names(len(runs), labels)
     for name, run in zip(names, runs, strict=True):
@@ -86,6 +88,7 @@ def animate(
         q = {name: course(run, t) for name, run in zip(names, runs, strict=True)}
         scenes = scenes_of(scene, runs)
     else:
+        chosen = np.zeros(1, int)
         t, q = np.zeros(1), {"": np.concatenate([body.start()[0] for body in scene.bodies])[None]}
         scenes = [scene]
     clock = Clock("t", "s", playing_rate(float(np.ptp(t))))
@@ -97,7 +100,8 @@ def animate(
     scale = exaggeration(drawn) if deformation is None else given
     if forces and runs:
         drawn[0] = with_forces(drawn[0], runs[0], chosen)
-    return Animation(t, drawn, clock, scale, title=title, view=view)
+    plotted = outputs_of(outputs, runs, list(q.values()), chosen)
+    return Animation(t, drawn, clock, scale, outputs=plotted, title=title, view=view)
 
 
 def animate_run(run: Trajectory, *others: Trajectory, **options: Any) -> Animation:
@@ -173,110 +177,3 @@ def _spread(t: Float[np.ndarray, " k"], most: int) -> Int[np.ndarray, " frames"]
         return np.arange(len(t))
     nearest = np.argmin(np.abs(t[None] - np.linspace(t[0], t[-1], most)[:, None]), axis=1)
     return np.unique(nearest)
-
-
-def _swinging(
-    mechanism: Scene | AbstractSystem,
-    scene: Scene,
-    motions: Sequence[Any],
-    traced: Sequence[Marker],
-    deformation: float,
-    title: str,
-    view: View,
-) -> Animation:
-    """Each mode through a period, about where it was taken, one at a time."""
-    (modes,) = motions if len(motions) == 1 else (None,)
-    if modes is None or isinstance(mechanism, Scene):
-        raise InputError(
-            "animate: modes are drawn by themselves, and with the system that they are of: "
-            "romjax.animate(system, romjax.modes(system))."
-        )
-    if modes.at.shape != (mechanism.n,):
-        raise InputError(
-            f"animate: the modes are of {modes.at.shape} coordinates, but the system has "
-            f"{mechanism.n}; give the system that they are of."
-        )
-
-    # Displacements are as velocities: of a reduced system, in physical coordinates.
-    def push(w: Float[Array, " r"]) -> Float[Array, " n"]:
-        return mechanism.state(0.0, modes.at, w).v
-
-    real, imaginary = (
-        np.stack([np.asarray(push(jnp.asarray(w))) for w in part.T], axis=1)
-        for part in np.asarray([modes.shapes.real, modes.shapes.imag])[:, :, :MODES]
-    )
-    reference = np.asarray(mechanism.state(0.0, modes.at, jnp.zeros_like(modes.at)).q)
-    hertz = np.asarray(modes.frequencies)[:MODES] / (2 * np.pi)
-    names = [f"mode {k + 1}: {x:.4g} Hz" for k, x in enumerate(hertz)]
-    swings = _Swings(reference, real, imaginary, names)
-    return swings.animation(scene, traced, deformation, title, view)
-
-
-def _of_basis(
-    scene: Scene,
-    motions: Sequence[Any],
-    traced: Sequence[Marker],
-    deformation: float,
-    title: str,
-    view: View,
-) -> Animation:
-    """Each mode of a basis through a period, about its offset, one at a time."""
-    (basis,) = motions if len(motions) == 1 else (None,)
-    if basis is None:
-        raise InputError("animate: a basis is drawn by itself: romjax.animate(scene, basis).")
-    reference, vectors = np.asarray(basis.offset), np.asarray(basis.modes)[:, :MODES]
-    wanted = sum(len(body.coordinates()) for body in scene.bodies)
-    # Behind those of the bodies there may be counters of turns.
-    parts = (*scene.joints, *scene.effects)
-    if bodies_coordinates(parts, reference[None], wanted).shape[1] != wanted:
-        raise InputError(
-            f"animate: the basis is of {len(reference)} coordinates, but the bodies of the scene "
-            f"have {wanted}; give the scene that it is of."
-        )
-    shares = np.asarray(basis.values) / np.asarray(basis.values)[0]
-    names = [f"mode {k + 1}: {shares[k]:.2g} of the first" for k in range(vectors.shape[1])]
-    swings = _Swings(reference, vectors, np.zeros_like(vectors), names)
-    return swings.animation(scene, traced, deformation, title, view)
-
-
-class _Swings(NamedTuple):
-    """Modes (n, r) with their names, that swing about the configuration `reference` (n,)."""
-
-    reference: np.ndarray
-    real: np.ndarray
-    imaginary: np.ndarray
-    names: list[str]
-
-    def animation(
-        self, scene: Scene, traced: Sequence[Marker], deformation: float, title: str, view: View
-    ) -> Animation:
-        """One at a time, through a period."""
-        sides = np.concatenate([self.real, self.imaginary], axis=1)
-        sizes = amplitudes(scene, self.reference, sides)
-        sizes = np.where(sizes > 0, sizes, np.inf).reshape(2, -1).min(axis=0)
-        phase = np.linspace(0.0, 2 * np.pi, PERIOD)
-        cosine, sine = np.cos(phase)[:, None, None], np.sin(phase)[:, None, None]
-        motion = self.real * cosine - self.imaginary * sine
-        motion = motion * np.where(np.isfinite(sizes), sizes, 0.0)
-        named = {name: self.reference + motion[:, :, k] for k, name in enumerate(self.names)}
-        return _drawn(scene, named, np.rad2deg(phase), traced, deformation, title, view)
-
-
-def _drawn(
-    scene: Scene,
-    named: dict[str, np.ndarray],
-    degrees: np.ndarray,
-    traced: Sequence[Marker],
-    deformation: float,
-    title: str,
-    view: View,
-) -> Animation:
-    """Motions over a phase [°], one at a time."""
-    drawn = [
-        Model(
-            name, *([o for o in side if o.style != "load"] for side in sides)
-        )  # they know no time
-        for name, *sides in models(scene, np.zeros(PERIOD), named, traced)
-    ]
-    clock = Clock("phase", "°", TURNING)
-    return Animation(degrees, drawn, clock, deformation, alternatives=True, title=title, view=view)

@@ -3,6 +3,7 @@
 import dataclasses
 import html
 import importlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from ...common import writing
 from ...common.errors import InputError
 from ..palette import VIEW, View
 from .frames import Clock, Model
+from .outputs import Output
 from .page import height, page
 
 ENDINGS = (".html", ".gif", ".mp4")
@@ -23,12 +25,15 @@ class Animation:
 
     The last line of a notebook's cell shows it, in a frame of its own, so that several of them do
     not disturb each other. Space plays and stops, the arrows go from frame to frame and change the
-    speed, dragging moves the picture (in space, turns it), + and − change its size.
+    speed, dragging moves the picture (in space, turns it), the wheel, + and − change its size.
+    Buttons save a frame as PNG, all of them as GIF, and in space show it from the front, the side
+    and above.
 
     - `t`: times of the frames (frames,), in the unit of the `clock`.
     - `models`: what is drawn, in the order of the legend; the first is the reference.
     - `deformation`: modal deformations are drawn as many times as large; a slider changes it.
     - `alternatives`: whether one model is shown at a time.
+    - `outputs`: what the page plots under the motion.
     - `title`: of the page.
     - `view`: azimuth against the x axis and elevation of the view of space at first [rad].
     """
@@ -38,6 +43,7 @@ class Animation:
     clock: Clock
     deformation: float = 1.0
     alternatives: bool = False
+    outputs: Sequence[Output] = ()
     title: str = "romjax"
     view: View = VIEW
 
@@ -50,15 +56,17 @@ class Animation:
             self.clock,
             self.deformation,
             self.view,
+            outputs=self.outputs,
             alternatives=self.alternatives,
             playing=playing,
         )
 
     def embedded(self) -> str:
         """The page in a frame, as an element of another page."""
+        tall = height(self.models, len(self.outputs))
         return (
             f'<iframe srcdoc="{html.escape(self.html())}" title="{html.escape(self.title)}" '
-            f'style="width: 100%; height: {height(self.models)}px; border: 0"></iframe>'
+            f'style="width: 100%; height: {tall}px; border: 0"></iframe>'
         )
 
     _repr_html_ = embedded

@@ -18,7 +18,7 @@ def encode(values: Float[np.ndarray, "frames columns"], quantum: float) -> dict[
     decomposition with pivots: a rigid outline in the plane has at most four, whatever the number of
     its points, a beam two more for each mode, and what rests has none.
     All are integers; weights change smoothly, so that their second differences are small. The
-    decoder is in player.js.
+    decoder is in player/decode.js.
     """
     scaled = np.asarray(values, float) / quantum
     mean = np.mean(scaled, axis=0)

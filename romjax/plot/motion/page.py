@@ -2,6 +2,7 @@
 
 import html
 import json
+from collections.abc import Sequence
 from importlib import resources
 from itertools import groupby
 from typing import Any
@@ -13,6 +14,8 @@ from ...assembly.outlines import MovingOutline
 from ..palette import COLOURS, STROKES, WIDTHS, View
 from .coding import encode
 from .frames import Clock, Model
+from .hulls import faces
+from .outputs import Output
 
 # Points are rounded to this share of the picture's diagonal, and an amplified deformation to as
 # much of the largest that can be chosen.
@@ -22,6 +25,9 @@ EXAGGERATED = 0.3
 # Between two frames points move along straight lines where these are as close, as a share of the
 # diagonal, to the path; else the picture shows nothing but its frames.
 STRAIGHT = 0.01
+# Of the script, in this order, since each uses what those before it name. [px] of one output.
+PIECES = ("decode", "view", "solids", "draw", "axes", "outputs", "gif", "saving", "controls")
+CHART = 84
 
 
 def page(
@@ -32,6 +38,7 @@ def page(
     deformation: float,
     view: View,
     *,
+    outputs: Sequence[Output] = (),
     alternatives: bool,
     playing: bool,
 ) -> str:
@@ -42,31 +49,35 @@ def page(
     - `title`: of the document.
     - `t`, `models`, `clock`: what it shows.
     - `deformation`, `view`: at first.
+    - `outputs`: what is plotted under the motion.
     - `alternatives`: whether one model is shown at a time, not all over each other.
     - `playing`: whether it begins by itself.
     """
     data = _data(t, models, clock, deformation)
-    data |= {"alternatives": alternatives, "playing": playing}
+    data |= {"alternatives": alternatives, "playing": playing, "outputs": [*map(_output, outputs)]}
     if data["dimension"] == 3:
         data["view"] = view
-    folder = resources.files(__package__)
-    text = {name: (folder / f"player.{name}").read_text("utf-8") for name in ("html", "css", "js")}
-    return text["html"].format(
+    return player("page.html").format(
         title=html.escape(title),
-        css=text["css"],
-        script=text["js"],
+        css=player("page.css"),
+        script="\n".join(player(f"{name}.js") for name in PIECES),
         # Names may contain what would end the element.
         data=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
     )
 
 
-def height(models: list[Model]) -> int:
-    """A height [px] that suits the mechanism in a column of 700 px."""
+def player(name: str) -> str:
+    """A file of the page."""
+    return (resources.files(__package__) / "player" / name).read_text("utf-8")
+
+
+def height(models: list[Model], outputs: int) -> int:
+    """A height [px] that suits the mechanism and its outputs in a column of 700 px."""
     low, high = corners([o for model in models for o in model.actual])
     if len(low) == 3:  # it is as large from all sides
-        return 640
+        return 660 + CHART * outputs
     width, tall = high - low + 0.15 * float(np.max(high - low))
-    return int(np.clip(620 * tall / width, 220, 480)) + 160
+    return int(np.clip(620 * tall / width, 220, 480)) + 195 + CHART * outputs
 
 
 def corners(
@@ -134,11 +145,23 @@ def _parts(model: Model, bend: float, move: float) -> list[dict[str, Any]]:
 def _outline(outline: MovingOutline) -> dict[str, Any]:
     points = outline.points
     closed = points.shape[1] > 2 and np.allclose(points[:, 0], points[:, -1], rtol=0, atol=1e-12)
-    return {
+    told = {
         "style": outline.style,
         "points": points.shape[1],
         "closed": bool(closed),
         "endless": outline.endless,
+    }
+    solid = points.shape[2] == 3 and outline.style == "body"
+    return told | {"faces": faces(points[0]) or None} if solid else told
+
+
+def _output(output: Output) -> dict[str, Any]:
+    values = output.values
+    quantum = RESOLUTION * float(np.ptp(values)) or 1.0
+    return {
+        "name": output.name,
+        "curves": values.shape[1],
+        "values": encode(values, quantum),
     }
 
 

@@ -1,0 +1,45 @@
+// Bodies in space: faces of boxes and meshes, and tubes along lines; the farthest first.
+
+const LIGHT = [-0.37, 0.56, 0.74];  // towards it, in the directions of the picture and of the eye
+const TUBE = ["edge", "side", "lit"];  // strokes over each other
+
+let collected = [];
+const addSolid = (outline, list, values) => {  // its points in the picture, and in space
+  const toward = axes()[2], d = data.dimension;
+  const depth = dot(toward, Array.from({length: d}, (_, i) => {
+    let sum = 0;
+    for (let j = i; j < values.length; j += d) sum += values[j];
+    return sum / outline.points;
+  }));
+  collected.push({outline, list, values, depth});
+};
+
+// How much light a face has, from 0 to 1; nothing of one that is turned away.
+const lightOn = (face, values, ways) => {
+  const [a, b, c] = face.map(k => values.subarray(3 * k, 3 * k + 3));
+  const [u, v] = [b, c].map(p => [0, 1, 2].map(i => p[i] - a[i]));
+  const normal = [0, 1, 2].map(i => u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
+  const length = Math.hypot(...normal) || 1, seen = ways.map(way => dot(way, normal) / length);
+  return seen[2] > 0 ? Math.max(0, dot(LIGHT, seen)) : null;
+};
+
+const drawSolids = model => {
+  const ways = axes(), strokes = [];
+  collected.sort((one, other) => one.depth - other.depth);
+  for (const {outline, list, values} of collected) {
+    if (!outline.faces) TUBE.forEach(name => strokes.push([line(list) + (outline.closed ? "Z" : ""), `tube ${name}`, ""]));
+    else for (const face of outline.faces) {
+      const light = lightOn(face, values, ways);
+      if (light !== null) strokes.push([`${line(face.map(k => list[k]))}Z`, "face", `${Math.round(100 * light)}%`]);
+    }
+  }
+  collected = [];
+  while (solids.children.length < strokes.length) make("path", {}, solids);
+  while (solids.children.length > strokes.length) solids.lastChild.remove();
+  strokes.forEach(([d, name, light], i) => {
+    const path = solids.children[i];
+    path.setAttribute("d", d);
+    path.setAttribute("class", name);
+    path.setAttribute("style", `--model: ${model.colour}; --light: ${light}`);
+  });
+};

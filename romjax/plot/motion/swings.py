@@ -1,0 +1,148 @@
+"""Modes that swing."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...analysis.modes import Modes
+from ...assembly.counting import bodies_coordinates
+from ...common.errors import InputError
+from ...scene.marker import Marker
+from ...scene.scene import Scene
+from ...system.base import AbstractSystem
+from ..palette import View
+from ..shapes import amplitudes
+from .animation import Animation
+from .frames import Clock, Model, models
+
+# Of one period of a mode, with the first one repeated at the end; and how fast it passes [°/s].
+PERIOD, TURNING = 61, 180.0
+MODES = 24  # the most
+
+
+def swinging(
+    mechanism: Scene | AbstractSystem,
+    scene: Scene,
+    motions: Sequence[Any],
+    traced: Sequence[Marker],
+    deformation: float,
+    title: str,
+    view: View,
+) -> Animation:
+    """Modes of a `mechanism`, or of a basis, each through a period, one at a time; the arguments
+    are those of `animate`. Raises InputError if they do not fit.
+    """
+    of = _of_modes if any(isinstance(motion, Modes) for motion in motions) else _of_basis
+    return of(mechanism, scene, motions, traced, deformation, title, view)
+
+
+def _of_modes(
+    mechanism: Scene | AbstractSystem,
+    scene: Scene,
+    motions: Sequence[Any],
+    traced: Sequence[Marker],
+    deformation: float,
+    title: str,
+    view: View,
+) -> Animation:
+    """Each mode through a period, about where it was taken, one at a time."""
+    (modes,) = motions if len(motions) == 1 else (None,)
+    if modes is None or isinstance(mechanism, Scene):
+        raise InputError(
+            "animate: modes are drawn by themselves, and with the system that they are of: "
+            "romjax.animate(system, romjax.modes(system))."
+        )
+    if modes.at.shape != (mechanism.n,):
+        raise InputError(
+            f"animate: the modes are of {modes.at.shape} coordinates, but the system has "
+            f"{mechanism.n}; give the system that they are of."
+        )
+
+    # Displacements are as velocities: of a reduced system, in physical coordinates.
+    def push(w: Float[Array, " r"]) -> Float[Array, " n"]:
+        return mechanism.state(0.0, modes.at, w).v
+
+    real, imaginary = (
+        np.stack([np.asarray(push(jnp.asarray(w))) for w in part.T], axis=1)
+        for part in np.asarray([modes.shapes.real, modes.shapes.imag])[:, :, :MODES]
+    )
+    reference = np.asarray(mechanism.state(0.0, modes.at, jnp.zeros_like(modes.at)).q)
+    hertz = np.asarray(modes.frequencies)[:MODES] / (2 * np.pi)
+    names = [f"mode {k + 1}: {x:.4g} Hz" for k, x in enumerate(hertz)]
+    swings = _Swings(reference, real, imaginary, names)
+    return swings.animation(scene, traced, deformation, title, view)
+
+
+def _of_basis(
+    mechanism: Scene | AbstractSystem,
+    scene: Scene,
+    motions: Sequence[Any],
+    traced: Sequence[Marker],
+    deformation: float,
+    title: str,
+    view: View,
+) -> Animation:
+    """Each mode of a basis through a period, about its offset, one at a time."""
+    del mechanism  # a basis is of coordinates
+    (basis,) = motions if len(motions) == 1 else (None,)
+    if basis is None:
+        raise InputError("animate: a basis is drawn by itself: romjax.animate(scene, basis).")
+    reference, vectors = np.asarray(basis.offset), np.asarray(basis.modes)[:, :MODES]
+    wanted = sum(len(body.coordinates()) for body in scene.bodies)
+    # Behind those of the bodies there may be counters of turns.
+    parts = (*scene.joints, *scene.effects)
+    if bodies_coordinates(parts, reference[None], wanted).shape[1] != wanted:
+        raise InputError(
+            f"animate: the basis is of {len(reference)} coordinates, but the bodies of the scene "
+            f"have {wanted}; give the scene that it is of."
+        )
+    shares = np.asarray(basis.values) / np.asarray(basis.values)[0]
+    names = [f"mode {k + 1}: {shares[k]:.2g} of the first" for k in range(vectors.shape[1])]
+    swings = _Swings(reference, vectors, np.zeros_like(vectors), names)
+    return swings.animation(scene, traced, deformation, title, view)
+
+
+class _Swings(NamedTuple):
+    """Modes (n, r) with their names, that swing about the configuration `reference` (n,)."""
+
+    reference: np.ndarray
+    real: np.ndarray
+    imaginary: np.ndarray
+    names: list[str]
+
+    def animation(
+        self, scene: Scene, traced: Sequence[Marker], deformation: float, title: str, view: View
+    ) -> Animation:
+        """One at a time, through a period."""
+        sides = np.concatenate([self.real, self.imaginary], axis=1)
+        sizes = amplitudes(scene, self.reference, sides)
+        sizes = np.where(sizes > 0, sizes, np.inf).reshape(2, -1).min(axis=0)
+        phase = np.linspace(0.0, 2 * np.pi, PERIOD)
+        cosine, sine = np.cos(phase)[:, None, None], np.sin(phase)[:, None, None]
+        motion = self.real * cosine - self.imaginary * sine
+        motion = motion * np.where(np.isfinite(sizes), sizes, 0.0)
+        named = {name: self.reference + motion[:, :, k] for k, name in enumerate(self.names)}
+        return _drawn(scene, named, np.rad2deg(phase), traced, deformation, title, view)
+
+
+def _drawn(
+    scene: Scene,
+    named: dict[str, np.ndarray],
+    degrees: np.ndarray,
+    traced: Sequence[Marker],
+    deformation: float,
+    title: str,
+    view: View,
+) -> Animation:
+    """Motions over a phase [°], one at a time."""
+    drawn = [
+        Model(
+            name, *([o for o in side if o.style != "load"] for side in sides)
+        )  # they know no time
+        for name, *sides in models(scene, np.zeros(PERIOD), named, traced)
+    ]
+    clock = Clock("phase", "°", TURNING)
+    return Animation(degrees, drawn, clock, deformation, alternatives=True, title=title, view=view)
