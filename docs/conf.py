@@ -35,6 +35,7 @@ extensions = [
     "figures",
     "gallery",
     "markdown_docstrings",
+    "pictures",
     "verbs",
     "verified",
 ]

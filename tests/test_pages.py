@@ -4,9 +4,12 @@ import re
 from pathlib import PurePosixPath
 
 import api
+import gallery
+import nbformat
 import pytest
 import scripts
 from documents import BLOCK, GENERATED, PAGES, ROOT, blocks
+from documents import NOTEBOOKS as NOTEBOOK_FILES
 from names import public
 
 import romjax as rj
@@ -30,6 +33,8 @@ WITHOUT_CODE = {
     "docs/start/what_it_is_for.md",
     "docs/howto/stabilization.md",
 }
+TUTORIALS = "docs/tutorials/index.md"
+WITHOUT_BODIES = {"natural_frequencies"}  # three coupled masses, given by matrices
 # Pages that another one includes.
 PARTS = {"docs/reference/api_introduction.md"}
 
@@ -119,6 +124,37 @@ def test_tasks_are_two_clicks_from_the_start():
     pages = {str(target_of(FIND, link)) for link, _ in tasks}
     silent = {page for page in pages if page not in SCRIPTS and not page.startswith(NOTEBOOKS)}
     assert silent - set(GENERATED) <= WITHOUT_CODE
+
+
+@pytest.mark.instant
+def test_the_page_of_the_gallery():
+    """Each scene with its moving picture, its fact, what it teaches and takes, and its file."""
+    page, name = gallery.page(), "docs/reference/gallery.md"
+    scenes = dict(re.findall(r"^## (\S+)\n(.*?)(?=^## |\Z)", page, re.MULTILINE | re.DOTALL))
+    assert list(scenes) == [example.name for example in EXAMPLES]
+    for scene, text in scenes.items():
+        assert f'src="../gallery/{scene}.html"' in text
+        told = re.findall(r"^- \*\*(.*?)\*\* \S", text, re.MULTILINE)
+        assert told == ["What holds.", "What you learn.", "What it takes.", "Files."]
+        (file,) = re.findall(r"{download}`\S+ <(\S+)>`", text)
+        assert (ROOT / target_of(name, file)).exists()
+        assert f"$ romjax run {scene}\n" in text
+    assert [link for link in LINK.findall(page) if not leads_somewhere(name, link)] == []
+    assert page.count(" ms for a run after it") >= 20
+
+
+@pytest.mark.instant
+def test_the_tutorials_are_pictures():
+    """Each notebook has a card with a picture, and shows its mechanism moving, if it has bodies."""
+    cards = dict(re.findall(r":link: notebooks/(\S+)\n.*\n:img-top: (\S+)", PAGES[TUTORIALS]))
+    assert cards == {path.stem: f"pictures/{path.stem}.png" for path in NOTEBOOK_FILES}
+    moving = {
+        path.stem
+        for path in NOTEBOOK_FILES
+        for cell in nbformat.read(path, as_version=4).cells
+        if cell.cell_type == "code" and "animate(" in cell.source.splitlines()[-1]
+    }
+    assert {path.stem for path in NOTEBOOK_FILES} - moving == WITHOUT_BODIES
 
 
 def is_public(part: object) -> bool:

@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import executed
+import facts
 import numpy as np
+import records
 
 import romjax as rj
 from romjax.gallery import EXAMPLES, Example
@@ -22,8 +24,13 @@ MOVING.mkdir(parents=True, exist_ok=True)
 INTRODUCTION = """# Gallery
 
 `rj.gallery` has {count} ready scenes, each a function, with a scene file beside it. The pictures
-below are what `rj.animate(scene, run)` makes of a run: space plays and stops, the arrows go from
-frame to frame, dragging moves the picture.
+below are what `rj.animate(scene, run, outputs=2)` makes of a run: space plays and stops, the arrows
+go from frame to frame, dragging moves the picture, and the wheel its size once the picture was
+pressed. What holds of each is proved by a test of its run. Times, and what a reduction pays, are
+from the record of {made}, which `python benchmarks/gallery.py` measures; a first answer includes
+all compiling.
+
+{list}
 
 Stories begin with a question of a designer and end with a decision:
 
@@ -40,15 +47,23 @@ SCENE = """
 ## {example.name}
 
 {title}. {freedom}; {example.end:g} s, sampled at {example.rate:g} Hz.
-[`rj.gallery.{function}`](api/romjax.gallery.{function}.md), or from the shell:
+
+<iframe class="moving" src="../gallery/{example.name}.html" title="{example.title}" loading="lazy">
+</iframe>
+
+- **What holds.** {known.fact}
+- **What you learn.** {known.learn} [Go on](../{known.page}).
+- **What it takes.** {taken}
+- **Files.** {{download}}`{example.name}.toml <../../romjax/gallery/files/{example.name}.toml>`, and
+  [`rj.gallery.{function}`](api/romjax.gallery.{function}.md) with all of its numbers; from the
+  shell:
 
 ```console
 $ romjax run {example.name}
 ```
-
-<iframe class="moving" src="../gallery/{example.name}.html" title="{example.title}" loading="lazy">
-</iframe>
 """
+TAKEN = "{0.first} s to the first answer, {0.again} ms for a run after it. {0.pays}"
+UNKNOWN = "The record does not have this scene yet."
 
 
 def keep(example: Example, scene: rj.Scene, run: rj.Trajectory) -> None:
@@ -69,13 +84,25 @@ def _simulate(number: int) -> None:
     keep(example, scene, run)
 
 
-def _text(example: Example) -> str:
+def _text(example: Example, known: facts.Known, taken: facts.Taken | None) -> str:
     function = example.name.replace("-", "_")
     title = example.title[0].upper() + example.title[1:]
     freedom = {0: "Its drive prescribes the motion", 1: "One degree of freedom"}.get(
         example.freedoms, f"{example.freedoms} degrees of freedom"
     )
-    return SCENE.format(example=example, function=function, title=title, freedom=freedom)
+    words = UNKNOWN if taken is None else TAKEN.format(taken)
+    return SCENE.format(
+        example=example, function=function, title=title, freedom=freedom, known=known, taken=words
+    )
+
+
+def page() -> str:
+    """The text of the page."""
+    known, taken = facts.known(), facts.taken()
+    made = records.record("gallery")["made"]
+    links = ", ".join(f"[{one.name}](#{one.name})" for one in EXAMPLES)
+    head = INTRODUCTION.format(count=len(EXAMPLES), made=made, list=links)
+    return head + "".join(_text(one, known[one.name], taken.get(one.name)) for one in EXAMPLES)
 
 
 def write(app: "Sphinx") -> None:
@@ -85,7 +112,7 @@ def write(app: "Sphinx") -> None:
         # Other processes, since Sphinx forks its own and JAX must not be forked.
         with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as pool:
             list(pool.map(_simulate, missing))
-    text = INTRODUCTION.format(count=len(EXAMPLES)) + "".join(map(_text, EXAMPLES))
+    text = page()
     if not PAGE.exists() or PAGE.read_text() != text:
         PAGE.write_text(text)
 

@@ -67,5 +67,12 @@ def is_kept(path: Path) -> bool:
     return True
 
 
+def executed_one(path: Path) -> nbformat.NotebookNode:
+    """A notebook with its outputs, which must be kept."""
+    cache = _cache()
+    found = cache.match_cache_notebook(nbformat.read(path, as_version=4))
+    return cache.get_cache_bundle(found.pk).nb
+
+
 def _cache() -> JupyterCacheAbstract:
     return get_cache(CACHE)
