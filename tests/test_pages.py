@@ -146,7 +146,9 @@ def test_the_page_of_the_gallery():
 @pytest.mark.instant
 def test_the_tutorials_are_pictures():
     """Each notebook has a card with a picture, and shows its mechanism moving, if it has bodies."""
-    cards = dict(re.findall(r":link: /tutorials/notebooks/(\S+)\n.*\n:img-top: (\S+)", PAGES[TUTORIALS]))
+    cards = dict(
+        re.findall(r":link: /tutorials/notebooks/(\S+)\n.*\n:img-top: (\S+)", PAGES[TUTORIALS])
+    )
     assert cards == {path.stem: f"pictures/{path.stem}.png" for path in NOTEBOOK_FILES}
     moving = {
         path.stem
