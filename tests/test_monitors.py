@@ -16,12 +16,16 @@ TS = np.linspace(0.0, END, 5)
 # ∫ v² dt of x = cos 2t, up to the end.
 ACTION = 2 * END - np.sin(4 * END) / 2
 METHODS = {
-    "Dopri8": zoo.DOPRI8,
+    "Tsit5": diffrax.Tsit5(),
     "Rodas5P": zoo.RODAS5P,
     "Kvaerno5": diffrax.Kvaerno5(),
     "of two terms": diffrax.KenCarp4(),
 }
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
+
+
+def place(system, t, q, v):
+    return q[0]
 
 
 class Action(rj.AbstractMonitor):
@@ -66,7 +70,9 @@ def swing(start, *monitors, **settings):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_each_accepted_step_is_seen_once(method):
-    run = swing(jnp.ones(()), Action(), Last(), solver=METHODS[method], audit=True)
+    """With events, dense output and the balance of energy beside, by methods of all kinds."""
+    beside = {"events": [rj.Crossing(place)], "dense": True, "audit": True}
+    run = swing(jnp.ones(()), Action(), Last(), solver=METHODS[method], **beside)
     seen, last = run.followed
     # Within steps the motion is that of dense output, which errs by more than their ends.
     assert abs(seen["action"] - ACTION) <= DIFFERENCED
@@ -74,6 +80,8 @@ def test_each_accepted_step_is_seen_once(method):
     assert last.t == END
     assert_close(last.q, run.q[-1], IDENTITY)
     assert run.balance is not None
+    assert_close(run.events.time[: run.events.count], [np.pi / 4], SOLVED)
+    assert_close(run.at(np.array([0.3])).q, [[np.cos(0.6)]], DIFFERENCED)
 
 
 def test_under_jit_and_vmap():

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.arrays import as_number, concrete
+from ..common.arrays import concrete
 from ..common.compat import is_outermost, is_traced
 from ..common.identity_cache import IdentityCache
 from ..compiling.program import program_once
@@ -56,7 +56,7 @@ def start_frequencies(
     v: Float[Array, " n"],
 ) -> Frequencies:
     """Return the frequencies at the first of some times; those of the own start are remembered."""
-    t = ts[0] if is_traced(ts) else as_number(np.asarray(ts)[0], q.dtype)
+    t = ts[0] if is_traced(ts) else np.asarray(ts, q.dtype)[0, ...]
     # What is a part of the user's program is a tracer.
     if not is_outermost() or q is not system.q0 or v is not system.v0:
         return _frequencies(system, t, q, v)

@@ -1,7 +1,7 @@
 """The integration of the equations of motion."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import diffrax
@@ -28,7 +28,6 @@ from ..march.step_size import StepSizeControl
 from ..march.steps import Progress, Steps
 from ..march.tolerances import Tolerances
 from ..system.base import AbstractSystem
-from ..system.consistent import project_start
 from ..system.schedule import Schedule
 from .amplitudes import amplitude_shares
 from .dense import output_of, post_step_of
@@ -38,7 +37,7 @@ from .outputs import Output
 from .post_step import PostStep, PostStepSolver
 from .settings import Settings
 from .term import ChartedMotionTerm, ChartedState, MotionTerm, State
-from .ticks import UntilTick, ticked, ticks
+from .ticks import UntilTick, ticks
 from .whole_implicit import WholeImplicit, takes_two_terms
 
 # Keys of the followers that are not differentiated.
@@ -49,13 +48,11 @@ class Integrated(NamedTuple):
     """An integration, whether it got to its end or not.
 
     - `march`: how it ended, and what its followers have seen.
-    - `start`: q and v, projected where all steps are.
     - `ts`, `outputs`, `imbalance`: those that were asked for, after a stop as they are there.
     - `events`: what happened, in words of the mechanism.
     """
 
     march: Ended
-    start: tuple[Float[Array, " n"], Float[Array, " n"]]
     ts: Float[Array, " k"]
     outputs: Output
     imbalance: Float[Array, " k"] | None
@@ -82,15 +79,18 @@ def integrate(
     Never raises: how it went is in `march`.
     """
     post_step = post_step_of(system, settings.projection)
-    if settings.projection is not None and settings.projects_start:
-        q0, v0 = project_start(system, ts[0], q0, v0)
-    v0 = ticked(system, ts[0], q0, v0)
     term, solver, y0 = _problem(system, q0, v0, post_step, settings)
     structure, given = system.structure, (settings.rtol, settings.atol, settings.follow)
     shares = None if settings.dt is not None else amplitude_shares(system, q0)
     tolerances = Tolerances.of(structure.is_position, *given, structure.is_state, shares)
     controller, first = _step_size_control(ts, settings, tolerances)
     watch = _watch(system, post_step, ts, settings, tolerances)
+    corners, longest, passage = None, None, None
+    if settings.dt is None:  # nothing limits fixed steps but the ticks of controllers
+        schedule = Schedule.of(system).seeing(ts)
+        corners = schedule.corners(ts)
+        longest = schedule.longest_step if schedule.limits_steps else None
+        passage = Passage.of(system, post_step, settings.baumgarte, settings.rtol)
     most = jnp.asarray(settings.max_steps)
     steps = Steps(
         term=term,
@@ -102,7 +102,9 @@ def integrate(
         # Dense output has room for this number of steps only.
         max_steps=jnp.minimum(most, settings.dense) if settings.dense else most,
         watch=watch,
-        **_limits(system, post_step, ts, settings),
+        passage=passage,
+        longest=UntilTick.of(system, longest),
+        corners=None if corners is None or not len(corners) else corners,
     )
     # If the largest number of steps is known, reverse mode can reserve room for their states.
     known = settings.max_steps if isinstance(settings.max_steps, int) else None
@@ -120,9 +122,9 @@ def integrate(
         run = differentiable_run(march, start, known)
     rows, imbalance, events = run.outputs.rows, run.outputs.beside, None
     if watch is not None and run.watching is not None:
-        rows, imbalance, ts = _hold_after_stop(run, ts, output)
+        rows, imbalance, ts = _hold_after_stop(run, outputs)
         events = watch.describe(run.seen[EVENTS], run.watching)
-    return Integrated(run, (q0, v0), ts, rows, imbalance, events)
+    return Integrated(run, ts, rows, imbalance, events)
 
 
 def _followers(
@@ -182,44 +184,25 @@ def _watch(
     )
 
 
-def _limits(
-    system: AbstractSystem, post_step: PostStep | None, ts: Float[Array, " k"], settings: Settings
-) -> dict[str, Any]:
-    """Return what limits steps besides their errors, contacts and loads, as arguments of `Steps`.
-
-    Nothing limits fixed steps but the ticks of controllers.
-    """
-    if settings.dt is not None:
-        return {"passage": None, "longest": UntilTick.of(system, None), "corners": None}
-    schedule = Schedule.of(system).seeing(ts)
-    corners = schedule.corners(ts)
-    longest = schedule.longest_step if schedule.limits_steps else None
-    return {
-        "passage": Passage.of(system, post_step, settings.baumgarte, settings.rtol),
-        "longest": UntilTick.of(system, longest),
-        "corners": corners if len(corners) else None,
-    }
-
-
 def _hold_after_stop(
-    run: Ended, ts: Float[Array, " size"], output: Callable[[Array, Any], Output]
+    run: Ended, asked: Outputs
 ) -> tuple[Output, Float[Array, " size"] | None, Float[Array, " size"]]:
     """Return outputs, imbalances and times, with those after a stop as they are at the stop."""
     record, saved = run.seen[EVENTS], run.outputs
     assert run.watching is not None
     last = jnp.maximum(record.number - 1, 0)
     t, y = jax.tree.map(lambda x: x[last], (record.time, record.after))
-    held = run.watching.stopped & (jnp.arange(len(ts)) >= saved.number)
+    held = run.watching.stopped & (jnp.arange(len(asked.ts)) >= saved.number)
 
     def hold(rows: Array, row: Array) -> Array:
         chosen: Array = jnp.where(held.reshape(-1, *[1] * row.ndim), row, rows)
         return chosen
 
-    outputs: Output = jax.tree.map(hold, saved.rows, output(t, y))
+    outputs: Output = jax.tree.map(hold, saved.rows, asked.output(t, y))
     imbalance = saved.beside
     if imbalance is not None:
         imbalance = hold(imbalance, _imbalance(run.seen))
-    return outputs, imbalance, hold(ts, t)
+    return outputs, imbalance, hold(asked.ts, t)
 
 
 def _problem(

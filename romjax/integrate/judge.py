@@ -7,7 +7,6 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from ..common import precision
 from ..system.base import AbstractSystem
-from ..system.start import Start
 from .integration import Integrated
 from .settings import Settings
 from .status import Status
@@ -20,13 +19,13 @@ _DRIFT = 10.0
 
 def judge_run(
     system: AbstractSystem,
-    ts: Float[Array, " k"],
     run: Integrated,
-    start: Start,
+    q0: Float[Array, " n"],
+    fits: Bool[Array, ""],
     settings: Settings,
 ) -> Int[Array, ""]:
-    """The status of a run, from its outputs and the constraints at its `start`."""
-    result, (q0, _) = run.march.result, run.start
+    """The status of a run, by its outputs and whether its start `fits` the constraints."""
+    result = run.march.result
     own = run.outputs.in_system()
     # The constraints may overflow where the drifted coordinates themselves are still finite.
     numbers = (own.q, own.v, run.outputs.violation)
@@ -37,7 +36,7 @@ def judge_run(
     # Time hardly advances by less than the least step: a motion that turns NaN rejects steps until
     # it gets there.
     ladder: list[tuple[ArrayLike, Status]] = [
-        (~(start.closed & start.fits), Status.INCONSISTENT_START),
+        (~fits, Status.INCONSISTENT_START),
         (result == diffrax.RESULTS.dt_min_reached, Status.NOT_FINITE),
         (result == diffrax.RESULTS.max_steps_reached, Status.MAX_STEPS),
         (result != diffrax.RESULTS.successful, Status.SOLVER_FAILED),
@@ -48,7 +47,7 @@ def judge_run(
         ladder.insert(1, (run.events.count > len(run.events.time), Status.MAX_EVENTS))
     limits = precision.of(q0.dtype).dependent_rows
     if limits is not None:
-        unresolved = ~_is_resolved(system, ts[0], q0, limits)
+        unresolved = ~_is_resolved(system, run.ts[0], q0, limits)
         ladder.insert(0, (unresolved, Status.PRECISION))
     places = system.structure.without_states(own.q)
     violated = ~_constraints_hold(places, own.violation, settings)

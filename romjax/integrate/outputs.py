@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..common.identity_cache import IdentityCache
 from ..system.base import AbstractSystem
 from ..system.local import local_system
 from .post_step import PostStep
@@ -72,6 +73,17 @@ def padded(x: Any, size: int) -> np.ndarray:
     """`x` with its last row repeated up to `size` rows."""
     rows = np.asarray(x)
     return np.concatenate([rows, np.broadcast_to(rows[-1:], (size - len(rows), *rows.shape[1:]))])
+
+
+_padded = IdentityCache()
+
+
+def with_room(ts: Float[Array, " k"], size: int) -> Float[Array, " size"]:
+    """Output times, the last one repeated; remembered with them."""
+    times: Array | None = _padded.get(ts)
+    if times is None or len(times) != size:
+        times = _padded.put(ts, jax.device_put(padded(ts, size)))
+    return times
 
 
 def cut(outputs: Any, count: int) -> Any:

@@ -9,24 +9,26 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..common import compat, precision
-from ..common.identity_cache import IdentityCache
 from ..compiling.program import program
 from ..march.march import DENSE
 from ..system.base import AbstractSystem, Run
+from ..system.consistent import project_start
 from ..system.flags import Flag
-from ..system.stabilization import Baumgarte, Stabilization
+from ..system.stabilization import Baumgarte, Projection, Stabilization
 from ..system.start import Start
 from .adjoint import has_root_finder
+from .default import default_stabilization
 from .dense import DenseOutput
 from .derived import EagerQuantities, LazyQuantities, metric_of, multipliers_at
 from .integration import AUDIT, MONITORS, STATES, Integrated, integrate
 from .judge import drift_of, judge_run
-from .outputs import Output, capacity, cut, padded
+from .outputs import Output, capacity, cut, with_room
 from .partition import Partitioned
 from .resolution import is_resolved
 from .settings import Settings
 from .statistics import Statistics
 from .step_states import StepStates
+from .ticks import ticked
 from .trajectory import Trajectory
 
 
@@ -68,20 +70,20 @@ def _run(
     settings: Settings,
 ) -> tuple[_Result, EagerQuantities | LazyQuantities]:
     """The run, by a program of its own that others share, or as a part of the user's."""
-    settings = settings.limited(not compat.is_outermost())
-    if not compat.is_outermost():
-        return _differentiable(bare, ts, q0, v0, settings)
+    traced = not compat.is_outermost()
+    settings = settings.limited(traced)
     # Within a transformation bases are of a given rank, and lanes would need much room.
     states = _STATES if system.full is system else 0
-    steps = np.asarray(settings.max_steps)
-    settings = settings._replace(max_steps=steps, forward=False, states=states)
-    if has_root_finder(settings.solver):
-        # Its root finder contains functions, which are no part of a stored program.
+    if not traced:
+        steps = np.asarray(settings.max_steps)
+        settings = settings._replace(max_steps=steps, forward=False, states=states)
+    # A root finder contains functions, which are no part of a stored program.
+    if traced or has_root_finder(settings.solver):
         result, derived = _differentiable(bare, ts, q0, v0, settings)
-        return result, derived._replace(parts=Partitioned.of(system))
+        return result, derived if traced else derived._replace(parts=Partitioned.of(system))
     count = len(ts)
     size = capacity(count, 2 * bare.full.n, q0.dtype)
-    times = ts if size == count else _with_room(ts, size)
+    times = ts if size == count else with_room(ts, size)
     result = _plain(bare, times, np.asarray(count), q0, v0, settings)
     # After a stop only, times are others than those that were asked for.
     run, stopped = result.run, None if result.run.events is None else result.run.ts
@@ -99,17 +101,6 @@ def _run(
     )
     run = run._replace(ts=ts, outputs=outputs, imbalance=imbalance)
     return result._replace(run=run), demand
-
-
-_padded = IdentityCache()
-
-
-def _with_room(ts: Float[Array, " k"], size: int) -> Float[Array, " size"]:
-    """The output times, the last one repeated; remembered with them."""
-    times: Array | None = _padded.get(ts)
-    if times is None or len(times) != size:
-        times = _padded.put(ts, jax.device_put(padded(ts, size)))
-    return times
 
 
 @eqx.filter_jit
@@ -138,7 +129,10 @@ def _integrated(
     v0: Float[Array, " n"],
     settings: Settings,
 ) -> _Result:
-    settings = settings.resolve(system, ts)
+    settings = settings._replace(stabilization=_stabilization(system, ts, settings))
+    if settings.projection is not None and settings.projects_start:
+        q0, v0 = project_start(system, ts[0], q0, v0)
+    v0 = ticked(system, ts[0], q0, v0)
     run = integrate(system, ts, count, q0, v0, settings)
     if count is not None:
         # Padding rows repeat the last one, so that they do not change what is judged here.
@@ -146,9 +140,8 @@ def _integrated(
         held = (run.ts, run.outputs, run.imbalance)
         ts, outputs, imbalance = jax.tree.map(lambda x: x[rows], held)
         run = run._replace(ts=ts, outputs=outputs, imbalance=imbalance)
-    tolerance = precision.of(run.start[0].dtype).start_tolerance
-    start = Start.of(system, ts[0], *run.start, tolerance)
-    status = judge_run(system, ts, run, start, settings)
+    start = Start.of(system, ts[0], q0, v0, precision.of(q0.dtype).start_tolerance)
+    status = judge_run(system, run, q0, start.closed & start.fits, settings)
     flags = _flags(system, run.ts, run.outputs, run.march.accepted, settings)
     if run.findings is not None:
         flags |= run.findings.flags
@@ -160,6 +153,17 @@ def _integrated(
     run = run._replace(march=march, imbalance=jax.lax.stop_gradient(run.imbalance))
     atol, stabilization = _absolute(run.outputs, settings), settings.baumgarte
     return _Result(run, start, status, flags, atol, stabilization or settings.projection)
+
+
+def _stabilization(
+    system: AbstractSystem, ts: Float[Array, " k"], settings: Settings
+) -> Stabilization:
+    """The stabilization, chosen where none is given; there is no projection of no constraints."""
+    given = settings.stabilization
+    if given == "default":
+        assert settings.frequencies is not None
+        return default_stabilization(system, ts, settings.dt, settings.frequencies)
+    return None if isinstance(given, Projection) and system.m == 0 else given
 
 
 # How many states at the ends of steps are saved at most: an odd number, as thinning needs.

@@ -16,7 +16,6 @@ from ..events.base import AbstractEvent
 from ..system.base import AbstractSystem, check_system
 from ..system.frequencies import Frequencies
 from ..system.stabilization import Baumgarte, Projection, Stabilization
-from .default import default_stabilization
 from .follow.monitor import AbstractMonitor
 
 # Where derivatives in reverse mode must know how many steps there may be, and none is given.
@@ -32,7 +31,7 @@ class Settings(NamedTuple):
 
     - `rtol`, `atol`: tolerances of the step size control, or `dt` [s], a fixed step. `follow`:
       whether the tolerances are those of the motion, and not `atol`, as `Tolerances` has it.
-    - `stabilization`: "default" until `resolve` replaces it. `projects_start`: whether a start that
+    - `stabilization`: "default" until the run replaces it. `projects_start`: whether a start that
       violates the constraints is projected too, or refused.
     - `frequencies`: of the system at its start, where a choice needs them.
     - `forward`: whether derivatives are taken in forward mode. `max_steps` may be an array where
@@ -62,16 +61,6 @@ class Settings(NamedTuple):
     dense: int
     monitors: tuple[AbstractMonitor, ...]
     states: int = 0
-
-    def resolve(self, system: AbstractSystem, ts: Float[Array, " k"]) -> "Settings":
-        """The same with the stabilization of this system; no projection of no constraints."""
-        stabilization = self.stabilization
-        if stabilization == "default":
-            assert self.frequencies is not None
-            stabilization = default_stabilization(system, ts, self.dt, self.frequencies)
-        elif isinstance(stabilization, Projection) and system.m == 0:
-            stabilization = None
-        return self._replace(stabilization=stabilization)
 
     def limited(self, traced: bool) -> "Settings":
         """The same with a number of steps where there is no limit: the largest number, or the usual

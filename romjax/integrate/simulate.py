@@ -1,8 +1,8 @@
 """Simulation: the one way from a system to a trajectory."""
 
-import functools
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Literal
 
 import diffrax
@@ -122,7 +122,7 @@ def simulate(
     # Events, monitors and controllers ask for bodies and coordinates by their names.
     watched, monitors = check_events(events, max_events), check_monitors(follow)
     bare = system if watched or monitors or ticks(system) else without_names(system)
-    again = functools.partial(_training, solver, stabilization, audit)
+    again = partial(_training, solver, stabilization, audit)
     step, frequencies = None if dt is None else as_number(dt, q.dtype), None
     if solver is None or stabilization == "default":
         frequencies = start_frequencies(bare, times, q, v)
@@ -145,7 +145,7 @@ def simulate(
         dense=_DENSE_STEPS if dense is True else int(dense),
         monitors=monitors,
     )
-    trajectory, start = _run_well(system, bare, times, (q, v), settings)
+    trajectory, start = _run_well(system, partial(run, system, bare, times, q, v), settings)
     trajectory = flag_left_out(system, trajectory, settings.rtol, again)
     if isinstance(stabilization, Baumgarte):
         warn_of_fast_stabilization(bare, trajectory, q, v)
@@ -157,9 +157,7 @@ def simulate(
 
 def _run_well(
     system: AbstractSystem,
-    bare: AbstractSystem,
-    ts: Float[Array, " k"],
-    start: tuple[Float[Array, " n"], Float[Array, " n"]],
+    run_given: Callable[[Settings], tuple[Trajectory, Start]],
     settings: Settings,
 ) -> tuple[Trajectory, Start]:
     """A run, repeated with what suits its motion, unless JAX traces, and the constraints at its
@@ -168,18 +166,18 @@ def _run_well(
     # What was given stays.
     fits = bool(settings.follow) and has_root_finder(settings.solver)
     passes = settings.stabilization == "default"
-    trajectory, constraints = run(system, bare, ts, *start, settings)
+    trajectory, constraints = run_given(settings)
     if fits and is_unresolved(trajectory):
         # A run whose tolerances exceed its motion tells the size of the motion badly, so that a
         # second run is asked for it.
         full = system.full.structure
         settings = finer(full, settings, trajectory)
-        settings = finer(full, settings, run(system, bare, ts, *start, settings)[0])
-        trajectory, constraints = run(system, bare, ts, *start, settings)
+        settings = finer(full, settings, run_given(settings)[0])
+        trajectory, constraints = run_given(settings)
     if passes and system.m and is_doubtful(trajectory):
         # Baumgarte's terms may fail where the constraints lose rank, but projection gets past.
         projected = settings._replace(stabilization=Projection())
-        other, other_constraints = run(system, bare, ts, *start, projected)
+        other, other_constraints = run_given(projected)
         if not is_doubtful(other):
             trajectory, constraints = other, other_constraints
     return trajectory, constraints
