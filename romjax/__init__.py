@@ -12,8 +12,8 @@ from .analysis.modes import modes as modes
 from .assembly.assemble import assemble as assemble
 from .assembly.capping import cap as cap
 from .assembly.closing import consistent_scene as consistent_scene
+from .basis.basis import AbstractDecomposition as AbstractDecomposition
 from .basis.basis import Basis as Basis
-from .basis.decomposition.base import AbstractDecomposition as AbstractDecomposition
 from .basis.decomposition.pod import POD as POD
 from .basis.decomposition.pod import pod as pod
 from .basis.decomposition.sod import SOD as SOD

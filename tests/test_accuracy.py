@@ -13,7 +13,7 @@ import pytest
 import zoo
 
 import romjax as rj
-from romjax.basis.decomposition.base import Directions, RankCriterion
+from romjax.basis.basis import Directions, RankCriterion
 from romjax.pages import page
 from romjax.study.accuracy.configuration import Configuration
 from romjax.study.accuracy.models import default_caps

@@ -13,7 +13,7 @@ from tolerances import DIFFERENCED, IDENTITY
 
 import romjax as rj
 from romjax import plot
-from romjax.basis.decomposition.base import Directions, RankCriterion, ValueLabel
+from romjax.basis.basis import Directions, RankCriterion, ValueLabel
 from romjax.basis.subspace import leading, singular_values
 from romjax.common import precision
 

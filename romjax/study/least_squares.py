@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 
 class Solution(NamedTuple):
-    """Where a search ended, after how many steps, and whether it has converged."""
+    """The end of a search, the number of its steps, and whether it has converged."""
 
     x: Float[np.ndarray, " p"]
     steps: int

@@ -4,7 +4,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 
-from ..basis.decomposition.base import AbstractDecomposition
+from ..basis.basis import AbstractDecomposition
 from ..basis.decomposition.pod import POD
 from ..reduction.formulation.base import AbstractFormulation
 from ..reduction.formulation.galerkin import Galerkin

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from ...common.errors import InputError
-from .base import AbstractDecomposition
+from ..basis import AbstractDecomposition
 from .pod import POD
 from .sod import SOD
 

@@ -9,11 +9,10 @@ from ...common import precision
 from ...common.arrays import Vector
 from ...common.errors import InputError
 from ...common.fields import Converted, number
-from ..basis import Basis
+from ..basis import AbstractDecomposition, Basis, Directions, RankCriterion
 from ..rank import Rank
 from ..snapshots import Motions, WeightedSnapshots
 from ..subspace import Method, leading, singular_values
-from .base import AbstractDecomposition, Directions, RankCriterion
 
 
 @final

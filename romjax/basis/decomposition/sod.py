@@ -13,11 +13,10 @@ from ...common.arrays import Vector
 from ...common.errors import InputError
 from ...common.fields import Converted, number
 from ...compiling.program import program
-from ..basis import Basis
+from ..basis import AbstractDecomposition, Basis, Directions, RankCriterion, ValueLabel
 from ..rank import Rank
 from ..snapshots import Motions, WeightedSnapshots
 from ..subspace import leading, singular_values
-from .base import AbstractDecomposition, Directions, RankCriterion, ValueLabel
 
 Compression = Literal["noise", "rank"]
 

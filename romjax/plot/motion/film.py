@@ -6,10 +6,10 @@ import itertools
 import subprocess
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Int, UInt8
+from jaxtyping import Float, Int, UInt8
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -20,17 +20,34 @@ from tqdm import tqdm
 from ...common.errors import InputError
 from ...common.writing import replacing
 from ..mechanism import Picture, bounds, framed, projected, stage
+from ..palette import View
 from ..style import GREY, SMALL, line
-
-if TYPE_CHECKING:
-    from .animation import Animation
+from .frames import Clock, Model
 
 DPI = 160
 COLOURS = 64  # of a GIF
 
 
+@runtime_checkable
+class Filmed(Protocol):
+    """What a film shows, as `Animation` has it."""
+
+    @property
+    def t(self) -> Float[np.ndarray, " frames"]: ...
+    @property
+    def models(self) -> list[Model]: ...
+    @property
+    def clock(self) -> Clock: ...
+    @property
+    def deformation(self) -> float: ...
+    @property
+    def alternatives(self) -> bool: ...
+    @property
+    def view(self) -> View: ...
+
+
 def save(
-    animation: "Animation",
+    animation: Filmed,
     path: Path,
     fps: int | float,
     seconds: int | float | None,
@@ -53,7 +70,7 @@ def save(
 
 
 def _chosen(
-    animation: "Animation", fps: int | float, seconds: int | float | None
+    animation: Filmed, fps: int | float, seconds: int | float | None
 ) -> Int[np.ndarray, " chosen"]:
     """The numbers of the frames nearest to evenly spaced times."""
     t, span = animation.t, float(np.ptp(animation.t))
@@ -111,7 +128,7 @@ def _write_mp4(
 
 
 def _frames(
-    animation: "Animation", chosen: Int[np.ndarray, " chosen"]
+    animation: Filmed, chosen: Int[np.ndarray, " chosen"]
 ) -> Iterator[UInt8[np.ndarray, "height width 3"]]:
     """The chosen frames; of alternatives, the first is drawn."""
     models = animation.models[:1] if animation.alternatives else animation.models

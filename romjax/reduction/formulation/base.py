@@ -6,8 +6,7 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ...basis.basis import Basis
-from ...basis.decomposition.base import AbstractDecomposition
+from ...basis.basis import AbstractDecomposition, Basis
 from ...basis.snapshots import Motions
 from ...basis.turns import by_turns
 from ...common.arrays import pick

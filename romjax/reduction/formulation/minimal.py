@@ -8,8 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...basis.basis import Basis
-from ...basis.decomposition.base import AbstractDecomposition
+from ...basis.basis import AbstractDecomposition, Basis
 from ...basis.snapshots import Motions, SnapshotSet
 from ...basis.subspace import span
 from ...common import compat

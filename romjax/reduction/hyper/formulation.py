@@ -10,8 +10,7 @@ import numpy as np
 
 from ...assembly.assembled import AssembledSystem
 from ...assembly.locate import assembled
-from ...basis.basis import Basis
-from ...basis.decomposition.base import AbstractDecomposition
+from ...basis.basis import AbstractDecomposition, Basis
 from ...basis.snapshots import Motions
 from ...common import compat
 from ...common.errors import InputError, ReductionError, UnsuitedError

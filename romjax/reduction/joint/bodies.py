@@ -86,7 +86,7 @@ def _parallel(first: Array, second: Array) -> Float[Array, "bodies spins spins"]
 
 
 def inertias(system: AssembledSystem, tree: Tree, state: Any) -> Inertias:
-    """Those of all bodies about their frames, in the order of the tree.
+    """The inertias of all bodies about their frames, in the order of the tree.
 
     `state`: with the `motion` of the tree, and q, which is asked for where bodies have no
     invariants.

@@ -57,7 +57,7 @@ class Cut(eqx.Module):
 
     @classmethod
     def of(cls, system: AssembledSystem, tree: Tree, chosen: tuple[tuple[int, int], ...]) -> "Cut":
-        """Those of a system that are `chosen` by group and row."""
+        """Return the cut at the joints of a system that are `chosen` by group and row."""
         joints = some_joints(system, chosen)
         if joints.markers is None:
             return cls(joints, ())

@@ -10,8 +10,7 @@ from jaxtyping import Array, Bool, Int
 
 from ...assembly.assembled import AssembledSystem
 from ...assembly.locate import assembled
-from ...basis.basis import Basis
-from ...basis.decomposition.base import AbstractDecomposition
+from ...basis.basis import AbstractDecomposition, Basis
 from ...basis.snapshots import Motions, SnapshotSet
 from ...common import precision
 from ...common.arrays import as_jax, concrete

@@ -48,7 +48,7 @@ class TreeMotion(NamedTuple):
 
     @property
     def arms(self) -> Float[Array, "bodies d"]:
-        """Where the frames are from the points."""
+        """The vectors from the points to the frames."""
         return self.frames.position - self.points
 
 

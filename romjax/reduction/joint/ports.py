@@ -27,7 +27,7 @@ class Frames(NamedTuple):
 
     @classmethod
     def of(cls, poses: Pose) -> "Frames":
-        """Those of some poses; by NumPy where these are its arrays."""
+        """Return the frames of some poses; by NumPy where these are its arrays."""
         turn = twists.unit(poses.turn)
         return cls(poses.position, turn, twists.axes(turn))
 

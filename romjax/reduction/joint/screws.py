@@ -70,7 +70,7 @@ def of_parents(tree: Tree, x: Float[Array, "bodies *k"]) -> Float[Array, "bodies
 
 
 def joint_screws(tree: Tree, z: Float[Array, " n"], rates: Float[Array, "bodies rates"]) -> Screws:
-    """Those of the joints in their second markers, padded to the one with most freedoms."""
+    """The screws of the joints in their second markers, as many for each as one has at most."""
     screws = []
     for link in tree.links:
         own, free = link.coordinates.take(z), link.joints.turns_freely
@@ -96,7 +96,7 @@ def _closed_screws(
     u: Float[Array, "count rates"],
     change: Callable[[Array, Array], Array],
 ) -> Screws | None:
-    """Those that the joints give in closed form; None where they do not."""
+    """The screws that joints give in closed form; None where they do not."""
     if not has_own_screws(link.joints):
         return None
     axes = 0 if jax.tree.leaves(link.joints) else None
@@ -121,7 +121,7 @@ def coordinate_rates(
 
 
 def port_screws(tree: Tree, z: Float[Array, " n"], rates: Float[Array, "bodies rates"]) -> Screws:
-    """Those of the ports on bodies that deform."""
+    """The screws of the ports on bodies that deform, one for each amplitude."""
     bending = rates[:, tree.freedoms :]
     both = jnp.concatenate([of_parents(tree, bending), bending])
     amplitudes = port_amplitudes(tree, z)

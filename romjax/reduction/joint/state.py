@@ -2,13 +2,14 @@
 
 import dataclasses
 import functools
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ...assembly.assembled import AssembledSystem
 from ...common.arrays import Time
 from ...linalg.dense import multiply
 from ...linalg.kkt import KKT
@@ -17,19 +18,38 @@ from ...system.reduced import Physical, Reduced
 from ...system.state import AbstractState, Energy, Power, Solved
 from . import rates
 from .bodies import Inertias, biases, inertias
+from .cuts import Cut
 from .kinematics import TreeMotion, along, tree_motion
+from .lift import TreeLift
 from .recursion import accelerations
 from .redundant import independent_rows
 from .screws import of_parents
+from .tree import Tree
 
-if TYPE_CHECKING:
-    from .system import JointSystem
+
+@runtime_checkable
+class TreeSystem(Protocol):
+    """What a state asks of its system, a `JointSystem`."""
+
+    @property
+    def full(self) -> AssembledSystem: ...
+    @property
+    def tree(self) -> Tree: ...
+    @property
+    def lift(self) -> TreeLift: ...
+    @property
+    def cut(self) -> Cut: ...
+    @property
+    def n(self) -> int: ...
+    @property
+    def m(self) -> int: ...
+    def state(self, t: Time, q: Reduced, v: Reduced) -> AbstractState: ...
 
 
 class Later(eqx.Module):
     """The extended mass matrix of a state, made where more right-hand sides are solved with it."""
 
-    system: "JointSystem"
+    system: TreeSystem
     t: Float[Array, ""]
     z: Reduced
     w: Reduced
@@ -48,7 +68,7 @@ class JointState(AbstractState):
     Forces are those of the full system, seen by twists of the bodies.
     """
 
-    system: "JointSystem"
+    system: TreeSystem
     t: Time
     z: Reduced
     w: Reduced
@@ -89,7 +109,7 @@ class JointState(AbstractState):
 
     @functools.cached_property
     def _own_inertias(self) -> Inertias:
-        """Those about the frames of the bodies."""
+        """The inertias of the bodies about their frames."""
         return inertias(self.system.full, self.system.tree, self)
 
     @functools.cached_property

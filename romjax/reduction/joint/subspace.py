@@ -95,7 +95,7 @@ class JointSubspace(AbstractReducedSystem):
 
     @property
     def time(self) -> Float[Array, ""]:
-        """Of the start [s]."""
+        """The time of the start [s]."""
         return self.joint.time
 
     def mass(self, q: Reduced) -> Float[Array, "r r"]:

@@ -9,9 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...assembly.locate import assembled
-from ...basis.basis import Basis
+from ...basis.basis import AbstractDecomposition, Basis
 from ...basis.build import modes_of
-from ...basis.decomposition.base import AbstractDecomposition
 from ...basis.snapshots import SnapshotSet, WeightedSnapshots, weigh
 from ...basis.subspace import span
 from ...common.arrays import concrete, pick

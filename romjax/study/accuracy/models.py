@@ -7,8 +7,7 @@ import numpy as np
 
 from ...assembly.disassemble import disassemble
 from ...assembly.locate import assembled
-from ...basis.basis import Basis
-from ...basis.decomposition.base import AbstractDecomposition
+from ...basis.basis import AbstractDecomposition, Basis
 from ...basis.decomposition.pod import POD
 from ...basis.rank import Rank
 from ...common.errors import InputError, RankError, ReductionError

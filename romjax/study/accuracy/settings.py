@@ -7,7 +7,7 @@ from typing import Any
 
 import diffrax
 
-from ...basis.decomposition.base import AbstractDecomposition
+from ...basis.basis import AbstractDecomposition
 from ...basis.decomposition.parse import as_decomposition
 from ...basis.rank import Rank
 from ...common.errors import InputError

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from tqdm import tqdm
 
 from ...assembly.assemble import assemble
-from ...basis.decomposition.base import AbstractDecomposition
+from ...basis.basis import AbstractDecomposition
 from ...basis.rank import Rank
 from ...common.arrays import Vector
 from ...common.errors import InputError

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 
@@ -16,14 +16,23 @@ from ..residual import with_motion
 from ..richer import Finer
 from .box import Box
 
-if TYPE_CHECKING:
-    # It makes these models, so its module imports this one.
-    from .greedy import Greedy
-
 # A model of a box is validated with this confidence.
 _CONFIDENCE = 0.95
 # Of unseen runs, the share that a factor on estimates is to cover.
 _COVERED = 0.95
+
+
+@runtime_checkable
+class Training(Protocol):
+    """The training runs of a model, which make others of it."""
+
+    def with_run(self, tol: float, parameters: dict[str, float]) -> "ReducedBox":
+        """The model of one more training run, for a tolerance."""
+
+    def flows(
+        self, rom: AbstractReducedSystem, finer: tuple[Finer, ...], times: Any
+    ) -> Flows | None:
+        """The flow of errors along the training runs."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,7 +62,7 @@ class ReducedBox:
     errors: np.ndarray
     guesses: np.ndarray
     flows: Flows | None
-    greedy: "Greedy" = dataclasses.field(repr=False)
+    greedy: Training = dataclasses.field(repr=False)
 
     @property
     def error(self) -> float:

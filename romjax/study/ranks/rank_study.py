@@ -8,7 +8,7 @@ import diffrax
 import numpy as np
 from tqdm import tqdm
 
-from ...basis.decomposition.base import AbstractDecomposition
+from ...basis.basis import AbstractDecomposition
 from ...basis.decomposition.pod import POD
 from ...common.errors import InputError, RankError, ReductionError
 from ...common.extras import data_frame
