@@ -154,7 +154,7 @@ class Markers(eqx.Module):
 
 
 class MarkerBlocks(eqx.Module):
-    """Where the markers of equal elements are: a block for each side, one row per element."""
+    """The places of the markers of equal elements: a block for each side, one row per element."""
 
     start: int = eqx.field(static=True)
     count: int = eqx.field(static=True)

@@ -105,7 +105,7 @@ class Arrays:
     # Places that may depend on the state.
 
     def _start(self, starts: Any, shape: Any, sizes: Any) -> list[Any]:
-        """Where a part of an array begins, moved so that it lies within."""
+        """The place where a part of an array begins, moved so that the part lies within."""
         return [
             self.arithmetic.clamp(0, at, int(full) - int(size), "i")
             for at, full, size in zip(starts, shape, sizes, strict=True)

@@ -46,7 +46,7 @@ def with_forces(model: Model, run: Trajectory, chosen: Int[np.ndarray, " frames"
 def arrow(
     foot: Float[np.ndarray, "frames d"], way: Float[np.ndarray, "frames d"]
 ) -> Float[np.ndarray, "frames 5 d"]:
-    """From a foot along a way: the shaft, and both sides of the head from the tip."""
+    """An arrow from a foot along a way: the shaft, and both sides of the head from the tip."""
     tip = foot + way
     if way.shape[1] == 2:
         across = np.stack([-way[:, 1], way[:, 0]], axis=1)

@@ -10,7 +10,7 @@ STATIC = "static"
 
 
 def anchor_of(shapes: str) -> float:
-    """Where the frame sits, as a share of the length: at the supported end, or in the middle."""
+    """The place of the frame, a share of the length: the supported end, or the middle."""
     if shapes == STATIC:
         return 0.5
     start, end = shapes.split("-")

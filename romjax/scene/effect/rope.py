@@ -96,6 +96,6 @@ def _along(poses: Poses) -> Poses:
 
 
 def _length(*poses: Pose) -> Float[Array, ""]:
-    """Of the straight pieces from point to point [m]."""
+    """The length of the straight pieces from point to point [m]."""
     pieces = [moved("distance", *pair) for pair in itertools.pairwise(_along(poses))]
     return jnp.sum(jnp.stack(pieces))

@@ -90,5 +90,5 @@ def first_moment(line: Line, mass: Any, q: Float[Array, " size"]) -> Float[Array
 
 
 def length_inertia(line: Line, mass: Any, rotary: Any) -> Any:
-    """That of the length of the quaternion, as of a rigid body: of the straight rod."""
+    """The inertia of the length of the quaternion, as of a rigid body: that of the straight rod."""
     return 4 / 3 * (mass * line.length**2 / 6 + line.length * jnp.sum(rotary))
