@@ -142,6 +142,23 @@ def test_the_flow_of_a_box_tells_errors(reduced):
         reduced.corrected(other)
 
 
+@pytest.mark.slow
+def test_processes_share_the_runs_that_are_held_out(box, reduced, tmp_path):
+    """What is in the folder is taken as it is, unless it is of other times."""
+    settings = {"candidates": 8, "held_out": 4, "path": tmp_path, "chunk": 2}
+    made = rj.reduce_over(box, TS, TOL, **settings)
+    assert np.allclose(made.errors, reduced.errors, rtol=1e-3)
+    chunks = sorted(tmp_path.glob("chunk-*.npz"))
+    assert len(chunks) == 2
+    before = [file.stat().st_mtime_ns for file in chunks]
+    chunks[0].unlink()
+    again = rj.reduce_over(box, TS, TOL, **settings)
+    assert np.array_equal(again.errors, made.errors)
+    assert [file.stat().st_mtime_ns > at for file, at in zip(chunks, before, strict=True)] == [1, 0]
+    with pytest.raises(ValueError, match="holds another sweep, which differs in its parameters"):
+        rj.reduce_over(box, TS * 0.9, TOL, **settings)
+
+
 @pytest.mark.exhaustive
 def test_full_runs_of_a_sweep_join_the_training(reduced):
     """Fewer lanes are left to the full model, and the others are as good as its own."""

@@ -1,6 +1,7 @@
 """Runs of many systems of one structure, in one batch."""
 
-from typing import Any
+import os
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -13,6 +14,20 @@ from ..compiling.program import program
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..system.base import AbstractSystem
+from .sweep import sweep
+
+# Runs of a chunk that processes share, of which there are some ten in all.
+_SHARED = 4
+
+
+class Sharing(NamedTuple):
+    """A folder by which processes share runs, in chunks of so many, as of `sweep`."""
+
+    path: str | os.PathLike[str] | None = None
+    chunk: int | None = None
+
+
+ALONE = Sharing()
 
 
 def stacked(name: str, systems: list[AbstractSystem]) -> tuple[Any, Any]:
@@ -30,15 +45,22 @@ def stacked(name: str, systems: list[AbstractSystem]) -> tuple[Any, Any]:
 
 
 def simulate_all(
-    name: str, systems: list[AbstractSystem], training: Trajectory
+    name: str, systems: list[AbstractSystem], training: Trajectory, sharing: Sharing = ALONE
 ) -> list[Trajectory]:
-    """All systems in one batch, as accurately as the training, for the function `name`; without the
-    audit of energy, which the training had, and which takes as long again to compile.
+    """All systems in one batch, as accurately as the training, for the function `name`, or in
+    chunks that processes share; without the audit of energy, which the training had, and which
+    takes as long again to compile.
 
     Raises InputError if they differ in structure or one cannot be simulated.
     """
     rtol = as_number(1e-8 if training.stats.rtol is None else training.stats.rtol, training.q.dtype)
-    batch = _simulate_batch(*stacked(name, systems), training.t, rtol, training.solver)
+    numbers, structure = stacked(name, systems)
+    one = _Lane(structure, training.t, rtol, training.solver)
+    if sharing.path is None:
+        batch = _simulate_batch(one, numbers)
+    else:
+        chunk = sharing.chunk or _SHARED
+        batch = sweep(one, numbers, path=sharing.path, chunk=chunk).values
     runs = [jax.tree.map(lambda x, i=i: pick(x, i), batch) for i in range(len(systems))]
     for i, run in enumerate(runs):
         if not bool(run.success):
@@ -46,13 +68,21 @@ def simulate_all(
     return runs
 
 
-@program
-def _simulate_batch(
-    numbers: Any, structure: Any, t: Float[Array, " k"], rtol: Any, solver: Any
-) -> Trajectory:
-    def one(dynamic: Any) -> Trajectory:
-        system = eqx.combine(dynamic, structure)
-        return simulate(system, t, rtol=rtol, solver=solver, throw=False, audit=False)
+class _Lane(eqx.Module):
+    """From the numbers of a system to its run."""
 
+    structure: Any
+    t: Float[Array, " k"]
+    rtol: Any
+    solver: Any
+
+    def __call__(self, numbers: Any) -> Trajectory:
+        system = eqx.combine(numbers, self.structure)
+        settings = {"rtol": self.rtol, "solver": self.solver}
+        return simulate(system, self.t, throw=False, audit=False, **settings)
+
+
+@program
+def _simulate_batch(one: _Lane, numbers: Any) -> Trajectory:
     runs: Trajectory = jax.vmap(one)(numbers)
     return runs

@@ -27,6 +27,7 @@ from .chunks import Chunks
 # core's cache; fewer leave it idle, more gain nothing. Others take for a step of ten thousand what
 # they take for one, and some gigabytes.
 _LANES, _LANES_ELSEWHERE = 256, 16_384
+_ARRAYS = (jax.Array, np.ndarray)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,8 +114,9 @@ def sweep(
     - `parameters`: a pytree of arrays with a leading axis of lanes.
     - `chunk`: lanes of a chunk; 256 for each device unless given, 16 384 on a GPU.
     - `path`: a folder for the results of each chunk. A sweep that was interrupted, at any moment,
-      goes on where it was; what is damaged, or of other lanes, is computed again. Parameters and
-      the form of the results are compared with what is there; what `function` does is not.
+      goes on where it was; what is damaged, or of other lanes, is computed again. Parameters, the
+      arrays of a `function` that is a pytree (`jax.tree_util.Partial`, `equinox.Module`) and the
+      form of the results are compared with what is there; what `function` does is not.
     - `progress`: show a progress bar.
 
     Raises ValueError for parameters without a common number of lanes, or a folder that holds
@@ -140,7 +142,9 @@ def sweep(
     # Of what is kept in a folder, the form is asked for before anything is computed; tracing takes
     # as long as compiling.
     form = None if path is None else _form(function, parameters)
-    store, tree = Chunks.open(path, parameters, lanes, chunk, form), jax.tree.structure(form)
+    held = [np.asarray(x) for x in jax.tree.leaves(function) if isinstance(x, _ARRAYS)]
+    given = (parameters, held) if held else parameters
+    store, tree = Chunks.open(path, given, lanes, chunk, form), jax.tree.structure(form)
     own = [min(chunk, lanes - first) for first in range(0, lanes, chunk)]
 
     def compute(number: int) -> list[np.ndarray]:

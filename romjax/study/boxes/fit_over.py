@@ -69,6 +69,9 @@ def fit_over(
     Farhat 2015, arXiv:1407.7618). `fit` searches on it within the region, which grows where the
     full run confirms what the model has promised, and shrinks where it does not.
 
+    Each full run follows from the one before, so that a fit is the work of one process, and has no
+    `path` as `sweep` has: processes fit other measurements, or from other starts.
+
     **Arguments:**
 
     - `box`: it must make scenes of traced numbers, as `jax.grad` asks. `ts` (k,): times [s].

@@ -19,7 +19,7 @@ from ...reduction.formulation.base import AbstractFormulation
 from ...system.base import AbstractSystem, Run
 from ...system.reduced import AbstractReducedSystem
 from ...system.training import with_error
-from ..batch import simulate_all, stacked
+from ..batch import Sharing, simulate_all, stacked
 from ..flow import Flows
 from ..ranks.rank_search import SAFETY, Accepted, RankSearch, held_out_error, sharper
 from ..residual import nonlinear
@@ -33,7 +33,8 @@ from .sensitivities import sensitivities
 class Greedy:
     """Training runs that are chosen one by one, from `points` of a box, of which the first ones are
     the `candidates`, and the others held out. With `gradients`, the sensitivities of each training
-    run are snapshots too; with `flow`, the flow of errors along them is kept.
+    run are snapshots too; with `flow`, the flow of errors along them is kept. Processes share the
+    runs that are held out as `sharing` says.
     """
 
     def __init__(
@@ -46,6 +47,7 @@ class Greedy:
         formulation: AbstractFormulation,
         gradients: bool,
         flow: bool,
+        sharing: Sharing,
     ):
         self.box, self.points, self.candidates = box, points, candidates
         self.times, self.tol, self.gradients, self.flow = times, tol, gradients, flow
@@ -55,7 +57,7 @@ class Greedy:
         self.trained: list[dict[str, float]] = []
         first = self.join(box.center)
         unseen = self.systems[candidates:]
-        truths = simulate_all("reduce_over", unseen, first) if unseen else []
+        truths = simulate_all("reduce_over", unseen, first, sharing) if unseen else []
         # By the numbers of their points; what joins the training is held out no more.
         self.truths = dict(enumerate(truths, candidates))
         # Of the model that was looked at last, and its motions.

@@ -1,5 +1,7 @@
 """One reduced model for all mechanisms of a box of parameters."""
 
+import os
+
 import numpy as np
 from jaxtyping import ArrayLike
 from tqdm import tqdm
@@ -8,6 +10,7 @@ from ...common.arrays import as_array
 from ...common.errors import InputError, ReductionError
 from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.formulation.parse import as_formulation
+from ..batch import Sharing
 from .box import Box
 from .greedy import Greedy
 from .reduced_box import ReducedBox
@@ -25,6 +28,8 @@ def reduce_over(
     gradients: bool = False,
     flow: bool = False,
     seed: int = 0,
+    chunk: int | None = None,
+    path: str | os.PathLike[str] | None = None,
     progress: bool = False,
 ) -> ReducedBox:
     """A reduced model whose runs err by at most `tol` for all mechanisms of a box.
@@ -50,9 +55,13 @@ def reduce_over(
       `ReducedBox.corrected` and `sweep_over` estimate errors without a second run: for many runs
       of mechanisms in the plane, without contacts, of which no linear estimate is known.
     - `seed`: of the points. `progress`: show a progress bar.
+    - `path`: a folder for the held-out runs, by which processes share them, and a search that was
+      interrupted goes on, as of `sweep`; `chunk`: so many at once, 4 unless given. The training
+      runs follow from each other, so that each process makes all of them.
 
     Raises ReductionError if `runs` training runs are not enough, with the error reached; InputError
-    for numbers without meaning, and a flow of what none is known of.
+    for numbers without meaning, and a flow of what none is known of; ValueError for a folder that
+    holds other runs.
     """
     if not 0 < tol < 1:
         raise InputError(f"reduce_over: tol={tol}, but it must lie between 0 and 1.")
@@ -63,7 +72,8 @@ def reduce_over(
         )
     points = _points(box, candidates, held_out, seed)
     chosen = as_formulation(formulation)
-    greedy = Greedy(box, points, candidates, as_array(ts), tol, chosen, gradients, flow)
+    sharing = Sharing(path, chunk)
+    greedy = Greedy(box, points, candidates, as_array(ts), tol, chosen, gradients, flow, sharing)
     with tqdm(disable=not progress, unit=" models", desc="reduce_over") as bar:
         accepted = greedy.search.smallest(1, bar)
         while (worst := greedy.worst(accepted)) is not None:

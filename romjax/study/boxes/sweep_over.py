@@ -6,16 +6,20 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ...common.arrays import as_array
+from ...common.arrays import as_array, as_number
 from ...common.errors import InputError, ReductionError, SimulationError
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
+from ...system.reduced import AbstractReducedSystem
+from ..flow import Flows
 from ..ranks.rank_search import SAFETY, sharper
 from ..sweep import Sweep, sweep
+from .box import Box
 from .estimate import run_with_error_by_flow, run_with_error_estimate
 from .reduced_box import ReducedBox
 
@@ -91,6 +95,7 @@ class _Lanes:
     ):
         self.reduced, self.points, self.times = reduced, points, times
         self.see, self.settings, self.path = see, settings, path
+        self.rtol = as_number(sharper(reduced.tol), times.dtype)
         count = len(next(iter(points.values())))
         self.by_full, self.estimates = np.ones(count, bool), np.zeros(count)
         # Within the box, of which the model is not sure, and how large it says its errors are.
@@ -101,20 +106,11 @@ class _Lanes:
         """Lanes by the reduced model; what it is not sure of is `doubted`."""
         if not len(numbers):
             return
-        reduced, see = self.reduced, self.see
-        times, rtol = self.times, sharper(reduced.tol)
-        flows = reduced.flows_at(times)
-
-        def cheap(point: dict[str, Any]) -> dict[str, Any]:
-            system = reduced.box.system_anywhere(point)
-            if flows is not None:
-                run, change = run_with_error_by_flow(reduced.rom, flows, system, times, rtol)
-            else:
-                # Where all freedoms are there, what remains are the flags.
-                finer = [one.model for one in reduced.finer]
-                _, run, change = run_with_error_estimate(reduced.rom, finer, system, times, rtol)
-            return {"seen": see(run), "change": change, "flags": run.flags, "status": run.status}
-
+        reduced, times = self.reduced, self.times
+        # Where all freedoms are there, what remains are the flags.
+        finer = tuple(one.model for one in reduced.finer)
+        settings = times, self.rtol, reduced.flows_at(times)
+        cheap = _ByModel(reduced.box, self.see, reduced.rom, finer, *settings)
         part = self._swept(cheap, numbers)
         change = part.values["change"]
         good = part.is_valid & (change <= reduced.tol / SAFETY)
@@ -138,12 +134,7 @@ class _Lanes:
 
     def by_full_model(self) -> None:
         """All others."""
-        box, see, times, rtol = self.reduced.box, self.see, self.times, sharper(self.reduced.tol)
-
-        def accurate(point: dict[str, Any]) -> dict[str, Any]:
-            run = simulate(box.system_anywhere(point), times, rtol=rtol, throw=False)
-            return {"seen": see(run), "flags": run.flags, "status": run.status}
-
+        accurate = _ByFull(self.reduced.box, self.see, self.times, self.rtol)
         others = np.flatnonzero(self.by_full)
         if len(others):
             self.parts.append((others, self._swept(accurate, others)))
@@ -152,6 +143,39 @@ class _Lanes:
         """Some lanes, whose chunks have a folder of their own."""
         path = None if self.path is None else Path(self.path) / f"part-{len(self.parts)}"
         return sweep(lane, _at(self.points, numbers), path=path, **self.settings)
+
+
+class _ByModel(eqx.Module):
+    """From parameters to what is seen of a reduced run, and how large its error is estimated."""
+
+    box: Box = eqx.field(static=True)
+    see: Callable[[Trajectory], Any]
+    rom: AbstractReducedSystem
+    finer: tuple[AbstractReducedSystem, ...]
+    times: Float[Array, " k"]
+    rtol: Any
+    flows: Flows | None
+
+    def __call__(self, point: dict[str, Any]) -> dict[str, Any]:
+        system, judged = self.box.system_anywhere(point), (self.times, self.rtol)
+        if self.flows is not None:
+            run, change = run_with_error_by_flow(self.rom, self.flows, system, *judged)
+        else:
+            _, run, change = run_with_error_estimate(self.rom, self.finer, system, *judged)
+        return {"seen": self.see(run), "change": change, "flags": run.flags, "status": run.status}
+
+
+class _ByFull(eqx.Module):
+    """From parameters to what is seen of a full run."""
+
+    box: Box = eqx.field(static=True)
+    see: Callable[[Trajectory], Any]
+    times: Float[Array, " k"]
+    rtol: Any
+
+    def __call__(self, point: dict[str, Any]) -> dict[str, Any]:
+        run = simulate(self.box.system_anywhere(point), self.times, rtol=self.rtol, throw=False)
+        return {"seen": self.see(run), "flags": run.flags, "status": run.status}
 
 
 def _together(
