@@ -124,6 +124,18 @@ def test_a_model_of_all_freedoms_is_judged_by_the_full_one():
     corrected = rj.corrected(rom, zoo.run(rom, motion.t))
     assert "(the full model)" in corrected.summary()
     assert corrected.bar.error < 1e-6
+    given = rj.corrected(rom, zoo.run(rom, motion.t), by=rom.full)
+    assert "(the full model)" in given.summary()
+    with pytest.raises(
+        rj.InputError, match="by has 2 freedoms, and the model that it is to judge 2"
+    ):
+        rj.corrected(rom, corrected, by=rom)
+    with pytest.raises(rj.InputError, match="by is of type int; give a model of the same"):
+        rj.corrected(rom, corrected, by=3)
+    with pytest.raises(rj.InputError, match="there is no estimate 'richer'"):
+        rj.corrected(rom, corrected, by="richer")
+    with pytest.raises(rj.InputError, match="by has the coordinates bar1.x, bar1.y, bar1.phi, but"):
+        rj.corrected(rom, corrected, by=zoo.system(zoo.bar))
 
 
 @pytest.mark.slow

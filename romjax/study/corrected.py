@@ -16,6 +16,7 @@ from ..compiling.program import program
 from ..integrate.derived import EagerQuantities
 from ..integrate.error_bar import ErrorBar
 from ..integrate.simulate import simulate
+from ..integrate.status import Status
 from ..integrate.trajectory import Trajectory
 from ..system.base import AbstractSystem, check_system
 from ..system.reduced import AbstractReducedSystem
@@ -35,7 +36,7 @@ Physical = Float[Array, " n"]
 def corrected(
     rom: AbstractSystem,
     run: Trajectory,
-    by: AbstractReducedSystem | Literal["residual"] | None = None,
+    by: AbstractSystem | Literal["residual"] | None = None,
 ) -> Trajectory:
     """The run of a reduced model with its error: the same motion by a model that knows more.
 
@@ -52,7 +53,8 @@ def corrected(
       with a mode for each body, or more until it has more freedoms, beside a model of all
       coordinates, another mode in each body beside a local one, twice the cap, else twice the rank;
       beside it the next rank where it has no more freedoms, and the run that differs more is taken
-      (where JAX traces, that of the next rank). The full system, where the model has all freedoms.
+      (where JAX traces, that of the next rank). The full system, where the model has all freedoms,
+      or where it is given.
       "residual": the error that is linear in the residual of the full equations, integrated with
       the run. It costs more than a full run, serves to judge the other estimates, and says nothing
       of chaotic motions, whose errors soon exceed 5 %.
@@ -67,7 +69,7 @@ def corrected(
 def corrected_with(
     rom: AbstractSystem,
     run: Trajectory,
-    by: AbstractReducedSystem | Literal["residual"] | None = None,
+    by: AbstractSystem | Literal["residual"] | None = None,
 ) -> tuple[Trajectory, AbstractSystem]:
     """What `corrected` returns, and the model that has moved so."""
     check_system("corrected", rom)
@@ -82,7 +84,7 @@ def corrected_with(
             raise unknown_name("corrected", "estimate", by, ("residual",))
         other, full = by_residual(reduced, run, q, v)
         return told(run, other, "linear"), full
-    given = _finer_alike(reduced) if by is None else [Finer(by.with_full(rom.full), _name(by))]
+    given = _finer_alike(reduced) if by is None else _by_model(reduced, by)
     if not given:
         full = dataclasses.replace(cast(Any, rom.full), q0=q, v0=v)
         return told(run, simulated(full, run), "the full model"), full
@@ -94,6 +96,26 @@ def corrected_with(
         for one, model in zip(given, models, strict=True)
     ]
     return pairs[0] if len(pairs) == 1 else max(pairs, key=lambda pair: _size(pair[0]))
+
+
+def _by_model(rom: AbstractReducedSystem, by: AbstractSystem) -> list[Finer]:
+    """The model that is to tell the errors; none where it is the full one."""
+    remedy = 'a model of the same mechanism, reduced or full, or "residual"'
+    check_kind("corrected", "by", by, AbstractSystem, remedy)
+    if by.full.structure.labels != rom.full.structure.labels:
+        raise InputError(
+            f"corrected: by has the coordinates {', '.join(by.full.structure.labels)}, but the "
+            f"model {', '.join(rom.full.structure.labels)}; give {remedy}."
+        )
+    if by.full is by:
+        return []
+    by = cast(AbstractReducedSystem, by)
+    if type(by) is type(rom) and by.n - by.m <= rom.n - rom.m:
+        raise InputError(
+            f"corrected: by has {by.n - by.m} freedoms, and the model that it is to judge "
+            f"{rom.n - rom.m} of the same kind; give one that knows more."
+        )
+    return [Finer(by.with_full(rom.full), _name(by))]
 
 
 def _finer_alike(rom: AbstractReducedSystem) -> list[Finer]:
@@ -111,10 +133,28 @@ _alike = IdentityCache()
 
 
 @program
-def _lifted(
-    model: AbstractReducedSystem, t: Float[Array | np.ndarray, ""], z: Array, w: Array
+def _own_or_true(
+    model: AbstractReducedSystem,
+    t: Float[Array | np.ndarray, ""],
+    start: tuple[Array, Array],
+    own: tuple[Physical, Physical],
+    true: tuple[Physical, Physical],
 ) -> tuple[Physical, Physical]:
-    return model.reconstruct(t, z, w)
+    """The true start where a model that starts as near to it as it can starts like a run."""
+    lifted = model.reconstruct(t, *start)
+    sizes = [1 + jnp.max(jnp.abs(x)) for x in own]
+    apart = [jnp.max(jnp.abs(x - y)) / size for x, y, size in zip(lifted, own, sizes, strict=True)]
+    same = jnp.maximum(*apart) <= _SAME
+    q, v = (jnp.where(same, x, y) for x, y in zip(true, own, strict=True))
+    return q, v
+
+
+@program
+def _judged(error: Array, statuses: tuple[Array, Array], flags: Array) -> tuple[Array, Array]:
+    """An error and the flags of the run that tells it, infinite where one of both has failed."""
+    ended = (statuses[0] == Status.SUCCESS) & (statuses[1] == Status.SUCCESS)
+    error = jnp.where(ended, error, jnp.inf)
+    return error, flags | ErrorBar(error, "").flags
 
 
 def _check(rom: AbstractSystem, run: Trajectory) -> None:
@@ -163,12 +203,8 @@ def true_start(rom: AbstractReducedSystem, run: Trajectory) -> tuple[Physical, P
         nearest = rom.starting_at(full.q0, full.v0, run.t[0])
     except ReductionError:
         return own
-    lifted = _lifted(without_names(nearest), run.t[0], nearest.q0, nearest.v0)
-    sizes = [1 + jnp.max(jnp.abs(x)) for x in own]
-    apart = [jnp.max(jnp.abs(x - y)) / size for x, y, size in zip(lifted, own, sizes, strict=True)]
-    same = jnp.maximum(*apart) <= _SAME
-    q, v = (jnp.where(same, x, y) for x, y in zip((full.q0, full.v0), own, strict=True))
-    return q, v
+    nearest, true = without_names(nearest), (full.q0, full.v0)
+    return _own_or_true(nearest, run.t[0], (nearest.q0, nearest.v0), own, true)
 
 
 def simulated(model: AbstractSystem, run: Trajectory) -> Trajectory:
@@ -180,9 +216,9 @@ def simulated(model: AbstractSystem, run: Trajectory) -> Trajectory:
 
 def told(run: Trajectory, other: Trajectory, name: str) -> Trajectory:
     """The other run, and what it tells of the first one."""
-    error = jnp.where(run.success & other.success, compare(other, run).error, jnp.inf)
-    bar = ErrorBar(error, name)
-    return dataclasses.replace(other, bar=bar, flags=other.flags | bar.flags)
+    statuses = run.status, other.status
+    error, flags = _judged(compare(other, run).error, statuses, jnp.asarray(other.flags))
+    return dataclasses.replace(other, bar=ErrorBar(error, name), flags=flags)
 
 
 def _size(run: Trajectory) -> tuple[bool, float]:
