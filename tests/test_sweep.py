@@ -265,6 +265,19 @@ def test_a_sweep_waits_for_chunks_of_others(tmp_path):
     assert not list(folder.glob("claim-*"))
 
 
+def test_a_sweep_computes_rather_than_be_idle(tmp_path):
+    """Of what another process holds for longer than a chunk takes here: it may be stopped."""
+    whole = rj.sweep(double, numbers(), chunk=8, path=tmp_path)
+    for number in (1, 2):
+        (tmp_path / f"chunk-00000{number}.npz").unlink()
+    claim = tmp_path / "claim-000001.json"
+    claim.write_text('{"host": "elsewhere", "pid": 1, "key": ""}')
+    began = time.monotonic()
+    found = rj.sweep(double, numbers(), chunk=8, path=tmp_path)
+    assert time.monotonic() - began < claims.VOID / 2
+    assert np.array_equal(found.values["y"], whole.values["y"])
+
+
 @pytest.mark.instant
 def test_what_cannot_be_swept():
     for wrong in ({"a": np.ones(2), "b": np.ones(3)}, np.asarray(1.0), np.ones((0, 2)), {}):

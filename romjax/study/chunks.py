@@ -29,6 +29,8 @@ class Chunks:
         self.folder, self.identity = folder, identity
         self.claims = None if folder is None else Claims(folder)
         self.done: dict[int, list[np.ndarray]] = {}
+        # [s] That the last chunk has taken here.
+        self.latest = 0.0
 
     @classmethod
     def open(cls, path: Any, parameters: Any, lanes: int, chunk: int, shapes: Any) -> "Chunks":
@@ -81,35 +83,42 @@ class Chunks:
     ) -> list[np.ndarray]:
         """The arrays of all chunks, one after the other.
 
-        This process computes those that no other one has claimed, and waits for the others.
+        This process computes those that no other one has claimed, and waits for the others. If
+        none comes in the time that one takes here, their processes may have been stopped, and it
+        computes one of theirs: better twice than idle.
         `tell` is called with the number of each chunk that is there.
         """
-        missing, pause = list(range(count)), _SHORTEST
+        missing, pause, waited = list(range(count)), _SHORTEST, 0.0
         while missing:
-            waiting = []
+            waiting, twice = [], 0.0 < self.latest < waited
             for number in missing:
-                if self._made(number, compute):
+                if self._made(number, compute, twice):
+                    twice = False
                     tell(number)
                 else:
                     waiting.append(number)
-            pause = _SHORTEST if len(waiting) < len(missing) else min(2 * pause, _LONGEST)
+            if len(waiting) < len(missing):
+                pause, waited = _SHORTEST, 0.0
             missing = waiting
             if missing:
                 time.sleep(pause)
+                waited, pause = waited + pause, min(2 * pause, _LONGEST)
         if self.claims is not None:
             self.claims.clear()
         parts = [self.done[number] for number in range(count)]
         return [np.concatenate(x) for x in zip(*parts, strict=True)]
 
-    def _made(self, number: int, compute: Callable[[int], list[np.ndarray]]) -> bool:
-        """Whether a chunk is there, computed here if nobody else has claimed it."""
+    def _made(self, number: int, compute: Callable[[int], list[np.ndarray]], twice: bool) -> bool:
+        """Whether a chunk is there, computed here if nobody else has claimed it, or `twice`."""
         if self.has(number):
             return True
         with nullcontext(True) if self.claims is None else self.claims.held(number) as own:
             # Another process may have put it there just before it gave up its claim.
-            if own and not self.has(number):
+            if (own or twice) and not self.has(number):
+                began = time.monotonic()
                 self.put(number, compute(number))
-        return own
+                self.latest = time.monotonic() - began
+        return own or twice
 
     def _checksum(self, number: int, leaves: Sequence[np.ndarray]) -> str:
         return _digest(f"{self.identity} {number}", leaves)
