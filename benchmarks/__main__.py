@@ -46,6 +46,7 @@ COMPARISONS = (
     "accuracy",
     "gallery",
     "error_bars",
+    "coverage",
     "verification",
     "trust",
 )

@@ -99,15 +99,15 @@ def beams(count: int) -> rj.Scene:
     return rj.Scene(bodies, _hinges(bodies, 0.5), [rj.Gravity()])
 
 
-def segments(count: int) -> rj.Scene:
-    """A beam of 1 m, 1 kg and 1 N m² as bars that are hinged by springs, falling from the level."""
-    size = 1 / count
+def segments(count: int, mass: float = 1.0, EI: float = 1.0) -> rj.Scene:
+    """A beam of 1 m, in kg and N m², as bars that are hinged by springs, falling from the level."""
+    size, own = 1 / count, mass / count
     bodies = [
-        rj.RigidBody(f"bar{i}", size, size**3 / 12, ((i + 0.5) * size, 0.0), extent=(size, 0.01))
-        for i in range(count)
+        rj.RigidBody(f"bar{i}", own, own * size**2 / 12, (x, 0.0), extent=(size, 0.01))
+        for i, x in enumerate((np.arange(count) + 0.5) * size)
     ]
     bending = [
-        rj.TorsionSpring(b.at((-size / 2, 0.0)), a.at((size / 2, 0.0)), stiffness=count)
+        rj.TorsionSpring(b.at((-size / 2, 0.0)), a.at((size / 2, 0.0)), stiffness=count * EI)
         for a, b in itertools.pairwise(bodies)
     ]
     return rj.Scene(bodies, _hinges(bodies, size / 2), [rj.Gravity(), *bending])
