@@ -133,6 +133,7 @@ from .scene.joint.prescribed import PrescribedAngle as PrescribedAngle
 from .scene.joint.prescribed import PrescribedTravel as PrescribedTravel
 from .scene.joint.prismatic import Prismatic as Prismatic
 from .scene.joint.revolute import Revolute as Revolute
+from .scene.joint.rolling_wheel import RollingWheel as RollingWheel
 from .scene.joint.slip_joint import AbstractSlipJoint as AbstractSlipJoint
 from .scene.joint.weld import Weld as Weld
 from .scene.marker import Ground as Ground

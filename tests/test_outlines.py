@@ -42,6 +42,7 @@ PARTS = [
     rj.PrescribedTravel(*ENDS, SWING),
     rj.Prismatic(*ENDS, value=0.1),
     rj.Revolute(*ENDS),
+    rj.RollingWheel(*ENDS, rj.Polynomial([-2.0, 0.2, 0.1]), 0.3),
     rj.Weld(*ENDS),
     rj.Actuator(*ENDS, SWING),
     rj.Bushing(*ENDS, [30.0, 50.0, 4.0]),

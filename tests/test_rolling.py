@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.integrate
+import scipy.optimize
 from zoo import run
 
 import romjax as rj
@@ -13,6 +14,7 @@ r = rj.spatial
 EXACT = 1e-8
 MASS, INERTIA, ARM = 2.0, 0.3, 0.4
 SPEED, SPIN = 0.7, 1.5
+WHEEL, WHEEL_INERTIA, GRAVITY = 0.2, 0.03, 9.81
 TIMES = np.linspace(0.0, 3.0, 16)
 
 
@@ -54,6 +56,51 @@ def test_sleigh_is_that_of_other_equations(stabilization):
     pushed = rj.joint_forces(moved.system, moved)["edge"].on("a", "a").force
     assert np.max(np.abs(pushed[:, 0])) <= 1e-12
     assert np.max(np.abs(pushed[:, 1] - MASS * (u * w + ARM * slowing))) <= 1e-7
+
+
+def wheel(curve, place) -> rj.Scene:
+    body = rj.RigidBody("wheel", MASS, WHEEL_INERTIA, position=place)
+    rolling = rj.RollingWheel(body.at(), rj.ground.at(), curve, WHEEL, name="rolling")
+    return rj.Scene([body], [rolling], [rj.Gravity((0.0, -GRAVITY))])
+
+
+def test_wheel_swings_in_a_bowl():
+    """As a pendulum as long as its centre is away from that of the bowl, but slower by its turn."""
+    away, start, slower = 0.8, 0.8, 1 + WHEEL_INERTIA / (MASS * WHEEL**2)
+    place = away * np.array([np.sin(start), -np.cos(start)])
+    bowl = rj.Circle(away + WHEEL, hollow=True)
+    moved = run(rj.assemble(wheel(bowl, place)), TIMES, audit=True)
+
+    def rates(t, y):
+        return [y[1], -GRAVITY * np.sin(y[0]) / (away * slower)]
+
+    given = {"rtol": 1e-12, "atol": 1e-12}
+    known = scipy.integrate.solve_ivp(rates, (0, 3), [start, 0], "DOP853", t_eval=TIMES, **given)
+    assert np.max(np.abs(moved["wheel.x"] - away * np.sin(known.y[0]))) <= EXACT
+    turned = moved["wheel.phi"] + away / WHEEL * (known.y[0] - start)
+    assert np.max(np.abs(turned)) <= EXACT
+    assert np.max(np.abs(moved.imbalance)) <= 1e-9
+
+
+@pytest.mark.slow
+def test_wheel_turns_by_the_length_that_it_rolls():
+    """On a parabola: by the arc that it has touched, less what the ground turns below it."""
+    coefficients, first = [0.1, 0.2, 0.4], 0.6
+
+    def slope(x):
+        return coefficients[1] + 2 * coefficients[2] * x
+
+    def centre(x):
+        normal = np.array([-slope(x), 1.0]) / np.hypot(1, slope(x))
+        return np.array([x, np.polyval(coefficients[::-1], x)]) + WHEEL * normal
+
+    moved = run(rj.assemble(wheel(rj.Polynomial(coefficients), centre(first))), TIMES)
+    for x, y, angle in zip(moved["wheel.x"], moved["wheel.y"], moved["wheel.phi"], strict=True):
+        touching = scipy.optimize.brentq(lambda p, x=x: centre(p)[0] - x, -3, 3, xtol=1e-14)
+        arc, _ = scipy.integrate.quad(lambda p: np.hypot(1, slope(p)), first, touching)
+        ground = np.arctan(slope(touching)) - np.arctan(slope(first))
+        assert abs(centre(touching)[1] - y) <= EXACT
+        assert abs(WHEEL * (angle - ground) + arc) <= EXACT
 
 
 def test_disc_rolls_in_a_circle():

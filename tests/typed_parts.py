@@ -64,6 +64,7 @@ joints = [
     rj.FixedAngle(here, there),
     rj.KnifeEdge(here, there),
     rj.PointOnLine(here, there),
+    rj.RollingWheel(here, there, rj.Line(), 0.1),
     rj.PointOnCurve(here, there, rj.Circle(2, hollow=True)),
     rj.Distance(here, there, 1.0, "link"),
     rj.Gear(here, there, -2, offset=jnp.array(0.1)),

@@ -4,13 +4,20 @@ import abc
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.arrays import Vector
+from ..linalg.dense import invert, multiply
 from .drawing import REACH, arc, follow
 from .fields import Converted, check_numbers, number
+
+# Newton's steps to a foot, which double the digits: half of them at least while it is far away.
+_STEPS = 12
+# Those among them that derivatives pass through: k of them give derivatives of the order 2ᵏ − 1.
+_DIFFERENTIATED = 2
 
 
 class AbstractTrack(eqx.Module):
@@ -44,12 +51,31 @@ class AbstractCurve(AbstractTrack):
     def __call__(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         """Return zero on the curve [m], negative numbers inside; its gradient is not zero there."""
 
+    def foot(self, point: Float[Array, "2"]) -> Float[Array, "2"]:
+        """The point of the curve nearest to a point [m]: p with f(p) = 0 and p + λ ∇f(p) = `point`,
+        by Newton's method, unless a kind has it in closed form.
+
+        Derivatives pass through its last steps alone; what is before them is a guess, on which the
+        foot does not depend.
+        """
+        value, slope = jax.value_and_grad(self)(point)
+        start = jnp.append(point, value / (slope @ slope))
+        curve, still, x = jax.lax.stop_gradient((self, point, start))
+        free = _STEPS - _DIFFERENTIATED
+        x, _ = jax.lax.scan(lambda x, _: (_nearer(curve, still, x), None), x, None, length=free)
+        for _ in range(_DIFFERENTIATED):
+            x = _nearer(self, point, x)
+        return x[:2]
+
 
 class Line(AbstractCurve):
     """The x axis."""
 
     def __call__(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return point[1]
+
+    def foot(self, point: Float[Array, "2"]) -> Float[Array, "2"]:
+        return point.at[1].set(0.0)
 
     def outline(self, point: Float[Array, "2"], size: Float[Array, ""]) -> Float[Array, "points 2"]:
         along = point[0] + REACH * size * np.array([-1.0, 1.0])
@@ -70,6 +96,9 @@ class Circle(AbstractCurve):
         outside = (point @ point - self.radius**2) / (2 * self.radius)
         return -outside if self.hollow else outside
 
+    def foot(self, point: Float[Array, "2"]) -> Float[Array, "2"]:
+        return self.radius / jnp.sqrt(point @ point) * point
+
     def outline(self, point: Float[Array, "2"], size: Float[Array, ""]) -> Float[Array, "points 2"]:
         del point, size
         return arc(self.radius, 2 * np.pi, 97)
@@ -88,3 +117,15 @@ class Polynomial(AbstractCurve):
 
     def check(self, owner: str) -> None:
         check_numbers(owner, self, "coefficients", shape=(None,), prefix="Polynomial.")
+
+
+def _nearer(
+    curve: AbstractCurve, point: Float[Array, "2"], x: Float[Array, "3"]
+) -> Float[Array, "3"]:
+    """Newton's step of p and λ."""
+
+    def residual(x: Float[Array, "3"]) -> Float[Array, "3"]:
+        value, slope = jax.value_and_grad(curve)(x[:2])
+        return jnp.append(x[:2] + x[2] * slope - point, value)
+
+    return x - multiply(invert(jax.jacfwd(residual)(x)), residual(x))
