@@ -134,7 +134,7 @@ def state(scene, model, data) -> tuple[np.ndarray, np.ndarray]:
         link = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, body.name)
         turn, speeds = np.array(data.xquat[link]), np.zeros(6)
         mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, link, speeds, 0)
-        arm = quaternions.rotate(turn, -np.asarray(body.named_points()["origin"]))
+        arm = quaternions.rotate(turn, np.asarray(body.com))
         q += [data.xpos[link] + arm, turn]
         v += [speeds[3:] + np.cross(speeds[:3], arm), quaternions.derivative(turn, speeds[:3])]
     return np.concatenate(q), np.concatenate(v)
@@ -151,9 +151,7 @@ def accelerations(scene, model, data) -> np.ndarray:
         kind, speeds, rates = mujoco.mjtObj.mjOBJ_XBODY, np.zeros(6), np.zeros(6)
         mujoco.mj_objectVelocity(model, data, kind, link, speeds, 0)
         mujoco.mj_objectAcceleration(model, data, kind, link, rates, 0)
-        arm = quaternions.rotate(
-            np.array(data.xquat[link]), -np.asarray(body.named_points()["origin"])
-        )
+        arm = quaternions.rotate(np.array(data.xquat[link]), np.asarray(body.com))
         spin, turning = speeds[:3], rates[:3]
         moving = rates[3:] + model.opt.gravity  # MuJoCo's is that of a sensor
         found.append(

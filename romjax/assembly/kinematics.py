@@ -17,6 +17,7 @@ from ..linalg.indexing import Index, consecutive
 from ..scene.body.base import AbstractBody
 from ..scene.body.bending import AbstractBendingBody
 from ..scene.marker import GROUND, Marker, Pose, Twist, Wrench
+from ..scene.placing import from_centre
 from . import planar, spatial
 from .bending import Bending
 from .grouping import T, group, stack
@@ -218,6 +219,10 @@ def prepare_points(
     moving = [i for i in carried if bodies[names[i]].modes or bodies[names[i]].bends]
     most = max((bodies[names[i]].modes for i in moving), default=0)
     given: Any = points if is_traced(points) else np.asarray(points)
+    for name in {names[i] for i in carried if bodies[names[i]].centre is not None}:
+        rows = np.array([i for i in carried if names[i] == name])
+        given = put(given, rows, from_centre(given[rows], bodies[name].centre))
+        points = as_jax(given)
     d = points.shape[1]
     shapes: Any = np.zeros((len(names), 3 if d == 2 else 6, most), points.dtype)
     foreshortening: Any = None

@@ -159,9 +159,9 @@ def load_scene(
     in MJCF or URDF (.xml, .mjcf, .urdf; extra `robots`).
 
     Of robots all is exact: loops are closed by constraints, mimicking joints by a `Coupling`. A
-    body has the axes of its link and its frame in the centre of mass; "origin" is the point where
-    the file has its frame, and sites and links that are fixed to it are points by name. What the
-    scene cannot have is refused with its line, or listed by a warning where it can be left out.
+    body has the frame of its link, with the centre of mass at `com`; sites and links that are fixed
+    to it are points by name. What the scene cannot have is refused with its line, or listed by a
+    warning where it can be left out.
 
     **Arguments:**
 

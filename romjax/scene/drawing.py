@@ -127,6 +127,21 @@ def arc(
     return jnp.stack([radius * jnp.cos(angle), radius * jnp.sin(angle)], axis=1)
 
 
+def rectangle(extent: Float[Array, "2"]) -> Float[Array, "5 2"]:
+    """Closed outline of a rectangle about the origin."""
+    corners = jnp.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]], extent.dtype)
+    return 0.5 * extent[None] * corners
+
+
+def disc(diameter: Float[Array, ""]) -> Float[Array, "points 2"]:
+    """Outline of a disc about the origin: the radius along x, which shows how it turns, and once
+    around.
+    """
+    angle = np.linspace(0.0, 2 * np.pi, 33)
+    rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return 0.5 * diameter * np.concatenate([np.zeros((1, 2)), rim])
+
+
 def turning_arrow(size: Float[Array, ""], sense: Float[Array, ""]) -> Float[Array, "points 2"]:
     """Three quarters of a circle with a head, counter-clockwise where `sense` is not negative."""
     sign = jnp.where(sense < 0, -1.0, 1.0)

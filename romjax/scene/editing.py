@@ -49,7 +49,8 @@ def carried_over(old: AbstractBody, new: AbstractBody) -> Callable[[Marker], Mar
         before = start_pose(old, marker.point)
         local = against(before, frame)
         turn = composed(local.turn, marker.turn, d)
-        return Marker(new.name, as_array(local.position), as_array(turn))
+        place = local.position if new.centre is None else local.position + new.centre
+        return Marker(new.name, as_array(place), as_array(turn))
 
     return change
 

@@ -195,7 +195,8 @@ def warn_of_other_inertia(body: Any, beam: Any) -> None:
     length = float(known)
     (q,) = untraced(beam.start()[0])
     frame = Pose(q[:d], q[2] if d == 2 else q[d:7])
-    centre = concrete(against(start_pose(body, (0.0,) * d), frame).position)
+    middle = (0.0,) * d if body.centre is None else body.centre
+    centre = concrete(against(start_pose(body, middle), frame).position)
     mass, inertia = concrete(body.mass), concrete(body.inertia)
     if centre is None or mass is None or inertia is None:
         return

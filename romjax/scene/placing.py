@@ -58,7 +58,10 @@ def brought(body: B, point: Vector, to: Pose, angle: Number | None, rotation: An
     elif rotation is not None:
         turned = quaternion_of(owner, given=rotation)
     q, _ = body.start()
-    position = as_array(_moved(to.position, turned, _local(body, q, point).position, sign=-1))
+    arm = _local(body, q, point).position
+    if body.centre is not None:
+        arm = as_array(point)
+    position = as_array(_moved(to.position, turned, arm, sign=-1))
     field = "angle" if d == 2 else "orientation"
     fields = lambda b: (b.position, getattr(b, field))  # noqa: E731
     placed: B = eqx.tree_at(fields, body, (position, turned))
@@ -78,7 +81,10 @@ def started(body: B, q: Array, v: Array) -> B:
     turning = v[2]
     if d == 3:
         turning = as_array(quaternions.angular_velocity(*untraced(q[d:frame], v[d:frame])))
-    values = [q[:d], _turn(q, d), v[:d], turning]
+    position, velocity = q[:d], v[:d]
+    if body.centre is not None:
+        position, velocity = apart(body.centre, position, _turn(q, d), velocity, turning, sign=-1)
+    values = [position, _turn(q, d), velocity, turning]
     if body.modes:
         names, values = [*names, "amplitudes", "rates"], [*values, q[frame:], v[frame:]]
     moved: B = eqx.tree_at(lambda b: [getattr(b, name) for name in names], body, values)
@@ -101,7 +107,7 @@ def _local(body: Any, q: Array, point: Vector) -> Pose:
         return Pose(*map(as_jax, bent))
     unturned = as_array(0.0 if d == 2 else (1.0, 0.0, 0.0, 0.0))
     if not body.modes:
-        return Pose(at, unturned)
+        return Pose(at if body.centre is None else from_centre(at, body.centre), unturned)
     place, shapes, q = untraced(at, body.mode_shapes(at), q)
     amplitudes = q[body.frame_size :]
     moved = shapes @ amplitudes
@@ -111,6 +117,27 @@ def _local(body: Any, q: Array, point: Vector) -> Pose:
         arm = arm - 0.5 * (second @ amplitudes) @ amplitudes
     turn = moved[2] if d == 2 else quaternions.small_turn(moved[d:])
     return Pose(as_array(arm), as_array(turn))
+
+
+def from_centre(points: Any, centre: Any) -> Any:
+    """Points of a body (…, d) from the origin of its coordinates, which is at `centre` [m]."""
+    points, centre = untraced(points, centre)
+    return as_jax(points - namespace(points).broadcast_to(centre, points.shape))
+
+
+def apart(
+    arm: Any, position: Any, turn: Any, velocity: Any, spin: Any, sign: int = 1
+) -> tuple[Any, Any]:
+    """The position and the velocity of a point at an `arm` in a frame, from those of its origin; or
+    of its origin from those of the point, by a negative `sign`.
+    """
+    moved = _moved(position, turn, arm, sign)
+    moved, origin, velocity, spin = untraced(moved, position, velocity, spin)
+    away = moved - origin
+    if spin.ndim:
+        return as_array(moved), as_array(velocity + quaternions.cross(spin, away))
+    turning = spin * namespace(away).stack([-away[1], away[0]])
+    return as_array(moved), as_array(velocity + turning)
 
 
 def _moved(origin: Any, turn: Any, arm: Any, sign: int = 1) -> Any:

@@ -57,9 +57,11 @@ class _Writer:
         self._refuse_bodies()
         self.bodies = {body.name: body for body in scene.bodies}
         self.places = {GROUND: Placement(np.zeros(3))}
-        for body in scene.bodies:
-            q = np.asarray(body.start()[0])
-            self.places[body.name] = Placement(q[:3], q[3:7] / np.linalg.norm(q[3:7]))
+        rigid: tuple[Any, ...] = scene.bodies
+        for body in rigid:
+            turn = np.asarray(body.orientation, float)
+            place = np.asarray(body.position, float)
+            self.places[body.name] = Placement(place, turn / np.linalg.norm(turn))
         self.carrying = self._tree()
         self.used = set[int]()
         self.attributes = {
@@ -124,11 +126,12 @@ class _Writer:
         body: Any = self.bodies[name]
         parent, joint = self.carrying.get(name, (GROUND, None))
         place, pad = _within(self.places[name], self.places[parent]), "  " * depth
-        inertia = np.asarray(body.inertia, float)
+        inertia, centre = np.asarray(body.inertia, float), body.com
+        centre = np.zeros(3) if centre is None else centre
         tensor = inertia if inertia.ndim == 2 else np.diag(inertia)
         six = [tensor[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
         lines = [
-            f'{pad}  <inertial pos="0 0 0" mass="{float(body.mass)!r}" '
+            f'{pad}  <inertial pos="{words(centre)}" mass="{float(body.mass)!r}" '
             f'fullinertia="{words(six)}"/>\n'
         ]
         if joint is None:

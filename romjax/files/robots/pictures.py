@@ -15,7 +15,7 @@ _WAY = (0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4)
 _CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
 
 
-def outline_of(arrays: Any, links: list[int], within: Any, centre: Any) -> Any:
+def outline_of(arrays: Any, links: list[int], within: Any) -> Any:
     """The edges (corners, 3) of boxes around the geoms of a body, one after the other [m]."""
     lines = []
     for geom in range(arrays.ngeom):
@@ -24,10 +24,10 @@ def outline_of(arrays: Any, links: list[int], within: Any, centre: Any) -> Any:
             continue
         box = _CORNERS[list(_WAY)] * _half_edges(kind, arrays.geom_size[geom])
         place = within[link].then(Placement(arrays.geom_pos[geom], arrays.geom_quat[geom]))
-        lines.append(place.point(box) - centre)
+        lines.append(place.point(box))
     if lines:
         return np.concatenate(lines)
-    return 0.5 * _SMALL * _CORNERS[list(_WAY)] - centre
+    return 0.5 * _SMALL * _CORNERS[list(_WAY)]
 
 
 def _half_edges(kind: int, size: Any) -> Any:

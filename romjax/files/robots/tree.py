@@ -17,7 +17,7 @@ ORIGIN = "origin"
 class Tree:
     """The bodies of a model, by the numbers of their links.
 
-    A body has the axes of the first of its links, and its frame in the centre of mass.
+    A body has the frame of the first of its links.
     """
 
     def __init__(self, model: Model, data: Any):
@@ -26,7 +26,6 @@ class Tree:
         self.root: list[int] = [int(i) for i in self._arrays.body_weldid]
         self.names = self._unique_names(count)
         self._within: list[Placement] = self._placements(count)
-        self._centres: list[Any] = [np.zeros(3)] * count
         self.bodies = [self._body(i) for i in range(1, count) if self.root[i] == i]
 
     def _unique_names(self, count: int) -> list[str]:
@@ -64,8 +63,7 @@ class Tree:
 
     def body_marker(self, body: int, place: Placement) -> Marker:
         """A marker at a place in the frame of the first link of a body."""
-        point = place.position - self._centres[body]
-        return Marker.fixed(self.names[body], tuple(point), rotation=place.turn)
+        return Marker.fixed(self.names[body], tuple(place.position), rotation=place.turn)
 
     def _body(self, first: int) -> RigidBody:
         arrays, data = self._arrays, self._data
@@ -82,9 +80,6 @@ class Tree:
             axes, arm = place.axes, place.position - centre
             tensor += axes @ np.diag(arrays.body_inertia[i]) @ axes.T
             tensor += m * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-        self._centres[first] = centre
-        place = Placement(np.array(data.xpos[first]), np.array(data.xquat[first]))
-        at = place.point(centre)
         speeds = np.zeros(6)
         kind = self.model.mujoco.mjtObj.mjOBJ_XBODY
         self.model.mujoco.mj_objectVelocity(arrays, data, kind, first, speeds, 0)
@@ -92,22 +87,23 @@ class Tree:
             self.names[first],
             mass=mass,
             inertia=0.5 * (tensor + tensor.T),
-            position=at,
-            orientation=place.turn,
-            velocity=speeds[3:] + np.cross(speeds[:3], at - place.position),
+            position=np.array(data.xpos[first]),
+            orientation=np.array(data.xquat[first]),
+            velocity=speeds[3:],
             angular_velocity=speeds[:3],
-            extent=outline_of(arrays, links, self._within, centre),
-            points=self._points(links, centre),
+            extent=outline_of(arrays, links, self._within),
+            points=self._points(links),
+            com=centre,
         )
 
-    def _points(self, links: list[int], centre: Any) -> dict[str, Any]:
+    def _points(self, links: list[int]) -> dict[str, Any]:
         """The points of a body by name: the origin, its sites, and the links that it has taken."""
-        points = {ORIGIN: -centre}
+        points = {ORIGIN: np.zeros(3)}
         for link in links[1:]:
-            points.setdefault(self.names[link], self._within[link].position - centre)
+            points.setdefault(self.names[link], self._within[link].position)
         for site in range(self._arrays.nsite):
             link = int(self._arrays.site_bodyid[site])
             if link in links:
-                point = self._within[link].point(self._arrays.site_pos[site]) - centre
+                point = self._within[link].point(self._arrays.site_pos[site])
                 points.setdefault(self.model.numbered("site", site), point)
         return points

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from ...common.arrays import Number, Vector, as_array, concatenate, untraced
@@ -17,7 +16,7 @@ from ...linalg.inverse_mass import AbstractBodyInverse
 from ..coordinate import Coordinate, frame_coordinates, frame_size
 from ..fields import check_finite, check_shape
 from ..marker import GROUND, Marker, Pose
-from ..placing import brought, start_pose, started
+from ..placing import apart, brought, start_pose, started
 from ..points import point_of
 from .inertia import Inertia
 from .spatial.inertia import SpatialInertia
@@ -55,6 +54,13 @@ class AbstractBody(eqx.Module):
     @abc.abstractmethod
     def constant_mass(self) -> bool:
         """Whether the mass matrix is constant: then no quadratic-velocity code is traced."""
+
+    @property
+    def centre(self) -> Float[Array, " d"] | None:
+        """The place of the origin of its coordinates in the frame that its points are in [m]; None
+        of bodies whose coordinates are those of that frame.
+        """
+        return None
 
     @property
     def damped(self) -> bool:
@@ -246,21 +252,6 @@ def check_name(name: str) -> None:
         )
 
 
-def rectangle(extent: Float[Array, "2"]) -> Float[Array, "5 2"]:
-    """Closed outline of a rectangle about the origin."""
-    corners = jnp.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]], extent.dtype)
-    return 0.5 * extent[None] * corners
-
-
-def disc(diameter: Float[Array, ""]) -> Float[Array, "points 2"]:
-    """Outline of a disc about the origin: the radius along x, which shows how it turns, and once
-    around.
-    """
-    angle = np.linspace(0.0, 2 * np.pi, 33)
-    rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return 0.5 * diameter * np.concatenate([np.zeros((1, 2)), rim])
-
-
 def check_start(owner: str, body: Any) -> None:
     """Check the initial pose and motion that every kind of body has."""
     flat = body.dimension == 2
@@ -282,7 +273,12 @@ def frame_start(body: Any) -> tuple[Float[Array, " frame"], Float[Array, " frame
     else:
         turn = body.orientation
         turning = quaternions.derivative(*untraced(turn, body.angular_velocity))
-    return concatenate([body.position, turn]), concatenate([body.velocity, turning])
+    if body.centre is None:
+        return concatenate([body.position, turn]), concatenate([body.velocity, turning])
+    position, velocity = apart(
+        body.centre, body.position, turn, body.velocity, body.angular_velocity
+    )
+    return concatenate([position, turn]), concatenate([velocity, turning])
 
 
 def flexible_start(body: Any) -> tuple[Float[Array, " size"], Float[Array, " size"]]:

@@ -8,13 +8,23 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...common.arrays import Number, Vector
-from ..fields import Converted, check_mass, check_numbers, check_shape, number, radians
+from ..drawing import disc, rectangle
+from ..fields import (
+    Converted,
+    check_finite,
+    check_mass,
+    check_numbers,
+    check_shape,
+    number,
+    radians,
+)
 from ..points import NamedPoints, by_name
-from .base import AbstractBody, check_name, check_start, disc, frame_start, rectangle
+from .base import AbstractBody, check_name, check_start, frame_start
 
 
 class RigidBody(AbstractBody):
-    """A rigid body with its frame in the centre of mass; coordinates x, y [m], φ [rad].
+    """A rigid body with its frame in the centre of mass, unless `com` is given; coordinates x, y
+    [m], φ [rad].
 
     **Arguments:**
 
@@ -26,6 +36,9 @@ class RigidBody(AbstractBody):
     - `extent`: what it is drawn as, without mechanical meaning: length and height [m] of a
       rectangle, the diameter of a disc, or the corners of a polygon (corners, 2).
     - `points`: points by name for `body.at("name")`, such as {"pin": (0.1, 0.0)} [m].
+    - `com`: the centre of mass in the frame of the body [m], where that is another point: position,
+      velocity, points, `extent` and `at` are those of the frame, and coordinates and inertia those
+      of the centre of mass by its axes.
     """
 
     name: str = eqx.field(static=True)
@@ -37,7 +50,12 @@ class RigidBody(AbstractBody):
     angular_velocity: Converted[Float[Array, ""]] = number(default=0.0)
     extent: Converted[Float[Array, "*shape"], Vector | Number] = number(default=(0.2, 0.1))
     points: Converted[NamedPoints, Mapping[str, Vector]] = by_name(default=())
+    com: Converted[Float[Array, "2"] | None, Vector | None] = number(default=None)
     modes: ClassVar[int] = 0  # type: ignore[misc]
+
+    @property
+    def centre(self) -> Float[Array, "2"] | None:
+        return self.com
 
     @property
     def constant_mass(self) -> bool:
@@ -77,4 +95,7 @@ class RigidBody(AbstractBody):
             polygon = self.extent.ndim == 2
             check_shape(owner, "extent", self.extent, (None, 2) if polygon else (2,))
         check_start(owner, self)
+        if self.com is not None:
+            check_shape(owner, "com", self.com, (2,))
+            check_finite(owner, "com", self.com)
         self.points.check(owner)

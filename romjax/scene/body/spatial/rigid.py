@@ -13,7 +13,7 @@ from ....common.errors import SceneError
 from ....linalg import quaternions
 from ....linalg.dense import invert, multiply, multiply_transposed
 from ...drawing import cuboid
-from ...fields import Converted, check_finite, check_mass, number
+from ...fields import Converted, check_finite, check_mass, check_shape, number
 from ...orientation import orientation_field
 from ...points import NamedPoints, by_name
 from ..base import AbstractBody, check_name, check_start, frame_start
@@ -22,8 +22,8 @@ from .inertia import SpatialInertia, length_inertia
 
 
 class RigidBody(AbstractBody):
-    """A rigid body in space with its frame in the centre of mass; coordinates x, y, z [m], and the
-    quaternion w, x, y, z of any length.
+    """A rigid body in space with its frame in the centre of mass unless `com` is given; coordinates
+    x, y, z [m], and the quaternion w, x, y, z of any length.
 
     **Arguments:**
 
@@ -39,6 +39,9 @@ class RigidBody(AbstractBody):
     - `extent`: what it is drawn as, without mechanical meaning: the edges [m] of a box, or the
       corners of a polygon (corners, 3).
     - `points`: points by name for `body.at("name")`, such as {"tip": (0.0, 0.0, 0.1)} [m].
+    - `com`: the centre of mass in the frame of the body [m], where that is another point: position,
+      velocity, points, `extent` and `at` are those of the frame, and coordinates and inertia those
+      of the centre of mass by its axes.
     """
 
     dimension: ClassVar[int] = 3
@@ -52,7 +55,12 @@ class RigidBody(AbstractBody):
     angular_velocity: Converted[Float[Array, "3"], Vector] = number(default=(0.0, 0.0, 0.0))
     extent: Converted[Float[Array, "*corners 3"], Vector] = number(default=(0.2, 0.1, 0.1))
     points: Converted[NamedPoints, Mapping[str, Vector]] = by_name(default=())
+    com: Converted[Float[Array, "3"] | None, Vector | None] = number(default=None)
     modes: ClassVar[int] = 0  # type: ignore[misc]
+
+    @property
+    def centre(self) -> Float[Array, "3"] | None:
+        return self.com
 
     @property
     def constant_mass(self) -> bool:
@@ -132,6 +140,9 @@ class RigidBody(AbstractBody):
         check_inertia(owner, self.inertia)
         check_finite(owner, "extent", self.extent)
         check_start(owner, self)
+        if self.com is not None:
+            check_shape(owner, "com", self.com, (3,))
+            check_finite(owner, "com", self.com)
         self.points.check(owner, dimension=3)
 
 
