@@ -20,9 +20,11 @@ const timeUnder = (chart, x) =>
   start + (end - start) * (x - chart.getBoundingClientRect().left - SIDES.left) / across(chart);
 
 const drawOutputs = () => {
-  for (const {chart, lines, ends, values} of charts) {
+  for (const one of charts) {
+    const {chart, lines, ends, values} = one;
     const [high, low] = [Math.max, Math.min].map(of => values.reduce((found, row) => of(found, ...row), values[0][0]));
     const height = chart.clientHeight - SIDES.top - SIDES.bottom, size = high - low || 1;
+    one.size = size;
     const up = x => SIDES.top + height * (high > low ? (high - x) / size : 0.5);
     lines.forEach((path, k) => path.setAttribute("d", models[k].shown
       ? line(values.map((row, i) => [placeOf(chart, times[i]).toFixed(1), up(row[k]).toFixed(1)])) : ""));
@@ -41,11 +43,11 @@ const short = (x, size) => {  // to a thousandth of what is drawn
 
 const moveCursors = frame => {
   const shown = data.smooth ? state.t : times[frame], first = models.findIndex(model => model.shown);
-  for (const {chart, cursor, value, values} of charts) {
+  for (const {chart, cursor, value, values, size} of charts) {
     const x = placeOf(chart, shown), i = Math.floor(frame), k = Math.max(0, first);
     cursor.setAttribute("d", `M${x} ${SIDES.top - 2}V${chart.clientHeight - SIDES.bottom}`);
     const [a, b] = [values[i], values[Math.min(i + 1, values.length - 1)]].map(row => row[k] ?? row[0]);
     value.setAttribute("x", chart.clientWidth - SIDES.right);
-    value.textContent = short(a + (frame - i) * (b - a), Math.abs(a) || 1);
+    value.textContent = short(a + (frame - i) * (b - a), size);
   }
 };
