@@ -73,6 +73,21 @@ def test_a_run_that_fails_has_none():
     assert np.all(np.isfinite(slope))
 
 
+def test_finite_numbers_of_a_run_that_fails_have_none():
+    """Of a start that violates a joint, of which the motion goes on; and measured, too."""
+    system = zoo.system(zoo.bar)
+
+    def seen(apart):
+        run = zoo.run(system, TS, q0=np.add(system.q0, [apart, 0.0, 0.0]), throw=False)
+        assert np.all(np.isfinite(run.multipliers)) != bool(apart)
+        return run.q[:, 2]
+
+    truth = np.asarray(seen(0.0))
+    assert np.isfinite(rj.log_likelihood(seen, 0.0, truth, 0.1))
+    with pytest.warns(UserWarning, match="log_likelihood: a run failed: the start"):
+        assert rj.log_likelihood(lambda _: seen(0.1), 0.1, truth, 0.1) == -np.inf
+
+
 def test_what_is_refused():
     with pytest.raises(rj.InputError, match=r"shape \(2,\), but measured has \(3,\)"):
         rj.log_likelihood(lambda x: x, np.zeros(2), np.zeros(3), 0.1)

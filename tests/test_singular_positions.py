@@ -1,5 +1,7 @@
 """Random runs through change points: right, refused or doubted, and never silently wrong."""
 
+import dataclasses
+
 import diffrax
 import jax
 import jax.numpy as jnp
@@ -132,6 +134,11 @@ def test_where_constraints_lose_rank():
     assert level[np.argmin(np.abs(np.asarray(run.t) - singular.time))] == np.min(level)
     assert {"joint 'middle'", "joint 'again'"} & set(singular.joints)
     assert "singular position" in singular.describe()
+    # Of a run that failed later.
+    failed = jnp.where(run.t > singular.time, jnp.inf, 0.0)
+    again = rj.singular_position(system, dataclasses.replace(run, q=run.q + failed[:, None]))
+    assert again.time == singular.time
+    assert again.is_passed == singular.is_passed
 
 
 @pytest.mark.slow

@@ -2,16 +2,19 @@
 
 import contextlib
 import contextvars
+import dataclasses
 import functools
 import warnings
 from collections.abc import Iterator
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 
 from ..common.arrays import concrete
 from ..system.base import AbstractSystem
 from ..system.flags import WORDS, Flag
+from .derived import EagerQuantities
 from .singular import singular_position
 from .status import REMEDIES, Status
 from .trajectory import Trajectory
@@ -72,6 +75,26 @@ def warn_of_outcome(owner: str, status: Any, flags: Any) -> None:
         warnings.warn(f"{owner}: {words}. Simulate it there to see more.", stacklevel=3)
 
 
+def without_failures(run: Trajectory) -> Trajectory:
+    """The run, but where somebody is `telling`, NaN of one that failed, whose numbers may be
+    finite: joints that come apart, say, or more impacts than there is room for.
+    """
+    failed = run.status != _SUCCESS
+    known = concrete(failed)
+    if _OWNER.get() is None or (known is not None and not known.any()):
+        return run
+
+    def hide(x: Any) -> Any:
+        return jnp.where(failed, jnp.nan, x)
+
+    derived = run.derived
+    if isinstance(derived, EagerQuantities):
+        derived = derived._replace(multipliers=hide(derived.multipliers))
+    else:
+        derived = dataclasses.replace(derived, q=hide(derived.q), v=hide(derived.v))
+    return dataclasses.replace(run, q=hide(run.q), v=hide(run.v), derived=derived)
+
+
 def warn_of_doubt(system: AbstractSystem, run: Trajectory) -> None:
     """Warn of one run that ended, of what speaks against it; of those that JAX traces, where
     somebody is `telling`.
@@ -80,6 +103,8 @@ def warn_of_doubt(system: AbstractSystem, run: Trajectory) -> None:
     if owner is not None and concrete(run.status) is None:
         jax.debug.callback(functools.partial(warn_of_outcome, owner), run.status, run.flags)
     status, flags = _outcome(run)
+    if owner is not None and status > _SUCCESS:
+        warn_of_outcome(owner, status, flags)
     if status == _SUCCESS and flags & int(Flag.RESOLUTION):
         warnings.warn(
             f"simulate: {WORDS[Flag.RESOLUTION]}: it takes {_tolerances(run)}. Choose rtol and "

@@ -24,7 +24,7 @@ from ..system.start import Start
 from ..system.structure import without_names
 from .adjoint import has_root_finder, is_forward
 from .default import default_method, start_frequencies, warn_of_fast_stabilization
-from .doubt import is_doubtful, is_unresolved, warn_of_doubt
+from .doubt import is_doubtful, is_unresolved, warn_of_doubt, without_failures
 from .failures import raise_failure
 from .follow.monitor import AbstractMonitor, check_monitors
 from .left_out import flag_left_out
@@ -152,7 +152,7 @@ def simulate(
     if throw:
         trajectory = raise_failure(system, trajectory, start)
     warn_of_doubt(system, trajectory)
-    return trajectory
+    return without_failures(trajectory)
 
 
 def _run_well(

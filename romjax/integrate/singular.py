@@ -49,14 +49,16 @@ def singular_position(system: AbstractSystem, run: Trajectory) -> SingularPositi
     elsewhere become dependent, multipliers are large or not unique, and the motion may continue on
     several branches. Constraints that repeat others in all positions are no singular position.
 
-    **Arguments:** the `system`, full or reduced; one `run` of it. Looks at the output times only.
+    **Arguments:** the `system`, full or reduced; one `run` of it. Looks at the output times only,
+    of a run that failed at those before.
     """
     full = system.full
     if full.m == 0:
         return None
     values, combinations = map(np.asarray, _singular_values(full, run.t, run.q))
     rank = max(int(np.max(np.sum(values > _REPEATED * values[:, :1], axis=1))), 1)
-    least = values[:, rank - 1]
+    # Of a run that failed, up to there.
+    least = np.where(np.isfinite(values[:, rank - 1]), values[:, rank - 1], np.inf)
     at = int(np.argmin(least))
     shares = np.abs(combinations[at][:, rank - 1])
     names = full.structure.constraints
@@ -66,7 +68,7 @@ def singular_position(system: AbstractSystem, run: Trajectory) -> SingularPositi
         time=float(run.t[at]),
         condition=float(values[at, 0] / max(least[at], floor)),
         joints=tuple(dict.fromkeys(partaking)),
-        is_passed=bool(least[at] < _FALLS * np.median(least)),
+        is_passed=bool(least[at] < _FALLS * np.median(least[np.isfinite(least)])),
     )
 
 
