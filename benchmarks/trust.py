@@ -138,10 +138,13 @@ def counted(found: Sequence[Outcome], way: str) -> record.Section:
         )
     rows.append(["all", len(here), *(total[v] for v in VERDICTS), ""])
     silent, right = total["silent"], total["right"] + total["false"]
-    ratios = {
-        f"{way}: scenes not silently wrong / all": 1 - silent / max(len(here), 1),
-        f"{way}: right without alarm / right": total["right"] / max(right, 1),
-    }
+    # Of none there is no share, which is no success.
+    shares = [
+        1 - silent / len(here) if here else np.nan,
+        total["right"] / right if right else np.nan,
+    ]
+    names = "scenes not silently wrong / all", "right without alarm / right"
+    ratios = {f"{way}: {name}": share for name, share in zip(names, shares, strict=True)}
     return record.Section(f"Scenes with nothing set, {WAYS[way]}:", rows, ratios)
 
 

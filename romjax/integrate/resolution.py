@@ -57,11 +57,12 @@ def is_resolved(
     by_q, by_v = tolerances.errors(reach, q, v, jnp.asarray(jnp.inf))
     by_position, by_velocity = motion.distance / by_q, motion.speed / by_v
     share = jnp.where(motion.counts, jnp.minimum(by_position, by_velocity), 0.0)
-    given = jnp.max(share) >= jnp.minimum(_SHARE / tolerances.rtol, _ENOUGH)
+    # Negated, since of numbers that are not finite nothing is known: that they are not is said.
+    given = ~(jnp.max(share) < jnp.minimum(_SHARE / tolerances.rtol, _ENOUGH))
     rounding = _USUAL * tolerances.rounding(reach) * steps**1.5
     least = _DIGITS * jnp.finfo(q.dtype).eps
     allowed = jnp.maximum(_ALLOWED * jnp.maximum(tolerances.rtol, least), _FINE)
-    followed = jnp.any(motion.counts & (rounding <= allowed * motion.distance))
+    followed = jnp.any(motion.counts & ~(rounding > allowed * motion.distance))
     return ~jnp.any(motion.counts) | jnp.where(follow, followed, given)
 
 
