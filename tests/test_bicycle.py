@@ -5,11 +5,15 @@ bicycle", Proc. R. Soc. A 463 (2007), doi:10.1098/rspa.2007.1857. Their y and z 
 right and down, those here to the left and up.
 """
 
+import jax
 import numpy as np
 import pytest
 import scipy.linalg
+import scipy.optimize
 
 import romjax as rj
+from romjax.linalg import quaternions
+from romjax.system.dynamics import jacobian
 
 r = rj.spatial
 BASE, TRAIL, TILT, GRAVITY = 1.02, 0.08, np.pi / 10, 9.81
@@ -88,3 +92,67 @@ def test_bicycle_moves_as_published():
     for found, exact in ((lean, wanted[:, 0]), (steer, wanted[:, 1])):
         assert np.max(np.abs(found - exact)) <= LINEAR * np.max(np.abs(exact))
     assert moved.is_valid, moved.warnings()
+
+
+def placed(q, lean, steer) -> np.ndarray:
+    """Coordinates with the fork and its wheel turned about the steering axis, and all leaning."""
+    q, axis = np.array(q), np.array([-np.sin(TILT), 0.0, np.cos(TILT)])
+    foot = np.array([BASE + TRAIL, 0.0, 0.0])
+    for i in range(4):
+        own, turn = q[7 * i : 7 * i + 7], _quaternion([1.0, 0.0, 0.0], lean)
+        if i >= 2:
+            steered = _quaternion(axis, steer)
+            own[:3] = foot + quaternions.rotate(steered, own[:3] - foot)
+            own[3:] = quaternions.product(steered, own[3:])
+        own[:3], own[3:] = quaternions.rotate(turn, own[:3]), quaternions.product(turn, own[3:])
+    return q
+
+
+def _quaternion(axis, angle) -> np.ndarray:
+    return np.append(np.cos(angle / 2), np.sin(angle / 2) * np.asarray(axis))
+
+
+def linear(system):
+    """The matrix of lean, steer and their rates at a speed, by differences of accelerations."""
+    rows_of = jax.jit(lambda q: jacobian(system, 0.0, q))
+    accelerations = jax.jit(lambda q, v: system.acceleration(0.0, q, v)[0])
+
+    def rates(x, speed):
+        q, lean = placed(system.q0, *x[:2]), _quaternion([1.0, 0.0, 0.0], x[0])
+        steer = quaternions.rotate(lean, np.array([-np.sin(TILT), 0.0, np.cos(TILT)]))
+        axle = quaternions.rotate(lean, np.array([0.0, 1.0, 0.0]))
+        spins, lengths = np.zeros((4, 3, 28)), np.zeros((4, 28))
+        for i in range(4):
+            turn = slice(7 * i + 3, 7 * i + 7)
+            spins[i, :, turn], lengths[i, turn] = 2 * quaternions.space_matrix(q[turn]), q[turn]
+        # Of all velocities that the rows allow, the one of these rates and this spin of the wheel.
+        own = [spins[1, 0], steer @ (spins[2] - spins[1]), axle @ (spins[0] - spins[1])]
+        rows = np.vstack([rows_of(q), lengths, own])
+        wanted = [*np.zeros(system.m + 4), *x[2:], speed / 0.3]
+        v = np.linalg.lstsq(rows, wanted, rcond=None)[0]
+        a = np.asarray(accelerations(q, v))
+        # Of unit quaternions p that keep their length, p·p' = 0, ω' = 2 E p''.
+        turning = spins @ a
+        return np.array([turning[1, 0], steer @ (turning[2] - turning[1])])
+
+    def matrix(speed, step=1e-4):
+        steps = step * np.eye(4)
+        slopes = [(rates(x, speed) - rates(-x, speed)) / (2 * step) for x in steps]
+        return np.vstack([np.eye(2, 4, 2), np.transpose(slopes)])
+
+    return matrix
+
+
+@pytest.mark.slow
+def test_bicycle_is_stable_by_itself_between_published_speeds():
+    """From where weave dies out to where capsize begins, section 6 of the paper."""
+    matrix = linear(rj.assemble(bicycle()))
+
+    def growth(speed, weaving):
+        roots = np.linalg.eigvals(matrix(speed))
+        return np.max(roots.real[(np.abs(roots.imag) > 1e-6) == weaving])
+
+    for weaving, known in ((True, 4.29238253634111), (False, 6.02426201538837)):
+        ends = known - 0.3, known + 0.3
+        found = scipy.optimize.brentq(lambda v, w=weaving: growth(v, w), *ends, xtol=1e-10)
+        assert abs(found - known) <= 1e-6
