@@ -98,6 +98,7 @@ CASES = {
     "parts": lambda x, y: [*jnp.unstack(x), *jnp.split(y, [1], axis=1), x[:, ::2], x[::-1]],
     "together": lambda x, y: jnp.concatenate([x, y], axis=1) + jnp.stack([x, y]).reshape(2, 6),
     "pad": lambda x, y: lax.pad(x, 1.5, [(1, -1, 0), (0, 2, 1)]),
+    "diagonal": lambda x, y: jnp.diagonal(x @ y.T),
     "iota": lambda x, y: lax.broadcasted_iota(float, (2, 3), 1) * x + jnp.arange(2.0)[:, None],
     "sums": lambda x, y: [jnp.sum(x), jnp.sum(x, axis=0), jnp.prod(y, axis=1), jnp.mean(x)],
     "extremes": lambda x, y: [jnp.max(x, axis=1), jnp.min(y), jnp.argmax(x), jnp.argmin(y, axis=1)],

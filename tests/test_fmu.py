@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import zoo
 from comparison import assert_close
-from tolerances import IDENTITY
+from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
 from romjax.export import library as libraries
@@ -208,6 +208,31 @@ def test_inputs_and_parameters_that_change_make_a_new_scene(bar, references):
     one.freeFMUState(kept)
     one.terminate()
     one.freeInstance()
+
+
+@pytest.mark.slow
+def test_casadi_runs_it_with_derivatives(bar):
+    """A second tool, whose own method takes the steps, at inputs and parameters of its own."""
+    casadi = pytest.importorskip("casadi", minversion="3.7")
+    system = casadi.DaeBuilder("bar", bar[1].folder)
+    names = [system.x(), system.u(), system.p(), system.y()]
+    model = model_of("test", pendulum, *GIVEN.values(), "default", "bar")
+    assert names == [[*model_names(model)], ["push"], ["mass", "length"], [*GIVEN["outputs"]]]
+    at = np.array([0.6, 0.1, -0.2, 0.3, -0.1, 0.4]), np.array([0.7]), np.array([1.3, 1.1])
+    rates, values = system.create("f", ["x", "u", "p"], ["ode", "y"])(*at)
+    assert_close(rates.full()[:, 0], np.asarray(jax.jit(model.rates)(0.0, *at)), SOLVED, scale=10.0)
+    assert_close(values.full()[:, 0], np.asarray(jax.jit(model.measured)(0.0, *at)), IDENTITY)
+    found = system.create("j", ["x", "u", "p"], ["jac_ode_x", "jac_ode_u"])(*at)
+    wanted = jax.jit(jax.jacfwd(model.rates, (1, 2)))(0.0, *at)
+    for one, other in zip(found, wanted, strict=True):
+        assert_close(one.full(), np.asarray(other), SOLVED, scale=100.0)
+    t, x = casadi.MX.sym("t"), casadi.MX.sym("x", 6)
+    rate = system.create("g", ["t", "x", "u", "p"], ["ode"])(t, x, 0.5, [1.3, 1.0])
+    settings = {"reltol": TOLERANCE, "abstol": TOLERANCE}
+    step = casadi.integrator("s", "cvodes", {"t": t, "x": x, "ode": rate}, 0.0, 0.3, settings)
+    end = step(x0=model.start())["xf"].full()[:3, 0]
+    run = zoo.run(pendulum(1.3, 1.0, 0.5), np.array([0.0, 0.3]), rtol=TIGHT)
+    assert_close(end, np.asarray(run.q[-1]), EXCHANGED * TOLERANCE)
 
 
 @pytest.mark.slow

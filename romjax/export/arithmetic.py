@@ -58,7 +58,7 @@ class Arithmetic:
 
     def mul(self, a: Any, b: Any, kind: str = "f") -> Any:
         if is_known(a) and is_known(b):
-            return _folded(np.multiply, a, b)
+            return a * b
         if _is(a, 0) or _is(b, 0):
             return 0.0 if kind == "f" else 0
         if _is(a, 1):
@@ -71,6 +71,8 @@ class Arithmetic:
 
     def div(self, a: Any, b: Any, kind: str = "f") -> Any:
         if is_known(a) and is_known(b):
+            if kind == "f" and b:
+                return a / b
             quotient = np.divide if kind == "f" else lambda a, b: int(a / b)
             return _folded(quotient, a, b)
         if _is(a, 0):

@@ -3,16 +3,17 @@
 from typing import Any, NamedTuple
 
 import diffrax
+import numpy as np
 
-from ..common.arrays import as_jax, as_number
+from ..common.arrays import as_number
 from ..common.compat import is_traced
 from ..common.outside import outside_of_traces
-from ..integrate.default import default_method, default_stabilization, start_frequencies
+from ..integrate.default import default_method
 from ..integrate.rodas5p import Rodas5P
 from ..system.base import AbstractSystem
 from ..system.consistent import check_start_shapes
 from ..system.stabilization import Baumgarte
-from ..system.structure import without_names
+from .beginning import Beginning
 from .refuse import refuse
 
 
@@ -35,8 +36,8 @@ class Choice(NamedTuple):
 class Choices:
     """The choices that a system makes, those of its own start remembered."""
 
-    def __init__(self, system: AbstractSystem) -> None:
-        self.system, self._bare = system, without_names(system)
+    def __init__(self, system: AbstractSystem, beginning: Beginning) -> None:
+        self.system, self.beginning = system, beginning
         self._choices = dict[Any, Choice]()
 
     def of(
@@ -89,11 +90,12 @@ class Choices:
         solver: diffrax.AbstractSolver[Any] | None,
         stabilization: Any,
     ) -> Choice:
-        q, v = check_start_shapes(self.system, q0, v0)
-        frequencies = start_frequencies(self._bare, ts, q, v)
+        start = check_start_shapes(self.system, q0, v0)
+        at_start = self.beginning.at(ts, np.concatenate(start), dt)
         step = None if dt is None else as_number(dt, ts.dtype)
-        method = solver or default_method(self.system, as_jax(ts), step, frequencies).solver
+        method = solver or default_method(self.system, ts, step, at_start.frequencies).solver
         held = stabilization
         if stabilization == "default":
-            held = default_stabilization(self._bare, as_jax(ts), step, frequencies)
-        return Choice.of(method, held, frequencies.fastest)
+            terms = at_start.controlled if dt is None else at_start.fixed
+            held = Baumgarte(*terms) if self.system.m else None
+        return Choice.of(method, held, at_start.frequencies.fastest)

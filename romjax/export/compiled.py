@@ -51,7 +51,7 @@ class CompiledModel:
             model if model.parameters else model._replace(nominal=without_names(model.nominal))
         )
         self.operations = self._native.operations
-        self._choices = Choices(model.nominal)
+        self._choices = Choices(model.nominal, self._native.beginning)
         self._inside: dict[bool, Inside] = {}
 
     def __repr__(self) -> str:

@@ -145,6 +145,12 @@ class Control:
             ]
         return chosen
 
+    def _platform_index(self, x: list[Cells], p: Any, kinds: list[str]) -> Cells:
+        """The branch of a processor, among those for several platforms."""
+        del x, kinds
+        taken = [each is None or "cpu" in each for each in p["platforms"]]
+        return cells(taken.index(True))
+
     # Loops.
 
     def _scan(self, x: list[Cells], p: Any, kinds: list[str]) -> list[Cells]:
@@ -152,6 +158,8 @@ class Control:
         fixed, carried = p["num_consts"], p["num_carry"]
         consts, carry, rows = x[:fixed], x[fixed : fixed + carried], x[fixed + carried :]
         length, inner = p["length"], p["jaxpr"]
+        if not self.writer.unrolled:
+            return self._scan_loop(p, consts, carry, rows)
         order = list(range(length))[:: -1 if p["reverse"] else 1]
         mark, start, seen = self.writer.mark(), carry, []
         first = self.writer.written

@@ -121,32 +121,31 @@ def model_description(variables: Variables, token: str) -> str:
         ET.SubElement(each, "Float64", given | ({"unit": variable.unit} if variable.unit else {}))
     structure = ET.SubElement(root, "ModelStructure")
     for kind, reference, dependencies in _structure(variables):
-        given = {"valueReference": str(reference)}
-        if dependencies is not None:
-            given["dependencies"] = " ".join(map(str, dependencies))
-        ET.SubElement(structure, kind, given)
+        needed = " ".join(map(str, dependencies))
+        ET.SubElement(structure, kind, valueReference=str(reference), dependencies=needed)
     return _text(root)
 
 
-def _structure(variables: Variables) -> Iterator[tuple[str, int, list[int] | None]]:
-    """What the unknowns depend on: None for all that is known.
+def _structure(variables: Variables) -> Iterator[tuple[str, int, list[int]]]:
+    """What the unknowns depend on; in the run, where parameters are no unknowns, and at the start.
 
     The rates of positions are the velocities, and no output depends on an input: so importers
-    find no loops where there are none.
+    find no loops where there are none. All is said, since some importers read no default.
     """
     count = len(variables.states)
     states = range(1, count + 1)
-    outputs = [
-        k for k, x in enumerate(variables.variables) if x.attributes.get("causality") == "output"
-    ]
+    inputs, outputs, parameters = (
+        [k for k, x in enumerate(variables.variables) if x.attributes["causality"] == causality]
+        for causality in ("input", "output", "parameter")
+    )
     for k in outputs:
         yield "Output", k, [k] if k in states else [0, *states]
     velocities = {count + k: [count // 2 + k] for k in range(1, count // 2 + 1)}
     derivatives = range(count + 1, 2 * count + 1)
     for k in derivatives:
-        yield "ContinuousStateDerivative", k, velocities.get(k)
+        yield "ContinuousStateDerivative", k, velocities.get(k, [0, *states, *inputs])
     for k in [*derivatives, *(k for k in outputs if k not in states)]:
-        yield "InitialUnknown", k, velocities.get(k)
+        yield "InitialUnknown", k, velocities.get(k, [0, *states, *inputs, *parameters])
 
 
 def _base_unit(unit: str) -> dict[str, str] | None:

@@ -243,16 +243,15 @@ API fmi3Status fmi3GetFloat64(fmi3Instance pointer, const fmi3ValueReference nam
 API fmi3Status fmi3SetFloat64(fmi3Instance pointer, const fmi3ValueReference names[], size_t n,
                               const fmi3Float64 values[], size_t count) {
   IN(INSTANTIATED | INITIALIZATION | EVENT | CONTINUOUS | STEP);
-  int before = c->now.mode & (INSTANTIATED | INITIALIZATION), changed = 0;
+  /* In model exchange importers set states by this function, too, and parameters at any time. */
+  int may_start = c->exchange || c->now.mode & (INSTANTIATED | INITIALIZATION), changed = 0;
   if (n != count || (n && !(names && values))) FAIL("there are not as many values as references");
   for (size_t i = 0; i < n; i++) {
     fmi3ValueReference r = names[i];
     if (r >= END) FAIL("there is no such variable");
     if (r < STATE || (r >= RATE && r < INPUT) || r >= OUTPUT)
       FAIL("time, derivatives and outputs cannot be set");
-    if (r < RATE && !before) FAIL("states have their values from before the start");
-    if (r >= PARAMETER && c->now.mode == CONTINUOUS)
-      FAIL("parameters do not change in continuous time; enter the event mode");
+    if (r < RATE && !may_start) FAIL("states have their values from before the start");
     if (!isfinite(values[i])) FAIL("a value is not finite");
   }
   for (size_t i = 0; i < n; i++) {

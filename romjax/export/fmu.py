@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +17,7 @@ from jaxtyping import Array
 
 from ..analysis.linearization import Input, Output
 from ..common import writing
+from ..integrate.amplitudes import amplitude_shares
 from ..integrate.default import default_method
 from ..integrate.rodas5p import Rodas5P
 from ..system.base import AbstractSystem
@@ -26,7 +28,7 @@ from .description import Variables, build_description, model_description
 from .emit import Emitted, constant_table, emit
 from .leaving import TIMES, Model, frequencies_of, model_of
 from .library import compiled
-from .loops import check_runs, coefficients, internal, judges_states, shares_of, text_of
+from .loops import check_runs, coefficients, internal, judges_states, text_of
 
 # As the standard names platforms.
 _MACHINES = {"amd64": "x86_64", "arm64": "aarch64", "i386": "x86", "i686": "x86"}
@@ -169,8 +171,8 @@ def _functions(model: Model) -> list[Emitted]:
         return dict(zip(("bx", "bs"), back, strict=True))
 
     def linear(t: Array, x: Array, s: Array) -> Mapping[str, Array]:
-        functionss = model.linear(t, x, s[:count], s[count:])
-        return dict(zip(("a", "by_q", "by_v", "by_t"), functionss, strict=True))
+        slopes = model.linear(t, x, s[:count], s[count:])
+        return dict(zip(("a", "by_q", "by_v", "by_t"), slopes, strict=True))
 
     along, across = {"vx": (states,), "vs": (given,)}, {"wx": (states,), "wy": (outputs,)}
     measured = lambda t, x, s: {"y": both(x, s, t)[1]}  # noqa: E731
@@ -247,10 +249,16 @@ def _source(model: Model, functions: list[Emitted], token: str) -> str:
             *(f"#include <{head}>" for head in heads),
             *(f"#define {key} {value}" for key, value in defined.items()),
             f"static const int KIND[] = {{{kinds}}};",
-            shares_of(model.nominal),
+            _shares(model.nominal),
             constant_table("PARAMETERS", start),
             *coefficients(),
             *internal(functions),
             *(text_of(f"{x}.c") for x in ("steps", "fmi3_types", "fmi3", "fmi3_runs", "fmi3_rest")),
         ]
     )
+
+
+def _shares(system: AbstractSystem) -> str:
+    """The table of the shares that coordinates have of the tolerances of their kind."""
+    shares = eqx.filter_jit(amplitude_shares)(system, system.q0)
+    return constant_table("SHARE", np.ones(system.n) if shares is None else np.asarray(shares))

@@ -5,14 +5,12 @@ from importlib.resources import files
 from typing import Any
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from ..integrate import rodas5p_tableau as rodas5p
-from ..integrate.amplitudes import amplitude_shares
 from ..reduction.system import has_charts
 from ..system.base import AbstractSystem
 from ..system.flags import Flag
@@ -114,6 +112,15 @@ def _along(name: str, function: Any, arguments: dict[str, tuple[int, ...]]) -> E
     return emit(forward, f"model_{name}_jvp", arguments | directions, {}, summary)
 
 
+# Called once for each run: a compiler that leaves them as they are saves up to a third of its time.
+_ONCE = ("model_start", "model_initial", "model_corners", "model_initial_jvp")
+_UNOPTIMIZED = """#if defined(__clang__)
+#define ONCE __attribute__((optnone, noinline))
+#elif defined(__GNUC__)
+#define ONCE __attribute__((optimize("O0"), noinline))
+#else
+#define ONCE
+#endif"""
 # Results whose entries are coordinates, and one that nobody differentiates.
 _RESULTS = {"rate": ("a",), "linear": ("a",), "output": ("q", "v")}
 _NOT_ALONG = ("violation",)
@@ -134,15 +141,15 @@ def judges_states(system: AbstractSystem) -> bool:
     return isinstance(system.validity, TrainingBox) and system.full.validity is None
 
 
-def source_of(system: AbstractSystem, functions: list[Emitted]) -> str:
-    """The functions of a system with the loops around them."""
+def source_of(system: AbstractSystem, functions: list[Emitted], shares: np.ndarray) -> str:
+    """The functions of a system with the loops around them, and the `shares` of tolerances."""
     names = {f.name: f for f in functions}
     kinds = {"KIND": system.structure, "FULL_KIND": system.full.structure}
     tables = [
         f"static const int {name}[] = {{{', '.join(str(int(x)) for x in each.is_position)}}};"
         for name, each in kinds.items()
     ]
-    tables.append(shares_of(system))
+    tables.append(constant_table("SHARE", shares))
     defined = {
         "N": system.n,
         "FULL": system.full.n,
@@ -159,12 +166,6 @@ def source_of(system: AbstractSystem, functions: list[Emitted]) -> str:
     return "\n".join([*heads, *numbers, *tables, *coefficients(), *internal(functions), *texts])
 
 
-def shares_of(system: AbstractSystem) -> str:
-    """The table of the shares that coordinates have of the tolerances of their kind."""
-    shares = eqx.filter_jit(amplitude_shares)(system, system.q0)
-    return constant_table("SHARE", np.ones(system.n) if shares is None else np.asarray(shares))
-
-
 def text_of(file: str) -> str:
     """A text of C that is the same for all models."""
     return files(__package__).joinpath(file).read_text()
@@ -172,9 +173,9 @@ def text_of(file: str) -> str:
 
 def internal(functions: list[Emitted]) -> list[str]:
     """Functions that no other source sees, and before them what they are."""
-    heads = ["static " + f.prototype for f in functions]
+    heads = [("ONCE " if f.name in _ONCE else "") + "static " + f.prototype for f in functions]
     bodies = [f.source.replace(f"void {f.name}(", f"static void {f.name}(", 1) for f in functions]
-    return heads + bodies
+    return [_UNOPTIMIZED, *heads, *bodies]
 
 
 def coefficients() -> list[str]:

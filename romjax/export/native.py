@@ -13,7 +13,9 @@ from jaxtyping import Array, Float, Int
 from ..compiling.program import program_once
 from ..integrate.judge import drift_of
 from ..system.base import AbstractSystem, Run
-from .leaving import Model
+from ..system.structure import without_names
+from .beginning import Beginning
+from .leaving import TIMES, Model
 from .library import FLAGS, load
 from .loops import functions_of, judges_states, source_of
 
@@ -67,6 +69,7 @@ class NativeRuns:
         self.model, self.operations = model, dict[str, int]()
         self._libraries = dict[tuple[bool, bool], ctypes.CDLL]()
         system = model.nominal
+        self.beginning = Beginning(without_names(system))
         unlimited = system.validity is None and system.full.validity is None
         self._judged = unlimited or judges_states(system)
         self.given = np.array([*model.parameters.values()], float)
@@ -111,7 +114,9 @@ class NativeRuns:
             flags = (*FLAGS, "-pthread", f"-I{jax.ffi.include_dir()}")
             # The headers of another version of jaxlib make another library.
             head = f"/* jaxlib {version('jaxlib')} */\n"
-            library = load(head + source_of(self.model.nominal, functions), flags)
+            nominal = self.model.nominal
+            shares = self.beginning.at(TIMES, self.model.start()).shares
+            library = load(head + source_of(nominal, functions, shares), flags)
             pointer, count = ctypes.c_void_p, ctypes.c_int64
             kinds: list[Any] = [pointer, pointer, pointer, count, *(8 * [pointer])]
             library.model_run.argtypes, library.model_run.restype = kinds, None
