@@ -93,7 +93,7 @@ def emit(
     ]
     head = _head(name, arguments, results)
     comment = _comment(summary, arguments, labels or {})
-    unused = [f"  (void){key};" for key in arguments]
+    unused = [f"  (void){key};" for key in (*arguments, *results)]
     text = "\n".join([*tables, *comment, head, "{", *unused, *lines, *ends, "}", ""])
     return Emitted(name, text, head + ";", count, dict(arguments), results)
 
