@@ -115,7 +115,7 @@ def sweep(
     - `chunk`: lanes of a chunk; 256 for each device unless given, 16 384 on a GPU.
     - `path`: a folder for the results of each chunk. A sweep that was interrupted, at any moment,
       goes on where it was; what is damaged, or of other lanes, is computed again. Parameters, the
-      arrays of a `function` that is a pytree (`jax.tree_util.Partial`, `equinox.Module`) and the
+      arrays of a `function` that is a pytree (`jax.tree_util.Partial`, a module of Equinox) and the
       form of the results are compared with what is there; what `function` does is not.
     - `progress`: show a progress bar.
 
