@@ -32,6 +32,8 @@ def as_array(value: Any) -> Array:
     numbers = value if isinstance(value, tuple | list) else (value,)
     if all(isinstance(x, float | int) for x in numbers):
         return as_jax(np.asarray(value, dtype))
+    if isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
+        return as_jax(value.astype(dtype, copy=False))
     return jnp.asarray(value, dtype=dtype)
 
 
@@ -42,7 +44,8 @@ def as_jax(array: Array | np.ndarray) -> Array:
     """
     if isinstance(array, jax.Array) or not is_outermost():
         return jnp.asarray(array)
-    copied: Array = jax.device_put(array)
+    # Of its own: what JAX is given may share the memory of an array that its owner changes later.
+    copied: Array = jax.device_put(np.array(array))
     return copied
 
 
