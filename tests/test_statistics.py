@@ -1,6 +1,8 @@
 """What a trajectory says of its run: steps, settings, solver, and names of the release before."""
 
 import dataclasses
+import pickle
+from copy import deepcopy
 
 import diffrax
 import jax
@@ -35,6 +37,16 @@ def test_the_settings_of_a_run(run):
     assert (stats.rtol, stats.atol) == (1e-5, 1e-5)
     assert (stats.stabilization.alpha, stats.stabilization.beta) == (10, 25)
     assert stats.fastest_frequency is None
+
+
+@pytest.mark.parametrize("copy", [lambda x: pickle.loads(pickle.dumps(x)), deepcopy])
+def test_a_run_from_another_process(run, copy):
+    """It is a run like any other: its method, its system and what follows from both are there."""
+    again = copy(run)
+    assert again.solver_name == run.solver_name
+    assert jax.tree.structure(again.system) == jax.tree.structure(run.system)
+    assert np.array_equal(again.multipliers, run.multipliers)
+    assert again.warnings() == run.warnings()
 
 
 def test_numbers_are_printed_as_numbers(run):

@@ -23,6 +23,12 @@ class Partitioned(eqx.Module):
     static: tuple[Any, ...] = eqx.field(static=True)  # the other leaves; None for an array
     tree: Any = eqx.field(static=True)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled and copied as the object itself: equinox fills absent fields with a mark of which
+        there is one in a process, and a `tree` with another one unflattens to nothing.
+        """
+        return Partitioned.of, (self.combine(),)
+
     @classmethod
     def of(cls, whole: Any) -> "Partitioned":
         """Partition an object; the result is remembered with it where JAX does not trace."""
