@@ -108,6 +108,7 @@ STARTS = {
     "no tolerance": ({"rtol": 0.0}, r"rtol is 0\.0, but it must be positive"),
     "negative tolerance": ({"rtol": jnp.asarray(-1.0)}, r"rtol is -1\.0, .* positive"),
     "tolerance in words": ({"rtol": "1e-6"}, "rtol is of type str; give a positive number"),
+    "tolerances in a list": ({"rtol": np.array([1e-6])}, r"rtol has shape \(1,\), .*single number"),
     "no absolute tolerance": ({"atol": 0}, "atol is 0, but it must be positive"),
     "step back": ({"dt": -0.1}, r"dt is -0\.1, but it must be positive"),
     "no steps": ({"max_steps": 0}, "max_steps=0, .* at least one step"),

@@ -26,7 +26,7 @@ PARTS = {
     ),
     "wrong shape of a mass": (
         lambda: bar(mass=[1.0, 2.0]),
-        r"'bar': mass has shape \(2,\), but it must have shape \(\)",
+        r"'bar': mass has shape \(2,\), but it must be a single number",
     ),
     "no name": (lambda: bar(""), "give it a non-empty name"),
     "the name of the ground": (lambda: bar("ground"), "'ground' is taken"),

@@ -60,6 +60,8 @@ def check_shape(
 def _describe(shape: tuple[int | None, ...]) -> str:
     if shape == (None,):
         return "have one axis, of any length"
+    if not shape:
+        return "be a single number"
     lengths = ("any" if length is None else str(length) for length in shape)
     return f"have shape ({', '.join(lengths)})"
 

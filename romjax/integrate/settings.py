@@ -134,6 +134,7 @@ def check_numbers(max_steps: int | None, dense: int, **steps: ArrayLike | None) 
     for name, value in steps.items():
         if value is not None:
             check_kind("simulate", name, value, _NUMBERS, "a positive number")
+            check_shape("simulate", name, value, ())
             check_positive("simulate", name, value)
     if (max_steps is not None and max_steps < 1) or dense < 0:
         raise InputError(
