@@ -233,7 +233,6 @@ def test_the_oldest_programs_go_first(folder, monkeypatch):
 OWN_CACHE_OF_JAX = """
     import os
     from romjax.compiling.program import program
-from romjax.integrate.partition import Partitioned
     jax.config.update("jax_compilation_cache_dir", {!r})
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     for name in {!r}:
