@@ -111,6 +111,18 @@ def test_what_a_program_from_the_disk_returns_holds_its_method(folder):
     assert eqx.tree_equal(again[1].combine(), METHOD)
 
 
+def test_numbers_of_what_a_program_from_the_disk_returns_stay_arrays(folder):
+    """An object's numbers are the program's, and its structure alone is stored."""
+
+    def parted(x):
+        return Partitioned.of(rj.Baumgarte(x, 2 * x))
+
+    first, again = program(parted)(X), program(parted)(X)
+    assert len(list(folder.iterdir())) == 1
+    assert jax.tree.structure(first) == jax.tree.structure(again)
+    assert_close(again.combine().beta, 2 * X, IDENTITY)
+
+
 def test_functions_of_the_user_are_known_by_what_they_compute(folder):
     def twice(x, factor):
         return factor * jnp.sin(x)

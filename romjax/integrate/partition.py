@@ -24,10 +24,12 @@ class Partitioned(eqx.Module):
     tree: Any = eqx.field(static=True)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickled and copied as the object itself: equinox fills absent fields with a mark of which
-        there is one in a process, and a `tree` with another one unflattens to nothing.
+        """Pickled and copied with an example in place of the `tree`: equinox fills absent fields
+        with a mark of which there is one in a process, and a tree with a copy of it unflattens to
+        nothing.
         """
-        return Partitioned.of, (self.combine(),)
+        example = jax.tree.unflatten(self.tree, range(self.tree.num_leaves))
+        return _restored, (self.arrays, self.static, example)
 
     @classmethod
     def of(cls, whole: Any) -> "Partitioned":
@@ -52,3 +54,7 @@ class Partitioned(eqx.Module):
         arrays = iter(self.arrays)
         leaves = [next(arrays) if x is None else x for x in self.static]
         return jax.tree.unflatten(self.tree, leaves)
+
+
+def _restored(arrays: tuple[Any, ...], static: tuple[Any, ...], example: Any) -> Partitioned:
+    return Partitioned(arrays, static, jax.tree.structure(example))
