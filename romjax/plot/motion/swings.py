@@ -35,20 +35,15 @@ def swinging(
     """Modes of a `mechanism`, or of a basis, each through a period, one at a time; the arguments
     are those of `animate`. Raises InputError if they do not fit.
     """
-    of = _of_modes if any(isinstance(motion, Modes) for motion in motions) else _of_basis
-    return of(mechanism, scene, motions, traced, deformation, title, view)
+    if any(isinstance(motion, Modes) for motion in motions):
+        swings = _of_modes(mechanism, motions)
+    else:
+        swings = _of_basis(scene, motions)
+    return swings.animation(scene, traced, deformation, title, view)
 
 
-def _of_modes(
-    mechanism: Scene | AbstractSystem,
-    scene: Scene,
-    motions: Sequence[Any],
-    traced: Sequence[Marker],
-    deformation: float,
-    title: str,
-    view: View,
-) -> Animation:
-    """Each mode through a period, about where it was taken, one at a time."""
+def _of_modes(mechanism: Scene | AbstractSystem, motions: Sequence[Any]) -> "_Swings":
+    """Each mode about where it was taken."""
     (modes,) = motions if len(motions) == 1 else (None,)
     if modes is None or isinstance(mechanism, Scene):
         raise InputError(
@@ -72,21 +67,11 @@ def _of_modes(
     reference = np.asarray(mechanism.state(0.0, modes.at, jnp.zeros_like(modes.at)).q)
     hertz = np.asarray(modes.frequencies)[:MODES] / (2 * np.pi)
     names = [f"mode {k + 1}: {x:.4g} Hz" for k, x in enumerate(hertz)]
-    swings = _Swings(reference, real, imaginary, names)
-    return swings.animation(scene, traced, deformation, title, view)
+    return _Swings(reference, real, imaginary, names)
 
 
-def _of_basis(
-    mechanism: Scene | AbstractSystem,
-    scene: Scene,
-    motions: Sequence[Any],
-    traced: Sequence[Marker],
-    deformation: float,
-    title: str,
-    view: View,
-) -> Animation:
-    """Each mode of a basis through a period, about its offset, one at a time."""
-    del mechanism  # a basis is of coordinates
+def _of_basis(scene: Scene, motions: Sequence[Any]) -> "_Swings":
+    """Each mode of a basis about its offset."""
     (basis,) = motions if len(motions) == 1 else (None,)
     if basis is None:
         raise InputError("animate: a basis is drawn by itself: romjax.animate(scene, basis).")
@@ -101,8 +86,7 @@ def _of_basis(
         )
     shares = np.asarray(basis.values) / np.asarray(basis.values)[0]
     names = [f"mode {k + 1}: {shares[k]:.2g} of the first" for k in range(vectors.shape[1])]
-    swings = _Swings(reference, vectors, np.zeros_like(vectors), names)
-    return swings.animation(scene, traced, deformation, title, view)
+    return _Swings(reference, vectors, np.zeros_like(vectors), names)
 
 
 class _Swings(NamedTuple):
@@ -125,24 +109,12 @@ class _Swings(NamedTuple):
         motion = self.real * cosine - self.imaginary * sine
         motion = motion * np.where(np.isfinite(sizes), sizes, 0.0)
         named = {name: self.reference + motion[:, :, k] for k, name in enumerate(self.names)}
-        return _drawn(scene, named, np.rad2deg(phase), traced, deformation, title, view)
-
-
-def _drawn(
-    scene: Scene,
-    named: dict[str, np.ndarray],
-    degrees: np.ndarray,
-    traced: Sequence[Marker],
-    deformation: float,
-    title: str,
-    view: View,
-) -> Animation:
-    """Motions over a phase [°], one at a time."""
-    drawn = [
-        Model(
-            name, *([o for o in side if o.style != "load"] for side in sides)
-        )  # they know no time
-        for name, *sides in models(scene, np.zeros(PERIOD), named, traced)
-    ]
-    clock = Clock("phase", "°", TURNING)
-    return Animation(degrees, drawn, clock, deformation, alternatives=True, title=title, view=view)
+        drawn = [
+            # They know no time, and so no loads.
+            Model(name, *([o for o in side if o.style != "load"] for side in sides))
+            for name, *sides in models(scene, np.zeros(PERIOD), named, traced)
+        ]
+        clock, degrees = Clock("phase", "°", TURNING), np.rad2deg(phase)
+        return Animation(
+            degrees, drawn, clock, deformation, alternatives=True, title=title, view=view
+        )
