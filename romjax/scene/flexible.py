@@ -17,7 +17,7 @@ from .body.spatial.beam import Beam as BeamInSpace
 from .editing import against, composed
 from .marker import Marker, Pose
 from .orientation import quaternion_of
-from .placing import start_pose
+from .placing import start_pose, velocity_at
 
 # Of a uniform beam, differences of its centre of mass or its inertia from those of the link that it
 # replaces, as a share of the length, or of the largest moment, of which a warning tells.
@@ -180,11 +180,7 @@ def _motion(body: AbstractBody, at: Pose) -> tuple[Any, Any]:
         body.position,  # type: ignore[attr-defined]
         at.position,
     )
-    arm = there - here
-    if body.dimension == 2:
-        xp = namespace(arm)
-        return as_array(speed + spin * xp.stack([-arm[1], arm[0]])), as_array(spin)
-    return as_array(speed + quaternions.cross(spin, arm)), as_array(spin)
+    return velocity_at(speed, spin, there - here), as_array(spin)
 
 
 def warn_of_other_inertia(body: Any, beam: Any) -> None:

@@ -9,6 +9,7 @@ from jaxtyping import Array
 from ..common.arrays import Number, Vector, as_array, as_jax, namespace, untraced
 from ..common.errors import SceneError
 from ..linalg import quaternions
+from ..linalg.plane import perpendicular
 from .fields import check_shape
 from .marker import GROUND, Marker, Pose
 from .orientation import quaternion_of
@@ -132,12 +133,15 @@ def apart(
     of its origin from those of the point, by a negative `sign`.
     """
     moved = _moved(position, turn, arm, sign)
-    moved, origin, velocity, spin = untraced(moved, position, velocity, spin)
-    away = moved - origin
-    if spin.ndim:
-        return as_array(moved), as_array(velocity + quaternions.cross(spin, away))
-    turning = spin * namespace(away).stack([-away[1], away[0]])
-    return as_array(moved), as_array(velocity + turning)
+    there, here = untraced(moved, position)
+    return as_array(moved), velocity_at(velocity, spin, there - here)
+
+
+def velocity_at(velocity: Any, spin: Any, arm: Any) -> Array:
+    """The velocity of a point of a body at an `arm` from another point, which has `velocity`."""
+    velocity, spin, arm = untraced(velocity, spin, arm)
+    turning = quaternions.cross(spin, arm) if spin.ndim else spin * perpendicular(arm)
+    return as_array(velocity + turning)
 
 
 def _moved(origin: Any, turn: Any, arm: Any, sign: int = 1) -> Any:

@@ -264,6 +264,9 @@ def check_start(owner: str, body: Any) -> None:
     ):
         check_shape(owner, field, getattr(body, field), shape)
         check_finite(owner, field, getattr(body, field))
+    if body.centre is not None:
+        check_shape(owner, "com", body.centre, vector)
+        check_finite(owner, "com", body.centre)
 
 
 def frame_start(body: Any) -> tuple[Float[Array, " frame"], Float[Array, " frame"]]:

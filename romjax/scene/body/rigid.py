@@ -11,7 +11,6 @@ from ...common.arrays import Number, Vector
 from ..drawing import disc, rectangle
 from ..fields import (
     Converted,
-    check_finite,
     check_mass,
     check_numbers,
     check_shape,
@@ -95,7 +94,4 @@ class RigidBody(AbstractBody):
             polygon = self.extent.ndim == 2
             check_shape(owner, "extent", self.extent, (None, 2) if polygon else (2,))
         check_start(owner, self)
-        if self.com is not None:
-            check_shape(owner, "com", self.com, (2,))
-            check_finite(owner, "com", self.com)
         self.points.check(owner)

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...common.arrays import namespace, untraced
+from ...linalg.plane import perpendicular
 from .strains import Strains, gauss, turning, weights_to
 
 
@@ -159,8 +160,3 @@ def gradient(line: Line, point: Material, amplitudes: Any) -> Any:
     xp = namespace(theta)
     moved = weights @ own - off * xp.stack([xp.cos(theta), xp.sin(theta)])[:, None] * turn[None]
     return xp.concatenate([moved, turn[None]])
-
-
-def perpendicular(x: Any) -> Any:
-    """Vectors (2, ...), a quarter turn on."""
-    return namespace(x).stack([-x[1], x[0]])

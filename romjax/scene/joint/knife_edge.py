@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...common.arrays import Time
+from ...linalg.plane import perpendicular
 from ..drawing import placed
 from ..marker import Marker, Poses, Twists
 from ..outline import Outline, Outlines
@@ -29,7 +30,7 @@ class KnifeEdge(AbstractSlipJoint):
     def slip(self, poses: Poses, twists: Twists) -> Float[Array, "1"]:
         (a, b), (of_a, of_b) = poses, twists
         arm = a.position - b.position
-        turned = of_b.angular_velocity * jnp.stack([-arm[1], arm[0]])
+        turned = of_b.angular_velocity * perpendicular(arm)
         velocity = of_a.velocity - of_b.velocity - turned
         across = jnp.cos(a.angle) * velocity[1] - jnp.sin(a.angle) * velocity[0]
         return across[None]

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...common.arrays import Time
+from ...linalg.plane import perpendicular
 from ..curve import AbstractCurve
 from ..drawing import arc, placed
 from ..fields import Converted, check_numbers, number
@@ -54,7 +55,7 @@ class RollingWheel(AbstractSlipJoint):
         touching = b.position + b.turned(foot)
         along = b.turned(jnp.stack([normal[1], -normal[0]]))
         own, other = (
-            twist.velocity + twist.angular_velocity * _across(touching - pose.position)
+            twist.velocity + twist.angular_velocity * perpendicular(touching - pose.position)
             for pose, twist in ((a, of_a), (b, of_b))
         )
         return (along @ (own - other))[None]
@@ -80,8 +81,3 @@ class RollingWheel(AbstractSlipJoint):
         foot = self.curve.foot(centre)
         slope = jax.grad(self.curve)(foot)
         return foot, slope / jnp.sqrt(slope @ slope)
-
-
-def _across(arm: Float[Array, "2"]) -> Float[Array, "2"]:
-    """The velocity of a point at an arm from the centre of a unit turn."""
-    return jnp.stack([-arm[1], arm[0]])

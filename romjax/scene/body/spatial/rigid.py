@@ -13,7 +13,7 @@ from ....common.errors import SceneError
 from ....linalg import quaternions
 from ....linalg.dense import invert, multiply, multiply_transposed
 from ...drawing import cuboid
-from ...fields import Converted, check_finite, check_mass, check_shape, number
+from ...fields import Converted, check_finite, check_mass, number
 from ...orientation import orientation_field
 from ...points import NamedPoints, by_name
 from ..base import AbstractBody, check_name, check_start, frame_start
@@ -140,9 +140,6 @@ class RigidBody(AbstractBody):
         check_inertia(owner, self.inertia)
         check_finite(owner, "extent", self.extent)
         check_start(owner, self)
-        if self.com is not None:
-            check_shape(owner, "com", self.com, (3,))
-            check_finite(owner, "com", self.com)
         self.points.check(owner, dimension=3)
 
 
