@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import romjax as rj
+from romjax.common.partition import Partitioned
 from romjax.integrate.derived import EagerQuantities
-from romjax.integrate.partition import Partitioned
 from romjax.integrate.statistics import Statistics
 
 COUNT = 21

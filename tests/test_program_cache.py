@@ -19,9 +19,9 @@ from comparison import assert_close
 from tolerances import IDENTITY
 
 import romjax as rj
+from romjax.common.partition import Partitioned
 from romjax.compiling import program_cache
 from romjax.compiling.program import program
-from romjax.integrate.partition import Partitioned
 
 X = jnp.asarray(np.random.default_rng(1).normal(size=5))
 SYSTEM = rj.assemble(rj.gallery.chain(2))

@@ -14,8 +14,8 @@ import zoo
 
 import romjax as rj
 from romjax.common import compat
+from romjax.common.partition import Partitioned
 from romjax.integrate.derived import LazyQuantities
-from romjax.integrate.partition import Partitioned
 from romjax.integrate.status import REMEDIES, Status
 
 

@@ -1,5 +1,7 @@
 """Controllers with a clock, against recursions by hand."""
 
+import pickle
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -61,6 +63,12 @@ def test_feedback_of_a_double_integrator_is_a_recursion(late):
     assert moved.is_valid
     known = rj.effect_forces(moved.system, moved)["Force(cart)"].force[1:, 0]
     assert np.max(np.abs(known - forces[:-1])) <= 1e-12
+
+
+def test_a_copy_of_a_scene_has_its_law():
+    clock = pickle.loads(pickle.dumps(scene())).effects[0]
+    command, _ = clock.function(0.0, np.zeros(0), np.array([2.0, 1.0]))
+    assert float(command) == -(2 * GAINS[0] + GAINS[1])
 
 
 def test_fixed_steps_end_at_ticks():

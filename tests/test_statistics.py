@@ -11,9 +11,9 @@ import pytest
 import zoo
 
 import romjax as rj
+from romjax.common.partition import Partitioned
 from romjax.integrate import settings
 from romjax.integrate.follow.branching import Branching
-from romjax.integrate.partition import Partitioned
 from romjax.integrate.statistics import Statistics
 from romjax.integrate.status import Status
 

@@ -12,11 +12,11 @@ from ..common import compat, precision
 from ..common.arrays import Vector, as_jax
 from ..common.checks import check_finite, check_shape, unknown_name
 from ..common.compat import is_traced
+from ..common.partition import Partitioned
 from ..integrate.derived import LazyQuantities
 from ..integrate.doubt import warn_of_doubt
 from ..integrate.failures import raise_failure
 from ..integrate.left_out import flag_left_out
-from ..integrate.partition import Partitioned
 from ..integrate.rodas5p import Rodas5P
 from ..integrate.settings import check_numbers, check_times
 from ..integrate.statistics import Statistics

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from ..common.arrays import Vector, as_array, concrete
 from ..common.checks import check_finite, check_shape
 from ..common.errors import InputError
+from ..common.partition import Partitioned
 from ..compiling.program import program
 from ..march.pieces import Pieces
 from ..reduction.system import has_charts
@@ -22,7 +23,6 @@ from ..system.structure import without_names
 from .chart_change import ChartChange
 from .derived import LazyQuantities
 from .outputs import Output, capacity, cut, output_at, padded
-from .partition import Partitioned
 from .post_step import PostStep, ProjectState
 from .ticks import Ticking, ticks
 

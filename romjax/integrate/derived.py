@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..common.partition import Partitioned
 from ..compiling.program import program, program_once
 from ..linalg import quaternions
 from ..reduction.system import has_charts
@@ -18,7 +19,6 @@ from ..system.stabilization import Baumgarte
 from ..system.structure import without_names
 from .chart_change import ChartChange
 from .outputs import capacity, cut, padded
-from .partition import Partitioned
 
 # States of effects have no inertia. This share of the largest one keeps the metric positive
 # definite, and is too small to count in any error or basis.

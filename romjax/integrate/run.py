@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..common import compat, precision
+from ..common.partition import Partitioned
 from ..compiling.program import program
 from ..march.march import DENSE
 from ..system.base import AbstractSystem, Run
@@ -23,7 +24,6 @@ from .derived import EagerQuantities, LazyQuantities, metric_of, multipliers_at
 from .integration import AUDIT, MONITORS, STATES, Integrated, integrate
 from .judge import drift_of, judge_run
 from .outputs import Output, capacity, cut, with_room
-from .partition import Partitioned
 from .resolution import is_resolved
 from .settings import Settings
 from .statistics import Statistics

@@ -14,6 +14,7 @@ from ..common.arrays import Vector, as_number
 from ..common.checks import unknown_name
 from ..common.errors import InputError
 from ..common.extras import lazy_import
+from ..common.partition import Partitioned
 from ..common.pictures import animated, inline
 from ..events.record import Events
 from ..scene.coordinate import Coordinate, find, quaternions_of
@@ -26,7 +27,6 @@ from .derived import EagerQuantities, LazyQuantities
 from .error_bar import ErrorBar
 from .follow.branching import Branching
 from .follow.energy_balance import EnergyBalance
-from .partition import Partitioned
 from .statistics import Statistics
 from .status import REMEDIES, Status
 from .step_states import StepStates

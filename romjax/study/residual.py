@@ -10,8 +10,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..common.errors import InputError
+from ..common.partition import Partitioned
 from ..integrate.derived import EagerQuantities, metric_of
-from ..integrate.partition import Partitioned
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..reduction.system import has_charts

@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Array
 
 from ...common.errors import InputError
+from ...common.partition import Partitioned
 from ...events.record import Events
 from ...integrate.derived import EagerQuantities
 from ...integrate.follow.branching import Branching
 from ...integrate.follow.energy_balance import EnergyBalance
-from ...integrate.partition import Partitioned
 from ...integrate.rodas5p import Rodas5P
 from ...integrate.statistics import Statistics
 from ...integrate.step_states import StepStates

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Time, Vector, as_array, as_jax, concatenate
 from ...common.errors import SceneError
+from ...common.partition import Partitioned
 from ..coordinate import find
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker
@@ -25,28 +26,23 @@ _ROUNDING = 8
 class Law(eqx.Module):
     """A function, or a module that is called, as a pytree of arrays alone."""
 
-    arrays: tuple[Array, ...]
-    others: tuple[Any, ...] = eqx.field(static=True)  # the other leaves; None for an array
-    tree: Any = eqx.field(static=True)
+    parts: Partitioned
 
     @classmethod
     def of(cls, function: Callable[..., Any]) -> "Law":
         if isinstance(function, Law):
             return function
-        leaves, tree = jax.tree.flatten(function)
-        known = [isinstance(x, jax.Array | np.ndarray | float) for x in leaves]
-        arrays = tuple(
-            as_array(x) if isinstance(x, float) else as_jax(x)
-            for x, is_array in zip(leaves, known, strict=True)
-            if is_array
-        )
-        others = tuple(None if is_array else x for x, is_array in zip(leaves, known, strict=True))
-        return cls(arrays, others, tree)
+        return cls(Partitioned.split(jax.tree.map(_number, function)))
 
     def __call__(self, *arguments: Any) -> Any:
-        arrays = iter(self.arrays)
-        leaves = [next(arrays) if x is None else x for x in self.others]
-        return jax.tree.unflatten(self.tree, leaves)(*arguments)
+        return self.parts.combine()(*arguments)
+
+
+def _number(x: Any) -> Any:
+    """A leaf of a function, as an array if it is a number."""
+    if isinstance(x, float):
+        return as_array(x)
+    return as_jax(x) if isinstance(x, jax.Array | np.ndarray) else x
 
 
 class Labelled(eqx.Module):

@@ -6,8 +6,8 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from ..common.compat import is_outermost
-from ..common.identity_cache import IdentityCache
+from .compat import is_outermost
+from .identity_cache import IdentityCache
 
 _parts = IdentityCache()
 
@@ -35,12 +35,13 @@ class Partitioned(eqx.Module):
     def of(cls, whole: Any) -> "Partitioned":
         """Partition an object; the result is remembered with it where JAX does not trace."""
         if not is_outermost():
-            return cls._partition(whole)
-        parts: Partitioned = _parts.get(whole) or _parts.put(whole, cls._partition(whole))
+            return cls.split(whole)
+        parts: Partitioned = _parts.get(whole) or _parts.put(whole, cls.split(whole))
         return parts
 
     @classmethod
-    def _partition(cls, whole: Any) -> "Partitioned":
+    def split(cls, whole: Any) -> "Partitioned":
+        """Partition an object that is not asked for again."""
         leaves, tree = jax.tree.flatten(whole)
         arrays = [isinstance(x, jax.Array | np.ndarray) for x in leaves]
         return cls(
