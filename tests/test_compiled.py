@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import zoo
 from comparison import assert_close
+from groups import in_groups
 from native import called, library
 from tolerances import SOLVED
 from zoo import DOPRI8, RODAS5P
@@ -95,10 +96,10 @@ def test_settings(settings):
     compared(cart(), **{"solver": RODAS5P, "stabilization": HELD, **settings})
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "make", [zoo.driven_four_bar, zoo.slider_crank, zoo.top, zoo.beam_in_space, zoo.loop_in_space]
-)
+MECHANISMS = [zoo.driven_four_bar, zoo.slider_crank, zoo.top, zoo.beam_in_space, zoo.loop_in_space]
+
+
+@pytest.mark.parametrize("make", in_groups(MECHANISMS, slow=[MECHANISMS[i] for i in (0, 3, 4)]))
 def test_mechanisms(make):
     """Loads with corners, motion in space, beams."""
     compared(zoo.system(make))
@@ -196,6 +197,8 @@ FORMULATIONS = {
 }
 # Of which the derivatives have more operations than are emitted, or hang on tables.
 EXPLICIT = ("hyper", "rod")
+# What is emitted for the others stands in these too.
+OTHERS = ("galerkin", "capped", "joint coordinates")
 
 
 def rod():
@@ -219,8 +222,9 @@ def loop(formulation):
     return rj.reduce(system, rj.pod(zoo.motion(zoo.slider_crank, end=0.5), rank=1), formulation)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", FORMULATIONS)
+@pytest.mark.parametrize(
+    "name", in_groups(FORMULATIONS, slow=[x for x in FORMULATIONS if x not in OTHERS])
+)
 def test_every_formulation_leaves(name):
     check_functions(FORMULATIONS[name](), stiff=name not in EXPLICIT)
 

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import zoo
+from groups import in_groups
 
 import romjax as rj
 from romjax.integrate.error_bar import ErrorBar
@@ -53,21 +54,23 @@ def test_an_error_in_words(error, words, flag):
     assert bar.flags == flag
 
 
-@pytest.mark.slow
+RICHER = [
+    # One mode has no more freedoms than the model.
+    (zoo.cart_pendulum, "minimal", 3, ["local, 2 modes"]),
+    (zoo.cart_pendulum, "minimal", 2, ["local, 1 modes"]),
+    (zoo.cart_pendulum, "local", 1, ["local, 2 modes"]),
+    (zoo.falling_beams, "minimal", 2, ["local, 3 modes"]),
+    (zoo.falling_beams, "local", 2, ["local, 5 modes"]),
+    (zoo.bars, "minimal", 1, ["minimal, 2 modes"]),
+    (zoo.bars, "hyper", 1, ["minimal, 2 modes"]),
+    # All freedoms are there.
+    (zoo.five_bar, "minimal", 2, []),
+]
+
+
 @pytest.mark.parametrize(
     ("make", "formulation", "rank", "names"),
-    [
-        # One mode has no more freedoms than the model.
-        (zoo.cart_pendulum, "minimal", 3, ["local, 2 modes"]),
-        (zoo.cart_pendulum, "minimal", 2, ["local, 1 modes"]),
-        (zoo.cart_pendulum, "local", 1, ["local, 2 modes"]),
-        (zoo.falling_beams, "minimal", 2, ["local, 3 modes"]),
-        (zoo.falling_beams, "local", 2, ["local, 5 modes"]),
-        (zoo.bars, "minimal", 1, ["minimal, 2 modes"]),
-        (zoo.bars, "hyper", 1, ["minimal, 2 modes"]),
-        # All freedoms are there.
-        (zoo.five_bar, "minimal", 2, []),
-    ],
+    in_groups(RICHER, slow=[RICHER[i] for i in (0, 3, 4, 6, 7)]),
 )
 def test_richer_kinds(make, formulation, rank, names):
     rom = model(make, formulation, rank)
@@ -79,8 +82,7 @@ def test_richer_kinds(make, formulation, rank, names):
     assert other.validity.error == 0.5
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("spin", [0.01, 0.1, 2.0])
+@pytest.mark.parametrize("spin", in_groups([0.01, 0.1, 2.0], slow=[0.1, 2.0]))
 def test_the_error_of_a_run_from_another_start(spin):
     """Of the norm and of what is measured, at any size of error."""
     rom = model(zoo.falling_beams, "minimal", 2)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import zoo
 from comparison import assert_close
+from groups import in_groups
 from tolerances import SOLVED
 
 import romjax as rj
@@ -91,16 +92,20 @@ def test_without_freedom_beyond_its_snapshots():
     assert not run.is_valid
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in DRIVEN if name != "four-bar"])
+# A drive that ends, one in a force, and one in space.
+SLOW = ("vehicle axle", "spatial slider crank")
+
+
+@pytest.mark.parametrize(
+    "name", in_groups([name for name in DRIVEN if name != "four-bar"], slow=SLOW)
+)
 def test_all_directions(name):
     system, truth = case(name)
     for decompose in (rj.pod, rj.sod):
         assert error(rj.reduce(system, decompose(truth)), name) <= FULL
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", DRIVEN)
+@pytest.mark.parametrize("name", in_groups(DRIVEN, slow=("slider crank", *SLOW)))
 def test_the_rank_for_a_tolerance_holds_at_another_speed(name):
     system, truth = case(name)
     rom = rj.reduce_to(system, truth, TOL)

@@ -105,7 +105,7 @@ def test_the_run_is_saved(motion, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("formulation", in_groups(RANKS, fast=["minimal"], slow=["galerkin"]))
+@pytest.mark.parametrize("formulation", in_groups(RANKS, fast=["minimal"]))
 def test_the_scene_is_reduced(motion, formulation):
     system, run = motion
     rom = rj.reduce(system, VelocityPOD(RANKS[formulation])(run), formulation)

@@ -59,7 +59,7 @@ def test_the_table_of_findings(benchmark_of_gpu, tmp_path):
     assert max(map(len, text[text.index("One second") :].splitlines())) <= 80
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_a_pendulum(tmp_path):
     """A bar on a hinge, one and eight at once: the same numbers in all processes."""
     what = ["--cases", "7", "--lanes", "8", "1", "--what", "adaptive", "cpu", "--beside", "1"]

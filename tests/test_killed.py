@@ -94,8 +94,15 @@ def which(target):
 """
 
 
-@pytest.mark.parametrize("kills", KILLS)
-@pytest.mark.parametrize("things", [PLATES, LONG, RUNS], ids=["arrays", "long", "runs"])
+# Texts are written with the arrays, too.
+@pytest.mark.parametrize(
+    ("things", "kills"),
+    in_groups(
+        [(things, kills) for things in (PLATES, LONG, RUNS) for kills in (3, 100)],
+        slow=[(PLATES, 3), (RUNS, 3)],
+    ),
+    ids=[f"{name}-{kills}" for name in ("arrays", "long", "runs") for kills in (3, 100)],
+)
 def test_what_is_saved_when_the_process_is_killed(things, kills, tmp_path):
     """What the file holds is one of both, with the arrays that belong to it."""
     (line,) = in_a_process(SAVING.format(things=things), tmp_path, kills)

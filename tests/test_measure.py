@@ -47,9 +47,7 @@ def arm(stiffening: bool = False) -> rj.Scene:
     )
 
 
-@pytest.fixture(
-    scope="module", params=in_groups(["linear", "stiffened"], fast=["stiffened"], slow=["linear"])
-)
+@pytest.fixture(scope="module", params=in_groups(["linear", "stiffened"], fast=["stiffened"]))
 def swinging(request):
     """The arm in motion, finely sampled."""
     scene = arm(request.param == "stiffened")

@@ -38,9 +38,7 @@ def truth():
     return zoo.motion(zoo.cart_pendulum)
 
 
-@pytest.fixture(
-    scope="module", params=in_groups(["galerkin", "minimal"], fast=["minimal"], slow=["galerkin"])
-)
+@pytest.fixture(scope="module", params=in_groups(["galerkin", "minimal"], fast=["minimal"]))
 def reduced(request, truth):
     """As tight as the truth: at 1e-9, rounding decides which steps follow the second bending mode,
     which three minimal coordinates lack.

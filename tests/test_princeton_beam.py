@@ -22,7 +22,7 @@ def test_all_loads_and_angles(pounds):
         assert_close(found[3], exact[3], 0.005, np.max(np.abs(exact)))
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_princeton_beam():
     """Two pounds at 45°: 4 and 8 beams converge to the geometrically exact rod at order 2, and 8
     are within a share of it that no measurement saw.

@@ -99,7 +99,7 @@ def test_inside_of_a_transformation_it_is_a_part_of_it():
 
 @pytest.mark.parametrize(
     "solver",
-    [diffrax.Dopri8(), pytest.param(rj.Rodas5P(), marks=pytest.mark.slow)],
+    [diffrax.Dopri8(), pytest.param(rj.Rodas5P(), marks=pytest.mark.exhaustive)],
     ids=["Dopri8", "Rodas5P"],
 )
 def test_the_plain_loop_takes_the_steps_of_diffrax(solver):

@@ -22,7 +22,7 @@ from romjax.system import dynamics
 
 # Structures that draw every kind of part; joints of number 9 do not fit each other.
 STRUCTURES, SETS = (*range(8), 9, 11, 12), 12
-FAST, SLOW = (11,), (4, 9)
+FAST, SLOW = (11,), (4,)
 
 # Required: relative to the size of the terms.
 BALANCE = 1e-10

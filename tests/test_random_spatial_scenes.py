@@ -16,7 +16,7 @@ from romjax.system import dynamics
 
 r = rj.spatial
 STRUCTURES, SETS = 13, 20
-FAST, SLOW = (0,), (3, 8)
+FAST, SLOW = (0,), (8,)
 TIME = 0.13  # [s] amid all signals
 # Required: relative to the size of the terms, and of accelerations to what forces would do to free
 # coordinates.

@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from groups import in_groups
 from tolerances import SOLVED
 
 import romjax as rj
@@ -201,11 +200,9 @@ def test_bad_boxes():
         rj.reduce_over(box, TS, 1e-2, runs=0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.usefixtures("with_optimisation")
-@pytest.mark.parametrize(
-    ("tol", "points"),
-    in_groups([(1e-3, 64), (1e-4, 64), (1e-5, 64), (1e-4, 16)], slow=[(1e-4, 16)]),
-)
+@pytest.mark.parametrize(("tol", "points"), [(1e-3, 64), (1e-4, 64), (1e-5, 64), (1e-4, 16)])
 def test_the_chapters_example_over_a_box(tol, points):
     """With at most four training runs, chosen and held out among many points."""
     ts = np.linspace(0.0, 1.0, 101)

@@ -269,7 +269,7 @@ def test_numbers_without_meaning(wrong):
         rj.reductions(zoo.bars(), np.linspace(0.0, 1.0, 11), **wrong)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_a_whole_table():
     """Of the cart-pendulum: a stiff mode that hardly moves is left out by each kind of model."""
     found = rj.reductions(zoo.cart_pendulum(), np.linspace(0.0, 1.0, 101), budget=50.0)

@@ -65,7 +65,7 @@ def test_the_readme_is_short():
         assert (ROOT / "docs" / "images" / name).stat().st_size < size
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", LARGEST)
 def test_pictures_are_drawn(name, tmp_path):
     """By the script beside each; they fit the README."""

@@ -5,6 +5,7 @@ import os
 
 import numpy as np
 import pytest
+from groups import in_groups
 from processes import in_a_process
 
 # Two oscillators a lane, in chunks that the workers share by a folder.
@@ -59,8 +60,7 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SCHEDULERS)
+@pytest.mark.parametrize("name", in_groups(SCHEDULERS, slow=["joblib"]))
 def test_a_sweep_by_a_scheduler(name, tmp_path):
     """Its workers return the same numbers to the bit as one process does."""
     if importlib.util.find_spec(name) is None:

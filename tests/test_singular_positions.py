@@ -26,7 +26,7 @@ RIGHT = 0.9
 METHODS = [(name, twice) for name in ("Dopri8", "Rodas5P") for twice in (False, True)]
 STABILIZATIONS = {"default": "default", "terms": (10.0, 100.0)}
 CASES = [(method, name, twice) for method, twice in METHODS for name in STABILIZATIONS]
-SLOW = [("Dopri8", "default", False), ("Dopri8", "default", True)]
+SLOW = [("Dopri8", "default", True)]
 # With terms some lanes take all steps there are: worth compiling longer than tests do.
 LONG = {"xla_backend_optimization_level": 1}
 

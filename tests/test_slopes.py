@@ -70,7 +70,7 @@ SCENES |= {
     f"space {k}": (functools.partial(random_spatial_scene, 20 * k, k), 0.1) for k in range(10)
 }
 FAST = ("beams",)
-SLOW = ("rods", "hinge made twice", "loop in space", REPEATING, "plane 4", "space 3")
+SLOW = ("rods", "loop in space", REPEATING, "plane 4", "space 3")
 
 
 @jax.jit

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import zoo
 from comparison import assert_close
+from groups import in_groups
 from motions import through
 from tolerances import IDENTITY, SOLVED
 
@@ -264,8 +265,9 @@ def arm(yaw, lift, duration):
     return rj.Scene([column, link, load], joints, [rj.Gravity((0.0, 0.0, -9.81)), *motors])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("move", [(1.0, 0.5, 1.0), (-0.8, 0.6, 0.8)], ids=str)
+@pytest.mark.parametrize(
+    "move", in_groups([(1.0, 0.5, 1.0), (-0.8, 0.6, 0.8)], slow=[(1.0, 0.5, 1.0)])
+)
 def test_an_arm_below_a_cap(move):
     """Turned by a radian and lifted: no training, so that no move is another than trained."""
     scene, ts = arm(*move), np.linspace(0.0, 2.0, 101)

@@ -162,7 +162,7 @@ def hydraulics(t, y) -> list[float]:
     return [v, (size * a - rod * b - CYLINDER["damping"] * v) / 500.0, *rates]
 
 
-@pytest.mark.parametrize("dimension", [2, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("dimension", [2, pytest.param(3, marks=pytest.mark.exhaustive)])
 def test_hydraulic_cylinder_is_that_of_another_integration(dimension):
     """In the plane and in space, where the same mass slides."""
     start = {"pressure_a": 4e6, "pressure_b": 6e6}
