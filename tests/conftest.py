@@ -8,12 +8,12 @@ import os
 import time
 from pathlib import Path
 
+import cache_folder
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from groups import longest_first
-from platformdirs import user_cache_path
 from programs import compiled, listen
 from scene_files import CRANK
 from zoo import RODAS5P, run
@@ -28,7 +28,7 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 
 # Pieces of memory that a process may have mapped before programs are forgotten, and how much of it
 # may be in use [bytes].
-MOST_MAPS, MOST_MEMORY = 30_000, 2e9
+MOST_MAPS, MOST_MEMORY = 30_000, 3e9
 
 # Required of a fast test with its fixtures: programs that it compiles, operations of JAX outside of
 # them, of which the first test of a process has most, and seconds of a processor. What compiles
@@ -75,12 +75,9 @@ def pytest_configure(config):
     """Keep compiled programs for the next run, and for the other process of this one."""
     gc.set_threshold(COLLECT_AFTER, 20, 100)
     listen()
-    # Apart from the user's own, which they would push out. Subprocesses of tests have them too.
-    usual = str(user_cache_path("romjax") / "tests")
-    folder = os.environ.setdefault("ROMJAX_CACHE_DIR", usual)
-    if folder:
+    if cache_folder.FOLDER:
         # And what the tests compile by JAX alone; reading a program back takes a few milliseconds.
-        jax.config.update("jax_compilation_cache_dir", f"{folder}-jax")
+        jax.config.update("jax_compilation_cache_dir", f"{cache_folder.FOLDER}-jax")
         jax.config.update("jax_persistent_cache_min_compile_time_secs", WORTH_KEEPING)
         jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
     # What the tests compile by JAX alone, with the options of romjax's own programs, and everything
@@ -90,6 +87,12 @@ def pytest_configure(config):
     # And in one part instead of up to 32 at once, since two processes keep both cores busy.
     flags += ["--xla_backend_optimization_level=0", "--xla_cpu_parallel_codegen_split_count=1"]
     os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *flags]).strip()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_unconfigure():
+    """Let go of everything at once: at the end pytest looks for cycles ten times, of gigabytes."""
+    gc.freeze()
 
 
 def pytest_collection_modifyitems(items):

@@ -59,7 +59,11 @@ def run(folder: Path, arguments: list[str], seconds: float) -> tuple[int | None,
     """Python's exit status on a copy, None if it took too long, and all that it says."""
     # An installed package of the checkout comes later on the path. Compiled files are told from
     # outdated ones by size and whole seconds, which a fault may leave as they were.
-    own = {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    own = {
+        "PYTHONPATH": str(folder),
+        "PYTHONDONTWRITEBYTECODE": "1",
+        "PYTHONPYCACHEPREFIX": "",
+    }
     kept = {"env": os.environ | own, "capture_output": True, "text": True}
     try:
         done = subprocess.run([sys.executable, *arguments], cwd=folder, timeout=seconds, **kept)

@@ -266,11 +266,12 @@ def arm(yaw, lift, duration):
 
 
 @pytest.mark.parametrize(
-    "move", in_groups([(1.0, 0.5, 1.0), (-0.8, 0.6, 0.8)], slow=[(1.0, 0.5, 1.0)])
+    ("yaw", "lift", "duration"),
+    in_groups([(1.0, 0.5, 1.0), (-0.8, 0.6, 0.8)], slow=[(1.0, 0.5, 1.0)]),
 )
-def test_an_arm_below_a_cap(move):
+def test_an_arm_below_a_cap(yaw, lift, duration):
     """Turned by a radian and lifted: no training, so that no move is another than trained."""
-    scene, ts = arm(*move), np.linspace(0.0, 2.0, 101)
+    scene, ts = arm(yaw, lift, duration), np.linspace(0.0, 2.0, 101)
     truth = zoo.run(rj.assemble(scene), ts, solver=zoo.RODAS5P, rtol=1e-8)
     run = zoo.run(rj.assemble(rj.cap(scene, 12.0)), ts, rtol=1e-6)
     assert rj.compare(truth, run).error <= CAPPED
