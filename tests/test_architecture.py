@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import pytest
+import zoo
 from documents import FILES, PACKAGE, TREES
 
 import romjax as rj
@@ -193,8 +193,7 @@ def test_functions_are_short():
 @pytest.fixture(scope="module")
 def swinging():
     """Two hinged bars, and a basis of what they do."""
-    system = rj.assemble(rj.gallery.chain(2))
-    return system, rj.pod(rj.simulate(system, jnp.linspace(0.0, 0.2, 21)), rank=2)
+    return zoo.system(zoo.bars), rj.pod(zoo.motion(zoo.bars, 0.2, 21), rank=2)
 
 
 @pytest.mark.parametrize("formulation", ["galerkin", "minimal"])

@@ -149,7 +149,11 @@ def apart(found, wanted):
     return np.max(np.abs((np.asarray(found) - np.asarray(wanted) + np.pi) % (2 * np.pi) - np.pi))
 
 
-@pytest.mark.parametrize("solver", [diffrax.Tsit5(), rj.Rodas5P()], ids=["Tsit5", "Rodas5P"])
+@pytest.mark.parametrize(
+    "solver",
+    [diffrax.Tsit5(), pytest.param(rj.Rodas5P(), marks=pytest.mark.slow)],
+    ids=["Tsit5", "Rodas5P"],
+)
 def test_the_same_steps_as_in_one_chart(solver):
     """The number of the chart has no part in the error of a step, and starts none anew."""
     t, q, v, chart = every_step(pendulum(True), solver)

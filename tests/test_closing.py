@@ -74,10 +74,9 @@ def test_a_speed_that_is_set_stays_and_the_velocity_follows():
     assert_close(body.velocity, 5.0 * np.array([-np.sin(0.3), np.cos(0.3)]), IDENTITY)
 
 
-@pytest.mark.parametrize("joint", [spatial.Revolute, spatial.Spherical])
-def test_so_does_one_in_space(joint):
-    spin = (0.0, 0.0, 3.0) if joint is spatial.Revolute else (1.0, 2.0, 3.0)
-    (body,) = rj.consistent_scene(spatial_bar(joint, angular_velocity=spin)).bodies
+def test_so_does_one_in_space():
+    spin = (1.0, 2.0, 3.0)
+    (body,) = rj.consistent_scene(spatial_bar(spatial.Spherical, angular_velocity=spin)).bodies
     assert_close(body.angular_velocity, spin, IDENTITY)
     assert_close(body.velocity, np.cross(spin, (0.5, 0.0, 0.0)), IDENTITY)
 
@@ -106,6 +105,7 @@ def test_speeds_that_contradict_each_other_are_named():
         rj.consistent_scene(bar(0.0, angular_velocity=3.0, velocity=(0.0, 1.0)))
 
 
+@pytest.mark.slow
 def test_a_speed_that_a_joint_forbids_is_named():
     words = r"angular_velocity of body 'bar' is \(1, 2, 3\), the nearest \(0, 0, 3\)"
     with pytest.raises(rj.InputError, match=words):
@@ -169,6 +169,7 @@ def test_amplitudes_that_are_given_stay():
     assert_close(system.constraint(0.0, system.q0), np.zeros(8), IDENTITY)
 
 
+@pytest.mark.slow
 def test_a_driven_crank_stays_where_it_is_placed():
     closed = rj.consistent_scene(four_bar(off=12.0, signal=rj.Ramp(10.0)))
     assert_close(closed.bodies[0].angle, 1.0, IDENTITY)
@@ -198,25 +199,16 @@ def test_bodies_bend_where_frames_cannot():
 
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e3])
-@pytest.mark.parametrize("space", [False, True])
-def test_a_start_is_refused_alike_in_any_size(size, space):
+def test_a_start_is_refused_alike_in_any_size(size):
     """A bar that is off its hinge by some share of its length, or moves as it cannot."""
     ts = np.array([0.0, 1e-3])
 
     def pendulum(off=0.0, speed=0.0):
-        if space:
-            turned = size**2 * np.array([0.01, 0.1, 0.1])
-            at, moving = (0.5 * size * (1 + off), 0.0, 0.0), (speed * size, 0.5 * size, 0.0)
-            turning = {"velocity": moving, "angular_velocity": (0.0, 0.0, 1.0)}
-            body = spatial.RigidBody("bar", 1.0, turned, position=at, **turning)
-            hinge = spatial.Revolute(
-                body.at((-0.5 * size, 0.0, 0.0)), rj.ground.at((0.0, 0.0, 0.0))
-            )
-        else:
-            at, moving = (0.5 * size * (1 + off), 0.0), (speed * size, 0.5 * size)
-            turning = {"velocity": moving, "angular_velocity": 1.0}
-            body = rj.RigidBody("bar", 1.0, size**2 / 12, position=at, **turning)
-            hinge = rj.Revolute(body.at((-0.5 * size, 0.0)), rj.ground.at())
+        turned = size**2 * np.array([0.01, 0.1, 0.1])
+        at, moving = (0.5 * size * (1 + off), 0.0, 0.0), (speed * size, 0.5 * size, 0.0)
+        turning = {"velocity": moving, "angular_velocity": (0.0, 0.0, 1.0)}
+        body = spatial.RigidBody("bar", 1.0, turned, position=at, **turning)
+        hinge = spatial.Revolute(body.at((-0.5 * size, 0.0, 0.0)), rj.ground.at((0.0, 0.0, 0.0)))
         return rj.assemble(rj.Scene([body], [hinge]))
 
     def status(**numbers):

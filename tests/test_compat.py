@@ -1,6 +1,6 @@
 """What romjax uses of other packages that is not public: each test fails where that has changed."""
 
-import subprocess
+import functools
 import sys
 
 import diffrax
@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import pytest
+from jax.experimental.compilation_cache import compilation_cache
 
 from romjax.common import compat
 from romjax.compiling import jaxprs
@@ -29,12 +30,6 @@ def test_compiler_flags_are_for_versions_that_have_them(monkeypatch):
         assert (older in compat.compiler_flags()) == (count == 3)
     monkeypatch.setattr(jax, "__version_info__", (0, 13, 0))
     assert compat.compiler_flags() == ()
-
-
-def run(words: str) -> list[str]:
-    """What a process of its own prints, without what this one has set up."""
-    command = [sys.executable, "-W", "error", "-c", words]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
 
 
 def test_traced_numbers_are_told_from_others():
@@ -60,21 +55,33 @@ def test_a_trace_context_is_part_of_the_key_of_compiled_functions():
     assert function(2.0) == 2
 
 
-def test_the_compiler_is_set_up_once_and_its_programs_are_not_those_of_the_cache_of_jax(tmp_path):
-    words = (
-        "import os, jax\n"
-        "from romjax.common.compat import compiler_is_set_up, without_cache_of_jax\n"
-        "print(compiler_is_set_up())\n"
-        f"jax.config.update('jax_compilation_cache_dir', {str(tmp_path)!r})\n"
-        "jax.config.update('jax_persistent_cache_min_compile_time_secs', 0)\n"
-        "lowered = jax.jit(lambda x: x + 1).lower(1.0)\n"
-        "with without_cache_of_jax():\n"
-        "    lowered.compile()\n"
-        f"print(compiler_is_set_up(), len(os.listdir({str(tmp_path)!r})))\n"
-        "jax.jit(lambda x: x + 1).lower(1.0).compile()\n"
-        f"print(len(os.listdir({str(tmp_path)!r})) > 0)"
+@pytest.fixture
+def cache_of_jax(tmp_path):
+    """A folder that is that of JAX's own cache, of every program."""
+    names = (
+        "jax_compilation_cache_dir",
+        "jax_persistent_cache_min_compile_time_secs",
+        "jax_persistent_cache_min_entry_size_bytes",
     )
-    assert run(words) == ["False", "True", "0", "True"]
+    before = {name: getattr(jax.config, name) for name in names}
+    for name, value in zip(names, (str(tmp_path), 0, -1), strict=True):
+        jax.config.update(name, value)
+    compilation_cache.reset_cache()
+    yield tmp_path
+    for name, value in before.items():
+        jax.config.update(name, value)
+    compilation_cache.reset_cache()
+
+
+def test_programs_are_not_those_of_the_cache_of_jax(cache_of_jax):
+    """`compiler_is_set_up` before anything is computed is tested with `speed_up_xla`."""
+    lowered = jax.jit(lambda x: x + 1).lower(1.0)
+    with compat.without_cache_of_jax():
+        lowered.compile()
+    assert compat.compiler_is_set_up()
+    assert not list(cache_of_jax.iterdir())
+    jax.jit(lambda x: x + 1).lower(1.0).compile()
+    assert list(cache_of_jax.iterdir())
 
 
 class Probe(diffrax.Euler):
@@ -129,7 +136,7 @@ def test_the_term_of_a_continuous_adjoint():
             adjoint=diffrax.BacksolveAdjoint(),
         ).ys[-1]
 
-    jax.grad(loss)(jnp.ones(()))
+    jax.make_jaxpr(jax.grad(loss))(1.0)
     assert ["ODETerm"] in seen
     assert ["AdjointTerm", "WrapTerm"] in seen
 
@@ -149,7 +156,8 @@ def test_the_kind_of_loop_over_stages():
     for adjoint, kind in kinds.items():
         seen.clear()
         settings = {"adjoint": adjoint(), "max_steps": 4}
-        diffrax.diffeqsolve(term, Watched(), 0.0, 1.0, 0.5, jnp.ones(()), **settings)
+        solve = functools.partial(diffrax.diffeqsolve, term, Watched(), 0.0, 1.0, 0.5, **settings)
+        jax.eval_shape(lambda y, solve=solve: solve(y).ys, 1.0)
         assert set(seen) == {kind}
 
 

@@ -84,6 +84,7 @@ def test_a_refusal_names_what_was_tried():
         rj.reduce(system, rj.pod(truth, rank=2))
 
 
+@pytest.mark.slow
 def test_without_freedom_beyond_its_snapshots():
     """Twice as long as the training: right, or told of."""
     system, truth = case("four-bar")

@@ -19,26 +19,35 @@ def body(name="body", **fields) -> rj.RigidBody:
     return rj.RigidBody(name, mass=2.0, inertia=0.3, **fields)
 
 
-ONE = body("one", position=(0.4, 0.1), angle=0.3)
-TWO = body("two", position=(1.1, -0.2), angle=-0.5)
-ENDS = ONE.at((0.2, 0.1), 0.2), TWO.at((-0.1, 0.3), -0.4)
+def pair(number=0) -> tuple[rj.RigidBody, rj.RigidBody]:
+    one = body(f"one{number}", position=(0.4, 0.1), angle=0.3)
+    return one, body(f"two{number}", position=(1.1, -0.2), angle=-0.5)
+
+
+def ends(one, two) -> tuple[rj.Marker, rj.Marker]:
+    return one.at((0.2, 0.1), 0.2), two.at((-0.1, 0.3), -0.4)
+
+
 SWING = rj.Sine(0.3, 2.0, phase=0.4)
 JOINTS = [
-    rj.Weld(*ENDS),
-    rj.Prismatic(*ENDS, value=0.1),
-    rj.Distance(*ENDS, length=0.7),
-    rj.Gear(*ENDS, ratio=-2.5),
-    rj.PointOnCurve(*ENDS, rj.Circle(0.5)),
-    rj.PointOnCurve(*ENDS, rj.Polynomial([0.1, 0.2, -0.3])),
-    rj.PrescribedAngle(*ENDS, SWING),
-    rj.PrescribedTravel(*ENDS, SWING),
+    lambda *ends: rj.Weld(*ends),
+    lambda *ends: rj.Prismatic(*ends, value=0.1),
+    lambda *ends: rj.Distance(*ends, length=0.7),
+    lambda *ends: rj.Gear(*ends, ratio=-2.5),
+    lambda *ends: rj.PointOnCurve(*ends, rj.Circle(0.5)),
+    lambda *ends: rj.PointOnCurve(*ends, rj.Polynomial([0.1, 0.2, -0.3])),
+    lambda *ends: rj.PrescribedAngle(*ends, SWING),
+    lambda *ends: rj.PrescribedTravel(*ends, SWING),
 ]
 
 
-@pytest.mark.parametrize("joint", JOINTS, ids=lambda joint: type(joint).__name__)
-def test_derivatives(joint):
-    """C_q, Ċ and C_q a − γ along any motion, against JAX's derivatives of C along a parabola."""
-    system = rj.assemble(rj.Scene([ONE, TWO], [joint], [rj.Gravity()]))
+def test_derivatives():
+    """C_q, Ċ and C_q a − γ along any motion, against JAX's derivatives of C along a parabola, of
+    each kind of joint between two bodies of its own.
+    """
+    pairs = [pair(number) for number in range(len(JOINTS))]
+    joints = [make(*ends(*bodies)) for make, bodies in zip(JOINTS, pairs, strict=True)]
+    system = rj.assemble(rj.Scene([b for bodies in pairs for b in bodies], joints, [rj.Gravity()]))
     q, v = np.random.default_rng(1).normal(size=(2, system.n))
 
     @jax.jit
@@ -57,8 +66,8 @@ def test_derivatives(joint):
     assert_close(rows, wanted, IDENTITY)
     assert_close(state.violation, violation, IDENTITY)
     assert_close(state.rate, rate, IDENTITY)
-    size = 1 + np.max(np.abs(state.curvature))
-    assert_close(second, 0, IDENTITY * size)
+    size = 1 + np.abs(state.curvature)
+    assert_close(second / size, 0, IDENTITY)
 
 
 def test_a_weld_makes_one_body():
@@ -120,42 +129,53 @@ def test_a_wheel_on_an_arm_needs_a_bearing():
         belt().check()
 
 
-def test_a_slide_on_an_incline():
-    """The way is g sin(angle) t² / 2, and the body keeps its angle."""
-    angle = -0.4
-    block = body(angle=angle)
-    slide = rj.Prismatic(block.at(), rj.ground.at((0.0, 0.0), angle))
-    system = rj.assemble(rj.Scene([block], [slide], [rj.Gravity()]))
-    run = zoo.run(system, np.linspace(0.0, 1.0, 3))
-    way = G * np.sin(-angle) * np.asarray(run.t) ** 2 / 2
-    wanted = np.stack([way * np.cos(angle), way * np.sin(angle), 0 * way + angle], axis=1)
-    assert_close(run.q, wanted, SOLVED)
+TS = np.linspace(0.0, 2.0, 11)
+ANGLE = -0.4
 
 
 @pytest.fixture(scope="module")
-def pendulum():
-    """A point on a string of 0.8 m, released from 1 rad: an equation of its own."""
-    ts = np.linspace(0.0, 2.0, 11)
+def bead():
+    """A point on a string of 0.8 m, released from 1 rad, by an equation of its own."""
 
     def slope(t, y):
         return [y[1], -G / 0.8 * np.sin(y[0])]
 
     tight = {"rtol": 1e-12, "atol": 1e-12}
-    angle = scipy.integrate.solve_ivp(slope, (0, 2), [1.0, 0.0], "DOP853", ts, **tight).y[0]
-    return ts, 0.8 * np.stack([np.sin(angle), -np.cos(angle)], axis=1)
+    angle = scipy.integrate.solve_ivp(slope, (0, 2), [1.0, 0.0], "DOP853", TS, **tight).y[0]
+    return 0.8 * np.stack([np.sin(angle), -np.cos(angle)], axis=1)
 
 
-@pytest.mark.parametrize("kind", ["Distance", "Circle"])
-def test_a_link_and_a_round_track_make_a_pendulum(pendulum, kind):
-    ts, wanted = pendulum
-    bead = body(position=wanted[0])
-    markers = bead.at(), rj.ground.at()
-    if kind == "Distance":
-        joint = rj.Distance(*markers, length=0.8)
-    else:
-        joint = rj.PointOnCurve(*markers, rj.Circle(0.8))
-    run = zoo.run(rj.assemble(rj.Scene([bead], [joint], [rj.Gravity()])), ts, rtol=1e-11)
-    assert_close(np.asarray(run.q)[:, :2], wanted, SOLVED)
+@pytest.fixture(scope="module")
+def moving(bead):
+    """A block on an incline, a wheel whose angle is a ramp, and two beads, each by itself."""
+    block, wheel = body("block", angle=ANGLE), body("wheel", angle=0.2, angular_velocity=1.5)
+    one, two = (body(name, position=bead[0]) for name in ("one", "two"))
+    joints = [
+        rj.Prismatic(block.at(), rj.ground.at((0.0, 0.0), ANGLE)),
+        rj.Revolute(wheel.at(), rj.ground.at()),
+        rj.PrescribedAngle(wheel.at(), rj.ground.at(), rj.Ramp(1.5), name="drive"),
+        rj.Distance(one.at(), rj.ground.at(), length=0.8),
+        rj.PointOnCurve(two.at(), rj.ground.at(), rj.Circle(0.8)),
+    ]
+    scene = rj.Scene([block, wheel, one, two], joints, [rj.Gravity()])
+    return zoo.run(rj.assemble(scene), TS, rtol=1e-11)
+
+
+def coordinates(run, name) -> np.ndarray:
+    """Of a body, (k, 3)."""
+    return np.stack([run[f"{name}.{x}"] for x in ("x", "y", "phi")], axis=1)
+
+
+def test_a_slide_on_an_incline(moving):
+    """The way is g sin(angle) t² / 2, and the body keeps its angle."""
+    way = G * np.sin(-ANGLE) * TS**2 / 2
+    wanted = np.stack([way * np.cos(ANGLE), way * np.sin(ANGLE), 0 * way + ANGLE], axis=1)
+    assert_close(coordinates(moving, "block"), wanted, SOLVED)
+
+
+@pytest.mark.parametrize("name", ["one", "two"])
+def test_a_link_and_a_round_track_make_a_pendulum(bead, moving, name):
+    assert_close(coordinates(moving, name)[:, :2], bead, SOLVED)
 
 
 @pytest.mark.slow
@@ -181,17 +201,12 @@ def test_prescribed_motion():
         assert_close(np.asarray(run.multipliers)[:, row], wanted, SOLVED * 100)
 
 
-def test_uniform_turning():
-    """A wheel whose angle is a ramp turns uniformly, and takes no torque."""
-    wheel, ramp = body("wheel", angle=0.2, angular_velocity=1.5), rj.Ramp(1.5, 0.2)
-    joints = [
-        rj.Revolute(wheel.at(), rj.ground.at()),
-        rj.PrescribedAngle(wheel.at(), rj.ground.at(), ramp),
-    ]
-    run = zoo.run(rj.assemble(rj.Scene([wheel], joints)), np.linspace(0.0, 1.0, 5))
-    assert_close(np.asarray(run.q)[:, 2], 0.2 + 1.5 * np.asarray(run.t), SOLVED)
-    assert_close(np.asarray(run.v)[:, 2], 1.5, SOLVED)
-    assert_close(np.asarray(run.multipliers)[:, 2], 0, SOLVED)
+def test_uniform_turning(moving):
+    """A wheel whose angle is a ramp turns uniformly from where it stands, and takes no torque."""
+    assert_close(coordinates(moving, "wheel")[:, 2], 0.2 + 1.5 * TS, SOLVED)
+    assert_close(moving["wheel.phi'"], 1.5, SOLVED)
+    torque = rj.joint_forces(moving.system, moving)["drive"].torque
+    assert_close(torque, 0, SOLVED)
 
 
 def test_a_joint_of_ones_own():
@@ -226,16 +241,17 @@ def test_signals():
 
 @pytest.mark.instant
 def test_what_a_joint_refuses():
+    given = ends(*pair())
     with pytest.raises(rj.SceneError, match="signal is a Table, whose kinks"):
-        rj.PrescribedAngle(*ENDS, rj.Table([0.0, 1.0], [0.0, 1.0]))
+        rj.PrescribedAngle(*given, rj.Table([0.0, 1.0], [0.0, 1.0]))
     kinked = rj.Sum((rj.Table([0.0, 1.0], [0.0, 1.0]), SWING))
     with pytest.raises(rj.SceneError, match="signal is a Sum, whose kinks"):
-        rj.PrescribedTravel(*ENDS, kinked)
+        rj.PrescribedTravel(*given, kinked)
     with pytest.raises(rj.SceneError, match="signal is 1.0; give a signal"):
-        rj.PrescribedAngle(*ENDS, 1.0)
+        rj.PrescribedAngle(*given, 1.0)
     with pytest.raises(rj.SceneError, match="length is -1.*positive.*Revolute"):
-        rj.Distance(*ENDS, length=-1.0)
+        rj.Distance(*given, length=-1.0)
     with pytest.raises(rj.SceneError, match="Circle.radius is 0.*positive"):
-        rj.PointOnCurve(*ENDS, rj.Circle(0.0))
+        rj.PointOnCurve(*given, rj.Circle(0.0))
     with pytest.raises(rj.SceneError, match="Step.duration is 0"):
-        rj.PrescribedAngle(*ENDS, rj.Step(1.0, 0.0, 0.0))
+        rj.PrescribedAngle(*given, rj.Step(1.0, 0.0, 0.0))

@@ -36,6 +36,7 @@ def energy_error(motion) -> float:
     return float(np.max(np.abs(0.5 * np.sum(v**2, axis=1) + GRAVITY * q[:, 1]))) / GRAVITY
 
 
+@pytest.mark.slow
 def test_drift_over_a_thousand_seconds(pendulum):
     """In steps of 0.01 s; unstabilised the bar stretches until everything is NaN."""
     settings = {"solver": RK4(), "dt": 0.01, "max_steps": 200_000}

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import zoo
 from comparison import assert_close
+from groups import in_groups
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
@@ -68,7 +69,9 @@ def swing(start, *monitors, **settings):
     return zoo.run(system, TS, q0=start[None], v0=jnp.zeros(1), follow=follow, **settings)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    "method", in_groups(METHODS, fast=["Rodas5P", "of two terms"], slow=METHODS)
+)
 def test_each_accepted_step_is_seen_once(method):
     """With events, dense output and the balance of energy beside, by methods of all kinds."""
     beside = {"events": [rj.Crossing(place)], "dense": True, "audit": True}
