@@ -156,17 +156,21 @@ def test_two_caps():
         assert np.max(better.violation) < float(difference)
 
 
+def moved(f1, f2, cap=None, rtol=1e-7):
+    """The chapter's example, below a cap if one is given."""
+    scene = rj.gallery.cart_pendulum(f1=f1, f2=f2)
+    system = rj.assemble(scene if cap is None else rj.cap(scene, cap))
+    return run(system, TS, rtol=rtol, solver=RODAS5P)
+
+
 @pytest.mark.slow
 def test_the_time_of_a_run_does_not_depend_on_stiff_modes():
-    """And the gradient by the slow one is that of the full model."""
-
-    def moved(f1, f2, cap=None, rtol=1e-7):
-        scene = rj.gallery.cart_pendulum(f1=f1, f2=f2)
-        system = rj.assemble(scene if cap is None else rj.cap(scene, cap))
-        return run(system, TS, rtol=rtol, solver=RODAS5P)
-
     steps = [int(moved(16.0, f2, 40.0).stats.num_steps) for f2 in (1e4, 1e5)]
     assert abs(steps[1] - steps[0]) <= 0.05 * steps[0]
+
+
+@pytest.mark.exhaustive
+def test_the_gradient_by_a_slow_mode_is_that_of_the_full_model():
     with rj.forward_mode():
         full, capped = (
             jax.jit(jax.jacfwd(lambda f1, cap=cap: moved(f1, 1e4, cap, TIGHT).q[-1]))(16.0)

@@ -91,7 +91,7 @@ def test_a_bouncing_ball():
 # A stiff method, and one whose stages are found by iteration.
 @pytest.mark.parametrize(
     "solver",
-    [RODAS5P, pytest.param(diffrax.Kvaerno5(), marks=pytest.mark.slow)],
+    [RODAS5P, pytest.param(diffrax.Kvaerno5(), marks=pytest.mark.exhaustive)],
     ids=["Rodas5P", "Kvaerno5"],
 )
 def test_a_bouncing_ball_by_implicit_methods(solver):

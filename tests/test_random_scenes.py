@@ -298,7 +298,7 @@ def test_every_kind_is_drawn():
 
 @pytest.mark.parametrize(
     "stabilization",
-    [pytest.param(rj.Projection(), marks=pytest.mark.slow), rj.Baumgarte(12.0, 36.0)],
+    [pytest.param(rj.Projection(), marks=pytest.mark.exhaustive), rj.Baumgarte(12.0, 36.0)],
     ids=["Projection", "Baumgarte"],
 )
 def test_joints_that_part_on_the_way_are_no_success(stabilization):

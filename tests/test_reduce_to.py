@@ -106,7 +106,7 @@ def test_a_start_away_from_the_origin():
         q0[3:5] = place + 0.4 * np.array([np.sin(angle), -np.cos(angle)])
         motion = moved(system, q0=q0)
         rom = rj.reduce(system, rj.pod(motion, rank=5))
-        errors.append(rj.compare(motion, rj.simulate(rom, motion.t, rtol=1e-9)).error)
+        errors.append(rj.compare(motion, rj.simulate(rom, motion.t, rtol=1e-9, audit=False)).error)
     assert errors[1] <= 10 * errors[0]
 
 

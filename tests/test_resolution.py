@@ -83,7 +83,7 @@ def test_the_amplitudes_of_a_beam_of_any_size_are_right():
         swing = rj.PrescribedAngle(*hinge, rj.Sine(0.5, 1.0))
         scene = rj.consistent_scene(rj.Scene([beam], [rj.Revolute(*hinge), swing]))
         system = rj.assemble(scene)
-        moved = rj.simulate(system, np.linspace(0.0, 2.0, 41))
+        moved = rj.simulate(system, np.linspace(0.0, 2.0, 41), audit=False)
         return np.asarray(rj.measure(system, moved, beam.at("end")).position) / length
 
     expected = end(1.0, 1.0)

@@ -13,7 +13,8 @@ from romjax.assembly.part import part
 from romjax.linalg import quaternions
 
 r = rj.spatial
-TIGHT = {"rtol": 1e-11, "solver": diffrax.Dopri8(), "stabilization": rj.Projection()}
+HELD = rj.Baumgarte(alpha=12.0, beta=36.0)
+TIGHT = {"rtol": 1e-11, "solver": diffrax.Dopri8(), "stabilization": HELD}
 CHANCE = np.random.default_rng(3)
 
 
@@ -86,7 +87,7 @@ def test_a_screw():
     bolt = body("bolt", orientation=tilt)
     screw = r.Screw(bolt.at(), rj.ground.at((0, 0, 0), rotation=tilt), pitch=pitch)
     system = rj.assemble(rj.Scene([bolt], [screw], [rj.Gravity(down)]))
-    run = rj.simulate(system, jnp.linspace(0.0, 5.0, 6), **TIGHT)
+    run = rj.simulate(system, jnp.linspace(0.0, 5.0, 6), audit=False, **TIGHT)
     fall = 0.5 * 2.0 * 9.81 / (2.0 + 0.5 * (2 * np.pi / pitch) ** 2) * np.asarray(run.t) ** 2
     assert fall[-1] > 10 * pitch
     along = run.q[:, :3] @ (down / 9.81)

@@ -208,7 +208,7 @@ def test_small_deflections_are_added_to_second_order():
     assert order == pytest.approx(3.0, abs=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_deflections_of_two_freedoms_are_added_to_second_order():
     """Two links that bend by some thousandths of their length."""
     links = [
