@@ -14,13 +14,14 @@ ROOT = pytest.mark.skipif(getattr(os, "geteuid", int)() != 0, reason="becomes an
 
 RUN = """
 system = rj.assemble(rj.gallery.chain(1))
-print(rj.simulate(system, np.linspace(0.0, 0.1, 3), solver=rj.Rodas5P()).summary())
+print(rj.simulate(system, np.linspace(0.0, 0.1, 3), solver=rj.Rodas5P(), audit=False).summary())
 """
 # The other user may not be able to read the packages: what they load late is loaded before.
 BECOME = """
 folder = os.environ.pop("ROMJAX_CACHE_DIR", None)
 os.environ["ROMJAX_CACHE_DIR"] = ""
-rj.simulate(rj.assemble(rj.gallery.chain(2)), np.linspace(0.0, 0.1, 3), solver=rj.Rodas5P())
+system = rj.assemble(rj.gallery.chain(2))
+rj.simulate(system, np.linspace(0.0, 0.1, 3), solver=rj.Rodas5P(), audit=False)
 del os.environ["ROMJAX_CACHE_DIR"]
 if folder is not None:
     os.environ["ROMJAX_CACHE_DIR"] = folder
@@ -36,7 +37,7 @@ def counted(*args, **kwargs):
 
 jax.stages.Lowered.compile = counted
 system = rj.assemble(rj.gallery.chain(1))
-assert rj.simulate(system, np.linspace(0.0, 0.1, 3), solver=rj.Rodas5P()).success
+assert rj.simulate(system, np.linspace(0.0, 0.1, 3), solver=rj.Rodas5P(), audit=False).success
 print(not calls)
 """
 
@@ -57,15 +58,14 @@ def shared():
 
 
 @ROOT
-@pytest.mark.parametrize("owner", [54321, 0])
-def test_a_folder_that_one_can_only_read_from(owner, shared):
+def test_a_folder_that_one_can_only_read_from(shared):
     """Its programs are used where it is the user's own; nothing is written to it."""
     caches = shared / "caches"
     assert in_a_process(RUN, ROMJAX_CACHE_DIR=str(caches)) == ["success"]
     files = sorted(caches.rglob("*"))
     assert len(files) > 1
     for path in (caches, *files):
-        os.chown(path, owner, -1)
+        os.chown(path, 54321, -1)
         path.chmod(0o555 if path.is_dir() else 0o444)
-    assert in_a_process(BECOME + COUNTED, ROMJAX_CACHE_DIR=str(caches)) == [str(owner == 54321)]
+    assert in_a_process(BECOME + COUNTED, ROMJAX_CACHE_DIR=str(caches)) == ["True"]
     assert sorted(caches.rglob("*")) == files

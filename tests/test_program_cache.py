@@ -92,11 +92,11 @@ def test_constants_are_no_arguments_of_functions():
         sys.path.insert(0, {str(Path(__file__).parent)!r})
         from zoo import four_bar
         system = rj.assemble(four_bar())
-        run = rj.simulate(system, np.linspace(0.0, 2.0, 101), rtol=1e-10)
+        run = rj.simulate(system, np.linspace(0.0, 2.0, 101), rtol=1e-10, audit=False)
         rom = rj.reduce(system, rj.pod(run), "minimal")
-        print(bool(rj.simulate(rom, run.t, rtol=1e-10).success))
+        print(bool(rj.simulate(rom, run.t, rtol=1e-10, audit=False).success))
     """
-    assert in_a_process(code, XLA_FLAGS="") == "True"
+    assert in_a_process(code, XLA_FLAGS="--xla_backend_optimization_level=0") == "True"
 
 
 def test_what_a_program_from_the_disk_returns_holds_its_method(folder):
