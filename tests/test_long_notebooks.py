@@ -2,6 +2,7 @@
 
 import pytest
 from documents import LONG, NOTEBOOKS
+from processes import keeping_programs_of_jax
 
 import notebooks
 
@@ -13,5 +14,6 @@ def test_notebook(path, tmp_path):
 
     The outputs are kept: they are those of the site.
     """
-    notebooks.execute(path, tmp_path)
+    with keeping_programs_of_jax():
+        notebooks.execute(path, tmp_path)
     assert notebooks.is_kept(path)

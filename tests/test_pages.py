@@ -11,6 +11,7 @@ import scripts
 from documents import BLOCK, GENERATED, PAGES, ROOT, blocks
 from documents import NOTEBOOKS as NOTEBOOK_FILES
 from names import public
+from processes import keeping_programs_of_jax
 
 import romjax as rj
 from romjax.gallery import EXAMPLES
@@ -41,7 +42,7 @@ PARTS = {"docs/reference/api_introduction.md"}
 
 @pytest.fixture(scope="module")
 def process():
-    with scripts.processes() as pool:
+    with keeping_programs_of_jax(), scripts.processes() as pool:
         yield pool
 
 
