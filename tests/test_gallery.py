@@ -22,7 +22,7 @@ FILES = Path(rj.__file__).parent / "gallery" / "files"
 # At the tolerance of the catalogue; all others with the default settings.
 TIGHTLY = ("slider-crank",)
 # With the balance of energy, which makes a program half as long again: of what shows energies, of a
-# chain in gravity, of contacts, and of what stiffens. That of parts that bend is in test_long_runs.py.
+# chain in gravity, of contacts, and of what stiffens. Parts that bend are in test_long_runs.py.
 AUDITED = ("newtons-cradle", "rotating-blade", "squeezer", "trebuchet", "uncoiling-strip")
 # Those that other tests move too, by one program each, and its method.
 FAST = {"cart-pendulum": zoo.RODAS5P, "four-bar": zoo.DOPRI8, "spinning-top": zoo.DOPRI8}
