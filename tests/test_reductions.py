@@ -13,11 +13,13 @@ from zoo import run
 
 import romjax as rj
 from romjax.plot.labels import Label, place
+from romjax.system.schedule import Schedule
 from romjax.trials.advice import advice, in_order, remark
 from romjax.trials.candidates import families
 from romjax.trials.facts import Facts, freedoms
+from romjax.trials.pace import at_speed
 from romjax.trials.row import ReductionRow
-from romjax.trials.variants import TRAINING, UNSEEN, at_speed, variants
+from romjax.trials.variants import TRAINING, UNSEEN, variants
 
 RIGID = Facts(bodies=3, modes=0, freedoms=1, loops=True)
 
@@ -67,9 +69,21 @@ def test_kinds_of_models_begin_with_the_coarsest():
     assert capped.finer(last, excess=1e6) is None
 
 
+class Cubed(rj.AbstractSignal):
+    """A signal of a user's own."""
+
+    def corners(self):
+        return np.array([0.5])
+
+    def __call__(self, t):
+        return t**3
+
+
 @pytest.mark.parametrize(
     "signal",
     [
+        Cubed(),
+        rj.Constant(2.0),
         rj.Ramp(2.0, 0.3),
         rj.Sine(0.5, frequency=2.0, phase=0.1),
         rj.Chirp(0.5, frequency=2.0, rate=3.0),
@@ -80,10 +94,11 @@ def test_kinds_of_models_begin_with_the_coarsest():
     ids=lambda signal: type(signal).__name__,
 )
 def test_a_faster_drive_goes_through_the_same(signal):
-    """f(s t) at the time t."""
+    """f(s t) at the time t, and steps end at the same."""
     faster = at_speed(signal, 1.25)
     for t in (0.1, 0.3, 0.45):
         assert_close(faster(t), signal(1.25 * t), IDENTITY)
+    assert_close(1.25 * faster.corners(), signal.corners(), IDENTITY)
 
 
 # Systems that tests move anyway, at rest: with a tree of joints, and with a loop and a body that
@@ -93,7 +108,7 @@ def test_other_starts_suit_the_joints(make):
     """Bodies as they are, moved and turning; the starts differ, and modes rest."""
     scene, system = make(), zoo.system(make)
     motion = zoo.motion(make)
-    starts = variants(scene, system, motion, (*TRAINING, *UNSEEN))
+    starts = [next(variants(scene, system, motion, change)) for change in (*TRAINING, *UNSEEN)]
     assert len({tuple(np.round(np.asarray(one.v0), 9).tolist()) for one in starts}) == len(starts)
     for one in starts:
         again = run(one, motion.t[:2])
@@ -103,8 +118,24 @@ def test_other_starts_suit_the_joints(make):
 
 def test_a_moving_start_gets_another_speed():
     scene, system = zoo.slider_crank(), zoo.system(zoo.slider_crank)
-    (faster,) = variants(scene, system, zoo.motion(zoo.slider_crank), UNSEEN[2:])
+    motion = zoo.motion(zoo.slider_crank)
+    faster, later = variants(scene, system, motion, UNSEEN[2])
     assert_close(faster.v0, 1.1 * system.v0, IDENTITY)
+    k = int(0.08 * len(motion.t))
+    assert_close(later.q0, motion.q[k], IDENTITY)
+    assert_close(later.v0, 1.1 * motion.v[k], IDENTITY)
+
+
+def test_loads_in_time_get_another_speed():
+    """And nothing else changes: what rests is not bent by a tilt of its start."""
+    scene, motion = zoo.bars(), zoo.motion(zoo.bars)
+    load = rj.Torque(scene.bodies[0].at(), rj.Step(3.0, start=0.1, duration=0.2))
+    scene = rj.Scene(scene.bodies, scene.joints, [*scene.effects, load])
+    system = rj.assemble(scene)
+    slower = next(variants(scene, system, motion, UNSEEN[0]))
+    assert_close(slower.q0, system.q0, IDENTITY)
+    (signal,) = Schedule.of(slower).single or Schedule.of(slower).stacked
+    assert_close(0.9 * np.ravel(signal.start + signal.duration), 0.3, IDENTITY)
 
 
 def test_freedoms_are_those_of_the_joints():
@@ -139,6 +170,9 @@ def test_the_model_that_pays_comes_first():
     words = advice(order, FULL, RIGID, 1e-3)
     assert words.startswith("Take capped 40 Hz: 9.0 times as fast")
     assert "after 80 runs" in words
+    assert "to 1e-07 where it was not trained" in words
+    alone = advice([row(unseen=math.nan)], FULL, RIGID, 1e-3)
+    assert "to 1e-05 on its training, since no run from another start" in alone
 
 
 @pytest.mark.instant

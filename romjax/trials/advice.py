@@ -71,9 +71,12 @@ def advice(
     best = good[0]
     kind = _KINDS.get(best.formulation, "") if best.rank else _KINEMATICS
     pays = f"{best.pays_after:.0f} runs" if best.pays_after >= 1.5 else "one run"
+    where = "where it was not trained"
+    if math.isnan(best.unseen):
+        where = "on its training, since no run from another start came to its end"
     return (
         f"Take {best.name}: {best.speed_up:.1f} times as fast as the full model, and right to "
-        f"{best.error:.0e} where it was not trained; {kind} It pays after {pays}."
+        f"{best.error:.0e} {where}; {kind} It pays after {pays}."
     )
 
 

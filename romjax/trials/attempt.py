@@ -74,6 +74,7 @@ def simulated(
     rtol: float,
     solver: diffrax.AbstractSolver[Any] | None = None,
     audit: bool = False,
+    max_steps: int = 100_000,
 ) -> Trajectory:
     """A run, by the method that suits the system unless one is given; what speaks against it goes
     to the table. Without the balance of energy, which doubles the time to compile: errors are
@@ -81,7 +82,8 @@ def simulated(
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return simulate(system, ts, rtol=rtol, solver=solver, throw=False, audit=audit)
+        settings: dict[str, Any] = {"throw": False, "audit": audit, "max_steps": max_steps}
+        return simulate(system, ts, rtol=rtol, solver=solver, **settings)
 
 
 def made(full: AssembledSystem, candidate: Candidate, training: list[Truth]) -> tuple[Model, float]:

@@ -40,11 +40,11 @@ def reductions(
     By the structure of the mechanism (drives, loops, flexible bodies, freedoms, plane or space)
     kinds of models are chosen, coarse ones first, and refined until they are accurate; what only
     repeats its training is trained with three runs. Errors are measured on the training, and on
-    three runs that no model has seen: at other speeds of the drives, else from other starts. All
-    models run by the method that suits them, at one tolerance, and are timed in turns with the full
-    one, on a CPU by the time of the processor, so that what else the machine does changes little;
-    without the audit of energy, which takes as long again to compile, and which the runs that
-    errors are measured against have.
+    three runs that no model has seen: at other speeds of drives and loads, else from other starts.
+    All models run by the method that suits them, at one tolerance, and are timed in turns with the
+    full one, on a CPU by the time of the processor, so that what else the machine does changes
+    little; without the audit of energy, which takes as long again to compile, and which the runs
+    that errors are measured against have.
 
     **Arguments:**
 

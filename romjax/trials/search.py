@@ -29,6 +29,8 @@ NO_TIME = "no time left in the budget"
 _SHARPER, _SHARPEST = 1e-2, 1e-12
 # [s] If a run takes longer, those from other starts have the tolerance of the models.
 _LONG = 1.0
+# A run from another start that takes so many times as many steps follows vibrations of its own.
+_MOST_STEPS = 5
 # The most models and refusals of one kind, and the most models where nothing is stiff: there, more
 # of one kind would show the same as the first ones.
 _MOST, _MOST_REFUSED, _MOST_QUICK = 5, 3, 2
@@ -222,11 +224,15 @@ class Search:
 
     def truths(self, changes: Sequence[Change]) -> list[Truth]:
         """Accurate runs of other starts or speeds, of those that can be simulated."""
-        self.progress.doing("other starts" if not self.facts.drives else "other speeds")
-        systems = variants(self.scene, self.system, self.training[0].run, changes)
-        rtol = self.settings.rtol if self.once.work > _LONG else _sharp(self.settings.rtol)
-        truths = [_truth(system, self.full, rtol) for system in systems]
-        return [truth for truth in truths if truth is not None]
+        self.progress.doing("other starts or speeds")
+        first, rtol = self.training[0].run, self.settings.rtol
+        like, rtol = (self.full, rtol) if self.once.work > _LONG else (first, _sharp(rtol))
+        truths = []
+        for change in changes:
+            systems = variants(self.scene, self.system, first, change)
+            runs = (_truth(system, like, rtol, _MOST_STEPS * _steps(like)) for system in systems)
+            truths += [run for run in runs if run is not None][:1]
+        return truths
 
 
 class _Clock:
@@ -250,10 +256,12 @@ class _Clock:
         return time.process_time() + expected <= self.deadline
 
 
-def _truth(system: AssembledSystem, like: Trajectory, rtol: float) -> Truth | None:
-    """A run by the method of another one, unless it fails."""
+def _truth(
+    system: AssembledSystem, like: Trajectory, rtol: float, most: int = 100_000
+) -> Truth | None:
+    """A run by the method of another one, unless it fails or takes more than `most` steps."""
     try:
-        run, taken = timed(lambda: simulated(system, like.t, rtol, like.solver, audit=True))
+        run, taken = timed(lambda: simulated(system, like.t, rtol, like.solver, True, most))
     except InputError:  # no start
         return None
     return Truth(system, run, taken) if bool(run.success) else None

@@ -1,10 +1,10 @@
-"""The same mechanism from other starts, or driven at other speeds."""
+"""The same mechanism from other starts, or driven and loaded at other speeds."""
 
 import dataclasses
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
-import equinox as eqx
+import jax
 import numpy as np
 
 from ..assembly.assemble import assemble
@@ -14,9 +14,10 @@ from ..integrate.trajectory import Trajectory
 from ..linalg import quaternions
 from ..scene.marker import GROUND
 from ..scene.scene import Scene, markers_of
-from ..scene.signal import AbstractSignal, Chirp, Ramp, Sine, Step, Sum, Table
+from ..scene.signal import AbstractSignal, Constant, Held
 from ..system.structure import without_names
 from .facts import Joined, drives, joined
+from .pace import at_speed
 
 
 class Change(NamedTuple):
@@ -56,54 +57,57 @@ _SWEEPS, _CLOSED, _RANK = 20, 1e-13, 1e-9
 
 
 def variants(
-    scene: Scene, system: AssembledSystem, run: Trajectory, changes: Sequence[Change]
-) -> list[AssembledSystem]:
-    """The system with other speeds of its drives; without drives, at other speeds of a start that
-    moves; of one that rests, tilted and turning about where it is held. All joints hold.
+    scene: Scene, system: AssembledSystem, run: Trajectory, change: Change
+) -> Iterator[AssembledSystem]:
+    """Yield the mechanism with another speed of its drives and of its loads in time; without them,
+    at another speed of a start that moves; of one that rests, tilted and turning about where it is
+    held. All joints hold.
+
+    Where that bends what is stiff, it excites vibrations that no run may follow to its end. So
+    there comes another one then without drives: a later state of the motion, slower, which is as
+    smooth as the motion is.
     """
-    if drives(scene):
-        return [_driven(scene, system, change.speed) for change in changes]
     metric, v = np.asarray(run.metric), np.asarray(run.v)
     squared = np.einsum("ki,ij,kj->k", v, metric, v)
-    if squared[0] > _MOVING**2 * np.max(squared):
-        return [dataclasses.replace(system, v0=change.speed * system.v0) for change in changes]
-    return [_moved(scene, system, run, change) for change in changes]
+    if _signals(scene):
+        yield _paced(scene, system, change.speed)
+    elif squared[0] > _MOVING**2 * np.max(squared):
+        yield dataclasses.replace(system, v0=change.speed * system.v0)
+    else:
+        moved = _moved(scene, system, run, change)
+        if moved is not None:
+            yield moved
+    if not drives(scene):
+        k = int(len(v) * abs(change.tilt))
+        yield dataclasses.replace(system, q0=run.q[k], v0=change.speed * run.v[k])
 
 
-def _driven(scene: Scene, system: AssembledSystem, speed: float) -> AssembledSystem:
-    """Scale the speed of all drives, and the rates of the start alike, so that joints still fit."""
-    joints = list(scene.joints)
-    for i in drives(scene):
-        faster = at_speed(joints[i].signal, speed)  # type: ignore[attr-defined]
-        joints[i] = eqx.tree_at(lambda joint: joint.signal, joints[i], faster)
-    other = assemble(Scene(scene.bodies, joints, scene.effects))
+def _signals(scene: Scene) -> list[AbstractSignal]:
+    """The signals of joints and effects that change with time."""
+    parts = jax.tree.leaves((scene.joints, scene.effects), is_leaf=_is_signal)
+    return [x for x in parts if _is_signal(x) and not isinstance(x, Constant | Held)]
+
+
+def _is_signal(x: Any) -> bool:
+    return isinstance(x, AbstractSignal)
+
+
+def _paced(scene: Scene, system: AssembledSystem, speed: float) -> AssembledSystem:
+    """Scale the speed of all signals, and the rates of the start, so that joints still fit."""
+    joints, effects = jax.tree.map(
+        lambda x: at_speed(x, speed) if _is_signal(x) else x,
+        (scene.joints, scene.effects),
+        is_leaf=_is_signal,
+    )
+    other = assemble(Scene(scene.bodies, joints, effects))
     return dataclasses.replace(other, q0=system.q0, v0=speed * system.v0)
-
-
-def at_speed(signal: AbstractSignal, speed: float) -> AbstractSignal:
-    """The signal with its time running faster by a factor; of an unknown kind, as it is."""
-    match signal:
-        case Ramp():
-            return Ramp(signal.rate * speed, signal.offset)
-        case Sine():
-            return Sine(signal.amplitude, signal.frequency * speed, signal.phase)
-        case Chirp():
-            return Chirp(signal.amplitude, signal.frequency * speed, signal.rate * speed**2)
-        case Table():
-            return Table(signal.times / speed, signal.values)
-        case Step():
-            return Step(signal.height, signal.start / speed, signal.duration / speed)
-        case Sum():
-            return Sum(tuple(at_speed(term, speed) for term in signal.terms))
-    return signal
 
 
 def _moved(
     scene: Scene, system: AssembledSystem, run: Trajectory, change: Change
-) -> AssembledSystem:
-    """Return the mechanism tilted and turning as a whole, as far as the joints allow.
-
-    Where they allow nothing, it starts from a later state of the motion, slower.
+) -> AssembledSystem | None:
+    """Return the mechanism tilted and turning as a whole, as far as the joints allow; None where
+    they allow nothing.
     """
     posed = _Posed(system, np.asarray(run.metric))
     pivot, axis = _pivot(scene, system), np.asarray(change.axis) / np.linalg.norm(change.axis)
@@ -111,8 +115,7 @@ def _moved(
     whole = _turning(system, q0, pivot, axis)
     field = posed.fitting(q0, whole)
     if posed.size(field) <= _HELD * posed.size(whole):
-        k = int(len(q) * abs(change.tilt))
-        return dataclasses.replace(system, q0=run.q[k], v0=change.speed * run.v[k])
+        return None
     farthest, fastest = (posed.share(x, field) for x in (q - q0, v))
     tilt = float(np.sign(change.tilt)) * min(_LARGEST_TILT, abs(change.tilt) * farthest)
     spin = change.spin * fastest

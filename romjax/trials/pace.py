@@ -1,0 +1,60 @@
+"""Signals whose time runs faster."""
+
+from jaxtyping import Array, Float
+
+from ..common.arrays import Time, as_array
+from ..scene.signal import (
+    AbstractSignal,
+    Chirp,
+    Constant,
+    Held,
+    Ramp,
+    Sine,
+    Step,
+    Sum,
+    Table,
+)
+
+
+def at_speed(signal: AbstractSignal, speed: float) -> AbstractSignal:
+    """The signal with its time running faster by a factor."""
+    match signal:
+        case Ramp():
+            return Ramp(signal.rate * speed, signal.offset)
+        case Sine():
+            return Sine(signal.amplitude, signal.frequency * speed, signal.phase)
+        case Chirp():
+            return Chirp(signal.amplitude, signal.frequency * speed, signal.rate * speed**2)
+        case Table():
+            return Table(signal.times / speed, signal.values)
+        case Step():
+            return Step(signal.height, signal.start / speed, signal.duration / speed)
+        case Sum():
+            return Sum(tuple(at_speed(term, speed) for term in signal.terms))
+        case Constant() | Held():
+            return signal
+    return Paced(signal, as_array(speed))
+
+
+class Paced(AbstractSignal):
+    """A signal of a user's own, with its time running faster by the factor `speed`."""
+
+    signal: AbstractSignal
+    speed: Float[Array, ""]
+
+    @property
+    def smooth(self) -> bool:  # type: ignore[override]
+        return self.signal.smooth
+
+    @property
+    def is_known(self) -> bool:
+        return self.signal.is_known
+
+    def __call__(self, t: Time) -> Float[Array, ""]:
+        return self.signal(self.speed * t)
+
+    def corners(self) -> Float[Array, " k"]:
+        return self.signal.corners() / self.speed
+
+    def longest_step(self, t: Time) -> Float[Array, ""]:
+        return self.signal.longest_step(self.speed * t) / self.speed
