@@ -70,7 +70,7 @@ SCENES |= {
     f"space {k}": (functools.partial(random_spatial_scene, 20 * k, k), 0.1) for k in range(10)
 }
 FAST = ("beams",)
-SLOW = ("rods", "loop in space", REPEATING, "plane 4", "space 3")
+SLOW = ("rods", REPEATING, "plane 4")
 
 
 @jax.jit
@@ -173,8 +173,12 @@ def steps(system, state, tangent):
     return found
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("make", [zoo.falling_beams, SCENES["hinge made twice"][0]])
+REPEATED_ROWS = SCENES["hinge made twice"][0]
+
+
+@pytest.mark.parametrize(
+    "make", in_groups([zoo.falling_beams, REPEATED_ROWS], slow=[REPEATED_ROWS])
+)
 def test_steps_by_parts_are_those_of_the_whole(make):
     """And their derivatives, and lanes of a batch: of a tree, and with rows that repeat others."""
     system = rj.assemble(make())

@@ -113,7 +113,7 @@ def test_kept_values_that_repeat(kind, gap):
     st.lists(st.sampled_from([0, 0, 1, 1, 2, 5]), min_size=63, max_size=63),
     st.sampled_from([np.int64, np.float32, np.float64]),
 )
-@settings(max_examples=30, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 def test_bases_of_any_snapshots(rows, columns, numbers, kind):
     """Integers with zero rows, duplicate columns and few snapshots: modes are orthonormal, miss
     what they must, and have finite derivatives.
