@@ -8,8 +8,9 @@ import pytest
 # Files of the slow and of the fast tests that take longest, the longest first: those that come last
 # leave one of two processes without work.
 LONGEST = (
-    *("long_notebooks", "notebooks", "gallery", "reduce_over", "capped", "reduce_to"),
-    *("sensitivities", "gradients", "singular_positions", "cli", "every_parameter", "commands"),
+    *("long_notebooks", "notebooks", "pages", "compiled", "published", "gallery", "reduce_over"),
+    *("capped", "reduce_to", "sensitivities", "gradients", "singular_positions", "cli"),
+    *("every_parameter", "commands"),
     *("reduced_models", "events", "local", "ranks", "bases", "minimal", "tables", "results"),
     *("audit", "hyper", "accuracy", "identities", "program_cache", "reduction", "structure"),
 )
