@@ -137,12 +137,20 @@ def room_for_programs():
         return
     used = int(sizes.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     if used > MOST_MEMORY or len(maps.read_text().splitlines()) > MOST_MAPS:
-        for program in [x for x in gc.get_objects() if isinstance(x, Program)]:
+        for program in [x for x in gc.get_referrers(Program) if type(x) is Program]:
             program._compiled.cache_clear()
         jax.clear_caches()
         gc.collect()
         with contextlib.suppress(AttributeError):  # of another C library
             ctypes.CDLL(None).malloc_trim(0)
+
+
+@pytest.fixture
+def only_new_garbage():
+    """For tests that look for cycles: seconds, where they look at all that others have traced."""
+    gc.freeze()
+    yield
+    gc.unfreeze()
 
 
 @pytest.fixture(scope="module")

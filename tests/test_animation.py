@@ -150,7 +150,7 @@ def test_notebooks_show_it_in_a_frame(moving, scene, falling):
     assert '"frames":31,' in html.unescape(falling._repr_html_())
 
 
-def test_a_comparison_shows_both_motions(falling):
+def test_a_comparison_shows_both_motions(falling, only_new_garbage):
     """As long as both are there, and know their mechanism."""
     approx = falling.every(1)
     report = rj.compare(falling, approx)

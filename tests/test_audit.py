@@ -128,7 +128,7 @@ def test_energies_of_a_reduced_model_are_those_of_the_mechanism():
 
 
 def test_a_run_without_a_balance_has_no_energy_history():
-    motion = run(point_pendulum(), audit=False)
+    motion = moved(point_pendulum(), TS)
     assert motion.balance is None
     assert motion.is_valid
     with pytest.raises(rj.InputError, match="no balance of energy; simulate it with audit=True"):

@@ -61,6 +61,7 @@ def test_check(tmp_path, capsys):
         assert word in said
 
 
+@pytest.mark.slow
 def test_check_counts_no_lengths_of_quaternions(capsys):
     """A body on a ball joint turns about three axes."""
     path = Path(rj.__file__).parent / "gallery" / "files" / "spinning-top.toml"

@@ -220,7 +220,7 @@ def test_what_is_not_known_is_not_measured(halved):
     assert not left_out._is_known(SnapshotSet.of(motion))
 
 
-def test_what_is_remembered_is_forgotten_with_the_model():
+def test_what_is_remembered_is_forgotten_with_the_model(only_new_garbage):
     """The motions after they were repeated, the rest with the model."""
     motion, rom = model(zoo.five_bar, "minimal", 2)
     training = training_of(rom)

@@ -9,7 +9,7 @@ import zoo
 from comparison import assert_close
 from groups import in_groups
 from mechanics import marker_place
-from tolerances import DIFFERENCED, IDENTITY
+from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
 from romjax.measure.states import accelerations
@@ -89,6 +89,17 @@ def test_reduced_models_agree(truth, reduced):
                 assert np.max(limit[at]) < NOTICED * np.max(np.abs(wanted)), name
 
 
+def test_joint_forces_of_rigid_bodies_agree():
+    """Of two bars by their two angles, which leave nothing out."""
+    motion = zoo.motion(zoo.bars)
+    rom = rj.reduce(motion.system, rj.pod(motion, rank=2), "minimal")
+    full = rj.joint_forces(motion.system, motion)
+    approx = rj.joint_forces(rom, zoo.run(rom, motion.t))
+    for key in full:
+        assert np.max(relative_difference(approx[key].force, full[key].force)) < 10 * SOLVED, key
+
+
+@pytest.mark.slow
 def test_joint_forces_of_reduced_models_agree(truth, reduced):
     full, approx = (rj.joint_forces(*x)["hinge"].force for x in ((truth.system, truth), reduced))
     assert np.max(relative_difference(approx, full)) < DROPPED

@@ -37,9 +37,9 @@ MECHANISMS = {
 }
 
 
-# The charts of one four-bar that goes round stand for those of the others, the redundant one for
-# loops whose charts do not change.
-LONG = ("redundant four-bar",)
+# The charts of one four-bar that goes round stand for those of the others, these for loops whose
+# charts do not change.
+LONG = ("redundant four-bar", "slider crank")
 
 
 @pytest.fixture(
