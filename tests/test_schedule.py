@@ -98,6 +98,27 @@ class Jump(AbstractSignal):
         return jnp.asarray(self.start)[None]
 
 
+class Twice(AbstractSignal):
+    """A signal that holds others, in a field and in a list."""
+
+    one: AbstractSignal
+    others: list[AbstractSignal]
+
+    def __call__(self, t):
+        return self.one(t) + sum(other(t) for other in self.others)
+
+
+@pytest.mark.instant
+@pytest.mark.parametrize("start", [0.5, np.nan])
+def test_signals_hold_signals(start):
+    signal = Twice(Jump(0.1), [Jump(start)])
+    if np.isnan(start):
+        with pytest.raises(rj.SceneError, match="'body'.*Jump.start"):
+            signal.check("force on 'body'")
+    else:
+        signal.check("force on 'body'")
+
+
 def test_steps_with_a_signal_that_says_nothing_end_at_outputs():
     assert not Silent(0.463).is_known
     run = rj.simulate(pushed(Silent(0.463)), np.linspace(0.0, 1.0, 101))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import jax.tree_util as jtu
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -81,9 +82,13 @@ class AbstractSignal(eqx.Module):
         return self
 
     def check(self, owner: str) -> None:
+        """Raise SceneError for numbers that are not finite, its own and those of signals in it."""
         for name, value in vars(self).items():
-            if value is not None:
-                check_finite(owner, f"{type(self).__name__}.{name}", as_array(value))
+            for part in jtu.tree_leaves(value, is_leaf=lambda x: isinstance(x, AbstractSignal)):
+                if isinstance(part, AbstractSignal):
+                    part.check(owner)
+                elif eqx.is_array_like(part):
+                    check_finite(owner, f"{type(self).__name__}.{name}", as_array(part))
 
 
 if TYPE_CHECKING:  # why, see fields.py
@@ -276,7 +281,3 @@ class Sum(AbstractSignal):
                 begun = term.starting_at(value - sum(others))
                 return Sum((*self.terms[:i], begun, *self.terms[i + 1 :]))
         return self
-
-    def check(self, owner: str) -> None:
-        for term in self.terms:
-            term.check(owner)

@@ -13,10 +13,10 @@ The inertia of a joint itself, such as that of a rotor (`JointInertia`), is a co
 from typing import ClassVar
 
 import equinox as eqx
-import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.arrays import Time
+from ..common.arrays import Numbers, Time
 from .coordinate import Coordinate
 from .joint.base import AbstractJoint
 from .marker import Marker, Pose
@@ -34,8 +34,9 @@ class TurnCounter(AbstractOneCoordinate):
     def weight(self) -> Float[Array, ""]:
         return self.inertia
 
-    def start(self) -> tuple[Float[Array, "1"], Float[Array, "1"]]:
-        none = jnp.zeros_like(self.inertia)[None]
+    def start(self) -> tuple[Float[Numbers, "1"], Float[Numbers, "1"]]:
+        # Of NumPy: as operations of JAX, zeros for each counter are programs that assembling waits for.
+        none = np.zeros(1, self.inertia.dtype)
         return none, none
 
     def coordinates(self) -> tuple[Coordinate, ...]:
