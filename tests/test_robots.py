@@ -1,28 +1,19 @@
 """Robots of MJCF and URDF: what comes in, what is refused, and that they move as MuJoCo's do."""
 
 import re
-from pathlib import Path
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from robot_files import accelerations, close_exactly, hold, loop, state, tree
-from tolerances import DIFFERENCED, IDENTITY, SOLVED
+from robot_files import GALLERY, ROBOTS
+from tolerances import IDENTITY, SOLVED
 from zoo import run
 
 import romjax as rj
-from romjax.assembly.counting import with_counter_starts
 from romjax.files.robots.vocabulary import ALL, MJCF, key
 from romjax.files.summary import describe_file
-from romjax.linalg import quaternions
 
 mujoco = pytest.importorskip("mujoco")
-
-GALLERY = Path(rj.gallery.__file__).parent / "robots"
-ROBOTS = ["arm.xml", "parallelogram_arm.xml", "leg.xml", "delta.xml", "gripper.urdf"]
-# Required: of accelerations, relative to the largest.
-ALIKE = 1e-10
 
 
 # The vocabulary.
@@ -195,76 +186,7 @@ def test_includes_and_what_is_left_out(tmp_path):
     assert [body.name for body in scene.bodies] == ["a", "body2"]
 
 
-# Motion.
-
-
-def moving(scene, model, count, spread, seed=1):
-    """States of MuJoCo's in which all constraints hold, each with the system at it."""
-    system, random = rj.assemble(scene), np.random.default_rng(seed)
-    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    data, own = mujoco.MjData(model), 7 * len(scene.bodies)
-    rest = np.zeros(system.n - own)
-    for _ in range(count):
-        hold(model, data, random, spread)
-        if model.neq:
-            close_exactly(model, data)
-        q, v = (jnp.concatenate([x, rest]) for x in state(scene, model, data))
-        there = eqx.tree_at(lambda s: (s.q0, s.v0), system, (q, v))
-        yield with_counter_starts(there) if system.structure.counters else there, data
-
-
-@eqx.filter_jit
-def computed(system):
-    """The violation of joints, and the accelerations of coordinates."""
-    acceleration, _ = system.acceleration(0.0, system.q0, system.v0)
-    return system.constraint(0.0, system.q0), acceleration
-
-
-def compare_with_mujoco(path, states, spread=0.7):
-    """Joints hold in every state of MuJoCo's, and all bodies accelerate as there."""
-    scene, model = rj.load_scene(path), mujoco.MjModel.from_xml_path(str(path))
-    alike = DIFFERENCED if model.neq else ALIKE
-    for system, data in moving(scene, model, states, spread):
-        violation, rates = (np.asarray(x) for x in computed(system))
-        q, v = np.asarray(system.q0), np.asarray(system.v0)
-        own = []
-        for i in range(len(scene.bodies)):
-            p, speed, rate = (x[7 * i + 3 : 7 * i + 7] for x in (q, v, rates))
-            # Of the quaternion p of unit length, ω' = 2 E p'' − 4 (p·p') E p'.
-            space = quaternions.space_matrix(p)
-            turning = 2 * quaternions.apply(space, rate - 2 * (p @ speed) * speed)
-            own.append([*rates[7 * i : 7 * i + 3], *turning])
-        expected = accelerations(scene, model, data)
-        assert np.max(np.abs(violation)) < IDENTITY
-        assert np.max(np.abs(np.array(own) - expected)) < alike * np.max(np.abs(expected))
-
-
-def test_a_random_tree_accelerates_as_by_mujoco(tmp_path):
-    """Hinges, slides, several joints on a body, links fixed to others, springs, armature, motors
-    behind gears, at random states.
-    """
-    compare_with_mujoco(written(tmp_path, tree(4, seed=2)), 5)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("count", [2, 40])
-def test_random_trees_accelerate_as_by_mujoco(count, tmp_path):
-    compare_with_mujoco(written(tmp_path, tree(count, seed=count)), 25, spread=0.3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("count", [12])
-def test_random_loops_accelerate_exactly(count, tmp_path):
-    """Points that are connected and joints that are coupled, against Lagrange's multipliers on
-    MuJoCo's matrices, whose own loops yield.
-    """
-    compare_with_mujoco(written(tmp_path, loop(count, seed=count)), 10, spread=0.1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ROBOTS)
-def test_the_robots_of_the_gallery_accelerate_exactly(name):
-    compare_with_mujoco(GALLERY / name, 10, spread=0.1)
+# Motion: of whole files in test_robot_motion.py.
 
 
 def test_a_tendon_over_sites_is_a_rope(tmp_path):
@@ -281,8 +203,8 @@ def test_a_tendon_over_sites_is_a_rope(tmp_path):
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     system = rj.assemble(scene)
-    _, found = computed(system)
-    assert abs(float(found[2]) - data.qacc[0]) < ALIKE * abs(data.qacc[0])
+    found, _ = eqx.filter_jit(lambda s: s.acceleration(0.0, s.q0, s.v0))(system)
+    assert abs(float(found[2]) - data.qacc[0]) < IDENTITY * abs(data.qacc[0])
     refused(tmp_path, text.replace("{low}", "0.3"), ":2: tendon 'r': it runs over several sites")
 
 

@@ -16,7 +16,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.arrays import Numbers, Time
+from ..common.arrays import Time, as_jax
 from .coordinate import Coordinate
 from .joint.base import AbstractJoint
 from .marker import Marker, Pose
@@ -34,9 +34,9 @@ class TurnCounter(AbstractOneCoordinate):
     def weight(self) -> Float[Array, ""]:
         return self.inertia
 
-    def start(self) -> tuple[Float[Numbers, "1"], Float[Numbers, "1"]]:
-        # Of NumPy: as operations of JAX, zeros for each counter are programs that assembling waits for.
-        none = np.zeros(1, self.inertia.dtype)
+    def start(self) -> tuple[Float[Array, "1"], Float[Array, "1"]]:
+        # By NumPy: zeros of JAX would be a program, which assembling waits for.
+        none = as_jax(np.zeros(1, self.inertia.dtype))
         return none, none
 
     def coordinates(self) -> tuple[Coordinate, ...]:
