@@ -10,6 +10,7 @@ import pytest
 from zoo import run
 
 import romjax as rj
+from romjax.integrate.ticks import ticked
 
 MASS, PERIOD = 2.0, 0.1
 GAINS = 3.0, 4.0
@@ -152,6 +153,26 @@ def test_gradients_by_what_a_function_holds():
     assert np.allclose(many, [late(gains), late(1.1 * gains)], rtol=1e-12)
 
 
+def test_a_model_with_fewer_modes_ticks():
+    """What it measures and sets has other places among its coordinates than in the full system."""
+    beam = rj.Beam("beam", 1.0, 1.0, EI=20.0, modes=3, position=(0.5, 0.0))
+    load = rj.RigidBody("load", MASS, 0.1, position=(1.0, 0.0))
+    clock = rj.Sampled(PERIOD, _doubled, ["load.x"], ["push"], name="clock")
+    joints = [rj.Revolute(beam.at("start"), rj.ground.at()), rj.Weld(load.at(), beam.at("end"))]
+    force = rj.Force(load.at(), (0.0, 1.0), rj.Held("push"))
+    system = rj.assemble(rj.Scene([beam, load], joints, [clock, force]))
+    bent = np.zeros((system.n, 1))
+    bent[3] = 1.0
+    local = rj.reduce(system, rj.Basis.from_modes(bent, system.q0), "local")
+    assert local.n == system.n - 2
+    after = ticked(local, jnp.zeros(()), local.q0, local.v0)
+    np.testing.assert_array_equal(after, [*local.v0[:-1], 2.0])
+
+
+def _doubled(t, state, measured):
+    return 2 * measured, state
+
+
 @pytest.mark.instant
 def test_what_cannot_be_says_so(tmp_path):
     clock = scene().effects[0]
@@ -171,7 +192,7 @@ def test_what_cannot_be_says_so(tmp_path):
         rj.Sampled(1.0, clock.function, [], ["a", "a"])
     with pytest.raises(rj.SceneError, match="a Sampled cannot be written to a file"):
         scene().save(tmp_path / "clock.toml")
-    for ask in (rj.equilibrium, rj.modes):
+    for ask in (rj.equilibrium, rj.modes, lambda system: rj.linearize(system, {}, {})):
         with pytest.raises(rj.InputError, match="the controller 'clock' acts at its ticks"):
             ask(rj.assemble(scene()))
     with pytest.raises(rj.InputError, match="sampled controllers act between the steps"):

@@ -19,7 +19,7 @@ from ..measure.quantity import AbstractQuantity, Coordinate
 from ..scene.coordinate import INTEGRAL
 from ..scene.effect.base import AbstractMarkerEffect
 from ..system.base import AbstractSystem, check_system
-from .tangent import independent_constraints, refuse_slips, tangent_of
+from .tangent import independent_constraints, refuse_clocks, refuse_slips, tangent_of
 
 # What acts: an effect of unit strength, or generalized forces of physical coordinates.
 Input = AbstractMarkerEffect | Callable[..., Array]
@@ -80,13 +80,15 @@ def linearize(
     - `at`, `v` (n,): the state, that of the system at rest at its start unless given, such as
       `equilibrium(system)`. `t`: time [s].
 
-    Differentiable and batchable. Raises InputError for a wrong shape or an unknown name.
+    Differentiable and batchable. Raises InputError for a wrong shape or an unknown name, and for
+    controllers with a clock, whose laws no equation of motion has.
     """
     check_system("linearize", system)
     q = system.q0 if at is None else as_array(at)
     velocity = system.structure.at_rest(q) if v is None else as_array(v)
     check_shape("linearize", "at", q, (system.n,))
     check_shape("linearize", "v", velocity, (system.n,))
+    refuse_clocks("linearize", system)
     refuse_slips("linearize", system, v is not None)
     time = jnp.asarray(t, q.dtype)
     named = outputs if isinstance(outputs, Mapping) else {label: label for label in outputs}

@@ -31,8 +31,10 @@ class Controller(eqx.Module):
     def ticked(
         self, system: Any, t: Array, q: Float[Array, " n"], v: Float[Array, " n"]
     ) -> Float[Array, " n"]:
-        """The velocities after a tick, if t is one."""
-        columns = jnp.array(self.columns)
+        """The velocities of a full or reduced system after a tick, if t is one."""
+        # A model of fewer coordinates has the same states, elsewhere.
+        places = dict(zip(system.full.structure.states, system.structure.states, strict=True))
+        columns = jnp.array([places[column] for column in self.columns])
 
         def tick(v: Array) -> Array:
             measured = [jnp.asarray(what(system, t, q, v)) for what in self.sampled.measured]

@@ -51,9 +51,10 @@ class Labelled(eqx.Module):
     label: str = eqx.field(static=True)
 
     def __call__(self, system: Any, t: Time, q: Array, v: Array) -> Float[Array, ""]:
-        del t
-        column, is_rate = self.place(system.structure.labels)
-        return (v if is_rate else q)[column]
+        column, is_rate = self.place(system.full.structure.labels)
+        state = system.state(t, q, v)
+        measured: Array = (state.v if is_rate else state.q)[column]
+        return measured
 
     def place(self, labels: tuple[str, ...]) -> tuple[int, bool]:
         """The number of the coordinate, and whether it is its rate; SceneError if there is none."""
