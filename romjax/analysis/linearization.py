@@ -84,11 +84,11 @@ def linearize(
     controllers with a clock, whose laws no equation of motion has.
     """
     check_system("linearize", system)
+    refuse_clocks("linearize", system)
     q = system.q0 if at is None else as_array(at)
     velocity = system.structure.at_rest(q) if v is None else as_array(v)
     check_shape("linearize", "at", q, (system.n,))
     check_shape("linearize", "v", velocity, (system.n,))
-    refuse_clocks("linearize", system)
     refuse_slips("linearize", system, v is not None)
     time = jnp.asarray(t, q.dtype)
     named = outputs if isinstance(outputs, Mapping) else {label: label for label in outputs}
