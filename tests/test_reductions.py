@@ -39,6 +39,7 @@ def test_models_are_chosen_by_structure():
     assert "hyper" not in kinds(bodies=8, freedoms=8, loops=False, space=True)
     bent = {"modes": 4, "freedoms": 5, "caps": (40.0, 80.0)}
     assert kinds(**bent)[:2] == ["capped", "local"]
+    assert kinds(**bent, space=True)[:2] == ["joint", "capped"]
     assert kinds(bodies=8, freedoms=8, loops=False, steps=5000)[:2] == ["minimal", "hyper"]
     assert kinds(**bent, drives=1)[0] == "galerkin"
     assert "local" not in kinds()
