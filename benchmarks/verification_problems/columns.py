@@ -33,7 +33,10 @@ def critical(flexibility, guess: float) -> float:
 
 
 def softest(load, gravity=0.0) -> float:
-    found = 1 / squares(load, gravity)
+    try:
+        found = 1 / squares(load, gravity)
+    except np.linalg.LinAlgError:  # of a load that is critical to the last digit
+        return np.inf
     return found[np.argmax(np.abs(found))]
 
 
