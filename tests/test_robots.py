@@ -233,6 +233,14 @@ def test_links_that_are_fixed_are_one_body(arm):
 
 
 @pytest.mark.instant
+def test_links_without_geoms_are_drawn_around_their_points():
+    """Of an excavator as large as one, whatever its file has to draw."""
+    boom = rj.load_scene(GALLERY / "excavator.urdf").bodies[1]
+    along, across, up = np.ptp(np.asarray(boom.extent), axis=0)
+    np.testing.assert_allclose([along, across, up], [5.7, 0.57, 0.85], rtol=IDENTITY)
+
+
+@pytest.mark.instant
 def test_keyframes_are_starts(arm):
     """Its hand is where two links and the turn of the wrist bring it."""
     tip = np.asarray(arm.bodies[-1].pose("origin").position)

@@ -6,8 +6,10 @@ import numpy as np
 
 from ...scene.placement import Placement
 
-# Of a body without a geom, an edge [m].
+# Of a body without a geom and without a point beside its origin, an edge [m].
 _SMALL = 0.05
+# Of other bodies without a geom, the smallest edge as a share of the largest.
+_THIN = 0.1
 # By the numbers that MuJoCo gives to the shapes: spheres, capsules, ellipsoids, cylinders, boxes.
 _SHAPES = (2, 3, 4, 5, 6)
 # A way along the edges of a box, by its corners.
@@ -16,7 +18,9 @@ _CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1
 
 
 def outline_of(arrays: Any, links: list[int], within: Any) -> Any:
-    """The edges (corners, 3) of boxes around the geoms of a body, one after the other [m]."""
+    """The edges (corners, 3) of boxes around the geoms of a body, one after the other [m]; of one
+    without geoms, of a box around its points, so that it is as large as the robot is.
+    """
     lines = []
     for geom in range(arrays.ngeom):
         link, kind = int(arrays.geom_bodyid[geom]), int(arrays.geom_type[geom])
@@ -27,7 +31,23 @@ def outline_of(arrays: Any, links: list[int], within: Any) -> Any:
         lines.append(place.point(box))
     if lines:
         return np.concatenate(lines)
-    return 0.5 * _SMALL * _CORNERS[list(_WAY)]
+    points = _points(arrays, links, within)
+    low, high = points.min(axis=0), points.max(axis=0)
+    largest = np.max(high - low)
+    half = np.maximum(0.5 * (high - low), 0.5 * (_THIN * largest if largest else _SMALL))
+    return 0.5 * (low + high) + half * _CORNERS[list(_WAY)]
+
+
+def _points(arrays: Any, links: list[int], within: Any) -> Any:
+    """Where a body begins, and where its sites, its links, and the bodies that it carries are."""
+    points = [within[link].position for link in links]
+    for positions, owners in (
+        (arrays.site_pos, arrays.site_bodyid),
+        (arrays.body_pos[1:], arrays.body_parentid[1:]),
+    ):
+        pairs = zip(positions, owners, strict=True)
+        points += [within[int(link)].point(at) for at, link in pairs if int(link) in links]
+    return np.stack(points)
 
 
 def _half_edges(kind: int, size: Any) -> Any:
