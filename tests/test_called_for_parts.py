@@ -126,7 +126,7 @@ def test_a_term_of_inertia_that_is_none_is_not_traced(term):
     assert plain.force < one.force
 
 
-@pytest.mark.parametrize("term", in_groups(TERMS, fast=["swing", "foreshortening"], slow=TERMS))
+@pytest.mark.parametrize("term", in_groups(TERMS, fast=["swing", "foreshortening"]))
 def test_nor_is_the_only_one_that_is_missing(term):
     """In a full matrix its place is held by a constant. Centre and swing alone are put there as
     they are; all the others are multiplied.

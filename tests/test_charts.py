@@ -151,7 +151,7 @@ def apart(found, wanted):
 
 @pytest.mark.parametrize(
     "solver",
-    [diffrax.Tsit5(), pytest.param(rj.Rodas5P(), marks=pytest.mark.slow)],
+    [diffrax.Tsit5(), pytest.param(rj.Rodas5P(), marks=pytest.mark.exhaustive)],
     ids=["Tsit5", "Rodas5P"],
 )
 def test_the_same_steps_as_in_one_chart(solver):

@@ -75,6 +75,7 @@ def test_without_freedom_a_model_is_kinematics(formulation):
         assert_close(torque, right, WITH_RATES, scale=np.ptp(right))
 
 
+@pytest.mark.slow
 def test_a_refusal_names_what_was_tried():
     system, truth = case("four-bar")
     words = (

@@ -81,7 +81,7 @@ def state_of(rom, seed, size=0.3):
 
 @pytest.mark.parametrize(
     ("make", "n"),
-    [(zoo.bars, 2), (zoo.ball_bars, 8)],
+    [pytest.param(zoo.bars, 2, marks=pytest.mark.slow), (zoo.ball_bars, 8)],
     ids=["in the plane", "in space"],
 )
 def test_a_chain_accelerates_as_with_constraints(make, n):

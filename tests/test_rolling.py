@@ -39,7 +39,9 @@ def sleigh_by_hand() -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "stabilization", ["alike", rj.Projection()], ids=["Baumgarte", "projected"]
+    "stabilization",
+    ["alike", pytest.param(rj.Projection(), marks=pytest.mark.slow)],
+    ids=["Baumgarte", "projected"],
 )
 def test_sleigh_is_that_of_other_equations(stabilization):
     moved = run(rj.assemble(sleigh()), TIMES, audit=True, stabilization=stabilization)

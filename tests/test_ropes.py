@@ -32,7 +32,7 @@ def machine(masses, d=2):
     return rj.Scene([one, other], effects=[gravity, rope]), tension
 
 
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_atwoods_machine(d):
     """Starts in balance with the stretch of its steady tension, and falls with (m − M) g / (m + M)
     from there without any vibration.

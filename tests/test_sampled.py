@@ -53,7 +53,11 @@ def recursion(late: bool) -> tuple[np.ndarray, np.ndarray]:
     return np.array(places), np.array(forces)
 
 
-@pytest.mark.parametrize("late", [False, True], ids=["at once", "a tick late"])
+@pytest.mark.parametrize(
+    "late",
+    [pytest.param(False, marks=pytest.mark.exhaustive), True],
+    ids=["at once", "a tick late"],
+)
 def test_feedback_of_a_double_integrator_is_a_recursion(late):
     moved = run(rj.assemble(scene(late=late)), TIMES, audit=True)
     places, forces = recursion(late)

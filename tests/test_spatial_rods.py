@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
+from groups import in_groups
 from jaxtyping import Array, Float
 from motions import through
 from test_rods import ALIKE
@@ -124,7 +125,7 @@ def _deflection(beam, load):
 # The mechanics of one rod.
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", in_groups(KINDS, fast=["elastic"], slow=["natural"]))
 def test_closed_forms_are_those_of_autodiff(kind):
     one, rng = rod(**KINDS[kind]), np.random.default_rng(0)
     q, v = jnp.asarray(rng.normal(size=(2, 14)))
