@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.linalg
+import scipy.optimize
 import zoo
 from zoo import run
 
@@ -203,6 +204,25 @@ def test_gradients_and_batches():
     assert checked.error <= 1e-6, checked
     many = jax.vmap(late)(jnp.stack([gains, 1.1 * gains]))
     assert np.allclose(many, [late(gains), late(1.1 * gains)], rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_an_impact_of_what_is_controlled():
+    """A mass that hits a wall on its way to the target: two pieces of one linear motion."""
+    wall, restitution, start, matrix = 0.2, 0.5, np.eye(4)[-1], linear()
+
+    def place(t: float) -> float:
+        return (scipy.linalg.expm(matrix * t) @ start)[0] - wall
+
+    hit = scipy.optimize.brentq(place, 0.0, 0.2)
+    rebound = scipy.linalg.expm(matrix * hit) @ start * [1.0, -restitution, 1.0, 1.0]
+    wanted = scipy.linalg.expm(matrix * 0.02) @ rebound
+    gap = rj.Impact(rj.quantity.Travel(GROUND, RAIL), restitution, level=-wall)
+    system, times = rj.assemble(controlled()), np.array([0.0, hit + 0.02])
+    moved = run(system, times, events=[gap], rtol=1e-11)
+    assert moved.events.count == 1
+    for column, label in enumerate(("cart.x", "cart.x'", "pid.integral")):
+        assert abs(moved[label][-1] - wanted[column]) <= EXACT * np.max(np.abs(wanted))
 
 
 @pytest.mark.slow

@@ -132,12 +132,10 @@ def load_executable(binary: bytes, count: int, example: Any) -> Any:
 
 
 def depends_on_first(function: Callable[..., Any], *args: Any) -> bool:
-    """Whether the first argument of a function is used in it."""
+    """Whether the results of a function depend on its first argument."""
     # A function of its own: JAX would compare the arrays of a bound method.
-    jaxpr = jax.make_jaxpr(lambda *args: function(*args))(*args).jaxpr
-    first = jaxpr.invars[0]
-    used = [atom for equation in jaxpr.eqns for atom in equation.invars] + jaxpr.outvars
-    return any(atom is first for atom in used)
+    _, used = without_unused(jax.make_jaxpr(lambda *args: function(*args))(*args))
+    return used[0]
 
 
 def without_unused(closed: Any) -> tuple[Any, list[bool]]:
