@@ -143,6 +143,19 @@ def test_a_mechanism_that_turns():
         rj.modes(zoo.oscillator(), turning=SPEED)
 
 
+def test_a_bar_on_an_arm_that_is_driven():
+    """Outwards it swings in the plane by 3 a Ω² / (2 l), at any angle of the arm."""
+    system = rj.assemble(driven_arm(SPEED, 0.7))
+    found = rj.modes(system, v=system.v0)
+    assert_close(found.frequencies, [np.sqrt(1.5) * SPEED], EXACT)
+
+
+def driven_arm(speed: float, angle: float) -> rj.Scene:
+    scene = zoo.bars(angles=(angle, angle), spins=(speed, speed), gravity=0.0)
+    drive = rj.PrescribedAngle(scene.bodies[0].at(), rj.ground.at(), rj.Ramp(speed))
+    return rj.Scene(scene.bodies, [*scene.joints, drive])
+
+
 @jax.jit
 @jax.vmap
 def frequency_and_slopes(stiffness):

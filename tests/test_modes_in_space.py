@@ -36,6 +36,29 @@ def test_a_floating_platform():
     assert found.is_stable
 
 
+@pytest.mark.slow
+def test_flapping_on_an_arm_that_is_driven():
+    """J ω² = Ω² (J − J_x + m a l / 2) of a blade with its hinge at a = l from the axis."""
+    speed, inertia = 3.0, (1e-3, 1 / 12, 1 / 12)
+    arm, blade = (
+        spatial.RigidBody(
+            name,
+            1.0,
+            inertia,
+            position=(at, 0.0, 0.0),
+            velocity=(0.0, at * speed, 0.0),
+            angular_velocity=(0.0, 0.0, speed),
+        )
+        for name, at in (("arm", 0.5), ("blade", 1.5))
+    )
+    root = arm.at((-0.5, 0.0, 0.0)), rj.ground.at((0.0, 0.0, 0.0))
+    flap = blade.at((-0.5, 0.0, 0.0), axis=Y), arm.at((0.5, 0.0, 0.0), axis=Y)
+    joints = rj.Revolute(*root), rj.Revolute(*flap), rj.PrescribedAngle(*root, rj.Ramp(speed))
+    system = rj.assemble(rj.Scene([arm, blade], joints))
+    found = rj.modes(system, v=system.v0)
+    assert_close(found.frequencies, [np.sqrt(3 * (1 / 3 - 1e-3 + 1 / 2)) * speed], EXACT)
+
+
 def test_a_pendulum_has_one_mode():
     """√(m g l / (J + m l²)), for a quaternion of any length; and one freedom in reports."""
     system = hinged(-1.0)

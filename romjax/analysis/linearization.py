@@ -78,7 +78,7 @@ def linearize(
       name, such labels, quantities of `romjax.quantity`, or functions (t, q, v) of physical
       coordinates that return a number.
     - `at`, `v` (n,): the state, that of the system at rest at its start unless given, such as
-      `equilibrium(system)`. `t`: time [s].
+      `equilibrium(system)`; at rest drives are too. `t`: time [s].
 
     Differentiable and batchable. Raises InputError for a wrong shape or an unknown name, and for
     controllers with a clock, whose laws no equation of motion has.

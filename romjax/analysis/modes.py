@@ -70,7 +70,7 @@ def modes(
 
     - `system`: full, reduced or a `CustomSystem`.
     - `at` (n,): where, an equilibrium such as `equilibrium(system)`; the start unless given.
-    - `v` (n,): its velocity; at rest unless given. `t`: time [s].
+    - `v` (n,): its velocity; at rest unless given, as drives are then. `t`: time [s].
     - `turning`: angular velocity Ω [rad/s] at which the whole mechanism turns about the origin,
       steadily, as seen from a frame that turns with it; instead of `v`. In space about z, or a
       vector (3,). Modes are those in that frame, such as flap, lead-lag and whirl: with gyroscopic

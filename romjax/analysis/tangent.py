@@ -27,12 +27,14 @@ class Tangent(NamedTuple):
     The states near (q, v) that satisfy the constraints are δq = N ζ, δv = N η + P ζ: the columns of
     N (n, d) span the null space of C_q, and P = −C_q⁺ ∂(C_q v + C_t)/∂q N keeps Ċ = 0, with the
     pseudoinverse in the metric of M. Along solutions of the equations of motion they stay there, so
-    with a(t, q, v), the acceleration of the constrained mechanism,
+    with a(t, q, v), the acceleration of the constrained mechanism, and N that is carried along the
+    motion by Ṅ = P,
 
-        ζ̇ = η,  η̇ = G⁻¹ Nᵀ M ((∂a/∂q N + ∂a/∂v P) ζ + ∂a/∂v N η),  G = Nᵀ M N.
+        ζ̇ = η,  η̇ = G⁻¹ Nᵀ M ((∂a/∂q N + ∂a/∂v P − Ṗ) ζ + ∂a/∂v N η),  G = Nᵀ M N.
 
-    At an equilibrium P = 0, and −G⁻¹ Nᵀ M ∂a/∂q N is the stiffness of the mechanism with that of
-    its joint forces. No eigenvalue of A belongs to the constraints.
+    As NᵀM P = 0 all along, −NᵀM Ṗ = PᵀM P + NᵀṀ P. At an equilibrium P = 0, and
+    −G⁻¹ Nᵀ M ∂a/∂q N is the stiffness of the mechanism with that of its joint forces. No eigenvalue
+    of A belongs to the constraints.
 
     Of a mechanism in space, p·δp = 0 and p·δv + v·δp = 0 for each quaternion p with the rate v: its
     length moves nothing, so that it is no freedom. A change of it is in the null space of C_q, and
@@ -141,14 +143,36 @@ def tangent_of(
         drift = -multiply(dual, multiply(turning, basis))
         by_position -= multiply(turning, correction)
         by_velocity -= multiply(turning, basis)
+    by_place = multiply(dual, by_position)
+    if turning is None:
+        by_place += jnp.linalg.solve(
+            multiply(weighted, basis), _carried(system, t, q, v, basis, correction)
+        )
     rows = (
         [drift, jnp.eye(d, dtype=q.dtype)],
         [
-            multiply(dual, by_position),
+            by_place,
             multiply(dual, by_velocity),
         ],
     )
     return Tangent(jnp.block([list(row) for row in rows]), basis, correction, dual)
+
+
+def _carried(
+    system: AbstractSystem,
+    t: Float[Array, ""],
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    basis: Float[Array, "n d"],
+    correction: Float[Array, "n d"],
+) -> Float[Array, "d d"]:
+    """−NᵀM Ṗ, of directions that turn with a motion; none at rest."""
+
+    def weighted(t: Array, q: Array) -> Array:
+        return system.state(t, q, v).apply_mass(correction)
+
+    metric, rate = jax.jvp(weighted, (t, q), (jnp.ones_like(t), v))
+    return multiply(correction.T, metric) + multiply(basis.T, rate)
 
 
 def _along(
