@@ -17,6 +17,7 @@ from romjax.common import compat
 from romjax.common.partition import Partitioned
 from romjax.integrate.derived import LazyQuantities
 from romjax.integrate.status import REMEDIES, Status
+from romjax.plot.motion.designs import course
 
 
 def same(one, other):
@@ -75,6 +76,15 @@ def test_a_run_is_the_same_to_the_bit(run, tmp_path):
     assert found.solver == run.solver
     assert found.summary() == "success"
     assert rj.compare(run, found).error == 0
+
+
+def test_a_run_that_stopped_is_kept_and_drawn(run, tmp_path):
+    """Its outputs after the stop are all at the time of that."""
+    rows = np.minimum(np.arange(11), 7)
+    stopped = dataclasses.replace(run, **{name: getattr(run, name)[rows] for name in "tqv"})
+    stopped.save(tmp_path / "run.nc")
+    same(*((x.t, x.q, x.v) for x in (rj.load(tmp_path / "run.nc"), stopped)))
+    same(course(stopped, np.asarray(stopped.t)), np.asarray(stopped.q))
 
 
 @pytest.mark.slow

@@ -25,6 +25,7 @@ def course(run: Trajectory, t: Float[np.ndarray, " frames"]) -> Float[np.ndarray
     if len(own) == 1:
         return np.where(np.abs(t - own[0]) <= slack, q.T, np.nan).T
     h = own[near + 1] - own[near]
+    h = np.where(h > 0, h, 1.0)  # of outputs after a stop, which are those at its time
     s = np.clip((t - own[near]) / h, 0.0, 1.0)[:, None]
     h = h[:, None]
     interpolated = (
