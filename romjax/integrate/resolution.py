@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..common.arrays import namespace
-from ..march.tolerances import Tolerances
+from ..march.tolerances import Extent, Tolerances
 from ..system.base import AbstractSystem
 from ..system.structure import Structure
 from .adjoint import has_root_finder
@@ -32,12 +32,12 @@ _DIGITS = 500
 def is_resolved(
     system: AbstractSystem,
     settings: Settings,
-    q: Float[Array, "k n"],
-    v: Float[Array, "k n"],
+    q0: Float[Array, " n"],
+    extent: Extent,
     steps: Int[Array, ""],
 ) -> Bool[Array, ""]:
     """Whether the largest motion is much larger than what the step size control tolerates in it, in
-    positions and velocities, by `steps` that were accepted; true at rest.
+    positions and velocities, by `steps` that were accepted, of a run from q0; true at rest.
 
     Where tolerances follow the motion, that is but for rounding: errors R of N steps that are
     independent change the rate of a motion as a random walk does, and its phase so by R N^(3/2)
@@ -47,20 +47,20 @@ def is_resolved(
     axle moves by less than the tolerance.
     """
     structure = system.full.structure
-    motion = _Motion.of(structure, q, v)
+    motion = _Motion.of(structure, extent)
     # The root finders of implicit methods ask for tolerances in metres, whatever size motions have.
     follow = settings.follow & (not has_root_finder(settings.solver))
     numbers = settings.rtol, settings.atol, follow
     tolerances = Tolerances.of(structure.is_position, *numbers, structure.is_state)
-    reach = tolerances.reached(q, v)
+    reach = tolerances.reached(q0, extent)
     # For infinite steps: rounding, which short steps enlarge in velocities, is counted below.
-    by_q, by_v = tolerances.errors(reach, q, v, jnp.asarray(jnp.inf))
+    by_q, by_v = tolerances.errors_in_run(reach, extent, jnp.asarray(jnp.inf))
     by_position, by_velocity = motion.distance / by_q, motion.speed / by_v
     share = jnp.where(motion.counts, jnp.minimum(by_position, by_velocity), 0.0)
     # Negated, since of numbers that are not finite nothing is known: that they are not is said.
     given = ~(jnp.max(share) < jnp.minimum(_SHARE / tolerances.rtol, _ENOUGH))
     rounding = _USUAL * tolerances.rounding(reach) * steps**1.5
-    least = _DIGITS * jnp.finfo(q.dtype).eps
+    least = _DIGITS * jnp.finfo(q0.dtype).eps
     allowed = jnp.maximum(_ALLOWED * jnp.maximum(tolerances.rtol, least), _FINE)
     followed = jnp.any(motion.counts & ~(rounding > allowed * motion.distance))
     return ~jnp.any(motion.counts) | jnp.where(follow, followed, given)
@@ -70,7 +70,7 @@ def finer(structure: Structure, settings: Settings, run: Trajectory) -> Settings
     """Scale the tolerances, which suit motions of about a metre, to the size of a run's motion."""
     # Under `grad` without `jit` the values of a run are known once derivatives are stopped.
     q, v, rtol = (np.asarray(jax.lax.stop_gradient(x)) for x in (run.q, run.v, settings.rtol))
-    every = _Motion.of(structure, q, v)
+    every = _Motion.of(structure, Extent.of(q, v))
     motion = _Motion(*(x[every.counts] for x in every))
     if not np.any(motion.distance):
         return settings  # of a run so short that no coordinate has changed
@@ -97,11 +97,9 @@ class _Motion(NamedTuple):
     counts: Any
 
     @classmethod
-    def of(cls, structure: Structure, q: Any, v: Any) -> "_Motion":
-        xp = namespace(q)
-        metres = structure.is_position
-        farthest, speed = xp.max(xp.abs(q), axis=0), xp.max(xp.abs(v), axis=0)
-        distance = xp.max(xp.abs(q - q[:1]), axis=0)
+    def of(cls, structure: Structure, extent: Extent) -> "_Motion":
+        farthest, distance, speed = extent
+        xp, metres = namespace(farthest), structure.is_position
         moves = (distance > _REST * (1 + farthest)) | (speed > _REST)
         counts = moves & (metres | ~xp.any(moves & metres))
         counts = counts & ~structure.is_state if structure.states else counts

@@ -12,6 +12,7 @@ from ..common import compat, precision
 from ..common.partition import Partitioned
 from ..compiling.program import program
 from ..march.march import DENSE
+from ..march.tolerances import Extent
 from ..system.base import AbstractSystem, Run
 from ..system.consistent import project_start
 from ..system.flags import Flag
@@ -142,7 +143,8 @@ def _integrated(
         run = run._replace(ts=ts, outputs=outputs, imbalance=imbalance)
     start = Start.of(system, ts[0], q0, v0, precision.of(q0.dtype).start_tolerance)
     status = judge_run(system, run, q0, start.closed & start.fits, settings)
-    flags = _flags(system, run.ts, run.outputs, run.march.accepted, settings)
+    extent = Extent.of(run.outputs.q, run.outputs.v)
+    flags = _flags(system, run.ts, run.outputs, extent, run.march.accepted, settings)
     if run.findings is not None:
         flags |= run.findings.flags
     # Only some findings become results of the program; the others are in the run in another form.
@@ -151,7 +153,7 @@ def _integrated(
         seen[AUDIT] = jax.lax.stop_gradient(seen[AUDIT])
     march = run.march._replace(result=None, watching=None, seen=seen)
     run = run._replace(march=march, imbalance=jax.lax.stop_gradient(run.imbalance))
-    atol, stabilization = _absolute(run.outputs, settings), settings.baumgarte
+    atol, stabilization = _absolute(extent, settings), settings.baumgarte
     return _Result(run, start, status, flags, atol, stabilization or settings.projection)
 
 
@@ -220,9 +222,9 @@ def _trajectory(
     )
 
 
-def _absolute(outputs: Output, settings: Settings) -> Float[Array, ""]:
+def _absolute(extent: Extent, settings: Settings) -> Float[Array, ""]:
     """The absolute tolerance of velocities, which follows them unless it is given."""
-    fastest = settings.rtol * jnp.minimum(jnp.max(jnp.abs(outputs.v)), 1)
+    fastest = settings.rtol * jnp.minimum(jnp.max(extent.speed), 1)
     return jnp.where(settings.follow, jnp.minimum(fastest, settings.atol), settings.atol)
 
 
@@ -230,6 +232,7 @@ def _flags(
     system: AbstractSystem,
     ts: Float[Array, " k"],
     outputs: Output,
+    extent: Extent,
     steps: Int[Array, ""],
     settings: Settings,
 ) -> Int[Array, ""]:
@@ -237,7 +240,7 @@ def _flags(
     flags, drift = jnp.zeros((), int), jnp.zeros_like(ts)
     if settings.dt is None:
         drift = drift_of(system.full.structure.without_states(outputs.q), settings.rtol)
-        resolved = is_resolved(system, settings, outputs.q, outputs.v, steps)
+        resolved = is_resolved(system, settings, outputs.q[0], extent, steps)
         flags = jnp.where(resolved, 0, int(Flag.RESOLUTION))
     full = system.full
     if full.validity is not None:

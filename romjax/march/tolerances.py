@@ -42,6 +42,31 @@ class Reach(NamedTuple):
         return self.sizes[2]
 
 
+class Extent(NamedTuple):
+    """The largest of each coordinate in a run: the `farthest` from zero, the `distance` from the
+    start, and the `speed`.
+    """
+
+    farthest: Any
+    distance: Any
+    speed: Any
+
+    @classmethod
+    def of(cls, q: Any, v: Any) -> "Extent":
+        """Return the extent of states (k, n) of a run; by NumPy where these are its arrays."""
+        if isinstance(q, np.ndarray):
+            return cls(*(np.max(np.abs(x), axis=0) for x in (q, q - q[:1], v)))
+        q, v = jax.lax.stop_gradient((q, v))
+
+        def extended(seen: Extent, row: tuple[Array, Array]) -> tuple[Extent, None]:
+            now = row[0], row[0] - q[0], row[1]
+            return cls(*(jnp.maximum(a, jnp.abs(b)) for a, b in zip(seen, now, strict=True))), None
+
+        # In one pass: each reduction by itself takes XLA longer than all of it.
+        extent: Extent = jax.lax.scan(extended, cls(*[jnp.zeros_like(q[0])] * 3), (q, v))[0]
+        return extent
+
+
 class Tolerances(eqx.Module):
     """The errors that the steps of a run may have.
 
@@ -109,25 +134,39 @@ class Tolerances(eqx.Module):
         """
         q, v = jax.lax.stop_gradient((q, v))
         moved = jnp.max(jnp.abs(jnp.stack([q - reach.origin[None], v])), axis=1)
+        largest = jnp.max(jnp.abs(jnp.stack([q, v])), axis=1)
+        by_q, by_v = self._errors(reach, moved, largest, h)
+        return by_q, by_v
+
+    def errors_in_run(
+        self, reach: Reach, extent: Extent, h: Float[Array, ""]
+    ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+        """Return the same of all states of a run, whose first one is the origin."""
+        moved = jnp.stack([extent.distance, extent.speed])
+        by_q, by_v = self._errors(reach, moved, jnp.stack([extent.farthest, extent.speed]), h)
+        return by_q, by_v
+
+    def _errors(
+        self, reach: Reach, moved: Float[Array, "2 n"], largest: Float[Array, "2 n"], h: Array
+    ) -> Float[Array, "2 n"]:
         noise = self.rounding(reach)
         # States of effects have units of their own, of which 1 says nothing.
-        most = jnp.asarray(np.where([self.states], np.inf, 1), q.dtype) if self.states else 1
+        most = jnp.asarray(np.where([self.states], np.inf, 1), moved.dtype) if self.states else 1
         sizes = jnp.minimum(reach.sizes[:2], most)
         sizes = sizes if self.shares is None else sizes * self.shares[None]
         followed = self.rtol * jnp.maximum(sizes, moved)
         followed += jnp.stack([noise, noise / h])
-        given = self.atol + self.rtol * jnp.max(jnp.abs(jnp.stack([q, v])), axis=1)
-        by_q, by_v = jnp.where(self.follow, followed, given)
-        return by_q, by_v
+        errors: Array = jnp.where(self.follow, followed, self.atol + self.rtol * largest)
+        return errors
 
     def rounding(self, reach: Reach) -> Float[Array, " n"]:
         """Return the rounding errors of positions in a step."""
         return _ROUNDING * jnp.finfo(reach.sizes.dtype).eps * reach.farthest
 
-    def reached(self, q: Float[Array, "k n"], v: Float[Array, "k n"]) -> Reach:
-        """Return the reach of the motion over all states of a run."""
-        start = self.start((q[0], v[0]))
-        sizes = self._largest(jnp.max(jnp.abs(jnp.stack([q - q[:1], v, q])), axis=1))
+    def reached(self, q0: Float[Array, " n"], extent: Extent) -> Reach:
+        """Return the reach of a run that starts at q0 and has an extent."""
+        start = self.start((q0, jnp.zeros_like(q0)))
+        sizes = self._largest(jnp.stack([extent.distance, extent.speed, extent.farthest]))
         return Reach(start.origin, jnp.maximum(start.sizes, sizes))
 
     def _largest(self, sizes: Float[Array, "rows n"]) -> Float[Array, "rows _"]:
