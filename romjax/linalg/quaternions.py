@@ -22,6 +22,8 @@ Triple = Float[Numbers, "... 3"]
 
 # Of the entries of p in the matrix of a product; its last rows are those of G and E.
 _ORDER = [[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]]
+# Their signs in the matrix of a first factor.
+_LEFT = [[1, -1, -1, -1], [1, 1, -1, 1], [1, 1, 1, -1], [1, -1, 1, 1]]
 
 
 def columns(starts: Sequence[int]) -> np.ndarray:
@@ -31,8 +33,15 @@ def columns(starts: Sequence[int]) -> np.ndarray:
 
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
     """A ⊗ b: first the rotation b, then a; by the matrix [a, Gᵀ] of a."""
-    signs = [[1, -1, -1, -1], [1, 1, -1, 1], [1, 1, 1, -1], [1, -1, 1, 1]]
-    return apply(_signed(a, signs), b)
+    return apply(_signed(a, _LEFT), b)
+
+
+def between(a: Quaternion, b: Quaternion) -> Float[Numbers, "... 4 4"]:
+    """The matrix of x ↦ a ⊗ x ⊗ b."""
+    first = _signed(a, _LEFT)
+    second = _signed(b, [[1, -1, -1, -1], [1, 1, 1, -1], [1, -1, 1, 1], [1, 1, -1, 1]])
+    products: Float[Numbers, "... 4 4"] = (first[..., None] * second[..., None, :, :]).sum(axis=-2)
+    return products
 
 
 def conjugate(p: Quaternion) -> Quaternion:

@@ -29,26 +29,38 @@ class Inertias(NamedTuple):
 
     By the inertial axes, about the frames of the bodies, or any other point that moves with each.
 
-    - `mass` (bodies,), `arm` h (bodies, d), `turning` J (bodies, spins, spins).
+    - `mass` (bodies,), `arm` h (bodies, d), None of zero, `turning` J (bodies, spins, spins).
     - `sliding` Sᵀ (bodies, modes, d), `spinning` Hᵀ (bodies, modes, spins), `modal` M.
     """
 
     mass: Float[Array, " bodies"]
-    arm: Float[Array, "bodies d"]
+    arm: Float[Array, "bodies d"] | None
     turning: Float[Array, "bodies spins spins"]
     sliding: Float[Array, "bodies modes d"]
     spinning: Float[Array, "bodies modes spins"]
     modal: Float[Array, "bodies modes modes"]
 
+    def with_arm(self) -> "Inertias":
+        """The same with h where it is zero."""
+        if self.arm is not None:
+            return self
+        d = self.sliding.shape[2]
+        return self._replace(arm=jnp.zeros((len(self.mass), d), self.mass.dtype))
+
     def about(self, arms: Float[Array, "bodies d"]) -> "Inertias":
         """The same about points from which the frames are at `arms`: v of a frame is v + ω × a."""
-        more = self.mass[:, None] * arms
-        turning = self.turning + _parallel(self.arm, arms) + _parallel(arms, self.arm + more)
-        spinning = self.spinning + twists.moment(arms[:, None], self.sliding)
-        return self._replace(arm=self.arm + more, turning=turning, spinning=spinning)
+        moved, turning = self.mass[:, None] * arms, self.turning
+        if self.arm is not None:
+            turning, moved = turning + _parallel(self.arm, arms), moved + self.arm
+        turning = turning + _parallel(arms, moved)
+        spinning = self.spinning
+        if spinning.shape[1]:
+            spinning = spinning + twists.moment(arms[:, None], self.sliding)
+        return self._replace(arm=moved, turning=turning, spinning=spinning)
 
     def matrices(self) -> Float[Array, "bodies size size"]:
         """The matrices of T by (ω, v, η)."""
+        assert self.arm is not None
         d = self.arm.shape[1]
         unit = np.eye(d, dtype=self.mass.dtype)[None]
         moving = self.mass[:, None, None] * unit
@@ -97,12 +109,14 @@ def inertias(system: AssembledSystem, tree: Tree, state: Any) -> Inertias:
             axes = take(state.motion.frames.axes, order)
             bent = take(tree.amplitudes.take(state.z), order)[:, : group.bodies.modes]
             each = jax.vmap(_of_invariants)(group.bodies, axes, bent)
-            each = Inertias(*map(group.weighted, each))
+            each = jax.tree.map(group.weighted, each)
         else:
             mass, own = group.mass(state.q), group.coordinates.take(state.q)
             size = group.bodies.frame_size
             each = _in_plane(mass) if size == 3 else _in_space(mass, own[:, 3:7])
         parts.append(_widened(each, tree.modes))
+    if any(each.arm is not None for each in parts):
+        parts = [each.with_arm() for each in parts]
     return Inertias(*in_tree_order(system, tree, [list(each) for each in parts]))
 
 
@@ -116,11 +130,14 @@ def _groups(system: AssembledSystem, tree: Tree) -> list[tuple[BodyGroup, np.nda
     ]
 
 
-def in_tree_order(system: AssembledSystem, tree: Tree, parts: list[list[Array]]) -> list[Array]:
-    """Rows of all groups, in the order of the tree."""
+def in_tree_order(system: AssembledSystem, tree: Tree, parts: list[list[Any]]) -> list[Any]:
+    """Rows of all groups, in the order of the tree; None where none has any."""
     order = np.argsort(np.concatenate([own for _, own, _ in _groups(system, tree)]))
-    joined = [jnp.concatenate(x) for x in zip(*parts, strict=True)]
-    return [take(x, order.astype(np.uint32)) for x in joined]
+
+    def ordered(*rows: Any) -> Any:
+        return None if rows[0] is None else take(jnp.concatenate(rows), order.astype(np.uint32))
+
+    return [ordered(*rows) for rows in zip(*parts, strict=True)]
 
 
 def _of_invariants(body: AbstractBody, axes: Float[Array, "3 3"], bent: Array) -> Inertias:
@@ -128,7 +145,7 @@ def _of_invariants(body: AbstractBody, axes: Float[Array, "3 3"], bent: Array) -
     k, dtype = len(bent), axes.dtype
     modal = jnp.eye(k, dtype=dtype) if inertia.modal is None else inertia.modal
     turning = multiply(multiply(axes, inertia.turning(bent)), axes.T)
-    arm, sliding = jnp.zeros(3, dtype), jnp.zeros((k, 3), dtype)
+    arm, sliding = None, jnp.zeros((k, 3), dtype)
     if not inertia.centred:
         arm = multiply(axes, inertia.arm(bent))
         sliding = multiply(axes, inertia.sliding(bent)).T
@@ -141,8 +158,7 @@ def _in_plane(mass: Float[Array, "count size *size"]) -> Inertias:
         none = jnp.zeros((len(mass), mass.shape[1] - 3, 2), mass.dtype)
         modal = mass[:, 3:, None] * np.eye(mass.shape[1] - 3, dtype=mass.dtype)[None]
         turning = mass[:, 2, None, None]
-        centred = jnp.zeros((len(mass), 2), mass.dtype)
-        return Inertias(mass[:, 0], centred, turning, none, none[:, :, :1], modal)
+        return Inertias(mass[:, 0], None, turning, none, none[:, :, :1], modal)
     # M_xφ is the derivative of the velocity by φ: the arm turned by a right angle.
     arm = -twists.perpendicular(mass[:, :2, 2])
     return Inertias(
@@ -191,21 +207,29 @@ def biases(
     gravity, fields = _gravity(system)
     if gravity is not None:
         lifted = lifted - jnp.asarray(gravity, dtype)[None]
-    wrench = twists.joined(twists.moment(own.arm, lifted), own.mass[:, None] * lifted)
+    force, torque = own.mass[:, None] * lifted, None
+    if own.arm is not None:
+        torque = twists.moment(own.arm, lifted)
     modal = jnp.sum(own.sliding * lifted[:, None], axis=2)
-    quadratic = _quadratic(system, tree, state)
+    quadratic = _quadratic(system, tree, state, own)
     if quadratic is not None:
-        wrench, modal = wrench + quadratic[0], modal + quadratic[1]
-    force = _other_forces(system, tree, fields, state)
-    if force is not None:
-        acting = tree.columns.take(force)
+        torque, modal = _sum(torque, quadratic.torque), modal + quadratic.modal
+        force = _sum(force, quadratic.force)
+    others = _other_forces(system, tree, fields, state)
+    if others is not None:
+        acting = tree.columns.take(others)
         d = motion.arms.shape[1]
         turns = tree.columns.take(state.q)[:, 3:7] if d == 3 else None
-        torque = acting[:, 2:3] if turns is None else quaternions.torque(turns, acting[:, 3:7])
-        wrench = wrench - twists.joined(torque, acting[:, :d])
+        turned = acting[:, 2:3] if turns is None else quaternions.torque(turns, acting[:, 3:7])
+        torque, force = _sum(torque, -turned), force - acting[:, :d]
         modal = modal - acting[:, tree.size :]
-    wrench = twists.wrench_from_origin(wrench, motion.arms)
+    wrench = twists.joined(_sum(torque, twists.moment(motion.arms, force)), force)
     return jnp.concatenate([wrench, modal], axis=1) if tree.modes else wrench
+
+
+def _sum(x: Any, y: Any) -> Any:
+    """A sum of what is zero where it is None."""
+    return y if x is None else x if y is None else x + y
 
 
 def _gravity(system: AssembledSystem) -> tuple[Any, tuple[AbstractField, ...]]:
@@ -217,36 +241,48 @@ def _gravity(system: AssembledSystem) -> tuple[Any, tuple[AbstractField, ...]]:
     return functools.reduce(operator.add, [field.acceleration for field in falling]), others
 
 
-def _quadratic(system: AssembledSystem, tree: Tree, state: Any) -> tuple[Array, Array] | None:
-    """Wrenches about the frames and modal forces of bodies whose invariants give them; None of
-    other ones.
-    """
+class Quadratic(NamedTuple):
+    """Torques and forces about the frames, the latter None of zero, and modal forces."""
+
+    torque: Float[Array, "bodies spins"]
+    force: Float[Array, "bodies d"] | None
+    modal: Float[Array, "bodies modes"]
+
+
+def _quadratic(system: AssembledSystem, tree: Tree, state: Any, own: Inertias) -> Quadratic | None:
+    """The forces of motion of bodies whose invariants give them; None of other ones."""
     if not any(tree.invariants):
         return None
+    omega, moving = twists.split(state.motion.twists)
+    groups = _groups(system, tree)
+    if not tree.modes and all(known for *_, known in groups):
+        # By the inertial axes, as the inertias are already.
+        torque, force = twists.about(omega, twists.apply(own.turning, omega)), None
+        if own.arm is not None:
+            force = twists.about(omega, twists.about(omega, own.arm))
+        return Quadratic(torque, force, jnp.zeros_like(moving[:, :0]))
     parts, bent = [], tree.amplitudes.take(state.z)
-    for group, order, known in _groups(system, tree):
+    for group, order, known in groups:
         modes = group.bodies.modes
         if not known:
-            parts.append([jnp.zeros((len(order), k), state.z.dtype) for k in (6, tree.modes)])
+            sizes = 3, 3, tree.modes
+            parts.append([jnp.zeros((len(order), k), state.z.dtype) for k in sizes])
             continue
-        axes = take(state.motion.frames.axes, order)
-        omega = take(state.motion.twists[:, :3], order)
-        own = take(bent, order)[:, :modes], take(state.bending, order)[:, :modes]
-        wrench, modal = jax.vmap(_quadratic_of)(group.bodies, axes, omega, *own)
-        modal = twists.widened(group.weighted(modal), tree.modes)
-        parts.append([group.weighted(wrench), modal])
-    wrenches, modal = in_tree_order(system, tree, parts)
-    return wrenches, modal
+        axes, amplitudes = take(state.motion.frames.axes, order), take(bent, order)[:, :modes]
+        bending = take(state.bending, order)[:, :modes]
+        each = (group.bodies, axes, take(omega, order), amplitudes, bending)
+        torque, force, modal = jax.tree.map(group.weighted, jax.vmap(_quadratic_of)(*each))
+        parts.append([torque, force, twists.widened(modal, tree.modes)])
+    return Quadratic(*in_tree_order(system, tree, parts))
 
 
 def _quadratic_of(
     body: AbstractBody, axes: Float[Array, "3 3"], omega: Array, bent: Array, bending: Array
-) -> tuple[Float[Array, "6"], Float[Array, " modes"]]:
+) -> Quadratic:
     inertia: Any = body.invariants()
     moving, turning, modal = inertia.quadratic(multiply(axes.T, omega), bent, bending)
-    if inertia.centred:
-        return jnp.concatenate([multiply(axes, turning), moving]), modal
-    return jnp.concatenate([multiply(axes, turning), multiply(axes, moving)]), modal
+    moving = moving if inertia.centred else multiply(axes, moving)
+    return Quadratic(multiply(axes, turning), moving, modal)
 
 
 def _other_forces(

@@ -198,6 +198,6 @@ def marker_motion(
         each: Screws = screws_of(markers.local, bent, rates, lambda _, u: u)
         each = each.placed(axes, frame.position - points)
         leaving = each.velocity(rates)
-        change = change + twists.cross(moved, leaving) + each.drift
+        change = change + each.with_drift(twists.cross(moved, leaving))
         moved, columns = moved + leaving, each.columns
     return MarkerMotion(poses, poses.position - points, columns, moved, change)

@@ -1,5 +1,7 @@
 """The motion of a tree: frames, twists, and what accelerations have without those of the joints."""
 
+import functools
+import operator
 from typing import Any, NamedTuple
 
 import jax
@@ -54,13 +56,18 @@ class TreeMotion(NamedTuple):
 
 def edges(tree: Tree, z: Float[Array, " n"]) -> Edges:
     """The poses of ports and joints at the coordinates z."""
+    across = None
     if tree.still is None:
         outer, inner = _halves(Frames.of(tree.ports.local(port_amplitudes(tree, z))))
     else:
-        outer, inner = tree.still
+        outer, inner, across = tree.still
     joint: Pose = in_order(tree, [_place(link, link.coordinates.take(z)) for link in tree.links])
     if joint.dimension == 2:
         turn = outer.turn + joint.turn - inner.turn
+    elif across is not None:
+        # Column by column: a sum of products would compute its sines again for each entry.
+        columns = (across[:, :, i] * joint.turn[:, i, None] for i in range(4))
+        turn = functools.reduce(operator.add, columns)
     else:
         first = quaternions.product(outer.turn, joint.turn)
         turn = quaternions.product(first, quaternions.conjugate(inner.turn))
@@ -153,7 +160,7 @@ def tree_motion(tree: Tree, z: Float[Array, " n"], u: Float[Array, " rates"]) ->
     if not tree.modes:
         moved = along(tree, turning)
         carrying = _of_carriers(tree, of_parents(tree, moved), moved)
-        bias = twists.cross(carrying, turning) + joint.drift
+        bias = joint.with_drift(twists.cross(carrying, turning))
         return TreeMotion(place, points, joint.columns, joint.columns[:, :0], moved, bias)
     outer, inner = _halves(port_screws(tree, z, rates))
     outer, inner = outer.placed(before, arms), inner.placed(place.axes, own_arms)
@@ -161,10 +168,10 @@ def tree_motion(tree: Tree, z: Float[Array, " n"], u: Float[Array, " rates"]) ->
     leaving, arriving = outer.velocity(of_parents(tree, bending)), inner.velocity(bending)
     moved = along(tree, leaving + turning - arriving)
     held = of_parents(tree, moved)
-    bias = twists.cross(held, leaving) + outer.drift
+    bias = outer.with_drift(twists.cross(held, leaving))
     carrying = _of_carriers(tree, held + leaving, moved + arriving)
-    bias += twists.cross(carrying, turning) + joint.drift
-    bias -= twists.cross(moved, arriving) + inner.drift
+    bias += joint.with_drift(twists.cross(carrying, turning))
+    bias -= inner.with_drift(twists.cross(moved, arriving))
     own = jnp.concatenate([joint.columns, -inner.columns], axis=1)
     return TreeMotion(place, points, own, outer.columns, moved, bias)
 

@@ -2,6 +2,7 @@
 
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -12,6 +13,7 @@ from ...assembly.bending import Bending
 from ...assembly.kinematics import Markers
 from ...common.arrays import as_jax, concatenate, pick, untraced
 from ...common.compat import is_traced
+from ...linalg import quaternions
 from ...linalg.indexing import Index
 from ...scene.marker import Pose
 from . import twists
@@ -87,11 +89,28 @@ def ports_of(
     )
 
 
-def still_frames(ports: Markers, count: int) -> tuple[Frames, Frames]:
-    """The frames of ports on bodies that do not deform, of the parents and of the bodies."""
-    frames = Frames.of(Pose(*untraced(ports.points, ports.turns)))
-    each: list[Any] = [as_jax(x) for x in frames]
-    return Frames(*[x[:count] for x in each]), Frames(*[x[count:] for x in each])
+class Still(NamedTuple):
+    """The ports of bodies that do not deform.
+
+    - `outer`, `inner`: those on the parent of each body, and on the body. `across` (bodies, 4, 4):
+      the matrix by which the turn of a joint in space gives that of the body's frame in the
+      parent's; None in the plane.
+    """
+
+    outer: Frames
+    inner: Frames
+    across: Float[Array, "bodies 4 4"] | None
+
+    @classmethod
+    def of(cls, ports: Markers, count: int) -> "Still":
+        """Return the ports as they are."""
+        frames = Frames.of(Pose(*untraced(ports.points, ports.turns)))
+        outer, inner = (Frames(*[x[own] for x in frames]) for own in (np.s_[:count], np.s_[count:]))
+        across = None
+        if ports.points.shape[1] == 3:
+            across = quaternions.between(outer.turn, quaternions.conjugate(inner.turn))
+        still: Still = jax.tree.map(as_jax, cls(outer, inner, across))
+        return still
 
 
 def _bending(every: Markers, taken: np.ndarray) -> tuple[Bending, ...]:

@@ -52,7 +52,9 @@ def accelerations(
             moved = jnp.concatenate([moved[:k], moved[k:] + inertia[d:]])
             forced = jnp.concatenate([forced[:k], forced[k:] + bias[d:]])
             inner = jnp.concatenate([own, _modal_rows(k, tree.modes, dtype)], axis=1)
-        square = multiply(moved, inner.T) + pad[:, None] * unit
+        square = multiply(moved, inner.T)
+        if pad is not None:
+            square += pad[:, None] * unit
         inverse = 1 / square if len(square) == 1 else invert(square)
         follow, freely = multiply(inverse, moved[:, :d]), -multiply(inverse, forced)
         stiff = inertia[:d, :d] - multiply(moved[:, :d].T, follow)
@@ -86,9 +88,12 @@ def _modal_rows(freedoms: int, modes: int, dtype: np.dtype) -> np.ndarray:
     return np.eye(freedoms + modes, modes, -freedoms, dtype=dtype)
 
 
-def _unused(tree: Tree, dtype: np.dtype) -> Float[Array, "bodies rates"]:
-    """Ones for the rates that bodies with fewer freedoms or modes than others have not."""
-    return jnp.asarray(tree.motions.array == tree.rates, dtype)
+def _unused(tree: Tree, dtype: np.dtype) -> Float[Array, "bodies rates"] | None:
+    """Ones for the rates that bodies with fewer freedoms or modes than others have not; None where
+    all have them.
+    """
+    unused = tree.motions.array == tree.rates
+    return jnp.asarray(unused, dtype) if unused.any() else None
 
 
 def _to_ground(tree: Tree, fold: Any, none: Carry, rows: Any) -> Any:

@@ -22,20 +22,22 @@ class Screws(NamedTuple):
     """The twists that rates give some poses, about the origins of what these are relative to.
 
     - `columns` (count, k, twist): for unit rates; `drift` (count, twist): the derivative of the
-      twist for the given rates, where these do not change.
+      twist for the given rates, where these do not change; None where it is zero.
     """
 
     columns: Float[Array, "count k twist"]
-    drift: Float[Array, "count twist"]
+    drift: Float[Array, "count twist"] | None
 
     def placed(self, axes: Array, arms: Float[Array, "count d"]) -> "Screws":
         """The twists by the inertial axes, about points from which the origins are at `arms`; the
         drift without that of the `axes`.
         """
-        return Screws(
-            twists.placed(axes[:, None], arms[:, None], self.columns),
-            twists.placed(axes, arms, self.drift),
-        )
+        drift = None if self.drift is None else twists.placed(axes, arms, self.drift)
+        return Screws(twists.placed(axes[:, None], arms[:, None], self.columns), drift)
+
+    def with_drift(self, x: Float[Array, "count twist"]) -> Float[Array, "count twist"]:
+        """`x` and the drift."""
+        return x if self.drift is None else x + self.drift
 
     def velocity(self, u: Float[Array, "count k"]) -> Float[Array, "count twist"]:
         """The twists for rates u."""
@@ -85,7 +87,9 @@ def joint_screws(tree: Tree, z: Float[Array, " n"], rates: Float[Array, "bodies 
             each = screws_of(functools.partial(along_joint, link), own, u, change)
         columns = twists.widened(each.columns, tree.freedoms)
         sign = -1 if link.reversed else 1
-        screws.append(Screws(sign * columns, sign * each.drift))
+        screws.append(Screws(sign * columns, None if each.drift is None else sign * each.drift))
+    if any(each.drift is not None for each in screws):
+        screws = [Screws(x.columns, x.with_drift(jnp.zeros_like(x.columns[:, 0]))) for x in screws]
     ordered: Screws = in_order(tree, screws)
     return ordered
 
@@ -106,8 +110,7 @@ def _closed_screws(
         return each
 
     if not compat.depends_on_first(columns, z):
-        own = columns(z)
-        return Screws(own, jnp.zeros((len(own), own.shape[2]), z.dtype))
+        return Screws(columns(z), None)
     own, slopes = jax.jvp(columns, (z,), (change(z, u),))
     return Screws(own, jnp.sum(slopes * u[:, :, None], axis=1))
 
@@ -137,8 +140,8 @@ def screws_of(
     """The twists of poses that are functions of z, with rates ż = `change`(z, u)."""
     count, k = u.shape
     if not k:
-        none = jnp.zeros((count, 3 if pose(z).dimension == 2 else 6), z.dtype)
-        return Screws(none[:, None][:, :0], none)
+        none = jnp.zeros((count, 0, 3 if pose(z).dimension == 2 else 6), z.dtype)
+        return Screws(none, None)
 
     def columns(z: Array) -> Array:
         def velocity(unit: Array) -> Array:

@@ -12,7 +12,7 @@ from ...common.arrays import pick
 from ...linalg.indexing import Index
 from ...scene.body.base import AbstractBody
 from .free import Free
-from .ports import Frames, ports_of, still_frames
+from .ports import Still, ports_of
 from .spanning import Branch, Spanning, frames_of, goes_with
 
 
@@ -34,7 +34,7 @@ class Tree(eqx.Module):
     """Bodies in the order of a tree, each after the one that holds it, its parent.
 
     - `links`: the joints. `ports`: the markers of joints, on the parent of each body, then on each
-      body; `still`: their frames, where no body deforms. `columns`: the frame of each body in q,
+      body; `still`: these, where no body deforms. `columns`: the frame of each body in q,
       then its amplitudes; n stands for none.
     - `parents`: by their places in the tree; their number stands for the ground.
     - `motions` (bodies, freedoms + modes): of each body, its joint's rates and those of its
@@ -47,7 +47,7 @@ class Tree(eqx.Module):
 
     links: tuple[Links, ...]
     ports: Markers
-    still: tuple[Frames, Frames] | None
+    still: Still | None
     columns: Index = eqx.field(static=True)
     parents: tuple[int, ...] = eqx.field(static=True)
     motions: Index = eqx.field(static=True)
@@ -125,7 +125,7 @@ def plant(system: AssembledSystem, spanning: Spanning) -> Tree:
     return Tree(
         links=tuple(links),
         ports=ports,
-        still=still_frames(ports, len(branches)) if most == 0 else None,
+        still=Still.of(ports, len(branches)) if most == 0 else None,
         columns=Index.of([(*f, *a, *[system.n] * (most - len(a))) for f, a in owned]),
         parents=parents,
         motions=Index.of(table.motions),
