@@ -90,7 +90,8 @@ def compared(name: str, case: Case) -> dict[str, list[tuple[float, float]]]:
         columns = (np.array(full.structure.quaternions)[:, None] - np.array([3, 2, 1])).ravel()
 
     def run(system: Any, rtol: float, **options: Any) -> np.ndarray:
-        return np.asarray(rj.simulate(system, ts, rtol=rtol, **options).q[-1])[columns]
+        # Rows by NumPy: to index an array of JAX is a program of its own.
+        return np.asarray(rj.simulate(system, ts, rtol=rtol, **options).q)[-1, columns]
 
     if in_space and case.other is not None:
         truth = np.ravel(case.other(FINEST).result[0])
