@@ -39,7 +39,6 @@ LONG = {
     "whirl of a shaft",
     "flexible slider crank by six modes",
     "slope of the time of an event",
-    "beam in free flight",
     "rigid slider crank",
     "vehicle axle",
     "Euler's column",

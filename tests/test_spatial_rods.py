@@ -186,7 +186,7 @@ class Pulse(rj.AbstractSignal):
         return jnp.where(t < 2.5, self.size * jnp.sin(jnp.pi * t / 2.5) ** 2, 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_a_beam_that_flies_in_a_plane_is_the_planar_one():
     """Turned by one radian: positions, momentum, energy, and the forces inside."""
     ts, light = np.array([0.0, 2.5, 3.5, 4.5]), (20.0, 10.0, 10.0)
