@@ -20,8 +20,7 @@ from zoo import RODAS5P, run
 
 import romjax as rj
 from romjax.common import compat
-from romjax.compiling import xla
-from romjax.compiling.program import Program
+from romjax.compiling import room, xla
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -137,10 +136,8 @@ def room_for_programs():
         return
     used = int(sizes.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     if used > MOST_MEMORY or len(maps.read_text().splitlines()) > MOST_MAPS:
-        for program in [x for x in gc.get_referrers(Program) if type(x) is Program]:
-            program._compiled.cache_clear()
         jax.clear_caches()
-        gc.collect()
+        room.forget_all()
         with contextlib.suppress(AttributeError):  # of another C library
             ctypes.CDLL(None).malloc_trim(0)
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+from pathlib import Path
 
 import diffrax
 import equinox as eqx
@@ -15,7 +16,7 @@ from tolerances import DIFFERENCED, IDENTITY
 
 import romjax as rj
 from romjax.common import compat
-from romjax.compiling import jaxprs, xla
+from romjax.compiling import jaxprs, room, xla
 from romjax.compiling.program import program
 from romjax.integrate.outputs import cut
 
@@ -212,3 +213,16 @@ def test_a_program_without_compiling():
     with jax.disable_jit():
         assert_close(program(doubled)(X), 2 * X, IDENTITY)
     assert seen == [False]
+
+
+def test_programs_are_forgotten_where_memory_has_no_more_room(monkeypatch):
+    """For the next one; and run as before when they are called again."""
+    sums, products = program(lambda x: x + 1.0), program(lambda x: 2.0 * x)
+    assert_close(sums(X), np.asarray(X) + 1, IDENTITY)
+    assert 0.0 < room.fills() < 1.0 or not Path("/proc/self/maps").exists()
+    monkeypatch.setattr(room, "fills", lambda: 0.7)
+    assert_close(products(X), 2 * np.asarray(X), IDENTITY)
+    assert sums._compiled.cache_info().currsize == 0
+    monkeypatch.undo()
+    assert_close(sums(X), np.asarray(X) + 1, IDENTITY)
+    assert sums._compiled.cache_info().currsize == products._compiled.cache_info().currsize == 1

@@ -28,7 +28,7 @@ import numpy as np
 
 from ..common import compat
 from ..common.identity_cache import IdentityCache
-from . import jaxprs, program_cache, xla
+from . import jaxprs, program_cache, room, xla
 
 F = TypeVar("F", bound=Callable[..., Any])
 # How often a program runs.
@@ -59,6 +59,7 @@ class Program:
         self._function, self._runs = function, runs
         self._inside = eqx.filter_jit(function)
         self._compiled = functools.lru_cache(_PROGRAMS)(self._compile)
+        room.add(self)
 
     def __call__(self, *args: Any) -> Any:
         if not compat.is_outermost():
@@ -68,6 +69,10 @@ class Program:
             return self._function(*args)
         compiled, arrays = self._of(args)
         return compiled(*arrays)
+
+    def forget(self) -> None:
+        """Forget what is compiled."""
+        self._compiled.cache_clear()
 
     def compiled(self, *args: Any) -> Any:
         """Return the compiled program for these arguments, a function of a list of their arrays."""
@@ -80,6 +85,8 @@ class Program:
         return self._compiled(kinds, compat.trace_settings()), arrays
 
     def _compile(self, kinds: tuple["_Kind", ...], settings: Any) -> Any:
+        room.make_room()
+
         def flat(*arrays: Any) -> Any:
             given = iter(arrays)
             return self._function(*[kind.joined(given) for kind in kinds])

@@ -1,0 +1,55 @@
+"""Room for compiled programs in a process.
+
+Each function of a program is a piece of mapped memory, hundreds for a mechanism. Linux allows a
+process `vm.max_map_count` of them, 65530 unless set otherwise, and where it gets no more, LLVM
+cannot compile: a process that simulates dozens of different mechanisms would end there.
+"""
+
+import gc
+import weakref
+from pathlib import Path
+from typing import Protocol
+
+_PIECES, _ALLOWED = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count")
+# The share of what is allowed from which on programs are forgotten: the largest program takes a
+# tenth, and other libraries map memory too.
+_SHARE = 0.6
+
+
+class Forgets(Protocol):
+    """What remembers compiled programs."""
+
+    def forget(self) -> None:
+        """Forget them."""
+
+
+_remembering = weakref.WeakSet[Forgets]()
+
+
+def add(programs: Forgets) -> None:
+    """Let these programs be forgotten where there is no room for others."""
+    _remembering.add(programs)
+
+
+def make_room() -> None:
+    """Forget all programs if the memory that they are mapped to is nearly all that is allowed."""
+    if fills() > _SHARE:
+        forget_all()
+
+
+def fills() -> float:
+    """The share of the pieces of mapped memory that are in use; zero where none is known."""
+    try:
+        with _PIECES.open("rb") as pieces:
+            return sum(1 for _ in pieces) / int(_ALLOWED.read_text())
+    except (OSError, ValueError):  # another system
+        return 0.0
+
+
+def forget_all() -> None:
+    """Forget all compiled programs of romjax; they are compiled again, or read from disk, when they
+    are called.
+    """
+    for programs in list(_remembering):
+        programs.forget()
+    gc.collect()
