@@ -13,11 +13,15 @@ from zoo import run
 
 import romjax as rj
 from romjax.plot.labels import Label, place
+from romjax.study.timing import Spent
 from romjax.system.schedule import Schedule
+from romjax.trials import search
 from romjax.trials.advice import advice, in_order, remark
+from romjax.trials.attempt import Settings, Truth
 from romjax.trials.candidates import families
 from romjax.trials.facts import Facts, freedoms
 from romjax.trials.pace import at_speed
+from romjax.trials.progress import Progress
 from romjax.trials.row import ReductionRow
 from romjax.trials.variants import TRAINING, UNSEEN, variants
 
@@ -70,6 +74,13 @@ def test_kinds_of_models_begin_with_the_coarsest():
     assert capped.finer(last, excess=1e6) is None
 
 
+class Late(rj.Ramp):
+    """A kind of a user's own, with the fields of another one."""
+
+    def __call__(self, t):
+        return self.rate * t**2
+
+
 class Cubed(rj.AbstractSignal):
     """A signal of a user's own."""
 
@@ -84,6 +95,7 @@ class Cubed(rj.AbstractSignal):
     "signal",
     [
         Cubed(),
+        Late(2.0, 0.3),
         rj.Constant(2.0),
         rj.Ramp(2.0, 0.3),
         rj.Sine(0.5, frequency=2.0, phase=0.1),
@@ -139,6 +151,47 @@ def test_loads_in_time_get_another_speed():
     assert_close(0.9 * np.ravel(signal.start + signal.duration), 0.3, IDENTITY)
 
 
+def test_states_of_effects_are_no_speeds():
+    """Loads at another speed begin with the same integral part of a controller."""
+    scene = zoo.bars()
+    control = rj.PID(
+        scene.bodies[0].at(), rj.ground.at(), rj.Sine(0.1, 1.0), integral=1.0, start=2.0
+    )
+    scene = rj.Scene(scene.bodies, scene.joints, [*scene.effects, control])
+    system = rj.assemble(scene)
+    slower = next(variants(scene, system, zoo.motion(zoo.bars), UNSEEN[0]))
+    (number,) = system.structure.states
+    assert float(slower.v0[number]) == float(system.v0[number]) == 2.0
+
+
+def test_what_moves_alike_or_fails_judges_nothing(monkeypatch):
+    """The next start is taken then, and none after one that serves."""
+    motion, seen = zoo.motion(zoo.bars), []
+    runs = {"fails": None, "alike": motion, "other": dataclasses.replace(motion, q=1.1 * motion.q)}
+    monkeypatch.setattr(search, "variants", lambda *_: iter([*runs, "not reached"]))
+
+    def truth(name, *_):
+        seen.append(name)
+        return None if runs[name] is None else Truth(zoo.system(zoo.bars), runs[name], 0.1)
+
+    monkeypatch.setattr(search, "_truth", truth)
+    begun = search.Search(
+        scene=zoo.bars(),
+        system=zoo.system(zoo.bars),
+        ts=motion.t,
+        settings=Settings(1e-3, 1e-8, None),
+        progress=Progress(False),
+        full=motion,
+        once=Spent(0.1, 0.1),
+        compiled=1.0,
+        training=[truth("alike")],
+        facts=RIGID,
+    )
+    judging = begun.truths(UNSEEN[:1])
+    assert [one.run for one in judging] == [runs["other"]]
+    assert seen == ["alike", *runs]
+
+
 def test_freedoms_are_those_of_the_joints():
     """A hinge that is made twice takes none."""
     assert freedoms(zoo.system(zoo.bars)) == 2
@@ -172,8 +225,11 @@ def test_the_model_that_pays_comes_first():
     assert words.startswith("Take capped 40 Hz: 9.0 times as fast")
     assert "after 80 runs" in words
     assert "to 1e-07 where it was not trained" in words
-    alone = advice([row(unseen=math.nan)], FULL, RIGID, 1e-3)
-    assert "to 1e-05 on its training, since no run from another start" in alone
+    alone = [row(unseen=math.nan)]
+    assert "to 1e-05 on its training, since no other start" in advice(
+        alone, FULL, RIGID, 1e-3, judged=False
+    )
+    assert "on its training, the only run" in advice(alone, FULL, RIGID, 1e-3)
 
 
 @pytest.mark.instant

@@ -60,8 +60,12 @@ def advice(
     facts: Facts,
     tol: float,
     skipped: bool = False,
+    judged: bool = True,
 ) -> str:
-    """Say which model to take, or why none pays; `skipped`: whether time was short for some."""
+    """Say which model to take, or why none pays.
+
+    `skipped`: whether time was short for some; `judged`: whether there are runs that none has seen.
+    """
     good = paying(rows, tol)
     if not rows:
         return "No model was made: all that were tried are refused, as is said below."
@@ -72,8 +76,10 @@ def advice(
     kind = _KINDS.get(best.formulation, "") if best.rank else _KINEMATICS
     pays = f"{best.pays_after:.0f} runs" if best.pays_after >= 1.5 else "one run"
     where = "where it was not trained"
-    if math.isnan(best.unseen):
-        where = "on its training, since no run from another start came to its end"
+    if not judged:
+        where = "on its training, since no other start or speed gives a run to judge it by"
+    elif math.isnan(best.unseen):
+        where = "on its training, the only run that it had time for"
     return (
         f"Take {best.name}: {best.speed_up:.1f} times as fast as the full model, and right to "
         f"{best.error:.0e} {where}; {kind} It pays after {pays}."

@@ -121,7 +121,7 @@ def _result(search: Search, spend: float) -> Reductions:
         full=full,
         system=search.system,
         truth=search.training[0].run,
-        advice=advice(rows, full, search.facts, tol, bool(search.skipped)),
+        advice=advice(rows, full, search.facts, tol, bool(search.skipped), bool(search.unseen)),
         refused=search.refused,
         skipped=search.skipped,
         pays=bool(paying(rows, tol)),

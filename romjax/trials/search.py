@@ -31,6 +31,9 @@ _SHARPER, _SHARPEST = 1e-2, 1e-12
 _LONG = 1.0
 # A run from another start that takes so many times as many steps follows vibrations of its own.
 _MOST_STEPS = 5
+# A run that differs from the first by less than so many times the error that models may have shows
+# nothing that the first does not.
+_DIFFERENT = 3.0
 # The most models and refusals of one kind, and the most models where nothing is stiff: there, more
 # of one kind would show the same as the first ones.
 _MOST, _MOST_REFUSED, _MOST_QUICK = 5, 3, 2
@@ -227,11 +230,13 @@ class Search:
         self.progress.doing("other starts or speeds")
         first, rtol = self.training[0].run, self.settings.rtol
         like, rtol = (self.full, rtol) if self.once.work > _LONG else (first, _sharp(rtol))
-        truths = []
+        least, truths = _DIFFERENT * self.settings.tol, list[Truth]()
         for change in changes:
-            systems = variants(self.scene, self.system, first, change)
-            runs = (_truth(system, like, rtol, _MOST_STEPS * _steps(like)) for system in systems)
-            truths += [run for run in runs if run is not None][:1]
+            for system in variants(self.scene, self.system, first, change):
+                truth = _truth(system, like, rtol, _MOST_STEPS * _steps(like))
+                if truth is not None and error(first, truth.run) > least:
+                    truths.append(truth)
+                    break
         return truths
 
 

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
+from jaxtyping import Array, Float
 
 from ..assembly.assemble import assemble
 from ..assembly.assembled import AssembledSystem
@@ -59,27 +60,40 @@ _SWEEPS, _CLOSED, _RANK = 20, 1e-13, 1e-9
 def variants(
     scene: Scene, system: AssembledSystem, run: Trajectory, change: Change
 ) -> Iterator[AssembledSystem]:
-    """Yield the mechanism with another speed of its drives and of its loads in time; without them,
-    at another speed of a start that moves; of one that rests, tilted and turning about where it is
-    held. All joints hold.
+    """Yield changed mechanisms, in all of which joints hold: with another speed of the drives and
+    of the loads in time; without drives, at another speed of a start that moves, or from one that
+    rests, tilted and turning about where it is held; and from a later state of the motion.
 
-    Where that bends what is stiff, it excites vibrations that no run may follow to its end. So
-    there comes another one then without drives: a later state of the motion, slower, which is as
-    smooth as the motion is.
+    The first that serves is meant: a load may hardly matter, and a tilt may bend what is stiff, of
+    which no run follows the vibrations to their end. A later state is as smooth as the motion.
     """
-    metric, v = np.asarray(run.metric), np.asarray(run.v)
-    squared = np.einsum("ki,ij,kj->k", v, metric, v)
     if _signals(scene):
         yield _paced(scene, system, change.speed)
-    elif squared[0] > _MOVING**2 * np.max(squared):
-        yield dataclasses.replace(system, v0=change.speed * system.v0)
+    if drives(scene):
+        return
+    metric, v = np.asarray(run.metric), _speeds(system, run)
+    squared = np.einsum("ki,ij,kj->k", v, metric, v)
+    if squared[0] > _MOVING**2 * np.max(squared):
+        yield _faster(system, system.q0, system.v0, change.speed)
     else:
         moved = _moved(scene, system, run, change)
         if moved is not None:
             yield moved
-    if not drives(scene):
-        k = int(len(v) * abs(change.tilt))
-        yield dataclasses.replace(system, q0=run.q[k], v0=change.speed * run.v[k])
+    k = int(len(v) * abs(change.tilt))
+    yield _faster(system, run.q[k], run.v[k], change.speed)
+
+
+def _speeds(system: AssembledSystem, run: Trajectory) -> np.ndarray:
+    """Velocities (k, n) with zeros for the states of effects."""
+    return np.where(system.structure.is_state, 0.0, run.v)
+
+
+def _faster(
+    system: AssembledSystem, q: Float[Array, " n"], v: Float[Array, " n"], speed: float
+) -> AssembledSystem:
+    """The system from a state with velocities times `speed`; states of effects as they are."""
+    rates = np.where(system.structure.is_state, v, speed * np.asarray(v))
+    return dataclasses.replace(system, q0=q, v0=as_jax(rates))
 
 
 def _signals(scene: Scene) -> list[AbstractSignal]:
@@ -100,7 +114,7 @@ def _paced(scene: Scene, system: AssembledSystem, speed: float) -> AssembledSyst
         is_leaf=_is_signal,
     )
     other = assemble(Scene(scene.bodies, joints, effects))
-    return dataclasses.replace(other, q0=system.q0, v0=speed * system.v0)
+    return _faster(other, system.q0, system.v0, speed)
 
 
 def _moved(
@@ -111,7 +125,7 @@ def _moved(
     """
     posed = _Posed(system, np.asarray(run.metric))
     pivot, axis = _pivot(scene, system), np.asarray(change.axis) / np.linalg.norm(change.axis)
-    q0, q, v = (np.asarray(x) for x in (system.q0, run.q, run.v))
+    q0, q, v = np.asarray(system.q0), np.asarray(run.q), _speeds(system, run)
     whole = _turning(system, q0, pivot, axis)
     field = posed.fitting(q0, whole)
     if posed.size(field) <= _HELD * posed.size(whole):
