@@ -47,7 +47,8 @@ def measured(example: Example, budget: float) -> Scene | None:
     found = studied(example, budget)
     if INTERRUPTED in found.skipped.values():
         return None
-    text = f"{example.name}, {example.end:g} s.\n\n{found.summary()}"
+    # Scenes may be measured one by one, as the code goes on.
+    text = f"{example.name}, {example.end:g} s, commit {record.commit()}.\n\n{found.summary()}"
     best = found.recommended
     times = None if best is None else best.speed_up
     return Scene(example.name, text, row(example.name, found), times)

@@ -11,7 +11,7 @@ import records
 HERE = Path(__file__).parent
 TESTS = HERE.parents[1] / "tests"
 # The beginning of a scene in the record of what its reductions pay, and its full model there.
-SCENE = re.compile(r"^([a-z-]+), [\d.]+ s\.\n\n(.*?)\n\n", re.MULTILINE | re.DOTALL)
+SCENE = re.compile(r"^([a-z-]+), [\d.]+ s, commit \w+\.\n\n(.*?)\n\n", re.MULTILINE | re.DOTALL)
 FULL = re.compile(r"^full +\d+ +(\S+).* (\S+)$", re.MULTILINE)
 
 
