@@ -58,7 +58,7 @@ def row(name: str, found: rj.Reductions) -> list[str]:
     """The best model of a scene, or the nearest to one."""
     full, best = found.full, found.recommended
     if best is None:
-        return [name, "-", "", f"{full.steps}"]
+        return [name, "-", "", f"{full.steps}", "", "", "", ""]
     times = f"{best.speed_up:.1f}"
     errors = [f"{best.trained:.1e}", f"{best.unseen:.1e}", f"{best.pays_after:.0f}"]
     return [name, best.name, f"{best.steps}", f"{full.steps}", times, *errors]
