@@ -108,13 +108,13 @@ def families(facts: Facts) -> list[Family]:
 
     Where bodies bend, their few slow shapes are all that a motion excites, whatever it is: caps,
     bases of amplitudes in joint coordinates, and local bases keep the joints as they are. A cap
-    needs neither a training nor a program, so it comes first; but in space joint coordinates do,
-    where steps take half the time of those with quaternions. One or two freedoms of rigid bodies
-    in the plane are looked up. Trees of many hinged bodies are sampled. Minimal coordinates are for
-    motions that stiffness confines, or for what is left when loops are closed; a subspace of all
-    coordinates suits motions that turn little, and driven ones, which go the same way again. Joint
-    coordinates of rigid bodies are exact, and faster than what holds constraints: of trees, and in
-    space of loops too, where most joints hold without a row.
+    needs neither a training nor a program, so it comes first. In space joint coordinates come
+    before it, since their steps take half the time of those with quaternions. One or two freedoms
+    of rigid bodies in the plane are looked up. Trees of many hinged bodies are sampled. Minimal
+    coordinates are for motions that stiffness confines, or for what is left when loops are closed;
+    a subspace of all coordinates suits motions that turn little, and driven ones, which go the same
+    way again. Joint coordinates of rigid bodies are exact, and faster than what holds constraints:
+    of trees, and in space of loops too, where most joints hold without a row.
     """
     local, hyper = _by_share("local", _local), _by_share("hyper", _sampled)
     joint = _by_share("joint", _jointed)
