@@ -57,10 +57,11 @@ def pendulum():
     return zoo.system(zoo.bar)
 
 
-def swing(system, max_steps=1000):
-    """An audited run with dense output and an event, which gives up early where told to."""
-    crossing = rj.Crossing(rj.quantity.Coordinate("bar1.y"), -0.1)
-    settings = {"events": [crossing], "dense": True, "audit": True, "throw": max_steps == 1000}
+def swing(system, max_steps=1000, stop=-9.0):
+    """An audited run with dense output and events, which gives up or stops early where told to."""
+    height = rj.quantity.Coordinate("bar1.y")
+    events = [rj.Crossing(height, -0.1), rj.Stop(height, stop)]
+    settings = {"events": events, "dense": True, "audit": True, "throw": max_steps == 1000}
     return zoo.run(system, np.linspace(0.0, 1.0, 5), max_steps=max_steps, **settings)
 
 
@@ -78,12 +79,12 @@ def test_a_run_is_the_same_to_the_bit(run, tmp_path):
     assert rj.compare(run, found).error == 0
 
 
-def test_a_run_that_stopped_is_kept_and_drawn(run, tmp_path):
+def test_a_run_that_stopped_is_kept_and_drawn(pendulum, tmp_path):
     """Its outputs after the stop are all at the time of that."""
-    rows = np.minimum(np.arange(11), 7)
-    stopped = dataclasses.replace(run, **{name: getattr(run, name)[rows] for name in "tqv"})
+    stopped = swing(pendulum, stop=-0.3)
+    assert stopped.t[-2] == stopped.t[-1] < 1.0
     stopped.save(tmp_path / "run.nc")
-    same(*((x.t, x.q, x.v) for x in (rj.load(tmp_path / "run.nc"), stopped)))
+    check_same_run(rj.load(tmp_path / "run.nc"), stopped)
     same(course(stopped, np.asarray(stopped.t)), np.asarray(stopped.q))
 
 
@@ -281,6 +282,8 @@ DAMAGES = {
     "NaN": (spoilt("q", (3, 1), np.nan), "'q' holds numbers that are not finite"),
     "infinite": (spoilt("time", -1, np.inf), "'time' holds numbers that are not finite"),
     "back": (spoilt("time", 4, 0.0), "'time' does not increase"),
+    "twice the end": (lambda d: d.isel(time=[0, 1, 1]), "'time' does not increase"),
+    "empty": (lambda d: d.isel(time=slice(0)), "'time' is empty"),
     "status": (spoilt("status", (), 77), "status is 77, which means nothing"),
     "flags": (spoilt("flags", (), 1 << 20), "flags is 1048576, which means nothing"),
     "steps": (spoilt("num_steps", (), -1), "'num_steps' is negative"),
