@@ -10,6 +10,7 @@ import pytest
 from comparison import assert_close
 from groups import in_groups
 from mechanisms import turned_about_the_origin
+from motions import motion as made_up
 from random_scenes import random_scene
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 from zoo import RODAS5P, TIGHT, bars, falling_beams, motion, run, system
@@ -260,6 +261,13 @@ def test_what_has_no_local_bases(beams, every):
     basis = rj.pod(motion, rank=3)
     with pytest.raises(rj.ReductionError, match=r"ranks=\(1, 4, 1\), but .* have \(3, 3, 3\)"):
         rj.reduce(system, basis, rj.Local(ranks=(1, 4, 1)))
+    # Numbers of rigid bodies belong to them too, those of the states of effects do not.
+    one = rj.Beam("beam", 1.0, 1.0, frequencies=[30.0, 80.0, 150.0])
+    two = [rj.RigidBody(name, 1.0, 1.0) for name in ("bar", "block")]
+    pid = rj.PID(one.at(), two[0].at(), rj.Constant(0.0), 1.0)
+    mixed = rj.Scene([one, *two], effects=[pid])
+    with pytest.raises(rj.ReductionError, match=r"ranks=\(2,\), but .* have \(3, 0, 0\) modes"):
+        rj.reduce(rj.assemble(mixed), rj.pod(made_up(mixed), rank=2), rj.Local(ranks=(2,)))
     with pytest.raises(rj.InputError, match=r"tol=2\.0, but it must lie between 0 and 1"):
         rj.Local(tol=2.0)
     with pytest.raises(rj.InputError, match="not both"):

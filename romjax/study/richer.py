@@ -95,7 +95,8 @@ def _modes(full: AbstractSystem) -> list[int]:
         for group in assembled("finer_of", full).bodies
         for row in group.coordinates.rows
     ]
-    return [modes for _, modes in sorted(rows)]
+    # Counters of angles and states of effects come after the bodies.
+    return [modes for _, modes in sorted(rows)][: len(full.structure.frames)]
 
 
 def _of_rank(

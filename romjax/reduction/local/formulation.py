@@ -42,9 +42,10 @@ class Local(AbstractFormulation):
     - `tol`: keep, of all bodies, the modes whose singular value is above `tol` times the largest
       one of the whole motion; a body that hardly bends becomes rigid. Unless given, as many modes
       in all bodies as the basis has.
-    - `ranks`: the number of modes of each body instead, 0 of rigid ones, in the order of the scene;
-      needed under jit and grad through the basis, where it is `LocalSystem.ranks` of a model that
-      was made outside.
+    - `ranks`: the number of modes of each body instead, 0 of rigid ones, in the order of the scene
+      and without counters of angles and states of effects, which follow the bodies; needed under
+      jit and grad through the basis, where it is `LocalSystem.ranks` of a model that was made
+      outside.
 
     Raises InputError for a `tol` outside of 0 to 1, or with `ranks`.
     """
@@ -88,7 +89,10 @@ class Local(AbstractFormulation):
                 for own, body in zip(amplitudes, bodies, strict=True)
             ]
         else:
-            modes = self._decompose(basis, basis.decomposition, bodies)
+            # Counters of angles and states of effects come after the bodies, without modes.
+            count = len(full.structure.frames)
+            modes = self._decompose(basis, basis.decomposition, bodies[:count])
+            modes += [body.metric for body in bodies[count:]]
         bases, validity = BodyBases.of(modes, [body.metric for body in bodies], columns), None
         if basis.decomposition is not None:
             validity = LargestDeflections.of(bases, basis.snapshots.q)
@@ -119,8 +123,7 @@ class Local(AbstractFormulation):
         """The number of modes of each body."""
         sizes = [len(own.root) for own in bodies]
         if self.ranks is not None:
-            # States of effects come after all bodies, and have no modes.
-            ranks = [*self.ranks, *(0 for n in sizes[len(self.ranks) :] if n == 0)]
+            ranks = list(self.ranks)
             fits = len(ranks) == len(sizes)
             if not fits or any(not 0 <= k <= n for k, n in zip(ranks, sizes, strict=True)):
                 raise ReductionError(

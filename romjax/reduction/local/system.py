@@ -71,8 +71,11 @@ class LocalSystem(AbstractReducedSystem):
 
     @property
     def ranks(self) -> tuple[int, ...]:
-        """The number of modes of each body, in the order of the scene."""
-        return tuple(modes.shape[1] for modes in self.bases.by_body())
+        """The number of modes of each body, in the order of the scene; without the counters of
+        angles and the states of effects, which follow the bodies.
+        """
+        bodies = self.bases.by_body()[: len(self.full.structure.frames)]
+        return tuple(modes.shape[1] for modes in bodies)
 
     @property
     def structure(self) -> Structure:
@@ -126,7 +129,7 @@ def _projected(bases: BodyBases, q: Physical, v: Physical) -> tuple[Reduced, Red
 def _with_bases(full: AssembledSystem, bases: BodyBases) -> AssembledSystem:
     """The system of the bodies with few modes; raises ReductionError if joints then lock it."""
     scene = disassemble(full)
-    # Counters of angles, which no scene has, come after all bodies.
+    # Counters of angles and states of effects, which no scene has as bodies, come after these.
     bodies = [
         _reduced(body, modes) if body.modes else body
         for body, modes in zip(scene.bodies, bases.by_body(), strict=False)
