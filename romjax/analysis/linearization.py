@@ -78,7 +78,8 @@ def linearize(
       name, such labels, quantities of `romjax.quantity`, or functions (t, q, v) of physical
       coordinates that return a number.
     - `at`, `v` (n,): the state, that of the system at rest at its start unless given, such as
-      `equilibrium(system)`; at rest drives are too. `t`: time [s].
+      `equilibrium(system)`. The speed of drives is left out unless `v` has it, such as
+      `v=system.v0` at the start. `t`: time [s].
 
     Differentiable and batchable. Raises InputError for a wrong shape or an unknown name, and for
     controllers with a clock, whose laws no equation of motion has.

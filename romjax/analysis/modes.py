@@ -70,7 +70,8 @@ def modes(
 
     - `system`: full, reduced or a `CustomSystem`.
     - `at` (n,): where, an equilibrium such as `equilibrium(system)`; the start unless given.
-    - `v` (n,): its velocity; at rest unless given, as drives are then. `t`: time [s].
+    - `v` (n,): its velocity; at rest unless given. The speed of drives is left out unless `v` has
+      it, such as `v=system.v0` at the start. `t`: time [s].
     - `turning`: angular velocity Ω [rad/s] at which the whole mechanism turns about the origin,
       steadily, as seen from a frame that turns with it; instead of `v`. In space about z, or a
       vector (3,). Modes are those in that frame, such as flap, lead-lag and whirl: with gyroscopic

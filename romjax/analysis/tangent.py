@@ -144,7 +144,7 @@ def tangent_of(
         by_position -= multiply(turning, correction)
         by_velocity -= multiply(turning, basis)
     by_place = multiply(dual, by_position)
-    if turning is None:
+    if turning is None:  # N and P stand still as seen from a turning frame
         by_place += jnp.linalg.solve(
             multiply(weighted, basis), _carried(system, t, q, v, basis, correction)
         )
@@ -166,7 +166,9 @@ def _carried(
     basis: Float[Array, "n d"],
     correction: Float[Array, "n d"],
 ) -> Float[Array, "d d"]:
-    """−NᵀM Ṗ, of directions that turn with a motion; none at rest."""
+    """−NᵀM Ṗ, of directions that turn with a motion. It is zero at rest and computed there too,
+    since a program does not know the numbers of v.
+    """
 
     def weighted(t: Array, q: Array) -> Array:
         return system.state(t, q, v).apply_mass(correction)
