@@ -22,8 +22,9 @@ Triple = Float[Numbers, "... 3"]
 
 # Of the entries of p in the matrix of a product; its last rows are those of G and E.
 _ORDER = [[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]]
-# Their signs in the matrix of a first factor.
+# Their signs in the matrix of a first factor, and of a second one.
 _LEFT = [[1, -1, -1, -1], [1, 1, -1, 1], [1, 1, 1, -1], [1, -1, 1, 1]]
+_RIGHT = [[1, -1, -1, -1], [1, 1, 1, -1], [1, -1, 1, 1], [1, 1, -1, 1]]
 
 
 def columns(starts: Sequence[int]) -> np.ndarray:
@@ -36,10 +37,9 @@ def product(a: Quaternion, b: Quaternion) -> Quaternion:
     return apply(_signed(a, _LEFT), b)
 
 
-def between(a: Quaternion, b: Quaternion) -> Float[Numbers, "... 4 4"]:
+def two_sided_product(a: Quaternion, b: Quaternion) -> Float[Numbers, "... 4 4"]:
     """The matrix of x ↦ a ⊗ x ⊗ b."""
-    first = _signed(a, _LEFT)
-    second = _signed(b, [[1, -1, -1, -1], [1, 1, 1, -1], [1, -1, 1, 1], [1, 1, -1, 1]])
+    first, second = _signed(a, _LEFT), _signed(b, _RIGHT)
     products: Float[Numbers, "... 4 4"] = (first[..., None] * second[..., None, :, :]).sum(axis=-2)
     return products
 

@@ -108,7 +108,7 @@ class Still(NamedTuple):
         outer, inner = (Frames(*[x[own] for x in frames]) for own in (np.s_[:count], np.s_[count:]))
         across = None
         if ports.points.shape[1] == 3:
-            across = quaternions.between(outer.turn, quaternions.conjugate(inner.turn))
+            across = quaternions.two_sided_product(outer.turn, quaternions.conjugate(inner.turn))
         still: Still = jax.tree.map(as_jax, cls(outer, inner, across))
         return still
 

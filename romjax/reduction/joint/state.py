@@ -17,8 +17,9 @@ from ...system.constraints import ConstraintState
 from ...system.reduced import Physical, Reduced
 from ...system.state import AbstractState, Energy, Power, Solved
 from . import rates
-from .bodies import Inertias, biases, inertias
+from .bodies import biases, inertias
 from .cuts import Cut
+from .inertias import Inertias
 from .kinematics import TreeMotion, along, tree_motion
 from .lift import TreeLift
 from .recursion import accelerations
