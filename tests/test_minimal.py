@@ -37,8 +37,7 @@ MECHANISMS = {
 }
 
 
-# The charts of one four-bar that goes round stand for those of the others, these for loops whose
-# charts do not change.
+# Fast tests change charts with one four-bar that goes round; the charts of these never change.
 LONG = ("redundant four-bar", "slider crank")
 
 

@@ -19,7 +19,7 @@ _CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1
 
 def outline_of(arrays: Any, links: list[int], within: Any) -> Any:
     """The edges (corners, 3) of boxes around the geoms of a body, one after the other [m]; of one
-    without geoms, of a box around its points, so that it is as large as the robot is.
+    without geoms, of a box around its points, which fits the size of the robot.
     """
     lines = []
     for geom in range(arrays.ngeom):
