@@ -17,4 +17,5 @@ FOLDER = os.environ.setdefault("ROMJAX_CACHE_DIR", str(user_cache_path("romjax")
 if FOLDER and sys.dont_write_bytecode and "PYTHONPYCACHEPREFIX" not in os.environ:
     sys.pycache_prefix = os.environ["PYTHONPYCACHEPREFIX"] = f"{FOLDER}-bytecode"
     sys.dont_write_bytecode = False
-    del os.environ["PYTHONDONTWRITEBYTECODE"]
+    # By `python -B` too it is not written, and nothing stands there.
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
