@@ -22,6 +22,15 @@ def longest_first(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: places.get(item.path.name, len(places)))
 
 
+def one_group_each(items: list[pytest.Item]) -> None:
+    """Raise UsageError for tests with several marks of groups, such as a mark above `in_groups`."""
+    groups = {"instant", "slow", "exhaustive"}
+    marked = {item.nodeid: groups & {mark.name for mark in item.iter_markers()} for item in items}
+    if several := {name: sorted(marks) for name, marks in marked.items() if len(marks) > 1}:
+        told = "\n".join(f"{name}: {', '.join(marks)}" for name, marks in several.items())
+        raise pytest.UsageError(f"tests of several groups; leave each one mark:\n{told}")
+
+
 def in_groups(
     cases: Iterable[Any], *, fast: Collection[Any] = (), slow: Collection[Any] = ()
 ) -> list[Any]:

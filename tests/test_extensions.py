@@ -104,8 +104,7 @@ def test_the_run_is_saved(motion, tmp_path):
     assert (again.summary(), again.labels) == (run.summary(), run.labels)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("formulation", in_groups(RANKS, fast=["minimal"]))
+@pytest.mark.parametrize("formulation", in_groups(RANKS, slow=["minimal"]))
 def test_the_scene_is_reduced(motion, formulation):
     system, run = motion
     rom = rj.reduce(system, VelocityPOD(RANKS[formulation])(run), formulation)

@@ -5,6 +5,7 @@ import jax
 import numpy as np
 import pytest
 from comparison import assert_close
+from groups import in_groups
 from tolerances import IDENTITY, SOLVED
 from verification_problems.events import (
     ASIDE,
@@ -22,12 +23,12 @@ from romjax.system import dynamics
 
 G = 9.81
 TS = np.linspace(0.0, 1.0, 21)
+PROJECTED = rj.Projection()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "stabilization",
-    [pytest.param("default", marks=pytest.mark.exhaustive), rj.Projection()],
+    in_groups(["default", PROJECTED], slow=[PROJECTED]),
     ids=["default", "projected"],
 )
 def test_newtons_cradle(stabilization):

@@ -48,6 +48,12 @@ def reduced(request, truth):
     return rom, zoo.run(rom, truth.t, solver=solver)
 
 
+# For slow tests of the runs that fast tests look at; those of six coordinates are exhaustive.
+LONGER = pytest.mark.parametrize(
+    "reduced", in_groups(["galerkin", "minimal"], slow=["minimal"]), indirect=True
+)
+
+
 def relative_difference(found, wanted):
     found, wanted = np.asarray(found), np.asarray(wanted)
     return np.max(np.abs(found - wanted), axis=0) / np.max(np.abs(wanted), axis=0)
@@ -70,7 +76,7 @@ def pose(marker, q):
 pose_slopes = jax.jit(jax.vmap(jax.jacfwd(pose, argnums=1), in_axes=(None, 0)))
 
 
-@pytest.mark.slow
+@LONGER
 def test_reduced_models_agree(truth, reduced):
     """In every measured quantity of two points, by no more than the errors of the model's own
     coordinates, their rates and second rates, as far as the marker moves with them.
@@ -99,13 +105,13 @@ def test_joint_forces_of_rigid_bodies_agree():
         assert np.max(relative_difference(approx[key].force, full[key].force)) < 10 * SOLVED, key
 
 
-@pytest.mark.slow
+@LONGER
 def test_joint_forces_of_reduced_models_agree(truth, reduced):
     full, approx = (rj.joint_forces(*x)["hinge"].force for x in ((truth.system, truth), reduced))
     assert np.max(relative_difference(approx, full)) < DROPPED
 
 
-@pytest.mark.slow
+@LONGER
 def test_other_forces_of_reduced_models_agree(truth, reduced):
     """In all joints, of effects, and in cuts of the pendulum."""
     rom, run = reduced
@@ -119,9 +125,7 @@ def test_other_forces_of_reduced_models_agree(truth, reduced):
         assert np.max(relative_difference(x, wanted)) < DROPPED
 
 
-@pytest.mark.parametrize(
-    "reduced", in_groups(["galerkin", "minimal"], slow=["minimal"]), indirect=True
-)
+@LONGER
 def test_forces_of_reduced_models_differentiate(reduced):
     """By the mass of the cart, at given states."""
     rom, run = reduced

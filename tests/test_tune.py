@@ -22,7 +22,6 @@ def pendulum() -> rj.CustomSystem:
     return point_pendulum()
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The stabilisation and not the mechanism")
 @pytest.mark.parametrize("step", in_groups([0.02, 0.005], slow=[0.02]))
 def test_a_pendulum_leads_to_its_own_frequency(pendulum, step):
