@@ -13,7 +13,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from groups import longest_first
+from groups import longest_first, one_group_each
+from processes import KEPT
 from programs import compiled, listen
 from scene_files import CRANK
 from zoo import RODAS5P, run
@@ -76,9 +77,9 @@ def pytest_configure(config):
     listen()
     if cache_folder.FOLDER:
         # And what the tests compile by JAX alone; reading a program back takes a few milliseconds.
-        jax.config.update("jax_compilation_cache_dir", f"{cache_folder.FOLDER}-jax")
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", WORTH_KEEPING)
-        jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+        kept = f"{cache_folder.FOLDER}-jax", WORTH_KEEPING, -1
+        for name, value in zip(KEPT, kept, strict=True):
+            jax.config.update(name, value)
     # What the tests compile by JAX alone, with the options of romjax's own programs, and everything
     # without the passes that make a program fast: most programs of tests run once, and compile in
     # half the time. XLA reads the flags when it computes for the first time.
@@ -95,7 +96,8 @@ def pytest_unconfigure():
 
 
 def pytest_collection_modifyitems(items):
-    """Begin with what takes longest."""
+    """Begin with what takes longest; refuse a test that two groups would run."""
+    one_group_each(items)
     longest_first(items)
 
 

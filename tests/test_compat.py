@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 from jax.experimental.compilation_cache import compilation_cache
+from processes import KEPT
 
 from romjax.common import compat
 from romjax.compiling import jaxprs
@@ -58,13 +59,8 @@ def test_a_trace_context_is_part_of_the_key_of_compiled_functions():
 @pytest.fixture
 def cache_of_jax(tmp_path):
     """A folder that is that of JAX's own cache, of every program."""
-    names = (
-        "jax_compilation_cache_dir",
-        "jax_persistent_cache_min_compile_time_secs",
-        "jax_persistent_cache_min_entry_size_bytes",
-    )
-    before = {name: getattr(jax.config, name) for name in names}
-    for name, value in zip(names, (str(tmp_path), 0, -1), strict=True):
+    before = {name: getattr(jax.config, name) for name in KEPT}
+    for name, value in zip(KEPT, (str(tmp_path), 0, -1), strict=True):
         jax.config.update(name, value)
     compilation_cache.reset_cache()
     yield tmp_path

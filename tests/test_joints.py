@@ -30,7 +30,7 @@ def ends(one, two) -> tuple[rj.Marker, rj.Marker]:
 
 SWING = rj.Sine(0.3, 2.0, phase=0.4)
 JOINTS = [
-    lambda *ends: rj.Weld(*ends),
+    rj.Weld,
     lambda *ends: rj.Prismatic(*ends, value=0.1),
     lambda *ends: rj.Distance(*ends, length=0.7),
     lambda *ends: rj.Gear(*ends, ratio=-2.5),
