@@ -108,7 +108,7 @@ def test_every_parameter_of_a_scene_in_space(scene):
 THROUGH_BASES = [("cart", "galerkin"), ("chain", "minimal")]
 
 
-@pytest.mark.parametrize(("scene", "kind"), in_groups(THROUGH_BASES))
+@pytest.mark.parametrize(("scene", "kind"), in_groups(THROUGH_BASES, slow=[("chain", "minimal")]))
 def test_every_parameter_through_the_basis(scene, kind):
     """Of a reduced run whose basis comes from the run of the same scene.
 

@@ -70,7 +70,7 @@ SCENES |= {
     f"space {k}": (functools.partial(random_spatial_scene, 20 * k, k), 0.1) for k in range(10)
 }
 FAST = ("beams",)
-SLOW = ("rods", REPEATING, "plane 4")
+SLOW = ("rods", REPEATING, "plane 4", "space 3")
 
 
 @jax.jit
