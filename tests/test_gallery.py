@@ -19,15 +19,19 @@ from romjax.gallery import EXAMPLES, find
 from romjax.system.dynamics import jacobian
 
 FILES = Path(rj.__file__).parent / "gallery" / "files"
-# At the tolerance of the catalogue; all others with the default settings.
+# At the tolerance of the catalogue; all others at that of the default settings.
 TIGHTLY = ("slider-crank",)
-# With the balance of energy, which makes a program half as long again: of what shows energies, of a
-# chain in gravity, of contacts, and of what stiffens. Parts that bend are in test_long_runs.py.
+# With the balance of energy among the slow tests, since it makes a program half as long again: of
+# what shows energies, of a chain in gravity, of contacts, and of what stiffens. Parts that bend are
+# in test_long_runs.py, and all scenes with it among the exhaustive tests.
 AUDITED = ("newtons-cradle", "rotating-blade", "squeezer", "trebuchet", "uncoiling-strip")
 # Those that other tests move too, by one program each, and its method.
 FAST = {"cart-pendulum": zoo.RODAS5P, "four-bar": zoo.DOPRI8, "spinning-top": zoo.DOPRI8}
 
 FACTS = {fact.__name__.replace("_", "-"): fact for fact in (*IN_THE_PLANE, *IN_SPACE)}
+# The scenes that no fast test runs, each with its balance of energy or without.
+FEW = [(name, name in AUDITED) for name in FACTS if name not in FAST]
+BY_DEFAULT = [*FEW, *((name, True) for name in FACTS if (name, True) not in FEW)]
 # Rows that repeat others.
 REPEATED = {"bricard": 1}
 
@@ -51,12 +55,13 @@ def test_scene(name):
     run_and_show(find(name), lambda system, ts: zoo.run(system, ts, solver=FAST[name]))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in FACTS if name not in FAST])
-def test_scene_by_default(name):
-    """With the default settings."""
+@pytest.mark.parametrize(("name", "audit"), in_groups(BY_DEFAULT, slow=FEW))
+def test_scene_by_default(name, audit):
+    """With the default settings, but for one tolerance and, in most, the balance of energy; with
+    that too in the exhaustive cases.
+    """
     example = find(name)
-    settings = {"audit": name in AUDITED}
+    settings = {"audit": audit}
     if name in TIGHTLY:
         settings["rtol"] = example.rtol
     run_and_show(example, lambda system, ts: rj.simulate(system, ts, **settings))
