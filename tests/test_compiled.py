@@ -96,10 +96,11 @@ def test_settings(settings):
     compared(cart(), **{"solver": RODAS5P, "stabilization": HELD, **settings})
 
 
-MECHANISMS = [zoo.driven_four_bar, zoo.slider_crank, zoo.top, zoo.beam_in_space, zoo.loop_in_space]
+SLOW = [zoo.driven_four_bar, zoo.beam_in_space, zoo.loop_in_space]
+MECHANISMS = [*SLOW, zoo.slider_crank, zoo.top]
 
 
-@pytest.mark.parametrize("make", in_groups(MECHANISMS, slow=[MECHANISMS[i] for i in (0, 3, 4)]))
+@pytest.mark.parametrize("make", in_groups(MECHANISMS, slow=SLOW))
 def test_mechanisms(make):
     """Loads with corners, motion in space, beams."""
     compared(zoo.system(make))
