@@ -1,7 +1,7 @@
 """Room for compiled programs in a process.
 
 Each function of a program is a piece of mapped memory, hundreds for a mechanism. Linux allows a
-process `vm.max_map_count` of them, 65530 unless set otherwise, and where it gets no more, LLVM
+process vm.max_map_count of them, 65530 unless set otherwise, and where it gets no more, LLVM
 cannot compile: a process that simulates dozens of different mechanisms would end there.
 """
 
