@@ -8,7 +8,7 @@ cannot compile: a process that simulates dozens of different mechanisms would en
 import gc
 import weakref
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 _PIECES, _ALLOWED = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count")
 # The share of what is allowed from which on programs are forgotten: the largest program takes a
@@ -16,6 +16,7 @@ _PIECES, _ALLOWED = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count")
 _SHARE = 0.6
 
 
+@runtime_checkable
 class Forgets(Protocol):
     """What remembers compiled programs."""
 

@@ -36,6 +36,7 @@ def uncoiling_strip(
         modes,
         position=(0.0, length / math.pi),
         angle=math.pi,
-        amplitudes=[round(amplitude, 12) for amplitude in rolled.tolist()],
+        # Zeros without a sign, which hangs on the processor.
+        amplitudes=[round(amplitude, 12) + 0.0 for amplitude in rolled.tolist()],
     )
     return Scene([strip], [Weld(strip.at("start"), ground.at((0.0, 0.0)), name="clamp")])
