@@ -83,8 +83,9 @@ def test_defaults_are_those_of_simulate():
 @pytest.mark.parametrize(
     "settings",
     [
-        {"rtol": 1e-9},
-        {"rtol": 1e-7, "atol": 1e-7},
+        # Where the fast mode hangs on rounding, steps do: between the tolerances of these two.
+        {"rtol": 1e-10},
+        {"rtol": 1e-6, "atol": 1e-6},
         {"dt": 1e-3},
         # Fast modes that ring: at looser tolerances the two step sizes part by rounding.
         {"q0": np.array([0.1, 0.1, 0.0, 0.1, -0.3, 0.0, 0.0, 0.0]), "rtol": 1e-8},
