@@ -170,7 +170,7 @@ def test_what_moves_alike_or_fails_judges_nothing(monkeypatch):
     runs = {"fails": None, "alike": motion, "other": dataclasses.replace(motion, q=1.1 * motion.q)}
     monkeypatch.setattr(search, "variants", lambda *_: iter([*runs, "not reached"]))
 
-    def truth(name, *_):
+    def truth(name, *_, **limits):
         seen.append(name)
         return None if runs[name] is None else Truth(zoo.system(zoo.bars), runs[name], 0.1)
 

@@ -84,11 +84,21 @@ class AbstractSignal(eqx.Module):
     def check(self, owner: str) -> None:
         """Raise SceneError for numbers that are not finite, its own and those of signals in it."""
         for name, value in vars(self).items():
-            for part in jtu.tree_leaves(value, is_leaf=lambda x: isinstance(x, AbstractSignal)):
+            for part in jtu.tree_leaves(value, is_leaf=is_signal):
                 if isinstance(part, AbstractSignal):
                     part.check(owner)
                 elif eqx.is_array_like(part):
                     check_finite(owner, f"{type(self).__name__}.{name}", as_array(part))
+
+
+def is_signal(x: Any) -> bool:
+    """Whether it is a signal, where leaves of a pytree are asked for."""
+    return isinstance(x, AbstractSignal)
+
+
+def signals_of(tree: Any) -> list[AbstractSignal]:
+    """The signals in a pytree, without those that others hold."""
+    return [x for x in jtu.tree_leaves(tree, is_leaf=is_signal) if is_signal(x)]
 
 
 if TYPE_CHECKING:  # why, see fields.py

@@ -1,7 +1,6 @@
 """When the loads of a system change, so that the steps of a run see it."""
 
 import abc
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -11,7 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..common import compat
 from ..common.arrays import Time
-from ..scene.signal import AbstractSignal
+from ..scene.signal import AbstractSignal, is_signal, signals_of
 from .base import AbstractSystem
 
 # Loads that do not say when they change are evaluated so many times between two outputs.
@@ -60,11 +59,11 @@ class Schedule(eqx.Module):
         """The signals of a full or a reduced system."""
         full = system.full
         parts = jax.tree.leaves(
-            full, is_leaf=lambda x: isinstance(x, AbstractStack) or _is_signal(x)
+            full, is_leaf=lambda x: isinstance(x, AbstractStack) or is_signal(x)
         )
         stacks = [part for part in parts if isinstance(part, AbstractStack)]
-        stacked = [signal for stack in stacks for signal in _signals(stack)]
-        single = [part for part in parts if _is_signal(part)]
+        stacked = [signal for stack in stacks for signal in signals_of(stack)]
+        single = [part for part in parts if is_signal(part)]
         # Elements of romjax change with time by their signals only. Others are traced to find out,
         # which takes a while.
         own = stacks and all(stack.kind.__module__.startswith("romjax.") for stack in stacks)
@@ -142,17 +141,9 @@ class Schedule(eqx.Module):
         return jnp.where(self.hidden[part], jnp.minimum(longest, look), longest)
 
 
-def _is_signal(x: Any) -> bool:
-    return isinstance(x, AbstractSignal)
-
-
-def _signals(tree: Any) -> list[AbstractSignal]:
-    return [x for x in jax.tree.leaves(tree, is_leaf=_is_signal) if _is_signal(x)]
-
-
 def _changes(full: AbstractSystem) -> bool:
     """Whether anything but signals changes with time."""
-    still = jax.tree.map(lambda x: _Still(x) if _is_signal(x) else x, full, is_leaf=_is_signal)
+    still = jax.tree.map(lambda x: _Still(x) if is_signal(x) else x, full, is_leaf=is_signal)
 
     def at(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         return still.force(t, q, v), still.constraint(t, q)

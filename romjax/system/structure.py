@@ -112,7 +112,7 @@ class Structure:
         return mask
 
     def without_states(self, v: Array) -> Array:
-        """Velocities (n,) with zeros for states; the same array where there are none."""
+        """Velocities (…, n) with zeros for states; the same array where there are none."""
         return jnp.where(self.is_state, 0, v) if self.states else v
 
     def at_rest(self, q: Array) -> Array:

@@ -74,15 +74,15 @@ def simulated(
     rtol: float,
     solver: diffrax.AbstractSolver[Any] | None = None,
     audit: bool = False,
-    max_steps: int = 100_000,
+    **limits: int,
 ) -> Trajectory:
-    """A run, by the method that suits the system unless one is given; what speaks against it goes
-    to the table. Without the balance of energy, which doubles the time to compile: errors are
-    measured.
+    """A run, by the method that suits the system unless one is given, within `limits` such as
+    `max_steps`; what speaks against it goes to the table. Without the balance of energy, which
+    doubles the time to compile: errors are measured.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        settings: dict[str, Any] = {"throw": False, "audit": audit, "max_steps": max_steps}
+        settings: dict[str, Any] = {"throw": False, "audit": audit, **limits}
         return simulate(system, ts, rtol=rtol, solver=solver, **settings)
 
 

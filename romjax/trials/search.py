@@ -233,7 +233,7 @@ class Search:
         least, truths = _DIFFERENT * self.settings.tol, list[Truth]()
         for change in changes:
             for system in variants(self.scene, self.system, first, change):
-                truth = _truth(system, like, rtol, _MOST_STEPS * _steps(like))
+                truth = _truth(system, like, rtol, max_steps=_MOST_STEPS * _steps(like))
                 if truth is not None and error(first, truth.run) > least:
                     truths.append(truth)
                     break
@@ -261,12 +261,10 @@ class _Clock:
         return time.process_time() + expected <= self.deadline
 
 
-def _truth(
-    system: AssembledSystem, like: Trajectory, rtol: float, most: int = 100_000
-) -> Truth | None:
-    """A run by the method of another one, unless it fails or takes more than `most` steps."""
+def _truth(system: AssembledSystem, like: Trajectory, rtol: float, **limits: int) -> Truth | None:
+    """A run by the method of another one, unless it fails, beyond its `limits` too."""
     try:
-        run, taken = timed(lambda: simulated(system, like.t, rtol, like.solver, True, most))
+        run, taken = timed(lambda: simulated(system, like.t, rtol, like.solver, True, **limits))
     except InputError:  # no start
         return None
     return Truth(system, run, taken) if bool(run.success) else None

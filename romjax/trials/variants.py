@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -15,7 +15,7 @@ from ..integrate.trajectory import Trajectory
 from ..linalg import quaternions
 from ..scene.marker import GROUND
 from ..scene.scene import Scene, markers_of
-from ..scene.signal import AbstractSignal, Constant, Held
+from ..scene.signal import Constant, Held, is_signal, signals_of
 from ..system.structure import without_names
 from .facts import Joined, drives, joined
 from .pace import at_speed
@@ -67,11 +67,12 @@ def variants(
     The first that serves is meant: a load may hardly matter, and a tilt may bend what is stiff, of
     which no run follows the vibrations to their end. A later state is as smooth as the motion.
     """
-    if _signals(scene):
+    signals = signals_of((scene.joints, scene.effects))
+    if any(not isinstance(x, Constant | Held) for x in signals):
         yield _paced(scene, system, change.speed)
     if drives(scene):
         return
-    metric, v = np.asarray(run.metric), _speeds(system, run)
+    metric, v = np.asarray(run.metric), np.asarray(system.structure.without_states(run.v))
     squared = np.einsum("ki,ij,kj->k", v, metric, v)
     if squared[0] > _MOVING**2 * np.max(squared):
         yield _faster(system, system.q0, system.v0, change.speed)
@@ -83,11 +84,6 @@ def variants(
     yield _faster(system, run.q[k], run.v[k], change.speed)
 
 
-def _speeds(system: AssembledSystem, run: Trajectory) -> np.ndarray:
-    """Velocities (k, n) with zeros for the states of effects."""
-    return np.where(system.structure.is_state, 0.0, run.v)
-
-
 def _faster(
     system: AssembledSystem, q: Float[Array, " n"], v: Float[Array, " n"], speed: float
 ) -> AssembledSystem:
@@ -96,22 +92,12 @@ def _faster(
     return dataclasses.replace(system, q0=q, v0=as_jax(rates))
 
 
-def _signals(scene: Scene) -> list[AbstractSignal]:
-    """The signals of joints and effects that change with time."""
-    parts = jax.tree.leaves((scene.joints, scene.effects), is_leaf=_is_signal)
-    return [x for x in parts if _is_signal(x) and not isinstance(x, Constant | Held)]
-
-
-def _is_signal(x: Any) -> bool:
-    return isinstance(x, AbstractSignal)
-
-
 def _paced(scene: Scene, system: AssembledSystem, speed: float) -> AssembledSystem:
     """Scale the speed of all signals, and the rates of the start, so that joints still fit."""
     joints, effects = jax.tree.map(
-        lambda x: at_speed(x, speed) if _is_signal(x) else x,
+        lambda x: at_speed(x, speed) if is_signal(x) else x,
         (scene.joints, scene.effects),
-        is_leaf=_is_signal,
+        is_leaf=is_signal,
     )
     other = assemble(Scene(scene.bodies, joints, effects))
     return _faster(other, system.q0, system.v0, speed)
@@ -125,7 +111,11 @@ def _moved(
     """
     posed = _Posed(system, np.asarray(run.metric))
     pivot, axis = _pivot(scene, system), np.asarray(change.axis) / np.linalg.norm(change.axis)
-    q0, q, v = np.asarray(system.q0), np.asarray(run.q), _speeds(system, run)
+    q0, q, v = (
+        np.asarray(system.q0),
+        np.asarray(run.q),
+        np.asarray(system.structure.without_states(run.v)),
+    )
     whole = _turning(system, q0, pivot, axis)
     field = posed.fitting(q0, whole)
     if posed.size(field) <= _HELD * posed.size(whole):

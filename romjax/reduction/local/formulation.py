@@ -123,14 +123,13 @@ class Local(AbstractFormulation):
         """The number of modes of each body."""
         sizes = [len(own.root) for own in bodies]
         if self.ranks is not None:
-            ranks = list(self.ranks)
-            fits = len(ranks) == len(sizes)
-            if not fits or any(not 0 <= k <= n for k, n in zip(ranks, sizes, strict=True)):
+            fits = len(self.ranks) == len(sizes)
+            if not fits or any(not 0 <= k <= n for k, n in zip(self.ranks, sizes, strict=True)):
                 raise ReductionError(
                     f"reduce: ranks={self.ranks}, but the bodies of the scene have {tuple(sizes)} "
                     "modes; give one number for each body, no more than it has."
                 )
-            return ranks
+            return list(self.ranks)
         criteria = [decomposition.criterion(own) if len(own.root) else None for own in bodies]
         values = list[np.ndarray]()
         for one in criteria:
