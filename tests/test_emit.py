@@ -234,6 +234,14 @@ def test_equal_terms_are_computed_once():
 
 
 @pytest.mark.instant
+def test_signs_and_zeros_cost_nothing():
+    """Signs go into the sums around them, and the zeros of a sparse row are one number."""
+    assert one(lambda x, y: x[0, 0] - -(x[0, 1] * -y[0, 0]) * 2.0).operations == 3
+    assert one(lambda x, y: x[0, 0] * y[0, 0] + y[0, 0] * x[0, 0] * 2.0).operations == 3
+    assert one(lambda x, y: jnp.max(jnp.zeros((9, 9)).at[3, 4].set(x[0, 0]))).operations == 2
+
+
+@pytest.mark.instant
 def test_long_loops_are_loops():
     def many(x, y):
         return lax.scan(lambda z, _: (jnp.cos(z), None), x, None, length=10_000)[0]

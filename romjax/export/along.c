@@ -27,17 +27,11 @@ static void dopri8_along(const directions *along, double t, double h, const sett
                          state *m, tangent *d) {
   double x[X], dx[X];
   for (int j = 1; j < D_STAGES; j++) {
-    for (int i = 0; i < X; i++) {
-      double sum = 0;
-      for (int l = 0; l < j; l++) sum += D_A[j * D_STAGES + l] * m->k[l][i];
-      x[i] = m->y[i] + h * sum;
-    }
+    combine(D_A + j * D_STAGES, j, m->k, x);
+    for (int i = 0; i < X; i++) x[i] = m->y[i] + h * x[i];
     for (int64_t c = 0; c < along->count; c++) {
-      for (int i = 0; i < X; i++) {
-        double sum = 0;
-        for (int l = 0; l < j; l++) sum += D_A[j * D_STAGES + l] * d[c].k[l][i];
-        d[c].z[i] = dx[i] = d[c].y[i] + h * sum;
-      }
+      combine(D_A + j * D_STAGES, j, d[c].k, dx);
+      for (int i = 0; i < X; i++) d[c].z[i] = dx[i] = d[c].y[i] + h * dx[i];
       slope_along(t + D_C[j] * h, x, s, dx, along->given[c], d[c].k[j]);
     }
   }
@@ -52,20 +46,14 @@ static void rodas5p_along(const directions *along, double t, double h, const set
     model_linear_jvp(t, m->y, s->given, d[c].y, along->given[c], d[c].a, d[c].by_q, d[c].by_v,
                      d[c].by_t);
   for (int j = 0; j < 8; j++) {
-    for (int i = 0; i < X; i++) {
-      double sum = 0;
-      for (int l = 0; l < j; l++) sum += R_A[j * 8 + l] * m->k[l][i];
-      x[i] = m->y[i] + sum;
-    }
+    combine(R_A + j * 8, j, m->k, x);
+    for (int i = 0; i < X; i++) x[i] += m->y[i];
     for (int64_t c = 0; c < along->count; c++) {
+      combine(R_A + j * 8, j, d[c].k, dx);
+      combine(R_C + j * 8, j, d[c].k, right);
       for (int i = 0; i < X; i++) {
-        double sum = 0, from = 0;
-        for (int l = 0; l < j; l++) {
-          sum += R_A[j * 8 + l] * d[c].k[l][i];
-          from += R_C[j * 8 + l] * d[c].k[l][i];
-        }
-        dx[i] = d[c].y[i] + sum;
-        right[i] = from / h;
+        dx[i] += d[c].y[i];
+        right[i] /= h;
       }
       if (j) slope_along(t + R_TIMES[j] * h, x, s, dx, along->given[c], f);
       for (int i = 0; i < N; i++) {

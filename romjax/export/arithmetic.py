@@ -44,17 +44,33 @@ class Arithmetic:
             return a + b
         if _is(a, 0):
             return b
-        return a if _is(b, 0) else self.writer.compute(kind, "{} + {}", a, b)
+        if _is(b, 0):
+            return a
+        if (plus := _minus(b)) is not None:
+            return self.sub(a, plus, kind)
+        if (plus := _minus(a)) is not None:
+            return self.sub(b, plus, kind)
+        return self.writer.compute(kind, "{} + {}", *_ordered(a, b))
 
     def sub(self, a: Any, b: Any, kind: str = "f") -> Any:
         if is_known(a) and is_known(b):
             return a - b
         if _is(b, 0):
             return a
-        return self.neg(b, kind) if _is(a, 0) else self.writer.compute(kind, "{} - {}", a, b)
+        if _is(a, 0):
+            return self.neg(b, kind)
+        if (plus := _minus(b)) is not None:
+            return self.add(a, plus, kind)
+        return self.writer.compute(kind, "{} - {}", a, b)
 
     def neg(self, a: Any, kind: str = "f") -> Any:
-        return -a if is_known(a) else self.writer.compute(kind, "-{}", a)
+        if is_known(a):
+            return -a
+        if a.minus is not None:
+            return a.minus
+        negative = self.writer.compute(kind, "-{}", a)
+        negative.minus = a
+        return negative
 
     def mul(self, a: Any, b: Any, kind: str = "f") -> Any:
         if is_known(a) and is_known(b):
@@ -67,7 +83,18 @@ class Arithmetic:
             return self.neg(b, kind)
         if _is(b, -1):
             return self.neg(a, kind)
-        return a if _is(b, 1) else self.writer.compute(kind, "{} * {}", a, b)
+        if _is(b, 1):
+            return a
+        # Signs go outwards, where sums take them: of numbers at once.
+        a, b = _ordered(a, b)
+        if (plus := _minus(a)) is not None:
+            return self.mul(plus, -b, kind) if is_known(b) else self._negative(plus, b, kind)
+        if (plus := _minus(b)) is not None:
+            return self._negative(a, plus, kind)
+        return self.writer.compute(kind, "{} * {}", a, b)
+
+    def _negative(self, a: Any, b: Any, kind: str) -> Any:
+        return self.neg(self.mul(a, b, kind), kind)
 
     def div(self, a: Any, b: Any, kind: str = "f") -> Any:
         if is_known(a) and is_known(b):
@@ -245,6 +272,18 @@ class Arithmetic:
 def _before(a: Any, b: Any) -> bool:
     """Whether a comes before b, where NaN comes last."""
     return bool(a < b or (np.isnan(b) and not np.isnan(a)))
+
+
+def _minus(x: Any) -> Any:
+    """The number of which x is the negative, if it is one."""
+    return x.minus if isinstance(x, Term) else None
+
+
+def _ordered(a: Any, b: Any) -> tuple[Any, Any]:
+    """Both in the one order in which sums and products of them are written, known ones last."""
+    if is_known(a) != is_known(b):
+        return (b, a) if is_known(a) else (a, b)
+    return (a, b) if (len(str(a)), str(a)) <= (len(str(b)), str(b)) else (b, a)
 
 
 def _is(x: Any, value: float) -> bool:

@@ -29,6 +29,11 @@ def all_known(x: Cells) -> bool:
     return all(is_known(each) for each in x.flat)
 
 
+def over(function: Any, x: Operands) -> Cells:
+    """A function of single numbers over arrays, of which some may be single numbers."""
+    return np.asarray(np.frompyfunc(function, len(x), 1)(*x), dtype=object)
+
+
 class Arrays:
     """The operations by their names, of the operands and the parameters of an equation.
 

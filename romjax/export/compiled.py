@@ -127,7 +127,7 @@ class CompiledModel:
         times = np.ascontiguousarray(ts, float)
         # In NumPy's way, which takes a tenth of the time; what is wrong is told in the usual words.
         if times.ndim != 1 or not (
-            len(times) > 1 and np.all(np.diff(times) > 0) and times[-1] < np.inf
+            len(times) > 1 and (times[1:] > times[:-1]).all() and times[-1] < np.inf
         ):
             times = np.ascontiguousarray(check_times(ts, self.system.q0.dtype), float)
         return times
@@ -164,11 +164,11 @@ class CompiledModel:
         """A run that is a part of a program of JAX."""
         if asked.stiff not in self._inside:
             self._inside[asked.stiff] = Inside(self._native, asked.stiff)
-        numbers, counts = asked.arrays(own[0] + 2 * own[1])
+        numbers, counts = asked.numbers(own[0] + 2 * own[1])
         x0 = jnp.zeros(2 * system.n) if start is None else jnp.concatenate(start)
         given = jnp.concatenate([jnp.asarray(asked.terms), p])
         rows = self._inside[asked.stiff].run(
-            x0, given, jnp.asarray(ts), jnp.asarray(numbers), jnp.append(counts, threads())
+            x0, given, jnp.asarray(ts), jnp.asarray(numbers), jnp.asarray([*counts, threads()])
         )
         steps, accepted, status, flags = (rows.told[i] for i in range(4))
         q, v, x, violation, _ = rows

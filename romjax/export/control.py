@@ -1,5 +1,6 @@
 """The equations of a traced program, one after the other, and those that hold programs."""
 
+import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -8,10 +9,10 @@ import numpy as np
 from jax.extend import core
 
 from .arithmetic import Arithmetic
-from .arrays import Arrays, Cells, cells
+from .arrays import Arrays, Cells, cells, over
 from .factors import Factors
 from .refuse import refuse
-from .terms import TYPES, Term, Writer, is_known, literal, uses_of
+from .terms import TYPES, Term, Writer, distinct, is_known, literal, uses_of
 
 # What these hold is evaluated as it is: their derivatives were taken before, if any were.
 _PLAIN = {
@@ -25,6 +26,8 @@ _PLAIN = {
     "custom_vjp_call": "call_jaxpr",
     "custom_vjp_call_jaxpr": "fun_jaxpr",
 }
+# Sums in which the order and repetitions do not count.
+_IDEMPOTENT = {"reduce_max", "reduce_min", "reduce_or", "reduce_and"}
 # Operations of truth values, which are others of whole numbers.
 _LOGICAL = {"and", "or", "not"}
 
@@ -67,7 +70,7 @@ class Control:
             refuse(f"`{name}` of the bits of whole numbers", "leave it to romjax.simulate")
         if name in self.arithmetic.elementwise:
             function = self.arithmetic.elementwise[name]
-            return _over(lambda *numbers: function(*numbers, kind=kind), x)
+            return over(lambda *numbers: function(*numbers, kind=kind), x)
         if name in self.arithmetic.sums:
             return self._sum(name, x[0], p, kind)
         if name in self.operations:
@@ -89,36 +92,39 @@ class Control:
         if name.startswith("cum"):
             rows = np.moveaxis(x, p["axis"], 0)[:: -1 if p["reverse"] else 1].copy()
             for i in range(1, len(rows)):
-                rows[i, ...] = _over(pair, [rows[i - 1], rows[i]])
+                rows[i, ...] = over(pair, [rows[i - 1], rows[i]])
             return np.moveaxis(rows[:: -1 if p["reverse"] else 1], 0, p["axis"])
-        empty = {"reduce_sum": 0.0, "reduce_prod": 1.0, "reduce_or": False, "reduce_and": True}
+        empty, once = (
+            {"reduce_sum": 0.0, "reduce_prod": 1.0, "reduce_or": False, "reduce_and": True},
+            name in _IDEMPOTENT,
+        )
         for axis in sorted(p["axes"], reverse=True):
             if not x.shape[axis]:
                 start = empty.get(name, -np.inf if name == "reduce_max" else np.inf)
                 return cells(np.full(np.delete(x.shape, axis), start))
-            total = np.take(x, 0, axis)
-            for i in range(1, x.shape[axis]):
-                total = _over(pair, [total, np.take(x, i, axis)])
-            x = np.asarray(total, dtype=object)
+            rows = np.moveaxis(x, axis, -1)
+            x = np.empty(rows.shape[:-1], object)
+            for at in np.ndindex(x.shape):
+                x[at] = functools.reduce(pair, distinct(rows[at]) if once else rows[at])
         return x
 
     def _integer_pow(self, x: list[Cells], p: Any, kinds: list[str]) -> Cells:
-        return _over(lambda a: self.arithmetic.power(a, p["y"], kinds[0]), x)
+        return over(lambda a: self.arithmetic.power(a, p["y"], kinds[0]), x)
 
     def _convert_element_type(self, x: list[Cells], p: Any, kinds: list[str]) -> Cells:
         new = kind_of(jax.core.ShapedArray((), p["new_dtype"]))
-        return _over(lambda a: self.arithmetic.convert(a, kinds[0], new), x)
+        return over(lambda a: self.arithmetic.convert(a, kinds[0], new), x)
 
     def _select_n(self, x: list[Cells], p: Any, kinds: list[str]) -> Cells:
         del p
         which, cases, kind = x[0], x[1:], kinds[1]
         if len(cases) > 2:
             refuse("a choice among more than two arrays", "nest choices between two")
-        return _over(lambda w, a, b: self.arithmetic.choose(w, a, b, kind), [which, *cases])
+        return over(lambda w, a, b: self.arithmetic.choose(w, a, b, kind), [which, *cases])
 
     def _clamp(self, x: list[Cells], p: Any, kinds: list[str]) -> Cells:
         del p
-        return _over(lambda low, a, high: self.arithmetic.clamp(low, a, high, kinds[1]), x)
+        return over(lambda low, a, high: self.arithmetic.clamp(low, a, high, kinds[1]), x)
 
     def _custom_linear_solve(self, x: list[Cells], p: Any, kinds: list[str]) -> list[Cells]:
         del kinds
@@ -140,7 +146,7 @@ class Control:
         for number, other in enumerate(results[1:], 1):
             takes = self.writer.compute("b", f"{{}} >= {number}", which)
             chosen = [
-                _over(lambda a, b, t=takes, k=kind: self.arithmetic.choose(t, a, b, k), [a, b])
+                over(lambda a, b, t=takes, k=kind: self.arithmetic.choose(t, a, b, k), [a, b])
                 for a, b, kind in zip(chosen, other, types, strict=True)
             ]
         return chosen
@@ -280,11 +286,6 @@ def kind_of(aval: Any) -> str:
     if dtype.kind not in TYPES:
         refuse(f"numbers of type {dtype}", "use real numbers")
     return str(dtype.kind)
-
-
-def _over(function: Any, x: list[Cells]) -> Cells:
-    """A function of single numbers over arrays, of which some may be single numbers."""
-    return np.asarray(np.frompyfunc(function, len(x), 1)(*x), dtype=object)
 
 
 def _entries(name: str, shape: tuple[int, ...], index: str | None) -> Cells:

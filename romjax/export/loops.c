@@ -4,13 +4,15 @@
  * functions model_output, model_start and, where it is needed, model_flags.
  */
 static void dopri8_between(double share, double h, const double *y, double k[][X], double *x) {
-  double sum[X];
+  double weight[D_STAGES], sum[X];
+  for (int l = 0; l < D_STAGES; l++) weight[l] = 0;
+  for (int d = 0; d < D_DEGREE; d++)
+    for (int l = 0; l < D_STAGES; l++) weight[l] = weight[l] * share + D_DENSE[d * D_STAGES + l];
   for (int i = 0; i < X; i++) sum[i] = 0;
   for (int l = 0; l < D_STAGES; l++) {
-    double weight = 0;
-    for (int d = 0; d < D_DEGREE; d++) weight = weight * share + D_DENSE[l * D_DEGREE + d];
-    weight *= share;
-    for (int i = 0; i < X; i++) sum[i] += weight * k[l][i];
+    double times = weight[l] * share;
+    if (times == 0) continue;
+    for (int i = 0; i < X; i++) sum[i] += times * k[l][i];
   }
   for (int i = 0; i < X; i++) x[i] = y[i] + h * sum[i];
 }

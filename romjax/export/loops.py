@@ -190,7 +190,7 @@ def coefficients() -> list[str]:
         "D_A": lower,
         "D_C": np.concatenate([[0.0], tableau.c]),
         "D_E": tableau.b_error,
-        "D_DENSE": dense,
+        "D_DENSE": dense.T,
         "R_A": rodas5p.A,
         "R_C": rodas5p.C,
         "R_TIMES": rodas5p.TIMES,

@@ -5,6 +5,10 @@
  * the coefficients of the methods, and the functions model_rate and, where they are needed,
  * model_linear and model_longest. What these are given besides t and x is for them alone.
  */
+#if defined(__GNUC__) && !defined(__clang__) && N < 8
+/* Loops over few numbers are unrolled, which takes the compiler a tenth of a second. */
+#pragma GCC optimize("O3")
+#endif
 enum { SUCCESS = 0, MAX_STEPS = 1, NOT_FINITE = 2, BAD_START = 3, VIOLATED = 6 };
 enum { DOPRI8 = 0, RODAS5P = 1 };
 #define X (2 * N)
@@ -85,23 +89,31 @@ static double scaled(const settings *s, reach *r, const double *x, const double 
   return sqrt(sum / larger(X, 1));
 }
 
+/* x = sum of w[l] k[l] over some stages: many weights are zero. */
+static void combine(const double *w, int stages, double k[][X], double *x) {
+  double sum[X];
+  for (int i = 0; i < X; i++) sum[i] = 0;
+  for (int l = 0; l < stages; l++) {
+    double times = w[l];
+    if (times == 0) continue;
+    for (int i = 0; i < X; i++) sum[i] += times * k[l][i];
+  }
+  for (int i = 0; i < X; i++) x[i] = sum[i];
+}
+
 /* A step of Dopri8 from t to t + h, whose first stage is known unless the state is fresh. */
 static void dopri8(double t, double h, const settings *s, state *m, double *error) {
   double x[X];
   if (m->fresh) slope(t, m->y, s, m->k[0]);
   for (int j = 1; j < D_STAGES; j++) {
-    for (int i = 0; i < X; i++) {
-      double sum = 0;
-      for (int l = 0; l < j; l++) sum += D_A[j * D_STAGES + l] * m->k[l][i];
-      x[i] = m->y[i] + h * sum;
-    }
+    combine(D_A + j * D_STAGES, j, m->k, x);
+    for (int i = 0; i < X; i++) x[i] = m->y[i] + h * x[i];
     slope(t + D_C[j] * h, x, s, m->k[j]);
   }
+  combine(D_E, D_STAGES, m->k, error);
   for (int i = 0; i < X; i++) {
-    double sum = 0;
     m->z[i] = x[i];
-    for (int l = 0; l < D_STAGES; l++) sum += D_E[l] * m->k[l][i];
-    error[i] = h * sum;
+    error[i] *= h;
   }
 }
 
@@ -148,14 +160,11 @@ static void rodas5p(double t, double h, const settings *s, state *m, double *err
   if (m->fresh) model_linear(t, m->y, s->given, m->a, m->by_q, m->by_v, m->by_t);
   factor(step, m);
   for (int j = 0; j < 8; j++) {
+    combine(R_A + j * 8, j, m->k, x);
+    combine(R_C + j * 8, j, m->k, right);
     for (int i = 0; i < X; i++) {
-      double sum = 0, from = 0;
-      for (int l = 0; l < j; l++) {
-        sum += R_A[j * 8 + l] * m->k[l][i];
-        from += R_C[j * 8 + l] * m->k[l][i];
-      }
-      x[i] = m->y[i] + sum;
-      right[i] = from / h;
+      x[i] += m->y[i];
+      right[i] /= h;
     }
     if (j) slope(t + R_TIMES[j] * h, x, s, f);
     for (int i = 0; i < N; i++) {

@@ -2,7 +2,7 @@
 
 import contextlib
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,13 +14,17 @@ TYPES = {"f": "double", "i": "long", "u": "long", "b": "int"}
 
 
 class Term:
-    """A number that the program computes: `text` stands for it, and needs the variables `uses`."""
+    """A number that the program computes: `text` stands for it, and needs the variables `uses`.
 
-    __slots__ = ("text", "uses")
+    `minus`: the term of which it is the negative, if it is one.
+    """
+
+    __slots__ = ("minus", "text", "uses")
 
     def __init__(self, text: str, uses: tuple[str, ...]) -> None:
         self.text = text
         self.uses = uses
+        self.minus: Term | None = None
 
     def __repr__(self) -> str:
         return self.text
@@ -60,6 +64,12 @@ def uses_of(numbers: Sequence[Any]) -> tuple[str, ...]:
     """The variables that some numbers need."""
     variables = {name: None for x in numbers if isinstance(x, Term) for name in x.uses}
     return tuple(variables)
+
+
+def distinct(numbers: Iterable[Any]) -> list[Any]:
+    """Known numbers, and after them each term once: so the zeros of a sparse array are one."""
+    terms = {x.text: x for x in numbers if not is_known(x)}
+    return [*(x for x in numbers if is_known(x)), *terms.values()]
 
 
 class Writer:

@@ -23,7 +23,7 @@ from .trajectory import Trajectory
 # ten times as long, and every run is asked.
 DOUBTS = int(Flag.ENERGY | Flag.DISSIPATION | Flag.BRANCH | Flag.LIMIT)
 _MENDED = int(Flag.ENERGY | Flag.BRANCH)
-_LIMIT = int(Flag.LIMIT)
+_LIMIT, _RESOLUTION = int(Flag.LIMIT), int(Flag.RESOLUTION)
 # In whose name runs within a program tell of themselves when it runs.
 _OWNER = contextvars.ContextVar[str | None]("owner", default=None)
 _SUCCESS, _VIOLATED = int(Status.SUCCESS), int(Status.CONSTRAINTS_VIOLATED)
@@ -46,7 +46,7 @@ def _outcome(run: Trajectory) -> tuple[int, int]:
 def is_unresolved(run: Trajectory) -> bool:
     """Whether one run, not of those that JAX traces, ended, but resolves its motion too little."""
     status, flags = _outcome(run)
-    return status == _SUCCESS and bool(flags & int(Flag.RESOLUTION))
+    return status == _SUCCESS and bool(flags & _RESOLUTION)
 
 
 def _tolerances(run: Trajectory) -> str:
@@ -107,7 +107,7 @@ def warn_of_doubt(system: AbstractSystem, run: Trajectory) -> None:
     status, flags = _outcome(run)
     if owner is not None and status > _SUCCESS:
         warn_of_outcome(owner, status, flags)
-    if status == _SUCCESS and flags & int(Flag.RESOLUTION):
+    if status == _SUCCESS and flags & _RESOLUTION:
         warnings.warn(
             f"simulate: {WORDS[Flag.RESOLUTION]}: it takes {_tolerances(run)}. Choose rtol and "
             "atol for its size, or units in which it is larger.",
