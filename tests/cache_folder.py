@@ -1,6 +1,6 @@
 """Where the tests keep what is compiled, for their next run and for the processes that they start.
 
-The first import of `conftest.py`: what is imported before it is not kept.
+The first import of `conftest.py`, before JAX: what is imported before it is not kept.
 """
 
 import os

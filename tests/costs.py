@@ -1,4 +1,7 @@
-"""Settings of all tests, what each may cost, and the runs that several of them look at."""
+"""What tests may cost, the settings of the processes that run them, and runs that several look at.
+
+A plugin of `conftest.py` in each process that runs tests.
+"""
 
 import contextlib
 import ctypes
@@ -13,7 +16,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from groups import longest_first, one_group_each
+from jax._src.interpreters import mlir
+from jax._src.lib.mlir import ir
 from processes import KEPT
 from programs import compiled, listen
 from scene_files import CRANK
@@ -34,10 +38,6 @@ MOST_MAPS, MOST_MEMORY = 30_000, 3e9
 # them, of which the first test of a process has most, and seconds of a processor. What compiles
 # neither is instant.
 MOST_PROGRAMS, MOST_OPERATIONS, MOST_SECONDS = 30, 60, 10.0
-
-# Objects after which Python looks for cycles among the youngest. Tracing makes millions of objects
-# and hardly a cycle: looking after every 700 takes a tenth of all time.
-COLLECT_AFTER = 50_000
 
 # Seconds that `slowness` traces for where the limits were found: half as long as on a processor on
 # which the same tests take twice as long, whose loops of Python alone are faster nevertheless.
@@ -71,9 +71,18 @@ def slowness() -> float:
     return max(1.0, (time.process_time() - begin) / TRACING)
 
 
+def one_context(make):
+    """A function that returns what `make` once made, but within it makes another one.
+
+    To write out a small operation for the compiler takes 1 ms, and to make the context that it is
+    written in, of which JAX makes one for each program, 5 ms.
+    """
+    outermost = functools.cache(make)
+    return lambda: outermost() if ir.Context.current is None else make()
+
+
 def pytest_configure(config):
     """Keep compiled programs for the next run, and for the other process of this one."""
-    gc.set_threshold(COLLECT_AFTER, 20, 100)
     listen()
     if cache_folder.FOLDER:
         # And what the tests compile by JAX alone; reading a program back takes a few milliseconds.
@@ -87,18 +96,13 @@ def pytest_configure(config):
     # And in one part instead of up to 32 at once, since two processes keep both cores busy.
     flags += ["--xla_backend_optimization_level=0", "--xla_cpu_parallel_codegen_split_count=1"]
     os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *flags]).strip()
+    mlir.make_ir_context = one_context(mlir.make_ir_context)
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_unconfigure():
     """Let go of everything at once: at the end pytest looks for cycles ten times, of gigabytes."""
     gc.freeze()
-
-
-def pytest_collection_modifyitems(items):
-    """Begin with what takes longest; refuse a test that two groups would run."""
-    one_group_each(items)
-    longest_first(items)
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)

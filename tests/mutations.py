@@ -25,7 +25,7 @@ PYTEST = ["-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider", "--jaxtyp
 # What the summary says of a test; of a file that cannot be collected it names no test.
 FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+?::.+?)(?: - .*)?$", re.MULTILINE)
 # What a test costs is another question; by itself it may cost more than among others.
-FREE = "\n\n@pytest.fixture(autouse=True)\ndef cheap():\n    pass\n"
+FREE = "\n\nimport pytest\n\n\n@pytest.fixture(autouse=True)\ndef cheap():\n    pass\n"
 
 
 class Mutation(NamedTuple):

@@ -168,7 +168,6 @@ def test_a_reduced_model_leaves_with_what_it_stands_for(tmp_path):
         assert_close(np.array(last[1:]), np.asarray(run.q[-1]), 1e-6)
 
 
-@pytest.mark.instant
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -185,7 +184,6 @@ def test_wrong_arguments_are_refused(tmp_path, arguments, words):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.instant
 def test_an_unknown_output_is_named(tmp_path):
     with pytest.raises(rj.InputError, match=r"bar1\.z"):
         rj.export.c(zoo.system(zoo.bar), tmp_path, outputs=["bar1.z"], stabilization=HELD)
