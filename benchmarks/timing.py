@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import jax
 from tqdm import tqdm
 
-# [s] A shorter call notices caches that another program has used.
-SHORT = 0.1
+# [s] A shorter call notices caches that another program has used, and for so long.
+SHORT, WARM = 0.1, 0.02
 
 
 class Timed(NamedTuple):
@@ -23,12 +23,13 @@ class Timed(NamedTuple):
 
 
 def clocked(call: Callable[[], Any], clock: Callable[[], float] = time.perf_counter) -> Timed:
-    """One call; of a short one the second of two, so that what ran before does not count.
+    """One call; of a short one the last of several, so that what ran before does not count.
 
     Where setting up is none of the work, a call clocks itself and returns `Timed`.
     """
-    for _ in range(2):
-        start = clock()
+    begun, count = time.perf_counter(), 0
+    while count < 2 or time.perf_counter() - begun < WARM:
+        start, count = clock(), count + 1
         result = jax.block_until_ready(call())
         taken = clock() - start
         if taken > SHORT:
