@@ -68,10 +68,61 @@ def test_a_hinge_with_everything_obeys_its_own_equation():
         assert_close(rates(system)[-1], expected(*state), IDENTITY, 100.0)
 
 
-def test_joint_coordinates_refuse_what_they_would_lose():
-    """The rotor is no body of the tree."""
-    with pytest.raises(rj.ReductionError, match="does not have the inertia of joints"):
-        rj.reduce(rj.assemble(pendulum(0.2, 0.5, 0.3)), formulation=rj.JointCoordinates())
+def test_joint_coordinates_have_the_rotor():
+    """It moves as their hinge does: M has its inertia, by the recursion and as a matrix."""
+    state = (0.6, -4.0, -0.1)
+    joint = rj.reduce(rj.assemble(pendulum(*state)), formulation=rj.JointCoordinates())
+    rate, mass, solved = both(joint)
+    assert_close(rate, expected(*state), IDENTITY, 100.0)
+    assert_close(solved, rate, IDENTITY, 100.0)
+    assert_close(mass, INERTIA + MASS * ARM**2 + ROTOR, IDENTITY)
+
+
+@eqx.filter_jit
+def both(system):
+    state = system.state(0.0, system.q0, system.v0)
+    rate = system.acceleration(0.0, system.q0, system.v0)[0][0]
+    return rate, state.mass()[0, 0], state.kkt().solve(state.force(), jnp.zeros(0))[0][0]
+
+
+def test_joint_coordinates_refuse_rotors_of_other_motions():
+    """About another axis than that of the hinge, and of a distance."""
+    scene = pendulum(0.2, 0.5, 0.3)
+    bar, hinge = scene.bodies[0], scene.joints[0]
+    end, base, axis = (-ARM, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 1.0)
+    tilted = bar.at(end, axis=axis), rj.ground.at(base, axis=axis)
+    apart = bar.at((0.0, 0.0, 0.0)), rj.ground.at((0.0, 1.0, 0.0))
+    for ends, motion in ((tilted, "bounded angle"), (apart, "distance")):
+        rotor = r.JointInertia(*ends, ROTOR, motion)
+        system = rj.assemble(rj.Scene([bar], [hinge], [rotor]))
+        with pytest.raises(rj.ReductionError, match="coordinate of no joint of the tree"):
+            rj.reduce(system, formulation=rj.JointCoordinates())
+
+
+@pytest.mark.slow
+def test_joint_coordinates_have_rotors_that_turn_and_slide():
+    """On both motions of one joint, where springs count the turns too."""
+    about = (0.1, 0.2, 0.0)  # the axis
+    spin = np.array((0.0, 0.0, 40.0))  # three turns in the run
+    bar = r.RigidBody(
+        "bar", 2.0, (0.4, 0.3, 0.5),
+        velocity=(0.0, 0.0, 0.3) - np.cross(spin, about), angular_velocity=spin,
+    )  # fmt: skip
+    ends = bar.at((0.1, 0.2, -0.3)), rj.ground.at((0.1, 0.2, -0.3))
+    effects = [
+        rj.Gravity((1.0, -9.81, 2.0)),
+        r.JointInertia(*ends, 3.0, "travel"),
+        r.JointInertia(*ends, ROTOR),
+        rj.JointSpring(*ends, 20.0),
+        rj.JointSpring(*ends, 20.0, motion="travel"),
+    ]
+    system = rj.assemble(rj.Scene([bar], [r.Cylindrical(*ends)], effects))
+    joint = rj.reduce(system, formulation=rj.JointCoordinates())
+    ts = np.linspace(0, 0.5, 11)
+    one, other = (rj.simulate(x, ts, rtol=1e-11, audit=False) for x in (system, joint))
+    assert_close(other.q, one.q, SOLVED)
+    for name, forces in rj.joint_forces(system, one).items():
+        assert_close(rj.joint_forces(joint, other)[name].force, forces.force, SOLVED, 200.0)
 
 
 @pytest.mark.slow

@@ -21,6 +21,7 @@ from ...system.base import AbstractSystem
 from ...system.start import Start
 from ...system.structure import Structure, without_names
 from ..formulation.base import AbstractFormulation
+from .counters import check_rotors
 from .spanning import Spanning, frames_of, spanning_tree
 from .subspace import JointSubspace
 from .system import JointSystem
@@ -59,8 +60,8 @@ class JointCoordinates(AbstractFormulation):
         self, system: AbstractSystem, basis: Basis | None = None
     ) -> JointSystem | JointSubspace:
         """Raises ReductionError for a system that is reduced already, for a start at which joints
-        do not hold, for a mechanism without freedoms, for a basis where nothing deforms, or where
-        an angle counts full turns between bodies that no hinge joins.
+        do not hold, for a mechanism without freedoms, for a basis where nothing deforms, and for
+        full turns and inertias of joints that are no coordinates of joints of the tree.
         """
         full = assembled("reduce", system)
         if full is not system:
@@ -76,6 +77,7 @@ class JointCoordinates(AbstractFormulation):
             )
         _check_start(full)
         joint = in_joint_coordinates(full)
+        check_rotors(full, joint.lift, joint.q0)
         return joint if basis is None else JointSubspace.of(joint, basis)
 
 

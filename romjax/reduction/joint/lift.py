@@ -19,21 +19,34 @@ from .tree import Links, Tree
 
 
 class Counters(eqx.Module):
-    """The angles that count full turns, which follow those of joints of the tree.
+    """The coordinates that follow those of joints of the tree: angles that count full turns, and
+    motions that have an inertia of their own, such as the turn of a rotor.
 
-    - `joints`: what holds them. `columns`: theirs in q. `angles`: those of the joints among z.
-    - `signs`, `offsets`: about α = sign θ + offset; the rest is less than a turn.
+    - `joints`: what holds them. `columns`: theirs in q. `followed`: those of the joints among z.
+      `turning`: which of them are angles.
+    - `signs`, `offsets`: about s = sign z + offset; the rest is less than a turn.
+    - `rotors`: which have an inertia; `inertias` [kg m²] or [kg]: these.
     """
 
     joints: SomeJoints
     columns: tuple[int, ...] = eqx.field(static=True)
-    angles: tuple[int, ...] = eqx.field(static=True)
+    followed: tuple[int, ...] = eqx.field(static=True)
+    turning: tuple[bool, ...] = eqx.field(static=True)
     signs: Float[Array, " counters"]
     offsets: Float[Array, " counters"]
+    rotors: tuple[int, ...] = eqx.field(static=True)
+    inertias: Float[Array, " rotors"]
 
     def about(self, z: Float[Array, " n"]) -> Float[Array, " counters"]:
-        """The angles but for less than a turn."""
-        return self.signs * z[np.array(self.angles)] + self.offsets
+        """The coordinates but for less than a turn."""
+        return self.signs * z[np.array(self.followed)] + self.offsets
+
+    @property
+    def masses(self) -> tuple[np.ndarray, Float[Array, " rotors"]]:
+        """The coordinates among z that move a rotor, and its inertia: as s = ± z + offset, what M
+        has more on its diagonal.
+        """
+        return np.array(self.followed)[np.array(self.rotors, int)], self.inertias
 
     def added(self, z: Float[Array, " n"], q: Float[Array, " N"]) -> Float[Array, " N"]:
         """`q` with the counters."""
@@ -45,24 +58,23 @@ class Counters(eqx.Module):
         """The counters with the signs and offsets that suit a configuration z, at which they are
         those of `q`.
         """
-        rest = dataclasses.replace(lift, counters=None)
-        unit = jnp.zeros_like(z).at[np.array(self.angles)].set(1)
-        zero = jnp.zeros((), z.dtype)
-
-        def angles(z: Array) -> Array:
-            return self.joints.residual(zero, rest.position(z))
-
-        _, slopes = jax.jvp(angles, (z,), (unit,))
+        unit = jnp.zeros_like(z).at[np.array(self.followed)].set(1)
+        _, slopes = jax.jvp(lambda z: self.residual(lift, z), (z,), (unit,))
         signs = jax.lax.stop_gradient(jnp.where(slopes < 0, -1.0, 1.0).astype(z.dtype))
-        offsets = q[np.array(self.columns)] - signs * z[np.array(self.angles)]
+        offsets = q[np.array(self.columns)] - signs * z[np.array(self.followed)]
         return dataclasses.replace(self, signs=signs, offsets=offsets)
+
+    def residual(self, lift: "TreeLift", z: Float[Array, " n"]) -> Float[Array, " counters"]:
+        """The motions of the bodies that are counted, where the counters are at zero."""
+        rest = dataclasses.replace(lift, counters=None)
+        return self.joints.residual(jnp.zeros((), z.dtype), rest.position(z))
 
 
 class TreeLift(eqx.Module):
     """The coordinates q of a system of bodies at those of its tree, z.
 
     - `lengths`: of the quaternions of the bodies, with the signs that they start with; None in the
-      plane. `counters`: None where no angle counts full turns. `size`: how many q there are.
+      plane. `counters`: None where there are none. `size`: how many q there are.
     """
 
     tree: Tree
@@ -137,10 +149,15 @@ class TreeLift(eqx.Module):
         z = spread([*rows, bent], tables, (tree.n,))
         if self.counters is None:
             return z
-        count, turn = self.counters, 2 * np.pi
-        more = jnp.round((q[np.array(count.columns)] - count.about(z)) / turn)
-        more = jax.lax.stop_gradient(count.signs * turn * more)
-        return z.at[np.array(count.angles)].add(more)
+        count = self.counters
+        # Several may count the turns of one joint.
+        each = zip(count.followed, count.turning, strict=True)
+        own = {place: i for i, (place, turns) in enumerate(each) if turns}
+        if not own:
+            return z
+        turns = jnp.round((q[np.array(count.columns)] - count.about(z)) / (2 * np.pi))
+        more = jax.lax.stop_gradient(2 * np.pi * count.signs * turns)
+        return z.at[np.array(list(own))].add(more[np.array(list(own.values()))])
 
     def _spread(self, position: Array, turn: Array, amplitudes: Array) -> Float[Array, " N"]:
         turn = turn[:, None] if turn.ndim == 1 else turn

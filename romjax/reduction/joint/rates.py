@@ -27,6 +27,13 @@ def rates_of(tree: Tree, z: Coordinates, w: Coordinates) -> Rates:
     return spread([tree.plain.take(w), spins], tables, (tree.rates,))
 
 
+def by_rates(tree: Tree, x: Coordinates) -> Rates:
+    """Numbers of the coordinates that are no quaternions, in the order of the rates."""
+    if not tree.spun.rows:
+        return x
+    return spread([tree.plain.take(x)], [tree.plain_rates.array], (tree.rates,))
+
+
 def pull_back(tree: Tree, z: Coordinates, x: Rates) -> Coordinates:
     """The transpose of `rates_of`: forces on z that do the work of forces on the rates."""
     if not tree.spun.rows:

@@ -19,6 +19,7 @@ def accelerations(
     motion: TreeMotion,
     inertia: Float[Array, "bodies size size"],
     bias: Float[Array, "bodies size"],
+    rotors: Float[Array, " rates"] | None,
 ) -> tuple[Float[Array, "bodies rates"], Float[Array, "bodies twist"]]:
     """The derivatives of the rates w, and of the twists V, of all bodies.
 
@@ -32,10 +33,11 @@ def accelerations(
     Dynamics Algorithms", 2008, chapter 7). O(N), in two loops whose programs are the same for any
     number of bodies.
 
-    **Arguments:** the `tree` and its `motion`; `inertia` and `bias` are M and b of each body.
+    **Arguments:** the `tree` and its `motion`; `inertia` and `bias` are M and b of each body;
+    `rotors`: what N M Nᵀ has more on its diagonal, by the rates of the tree.
     """
     d, dtype = motion.twists.shape[1], inertia.dtype
-    unused = _unused(tree, dtype)
+    added = _added(tree, rotors, dtype)
     columns = (motion.own, motion.outer, motion.bias)
     unit = np.eye(motion.own.shape[1], dtype=dtype)
 
@@ -66,7 +68,7 @@ def accelerations(
 
     size = inertia.shape[1]
     none = (jnp.zeros((size, size), dtype), jnp.zeros(size, dtype))
-    articulated = _to_ground(tree, fold, none, (columns, inertia, bias, unused))
+    articulated = _to_ground(tree, fold, none, (columns, inertia, bias, added))
 
     def follow(port: Carry, at: Any) -> tuple[Carry, Any]:
         """Give a body its acceleration, from the twist and the amplitudes of its parent."""
@@ -88,12 +90,18 @@ def _modal_rows(freedoms: int, modes: int, dtype: np.dtype) -> np.ndarray:
     return np.eye(freedoms + modes, modes, -freedoms, dtype=dtype)
 
 
-def _unused(tree: Tree, dtype: np.dtype) -> Float[Array, "bodies rates"] | None:
-    """Ones for the rates that bodies with fewer freedoms or modes than others have not; None where
-    all have them.
+def _added(
+    tree: Tree, rotors: Float[Array, " rates"] | None, dtype: np.dtype
+) -> Float[Array, "bodies rates"] | None:
+    """The inertias of rotors, and ones for the rates that bodies with fewer freedoms or modes than
+    others have not; None where there are neither.
     """
     unused = tree.motions.array == tree.rates
-    return jnp.asarray(unused, dtype) if unused.any() else None
+    ones = jnp.asarray(unused, dtype) if unused.any() else None
+    if rotors is None:
+        return ones
+    own = tree.motions.take(rotors)
+    return own if ones is None else own + ones
 
 
 def _to_ground(tree: Tree, fold: Any, none: Carry, rows: Any) -> Any:

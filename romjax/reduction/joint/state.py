@@ -122,12 +122,24 @@ class JointState(AbstractState):
         system = self.system
         return biases(system.full, system.tree, self, self._own_inertias)
 
+    @functools.cached_property
+    def _rotors(self) -> Float[Array, " rates"] | None:
+        """The inertias of rotors, by the rates that move them; None without any."""
+        count, tree = self.system.lift.counters, self.system.tree
+        if count is None or not count.rotors:
+            return None
+        places, inertias = count.masses
+        return rates.by_rates(tree, jnp.zeros_like(self.z).at[places].add(inertias))
+
     def apply_mass(self, x: Float[Array, "r *k"]) -> Float[Array, "r *k"]:
         if x.ndim == 2:
             return jax.vmap(self.apply_mass, in_axes=1, out_axes=1)(x)
         tree = self.system.tree
-        moved, back = jax.vjp(self.moved, rates.rates_of(tree, self.z, x))
+        u = rates.rates_of(tree, self.z, x)
+        moved, back = jax.vjp(self.moved, u)
         (forces,) = back(multiply(self._inertia, moved[:, :, None])[:, :, 0])
+        if self._rotors is not None:
+            forces += self._rotors * u
         momenta = rates.pull_back(tree, self.z, forces)
         return momenta + rates.of_lengths(tree, self.z, x) if tree.spun.rows else momenta
 
@@ -218,6 +230,10 @@ class JointState(AbstractState):
         momenta = multiply(self._inertia[None], pushed[..., None])[..., 0]
         flat = pushed.reshape(len(pushed), -1)
         matrix = multiply(flat, momenta.reshape(len(pushed), -1).T)
+        count = self.system.lift.counters
+        if count is not None and count.rotors:
+            places, inertias = count.masses
+            matrix = matrix.at[places, places].add(inertias)
         if not tree.spun.rows:
             return matrix
         return matrix + jax.vmap(lambda x: rates.of_lengths(tree, self.z, x))(unit)
@@ -229,7 +245,7 @@ class JointState(AbstractState):
         if self.system.m:
             return super().solve(gamma)
         tree = self.system.tree
-        change, _ = accelerations(tree, self.motion, self._inertia, self._bias)
+        change, _ = accelerations(tree, self.motion, self._inertia, self._bias, self._rotors)
         a = rates.second_derivative(tree, self.z, self.w, rates.flat(tree, change))
         later: Any = Later(self.system, jnp.asarray(self.t, self.z.dtype), self.z, self.w)
         return Solved(a, gamma, later)

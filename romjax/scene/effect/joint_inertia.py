@@ -17,7 +17,8 @@ class JointInertia(AbstractMarkerEffect):
     """The inertia J that a motion s of two markers feels, with the kinetic energy ½ J s'²: of a
     rotor with the inertia I behind a gear of ratio n it is n² I ("armature").
 
-    The system has a coordinate more, which is s, and a constraint that holds it there.
+    The system has a coordinate more, which is s, and a constraint that holds it there; in
+    `JointCoordinates` s is that of the joint, and nothing is more.
 
     **Arguments:**
 
