@@ -1,15 +1,17 @@
 """Springs, damping, friction, stops, motors and inertia in a hinge, against its own equation."""
 
+import diffrax
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
-from tolerances import IDENTITY, SOLVED
+from tolerances import DIFFERENCED, IDENTITY, SOLVED
 from zoo import run
 
 import romjax as rj
 from romjax import spatial as r
+from romjax.integrate.default import default_method, start_frequencies
 
 MASS, ARM, INERTIA, ROTOR = 2.0, 0.3, 0.5, 0.7
 UPPER, LEAST = 0.4, -0.5
@@ -123,6 +125,21 @@ def test_joint_coordinates_have_rotors_that_turn_and_slide():
     assert_close(other.q, one.q, SOLVED)
     for name, forces in rj.joint_forces(system, one).items():
         assert_close(rj.joint_forces(joint, other)[name].force, forces.force, SOLVED, 200.0)
+
+
+def test_stops_are_as_stiff_as_the_system_is_fast_on_them():
+    """√(k / J), with gravity, which the start between them does not show, decides on the method."""
+    ts = np.linspace(0.0, 1.0, 101)
+    for stiffness, solver in ((50.0, diffrax.Dopri8), (5e7, rj.Rodas5P)):
+        bar = rj.RigidBody("bar", MASS, INERTIA, position=(0.0, -ARM), angle=-np.pi / 2)
+        ends = bar.at((-ARM, 0.0)), rj.ground.at((0.0, 0.0))
+        stop = rj.JointStop(*ends, upper=0.0, stiffness=stiffness)
+        system = rj.assemble(rj.Scene([bar], [rj.Revolute(*ends)], [rj.Gravity(), stop]))
+        start = start_frequencies(system, ts, system.q0, system.v0)
+        along = (stiffness + MASS * 9.81 * ARM) / (INERTIA + MASS * ARM**2)
+        assert_close(start.begun, np.sqrt(along), DIFFERENCED, np.sqrt(along))
+        assert start.fastest < 10
+        assert isinstance(default_method(system, ts, None, start).solver, solver)
 
 
 @pytest.mark.slow

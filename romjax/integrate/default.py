@@ -99,7 +99,10 @@ def default_method(
     Dopri8 carry some twenty times the tolerance. While JAX traces, numbers are unknown,
     and flexible systems count as stiff. So do contacts, with any step size control: a long step
     from free flight may end inside, where the last stages of Dopri8 see a force that its estimate
-    of the error does not. A fast spin in space is not stiff: every method has to follow it; nor are
+    of the error does not. Stops of joints, whose force grows with the depth alone, both methods
+    meet with equal errors at equal tolerances (measured at 17 to 550 rad/s on stops, for one link
+    and for three), and Dopri8 in fewer steps: what counts is how fast the system is on its stops.
+    A fast spin in space is not stiff: every method has to follow it; nor are
     rods without damping, whose fast vibrations are in what bends far.
 
     Whether the fast vibration is excited is unknown before the run. If it is not, Rodas5P takes
@@ -119,10 +122,11 @@ def default_method(
         if known * step > _RESOLVED:
             return Method(implicit, "a step does not resolve the fastest frequency")
         return Method(explicit, "a step resolves the fastest frequency")
-    if system.structure.contacts:
-        return Method(implicit, "contacts may begin within a step")
     # From here on Python's numbers, which take a tenth of the time of NumPy's.
-    fastest, spin, outputs = float(known), float(np.asarray(start.spin)), len(times) - 1
+    begun = float(np.asarray(start.begun))
+    if begun == np.inf:
+        return Method(implicit, "contacts may begin within a step")
+    fastest, spin, outputs = max(float(known), begun), float(np.asarray(start.spin)), len(times) - 1
     if fastest <= _SPINS * spin:
         return Method(explicit, "the spin of a body, which has to be followed, is as fast as any")
     span = float(times[-1] - times[0])

@@ -115,6 +115,23 @@ def derivative(p: Quaternion, angular_velocity: Triple) -> Quaternion:
     return 0.5 * apply_transposed(space_matrix(p), angular_velocity)
 
 
+def angle(a: Quaternion, b: Quaternion, less: Any = None) -> Float[Numbers, "..."]:
+    """The angle of `a` against `b` about the z axis, `less` what is given, between −π and π [rad].
+
+    Of the relative quaternion (w, x, y, z), turned back, it is 2 arctan(z / w). That is the same
+    for all multiples of it, and smooth but at a half turn. Where the z axes differ, a rotation
+    across them comes after.
+    """
+    # Only w and z are formed: effects in joints ask for many angles.
+    w, z = (b * a).sum(axis=-1), (b * a[..., ::-1] * _constant([1, -1, 1, -1], a)).sum(axis=-1)
+    xp = namespace(b * a)
+    if less is not None:
+        c, s = xp.cos(0.5 * less), xp.sin(0.5 * less)
+        w, z = c * w + s * z, c * z - s * w
+    turned: Float[Numbers, ...] = 2 * xp.arctan(z / w)
+    return turned
+
+
 def torque(p: Quaternion, slope: Quaternion) -> Triple:
     """½ E ∂/∂p: the torque by the axes of space that does the same work as a force on p."""
     return 0.5 * apply(space_matrix(p), slope)

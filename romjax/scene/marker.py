@@ -87,18 +87,17 @@ class Pose(NamedTuple):
             turn = self.angle - other.angle
         return Pose(other.local(self.position), turn)
 
-    def angle_against(self, other: "Pose", less: Float[Array, ""]) -> Float[Array, ""]:
+    def angle_against(
+        self, other: "Pose", less: Float[Array, ""] | None = None
+    ) -> Float[Array, ""]:
         """The angle against another pose, `less` what is given [rad].
 
-        In space it is the angle about the z axis, between −π and π: of the relative quaternion
-        (w, x, y, z), turned back, 2 arctan(z / w). That is the same for all multiples of it, and
-        smooth but at a half turn. Where the z axes differ, a rotation across them comes after.
+        In space it is the angle about the z axis, between −π and π, see `quaternions.angle`.
         """
-        if self.dimension == 2:
-            return self.angle - other.angle - less
-        relative = quaternions.product(quaternions.conjugate(other.turn), self.turn)
-        w, z, c, s = relative[0], relative[3], jnp.cos(0.5 * less), jnp.sin(0.5 * less)
-        return 2 * jnp.arctan((c * z - s * w) / (c * w + s * z))
+        if self.dimension == 3:
+            return quaternions.angle(self.turn, other.turn, less)
+        against = self.angle - other.angle
+        return against if less is None else against - less
 
     def about(self, vector: Float[Array, "*d"]) -> Float[Array, ""]:
         """The part of an angular velocity about the axis of joints: all of it in the plane."""

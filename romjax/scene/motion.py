@@ -40,7 +40,7 @@ def moved(motion: str, *poses: Pose) -> Float[Array, ""]:
     if motion == "angle":
         return counted_angle(*poses)
     if motion == "bounded angle":
-        return a.angle_against(b, jnp.zeros((), a.position.dtype))
+        return a.angle_against(b)
     if motion == "travel":
         return b.along(a.position)
     if motion == "distance":

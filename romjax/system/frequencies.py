@@ -1,14 +1,16 @@
 """How fast a system is: what the choice of a method and of a stabilisation needs."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..common.arrays import Time
 from ..linalg import quaternions
+from ..scene.effect.base import AbstractMarkerEffect
 from .base import AbstractSystem
 from .dynamics import solve
 from .stabilization import Baumgarte
@@ -23,6 +25,9 @@ class Frequencies(NamedTuple):
     rigid: Float[Array, ""]  # fastest rigid-body frequency
     fastest: Float[Array, ""]  # fastest frequency or rate of decay of all
     spin: Float[Array, ""]  # fastest angular velocity of a body in space
+    # Fastest of all while effects act that may begin on the way: zero without such, and infinite
+    # where their stiffness depends on how deep they are.
+    begun: Float[Array, ""]
 
 
 def frequencies(
@@ -33,15 +38,15 @@ def frequencies(
     Of a reduced system with constraints, the rigid one is that of the full system: it sets the
     stabilisation, and reduced coordinates know no bodies.
     """
-    rigid, fastest = _estimate(system, t, q, v)
+    rigid, fastest, begun = _estimate(system, t, q, v)
     starts = system.full.structure.quaternions
     constrained = system.m > 0 and system.full is not system
     if not constrained and not starts:
-        return Frequencies(rigid, fastest, jnp.zeros_like(fastest))
+        return Frequencies(rigid, fastest, jnp.zeros_like(fastest), begun)
     state = system.state(t, q, v)
     if constrained:
-        rigid, _ = _estimate(system.full, t, state.q, state.v)
-    return Frequencies(rigid, fastest, _spin(starts, state.q, state.v))
+        rigid, *_ = _estimate(system.full, t, state.q, state.v)
+    return Frequencies(rigid, fastest, _spin(starts, state.q, state.v), begun)
 
 
 def _spin(
@@ -55,37 +60,69 @@ def _spin(
     return 2 * jnp.sqrt(jnp.max(squared))
 
 
+def _begun(system: AbstractSystem) -> Callable[[Bool[Array, ""]], AbstractSystem] | None:
+    """Return the system with its effects that may begin, acting or not; None where it has none
+    whose stiffness is a constant.
+    """
+
+    def changed(acts: Bool[Array, ""]) -> AbstractSystem:
+        def change(x: Any) -> Any:
+            begins = isinstance(x, AbstractMarkerEffect) and x.begins
+            return x.begun(acts) if begins else x
+
+        other: AbstractSystem = jax.tree.map(change, system, is_leaf=_is_effect)
+        return other
+
+    found = [x for x in jax.tree.leaves(system, is_leaf=_is_effect) if _is_effect(x) and x.begins]
+    known = all(x.begun(jnp.zeros((), bool)) is not None for x in found)
+    return changed if found and known else None
+
+
+def _is_effect(x: Any) -> bool:
+    return isinstance(x, AbstractMarkerEffect)
+
+
 def _estimate(
     system: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
-) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """The fastest frequency of rigid motion, and that of all [rad/s].
+) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
+    """The fastest frequency of rigid motion, that of all, and that with all effects begun [rad/s].
 
     By power iteration with products only, in the metric of M.
 
     ω² = |∂a/∂q| sees springs, flexible modes, gravity on hinged bodies and rotation; the rate
     |∂a/∂v| sees dampers. Three directions are iterated at once: among the rigid coordinates for
-    ∂a/∂q, among all for ∂a/∂q, and among all for ∂a/∂v.
+    ∂a/∂q, among all for ∂a/∂q, and among all for ∂a/∂v; and a fourth for ∂a/∂q of the system whose
+    effects have begun.
     """
     # Difference quotients: the derivative would double the program for a rough number.
     step = jnp.sqrt(jnp.finfo(q.dtype).eps)
-    among = jnp.stack([jnp.array(system.structure.rigid), *[jnp.ones(system.n, bool)] * 2])
+    begun = _begun(system) if system.structure.contacts else None
+    everywhere = [jnp.ones(system.n, bool)] * (2 if begun is None else 3)
+    among = jnp.stack([jnp.array(system.structure.rigid), *everywhere])
     t, state = jnp.asarray(t, q.dtype), system.state(t, q, v)
     # Zero stabilisation instead of none: the trace of the acceleration then serves the steps too.
     unstabilized = Baumgarte(jnp.zeros((), q.dtype), jnp.zeros((), q.dtype)) if system.m else None
+    # Of each acceleration: which direction, of positions or of velocities, is added to the state,
+    # −1 for none, and whether effects have begun.
+    moved, faster = np.array([0, 1, -1, -1, 3, -1]), np.array([-1, -1, -1, 2, -1, -1])
+    acts = np.arange(6) > 3
+    count = 4 if begun is None else 6
 
-    def sizes(x: Float[Array, "three n"]) -> Float[Array, " three"]:
+    def sizes(x: Float[Array, "directions n"]) -> Float[Array, " directions"]:
         return jnp.sqrt(jnp.sum(x * state.apply_mass(x.T).T, axis=1))
 
+    def acceleration(at: tuple[Array, Array, Array]) -> Array:
+        by_q, by_v, acting = at
+        own = system if begun is None else begun(acting)
+        return solve(own, t, q + step * by_q, v + step * by_v, unstabilized).acceleration
+
     def push(x: Array, _: None) -> tuple[Array, Array]:
-        # The third row is the state itself, from which the quotients are taken.
-        positions = jnp.concatenate([x[:2], jnp.zeros_like(x[:2])])
-        rates = jnp.concatenate([jnp.zeros_like(x), x[2:]])
+        directions = jnp.concatenate([x, jnp.zeros_like(x[:1])])
         # A loop, not a batch: as a batch, the acceleration would be traced and compiled once more.
-        pushed = jax.lax.map(
-            lambda x: solve(system, t, q + step * x[0], v + step * x[1], unstabilized).acceleration,
-            (positions, rates),
-        )
-        change = jnp.where(among, (pushed[np.array([0, 1, 3])] - pushed[2][None]) / step, 0)
+        at = directions[moved[:count]], directions[faster[:count]], acts[:count]
+        pushed = jax.lax.map(acceleration, at)
+        ends, starts = np.array([0, 1, 3, 4][: len(x)]), np.array([2, 2, 2, 5][: len(x)])
+        change = jnp.where(among, (pushed[ends] - pushed[starts]) / step, 0)
         size = sizes(change)
         return change / jnp.where(size > 0, size, 1)[:, None], size
 
@@ -95,5 +132,7 @@ def _estimate(
     start = x / jnp.where(size > 0, size, 1)[:, None]
     _, stretches = jax.lax.scan(push, start, None, length=_ITERATIONS)
     # The largest stretch met, not the last: a level pendulum's ∂a/∂q is nilpotent.
-    rigid, all_, rate = jnp.max(stretches, axis=0)
-    return jnp.sqrt(rigid), jnp.maximum(jnp.sqrt(all_), rate)
+    rigid, all_, rate, *stops = jnp.max(stretches, axis=0)
+    unknown = jnp.full_like(rigid, jnp.inf if system.structure.contacts else 0)
+    fastest = jnp.maximum(jnp.sqrt(all_), rate)
+    return jnp.sqrt(rigid), fastest, jnp.sqrt(stops[0]) if stops else unknown

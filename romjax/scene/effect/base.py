@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ...common.arrays import Time, concrete
 from ...common.errors import SceneError
@@ -99,6 +99,14 @@ class AbstractMarkerEffect(AbstractEffect):
         """
         del t, size
         return linked(poses)
+
+    def begun(self, acts: Bool[Array, ""]) -> "AbstractMarkerEffect | None":
+        """Return an effect that `begins` so that its stiffness shows at any state, if it `acts`.
+
+        None where the stiffness is no constant, as that of contacts, which grows with the depth.
+        """
+        del acts
+        return None
 
     @abc.abstractmethod
     def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:

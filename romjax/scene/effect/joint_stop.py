@@ -5,7 +5,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ...common.arrays import Time, concrete
 from ...common.errors import SceneError
@@ -65,6 +65,19 @@ class JointStop(AbstractMotionEffect):
         if self.dissipation is not None:
             push *= jnp.maximum(1 + self.dissipation * jnp.sign(beyond) * rate(), 0)
         return wrenches(push)
+
+    def begun(self, acts: Bool[Array, ""]) -> "JointStop":
+        """Return the stops as a spring about zero, if they are to act, else as they are."""
+        given = self.lower, self.upper, self.dissipation
+        numbers = zip(given, (-jnp.inf, jnp.inf, 0.0), strict=True)
+        values = [absent if x is None else x for x, absent in numbers]
+        other: JointStop = eqx.tree_at(
+            lambda stop: (stop.lower, stop.upper, stop.dissipation),
+            self,
+            tuple(jnp.where(acts, 0.0, x) + 0 * self.stiffness for x in values),
+            is_leaf=lambda x: x is None,
+        )
+        return other
 
     def _beyond(self, value: Float[Array, ""]) -> Float[Array, ""]:
         """How far a motion is beyond its stops, negative below the lower one."""

@@ -2,7 +2,6 @@
 
 from typing import ClassVar
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -45,7 +44,7 @@ class TorsionSpring(AbstractPotential):
         """A spiral from the x axis of `a` outwards, two turns more than the angle of both."""
         del t
         a, b = poses
-        sweep = b.angle_against(a, jnp.zeros_like(size)) + 4 * np.pi
+        sweep = b.angle_against(a) + 4 * np.pi
         radius = size * np.linspace(0.2, 1.2, 61)
         return (Outline(placed(a, arc(radius, sweep, 61)), "spring"),)
 

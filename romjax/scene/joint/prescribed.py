@@ -74,7 +74,7 @@ class PrescribedAngle(AbstractPrescribed):
     @staticmethod
     @jax.jit
     def value(a: Pose, b: Pose) -> Float[Array, ""]:
-        return a.angle_against(b, jnp.zeros((), a.position.dtype))
+        return a.angle_against(b)
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         return a.angle_against(b, self.signal(t))[None]

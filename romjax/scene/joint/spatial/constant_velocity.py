@@ -32,7 +32,7 @@ class ConstantVelocity(AbstractJoint):
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "4"]:
         del t
-        twist = a.angle_against(b, jnp.zeros_like(a.turn[0]))
+        twist = a.angle_against(b)
         return jnp.append(a.position - b.position, twist)
 
     def place(self, z: Float[Array, "2"]) -> Pose:
