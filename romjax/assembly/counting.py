@@ -1,5 +1,6 @@
 """Which angles of a system count full turns, and how their counters start."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any, TypeVar
 
@@ -119,9 +120,10 @@ def _start(
 ) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " counters"]]:
     """The start of a system with that of its counters, and the counters' inertias."""
     group = next(group for group in system.bodies if isinstance(group.bodies, TurnCounter))
-    holding = [g.rows.array[:, 0] for g in system.joints if isinstance(g.joints, CounterJoint)]
+    holding = tuple(group for group in system.joints if isinstance(group.joints, CounterJoint))
     # The rows of all that hold counters come in the order of these.
-    own, rows = group.coordinates.array[:, 0], np.sort(np.concatenate(holding))
+    rows = np.sort(np.concatenate([joints.rows.array[:, 0] for joints in holding]))
+    own, system = group.coordinates.array[:, 0], dataclasses.replace(system, joints=holding)
     zero = jnp.zeros((), system.q0.dtype)
     angle, speed = jax.jvp(lambda q: system.constraint(zero, q), (system.q0,), (system.v0,))
     inverse, sides = system.inverse_mass(system.q0), system.jacobian_blocks(zero, system.q0)
