@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from comparison import assert_close
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
-from zoo import RODAS5P, Stiffness, bar, bars, point_pendulum, run, system, unit_mass
+from zoo import RODAS5P, Stiffness, bar, bars, point_pendulum, run, system, unit_circle, unit_mass
 
 import romjax as rj
 
@@ -64,6 +64,22 @@ def test_derivatives_between_the_outputs():
     start, omega, t = 0.7, 3.0, FINE[8]
     wanted = np.cos(omega * t), -start * t * np.sin(omega * t) / (2 * omega)
     assert_close(slopes((jnp.asarray(start), jnp.asarray(omega**2))), wanted, DIFFERENCED)
+
+
+@pytest.mark.slow
+def test_derivatives_without_jit():
+    """Of a point on a circle at a speed s: its angle goes with s t, and what holds it with s²."""
+
+    def between(speed):
+        start = {"q0": [1.0, 0.0], "v0": jnp.stack([0 * speed, speed])}
+        free = rj.CustomSystem(unit_mass, lambda t, q, v: 0 * q, unit_circle, **start)
+        made = run(free, TS, dense=256, throw=False).at(FINE)
+        return jnp.arctan2(made.q[8, 1], made.q[8, 0]), made.multipliers[8, 0]
+
+    speed = jnp.asarray(0.7)
+    of_angle, of_force = jax.jacrev(between)(speed)
+    assert_close(of_angle, FINE[8], DIFFERENCED)
+    assert_close(of_force, 2 * between(speed)[1] / speed, DIFFERENCED)
 
 
 def test_what_is_refused():

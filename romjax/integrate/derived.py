@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..common.compat import is_traced
 from ..common.partition import Partitioned
 from ..compiling.program import program, program_once
 from ..linalg import quaternions
@@ -71,6 +72,8 @@ class LazyQuantities(eqx.Module):
             return jnp.zeros((k, 0), self.q.dtype)
         size = capacity(k, system.m, self.q.dtype)
         states = (self.t, self.q, self.v, self.chart)
+        if any(is_traced(x) for x in jax.tree.leaves(states)):
+            return multipliers_along(system, *states, self.stabilization)
         t, q, v, chart = jax.tree.map(lambda x: padded(x, size), states)
         count = np.asarray(k)
         multipliers = _multipliers(system, t, q, v, chart, self.stabilization, count)
@@ -126,6 +129,21 @@ def multipliers_at(
     if has_charts(system):
         system = ChartChange.of(system).in_chart(system, chart)
     return solve(system, t, q, v, stabilization).multipliers
+
+
+def multipliers_along(
+    system: AbstractSystem,
+    t: Float[Array, " k"],
+    q: Float[Array, "k r"],
+    v: Float[Array, "k r"],
+    chart: Float[Array, " k"] | None,
+    stabilization: Baumgarte | None,
+) -> Float[Array, "k m"]:
+    """The multipliers at some states, within transformations of JAX: reverse mode goes through."""
+    rows: Float[Array, "k m"] = jax.vmap(
+        lambda t, q, v, chart: multipliers_at(system, t, q, v, chart, stabilization)
+    )(t, q, v, chart)
+    return rows
 
 
 @program_once

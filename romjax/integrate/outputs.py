@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..common.compat import is_traced
 from ..common.identity_cache import IdentityCache
 from ..system.base import AbstractSystem
 from ..system.local import local_system
@@ -92,7 +93,9 @@ def cut(outputs: Any, count: int) -> Any:
     """
     leaves, tree = jax.tree.flatten(outputs)
     if leaves and len(leaves[0]) != count:
-        if next(_calls(count, tuple([x.shape for x in leaves]))) > _OFTEN:
+        if any(is_traced(x) for x in leaves):
+            leaves = [x[:count] for x in leaves]
+        elif next(_calls(count, tuple([x.shape for x in leaves]))) > _OFTEN:
             leaves = _first_rows(leaves, count)
         else:
             leaves = jax.device_put([np.asarray(x)[:count] for x in leaves])

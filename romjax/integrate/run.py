@@ -21,7 +21,7 @@ from ..system.start import Start
 from .adjoint import has_root_finder
 from .default import default_stabilization
 from .dense import DenseOutput
-from .derived import EagerQuantities, LazyQuantities, metric_of, multipliers_at
+from .derived import EagerQuantities, LazyQuantities, metric_of, multipliers_along
 from .integration import AUDIT, MONITORS, STATES, Integrated, integrate
 from .judge import drift_of, judge_run
 from .outputs import Output, capacity, cut, with_room
@@ -116,9 +116,7 @@ def _differentiable(
     run, used = result.run, _baumgarte(result.stabilization)
     own = run.outputs.in_system()
     # XLA leaves out what nobody uses.
-    multipliers = jax.vmap(lambda t, q, v, chart: multipliers_at(system, t, q, v, chart, used))(
-        run.ts, own.q, own.v, own.chart
-    )
+    multipliers = multipliers_along(system, run.ts, own.q, own.v, own.chart, used)
     return result, EagerQuantities(multipliers, metric_of(system))
 
 
