@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..common import precision
 from ..common.arrays import concrete
 from ..common.compat import is_outermost, is_traced
 from ..common.identity_cache import IdentityCache
@@ -17,8 +18,10 @@ from ..compiling.program import program_once
 from ..system.base import AbstractSystem
 from ..system.frequencies import Frequencies, frequencies
 from ..system.stabilization import Baumgarte
+from ..system.start import Start
 from .adjoint import has_root_finder
 from .rodas5p import Rodas5P
+from .settings import AtStart
 from .trajectory import Trajectory
 
 # A run with fewer outputs is judged as if it had so many: it may be asked for its end alone.
@@ -56,27 +59,41 @@ def start_frequencies(
     v: Float[Array, " n"],
 ) -> Frequencies:
     """Return the frequencies at the first of some times; those of the own start are remembered."""
+    return at_start(system, ts, q, v).frequencies
+
+
+def at_start(
+    system: AbstractSystem,
+    ts: Float[Array | np.ndarray, " k"],
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+) -> AtStart:
+    """Return what is known of the first of some times; of the own start it is remembered."""
     t = ts[0] if is_traced(ts) else np.asarray(ts, q.dtype)[0, ...]
     # What is a part of the user's program is a tracer.
     if not is_outermost() or q is not system.q0 or v is not system.v0:
-        return _frequencies(system, t, q, v)
+        return _at_start(system, t, q, v)
     now = np.asarray(t)
-    at, frequencies = _known.get(system) or (None, None)
-    if frequencies is None or at != now:
-        frequencies = _frequencies(system, t, q, v)
-        _known.put(system, (now, frequencies))
-    return frequencies
+    at, found = _known.get(system) or (None, None)
+    if found is None or at != now:
+        found = _at_start(system, t, q, v)
+        _known.put(system, (now, found))
+    return found
 
 
 @program_once
-def _frequencies(
+def _at_start(
     system: AbstractSystem,
     t: Float[Array | np.ndarray, ""],
     q: Float[Array, " n"],
     v: Float[Array, " n"],
-) -> Frequencies:
-    """Return the frequencies, compiled once for all methods; a setting is not differentiated."""
-    return jax.lax.stop_gradient(frequencies(system, t, q, v))
+) -> AtStart:
+    """Return it, compiled once for all methods, and quickly, as a part of a run would not be; a
+    setting is not differentiated.
+    """
+    share = precision.of(q.dtype).start_tolerance
+    constraints = Start.of(system, jnp.asarray(t, q.dtype), q, v, share)
+    return AtStart(jax.lax.stop_gradient(frequencies(system, t, q, v)), constraints)
 
 
 class Method(NamedTuple):

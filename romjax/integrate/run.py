@@ -29,7 +29,7 @@ from .resolution import is_resolved
 from .settings import Settings
 from .statistics import Statistics
 from .step_states import StepStates
-from .ticks import ticked
+from .ticks import ticked, ticks
 from .trajectory import Trajectory
 
 
@@ -129,7 +129,8 @@ def _integrated(
     settings: Settings,
 ) -> _Result:
     settings = settings._replace(stabilization=_stabilization(system, ts, settings))
-    if settings.projection is not None and settings.projects_start:
+    projects = settings.projection is not None and settings.projects_start
+    if projects:
         q0, v0 = project_start(system, ts[0], q0, v0)
     v0 = ticked(system, ts[0], q0, v0)
     run = integrate(system, ts, count, q0, v0, settings)
@@ -139,7 +140,10 @@ def _integrated(
         held = (run.ts, run.outputs, run.imbalance)
         ts, outputs, imbalance = jax.tree.map(lambda x: x[rows], held)
         run = run._replace(ts=ts, outputs=outputs, imbalance=imbalance)
-    start = Start.of(system, ts[0], q0, v0, precision.of(q0.dtype).start_tolerance)
+    if settings.at_start is None or projects or ticks(system):
+        start = Start.of(system, ts[0], q0, v0, precision.of(q0.dtype).start_tolerance)
+    else:
+        start = settings.at_start.constraints
     status = judge_run(system, run, q0, start.closed & start.fits, settings)
     extent = Extent.of(run.outputs.q, run.outputs.v)
     flags = _flags(system, run.ts, run.outputs, extent, run.march.accepted, settings)

@@ -17,12 +17,20 @@ from ..events.base import AbstractEvent
 from ..system.base import AbstractSystem, check_system
 from ..system.frequencies import Frequencies
 from ..system.stabilization import Baumgarte, Projection, Stabilization
+from ..system.start import Start
 from .follow.monitor import AbstractMonitor
 
 # Where derivatives in reverse mode must know how many steps there may be, and none is given.
 _MOST_STEPS = 100_000
 # What holds a single number.
 _NUMBERS = int, float, jax.Array, np.ndarray, np.number
+
+
+class AtStart(NamedTuple):
+    """What choices, and the judgement of a run, need of the state that it starts from."""
+
+    frequencies: Frequencies
+    constraints: Start
 
 
 class Settings(NamedTuple):
@@ -34,7 +42,7 @@ class Settings(NamedTuple):
       whether the tolerances are those of the motion, and not `atol`, as `Tolerances` has it.
     - `stabilization`: "default" until the run replaces it. `projects_start`: whether a start that
       violates the constraints is projected too, or refused.
-    - `frequencies`: of the system at its start, where a choice needs them.
+    - `at_start`: where a choice needs it; the run finds constraints by itself otherwise.
     - `forward`: whether derivatives are taken in forward mode. `max_steps` may be an array where
       nobody differentiates.
     - `meter`: what shows the progress. `audit`: whether the balance of energy is drawn up; not
@@ -52,7 +60,7 @@ class Settings(NamedTuple):
     dt: Float[Array | np.ndarray, ""] | None
     stabilization: Stabilization | Literal["default"]
     projects_start: bool
-    frequencies: Frequencies | None
+    at_start: AtStart | None
     forward: bool
     max_steps: int | Int[Array | np.ndarray, ""] | None
     meter: diffrax.AbstractProgressMeter[Any]
@@ -62,6 +70,11 @@ class Settings(NamedTuple):
     dense: int
     monitors: tuple[AbstractMonitor, ...]
     states: int = 0
+
+    @property
+    def frequencies(self) -> Frequencies | None:
+        """The frequencies of the system at its start, if they are known."""
+        return None if self.at_start is None else self.at_start.frequencies
 
     def limited(self, traced: bool) -> "Settings":
         """The same with a number of steps where there is no limit: the largest number, or the usual

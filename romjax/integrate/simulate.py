@@ -23,7 +23,7 @@ from ..system.stabilization import Baumgarte, Projection, Stabilization
 from ..system.start import Start
 from ..system.structure import without_names
 from .adjoint import has_root_finder, is_forward
-from .default import default_method, start_frequencies, warn_of_fast_stabilization
+from .default import at_start, default_method, warn_of_fast_stabilization
 from .doubt import is_doubtful, is_unresolved, warn_of_doubt, without_failures
 from .failures import raise_failure
 from .follow.monitor import AbstractMonitor, check_monitors
@@ -123,10 +123,10 @@ def simulate(
     watched, monitors = check_events(events, max_events), check_monitors(follow)
     bare = system if watched or monitors or ticks(system) else without_names(system)
     again = partial(_training, solver, stabilization, audit)
-    step, frequencies = None if dt is None else as_number(dt, q.dtype), None
+    step, found = None if dt is None else as_number(dt, q.dtype), None
     if solver is None or stabilization == "default":
-        frequencies = start_frequencies(bare, times, q, v)
-        solver = solver or default_method(system, times, step, frequencies).solver
+        found = at_start(bare, times, q, v)
+        solver = solver or default_method(system, times, step, found.frequencies).solver
     settings = Settings(
         solver=solver,
         rtol=as_number(rtol, q.dtype),
@@ -135,7 +135,7 @@ def simulate(
         dt=step,
         stabilization=_stabilization(system, stabilization),
         projects_start=isinstance(stabilization, Projection),
-        frequencies=frequencies,
+        at_start=found,
         forward=is_forward(adjoint),
         max_steps=max_steps,
         meter=progress_meter(progress),
