@@ -248,6 +248,18 @@ def test_derivatives_of_the_fifth_impact_in_forward_mode():
     assert_close(found, slopes((G, 0.8)), SOLVED)
 
 
+def test_derivatives_where_a_step_ends_just_before_an_impact():
+    """The next one, up to the impact, is so short that what is left of the gap is rounding."""
+    g = 2 * HEIGHT / (0.45 + 1e-10) ** 2
+
+    def first(g):
+        return thrown(rj.Impact(height, restitution=0.8), g=g, dt=0.05).events.time[0]
+
+    with rj.forward_mode():
+        found = jax.jit(jax.jacfwd(first))(g)
+    assert_close(found, -0.5 * bounces(1, g) / g, SOLVED)
+
+
 @pytest.mark.slow
 def test_lanes_have_events_and_derivatives_of_their_own():
     """In reverse mode, each lane like the run alone."""

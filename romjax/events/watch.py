@@ -84,8 +84,11 @@ class Watch(AbstractWatch):
         is_near = jnp.abs(values) <= reach * jnp.abs(rates) + watching.scales.noise
         in_reach = is_near & (t1 + wait <= self.end)
         hits = self._passes(watching.side, rates) & in_reach
-        # The time to the level is meaningless where the value is a rounding error.
-        wait = jnp.where(is_near & (jnp.abs(wait) > reach), 0.0, wait)
+        # The time to the level is meaningless where the value is a rounding error, but not how it
+        # changes with what the motion depends on.
+        moving = jnp.abs(rates) > watching.scales.least
+        none = jnp.where(moving, wait - jax.lax.stop_gradient(wait), 0.0)
+        wait = jnp.where(is_near & (jnp.abs(wait) > reach), none, wait)
         first = jnp.min(jnp.where(hits, wait, jnp.inf))
         # Events that follow by less than the error of their time count as simultaneous.
         hits = hits & (wait <= first + 1e-3 * reach)
