@@ -92,8 +92,10 @@ def _at_start(
     setting is not differentiated.
     """
     share = precision.of(q.dtype).start_tolerance
-    constraints = Start.of(system, jnp.asarray(t, q.dtype), q, v, share)
-    return AtStart(jax.lax.stop_gradient(frequencies(system, t, q, v)), constraints)
+    t = jnp.asarray(t, q.dtype)
+    energy = system.state(t, q, v).energy().total if system.n else jnp.zeros_like(t)
+    found, energy = jax.lax.stop_gradient((frequencies(system, t, q, v), energy))
+    return AtStart(found, Start.of(system, t, q, v, share), energy)
 
 
 class Method(NamedTuple):

@@ -139,7 +139,12 @@ def _followers(
     followers: dict[str, AbstractFollower] = {}
     if settings.audit:
         controlled = settings.dt is None
-        followers[AUDIT] = Audit(system, post_step, settings.baumgarte, tolerances, controlled)
+        known = settings.began(system)
+        # Of a system in charts it is that of the chart in which the run begins.
+        energy = None if known is None or post_step is not None else known.energy
+        followers[AUDIT] = Audit(
+            system, post_step, settings.baumgarte, tolerances, controlled, energy
+        )
     if settings.events:
         followers[EVENTS] = RecordFollower(settings.max_events)
     if settings.dense:

@@ -29,7 +29,7 @@ from .resolution import is_resolved
 from .settings import Settings
 from .statistics import Statistics
 from .step_states import StepStates
-from .ticks import ticked, ticks
+from .ticks import ticked
 from .trajectory import Trajectory
 
 
@@ -129,8 +129,7 @@ def _integrated(
     settings: Settings,
 ) -> _Result:
     settings = settings._replace(stabilization=_stabilization(system, ts, settings))
-    projects = settings.projection is not None and settings.projects_start
-    if projects:
+    if settings.projection is not None and settings.projects_start:
         q0, v0 = project_start(system, ts[0], q0, v0)
     v0 = ticked(system, ts[0], q0, v0)
     run = integrate(system, ts, count, q0, v0, settings)
@@ -140,10 +139,10 @@ def _integrated(
         held = (run.ts, run.outputs, run.imbalance)
         ts, outputs, imbalance = jax.tree.map(lambda x: x[rows], held)
         run = run._replace(ts=ts, outputs=outputs, imbalance=imbalance)
-    if settings.at_start is None or projects or ticks(system):
-        start = Start.of(system, ts[0], q0, v0, precision.of(q0.dtype).start_tolerance)
+    if known := settings.began(system):
+        start = known.constraints
     else:
-        start = settings.at_start.constraints
+        start = Start.of(system, ts[0], q0, v0, precision.of(q0.dtype).start_tolerance)
     status = judge_run(system, run, q0, start.closed & start.fits, settings)
     extent = Extent.of(run.outputs.q, run.outputs.v)
     flags = _flags(system, run.ts, run.outputs, extent, run.march.accepted, settings)

@@ -19,6 +19,7 @@ from ..system.frequencies import Frequencies
 from ..system.stabilization import Baumgarte, Projection, Stabilization
 from ..system.start import Start
 from .follow.monitor import AbstractMonitor
+from .ticks import ticks
 
 # Where derivatives in reverse mode must know how many steps there may be, and none is given.
 _MOST_STEPS = 100_000
@@ -27,10 +28,14 @@ _NUMBERS = int, float, jax.Array, np.ndarray, np.number
 
 
 class AtStart(NamedTuple):
-    """What choices, and the judgement of a run, need of the state that it starts from."""
+    """What choices, and the judgement of a run, need of the state that it starts from.
+
+    `energy`: of all [J]; zero without coordinates.
+    """
 
     frequencies: Frequencies
     constraints: Start
+    energy: Float[Array, ""]
 
 
 class Settings(NamedTuple):
@@ -70,6 +75,13 @@ class Settings(NamedTuple):
     dense: int
     monitors: tuple[AbstractMonitor, ...]
     states: int = 0
+
+    def began(self, system: AbstractSystem) -> AtStart | None:
+        """What is known of the state in which the run begins: nothing if it is projected first, or
+        if controllers have set something in it.
+        """
+        projects = self.projection is not None and self.projects_start
+        return None if projects or ticks(system) else self.at_start
 
     @property
     def frequencies(self) -> Frequencies | None:

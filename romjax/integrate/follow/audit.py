@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ...common import compat
 from ...linalg.dense import multiply
@@ -56,13 +56,16 @@ class Audit(AbstractFollower):
     stabilization: Baumgarte | None
     tolerances: Tolerances
     controlled: bool = eqx.field(static=True)  # not in fixed steps
+    energy: Float[Array, ""] | None = None  # at the start [J], if it is known
 
     calls_users: ClassVar[bool] = True
 
     def start(self, start: Progress) -> Findings:
         """Return the findings before the first step."""
         zero = jnp.zeros_like(start.t)
-        energy = self._at(start.t, start.y)[1].energy().total
+        energy = self.energy
+        if energy is None:
+            energy = self._at(start.t, start.y)[1].energy().total
         balance = EnergyBalance(energy, *[zero] * 10)
         branching = None
         if self.watches_branches:
