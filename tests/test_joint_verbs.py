@@ -128,15 +128,9 @@ def test_a_file_has_the_run(tmp_path):
 
 
 def test_what_joint_coordinates_do_not_keep_is_refused():
-    """Constraints of velocities, and effects with states."""
+    """Constraints of velocities."""
     scene = zoo.bars()
-    first, second = scene.bodies
-    skate = rj.KnifeEdge(second.at(), rj.ground.at())
-    pid = rj.PID(first.at(), rj.ground.at(), rj.Constant(0.1), 10.0, integral=2.0, name="control")
-    for joints, effects, words in [
-        ((*scene.joints, skate), scene.effects, "holds velocities"),
-        (scene.joints, (*scene.effects, pid), "'control' has first-order states"),
-    ]:
-        system = rj.assemble(rj.Scene(scene.bodies, joints, effects))
-        with pytest.raises(rj.ReductionError, match=words):
-            rj.reduce(system, formulation="joint")
+    skate = rj.KnifeEdge(scene.bodies[1].at(), rj.ground.at())
+    system = rj.assemble(rj.Scene(scene.bodies, (*scene.joints, skate), scene.effects))
+    with pytest.raises(rj.ReductionError, match="holds velocities"):
+        rj.reduce(system, formulation="joint")

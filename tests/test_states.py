@@ -268,8 +268,19 @@ def test_an_effect_of_ones_own_is_one_class():
     assert np.allclose(moved["Lagging(cart).late"], wanted[:, 1], atol=EXACT)
 
 
+def test_joint_coordinates_keep_states():
+    """As the closed form has them, the balance of energy too."""
+    joint = rj.reduce(rj.assemble(controlled(lag=LAG)), formulation=rj.JointCoordinates())
+    assert joint.structure.states == (1, 2)
+    moved, wanted = run(joint, TIMES, audit=True, rtol=1e-11), closed_form(linear(LAG))
+    sizes = np.max(np.abs(wanted), axis=0)
+    for column, label in enumerate(("cart.x", "cart.x'", "pid.integral", "pid.force")):
+        assert np.max(np.abs(moved[label] - wanted[:, column])) <= EXACT * sizes[column]
+    assert np.max(np.abs(moved.imbalance)) <= EXACT
+
+
 @pytest.mark.slow
-def test_local_bases_keep_states():
+def test_models_of_flexible_bodies_keep_states():
     """All modes are the full model to rounding; fewer err as they do without a controller."""
     arm = rj.Beam("arm", 1.0, 1.0, frequencies=[4.0, 11.0, 30.0])
     arm = arm.placed("start", rj.ground.pose((0.0, 0.0)), angle=-1.5)
@@ -279,13 +290,18 @@ def test_local_bases_keep_states():
     truth = run(system, TIMES, rtol=1e-9)
     models = [rj.reduce(system, rj.pod(truth), rj.Local(ranks=(rank,))) for rank in (3, 2)]
     assert [model.ranks for model in models] == [(3,), (2,)]
-    full, few = (run(model, TIMES, rtol=1e-9) for model in models)
-    assert float(rj.compare(truth, full).error) <= EXACT
-    assert np.allclose(full["pid.integral"], truth["pid.integral"], atol=EXACT)
-    assert 1e-3 < float(rj.compare(truth, few).error) < 4e-3
-    with pytest.raises(
-        rj.ReductionError, match="this formulation does not keep; take romjax.Local"
+    joint = rj.JointCoordinates()
+    modes = joint.basis(system, truth, lambda snapshots: rj.pod(snapshots, rank=2))
+    models += [rj.reduce(system, formulation=joint), rj.reduce(system, modes, joint)]
+    assert [model.n for model in models[2:]] == [6, 5]
+    for model, least, largest in zip(
+        models, (0, 1e-3, 0, 1e-4), (EXACT, 4e-3, EXACT, 4e-3), strict=True
     ):
+        moved = run(model, TIMES, rtol=1e-9)
+        assert least <= float(rj.compare(truth, moved).error) < largest
+        if not least:
+            assert np.allclose(moved["pid.integral"], truth["pid.integral"], atol=EXACT)
+    with pytest.raises(rj.ReductionError, match="this formulation does not keep"):
         rj.reduce(system, rj.pod(truth))
 
 
@@ -304,11 +320,10 @@ def test_large_states_hide_no_joint_that_is_apart():
 @pytest.mark.instant
 def test_what_does_not_carry_states_says_so():
     system = rj.assemble(controlled())
-    basis = None
     with pytest.raises(
         rj.ReductionError, match="'pid' has first-order states, which this formulation"
     ):
-        rj.reduce(system, basis, rj.JointCoordinates())
+        rj.reduce(system, None, rj.Minimal())
     with pytest.raises(rj.InputError, match="modes: 'pid' has first-order states"):
         rj.modes(system)
     with pytest.raises(rj.InputError, match="export: effects with first-order states"):

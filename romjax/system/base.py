@@ -48,7 +48,8 @@ def refuse_states(
     owner: str,
     system: "AbstractSystem",
     error: type[Exception],
-    remedy: str = "this formulation does not keep; take romjax.Local(), where bodies deform",
+    remedy: str = "this formulation does not keep; take romjax.JointCoordinates(), or "
+    "romjax.Local(), where bodies deform",
 ) -> None:
     """Raise an `error`, beginning with `owner`, for effects with first-order states, which `remedy`
     says what to do about.

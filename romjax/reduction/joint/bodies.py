@@ -17,7 +17,7 @@ from ...linalg.indexing import take
 from ...scene.body.base import AbstractBody
 from ...scene.effect.base import AbstractField
 from ...scene.effect.gravity import Gravity
-from ...scene.turn_counter import TurnCounter
+from ...scene.one_coordinate import AbstractOneCoordinate
 from . import twists
 from .inertias import Inertias
 from .tree import Tree
@@ -52,7 +52,7 @@ def _groups(system: AssembledSystem, tree: Tree) -> list[tuple[BodyGroup, np.nda
     return [
         (group, np.array([number[row[0]] for row in group.coordinates.rows], np.uint32), known)
         for group, known in zip(system.bodies, tree.invariants, strict=True)
-        if not isinstance(group.bodies, TurnCounter)
+        if not isinstance(group.bodies, AbstractOneCoordinate)
     ]
 
 
@@ -121,8 +121,8 @@ def biases(
     """B of M ẏ + b = 0 of free bodies, about the points of the motion.
 
     **Arguments:** the `system` of bodies and its `tree`; `state`: with t, z, the `motion`, the
-    `bending` of the bodies, and q and v, which are asked for where forces depend on them; `own`:
-    the inertias about the frames.
+    `bending` of the bodies, and `others`, the forces that neither gravity nor invariants give;
+    `own`: the inertias about the frames.
 
     A frame has the acceleration v̇ + ω̇ × a + ω × ẋ. Gravity acts as if all frames were accelerated
     against it.
@@ -130,7 +130,7 @@ def biases(
     motion, dtype = state.motion, own.mass.dtype
     omega, velocity = twists.split(motion.twists)
     lifted = twists.about(omega, velocity + twists.about(omega, motion.arms))
-    gravity, fields = _gravity(system)
+    gravity, _ = _gravity(system)
     if gravity is not None:
         lifted = lifted - jnp.asarray(gravity, dtype)[None]
     force, torque = own.mass[:, None] * lifted, None
@@ -141,9 +141,8 @@ def biases(
     if quadratic is not None:
         torque, modal = _sum(torque, quadratic.torque), modal + quadratic.modal
         force = _sum(force, quadratic.force)
-    others = _other_forces(system, tree, fields, state)
-    if others is not None:
-        acting = tree.columns.take(others)
+    if state.others is not None:
+        acting = tree.columns.take(state.others)
         d = motion.arms.shape[1]
         turns = tree.columns.take(state.q)[:, 3:7] if d == 3 else None
         turned = acting[:, 2:3] if turns is None else quaternions.torque(turns, acting[:, 3:7])
@@ -211,10 +210,12 @@ def _quadratic_of(
     return Quadratic(multiply(axes, turning), moving, modal)
 
 
-def _other_forces(
-    system: AssembledSystem, tree: Tree, fields: tuple[AbstractField, ...], state: Any
-) -> Float[Array, " N"] | None:
-    """Q of all that neither gravity nor invariants give; None where there is nothing else."""
+def other_forces(system: AssembledSystem, tree: Tree, state: Any) -> Float[Array, " N"] | None:
+    """Q of all that neither gravity nor invariants give; None where there is nothing else.
+
+    `state`: with t, and q and v, which are asked for where forces depend on them.
+    """
+    _, fields = _gravity(system)
     groups = list(zip(system.bodies, tree.invariants, strict=True))
     acting = any(group.acts(fields, not known) for group, known in groups)
     if not acting and system.effect_markers is None:

@@ -37,13 +37,15 @@ class JointCoordinates(AbstractFormulation):
     number of bodies (Featherstone, "Rigid Body Dynamics Algorithms", 2008, chapter 7). Where joints
     close loops, the tree leaves out those with the fewest constraints, farthest from the ground;
     these are cut and keep their constraints, as do drives, and joints that bring no `place` and
-    `read` of their own. `summary` says which.
+    `read` of their own. `summary` says which. First-order states of effects follow the joints, and
+    the inertia of a rotor is that of its joint's coordinate.
 
     With a basis, as `JointCoordinates().basis` makes it of a run, the amplitudes of all bodies move
     in a subspace of few; the joints stay as they are, so that one run trains for other motions too.
     """
 
     name: ClassVar[str] = "joint"
+    keeps_states: ClassVar[bool] = True
     in_subspace: ClassVar[bool] = False
 
     def basis(
@@ -149,6 +151,8 @@ def _structure(full: AssembledSystem, tree: Tree, spanning: Spanning) -> Structu
             if column < tree.n:
                 coordinates[column] = known.coordinates[given]
                 amplitudes[column] = given
+    columns, states, _ = tree.states.rows
+    coordinates |= {z: known.coordinates[i] for z, i in zip(states, columns, strict=True)}
     return Structure(
         coordinates=tuple(coordinates[i] for i in range(tree.n)),
         constraints=tuple(names),
@@ -158,6 +162,7 @@ def _structure(full: AssembledSystem, tree: Tree, spanning: Spanning) -> Structu
         loops=bool(names),
         contacts=known.contacts,
         quaternions=tuple(row[0] for row in tree.spun.rows),
+        states=states,
         amplitudes=tuple(amplitudes.items()),
     )
 

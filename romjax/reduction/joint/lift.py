@@ -90,7 +90,7 @@ class TreeLift(eqx.Module):
     def at_frames(self, z: Float[Array, " n"], place: Pose | Frames) -> Float[Array, " N"]:
         """The same, from the frames of the bodies."""
         turn = self.turns(place)
-        q = self._spread(place.position, turn, self.tree.amplitudes.take(z))
+        q = self._spread(place.position, turn, self.tree.amplitudes.take(z), z)
         return q if self.counters is None else self.counters.added(z, q)
 
     def turns(self, place: Pose | Frames) -> Float[Array, "bodies *turn"]:
@@ -98,14 +98,16 @@ class TreeLift(eqx.Module):
         return place.turn if self.lengths is None else place.turn * self.lengths[:, None]
 
     def velocity(
-        self, z: Float[Array, " n"], motion: TreeMotion, moved: Array, bending: Array
+        self, z: Float[Array, " n"], motion: TreeMotion, moved: Array, bending: Array, w: Array
     ) -> Float[Array, " N"]:
-        """The rates of q where the bodies have the twists `moved` and the rates `bending`."""
+        """The rates of q where the bodies have the twists `moved` and the rates `bending`, and z
+        has the rates w.
+        """
         omega, velocity = twists.split(moved)
         velocity = velocity + twists.about(omega, motion.arms)
         turns = self.turns(motion.frames)
         rate = omega if self.lengths is None else quaternions.derivative(turns, omega)
-        v = self._spread(velocity, rate, bending)
+        v = self._spread(velocity, rate, bending, w)
         if self.counters is None:
             return v
         count, q = self.counters, self.at_frames(z, motion.frames)
@@ -118,8 +120,11 @@ class TreeLift(eqx.Module):
         moved: Float[Array, "bodies twist"],
         bending: Float[Array, "bodies modes"],
         v: Float[Array, " N"],
+        change: Float[Array, " n"],
     ) -> Float[Array, " N"]:
-        """The accelerations of q where `moved` and `bending` are the derivatives of V and η."""
+        """The accelerations of q where `moved` and `bending` are the derivatives of V and η, and
+        `change` is that of the rates of z.
+        """
         omega, velocity = twists.split(motion.twists)
         turning, moving = twists.split(moved)
         velocity = velocity + twists.about(omega, motion.arms)
@@ -128,7 +133,7 @@ class TreeLift(eqx.Module):
         if self.lengths is not None:
             spun = quaternions.derivative(turns, omega)
             rate = quaternions.derivative(turns, turning) + quaternions.derivative(spun, omega)
-        a = self._spread(moving, rate, bending)
+        a = self._spread(moving, rate, bending, change)
         if self.counters is None:
             return a
         count, q = self.counters, self.at_frames(z, motion.frames)
@@ -146,7 +151,8 @@ class TreeLift(eqx.Module):
         tables = [link.coordinates.array.astype(int) for link in tree.links]
         amplitudes = tree.amplitudes.array.astype(int)
         tables.append(np.where(amplitudes < tree.n, amplitudes, -1))
-        z = spread([*rows, bent], tables, (tree.n,))
+        in_q, in_z, _ = tree.states.array
+        z = spread([*rows, bent, take(q, in_q)], [*tables, in_z], (tree.n,))
         if self.counters is None:
             return z
         count = self.counters
@@ -159,11 +165,16 @@ class TreeLift(eqx.Module):
         more = jax.lax.stop_gradient(2 * np.pi * count.signs * turns)
         return z.at[np.array(list(own))].add(more[np.array(list(own.values()))])
 
-    def _spread(self, position: Array, turn: Array, amplitudes: Array) -> Float[Array, " N"]:
+    def _spread(
+        self, position: Array, turn: Array, amplitudes: Array, states: Float[Array, " n"]
+    ) -> Float[Array, " N"]:
+        """Numbers of q from those of the frames, of the amplitudes, and of z, as states have."""
         turn = turn[:, None] if turn.ndim == 1 else turn
         rows = jnp.concatenate([position, turn, amplitudes], axis=1)
         table = self.tree.columns.array.astype(int)
-        return spread([rows], [np.where(table < self.size, table, -1)], (self.size,))
+        in_q, in_z, _ = self.tree.states.array
+        tables = [np.where(table < self.size, table, -1), in_q]
+        return spread([rows, take(states, in_z)], tables, (self.size,))
 
 
 def _counted(count: Counters, q: Array, v: Array) -> tuple[Array, Array]:

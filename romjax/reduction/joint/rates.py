@@ -70,10 +70,11 @@ def of_lengths(tree: Tree, z: Coordinates, x: Coordinates) -> Coordinates:
     return _coordinates(tree, 0 * tree.plain.take(x), momenta)
 
 
-def flat(tree: Tree, rows: Float[Array, "bodies motions"]) -> Rates:
-    """The rates u of the rates of each body."""
+def flat(tree: Tree, rows: Float[Array, "bodies motions"], states: Array) -> Rates:
+    """The rates u of the rates of each body, and of states."""
     table = tree.motions.array.astype(int)
-    return spread([rows], [np.where(table < tree.rates, table, -1)], (tree.rates,))
+    tables = [np.where(table < tree.rates, table, -1), tree.states.array[2]]
+    return spread([rows, states], tables, (tree.rates,))
 
 
 def _coordinates(tree: Tree, plain: Array, spun: Array) -> Coordinates:

@@ -19,7 +19,7 @@ def accelerations(
     motion: TreeMotion,
     inertia: Float[Array, "bodies size size"],
     bias: Float[Array, "bodies size"],
-    rotors: Float[Array, " rates"] | None,
+    lumped: Float[Array, " rates"] | None,
 ) -> tuple[Float[Array, "bodies rates"], Float[Array, "bodies twist"]]:
     """The derivatives of the rates w, and of the twists V, of all bodies.
 
@@ -34,10 +34,10 @@ def accelerations(
     number of bodies.
 
     **Arguments:** the `tree` and its `motion`; `inertia` and `bias` are M and b of each body;
-    `rotors`: what N M Nᵀ has more on its diagonal, by the rates of the tree.
+    `lumped`: what N M Nᵀ has more on its diagonal, by the rates of the tree.
     """
     d, dtype = motion.twists.shape[1], inertia.dtype
-    added = _added(tree, rotors, dtype)
+    added = _added(tree, lumped, dtype)
     columns = (motion.own, motion.outer, motion.bias)
     unit = np.eye(motion.own.shape[1], dtype=dtype)
 
@@ -91,16 +91,16 @@ def _modal_rows(freedoms: int, modes: int, dtype: np.dtype) -> np.ndarray:
 
 
 def _added(
-    tree: Tree, rotors: Float[Array, " rates"] | None, dtype: np.dtype
+    tree: Tree, lumped: Float[Array, " rates"] | None, dtype: np.dtype
 ) -> Float[Array, "bodies rates"] | None:
-    """The inertias of rotors, and ones for the rates that bodies with fewer freedoms or modes than
-    others have not; None where there are neither.
+    """The `lumped` inertias of rates, and ones for those that bodies with fewer freedoms or modes
+    than others have not; None where there are neither.
     """
     unused = tree.motions.array == tree.rates
     ones = jnp.asarray(unused, dtype) if unused.any() else None
-    if rotors is None:
+    if lumped is None:
         return ones
-    own = tree.motions.take(rotors)
+    own = tree.motions.take(lumped)
     return own if ones is None else own + ones
 
 

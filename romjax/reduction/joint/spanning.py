@@ -4,7 +4,8 @@ from typing import Any, NamedTuple
 
 from ...assembly.assembled import AssembledSystem
 from ...scene.joint.base import AbstractJoint
-from ...scene.turn_counter import CounterJoint, TurnCounter
+from ...scene.one_coordinate import AbstractOneCoordinate
+from ...scene.turn_counter import CounterJoint
 
 GROUND = -1
 
@@ -48,7 +49,7 @@ def frames_of(system: AssembledSystem) -> dict[int, tuple[int, int, int]]:
     """The bodies by their first coordinate: each one's number, its group, and its row there."""
     frames = dict[int, tuple[int, int, int]]()
     for g, group in enumerate(system.bodies):
-        if not isinstance(group.bodies, TurnCounter):
+        if not isinstance(group.bodies, AbstractOneCoordinate):
             for row, columns in enumerate(group.coordinates.rows):
                 frames[columns[0]] = (len(frames), g, row)
     return frames

@@ -12,12 +12,14 @@ from jaxtyping import Array, Float
 from ...assembly.assembled import AssembledSystem
 from ...common.arrays import Time
 from ...linalg.dense import multiply
+from ...linalg.indexing import take
 from ...linalg.kkt import KKT
 from ...system.constraints import ConstraintState
 from ...system.reduced import Physical, Reduced
 from ...system.state import AbstractState, Energy, Power, Solved
+from ...system.structure import Structure
 from . import rates
-from .bodies import biases, inertias
+from .bodies import biases, inertias, other_forces
 from .cuts import Cut
 from .inertias import Inertias
 from .kinematics import TreeMotion, along, tree_motion
@@ -40,6 +42,8 @@ class TreeSystem(Protocol):
     def lift(self) -> TreeLift: ...
     @property
     def cut(self) -> Cut: ...
+    @property
+    def structure(self) -> Structure: ...
     @property
     def n(self) -> int: ...
     @property
@@ -91,7 +95,9 @@ class JointState(AbstractState):
     @functools.cached_property
     def v(self) -> Physical:  # type: ignore[override]
         u = rates.rates_of(self.system.tree, self.z, self.w)
-        return self.system.lift.velocity(self.z, self.motion, self.motion.twists, self._bending(u))
+        return self.system.lift.velocity(
+            self.z, self.motion, self.motion.twists, self._bending(u), self.w
+        )
 
     def _bending(self, u: Float[Array, " rates"]) -> Float[Array, "bodies modes"]:
         tree = self.system.tree
@@ -123,24 +129,42 @@ class JointState(AbstractState):
         return biases(system.full, system.tree, self, self._own_inertias)
 
     @functools.cached_property
-    def _rotors(self) -> Float[Array, " rates"] | None:
-        """The inertias of rotors, by the rates that move them; None without any."""
-        count, tree = self.system.lift.counters, self.system.tree
-        if count is None or not count.rotors:
+    def others(self) -> Float[Array, " N"] | None:
+        """Q of all that neither gravity nor invariants of bodies give."""
+        return other_forces(self.system.full, self.system.tree, self)
+
+    @functools.cached_property
+    def _diagonal(self) -> Float[Array, " r"] | None:
+        """What M has on its diagonal beside the bodies: the inertias of rotors, and ones of states;
+        None where there are neither.
+        """
+        count, (_, states, _) = self.system.lift.counters, self.system.tree.states.array
+        rotors = count is not None and count.rotors
+        if not rotors and not states.size:
             return None
-        places, inertias = count.masses
-        return rates.by_rates(tree, jnp.zeros_like(self.z).at[places].add(inertias))
+        diagonal = jnp.zeros_like(self.z).at[states].set(1)
+        if count is not None and rotors:
+            places, inertias = count.masses
+            diagonal = diagonal.at[places].add(inertias)
+        return diagonal
+
+    @property
+    def _state_forces(self) -> Float[Array, " states"]:
+        """The derivatives of states."""
+        columns = self.system.tree.states.array[0]
+        if self.others is None:
+            return jnp.zeros(len(columns), self.z.dtype)
+        return take(self.others, columns)
 
     def apply_mass(self, x: Float[Array, "r *k"]) -> Float[Array, "r *k"]:
         if x.ndim == 2:
             return jax.vmap(self.apply_mass, in_axes=1, out_axes=1)(x)
         tree = self.system.tree
-        u = rates.rates_of(tree, self.z, x)
-        moved, back = jax.vjp(self.moved, u)
+        moved, back = jax.vjp(self.moved, rates.rates_of(tree, self.z, x))
         (forces,) = back(multiply(self._inertia, moved[:, :, None])[:, :, 0])
-        if self._rotors is not None:
-            forces += self._rotors * u
         momenta = rates.pull_back(tree, self.z, forces)
+        if self._diagonal is not None:
+            momenta += self._diagonal * x
         return momenta + rates.of_lengths(tree, self.z, x) if tree.spun.rows else momenta
 
     def jacobian(self) -> Float[Array, "m r"]:
@@ -184,7 +208,7 @@ class JointState(AbstractState):
         tree = self.system.tree
         u = rates.rates_of(tree, self.z, x)
         moved = self.moved(u)[:, : self.motion.twists.shape[1]]
-        return self.system.lift.velocity(self.z, self.motion, moved, self._bending(u))
+        return self.system.lift.velocity(self.z, self.motion, moved, self._bending(u), x)
 
     def force(self) -> Reduced:
         """M z̈ of the motion that the tree would make without its cut joints, and no rate changing,
@@ -196,12 +220,14 @@ class JointState(AbstractState):
         lifted = multiply(self._inertia[:, :, :d], along(tree, self.motion.bias)[:, :, None])
         _, back = jax.vjp(self.moved, jnp.zeros(tree.rates, self.z.dtype))
         (forces,) = back(self._bias + lifted[:, :, 0])
-        force = -rates.pull_back(tree, self.z, forces)
+        _, states, _ = tree.states.array
+        force = (-rates.pull_back(tree, self.z, forces)).at[states].add(self._state_forces)
         return force + self.apply_mass(still) if tree.spun.rows else force
 
     def energy(self) -> Energy:
         # The slope by virtual work, not through the kinematics again.
-        system, momentum = self.system, self.apply_mass(self.w)
+        system = self.system
+        momentum = self.apply_mass(system.structure.without_states(self.w))
 
         def both(q: Array) -> tuple[Array, tuple[Array, Array]]:
             stored = system.full.stored(self.t, q)
@@ -230,10 +256,8 @@ class JointState(AbstractState):
         momenta = multiply(self._inertia[None], pushed[..., None])[..., 0]
         flat = pushed.reshape(len(pushed), -1)
         matrix = multiply(flat, momenta.reshape(len(pushed), -1).T)
-        count = self.system.lift.counters
-        if count is not None and count.rotors:
-            places, inertias = count.masses
-            matrix = matrix.at[places, places].add(inertias)
+        if self._diagonal is not None:
+            matrix += jnp.diag(self._diagonal)
         if not tree.spun.rows:
             return matrix
         return matrix + jax.vmap(lambda x: rates.of_lengths(tree, self.z, x))(unit)
@@ -245,8 +269,10 @@ class JointState(AbstractState):
         if self.system.m:
             return super().solve(gamma)
         tree = self.system.tree
-        change, _ = accelerations(tree, self.motion, self._inertia, self._bias, self._rotors)
-        a = rates.second_derivative(tree, self.z, self.w, rates.flat(tree, change))
+        lumped = None if self._diagonal is None else rates.by_rates(tree, self._diagonal)
+        rows, _ = accelerations(tree, self.motion, self._inertia, self._bias, lumped)
+        change = rates.flat(tree, rows, self._state_forces)
+        a = rates.second_derivative(tree, self.z, self.w, change)
         later: Any = Later(self.system, jnp.asarray(self.t, self.z.dtype), self.z, self.w)
         return Solved(a, gamma, later)
 
@@ -254,4 +280,4 @@ class JointState(AbstractState):
         system, motion = self.system, self.motion
         change = rates.change_of_rates(system.tree, self.z, self.w, a)
         moved = self.moved(change)[:, : motion.twists.shape[1]] + along(system.tree, motion.bias)
-        return system.lift.acceleration(self.z, motion, moved, self._bending(change), self.v)
+        return system.lift.acceleration(self.z, motion, moved, self._bending(change), self.v, a)

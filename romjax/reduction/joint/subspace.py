@@ -75,6 +75,7 @@ class JointSubspace(AbstractReducedSystem):
             coordinates=tuple(names),
             rigid=(True,) * len(kept) + (False,) * shapes.shape[1],
             quaternions=tuple(firsts[first] for first in known.quaternions),
+            states=tuple(firsts[state] for state in known.states),
         )
         summary = f"{joint.summary}, {shapes.shape[1]} modes of {len(places)} amplitudes"
         none = jnp.zeros(r, given.dtype)

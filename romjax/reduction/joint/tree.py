@@ -41,6 +41,7 @@ class Tree(eqx.Module):
       amplitudes, among the rates u of the tree, as many as freedoms; their number stands for none.
     - `amplitudes` (bodies, modes): among z. `invariants`: of the groups of bodies, whether those
       of their inertia give the forces of motion.
+    - `states`: the first-order states of effects in q, among z, and among the rates, a row each.
     - `plain`: the coordinates that are no quaternions, among z, and `spun` (balls, 4) those that
       are; u has the rates of the former, and the angular velocities `spins` (balls, 3).
     """
@@ -52,6 +53,7 @@ class Tree(eqx.Module):
     parents: tuple[int, ...] = eqx.field(static=True)
     motions: Index = eqx.field(static=True)
     amplitudes: Index = eqx.field(static=True)
+    states: Index = eqx.field(static=True)
     plain: Index = eqx.field(static=True)
     plain_rates: Index = eqx.field(static=True)
     spun: Index = eqx.field(static=True)
@@ -103,7 +105,8 @@ def plant(system: AssembledSystem, spanning: Spanning) -> Tree:
     owned = _owned(system, branches)
     kinds = [_kind(system, branch) for branch in branches]
     freedoms = [_freedoms(joint) for joint, _ in kinds]
-    table = _Coordinates(freedoms, [len(columns) for _, columns in owned])
+    states = system.structure.states
+    table = _Coordinates(freedoms, [len(columns) for _, columns in owned], len(states))
     frame = 3 if _dimension(system) == 2 else 7
     most = max(len(columns) for _, columns in owned)
     links = list[Links]()
@@ -130,6 +133,7 @@ def plant(system: AssembledSystem, spanning: Spanning) -> Tree:
         parents=parents,
         motions=Index.of(table.motions),
         amplitudes=Index.of(table.amplitudes),
+        states=Index.of([states, *table.states]),
         plain=Index.of([table.plain]),
         plain_rates=Index.of([table.plain_rates]),
         spun=Index.of(table.spun),
@@ -143,9 +147,9 @@ def plant(system: AssembledSystem, spanning: Spanning) -> Tree:
 
 
 class _Coordinates:
-    """Numbers the coordinates z and the rates u of a tree, body by body."""
+    """Numbers the coordinates z and the rates u of a tree, body by body, then those of states."""
 
-    def __init__(self, freedoms: list[tuple[int, bool]], modes: list[int]):
+    def __init__(self, freedoms: list[tuple[int, bool]], modes: list[int], states: int):
         self.n = self.rates = 0
         self.coordinates, self.spun, self.spins = [], list[range](), list[range]()
         self.plain, self.plain_rates = list[int](), list[int]()
@@ -163,6 +167,7 @@ class _Coordinates:
             bent = self._take(bending)
             self.coordinates.append((coordinates, list(bent[0])))
             own.append((rates, list(bent[1])))
+        self.states = self._take(states)
         self.freedoms = max(len(rates) for rates, _ in own)
         most = max(modes)
         self.motions = [
