@@ -92,7 +92,7 @@ class Pose(NamedTuple):
     ) -> Float[Array, ""]:
         """The angle against another pose, `less` what is given [rad].
 
-        In space it is the angle about the z axis, between −π and π, see `quaternions.angle`.
+        In space it is the angle about the z axis, between −π and π, of two quaternions.
         """
         if self.dimension == 3:
             return quaternions.angle(self.turn, other.turn, less)
