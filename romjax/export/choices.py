@@ -24,13 +24,14 @@ class Choice(NamedTuple):
     stabilization: Baumgarte | None
     fastest: Any
     terms: tuple[float, float]  # α and β
+    stiff: bool  # whether it is by Rodas5P
 
     @classmethod
     def of(cls, solver: Any, stabilization: Baumgarte | None, fastest: Any = None) -> "Choice":
         terms = 0.0, 0.0
         if stabilization is not None:
             terms = float(stabilization.alpha), float(stabilization.beta)
-        return cls(solver, stabilization, fastest, terms)
+        return cls(solver, stabilization, fastest, terms, isinstance(solver, Rodas5P))
 
 
 class Choices:

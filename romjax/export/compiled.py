@@ -17,7 +17,6 @@ from ..integrate.derived import LazyQuantities
 from ..integrate.doubt import warn_of_doubt
 from ..integrate.failures import raise_failure
 from ..integrate.left_out import flag_left_out
-from ..integrate.rodas5p import Rodas5P
 from ..integrate.settings import check_numbers, check_times
 from ..integrate.statistics import Statistics
 from ..integrate.trajectory import Trajectory
@@ -53,6 +52,7 @@ class CompiledModel:
         self.operations = self._native.operations
         self._choices = Choices(model.nominal, self._native.beginning)
         self._inside: dict[bool, Inside] = {}
+        self._coordinates = model.nominal.full.structure.coordinates
 
     def __repr__(self) -> str:
         return f"CompiledModel({self.system.n} coordinates)"
@@ -99,8 +99,7 @@ class CompiledModel:
         is_inside = parameters is not None or not compat.is_outermost()
         own = (None, None) if is_inside else (q0, v0)
         choice = self._choices.of(times, *own, dt, solver, stabilization)
-        stiff = isinstance(choice.solver, Rodas5P)
-        asked = Asked(*given, max_steps, atol is None, choice.terms, stiff)
+        asked = Asked(*given, max_steps, atol is None, choice.terms, choice.stiff)
         start = self._start(q0, v0)
         system = self.system
         if is_inside:
@@ -179,11 +178,12 @@ class CompiledModel:
         self, system: AbstractSystem, ts: Any, told: Told, choice: Choice, asked: Asked
     ) -> Trajectory:
         """What the rows of a run are."""
-        n, controlled, atol = system.n, asked.dt is None, np.asarray(asked.atol)
+        n, controlled = told.x.shape[1] // 2, asked.dt is None
+        atol: Any = np.asarray(asked.atol)
         if asked.follow:
-            xp: Any = jnp if is_traced(told.v) else np
-            size = xp.minimum(xp.max(xp.abs(told.v)), 1.0)
-            atol = xp.minimum(asked.rtol * size, asked.atol)
+            size, inside = abs(told.v).max(), is_traced(told.v)
+            size = jnp.minimum(size, 1.0) if inside else min(size, 1.0)
+            atol = asked.rtol * size  # which is no more than asked.atol
         parts = Partitioned.of(system)
         demand = compat.make_module(
             LazyQuantities,
@@ -221,7 +221,7 @@ class CompiledModel:
             dense=None,
             states=None,
             followed=(),
-            coordinates=system.full.structure.coordinates,
+            coordinates=self._coordinates,
             solver_parts=Partitioned.of(choice.solver),
         )
 

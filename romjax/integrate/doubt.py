@@ -103,7 +103,10 @@ def warn_of_doubt(system: AbstractSystem, run: Trajectory) -> None:
     """
     owner = _OWNER.get()
     if owner is not None and concrete(run.status) is None:
-        jax.debug.callback(functools.partial(warn_of_outcome, owner), run.status, run.flags)
+        # Only where there is something to say: leaving the program takes as long as a small run.
+        speaks = (run.status != _SUCCESS) | (run.flags & (DOUBTS | _RESOLUTION) != 0)
+        tell = functools.partial(jax.debug.callback, functools.partial(warn_of_outcome, owner))
+        jax.lax.cond(speaks, tell, lambda *_: None, run.status, run.flags)
     status, flags = _outcome(run)
     if owner is not None and status > _SUCCESS:
         warn_of_outcome(owner, status, flags)
