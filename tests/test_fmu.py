@@ -15,6 +15,7 @@ from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
 from romjax.export import library as libraries
+from romjax.export.description import Variables
 from romjax.export.leaving import model_of
 
 fmpy = pytest.importorskip("fmpy")
@@ -136,6 +137,16 @@ def test_a_stiff_reduced_and_a_stiff_full_model_run(tmp_path):
         names = ["cart.x", "pendulum.phi"]
         usual = {name: run[name] for name in names}
         assert errors(str(made.path), names, usual, "CoSimulation") <= COSIMULATED
+
+
+def test_coordinates_of_a_reduced_model_have_names_of_their_own():
+    """Of a local one some are called as those of its bodies, which are outputs."""
+    system = zoo.system(zoo.cart_pendulum)
+    rom = rj.reduce(system, rj.pod(zoo.motion(zoo.cart_pendulum), rank=5), rj.Local())
+    held = rj.Baumgarte(alpha=12.0, beta=36.0)
+    found = Variables.of(model_of("test", rom, {}, None, {}, held, "cart"), "cart")
+    assert {"own.cart.phi", "own.cart.phi'"} < {*found.states}
+    assert {"cart.phi", "own.cart.phi", "own.cart.phi'"} < {x.name for x in found.variables}
 
 
 @pytest.mark.slow

@@ -40,14 +40,18 @@ class Variables(NamedTuple):
         """The variables of a model; raise InputError where two have one name."""
         coordinates = model.nominal.structure.coordinates
         rated = [coordinate.label for coordinate in coordinates]
-        states = (*rated, *(f"{label}'" for label in rated))
-        # An output that is a state of a full system needs no variable of its own.
+        # An output that is a state of a full system needs no variable of its own; a coordinate of a
+        # reduced one that is called as a body's is another number.
         is_full = model.nominal.full is model.nominal
+        taken = set() if is_full else {*model.outputs}
+        rated = [f"own.{label}" if {label, f"{label}'"} & taken else label for label in rated]
+        states = (*rated, *(f"{label}'" for label in rated))
         shown = frozenset(key for key, x in model.outputs.items() if is_full and key == x) & {
             *states
         }
         computed = {key: x for key, x in model.outputs.items() if key not in shown}
-        units = _units_of(coordinates)
+        plain = [coordinate.unit for coordinate in coordinates]
+        units = dict(zip(states, [*plain, *map(_rate, plain)], strict=True))
         full = _units_of(model.nominal.full.structure.coordinates)
         variables = [
             Variable("time", {"causality": "independent", "variability": "continuous"}, "s")
