@@ -157,6 +157,26 @@ def test_gradients_by_what_a_function_holds():
     assert np.allclose(many, [late(gains), late(1.1 * gains)], rtol=1e-12)
 
 
+def test_derivatives_by_the_period():
+    """The ticks move with it, and the jumps of the force with them."""
+
+    def place(period):
+        clock = eqx.tree_at(lambda e: e.period, scene().effects[0], period)
+        system = rj.assemble(rj.Scene([CART], [RAIL], [clock, PUSH]))
+        return run(system, TIMES[[0, 5]] - [0.0, 0.03])["cart.x"][-1]
+
+    def stepped(period):
+        x = jnp.array([1.0, 0.0])
+        for length in (*[period] * 4, 0.47 - 4 * period):
+            force = -jnp.array(GAINS) @ x / MASS
+            x = jnp.array([x[0] + length * x[1] + 0.5 * length**2 * force, x[1] + length * force])
+        return x[0]
+
+    with rj.forward_mode():
+        found = jax.jit(jax.jacfwd(place))(PERIOD)
+    np.testing.assert_allclose(found, jax.jit(jax.grad(stepped))(PERIOD), rtol=1e-9)
+
+
 def test_a_model_with_fewer_modes_ticks():
     """What it measures and sets has other places among its coordinates than in the full system."""
     beam = rj.Beam("beam", 1.0, 1.0, EI=20.0, modes=3, position=(0.5, 0.0))

@@ -13,6 +13,7 @@ from ..common.errors import SceneError
 from ..scene.effect.sampled import Labelled, Sampled
 from ..scene.scene import Scene
 from ..scene.signal import Held
+from ..system.dynamics import solve
 
 T = TypeVar("T")
 
@@ -37,13 +38,33 @@ class Controller(eqx.Module):
         columns = jnp.array([places[column] for column in self.columns])
 
         def tick(v: Array) -> Array:
-            measured = [jnp.asarray(what(system, t, q, v)) for what in self.sampled.measured]
+            # The step ends at a constant time. A tick moves with its period, so that it has the
+            # derivatives of a state on the way there, and the state after it those of the way back.
+            late, now = self.sampled.tick_near(t) - t, jnp.ones_like(t)
+            before = solve(system, t, q, v, None).acceleration
+            there = _carried((t, q, v), (now, v, before), late)
+            measured = [jnp.asarray(what(system, *there)) for what in self.sampled.measured]
             values = jnp.stack(measured) if measured else jnp.zeros(0, v.dtype)
-            after: Array = v.at[columns].set(self.sampled.ticked(t, v[columns], values))
-            return after
+            own = self.sampled.ticked(there[0], there[2][columns], values)
+            after = there[2].at[columns].set(own)
+            back: Array = _carried(after, solve(system, t, q, after, None).acceleration, -late)
+            return back
 
         velocity: Array = jax.lax.cond(self.sampled.is_tick(t), tick, lambda v: v, v)
         return velocity
+
+
+@jax.custom_jvp
+def _carried(y: T, rates: T, time: Array) -> T:
+    """Return y as it is, with the derivatives of y + `time` · `rates`: the time is zero."""
+    del rates, time
+    return y
+
+
+@_carried.defjvp
+def _carried_along(primals: Any, tangents: Any) -> tuple[Any, Any]:
+    (y, rates, _), (along, _, time) = primals, tangents
+    return y, jax.tree.map(lambda x, rate: x + time * rate, along, rates)
 
 
 def told(controllers: Sequence[Controller], parts: T, v: Float[Array, " n"]) -> T:

@@ -127,6 +127,10 @@ class Sampled(AbstractEffect):
         phase = jnp.asarray(t / self.period)
         return (jnp.floor(phase + _near(phase)) + 1) * self.period - t
 
+    def tick_near(self, t: Time) -> Float[Array, ""]:
+        """The time of its tick that is nearest to t [s]."""
+        return jnp.round(jax.lax.stop_gradient(t / self.period)) * self.period
+
     def ticked(self, t: Time, numbers: Array, measured: Array) -> Float[Array, " numbers"]:
         """Its numbers after a tick."""
         count = len(self.state)
