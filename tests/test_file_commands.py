@@ -63,10 +63,25 @@ def test_check(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_check_counts_no_lengths_of_quaternions(capsys):
-    """A body on a ball joint turns about three axes."""
+    """A body on a ball joint turns about three axes; its joint coordinates are a quaternion."""
     path = Path(rj.__file__).parent / "gallery" / "files" / "spinning-top.toml"
     assert main(["check", str(path)]) == 0
-    assert "freedoms     3" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "freedoms     3" in said
+    assert 'formulation="joint", exact: 4 coordinates, 0 constraints' in said
+
+
+@pytest.mark.slow
+def test_check_counts_no_states_of_effects(tmp_path, capsys):
+    ball = '[bodies.ball]\ntype = "RigidBody"\nmass = 1\ninertia = 1\n'
+    pid = 'type = "PID"\na = "ball"\nb = "ground"\nproportional = 1.0\nintegral = 1.0\n'
+    pid += 'target = { type = "Constant", value = 0.0 }\n'
+    path = tmp_path / "ball.toml"
+    path.write_text(f"format = 1\n{ball}[effects.pid]\n{pid}")
+    assert main(["check", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert "coordinates  4" in said
+    assert "freedoms     3" in said
 
 
 @pytest.mark.slow

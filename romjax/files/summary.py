@@ -8,9 +8,11 @@ from jaxtyping import Array, Float
 from tabulate import tabulate
 
 from ..assembly.assemble import assemble
+from ..assembly.assembled import AssembledSystem
 from ..common.errors import InputError
 from ..compiling.program import program_once
 from ..integrate.default import default_method, start_frequencies
+from ..reduction.joint.formulation import size_in_joint_coordinates
 from ..scene.scene import Scene
 from ..system.base import AbstractSystem
 from ..system.dynamics import jacobian
@@ -48,6 +50,7 @@ def describe_file(file: SceneFile) -> str:
         ["effects", _counted([type(effect).__name__ for effect in scene.effects])],
         *start_rows(placed, scene, file.consistent),
         *_speed(system, file.settings, q, v),
+        *_in_joint_coordinates(scene, system),
         *[["left out" if i == 0 else "", words] for i, words in enumerate(file.left_out)],
     ]
     table = tabulate(rows, tablefmt="plain", disable_numparse=True)
@@ -63,7 +66,8 @@ def _freedoms(scene: Scene, system: AbstractSystem, q: Array) -> str:
     rank = system.m - sum(_repeats(scene, system, q).values())
     modes = sum(body.modes for body in scene.bodies)
     words = f", {modes} of them modes" if modes else ""
-    return f"{system.n - len(system.structure.quaternions) - rank}{words}"
+    others = len(system.structure.quaternions) + len(system.structure.states)
+    return f"{system.n - others - rank}{words}"
 
 
 def redundant_joints(scene: Scene, system: AbstractSystem, q: Array) -> list[str]:
@@ -105,6 +109,17 @@ def _matrices(
 ) -> tuple[Float[Array, "n n"], Float[Array, "m n"]]:
     """The mass matrix and the constraint Jacobian."""
     return system.mass(q), jacobian(system, 0.0, q)
+
+
+def _in_joint_coordinates(scene: Scene, system: AssembledSystem) -> list[list[str]]:
+    """The size of the exact model of fewer coordinates, where it is known to be faster: of trees,
+    and of all in space.
+    """
+    size = size_in_joint_coordinates(system)
+    if size is None or size[0] >= system.n or (size[1] and scene.dimension == 2):
+        return []
+    words = f'formulation="joint", exact: {size[0]} coordinates, {size[1]} constraints'
+    return [["faster", words]]
 
 
 def _speed(system: AbstractSystem, settings: Settings, q: Array, v: Array) -> list[list[str]]:

@@ -89,7 +89,8 @@ def drives(scene: Scene) -> list[int]:
 def freedoms(system: AssembledSystem) -> int:
     """How many freedoms the joints leave at the start, those that repeat others not counted."""
     rows = np.asarray(joined(without_names(system), system.q0).rows)
-    return system.n - (int(np.linalg.matrix_rank(rows)) if len(rows) else 0)
+    rank = int(np.linalg.matrix_rank(rows)) if len(rows) else 0
+    return system.n - len(system.structure.states) - rank
 
 
 class Joined(NamedTuple):

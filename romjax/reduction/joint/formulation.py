@@ -17,11 +17,11 @@ from ...common.arrays import as_jax, concrete
 from ...common.errors import ReductionError
 from ...compiling.program import program_once
 from ...scene.coordinate import Coordinate
-from ...system.base import AbstractSystem
+from ...system.base import AbstractSystem, check_reducible
 from ...system.start import Start
 from ...system.structure import Structure, without_names
 from ..formulation.base import AbstractFormulation
-from .counters import check_rotors
+from .counters import check_rotors, counters_of
 from .spanning import Spanning, frames_of, spanning_tree
 from .subspace import JointSubspace
 from .system import JointSystem
@@ -102,6 +102,20 @@ def in_joint_coordinates(full: AssembledSystem) -> JointSystem:
         )
     structure = _structure(full, tree, spanning)
     return JointSystem.of(full, spanning, structure, _summary(full, tree, spanning))
+
+
+def size_in_joint_coordinates(full: AssembledSystem) -> tuple[int, int] | None:
+    """How many joint coordinates a system has, and constraints of joints that are cut; None where
+    it has none. Nothing is compiled.
+    """
+    try:
+        check_reducible(full, JointCoordinates())
+        spanning = spanning_tree(full)
+        tree = plant(full, spanning)
+        counters_of(full, tree, spanning, None)
+    except ReductionError:
+        return None
+    return (tree.n, len(list(_cut_rows(full, spanning)))) if tree.n else None
 
 
 def _check_start(full: AssembledSystem) -> None:
