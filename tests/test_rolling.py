@@ -182,6 +182,10 @@ def test_rows_are_kept_in_a_reduction():
             rj.ReductionError, match=f"'edge' holds velocities.*not \"{formulation}\""
         ):
             rj.reduce(system, basis, formulation)
+    # What is refused names no formulation that is refused too.
+    few = rj.pod(truth, rank=1)
+    with pytest.raises(rj.ReductionError, match="No other formulation"):
+        rj.reduce(system, few)
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ import numpy as np
 from ...basis.basis import Basis
 from ...common.arrays import pick
 from ...common.errors import InputError, ReductionError
-from ...system.base import AbstractSystem
+from ...system.base import AbstractSystem, check_reducible
 from ...system.reduced import follows
 from .base import AbstractFormulation
 
@@ -23,10 +23,11 @@ def tried_instead(system: AbstractSystem, basis: Basis, refused: AbstractFormula
         if not kind.is_general or isinstance(refused, kind):
             continue
         try:
+            check_reducible(system, kind())
             model = kind().reduce(system, basis)
         except (ReductionError, InputError):
             continue
-        if follows(model, pick(seen.t, few), pick(seen.q, few), pick(seen.v, few)):
+        if model.n and follows(model, pick(seen.t, few), pick(seen.q, few), pick(seen.v, few)):
             made = f"a model of {model.n} coordinates of it"
             return f"formulation=romjax.{kind.__name__}() makes {made}."
     return "No other formulation makes a model of it from this basis; simulate it as it is."
