@@ -23,7 +23,7 @@ from jaxtyping import Array, Float
 from ..common.arrays import Time
 from ..linalg.dense import multiply, multiply_transposed
 from ..linalg.implicit import Columns, Slopes
-from ..linalg.indexing import sum_onto, take
+from ..linalg.indexing import consecutive, sum_onto, take
 from ..linalg.pattern import Pattern
 from ..scene.marker import Pose, Poses
 from ..system.constraints import differentiate
@@ -180,20 +180,39 @@ def _of_parts(
     bends = markers.curvature(q, _stacked(groups, actions))
     blocks = list[_Blocks]()
     for group, action in zip(groups, actions, strict=True):
-        own, about = group.markers.take(along), group.markers.take(bends)
-        turned = None if turning is None else group.markers.take(turning)
-        ends = group.markers.take(bodies)
-        for i, j in np.ndindex(action.force.shape[1], action.force.shape[1]):
-            by_pose = multiply(action.by_pose[:, i, :, j], own[j])
-            damping = None
-            if action.by_rate is not None and turned is not None:
-                by_pose += multiply(action.by_rate[:, i, :, j], turned[j])
-                damping = multiply_transposed(own[i], multiply(action.by_rate[:, i, :, j], own[j]))
-                damping = _padded(damping, size)
-            stiffness = multiply_transposed(own[i], by_pose)
-            stiffness = stiffness + about[i] if i == j else stiffness
-            blocks.append(_Blocks(ends[i], ends[j], _padded(stiffness, size), damping))
+        # All pairs of sides at once, (sides, sides, count, ...): code for each is slow to compile.
+        sides = action.force.shape[1]
+        own, about = (_by_sides(group, x, sides) for x in (along, bends))
+        first, second = own[:, None], own[None]
+        by_pose = multiply(_paired(action.by_pose), second)
+        damping = None
+        if action.by_rate is not None and turning is not None:
+            by_rate = _paired(action.by_rate)
+            by_pose += multiply(by_rate, _by_sides(group, turning, sides)[None])
+            damping = multiply_transposed(first, multiply(by_rate, second))
+            damping = _padded(damping.reshape(-1, *damping.shape[3:]), size)
+        diagonal = np.eye(sides, dtype=q.dtype)[:, :, None, None, None]
+        stiffness = multiply_transposed(first, by_pose) + diagonal * about[:, None]
+        ends = np.stack(group.markers.take(bodies)[:sides])
+        shape = (sides, *ends.shape)
+        rows, columns = (np.broadcast_to(x, shape).ravel() for x in (ends[:, None], ends[None]))
+        stiffness = _padded(stiffness.reshape(-1, *stiffness.shape[3:]), size)
+        blocks.append(_Blocks(rows, columns, stiffness, damping))
     return blocks
+
+
+def _by_sides(
+    group: JointGroup | EffectGroup, x: Float[Array, "markers *k"], sides: int
+) -> Float[Array, "sides count *k"]:
+    """The rows of the first sides of equal parts."""
+    start, count = group.markers.start, group.markers.count
+    return consecutive(x, start, sides * count).reshape(sides, count, *x.shape[1:])
+
+
+def _paired(
+    x: Float[Array, "count sides numbers sides numbers"],
+) -> Float[Array, "sides sides count numbers numbers"]:
+    return jnp.transpose(x, (1, 3, 0, 2, 4))
 
 
 def _of_constraints(
