@@ -206,7 +206,8 @@ def _by_sides(
 ) -> Float[Array, "sides count *k"]:
     """The rows of the first sides of equal parts."""
     start, count = group.markers.start, group.markers.count
-    return consecutive(x, start, sides * count).reshape(sides, count, *x.shape[1:])
+    rows: Array = consecutive(x, start, sides * count)
+    return rows.reshape(sides, count, *x.shape[1:])
 
 
 def _paired(

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..common import compat
 from ..common.arrays import Time
 from ..linalg.dense import invert_any, multiply
 from ..linalg.implicit import ImplicitKKT, Slopes
@@ -196,9 +197,12 @@ def linearize_for_steps(
     slopes = system.state(t, q, v).slopes(a, multipliers, stabilization)
     if slopes is None:
         return _linearized(system, t, q, v, stabilization, solved)
+    by_time = jnp.zeros_like(a)
     residual = _residual(system, a, multipliers, stabilization)
-    change: tuple[Array, Array] = jax.jvp(lambda t: residual(t, q, v), (t,), (jnp.ones_like(t),))[1]
-    by_time, _ = kkt.solve(-change[0], -change[1])
+    if compat.depends_on_first(residual, t, q, v):
+        change: tuple[Array, Array]
+        change = jax.jvp(lambda t: residual(t, q, v), (t,), (jnp.ones_like(t),))[1]
+        by_time, _ = kkt.solve(-change[0], -change[1])
     return LinearizationByParts(a, by_time, kkt, slopes, system.structure.loops)
 
 
