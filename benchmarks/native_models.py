@@ -19,7 +19,7 @@ from timing import Timed
 import romjax as rj
 
 TS = np.linspace(0.0, 1.0, 101)
-CALLS = 5
+CALLS = 10
 ANGLE = 0.5  # [rad] of the rod at its start
 
 
