@@ -242,11 +242,18 @@ def test_every_scene_of_the_gallery_leaves(example):
 # What is refused.
 
 
+def held_by_a_controller():
+    bar = zoo.bar().bodies[0]
+    pid = rj.PID(bar.at(), rj.ground.at(), rj.Constant(0.1), 10.0, integral=2.0)
+    return rj.assemble(rj.Scene([bar], [], [pid]))
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
         (lambda: rj.assemble(rj.gallery.bouncing_ball()), "where contacts begin"),
         (lambda: rj.gallery.chain(1), "compile: the system"),
+        (lambda: held_by_a_controller(), "effects with first-order states"),
         (
             lambda: rj.CustomSystem(
                 mass=lambda q: jnp.eye(1), force=lambda t, q, v: t * q, q0=np.ones(1), v0=np.ones(1)
