@@ -162,7 +162,7 @@ TABLES = {
     "inside": Table(
         "The cart's minimal model of rank 3 within jit, and 256 starts of it under vmap [ms]; two\n"
         "cores by the clock on the wall:",
-        ["", "compiled", "compared with", "what that is"],
+        ["what", "compiled", "compared with", "which is"],
         {name: lambda f=f: Row(*f()) for name, f in native_inside.INSIDE.items()},
     ),
     "ways": Table(
@@ -174,7 +174,7 @@ TABLES = {
     "identified": Table(
         "Two parameters of the full cart by `fit`, and of a pendulum by NUTS, the programs\n"
         "compiled before [s]:",
-        ["", "compiled", "simulate", "differ, in standard errors"],
+        ["what", "compiled", "simulate", "differ, in standard errors"],
         {name: lambda f=f: Row(*f()) for name, f in native_inside.IDENTIFIED.items()},
     ),
 }
