@@ -7,7 +7,9 @@ import contextlib
 import ctypes
 import functools
 import gc
+import hashlib
 import os
+import re
 import time
 from pathlib import Path
 
@@ -25,7 +27,7 @@ from zoo import RODAS5P, run
 
 import romjax as rj
 from romjax.common import compat
-from romjax.compiling import room, xla
+from romjax.compiling import room, sources, xla
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -44,6 +46,8 @@ MOST_PROGRAMS, MOST_OPERATIONS, MOST_SECONDS = 30, 60, 10.0
 TRACING = 0.16
 # Seconds of compiling that are worth a file.
 WORTH_KEEPING = 0.05
+# Tests that look at what is done with functions and classes of a user, whose sources may change.
+UNKNOWN = {"test_program", "test_program_cache"}
 SPENT = pytest.StashKey[tuple[int, int, float]]()
 
 
@@ -71,6 +75,18 @@ def slowness() -> float:
     return max(1.0, (time.process_time() - begin) / TRACING)
 
 
+def sources_of_tests() -> dict[str, str]:
+    """The modules of the tests, and digests of all tests' sources that they come from."""
+    texts = {path.stem: path.read_text() for path in sorted(Path(__file__).parent.glob("*.py"))}
+    shared = "".join(text for name, text in texts.items() if not name.startswith("test_"))
+    found = {}
+    for name in texts.keys() - UNKNOWN:
+        used = re.findall(r"^from (test_\w+) import", texts[name], re.MULTILINE)
+        parts = [shared, texts[name], *(texts[other] for other in used)]
+        found[name] = hashlib.sha256("".join(parts).encode()).hexdigest()
+    return found
+
+
 def one_context(make):
     """A function that returns what `make` once made, but within it makes another one.
 
@@ -96,6 +112,8 @@ def pytest_configure(config):
     # And in one part instead of up to 32 at once, since two processes keep both cores busy.
     flags += ["--xla_backend_optimization_level=0", "--xla_cpu_parallel_codegen_split_count=1"]
     os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *flags]).strip()
+    # What runs a system of a test's own functions is not traced again in the next run.
+    sources.others.update(sources_of_tests())
     mlir.make_ir_context = one_context(mlir.make_ir_context)
 
 

@@ -39,7 +39,7 @@ from . import sources
 
 # What these packages define changes with their versions only.
 _PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "lineax", "optimistix", "jaxtyping", "numpy")
-_VERSIONED = frozenset({"romjax", *_PACKAGES}) | sys.stdlib_module_names
+_VERSIONED = frozenset(_PACKAGES) | sys.stdlib_module_names
 # All programs together, in bytes: some hundred structures.
 _LARGEST = 2**30
 # The files of programs, and those that say which program a call leads to; no others are touched.
@@ -70,7 +70,7 @@ def key_of_call(function: Any, *rest: Any) -> str | None:
 
     None where something of the user's own is among that, whose source may change.
     """
-    if function.__module__.partition(".")[0] != "romjax" or "<locals>" in function.__qualname__:
+    if not sources.knows(function.__module__) or "<locals>" in function.__qualname__:
         return None
     stream = io.BytesIO()
     describer = _Describer(stream)
@@ -260,7 +260,7 @@ class _Describer(pickle.Pickler):
     def __init__(self, stream: io.BytesIO):
         super().__init__(stream, protocol=5)
         self.fast = True  # which equal objects are one object is no difference
-        self.modules = set[str]()  # of romjax, whose classes and functions are written
+        self.modules = set[str]()  # of known sources, whose classes and functions are written
 
     def reducer_override(self, obj: Any) -> Any:
         """Say how to write an object that is none of Python's basic types."""
@@ -268,10 +268,10 @@ class _Describer(pickle.Pickler):
             return tuple, ((obj.node_data(), tuple(obj.children())),)
         named = isinstance(obj, type | types.FunctionType | types.BuiltinFunctionType)
         module = (obj if named else type(obj)).__module__ or ""
-        if module.partition(".")[0] not in _VERSIONED:
-            raise pickle.PicklingError(f"{obj!r} is of {module}")
-        if module.startswith("romjax."):
+        if sources.knows(module):
             self.modules.add(module)
+        elif module.partition(".")[0] not in _VERSIONED:
+            raise pickle.PicklingError(f"{obj!r} is of {module}")
         if dataclasses.is_dataclass(obj) and not named:
             # The fields only: what properties remember comes and goes.
             values = tuple(getattr(obj, field.name) for field in dataclasses.fields(obj))

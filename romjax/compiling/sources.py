@@ -19,12 +19,28 @@ _NAME = re.compile(r"(\w+)(?: as \w+)?")
 # Of a folder, or of a module beside the folders, the names from the package on.
 Place = tuple[str, ...]
 
+# Modules outside of the package that define the same wherever their sources, and those of romjax,
+# are the same; by their names, digests of their sources. Those of the tests; of a user's modules
+# nobody knows.
+others: dict[str, str] = {}
+
+
+def knows(module: str) -> bool:
+    """Whether the sources of a module, by its full name, say what it defines."""
+    return module.partition(".")[0] == "romjax" or module in others
+
 
 def digest(modules: Iterable[str]) -> str:
-    """A digest of all sources that these modules of romjax, by their full names, depend on."""
+    """A digest of all sources that these known modules, by their full names, depend on."""
     places = _sources().keys()
-    parts = [tuple(module.split(".")[1:]) for module in modules if "." in module]
-    return _digest_of(frozenset(_place(part, places) for part in parts))
+    names = sorted(module for module in modules if module in others)
+    if names:
+        parts = hashlib.sha256(_digest_of(frozenset(places)).encode())
+        for name in names:
+            parts.update(others[name].encode())
+        return parts.hexdigest()
+    own = [tuple(module.split(".")[1:]) for module in modules if "." in module]
+    return _digest_of(frozenset(_place(part, places) for part in own))
 
 
 @functools.cache
