@@ -1,9 +1,9 @@
 """Two bodies, parts between them, and their outlines."""
 
-import equinox as eqx
 import jax
 import numpy as np
 from mechanics import marker_place
+from programs import kept
 
 import romjax as rj
 from romjax.assembly.outlines import MovingOutline, outlines
@@ -38,6 +38,6 @@ def ends(scene, part, q):
     return [np.asarray(x) for x in marker_places(scene, part.markers, q)]
 
 
-@eqx.filter_jit
+@kept
 def marker_places(scene, markers, q):
     return [jax.vmap(lambda x, m=m: marker_place(scene, m, x))(q) for m in markers]

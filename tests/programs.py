@@ -7,6 +7,17 @@ import jax.numpy as jnp
 from jax.extend import core
 
 import romjax as rj
+from romjax.compiling.program import program_once
+
+
+def kept(function):
+    """A function of pytrees, compiled for the arrays in them. As long as the sources stay, the next
+    run of the tests reads it from disk without tracing.
+
+    Numbers are to be given as arrays; and of a function within another one nobody knows what it
+    holds besides its arguments, so that it is traced.
+    """
+    return program_once(function)
 
 
 def programs(jaxpr):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 import zoo
+from programs import kept
 from tolerances import IDENTITY, SOLVED
 from verification_problems.turning import stiffened
 
@@ -81,7 +82,7 @@ def test_shapes_of_one_support_span_those_of_another(shapes):
     assert abs(many) <= (SOLVED if shapes == "pinned-free" else 10 * CONVERGED)
 
 
-@functools.partial(jax.jit, static_argnums=2)
+@kept
 def clamped(tension, speed, stiffening):
     """Of a beam clamped to a turning axis and pulled at its tip: ∂a/∂q of its eight modes, in the
     units of `stiffened`, by differences of order four.
@@ -117,7 +118,8 @@ def test_geometric_stiffening(tension, speed):
     """
 
     def lowest(stiffening):
-        return np.min(-np.linalg.eigvals(np.asarray(clamped(tension, speed, stiffening))).real)
+        found = clamped(np.asarray(tension), np.asarray(speed), stiffening)
+        return np.min(-np.linalg.eigvals(np.asarray(found)).real)
 
     assert abs(np.sqrt(lowest(True)) / stiffened(tension, speed) - 1) <= CONVERGED
     still = stiffened(0.0, 0.0) ** 2

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from comparison import assert_close
 from mechanics import coordinates, marker_place
+from programs import kept
 from tolerances import IDENTITY
 
 import romjax as rj
@@ -100,6 +101,19 @@ CASES = {
 }
 
 
+@kept
+def powers(plain, system, law, q, v):
+    """In several states: Q v of the effect, what the law says of it, and the size of its terms."""
+
+    def at(q, v):
+        without = plain.force(TIME, q, v)
+        force = system.force(TIME, q, v) - without
+        size = (jnp.abs(force) + jnp.abs(without)) @ jnp.abs(v)
+        return force @ v, law(q, lambda function: jax.jvp(function, (q,), (v,))), size
+
+    return jax.vmap(at)(q, v)
+
+
 @pytest.mark.parametrize("kind", CASES)
 def test_power(kind):
     """Q v of the effect alone."""
@@ -107,15 +121,9 @@ def test_power(kind):
     plain = rj.assemble(rj.Scene([ARM, BLOCK]))
     system = rj.assemble(rj.Scene([ARM, BLOCK], [], [effect]))
 
-    def both(q, v):
-        without = plain.force(TIME, q, v)
-        force = system.force(TIME, q, v) - without
-        size = (jnp.abs(force) + jnp.abs(without)) @ jnp.abs(v)
-        return force @ v, law(q, lambda function: jax.jvp(function, (q,), (v,))), size
-
     states = np.random.default_rng(2).normal(size=(3, 2, system.n)) * 0.3
-    q, v = jnp.asarray(states[:, 0]) + system.q0[None], jnp.asarray(states[:, 1])
-    found, wanted, size = jax.jit(jax.vmap(both))(q, v)
+    q, v = states[:, 0] + np.asarray(system.q0), states[:, 1]
+    found, wanted, size = powers(plain, system, law, q, v)
     assert_close(found, wanted, IDENTITY, size)
 
 

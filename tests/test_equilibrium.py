@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from at_rest import both_slopes, hung_twice
 from comparison import assert_close
+from programs import kept
 from verification_problems.rest import on_springs
 from zoo import GRAVITY
 
@@ -29,7 +30,7 @@ def test_a_mass_on_a_spring():
     assert_close(q, [3.0 / STIFFNESS, 1.0 - MASS * GRAVITY / STIFFNESS, 0.4], EXACT)
 
 
-@jax.jit
+@kept
 @jax.vmap
 def height_and_slopes(stiffness):
     return both_slopes(lambda stiffness: rj.equilibrium(hung(stiffness))[1], stiffness)

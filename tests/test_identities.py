@@ -1,5 +1,7 @@
 """Identities of mechanics on random states. Nothing is integrated here, and nothing is stored."""
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -7,6 +9,7 @@ import mechanics
 import numpy as np
 import pytest
 from comparison import assert_close
+from programs import kept
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
@@ -51,14 +54,31 @@ def everything(scene, system, q, v, a):
     }
 
 
+@kept
+def pulled(system, q, v):
+    """Accelerations and multipliers in several states."""
+    return jax.vmap(lambda *state: system.acceleration(TIME, *state, STABILIZATION))(q, v)
+
+
+@functools.cache
+def mixed():
+    """The scene, whose numbers are none of a program's arguments: NumPy computes with them."""
+    return mechanics.mixed_scene()
+
+
+@kept
+def compared(system, q, v, a):
+    """`everything` in several states."""
+    return jax.vmap(lambda *state: everything(mixed(), system, *state))(q, v, a)
+
+
 class Case:
     """Random states of a scene of all kinds, any ones and ones that fit the joints, and what was
     found at them: at any ones first.
     """
 
     def __init__(self):
-        scene = mechanics.mixed_scene()
-        self.system = rj.assemble(scene)
+        self.system = rj.assemble(mixed())
         rng = np.random.default_rng(39)
         moved, v = rng.normal(size=(2, STATES, self.system.n))
         q = np.asarray(self.system.q0) + 0.1 * moved
@@ -67,10 +87,8 @@ class Case:
             np.concatenate([any_one, fits])
             for any_one, fits in zip((q, v), zip(*fitting, strict=True), strict=True)
         )
-        accelerate = jax.vmap(lambda *state: self.system.acceleration(TIME, *state, STABILIZATION))
-        pulled = jax.jit(accelerate)(self.q, self.v)
-        compare = jax.jit(jax.vmap(lambda *state: everything(scene, self.system, *state)))
-        found = compare(self.q, self.v, pulled[0]) | {"pulled": pulled}
+        both = pulled(self.system, self.q, self.v)
+        found = compared(self.system, self.q, self.v, both[0]) | {"pulled": both}
         self.found = jax.tree.map(np.asarray, found)
 
 
@@ -134,21 +152,32 @@ def test_jacobian_is_the_derivative_of_the_constraints(case):
     assert_agree(*case.found["jacobian"])
 
 
+@kept
+def linearized(system, states):
+    """The acceleration in several states, and its derivatives."""
+    n = system.n
+
+    def at(x):
+        return dynamics.linearize(system, x[-1], x[:n], x[n:-1], STABILIZATION)
+
+    return jax.vmap(at)(states)
+
+
+@kept
+def accelerated(system, states):
+    n = system.n
+
+    def at(x):
+        return system.acceleration(x[-1], x[:n], x[n:-1], STABILIZATION)[0]
+
+    return jax.vmap(at)(states)
+
+
 def test_linearization_is_the_derivative_of_the_acceleration(cart_pendulum):
     """a, ∂a/∂q, ∂a/∂v and ∂a/∂t off the constraints, against differences of the acceleration in
     each direction.
     """
     system, n = cart_pendulum, cart_pendulum.n
-
-    @jax.jit
-    @jax.vmap
-    def linearize(x):
-        return dynamics.linearize(system, x[-1], x[:n], x[n:-1], STABILIZATION)
-
-    @jax.jit
-    @jax.vmap
-    def accelerate(x):
-        return system.acceleration(x[-1], x[:n], x[n:-1], STABILIZATION)[0]
 
     states = np.random.default_rng(40).normal(size=(STATES, 2 * n + 1))
     states[:, :n] = np.asarray(system.q0)[None] + 0.1 * states[:, :n]
@@ -156,12 +185,13 @@ def test_linearization_is_the_derivative_of_the_acceleration(cart_pendulum):
 
     def moved(step):
         x = states[:, None] + step * np.eye(2 * n + 1)[None]
-        return np.asarray(accelerate(x.reshape(-1, 2 * n + 1))).reshape(STATES, 2 * n + 1, n)
+        found = accelerated(system, x.reshape(-1, 2 * n + 1))
+        return np.asarray(found).reshape(STATES, 2 * n + 1, n)
 
     near, far = ((moved(h) - moved(-h)) / (2 * h) for h in (STEP, 2 * STEP))
     wanted = turned_over((4 * near - far) / 3)
-    a, *slopes = map(np.asarray, linearize(states))
-    assert_agree(a, np.asarray(accelerate(states)))
+    a, *slopes = map(np.asarray, linearized(system, states))
+    assert_agree(a, np.asarray(accelerated(system, states)))
     for found, place in zip(slopes, (np.s_[:n], np.s_[n:-1], -1), strict=True):
         assert_agree(found, wanted[..., place], tol=DIFFERENCED)
 

@@ -1,6 +1,5 @@
 """Planar mechanisms in space, at a random orientation of their plane."""
 
-import equinox as eqx
 import numpy as np
 import pytest
 import zoo
@@ -8,6 +7,7 @@ from comparison import assert_close
 from gallery_facts import IN_THE_PLANE
 from groups import in_groups
 from in_space import InSpace
+from programs import kept
 from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
@@ -61,7 +61,7 @@ def all_parts() -> rj.Scene:
     return rj.Scene([hub, rim, cart, bob, ring, plate, crank], joints, effects)
 
 
-@eqx.filter_jit
+@kept
 def apart() -> rj.Scene:
     """Two beams that bend on both sides of a block, with free ends and clamped at one, and a cart
     whose drives pull and turn it.
@@ -97,7 +97,7 @@ FLAT = {"rotating_blade", "uncoiling_strip"}
 PLANAR = [name for fact in IN_THE_PLANE if (name := fact.__name__) not in FLAT]
 
 
-@eqx.filter_jit
+@kept
 def forces(system, t):
     """Accelerations and multipliers at the start."""
     return system.acceleration(t, system.q0, system.v0)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import zoo
 from joint_trees import tree
+from programs import kept
 
 import romjax as rj
 from romjax.reduction.joint.formulation import in_joint_coordinates
@@ -20,7 +21,7 @@ SAME = 1e-9
 ROUNDING = 1e-11
 
 
-@eqx.filter_jit
+@kept
 def both(rom, t, z, w):
     """Physical states, accelerations, energies and masses of a system and of the one it is of, at
     several states.
@@ -242,7 +243,7 @@ def test_angles_count_turns_without_coordinates_of_their_own():
     agree(rom, z + jnp.array([20.0, -30.0]), w)
 
 
-@eqx.filter_jit
+@kept
 def cut_rows(rom, t, z, w):
     """What cut joints ask for, by twists and by autodiff through the kinematics."""
     state = rom.state(t, z, w)
@@ -284,7 +285,7 @@ def test_parallel_hinges_close_a_loop_without_locking_it():
     np.testing.assert_allclose(own, other, atol=1e-11)
 
 
-@eqx.filter_jit
+@kept
 def accelerations_at_start(rom):
     state = rom.state(0.0, rom.q0, rom.v0)
     own = state.physical_acceleration(rom.acceleration(0.0, rom.q0, rom.v0)[0])

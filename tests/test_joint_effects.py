@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
+from programs import kept
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 from zoo import run
 
@@ -55,7 +56,7 @@ def expected(angle, speed, signal):
     return torque / (INERTIA + MASS * ARM**2 + ROTOR)
 
 
-@eqx.filter_jit
+@kept
 def rates(system):
     return system.acceleration(0.0, system.q0, system.v0)[0]
 

@@ -7,6 +7,7 @@ import pytest
 import scipy.integrate
 import zoo
 from comparison import assert_close
+from programs import kept
 from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
@@ -41,6 +42,20 @@ JOINTS = [
 ]
 
 
+@kept
+def both(system, t, q, v):
+    """C_q and what is known of the constraints, and their derivatives along a parabola."""
+    a, _ = system.acceleration(t, q, v)
+
+    def along(s):
+        return system.constraint(t + s, q + s * v + s**2 / 2 * a)
+
+    rate = jax.jacfwd(along)
+    found = dynamics.jacobian(system, t, q), dynamics.constraint_state(system, t, q, v)
+    wanted = jax.jacfwd(system.constraint, argnums=1)(t, q), along(0.0), rate(0.0)
+    return found, (*wanted, jax.jacfwd(rate)(0.0))
+
+
 def test_derivatives():
     """C_q, Ċ and C_q a − γ along any motion, against JAX's derivatives of C along a parabola, of
     each kind of joint between two bodies of its own.
@@ -50,19 +65,8 @@ def test_derivatives():
     system = rj.assemble(rj.Scene([b for bodies in pairs for b in bodies], joints, [rj.Gravity()]))
     q, v = np.random.default_rng(1).normal(size=(2, system.n))
 
-    @jax.jit
-    def both(t, q, v):
-        a, _ = system.acceleration(t, q, v)
-
-        def along(s):
-            return system.constraint(t + s, q + s * v + s**2 / 2 * a)
-
-        rate = jax.jacfwd(along)
-        found = dynamics.jacobian(system, t, q), dynamics.constraint_state(system, t, q, v)
-        wanted = jax.jacfwd(system.constraint, argnums=1)(t, q), along(0.0), rate(0.0)
-        return found, (*wanted, jax.jacfwd(rate)(0.0))
-
-    (rows, state), (wanted, violation, rate, second) = both(0.3, q, v)
+    found, expected = both(system, np.asarray(0.3), q, v)
+    (rows, state), (wanted, violation, rate, second) = found, expected
     assert_close(rows, wanted, IDENTITY)
     assert_close(state.violation, violation, IDENTITY)
     assert_close(state.rate, rate, IDENTITY)

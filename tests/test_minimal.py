@@ -1,7 +1,6 @@
 """Reduction in minimal coordinates: open chains, closed loops, moving supports."""
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +9,7 @@ import zoo
 from comparison import assert_close
 from groups import in_groups
 from mechanisms import linkage
+from programs import kept
 from test_hard_cases import slider_crank
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
@@ -52,7 +52,7 @@ def mechanism(request):
     return system, motion, rj.reduce(system, rj.pod(motion), "minimal")
 
 
-@eqx.filter_jit
+@kept
 def accelerations(system, rom, t, q, v):
     """Of a model in the chart of a configuration, and of the full system there."""
     z, w = rom.restrict(q, v)
@@ -61,7 +61,7 @@ def accelerations(system, rom, t, q, v):
     return state.physical_acceleration(rom.acceleration(t, z, w)[0]), wanted
 
 
-@eqx.filter_jit
+@kept
 def jacobian(system, q):
     return dynamics.jacobian(system, 0.0, q)
 

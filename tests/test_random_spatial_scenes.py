@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from groups import in_groups
+from programs import kept
 from random_spatial_scenes import random_spatial_scene
 from tolerances import IDENTITY
 
@@ -33,7 +34,7 @@ def scenes(structure: int) -> list[rj.Scene]:
     return [random_spatial_scene(seed, structure) for seed in range(first, first + SETS)]
 
 
-@jax.jit
+@kept
 def terms(scene: rj.Scene, q, v) -> dict[str, jax.Array]:
     """Of a state whose velocities fit the joints nearest to q and v: what the identities need."""
     system = rj.assemble(scene)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from groups import in_groups
+from programs import kept
 from robot_files import GALLERY, ROBOTS, accelerations, close_exactly, hold, loop, state, tree
 from tolerances import DIFFERENCED, IDENTITY
 from zoo import run
@@ -42,7 +43,7 @@ def written(folder: Path, name: str) -> Path:
     return path
 
 
-@eqx.filter_jit
+@kept
 def computed(system, q, v, with_rates):
     """In several states: violations of the rows, their second derivatives relative to the terms
     that these are sums of where asked for, and the coordinates with their accelerations.

@@ -14,6 +14,7 @@ import pytest
 import zoo
 from comparison import assert_close
 from groups import in_groups
+from programs import kept
 from random_scenes import random_scene
 from random_spatial_scenes import random_spatial_scene
 from tolerances import DIFFERENCED, IDENTITY
@@ -73,7 +74,7 @@ FAST = ("beams",)
 SLOW = ("rods", REPEATING, "plane 4", "space 3")
 
 
-@jax.jit
+@kept
 def by_both(system, q, v, given):
     """Derivatives of the residual and a stage, by parts and as a whole, and M and C_q."""
     t, step = jnp.asarray(TIME), jnp.asarray(STEP)
@@ -156,7 +157,7 @@ class Whole(MotionTerm):
         return dynamics.linearize(self.system, jnp.asarray(t), *y, self.stabilization)
 
 
-@jax.jit
+@kept
 def steps(system, state, tangent):
     """A step each way; its derivatives in both modes, and the step of two lanes."""
     found = []

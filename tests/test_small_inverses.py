@@ -3,6 +3,7 @@
 import jax
 import numpy as np
 import pytest
+from programs import kept
 from tolerances import IDENTITY
 
 from romjax.linalg.dense import invert, invert_any, solve_by_similar
@@ -21,7 +22,7 @@ def definite(size: int, batch: tuple[int, ...] = ()) -> np.ndarray:
     return vectors * values @ np.swapaxes(vectors, -1, -2)
 
 
-@jax.jit
+@kept
 def inverses(one, several):
     return invert(one), invert(several), invert_any(one)
 
@@ -41,7 +42,7 @@ def test_inverses_of_definite_matrices(size):
     np.testing.assert_allclose(found[0], pivoted, atol=tol)
 
 
-@jax.jit
+@kept
 def slope(matrix, change):
     return jax.jvp(invert, (matrix,), (change,))
 
@@ -54,7 +55,7 @@ def test_the_derivative_of_an_inverse():
     np.testing.assert_allclose(found, expected, atol=IDENTITY * CONDITION * np.abs(expected).max())
 
 
-@jax.jit
+@kept
 def refined(matrix, inverse, right, change):
     return jax.jvp(lambda a: solve_by_similar(a, inverse, right), (matrix,), (change,))
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import zoo
 from comparison import assert_close
+from programs import kept
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
@@ -38,31 +39,33 @@ def every_effect() -> list[rj.AbstractMarkerEffect]:
     ]
 
 
+@kept
+def powers(effects, q, v):
+    """Of each effect between bodies in a state: the power of its wrenches; what it says of it, less
+    what its energy loses; and the power of each wrench.
+    """
+    poses = tuple(Pose(row[:3], row[3:]) for row in q)
+    twists = tuple(Twist(row[:3], row[4:]) for row in v)
+    rates = tuple(pose.rate(twist) for pose, twist in zip(poses, twists, strict=True))
+    found = []
+    for effect in effects:
+        count = len(effect.markers) + len(effect.counted)
+        now, moving, changing = poses[:count], twists[:count], rates[:count]
+        terms = jnp.stack(
+            [
+                wrench.power(twist)
+                for wrench, twist in zip(effect.wrenches(0.3, now, moving), moving, strict=True)
+            ]
+        )
+        lost = jax.jvp(lambda *x, e=effect: e.energy(0.3, *x), now, changing)[1]
+        found.append((jnp.sum(terms), effect.power(0.3, now, moving) - lost, terms))
+    return found
+
+
 def test_power():
     """Of the wrenches of each: what its energy loses, and the power it says it puts in."""
-    q, v = (jnp.asarray(CHANCE.normal(size=(3, 7))) for _ in range(2))
-    effects = every_effect()
-
-    @jax.jit
-    def powers(q, v):
-        poses = tuple(Pose(row[:3], row[3:]) for row in q)
-        twists = tuple(Twist(row[:3], row[4:]) for row in v)
-        rates = tuple(pose.rate(twist) for pose, twist in zip(poses, twists, strict=True))
-        found = []
-        for effect in effects:
-            count = len(effect.markers) + len(effect.counted)
-            now, moving, changing = poses[:count], twists[:count], rates[:count]
-            terms = jnp.stack(
-                [
-                    wrench.power(twist)
-                    for wrench, twist in zip(effect.wrenches(0.3, now, moving), moving, strict=True)
-                ]
-            )
-            lost = jax.jvp(lambda *x, e=effect: e.energy(0.3, *x), now, changing)[1]
-            found.append((jnp.sum(terms), effect.power(0.3, now, moving) - lost, terms))
-        return found
-
-    for total, said, terms in powers(q, v):
+    q, v = (CHANCE.normal(size=(3, 7)) for _ in range(2))
+    for total, said, terms in powers(every_effect(), q, v):
         assert_close(total, said, 10 * IDENTITY, 1 + np.sum(np.abs(terms)))
 
 

@@ -8,6 +8,7 @@ from comparison import assert_close
 from groups import in_groups
 from jaxtyping import Array, Float
 from motions import through
+from programs import kept
 from test_rods import ALIKE
 from tolerances import IDENTITY, SOLVED
 
@@ -99,7 +100,7 @@ def test_coupled_and_twisted_sections_under_a_load_at_the_tip():
         assert_close(np.asarray(_deflection(beam, jnp.asarray(load))), exact, 1e-8)
 
 
-@jax.jit
+@kept
 def _deflection(beam, load):
     """How the end moves against the start, by the axes there, for a force along its z."""
     start, end = (beam.prepare(jnp.array([s * 5.0, 0.0, 0.0])) for s in (-1, 1))
@@ -134,7 +135,7 @@ def test_closed_forms_are_those_of_autodiff(kind):
     assert_close(slopes, of_pose, ALIKE, np.max(np.abs(slopes)))
 
 
-@jax.jit
+@kept
 def _both(one, q, v):
     """The quadratic velocity force and a marker's gradient, by the rod and by autodiff."""
     point, amplitudes = one.prepare(jnp.array([0.3, 0.1, -0.05])), q[7:]

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
+from programs import kept
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 from zoo import RODAS5P, TIGHT, oscillator, run, system, unit_mass
 from zoo import bar as hanging
@@ -47,10 +48,20 @@ def loss(parameters, adjoint=None):
     return jnp.sum(motion.q[1:] ** 2) + 0.1 * jnp.sum(motion.v[-1]) + motion.multipliers[-1, 0] / 50
 
 
+@kept
+def loss_and_slopes(parameters):
+    return jax.value_and_grad(loss)(parameters)
+
+
+@kept
+def losses(parameters):
+    return jax.vmap(loss)(parameters)
+
+
 @pytest.fixture(scope="module")
 def reverse():
     """The loss, and its gradient as a tree."""
-    return jax.jit(jax.value_and_grad(loss))(PARAMETERS)
+    return loss_and_slopes(PARAMETERS)
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +77,7 @@ def batch():
     columns = np.split(lanes, np.cumsum(sizes)[:-1], axis=1)
     moved = [x.reshape(-1, *leaf.shape) for x, leaf in zip(columns, leaves, strict=True)]
     scenes = jax.tree.unflatten(structure, moved)
-    return np.asarray(jax.jit(jax.vmap(loss))(scenes)), np.diag(moves)
+    return np.asarray(losses(scenes)), np.diag(moves)
 
 
 @pytest.mark.exhaustive
