@@ -35,9 +35,13 @@ def test_restitution():
 
 
 def test_energy_comes_back_without_dissipation():
-    system = ball(0.35, -1.0, rj.Circle(0.3), dissipation=0.0)
-    run = zoo.run(system, np.array([0.0, 0.15]), rtol=1e-11)
-    assert abs(np.asarray(run.v)[-1, 1] - 1.0) <= SOLVED
+    """From any height, to within the tolerance of the steps: one that passes the surface on its way
+    out, or a first one inside that does not know how stiff it is, misses up to eight times as much.
+    """
+    heights = 0.31 + 0.01 * np.arange(20)
+    systems = [ball(height, -1.0, rj.Circle(0.3), dissipation=0.0) for height in heights]
+    after = [float(zoo.run(system, np.array([0.0, 0.25])).v[-1, 1]) for system in systems]
+    np.testing.assert_allclose(after, 1.0, rtol=zoo.TIGHT)
 
 
 @pytest.fixture(scope="module")
