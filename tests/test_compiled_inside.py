@@ -178,6 +178,12 @@ def test_wrong_parameters_are_named(model, settings, words):
         (lambda m: jax.jit(lambda ts: m.simulate(ts).q)(TS), "traces the output times"),
         (lambda m: jax.jit(lambda r: moved(m, np.ones(2), rtol=r).q)(1e-6), "the tolerances"),
         (
+            lambda m: jax.jit(
+                lambda p: moved(m, p, stabilization=rj.Baumgarte(alpha=12.0, beta=36.0)).q
+            )(np.ones(2)),
+            "α and β of Baumgarte's terms",
+        ),
+        (
             lambda m: jax.jacfwd(
                 lambda ts: m.simulate(ts, solver=DOPRI8, stabilization=HELD, throw=False).q
             )(jnp.asarray(TS)),

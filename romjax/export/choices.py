@@ -30,6 +30,11 @@ class Choice(NamedTuple):
     def of(cls, solver: Any, stabilization: Baumgarte | None, fastest: Any = None) -> "Choice":
         terms = 0.0, 0.0
         if stabilization is not None:
+            if is_traced(stabilization.alpha) or is_traced(stabilization.beta):
+                refuse(
+                    "JAX traces α and β of Baumgarte's terms of a compiled run",
+                    "make Baumgarte(alpha, beta) of numbers, outside of the program",
+                )
             terms = float(stabilization.alpha), float(stabilization.beta)
         return cls(solver, stabilization, fastest, terms, isinstance(solver, Rodas5P))
 
