@@ -181,6 +181,21 @@ def ends(start, duration):
     return jnp.stack([run.q[-1, 0], run.v[-1, 0]])
 
 
+def test_a_table_is_differentiable_by_its_times():
+    """Its slope jumps there, and so does its derivative by them, which each step needs from its own
+    side. Of x(1) = ∫ F (1 − t) dt by when a rise of 0.1 s to 5 N begins, which falls to 2 N at 1 s.
+    """
+
+    def place(start):
+        times = jnp.stack([0 * start, start, start + 0.1, 1.0 + 0 * start])
+        table = rj.Table(times, jnp.array([0.0, 0.0, 5.0, 2.0]))
+        return rj.simulate(pushed(table), TS, solver=diffrax.Dopri8(), audit=False).q[-1, 0]
+
+    with rj.forward_mode():
+        found = jax.jit(jax.jacfwd(place))(0.37)
+    np.testing.assert_allclose(found, -5 * 0.58 + 0.53, rtol=1e-9)
+
+
 @pytest.mark.slow
 def test_a_pulse_is_differentiable_and_batchable_by_its_corners():
     """At the end, x = 1 − start − duration and v = 1."""

@@ -14,6 +14,8 @@ from .cuts import AbstractPassage, AbstractWatch, Arrival, Cut, Watching
 # A step that ends this close to the end of the run, in units in the last place, ends there: the
 # dense output of the short step that was left would be nothing but rounding.
 _NEAR_END = 100
+# How far beside a corner a signal is evaluated, in units in the last place.
+_BESIDE = 2
 
 
 class Progress(NamedTuple):
@@ -99,9 +101,17 @@ class Steps(NamedTuple):
         self, y: PyTree, solver_state: PyTree, watching: Watching | None, t0: Array, t1: Array
     ) -> Trial:
         """A step of the method from t0 to t1."""
-        jumped = False if watching is None else watching.jumped
+        jumped: Any = False if watching is None else watching.jumped
+        start, end = t0, t1
+        if self.corners is not None:
+            # A signal that bends at a corner has two derivatives by the time of it, of which a step
+            # needs the one on its own side: it begins and ends beside it, by rounding alone.
+            aside = _BESIDE * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(t0), jnp.abs(t1))
+            begins, ends = (jnp.any(self.corners == t) for t in (t0, t1))
+            start, end = jnp.where(begins, t0 + aside, t0), jnp.where(ends, t1 - aside, t1)
+            jumped = jumped | begins
         y1, error, dense, solver_state, result = self.solver.step(
-            self.term, t0, t1, y, None, solver_state, made_jump=jumped
+            self.term, start, end, y, None, solver_state, made_jump=jumped
         )
         between = self.solver.interpolation_cls(t0=t0, t1=t1, **dense)
         arrival = None
