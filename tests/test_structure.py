@@ -142,7 +142,8 @@ BELOW = {
     "trials": {"linalg", "scene", "basis", "system", "assembly", "reduction", "integrate", "study"},
     "export": {"linalg", "scene", "system", "assembly", "reduction", "march", "integrate"}
     | {"measure", "analysis"},
-    "files": {"scene", "spatial", "system", "assembly", "integrate", "measure", "study", "events"},
+    "files": {"scene", "spatial", "system", "assembly", "reduction", "integrate", "measure"}
+    | {"study", "events"},
     "gallery": {"linalg", "scene", "spatial"},
     "spatial": {"scene"},
     "plot": {"scene", "basis", "system", "assembly", "reduction", "integrate", "study"}
