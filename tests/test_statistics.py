@@ -53,6 +53,7 @@ def test_numbers_are_printed_as_numbers(run):
     """Those of one run, of several, and while JAX traces."""
     steps = [int(run.stats[f"num_{kind}steps"]) for kind in ("", "accepted_", "rejected_")]
     assert str(run.stats) == repr(run.stats)
+    assert "PyTreeDef" not in repr(run)  # of the system, which would fill pages
     assert str(run.stats) == (
         "Statistics(num_steps={}, num_accepted_steps={}, num_rejected_steps={}, rtol=1e-05, "
         "atol=1e-05, fastest_frequency=None, stabilization=Baumgarte(alpha=10.0, beta=25.0))"

@@ -19,9 +19,10 @@ class Partitioned(eqx.Module):
     functions are leaves that `jax.jit` does not accept, and become static.
     """
 
-    arrays: tuple[Any, ...]
-    static: tuple[Any, ...] = eqx.field(static=True)  # the other leaves; None for an array
-    tree: Any = eqx.field(static=True)
+    # In messages a whole system would fill pages.
+    arrays: tuple[Any, ...] = eqx.field(repr=False)
+    static: tuple[Any, ...] = eqx.field(static=True, repr=False)  # other leaves; None for an array
+    tree: Any = eqx.field(static=True, repr=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled and copied with an example in place of the `tree`: equinox fills absent fields
