@@ -44,14 +44,17 @@ def test_a_torque_rolls_a_rod_up():
 def test_closed_forms_are_those_of_autodiff(kind):
     one, rng = rod(kind=kind), np.random.default_rng(0)
     q, v = jnp.asarray(rng.normal(size=(2, 9)))
-    force, of_mass, slopes, of_pose = _both(one, q, v)
+    force, of_mass, slopes, of_pose, moment, of_moment = _both(one, q, v)
     assert_close(force, of_mass, ALIKE, np.max(np.abs(force)))
     assert_close(slopes, of_pose, ALIKE, np.max(np.abs(slopes)))
+    assert_close(moment, of_moment, ALIKE, np.max(np.abs(moment)))
 
 
 @jax.jit
 def _both(one, q, v):
-    """The quadratic velocity force and a marker's gradient, by the rod and by autodiff."""
+    """The quadratic velocity force, a marker's gradient and that of the first moment, by the rod
+    and by autodiff.
+    """
     point, amplitudes = one.prepare(jnp.array([0.3, 0.1])), q[3:]
     pose = lambda a: jnp.append(*one.local_pose(point, a))  # noqa: E731
     return (
@@ -59,6 +62,8 @@ def _both(one, q, v):
         dynamics.quadratic_velocity_force(one.mass_matrix)(q, v),
         one.local_gradient(point, amplitudes),
         jax.jacfwd(pose)(amplitudes),
+        one.first_moment_slope(q),
+        jax.jacfwd(one.first_moment)(q),
     )
 
 

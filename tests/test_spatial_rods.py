@@ -130,14 +130,17 @@ def _deflection(beam, load):
 def test_closed_forms_are_those_of_autodiff(kind):
     one, rng = rod(**KINDS[kind]), np.random.default_rng(0)
     q, v = jnp.asarray(rng.normal(size=(2, 14)))
-    force, of_mass, slopes, of_pose = _both(one, q, v)
+    force, of_mass, slopes, of_pose, moment, of_moment = _both(one, q, v)
     assert_close(force, of_mass, ALIKE, np.max(np.abs(force)))
     assert_close(slopes, of_pose, ALIKE, np.max(np.abs(slopes)))
+    assert_close(moment, of_moment, ALIKE, np.max(np.abs(moment)))
 
 
 @kept
 def _both(one, q, v):
-    """The quadratic velocity force and a marker's gradient, by the rod and by autodiff."""
+    """The quadratic velocity force, a marker's gradient and that of the first moment, by the rod
+    and by autodiff.
+    """
     point, amplitudes = one.prepare(jnp.array([0.3, 0.1, -0.05])), q[7:]
     position, turn = jax.jacfwd(lambda a: one.local_pose(point, a))(amplitudes)
     spin = 2 * quaternions.space_matrix(one.local_pose(point, amplitudes)[1]) @ turn
@@ -146,6 +149,8 @@ def _both(one, q, v):
         dynamics.quadratic_velocity_force(one.mass_matrix)(q, v),
         one.local_gradient(point, amplitudes),
         jnp.concatenate([position, spin]),
+        one.first_moment_slope(q),
+        jax.jacfwd(one.first_moment)(q),
     )
 
 

@@ -106,8 +106,7 @@ class BodyGroup(AbstractStack):
     ) -> Callable[..., Array] | None:
         """The `force` of one body as a function of it, q and, if it is moving, v."""
         still: list[Callable[..., Float[Array, " size"]]] = [
-            lambda body, q, field=field: -jax.grad(field.energy, argnums=1)(body, q)
-            for field in fields
+            lambda body, q, field=field: field.force(body, q) for field in fields
         ]
         moving: list[Callable[..., Float[Array, " size"]]] = []
         if self.bodies.modes:

@@ -3,6 +3,7 @@
 import abc
 from typing import Any, TypeVar
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -46,6 +47,11 @@ class AbstractBendingBody(AbstractBody):
 
         Its start is the nearest one in the modal mass there.
         """
+
+    def first_moment_slope(self, q: Float[Array, " size"]) -> Float[Array, "d size"]:
+        """∂/∂q of the first moment [kg], by autodiff unless it is known in closed form."""
+        slope: Array = jax.jacfwd(self.first_moment)(q)
+        return slope
 
     def mode_shapes(self, point: Float[Array, " d"]) -> Float[Array, "motions modes"]:
         """The local gradient where the body is undeformed."""

@@ -14,7 +14,7 @@ from ..points import NamedPoints, by_name
 from .natural_strains import Ratios, natural_strains
 from .rod_base import AbstractRod
 from .rod_checks import check_what_shapes_need
-from .rod_inertia import first_moment, mass_matrix, velocity_force
+from .rod_inertia import first_moment, first_moment_slope, mass_matrix, velocity_force
 from .rod_kinematics import Line, Material, gradient, material, pose
 from .sections import AbstractSection
 from .strain_modes import STATIC
@@ -186,6 +186,9 @@ class Rod(AbstractRod):
 
     def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "2"]:
         return first_moment(self._line, self.mass, q)
+
+    def first_moment_slope(self, q: Float[Array, " size"]) -> Float[Array, "2 size"]:
+        return first_moment_slope(self._line, self.mass, q)
 
     @property
     def _damping(self) -> tuple[Float[Array, ""] | None, Float[Array, " natural"] | None]:

@@ -38,3 +38,12 @@ def first_moment(line: Line, mass: Any, q: Float[Array, " size"]) -> Float[Array
     c, s = jnp.cos(q[2]), jnp.sin(q[2])
     moment: Array = mass * (q[:2] + jnp.stack([c * x - s * y, s * x + c * y]))
     return moment
+
+
+def first_moment_slope(line: Line, mass: Any, q: Float[Array, " size"]) -> Float[Array, "2 size"]:
+    """Its derivative: the mean of those of the Gauss points, which the mass matrix is made of."""
+    _, columns = jacobian(line, q)
+    mean = jnp.sum(columns * line.strains.weights()[None, :, None], axis=1)
+    c, s = jnp.cos(q[2]), jnp.sin(q[2])
+    slope: Array = mass * (jnp.stack([c, -s, s, c]).reshape(2, 2) @ mean)
+    return slope

@@ -193,6 +193,11 @@ class AbstractField(AbstractEffect):
     def energy(self, body: AbstractBody, q: Float[Array, " size"]) -> Float[Array, ""]:
         """Potential energy [J] of one body with the coordinates q."""
 
+    def force(self, body: AbstractBody, q: Float[Array, " size"]) -> Float[Array, " size"]:
+        """Q of one body, by autodiff from the energy unless the field says better."""
+        slope: Array = jax.grad(self.energy, argnums=1)(body, q)
+        return -slope
+
 
 # The value, its rate, and the wrenches of a force along it.
 Displacement = tuple[

@@ -4,6 +4,7 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Vector
 from ..body.base import AbstractBody
+from ..body.bending import AbstractBendingBody
 from ..fields import Converted, check_numbers, number
 from .base import AbstractField
 
@@ -21,6 +22,11 @@ class Gravity(AbstractField):
 
     def energy(self, body: AbstractBody, q: Float[Array, " size"]) -> Float[Array, ""]:
         return -self.acceleration @ body.first_moment(q)
+
+    def force(self, body: AbstractBody, q: Float[Array, " size"]) -> Float[Array, " size"]:
+        if isinstance(body, AbstractBendingBody):
+            return self.acceleration @ body.first_moment_slope(q)
+        return super().force(body, q)
 
     def check(self) -> None:
         d = 3 if self.acceleration.shape == (3,) else 2

@@ -16,7 +16,7 @@ from ..rod_base import AbstractRod
 from ..sections import AbstractSection
 from ..strain_modes import STATIC
 from .rod_checks import check_what_shapes_need
-from .rod_inertia import first_moment, mass_matrix, velocity_force
+from .rod_inertia import first_moment, first_moment_slope, mass_matrix, velocity_force
 from .rod_kinematics import Line, Material, gradient, material, pose
 from .rod_law import law, split
 from .rod_shapes import Ratios, natural_strains
@@ -240,6 +240,9 @@ class Rod(AbstractRod):
 
     def first_moment(self, q: Float[Array, " size"]) -> Float[Array, "3"]:
         return first_moment(self._line, self.mass, q)
+
+    def first_moment_slope(self, q: Float[Array, " size"]) -> Float[Array, "3 size"]:
+        return first_moment_slope(self._line, self.mass, q)
 
     def prepare(self, point: Float[Array, "3"]) -> Material:
         return material(self._line, point)

@@ -89,6 +89,14 @@ def first_moment(line: Line, mass: Any, q: Float[Array, " size"]) -> Float[Array
     return moment
 
 
+def first_moment_slope(line: Line, mass: Any, q: Float[Array, " size"]) -> Float[Array, "3 size"]:
+    """Its derivative: the mean of those of the Gauss points, which the mass matrix is made of."""
+    _, moved, _ = jacobian(line, q)
+    mean = (line.strains.weights() @ moved.reshape(len(moved), -1)).reshape(moved.shape[1:])
+    slope: Array = mass * (quaternions.matrix(q[3:7]) @ mean)
+    return slope
+
+
 def length_inertia(line: Line, mass: Any, rotary: Any) -> Any:
     """The inertia of the length of the quaternion, as of a rigid body: that of the straight rod."""
     return 4 / 3 * (mass * line.length**2 / 6 + line.length * jnp.sum(rotary))
