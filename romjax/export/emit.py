@@ -19,8 +19,9 @@ from .terms import Term, Writer, literal
 # Operations that straight-line code pays for: beyond them the C compiler takes more than some
 # seconds, and JAX's programs, which spread their cost over arrays, are as fast.
 MOST_OPERATIONS = 25_000
-# Operations that one loop may become; chains of 64 bodies have some thousand in each of theirs.
-UNROLLED = 8_000
+# Lines that one loop may become, before those are left out that nobody needs; chains of 64 bodies
+# have some thousand in each of theirs, and an arm in space nearly as many as this.
+UNROLLED = 10_000
 
 
 @dataclasses.dataclass(frozen=True)
