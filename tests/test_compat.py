@@ -174,17 +174,24 @@ def test_statics_of_equinox_modules_are_compared_by_value():
 
 
 def test_the_outermost_program():
+    """And what only differentiates: neither in a program nor in a batch."""
     inside = []
 
     def look(x):
-        inside.append(compat.is_outermost())
+        inside.append((compat.is_outermost(), compat.is_differentiating()))
         return x
 
     assert compat.is_outermost()
+    assert not compat.is_differentiating()
     jax.jit(look)(1.0)
     jax.vmap(look)(jnp.ones(2))
+    jax.vmap(jax.grad(look))(jnp.ones(2))
+    jax.jit(jax.grad(look))(1.0)
+    assert inside == [(False, False)] * 4
+    del inside[:]
     jax.grad(look)(1.0)
-    assert inside == [False, False, False]
+    jax.jvp(jax.grad(look), (1.0,), (1.0,))
+    assert inside == [(False, True)] * 2
 
 
 def nested(x):

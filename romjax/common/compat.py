@@ -14,10 +14,10 @@ import jax
 from diffrax._term import AdjointTerm, WrapTerm
 from equinox._module._flatten import MISSING
 from jax._src import config, core, xla_bridge
-from jax._src.interpreters import partial_eval
+from jax._src.interpreters import ad, partial_eval
 from jax.experimental import serialize_executable
 from jax.extend.core import Primitive
-from jax.interpreters import ad, batching, mlir
+from jax.interpreters import batching, mlir
 from jaxlib.cpu import _lapack
 
 from .errors import InputError
@@ -83,6 +83,14 @@ def compiler_is_set_up() -> bool:
 def is_outermost() -> bool:
     """Whether JAX traces nothing, so that a program that starts here is one of its own."""
     return core.trace_state_clean()
+
+
+def is_differentiating() -> bool:
+    """Whether JAX takes derivatives of numbers that it knows, in no program and no batch."""
+    trace, derivatives = core.trace_ctx.trace, (ad.JVPTrace, ad.LinearizeTrace)
+    while isinstance(trace, derivatives):
+        trace = trace.parent_trace
+    return trace is not core.trace_ctx.trace and isinstance(trace, core.EvalTrace)
 
 
 def trace_settings() -> tuple[Any, ...]:

@@ -51,6 +51,9 @@ def tell_of_jit() -> None:
     """Warn, once in a process, where JAX traces a run for a program that lacks the options."""
     if _told or compat.is_outermost() or _has_options.get():
         return
+    if compat.is_differentiating():
+        # One derivative of known numbers takes less time than compiling it with the options.
+        return
     flags = os.environ.get("XLA_FLAGS", "").split()
     if jax.default_backend() != "cpu" or any(x in flags for x in compat.compiler_flags()):
         return
