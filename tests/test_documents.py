@@ -8,7 +8,7 @@ import tomllib
 import nbformat
 import numpy as np
 import pytest
-from documents import BLOCK, DOCSTRINGS, DOCUMENTS, INDENTED, ROOT, marked, spans
+from documents import BLOCK, DOCSTRINGS, DOCUMENTS, INDENTED, PAGES, ROOT, blocks, marked, spans
 from names import mistakes
 
 import romjax as rj
@@ -25,6 +25,7 @@ def test_first_steps_runs_the_readme_example():
     code = [cell.source for cell in notebook.cells if cell.cell_type == "code"]
     assert code[0] == marked("example").strip()
     assert len([line for line in code[0].splitlines() if line.strip()]) <= 12
+    assert marked("robot") in blocks(PAGES["docs/howto/robots.md"], "python")
 
 
 def is_python(block: str) -> bool:
@@ -38,8 +39,8 @@ def is_python(block: str) -> bool:
 
 def test_docstring_snippets():
     """The code in docstrings: that of PodStream, as it stands."""
-    blocks = [block for text in DOCSTRINGS.values() for block in INDENTED.findall(text)]
-    found = [block for block in blocks if is_python(block)]
+    snippets = [block for text in DOCSTRINGS.values() for block in INDENTED.findall(text)]
+    found = [block for block in snippets if is_python(block)]
     assert len(found) == 1
     t = np.linspace(0.0, 1.0, 30)
     q = np.sin(np.outer(t, np.arange(1.0, 7.0)))
