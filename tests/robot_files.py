@@ -1,13 +1,12 @@
 """Robot files that a generator writes, and the motion of robots by MuJoCo in terms of scenes."""
 
-from pathlib import Path
 
 import numpy as np
 
 import romjax as rj
 from romjax.linalg import quaternions
 
-GALLERY = Path(rj.gallery.__file__).parent / "robots"
+GALLERY = rj.gallery.ROBOTS
 ROBOTS = (
     *("arm.xml", "parallelogram_arm.xml", "leg.xml", "delta.xml", "stewart.xml"),
     *("gripper.urdf", "excavator.urdf"),

@@ -1,6 +1,5 @@
 """Scenes with one part changed: bodies replaced, made flexible, and taken out."""
 
-from pathlib import Path
 
 import jax
 import numpy as np
@@ -13,7 +12,7 @@ from romjax import spatial as r
 from romjax.linalg import quaternions
 from romjax.scene.placing import marker_start
 
-GALLERY = Path(rj.gallery.__file__).parent / "robots"
+GALLERY = rj.gallery.ROBOTS
 
 
 def poses(scene):

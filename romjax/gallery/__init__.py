@@ -5,6 +5,7 @@ from .bouncing_ball import bouncing_ball as bouncing_ball
 from .bricard import bricard as bricard
 from .cart_pendulum import cart_pendulum as cart_pendulum
 from .catalogue import EXAMPLES as EXAMPLES
+from .catalogue import ROBOTS as ROBOTS
 from .catalogue import Example as Example
 from .catalogue import find as find
 from .chain import chain as chain

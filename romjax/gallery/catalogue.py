@@ -3,6 +3,7 @@
 import dataclasses
 import difflib
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import diffrax
@@ -36,6 +37,9 @@ from .trebuchet import trebuchet
 from .uncoiling_strip import uncoiling_strip
 from .vehicle_axle import vehicle_axle
 from .wing_nut import wing_nut
+
+# Where the robots' files are, MJCF and URDF.
+ROBOTS = Path(__file__).parent / "robots"
 
 
 @dataclasses.dataclass(frozen=True)
