@@ -1,6 +1,5 @@
 """Robot files that a generator writes, and the motion of robots by MuJoCo in terms of scenes."""
 
-
 import numpy as np
 
 import romjax as rj

@@ -1,6 +1,5 @@
 """Scenes with one part changed: bodies replaced, made flexible, and taken out."""
 
-
 import jax
 import numpy as np
 import pytest
