@@ -31,40 +31,43 @@ class Controller(eqx.Module):
 
     def ticked(
         self, system: Any, t: Array, q: Float[Array, " n"], v: Float[Array, " n"]
-    ) -> Float[Array, " n"]:
-        """The velocities of a full or reduced system after a tick, if t is one."""
+    ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+        """The positions and velocities of a full or reduced system after a tick, if t is one."""
         # A model of fewer coordinates has the same states, elsewhere.
         places = dict(zip(system.full.structure.states, system.structure.states, strict=True))
         columns = jnp.array([places[column] for column in self.columns])
 
-        def tick(v: Array) -> Array:
+        def tick(q: Array, v: Array) -> tuple[Array, Array]:
             # The step ends at a constant time. A tick moves with its period, so that it has the
             # derivatives of a state on the way there, and the state after it those of the way back.
-            late, now = self.sampled.tick_near(t) - t, jnp.ones_like(t)
-            before = solve(system, t, q, v, None).acceleration
-            there = _carried((t, q, v), (now, v, before), late)
-            measured = [jnp.asarray(what(system, *there)) for what in self.sampled.measured]
+            late = self.sampled.tick_near(t) - t
+            late -= jax.lax.stop_gradient(late)
+            now, q, v = _carried(system, t, q, v, late)
+            measured = [jnp.asarray(what(system, now, q, v)) for what in self.sampled.measured]
             values = jnp.stack(measured) if measured else jnp.zeros(0, v.dtype)
-            own = self.sampled.ticked(there[0], there[2][columns], values)
-            after = there[2].at[columns].set(own)
-            back: Array = _carried(after, solve(system, t, q, after, None).acceleration, -late)
-            return back
+            after = v.at[columns].set(self.sampled.ticked(now, v[columns], values))
+            return _carried(system, now, q, after, -late)[1:]
 
-        velocity: Array = jax.lax.cond(self.sampled.is_tick(t), tick, lambda v: v, v)
-        return velocity
-
-
-@jax.custom_jvp
-def _carried(y: T, rates: T, time: Array) -> T:
-    """Return y as it is, with the derivatives of y + `time` · `rates`: the time is zero."""
-    del rates, time
-    return y
+        is_tick = self.sampled.is_tick(t)
+        state: tuple[Array, Array] = jax.lax.cond(is_tick, tick, lambda *state: state, q, v)
+        return state
 
 
-@_carried.defjvp
-def _carried_along(primals: Any, tangents: Any) -> tuple[Any, Any]:
-    (y, rates, _), (along, _, time) = primals, tangents
-    return y, jax.tree.map(lambda x, rate: x + time * rate, along, rates)
+def _carried(
+    system: Any, t: Array, q: Float[Array, " n"], v: Float[Array, " n"], zero: Array
+) -> tuple[Array, Float[Array, " n"], Float[Array, " n"]]:
+    """Time, positions and velocities as they are, with the first and second derivatives of the
+    motion after the time `zero`, by the midpoint rule.
+    """
+
+    def rate(a: Array, share: Array) -> tuple[Array, Array]:
+        part = share * zero
+        a = solve(system, t + part, q + part * v, v + part * a, None).acceleration
+        return a, a
+
+    # A loop, so that the acceleration is compiled once.
+    _, (a, middle) = jax.lax.scan(rate, jnp.zeros_like(v), jnp.array([0.0, 0.5], v.dtype))
+    return t + zero, q + zero * v + 0.5 * zero**2 * a, v + zero * middle
 
 
 def told(controllers: Sequence[Controller], parts: T, v: Float[Array, " n"]) -> T:

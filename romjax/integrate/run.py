@@ -131,7 +131,7 @@ def _integrated(
     settings = settings._replace(stabilization=_stabilization(system, ts, settings))
     if settings.projection is not None and settings.projects_start:
         q0, v0 = project_start(system, ts[0], q0, v0)
-    v0 = ticked(system, ts[0], q0, v0)
+    q0, v0 = ticked(system, ts[0], q0, v0)
     run = integrate(system, ts, count, q0, v0, settings)
     if count is not None:
         # Padding rows repeat the last one, so that they do not change what is judged here.

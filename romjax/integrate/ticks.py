@@ -34,7 +34,7 @@ class Ticking(eqx.Module):
     ) -> tuple[Chart, Float[Array, " n"], Float[Array, " n"]]:
         if self.inner is not None:
             chart, q, v = self.inner.after_step(system, chart, t, q, v)
-        return chart, q, ticked(system, jnp.asarray(t, q.dtype), q, v)
+        return chart, *ticked(system, jnp.asarray(t, q.dtype), q, v)
 
 
 def ticks(system: AbstractSystem) -> bool:
@@ -44,11 +44,15 @@ def ticks(system: AbstractSystem) -> bool:
 
 def ticked(
     system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"], v: Float[Array, " n"]
-) -> Float[Array, " n"]:
-    """The velocities, in which controllers have set what they hold, if t is one of their ticks."""
+) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """Positions, and velocities in which controllers have set what they hold, if t is one of their
+    ticks.
+
+    The positions are as they were, but change with the time of a tick as the motion does.
+    """
     for controller in _controllers(system):
-        v = controller.ticked(system, t, q, v)
-    return v
+        q, v = controller.ticked(system, t, q, v)
+    return q, v
 
 
 class UntilTick(eqx.Module):

@@ -79,7 +79,7 @@ class Sampled(AbstractEffect):
 
     Steps of a run end at the ticks. It acts by the effects whose signals are `Held("name")`, such
     as a `Torque` or an `Actuator`. Derivatives pass through the function, whatever is in it, such
-    as a module of equinox with its weights; the period is a constant in them.
+    as a module of equinox with its weights, and by the period, with which the ticks move.
 
     **Arguments:**
 
