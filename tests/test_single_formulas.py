@@ -57,6 +57,16 @@ def test_a_bushing_turns_about_its_own_axes(axis):
     assert_close(torque(stiffness, turn, relative), wanted, IDENTITY)
 
 
+@pytest.mark.instant
+def test_angles_of_known_rotations_at_a_half_turn_and_less_than_an_unknown_one():
+    """By NumPy, which warns of no division by zero, and by JAX where it traces what is less."""
+    still, half = np.eye(4)[0], np.eye(4)[3]
+    assert quaternions.angle(half, still) == np.pi
+    assert_close(quaternions.angle(half, still, np.asarray(0.5)), np.pi - 0.5, IDENTITY)
+    less = jax.ShapeDtypeStruct((), float)
+    assert jax.eval_shape(lambda x: quaternions.angle(half, still, x), less).shape == ()
+
+
 def shifting_mass(q):
     return jnp.array([[2.0, 0.0], [0.0, 1.0]]) + jnp.outer(jnp.cos(q), jnp.cos(q))
 

@@ -12,6 +12,7 @@ All functions take leading axes, and compute by NumPy what is given as its array
 from collections.abc import Sequence
 from typing import Any
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -124,11 +125,13 @@ def angle(a: Quaternion, b: Quaternion, less: Any = None) -> Float[Numbers, "...
     """
     # Only w and z are formed: effects in joints ask for many angles.
     w, z = (b * a).sum(axis=-1), (b * a[..., ::-1] * _constant([1, -1, 1, -1], a)).sum(axis=-1)
-    xp = namespace(b * a)
+    xp = namespace(less if isinstance(less, jax.Array) else b * a)
     if less is not None:
         c, s = xp.cos(0.5 * less), xp.sin(0.5 * less)
         w, z = c * w + s * z, c * z - s * w
-    turned: Float[Numbers, ...] = 2 * xp.arctan(z / w)
+    # At a half turn w is zero; the arctangent of the infinite quotient is right.
+    with np.errstate(divide="ignore"):
+        turned: Float[Numbers, ...] = 2 * xp.arctan(z / w)
     return turned
 
 
