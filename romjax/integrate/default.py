@@ -16,7 +16,7 @@ from ..common.compat import is_outermost, is_traced
 from ..common.identity_cache import IdentityCache
 from ..compiling.program import program_once
 from ..system.base import AbstractSystem
-from ..system.frequencies import Frequencies, frequencies
+from ..system.frequencies import Frequencies, frequencies, with_all_acting
 from ..system.stabilization import Baumgarte
 from ..system.start import Start
 from .adjoint import has_root_finder
@@ -72,11 +72,12 @@ def at_start(
     t = ts[0] if is_traced(ts) else np.asarray(ts, q.dtype)[0, ...]
     # What is a part of the user's program is a tracer.
     if not is_outermost() or q is not system.q0 or v is not system.v0:
-        return _at_start(system, t, q, v)
+        asks = system.structure.contacts and _is_known((q, system, t, v))
+        return _at_start(system, t, q, v, asks)
     now = np.asarray(t)
     at, found = _known.get(system) or (None, None)
     if found is None or at != now:
-        found = _at_start(system, t, q, v)
+        found = _at_start(system, t, q, v, system.structure.contacts)
         _known.put(system, (now, found))
     return found
 
@@ -87,6 +88,7 @@ def _at_start(
     t: Float[Array | np.ndarray, ""],
     q: Float[Array, " n"],
     v: Float[Array, " n"],
+    with_acting: bool,
 ) -> AtStart:
     """Return it, compiled once for all methods, and quickly, as a part of a run would not be; a
     setting is not differentiated.
@@ -94,8 +96,14 @@ def _at_start(
     share = precision.of(q.dtype).start_tolerance
     t = jnp.asarray(t, q.dtype)
     energy = system.state(t, q, v).energy().total if system.n else jnp.zeros_like(t)
-    found, energy = jax.lax.stop_gradient((frequencies(system, t, q, v), energy))
+    found, energy = jax.lax.stop_gradient((frequencies(system, t, q, v, with_acting), energy))
     return AtStart(found, Start.of(system, t, q, v, share), energy)
+
+
+def _is_known(x: Any) -> bool:
+    """Whether results of a program of these numbers, without their derivatives, will be known."""
+    arrays = (leaf for leaf in jax.tree.leaves(x) if isinstance(leaf, jax.Array | np.ndarray))
+    return all(not is_traced(jax.lax.stop_gradient(array)) for array in arrays)
 
 
 class Method(NamedTuple):
@@ -118,11 +126,11 @@ def default_method(
     Dopri8 carry some twenty times the tolerance. While JAX traces, numbers are unknown,
     and flexible systems count as stiff. So do contacts, with any step size control: a long step
     from free flight may end inside, where the last stages of Dopri8 see a force that its estimate
-    of the error does not. Stops of joints, whose force grows with the depth alone, both methods
-    meet with equal errors at equal tolerances (measured at 17 to 550 rad/s on stops, for one link
-    and for three), and Dopri8 in fewer steps: what counts is how fast the system is on its stops.
-    A fast spin in space is not stiff: every method has to follow it; nor are
-    rods without damping, whose fast vibrations are in what bends far.
+    of the error does not. Stops of joints, whose force grows with the depth alone, count as
+    contacts nowhere: both methods meet them with equal errors at equal tolerances (measured at 17
+    to 550 rad/s on stops, for one link and for three), and Dopri8 in fewer steps: what counts is
+    how fast the system is on its stops. A fast spin in space is not stiff: every method has to
+    follow it; nor are rods without damping, whose fast vibrations are in what bends far.
 
     Whether the fast vibration is excited is unknown before the run. If it is not, Rodas5P takes
     few steps; if it is, both methods follow it, and Rodas5P's steps cost c times as much: 2 where
@@ -135,17 +143,19 @@ def default_method(
     ringing = system.structure.flexible and system.full.structure.ringing
     if known is None or times is None or (dt is not None and step is None):
         flexible = system.structure.flexible and not ringing
-        stiff = flexible or system.structure.contacts
+        contacts = system.structure.contacts and with_all_acting(system) is None
+        stiff = flexible or contacts
         return Method(implicit if stiff else explicit, "numbers are unknown while JAX traces")
     if dt is not None:
         if known * step > _RESOLVED:
             return Method(implicit, "a step does not resolve the fastest frequency")
         return Method(explicit, "a step resolves the fastest frequency")
     # From here on Python's numbers, which take a tenth of the time of NumPy's.
-    begun = float(np.asarray(start.begun))
-    if begun == np.inf:
+    acting = float(np.asarray(start.acting))
+    if acting == np.inf:
         return Method(implicit, "contacts may begin within a step")
-    fastest, spin, outputs = max(float(known), begun), float(np.asarray(start.spin)), len(times) - 1
+    fastest, spin = max(float(known), acting), float(np.asarray(start.spin))
+    outputs = len(times) - 1
     if fastest <= _SPINS * spin:
         return Method(explicit, "the spin of a body, which has to be followed, is as fast as any")
     span = float(times[-1] - times[0])

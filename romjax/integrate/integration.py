@@ -139,7 +139,7 @@ def _followers(
     followers: dict[str, AbstractFollower] = {}
     if settings.audit:
         controlled = settings.dt is None
-        known = settings.began(system)
+        known = settings.known_start(system)
         # Of a system in charts it is that of the chart in which the run begins.
         energy = None if known is None or post_step is not None else known.energy
         followers[AUDIT] = Audit(

@@ -139,7 +139,7 @@ def _integrated(
         held = (run.ts, run.outputs, run.imbalance)
         ts, outputs, imbalance = jax.tree.map(lambda x: x[rows], held)
         run = run._replace(ts=ts, outputs=outputs, imbalance=imbalance)
-    if known := settings.began(system):
+    if known := settings.known_start(system):
         start = known.constraints
     else:
         start = Start.of(system, ts[0], q0, v0, precision.of(q0.dtype).start_tolerance)

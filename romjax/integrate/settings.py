@@ -76,7 +76,7 @@ class Settings(NamedTuple):
     monitors: tuple[AbstractMonitor, ...]
     states: int = 0
 
-    def began(self, system: AbstractSystem) -> AtStart | None:
+    def known_start(self, system: AbstractSystem) -> AtStart | None:
         """What is known of the state in which the run begins: nothing if it is projected first, or
         if controllers have set something in it.
         """

@@ -15,6 +15,8 @@ from .base import AbstractSystem
 from .dynamics import solve
 from .stabilization import Baumgarte
 
+# Makes a system whose effects that may begin act, or not.
+_Acting = Callable[[Bool[Array, ""]], AbstractSystem]
 # Of the power iteration; the estimate settles a choice, not a result.
 _ITERATIONS = 12
 
@@ -26,27 +28,32 @@ class Frequencies(NamedTuple):
     fastest: Float[Array, ""]  # fastest frequency or rate of decay of all
     spin: Float[Array, ""]  # fastest angular velocity of a body in space
     # Fastest of all while effects act that may begin on the way: zero without such, and infinite
-    # where their stiffness depends on how deep they are.
-    begun: Float[Array, ""]
+    # where their stiffness depends on how deep they are, or where nobody asks.
+    acting: Float[Array, ""]
 
 
 def frequencies(
-    system: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
+    system: AbstractSystem,
+    t: Time,
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    with_acting: bool = True,
 ) -> Frequencies:
-    """The fastest frequencies at a state.
+    """The fastest frequencies at a state; `with_acting`: those with all effects acting too.
 
     Of a reduced system with constraints, the rigid one is that of the full system: it sets the
     stabilisation, and reduced coordinates know no bodies.
     """
-    rigid, fastest, begun = _estimate(system, t, q, v)
+    acting = with_all_acting(system) if with_acting and system.structure.contacts else None
+    rigid, fastest, all_acting = _estimate(system, t, q, v, acting)
     starts = system.full.structure.quaternions
     constrained = system.m > 0 and system.full is not system
     if not constrained and not starts:
-        return Frequencies(rigid, fastest, jnp.zeros_like(fastest), begun)
+        return Frequencies(rigid, fastest, jnp.zeros_like(fastest), all_acting)
     state = system.state(t, q, v)
     if constrained:
-        rigid, *_ = _estimate(system.full, t, state.q, state.v)
-    return Frequencies(rigid, fastest, _spin(starts, state.q, state.v), begun)
+        rigid, *_ = _estimate(system.full, t, state.q, state.v, None)
+    return Frequencies(rigid, fastest, _spin(starts, state.q, state.v), all_acting)
 
 
 def _spin(
@@ -60,7 +67,7 @@ def _spin(
     return 2 * jnp.sqrt(jnp.max(squared))
 
 
-def _begun(system: AbstractSystem) -> Callable[[Bool[Array, ""]], AbstractSystem] | None:
+def with_all_acting(system: AbstractSystem) -> _Acting | None:
     """Return the system with its effects that may begin, acting or not; None where it has none
     whose stiffness is a constant.
     """
@@ -68,13 +75,13 @@ def _begun(system: AbstractSystem) -> Callable[[Bool[Array, ""]], AbstractSystem
     def changed(acts: Bool[Array, ""]) -> AbstractSystem:
         def change(x: Any) -> Any:
             begins = isinstance(x, AbstractMarkerEffect) and x.begins
-            return x.begun(acts) if begins else x
+            return x.acting(acts) if begins else x
 
         other: AbstractSystem = jax.tree.map(change, system, is_leaf=_is_effect)
         return other
 
     found = [x for x in jax.tree.leaves(system, is_leaf=_is_effect) if _is_effect(x) and x.begins]
-    known = all(x.begun(jnp.zeros((), bool)) is not None for x in found)
+    known = all(x.acting(jnp.zeros((), bool)) is not None for x in found)
     return changed if found and known else None
 
 
@@ -83,37 +90,40 @@ def _is_effect(x: Any) -> bool:
 
 
 def _estimate(
-    system: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
+    system: AbstractSystem,
+    t: Time,
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    acting: _Acting | None,
 ) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
-    """The fastest frequency of rigid motion, that of all, and that with all effects begun [rad/s].
+    """The fastest frequency of rigid motion, that of all, and that with all effects acting [rad/s].
 
     By power iteration with products only, in the metric of M.
 
     ω² = |∂a/∂q| sees springs, flexible modes, gravity on hinged bodies and rotation; the rate
     |∂a/∂v| sees dampers. Three directions are iterated at once: among the rigid coordinates for
     ∂a/∂q, among all for ∂a/∂q, and among all for ∂a/∂v; and a fourth for ∂a/∂q of the system whose
-    effects have begun.
+    effects are `acting`, where this is given.
     """
     # Difference quotients: the derivative would double the program for a rough number.
     step = jnp.sqrt(jnp.finfo(q.dtype).eps)
-    begun = _begun(system) if system.structure.contacts else None
-    everywhere = [jnp.ones(system.n, bool)] * (2 if begun is None else 3)
+    everywhere = [jnp.ones(system.n, bool)] * (2 if acting is None else 3)
     among = jnp.stack([jnp.array(system.structure.rigid), *everywhere])
     t, state = jnp.asarray(t, q.dtype), system.state(t, q, v)
     # Zero stabilisation instead of none: the trace of the acceleration then serves the steps too.
     unstabilized = Baumgarte(jnp.zeros((), q.dtype), jnp.zeros((), q.dtype)) if system.m else None
     # Of each acceleration: which direction, of positions or of velocities, is added to the state,
-    # −1 for none, and whether effects have begun.
+    # −1 for none, and whether all effects act.
     moved, faster = np.array([0, 1, -1, -1, 3, -1]), np.array([-1, -1, -1, 2, -1, -1])
     acts = np.arange(6) > 3
-    count = 4 if begun is None else 6
+    count = 4 if acting is None else 6
 
     def sizes(x: Float[Array, "directions n"]) -> Float[Array, " directions"]:
         return jnp.sqrt(jnp.sum(x * state.apply_mass(x.T).T, axis=1))
 
     def acceleration(at: tuple[Array, Array, Array]) -> Array:
-        by_q, by_v, acting = at
-        own = system if begun is None else begun(acting)
+        by_q, by_v, all_act = at
+        own = system if acting is None else acting(all_act)
         return solve(own, t, q + step * by_q, v + step * by_v, unstabilized).acceleration
 
     def push(x: Array, _: None) -> tuple[Array, Array]:

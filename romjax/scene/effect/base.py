@@ -100,7 +100,7 @@ class AbstractMarkerEffect(AbstractEffect):
         del t, size
         return linked(poses)
 
-    def begun(self, acts: Bool[Array, ""]) -> "AbstractMarkerEffect | None":
+    def acting(self, acts: Bool[Array, ""]) -> "AbstractMarkerEffect | None":
         """Return an effect that `begins` so that its stiffness shows at any state, if it `acts`.
 
         None where the stiffness is no constant, as that of contacts, which grows with the depth.

@@ -66,7 +66,7 @@ class JointStop(AbstractMotionEffect):
             push *= jnp.maximum(1 + self.dissipation * jnp.sign(beyond) * rate(), 0)
         return wrenches(push)
 
-    def begun(self, acts: Bool[Array, ""]) -> "JointStop":
+    def acting(self, acts: Bool[Array, ""]) -> "JointStop":
         """Return the stops as a spring about zero, if they are to act, else as they are."""
         given = self.lower, self.upper, self.dissipation
         numbers = zip(given, (-jnp.inf, jnp.inf, 0.0), strict=True)
