@@ -67,6 +67,27 @@ def _both(one, q, v):
     )
 
 
+class Filled(rj.Rod):
+    """A rod with as much again in it, of which it says where it is alone."""
+
+    def first_moment(self, q):
+        return 2 * super().first_moment(q)
+
+
+class Weaker(rj.Gravity):
+    def energy(self, body, q):
+        return 0.25 * super().energy(body, q)
+
+
+def test_gravity_is_that_of_the_energy_of_a_subclass():
+    numbers, q = ("rod", 0.7, 1.3, 2.0, 2), jnp.arange(5.0)
+    one, filled = rj.Rod(*numbers), Filled(*numbers)
+    forces = jax.jit(lambda g, w: (g.force(one, q), g.force(filled, q), w.force(one, q)))
+    known, twice, quarter = forces(rj.Gravity(), Weaker())
+    assert_close(twice, 2 * known, ALIKE, np.max(np.abs(known)))
+    assert_close(quarter, 0.25 * known, ALIKE, np.max(np.abs(known)))
+
+
 def test_a_bent_rod_is_placed_and_turned_as_it_is_bent():
     """A quarter of a circle of radius one, in the frame of its start; by its curvature or by its
     first amplitude, which is that of constant curvature.

@@ -3,6 +3,7 @@
 from jaxtyping import Array, Float
 
 from ...common.arrays import Vector
+from ...common.inheritance import goes_with
 from ..body.base import AbstractBody
 from ..body.bending import AbstractBendingBody
 from ..fields import Converted, check_numbers, number
@@ -24,7 +25,12 @@ class Gravity(AbstractField):
         return -self.acceleration @ body.first_moment(q)
 
     def force(self, body: AbstractBody, q: Float[Array, " size"]) -> Float[Array, " size"]:
-        if isinstance(body, AbstractBendingBody):
+        # A subclass may say the energy, or the moment of a body, alone.
+        if (
+            isinstance(body, AbstractBendingBody)
+            and goes_with(self, "force", "energy")
+            and goes_with(body, "first_moment_slope", "first_moment")
+        ):
             return self.acceleration @ body.first_moment_slope(q)
         return super().force(body, q)
 
