@@ -18,8 +18,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax._src.interpreters import mlir
-from jax._src.lib.mlir import ir
 from processes import KEPT
 from programs import compiled, listen
 from scene_files import CRANK
@@ -77,9 +75,14 @@ def slowness() -> float:
 
 
 def sources_of_tests() -> dict[str, str]:
-    """The modules of the tests, and digests of all tests' sources that they come from."""
-    texts = {path.stem: path.read_text() for path in sorted(Path(__file__).parent.glob("*.py"))}
+    """The modules of the tests, and digests of all tests' sources that they come from: those of
+    the verification problems too, whose numbers and mechanisms they take.
+    """
+    here = Path(__file__).parent
+    texts = {path.stem: path.read_text() for path in sorted(here.glob("*.py"))}
     shared = "".join(text for name, text in texts.items() if not name.startswith("test_"))
+    problems = sorted((here.parent / "benchmarks" / "verification_problems").glob("*.py"))
+    shared += "".join(path.read_text() for path in problems)
     found = {}
     for name in texts.keys() - UNKNOWN:
         used = re.findall(r"^from (test_\w+) import", texts[name], re.MULTILINE)
@@ -88,14 +91,14 @@ def sources_of_tests() -> dict[str, str]:
     return found
 
 
-def one_context(make):
-    """A function that returns what `make` once made, but within it makes another one.
+def one_context(make, context):
+    """A function that returns what `make` once made, but within a `context` makes another one.
 
     To write out a small operation for the compiler takes 1 ms, and to make the context that it is
     written in, of which JAX makes one for each program, 5 ms.
     """
     outermost = functools.cache(make)
-    return lambda: outermost() if ir.Context.current is None else make()
+    return lambda: outermost() if context.current is None else make()
 
 
 def pytest_configure(config):
@@ -115,7 +118,13 @@ def pytest_configure(config):
     os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *flags]).strip()
     # What runs a system of a test's own functions is not traced again in the next run.
     sources.others.update(sources_of_tests())
-    mlir.make_ir_context = one_context(mlir.make_ir_context)
+    # Of JAX's own parts, which another version may have elsewhere: it then takes longer.
+    with contextlib.suppress(AttributeError, ImportError):
+        from jax._src.interpreters import mlir
+        from jax._src.lib.mlir import ir
+
+        if hasattr(ir.Context, "current"):
+            mlir.make_ir_context = one_context(mlir.make_ir_context, ir.Context)
 
 
 @pytest.hookimpl(tryfirst=True)
