@@ -221,7 +221,7 @@ def test_programs_are_forgotten_where_memory_has_no_more_room(monkeypatch):
     assert_close(sums(X), np.asarray(X) + 1, IDENTITY)
     assert 0.0 < room.fills() < 1.0 or not Path("/proc/self/maps").exists()
     monkeypatch.setattr(room, "fills", lambda: 0.7)
-    monkeypatch.setattr(room, "_fitting", [0])
+    monkeypatch.setattr(room._next, "fitting", 0)
     assert_close(products(X), 2 * np.asarray(X), IDENTITY)
     assert sums._compiled.cache_info().currsize == 0
     monkeypatch.undo()

@@ -5,6 +5,7 @@ process vm.max_map_count of them, 65530 unless set otherwise, and where it gets 
 cannot compile: a process that simulates dozens of different mechanisms would end there.
 """
 
+import dataclasses
 import gc
 import weakref
 from pathlib import Path
@@ -14,10 +15,8 @@ _PIECES, _ALLOWED = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count")
 # The share of what is allowed from which on programs are forgotten: the largest program takes a
 # tenth, and other libraries map memory too.
 _SHARE, _LARGEST = 0.6, 0.1
-# Programs that fit, though each were the largest, before a fifth is left for other libraries. The
-# system writes out all pieces when they are counted, which for some ten thousand takes longer than
-# a small program.
-_fitting = [0]
+# Programs after which the pieces are counted again at the latest, since JAX compiles others.
+_MOST = 4
 
 
 @runtime_checkable
@@ -28,6 +27,21 @@ class Forgets(Protocol):
         """Forget them."""
 
 
+@dataclasses.dataclass
+class Count:
+    """When the pieces are counted again.
+
+    The system writes out all of them then, which for some ten thousand takes longer than a small
+    program.
+
+    - `fitting`: programs that fit before, though each were the largest, with a fifth left for other
+      libraries.
+    """
+
+    fitting: int = 0
+
+
+_next = Count()
 _remembering = weakref.WeakSet[Forgets]()
 
 
@@ -38,14 +52,14 @@ def add(programs: Forgets) -> None:
 
 def make_room() -> None:
     """Forget all programs if the memory that they are mapped to is nearly all that is allowed."""
-    if _fitting[0] > 0:
-        _fitting[0] -= 1
+    if _next.fitting > 0:
+        _next.fitting -= 1
         return
     share = fills()
     if share > _SHARE:
         forget_all()
         share = fills()
-    _fitting[0] = int((0.8 - share) / _LARGEST) - 1
+    _next.fitting = min(int((0.8 - share) / _LARGEST), _MOST) - 1
 
 
 def fills() -> float:

@@ -19,7 +19,7 @@ from .library import FLAGS, load
 _FLAGS = (*FLAGS, "-O0")
 
 
-class AtStart(NamedTuple):
+class InitialEstimates(NamedTuple):
     """The frequencies at a start, Baumgarte's α and β with step size control and with fixed steps,
     none where nothing is constrained, and the shares of tolerances.
     """
@@ -37,7 +37,7 @@ class Beginning:
         self.system = system
         self._call: Any = None
 
-    def at(self, ts: np.ndarray, x: np.ndarray, dt: float | None = None) -> AtStart:
+    def at(self, ts: np.ndarray, x: np.ndarray, dt: float | None = None) -> InitialEstimates:
         """All of it for runs at the times `ts` from the state x = (q, v)."""
         if self._call is None:
             self._call, self._shapes = self._made()
@@ -48,7 +48,7 @@ class Beginning:
         estimates = Frequencies(*results["frequencies"])
         controlled, fixed = (results.get(key, np.zeros(0)) for key in ("controlled", "fixed"))
         shares = results.get("shares", np.ones(self.system.n))
-        return AtStart(estimates, controlled, fixed, shares)
+        return InitialEstimates(estimates, controlled, fixed, shares)
 
     def _made(self) -> tuple[Any, Mapping[str, tuple[int, ...]]]:
         """The function of C, and the shapes of its results."""

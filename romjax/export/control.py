@@ -94,10 +94,8 @@ class Control:
             for i in range(1, len(rows)):
                 rows[i, ...] = over(pair, [rows[i - 1], rows[i]])
             return np.moveaxis(rows[:: -1 if p["reverse"] else 1], 0, p["axis"])
-        empty, once = (
-            {"reduce_sum": 0.0, "reduce_prod": 1.0, "reduce_or": False, "reduce_and": True},
-            name in _IDEMPOTENT,
-        )
+        empty = {"reduce_sum": 0.0, "reduce_prod": 1.0, "reduce_or": False, "reduce_and": True}
+        once = name in _IDEMPOTENT
         for axis in sorted(p["axes"], reverse=True):
             if not x.shape[axis]:
                 start = empty.get(name, -np.inf if name == "reduce_max" else np.inf)
