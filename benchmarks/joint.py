@@ -3,14 +3,15 @@ batches, the drift of energy, and digits far from the origin.
 
 Each mechanism moves for a second. romjax is called as a user calls it, `rj.simulate` with nothing
 set but the tolerance; errors are the largest of all coordinates of chains in the plane and of
-loops, and of the positions of centres of mass of chains in space, against MuJoCo's finest run. The
-times are those of the processor, least of interleaved second calls.
+loops, and of the positions of centres of mass of chains in space, and of an arm, against MuJoCo's
+finest run. The times are those of the processor, least of interleaved second calls.
 Writes `joint.txt` beside this file.
 """
 
 import itertools
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import diffrax
@@ -31,7 +32,8 @@ RTOLS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 STEPS = (50, 100, 200, 400, 800, 1600)  # of MuJoCo
 FINEST = 20_000
 IN_SPACE = {8: (1e-6,), 32: (1e-6,)}  # links, and the errors at which they are compared
-IN_PLANE = {8: (1e-5, 1e-7), 32: (1e-5, 1e-7)}
+IN_PLANE = {n: (1e-5, 1e-7) for n in (8, 32, 128)}
+ARM, OF_ARM = Path(__file__).parent / "arm.xml", (2e-8,)  # seven hinges with dampers and rotors
 LOOPS = (1e-6,)
 CORNERS = np.array([[0, 0, 0], [0.2, 0, 1], [1.2, 0, 1], [1.4, 0, 0]])  # of the four-bar
 LANES, LONG, FAR = 64, 100.0, 1e3  # of a batch; [s] of the drift; [m] from the origin
@@ -57,6 +59,12 @@ def four_bar() -> rj.Scene:
     return rj.Scene(bars, joints, [rj.Gravity((3.0, 0, -9.81))])
 
 
+def without_stops(scene: rj.Scene) -> rj.Scene:
+    """A scene without the ranges of its joints, which MuJoCo has with a law of its own."""
+    others = [effect for effect in scene.effects if not isinstance(effect, rj.JointStop)]
+    return rj.Scene(scene.bodies, scene.joints, others)
+
+
 def cases() -> Iterator[tuple[str, dict[str, Case]]]:
     """All mechanisms by name, with what they are together."""
     other, found = "MuJoCo" not in peers.missing(), dict[str, Case]()
@@ -64,7 +72,10 @@ def cases() -> Iterator[tuple[str, dict[str, Case]]]:
         scene = spatial.chain(n, hinges=True)
         run = peers.mujoco_in_space(scene, time.process_time) if other else None
         found[f"{n} hinges in space"] = Case(scene, errors, run)
-    yield "chains of hinges in space", found
+    run = peers.mujoco_of_file(ARM, time.process_time) if other else None
+    if other:
+        found["arm of 7 hinges"] = Case(without_stops(rj.load_scene(ARM, start="home")), OF_ARM, run)
+    yield "chains of hinges and an arm in space", found
     yield (
         "closed loops in space",
         {

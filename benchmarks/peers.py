@@ -7,6 +7,7 @@ import functools
 import importlib.util
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -85,6 +86,29 @@ def mujoco_in_space(scene: rj.Scene, clock: Callable[[], float] = time.perf_coun
         model.opt.timestep = 1.0 / steps
         data = mujoco.MjData(model)
         data.qvel[: len(spin)] = spin
+        start = clock()
+        mujoco.mj_step(model, data, nstep=int(steps))
+        taken = clock() - start
+        mujoco.mj_kinematics(model, data)
+        return Timed((data.xipos[1:].copy(), int(steps)), taken)
+
+    return run
+
+
+def mujoco_of_file(path: Path, clock: Callable[[], float] = time.perf_counter) -> Run:
+    """A robot from its first keyframe, without contacts, ranges and loops; returns the positions of
+    all centres of mass.
+    """
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+
+    def run(steps: float) -> Timed:
+        model.opt.timestep = 1.0 / steps
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
         start = clock()
         mujoco.mj_step(model, data, nstep=int(steps))
         taken = clock() - start
