@@ -32,7 +32,7 @@ RTOLS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 STEPS = (50, 100, 200, 400, 800, 1600)  # of MuJoCo
 FINEST = 20_000
 IN_SPACE = {8: (1e-6,), 32: (1e-6,)}  # links, and the errors at which they are compared
-IN_PLANE = {n: (1e-5, 1e-7) for n in (8, 32, 128)}
+IN_PLANE = dict.fromkeys((8, 32, 128), (1e-5, 1e-7))
 ARM, OF_ARM = Path(__file__).parent / "arm.xml", (2e-8,)  # seven hinges with dampers and rotors
 LOOPS = (1e-6,)
 CORNERS = np.array([[0, 0, 0], [0.2, 0, 1], [1.2, 0, 1], [1.4, 0, 0]])  # of the four-bar
@@ -74,7 +74,9 @@ def cases() -> Iterator[tuple[str, dict[str, Case]]]:
         found[f"{n} hinges in space"] = Case(scene, errors, run)
     run = peers.mujoco_of_file(ARM, time.process_time) if other else None
     if other:
-        found["arm of 7 hinges"] = Case(without_stops(rj.load_scene(ARM, start="home")), OF_ARM, run)
+        found["arm of 7 hinges"] = Case(
+            without_stops(rj.load_scene(ARM, start="home")), OF_ARM, run
+        )
     yield "chains of hinges and an arm in space", found
     yield (
         "closed loops in space",

@@ -17,6 +17,7 @@ from romjax.integrate.default import default_method, start_frequencies
 
 MASS, ARM, INERTIA, ROTOR = 2.0, 0.3, 0.5, 0.7
 UPPER, LEAST = 0.4, -0.5
+STATES = (0.2, 0.5, 0.3), (0.6, 0.4, 0.3), (0.6, -4.0, -0.1), (-0.7, -0.3, 5.0), (0.1, 1, -9)
 
 
 def pendulum(angle, speed, signal):
@@ -64,8 +65,7 @@ def rates(system):
 
 def test_a_hinge_with_everything_obeys_its_own_equation():
     """Between and beyond both stops, the motor within and at its largest force, both ways."""
-    states = [(0.2, 0.5, 0.3), (0.6, 0.4, 0.3), (0.6, -4.0, -0.1), (-0.7, -0.3, 5.0), (0.1, 1, -9)]
-    for state in states:
+    for state in STATES:
         system = rj.assemble(pendulum(*state))
         assert system.structure.labels[-1].endswith("angle")
         assert_close(system.q0[-1], state[0], IDENTITY)
@@ -73,13 +73,21 @@ def test_a_hinge_with_everything_obeys_its_own_equation():
 
 
 def test_joint_coordinates_have_the_rotor():
-    """It moves as their hinge does: M has its inertia, by the recursion and as a matrix."""
-    state = (0.6, -4.0, -0.1)
-    joint = rj.reduce(rj.assemble(pendulum(*state)), formulation=rj.JointCoordinates())
-    rate, mass, solved = both(joint)
-    assert_close(rate, expected(*state), IDENTITY, 100.0)
-    assert_close(solved, rate, IDENTITY, 100.0)
-    assert_close(mass, INERTIA + MASS * ARM**2 + ROTOR, IDENTITY)
+    """It moves as their hinge does: M has its inertia, by the recursion and as a matrix. What acts
+    in the hinge acts on its coordinate, but for the spring that counts turns.
+    """
+    for state in STATES:
+        joint = rj.reduce(rj.assemble(pendulum(*state)), formulation=rj.JointCoordinates())
+        assert len(joint.along.numbers) == 4
+        rate, mass, solved = both(joint)
+        assert_close(rate, expected(*state), IDENTITY, 100.0)
+        assert_close(solved, rate, IDENTITY, 100.0)
+        assert_close(mass, INERTIA + MASS * ARM**2 + ROTOR, IDENTITY)
+
+
+@eqx.filter_jit
+def joint_power(system):
+    return jnp.stack(system.state(0.3, system.q0, system.v0).power())
 
 
 @eqx.filter_jit
@@ -105,7 +113,9 @@ def test_joint_coordinates_refuse_rotors_of_other_motions():
 
 @pytest.mark.slow
 def test_joint_coordinates_have_rotors_that_turn_and_slide():
-    """On both motions of one joint, where springs count the turns too."""
+    """On both motions of one joint, where springs count the turns too, and what acts along it has
+    its ends the other way round.
+    """
     about = (0.1, 0.2, 0.0)  # the axis
     spin = np.array((0.0, 0.0, 40.0))  # three turns in the run
     bar = r.RigidBody(
@@ -119,12 +129,18 @@ def test_joint_coordinates_have_rotors_that_turn_and_slide():
         r.JointInertia(*ends, ROTOR),
         rj.JointSpring(*ends, 20.0),
         rj.JointSpring(*ends, 20.0, motion="travel"),
+        rj.JointDamper(*ends[::-1], 0.3, rj.Friction(0.1, creep=0.1), motion="travel"),
+        rj.JointStop(*ends[::-1], -0.01, 0.02, 500.0, 0.5, motion="travel"),
+        rj.Actuator(*ends[::-1], rj.Sine(2.0, 3.0), gear=2.0, motion="bounded angle"),
     ]
     system = rj.assemble(rj.Scene([bar], [r.Cylindrical(*ends)], effects))
     joint = rj.reduce(system, formulation=rj.JointCoordinates())
     ts = np.linspace(0, 0.5, 11)
-    one, other = (rj.simulate(x, ts, rtol=1e-11, audit=False) for x in (system, joint))
+    assert len(joint.along.numbers) == 4
+    one, other = (rj.simulate(x, ts, rtol=1e-11) for x in (system, joint))
     assert_close(other.q, one.q, SOLVED)
+    assert_close(other.imbalance, 0 * ts, SOLVED, 100.0)
+    assert_close(joint_power(joint), joint_power(system), IDENTITY, 100.0)
     for name, forces in rj.joint_forces(system, one).items():
         assert_close(rj.joint_forces(joint, other)[name].force, forces.force, SOLVED, 200.0)
 

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import operator
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import equinox as eqx
 import jax
@@ -89,14 +89,22 @@ class AssembledSystem(AbstractSystem):
         zero = jnp.zeros((), q.dtype)
         return _total(elastic, zero), _total(other, zero)
 
-    def power(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> Power | None:
-        """The power of the forces that have no potential energy; None where all have one."""
+    def power(
+        self,
+        t: Time,
+        q: Float[Array, " n"],
+        v: Float[Array, " n"],
+        without: Collection[int] = (),
+    ) -> Power | None:
+        """The power of the forces that have no potential energy, but for the groups of effects
+        `without`; None where all have one.
+        """
         taken = [group.damping_power(v) for group in self.bodies]
         given = list[Array | None]()
         if self.effect_markers is not None:
             poses, twists = self.effect_markers.motion(q, v)
-            for group in self.now(v).effects:
-                if group.works(poses):
+            for group, acts in zip(self.now(v).effects, self.acting(without), strict=True):
+                if acts and group.works(poses):
                     only_taken = group.effects.dissipates and not group.effects.supplies
                     (taken if only_taken else given).append(group.power(t, poses, twists))
         if all(term is None for term in taken + given):
@@ -168,13 +176,22 @@ class AssembledSystem(AbstractSystem):
         columns = [group.coordinates.array for group, _ in acting]
         return spread([force for _, force in acting], columns, (self.n,))
 
+    def acting(self, without: Collection[int] = ()) -> list[bool]:
+        """Which groups of effects have wrenches, those `without` not counted."""
+        return [group.effects.acts and i not in without for i, group in enumerate(self.effects)]
+
     def effect_force(
-        self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
+        self,
+        t: Time,
+        q: Float[Array, " n"],
+        v: Float[Array, " n"],
+        without: Collection[int] = (),
     ) -> Float[Array, " n"]:
-        """Q of all effects on markers."""
-        if self.effect_markers is None:
+        """Q of all effects on markers, but for the groups `without`."""
+        acting = self.acting(without)
+        if self.effect_markers is None or not any(acting):
             return 0 * q
-        wrenches = effect_wrenches(self.now(v).effects, self.effect_markers, t, q, v)
+        wrenches = effect_wrenches(self.now(v).effects, self.effect_markers, t, q, v, acting)
         return self.effect_markers.pull_back(q, wrenches)
 
     def constraint(self, t: Time, q: Float[Array, " n"]) -> Float[Array, " m"]:

@@ -1,5 +1,7 @@
 """Wrenches of all joints and of all effects of a system, stacked as their markers are."""
 
+from collections.abc import Sequence
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -16,14 +18,27 @@ def effect_wrenches(
     t: Time,
     q: Float[Array, " n"],
     v: Float[Array, " n"],
+    acting: Sequence[bool] | None = None,
 ) -> Wrench:
-    """Return the wrenches of the effects, by the inertial axes, one row per marker."""
-    twists = None
-    if any(group.effects.needs_twists for group in groups):
+    """Return the wrenches of the effects, by the inertial axes, one row per marker: zero of groups
+    that are not `acting`, unless it is given of those that have none.
+    """
+    acting = [group.effects.acts for group in groups] if acting is None else acting
+    twists, chosen = None, list(zip(groups, acting, strict=True))
+    if any(group.effects.needs_twists for group, on in chosen if on):
         poses, twists = markers.motion(q, v)
     else:
         poses = markers.poses(q)
-    return _stacked([wrench for group in groups for wrench in group.wrenches(t, poses, twists)])
+    none = Wrench(jnp.zeros_like(poses.position), jnp.zeros_like(poses.position))
+    if poses.position.shape[1] == 2:
+        none = none._replace(torque=none.force[:, 0])
+    return _stacked(
+        [
+            wrench
+            for group, on in chosen
+            for wrench in (group.wrenches(t, poses, twists) if on else group.markers.take(none))
+        ]
+    )
 
 
 def joint_wrenches(

@@ -211,15 +211,17 @@ def _quadratic_of(
 
 
 def other_forces(system: AssembledSystem, tree: Tree, state: Any) -> Float[Array, " N"] | None:
-    """Q of all that neither gravity nor invariants give; None where there is nothing else.
+    """Q of all that neither gravity nor invariants give, nor acts along coordinates of joints; None
+    where there is nothing else.
 
     `state`: with t, and q and v, which are asked for where forces depend on them.
     """
     _, fields = _gravity(system)
     groups = list(zip(system.bodies, tree.invariants, strict=True))
     acting = any(group.acts(fields, not known) for group, known in groups)
-    if not acting and system.effect_markers is None:
+    along = state.system.along.numbers
+    if not acting and not any(system.acting(along)):
         return None
     t, q, v = state.t, state.q, state.v
     own = [group.force(fields, q, v, not known) for group, known in groups]
-    return system.body_force(own, q) + system.effect_force(t, q, v)
+    return system.body_force(own, q) + system.effect_force(t, q, v, along)

@@ -20,6 +20,7 @@ def accelerations(
     inertia: Float[Array, "bodies size size"],
     bias: Float[Array, "bodies size"],
     lumped: Float[Array, " rates"] | None,
+    pushed: Float[Array, " rates"] | None,
 ) -> tuple[Float[Array, "bodies rates"], Float[Array, "bodies twist"]]:
     """The derivatives of the rates w, and of the twists V, of all bodies.
 
@@ -34,20 +35,24 @@ def accelerations(
     number of bodies.
 
     **Arguments:** the `tree` and its `motion`; `inertia` and `bias` are M and b of each body;
-    `lumped`: what N M Nᵀ has more on its diagonal, by the rates of the tree.
+    `lumped`, `pushed`: what N M Nᵀ has more on its diagonal, and the forces on the rates beside
+    those on bodies, by the rates of the tree.
     """
     d, dtype = motion.twists.shape[1], inertia.dtype
     added = _added(tree, lumped, dtype)
+    forces = None if pushed is None else tree.motions.take(pushed)
     columns = (motion.own, motion.outer, motion.bias)
     unit = np.eye(motion.own.shape[1], dtype=dtype)
 
     def fold(held: Carry, at: Any) -> tuple[Carry, Any]:
         """Join a body, with all that it holds, to its parent."""
-        (own, outer, drift), inertia, bias, pad = at
+        (own, outer, drift), inertia, bias, pad, force = at
         inertia, bias = inertia + held[0], bias + held[1]
         bias = bias + multiply(inertia[:, :d], drift)
         moved = multiply(own, inertia[:d])
         forced = multiply(own, bias[:d])
+        if force is not None:
+            forced = forced - force
         inner = own
         if tree.modes:
             k = tree.freedoms
@@ -68,7 +73,7 @@ def accelerations(
 
     size = inertia.shape[1]
     none = (jnp.zeros((size, size), dtype), jnp.zeros(size, dtype))
-    articulated = _to_ground(tree, fold, none, (columns, inertia, bias, added))
+    articulated = _to_ground(tree, fold, none, (columns, inertia, bias, added, forces))
 
     def follow(port: Carry, at: Any) -> tuple[Carry, Any]:
         """Give a body its acceleration, from the twist and the amplitudes of its parent."""

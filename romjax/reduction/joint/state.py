@@ -19,6 +19,7 @@ from ...system.reduced import Physical, Reduced
 from ...system.state import AbstractState, Energy, Power, Solved
 from ...system.structure import Structure
 from . import rates
+from .along import AlongJoints
 from .bodies import biases, inertias, other_forces
 from .cuts import Cut
 from .inertias import Inertias
@@ -42,6 +43,8 @@ class TreeSystem(Protocol):
     def lift(self) -> TreeLift: ...
     @property
     def cut(self) -> Cut: ...
+    @property
+    def along(self) -> AlongJoints: ...
     @property
     def structure(self) -> Structure: ...
     @property
@@ -130,8 +133,14 @@ class JointState(AbstractState):
 
     @functools.cached_property
     def others(self) -> Float[Array, " N"] | None:
-        """Q of all that neither gravity nor invariants of bodies give."""
+        """Q of all that neither gravity nor invariants of bodies give, nor acts along z."""
         return other_forces(self.system.full, self.system.tree, self)
+
+    @functools.cached_property
+    def _along(self) -> Float[Array, " r"] | None:
+        """The forces of effects along z; None without any."""
+        along = self.system.along
+        return along.forces(self) if along.groups else None
 
     @functools.cached_property
     def _diagonal(self) -> Float[Array, " r"] | None:
@@ -222,6 +231,7 @@ class JointState(AbstractState):
         (forces,) = back(self._bias + lifted[:, :, 0])
         _, states, _ = tree.states.array
         force = (-rates.pull_back(tree, self.z, forces)).at[states].add(self._state_forces)
+        force = force if self._along is None else force + self._along
         return force + self.apply_mass(still) if tree.spun.rows else force
 
     def energy(self) -> Energy:
@@ -238,7 +248,7 @@ class JointState(AbstractState):
         return Energy(0.5 * multiply(self.w, momentum), elastic, potential, momentum, slope)
 
     def power(self) -> Power | None:
-        return self.system.full.power(self.t, self.q, self.v)
+        return self.system.along.power(self)
 
     def gaps(self) -> Float[Array, " contacts"] | None:
         return self.system.full.gaps(self.q)
@@ -269,8 +279,10 @@ class JointState(AbstractState):
         if self.system.m:
             return super().solve(gamma)
         tree = self.system.tree
-        lumped = None if self._diagonal is None else rates.by_rates(tree, self._diagonal)
-        rows, _ = accelerations(tree, self.motion, self._inertia, self._bias, lumped)
+        lumped, pushed = (
+            None if x is None else rates.by_rates(tree, x) for x in (self._diagonal, self._along)
+        )
+        rows, _ = accelerations(tree, self.motion, self._inertia, self._bias, lumped, pushed)
         change = rates.flat(tree, rows, self._state_forces)
         a = rates.second_derivative(tree, self.z, self.w, change)
         later: Any = Later(self.system, jnp.asarray(self.t, self.z.dtype), self.z, self.w)

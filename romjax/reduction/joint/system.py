@@ -17,6 +17,7 @@ from ...compiling.program import program_once
 from ...system.base import AbstractSystem, AbstractValidity
 from ...system.reduced import AbstractReducedSystem, Physical, Reduced, check_alike, start_of
 from ...system.structure import Structure
+from .along import AlongJoints
 from .counters import counters_of
 from .cuts import Cut
 from .lift import TreeLift
@@ -33,7 +34,7 @@ class JointSystem(AbstractReducedSystem):
     only those that are cut keep their constraints. Made by `reduce`.
 
     - `full`: the system of bodies. `spanning`: its tree. `lift`: q of z. `cut`: the joints that
-      close loops, or have no coordinates of their own.
+      close loops, or have no coordinates of their own. `along`: the effects along coordinates z.
     - `q0`, `v0` (r,): the start, at `time` [s]. `structure`, `summary`: names and words.
     """
 
@@ -42,6 +43,7 @@ class JointSystem(AbstractReducedSystem):
     full: AssembledSystem
     lift: TreeLift
     cut: Cut
+    along: AlongJoints
     q0: Float[Array, " r"]
     v0: Float[Array, " r"]
     time: Float[Array, ""]
@@ -59,8 +61,8 @@ class JointSystem(AbstractReducedSystem):
         """
         z = jnp.zeros(len(structure.coordinates), full.q0.dtype)
         time = jnp.zeros((), z.dtype)
-        lift, cut = _parts(full, spanning, None)
-        rom = cls(full, lift, cut, z, z, time, spanning, structure, summary)
+        lift, cut, along = _parts(full, spanning, None)
+        rom = cls(full, lift, cut, along, z, z, time, spanning, structure, summary)
         return rom.starting_at(full.q0, full.v0)._without_repeated_rows()
 
     @property
@@ -106,10 +108,10 @@ class JointSystem(AbstractReducedSystem):
     def with_full(self, full: AbstractSystem) -> "JointSystem":
         check_alike(self.full, full)
         other = assembled("with_full", full)
-        lift, cut = _parts(other, self.spanning, self.lift)
+        lift, cut, along = _parts(other, self.spanning, self.lift)
         # While JAX traces, as many rows repeat others as before.
         cut = dataclasses.replace(cut, rank=self.cut.rank)
-        rom = dataclasses.replace(self, full=other, lift=lift, cut=cut)
+        rom = dataclasses.replace(self, full=other, lift=lift, cut=cut, along=along)
         rom = rom._starting_at(self.q0, self.v0, self.time)
         return rom if is_traced(rom.q0) else rom._without_repeated_rows()
 
@@ -126,14 +128,17 @@ class JointSystem(AbstractReducedSystem):
 
 def _parts(
     full: AssembledSystem, spanning: Spanning, before: TreeLift | None
-) -> tuple[TreeLift, Cut]:
-    """The lift, with the lengths of quaternions that it had before, and the cut joints."""
+) -> tuple[TreeLift, Cut, AlongJoints]:
+    """The lift, with the lengths of quaternions that it had before, the cut joints, and the effects
+    along coordinates.
+    """
     tree = plant(full, spanning)
     lengths = before.lengths if before is not None else None
     if before is None and full.structure.quaternions:
         lengths = as_array(np.ones(tree.count))
     counters = counters_of(full, tree, spanning, None if before is None else before.counters)
-    return TreeLift(tree, lengths, counters, full.n), Cut.of(full, tree, spanning.cut)
+    lift, cut = TreeLift(tree, lengths, counters, full.n), Cut.of(full, tree, spanning.cut)
+    return lift, cut, AlongJoints.of(full, tree, spanning)
 
 
 @program_once

@@ -1,5 +1,6 @@
 """An actuator that drives a joint by a signal."""
 
+from collections.abc import Callable
 from typing import ClassVar
 
 import equinox as eqx
@@ -52,10 +53,15 @@ class Actuator(AbstractMotionEffect):
 
     def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         value, rate, wrenches = self.displacement(poses, twists)
+        return wrenches(self.along(t, value, rate))
+
+    def along(
+        self, t: Time, value: Float[Array, ""], rate: Callable[[], Float[Array, ""]]
+    ) -> Float[Array, ""]:
         signal = cut_off(self.signal(t), self.least_signal, self.largest_signal)
         feedback = self.proportional * value + self.derivative * rate()
         force = self.gain * signal + self.offset - self.gear * feedback
-        return wrenches(self.gear * cut_off(force, self.least, self.largest))
+        return self.gear * cut_off(force, self.least, self.largest)
 
     def check(self) -> None:
         owner = check_markers(self)

@@ -1,10 +1,12 @@
 """What the effects in joints share: a motion of one marker against another that they act along."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from ...common.arrays import Time
 from ..marker import Pose, Poses, Twists
 from ..motion import counts, is_limited, limit_of, moved, points_of
 from .base import AbstractMarkerEffect, Displacement, displacement
@@ -40,3 +42,12 @@ class AbstractMotionEffect(AbstractMarkerEffect):
     def displacement(self, poses: Poses, twists: Twists) -> Displacement:
         """The motion, and the functions of its rate and of the wrenches of a force along it."""
         return displacement(lambda *p: moved(self.motion, *p), poses, twists)
+
+    def along(
+        self, t: Time, value: Float[Array, ""], rate: Callable[[], Float[Array, ""]]
+    ) -> Float[Array, ""]:
+        """The force [N] or torque [N m] along the motion, by its value and its rate, for kinds that
+        depend on nothing else: where the motion is the coordinate of a joint it is the force on
+        that, without poses and wrenches.
+        """
+        raise NotImplementedError

@@ -68,6 +68,8 @@ class AbstractMarkerEffect(AbstractEffect):
     dimensions: ClassVar[tuple[int, ...]] = (2,)
     # Whether the wrenches depend on velocities; where none do, no velocity is traced.
     needs_twists: AbstractClassVar[bool]
+    # Whether it has wrenches: what is only an inertia has none.
+    acts: ClassVar[bool] = True
     # What the wrenches consist of, for the balance of energy: those of `energy`, and others, which
     # may give energy (`supplies`) or only take it (`dissipates`).
     stores: ClassVar[bool] = False

@@ -1,5 +1,6 @@
 """Damping and friction in a joint."""
 
+from collections.abc import Callable
 from typing import ClassVar
 
 import equinox as eqx
@@ -49,18 +50,21 @@ class JointDamper(AbstractMotionEffect):
         return ()
 
     def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
-        del t
         if self.motion == ANY:
             torque = self.damping * (twists[1].angular_velocity - twists[0].angular_velocity)
             none = jnp.zeros_like(poses[0].position)
             return Wrench(none, torque), Wrench(none, -torque)
         motion = "bounded angle" if counts(self.motion) else self.motion
-        _, rate, wrenches = displacement(lambda *p: moved(motion, *p), poses, twists)
+        value, rate, wrenches = displacement(lambda *p: moved(motion, *p), poses, twists)
+        return wrenches(self.along(t, value, rate))
+
+    def along(
+        self, t: Time, value: Float[Array, ""], rate: Callable[[], Float[Array, ""]]
+    ) -> Float[Array, ""]:
+        del t, value
         speed = rate()
         force = -self.damping * speed
-        if self.friction is not None:
-            force = force - self.friction(speed)
-        return wrenches(force)
+        return force if self.friction is None else force - self.friction(speed)
 
     def check(self) -> None:
         owner = check_markers(self)

@@ -32,6 +32,7 @@ class JointInertia(AbstractMarkerEffect):
     inertia: Converted[Float[Array, ""]] = number()
     motion: str = eqx.field(static=True, default="angle")
     needs_twists: ClassVar[bool] = False
+    acts: ClassVar[bool] = False
     supplies: ClassVar[bool] = False
     dimensions: ClassVar[tuple[int, ...]] = (3,)
     counted: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1),)

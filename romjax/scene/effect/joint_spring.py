@@ -1,5 +1,7 @@
 """A spring in a joint."""
 
+from collections.abc import Callable
+
 import equinox as eqx
 from jaxtyping import Array, Float
 
@@ -34,6 +36,12 @@ class JointSpring(AbstractMotionEffect, AbstractPotential):
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         del t
         return 0.5 * self.stiffness * (moved(self.motion, *poses) - self.rest) ** 2
+
+    def along(
+        self, t: Time, value: Float[Array, ""], rate: Callable[[], Float[Array, ""]]
+    ) -> Float[Array, ""]:
+        del t, rate
+        return -self.stiffness * (value - self.rest)
 
     def check(self) -> None:
         owner = check_markers(self)

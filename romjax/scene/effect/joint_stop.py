@@ -1,5 +1,6 @@
 """The stops of a joint."""
 
+from collections.abc import Callable
 from typing import ClassVar
 
 import equinox as eqx
@@ -58,13 +59,18 @@ class JointStop(AbstractMotionEffect):
         return 0.5 * self.stiffness * self._beyond(moved(self.motion, *poses)) ** 2
 
     def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
-        del t
         value, rate, wrenches = self.displacement(poses, twists)
+        return wrenches(self.along(t, value, rate))
+
+    def along(
+        self, t: Time, value: Float[Array, ""], rate: Callable[[], Float[Array, ""]]
+    ) -> Float[Array, ""]:
+        del t
         beyond = self._beyond(value)
         push = -self.stiffness * beyond
         if self.dissipation is not None:
             push *= jnp.maximum(1 + self.dissipation * jnp.sign(beyond) * rate(), 0)
-        return wrenches(push)
+        return push
 
     def acting(self, acts: Bool[Array, ""]) -> "JointStop":
         """Return the stops as a spring about zero, if they are to act, else as they are."""
