@@ -13,9 +13,10 @@ from ...assembly.assembled import AssembledSystem
 from ...assembly.groups import EffectGroup
 from ...assembly.kinematics import Markers
 from ...common.arrays import Time, concrete
+from ...common.inheritance import goes_with
 from ...scene.effect.along_motion import AbstractMotionEffect
 from ...system.state import Power
-from .spanning import Spanning, goes_with
+from .spanning import Spanning
 from .tree import Tree
 
 # Motions that are coordinates of joints between the same markers, by the names that these give
@@ -176,7 +177,7 @@ def _bytes(numbers: Any) -> bytes:
     """Numbers without the zeros at the ends of their axes, with which those of fewer modes are
     padded.
     """
-    x = np.asarray(numbers) + 0.0
+    x = np.atleast_1d(numbers) + 0.0
     places = np.nonzero(x)
     sizes = tuple(int(np.max(own, initial=-1)) + 1 for own in places)
     return x[tuple(slice(size) for size in sizes)].tobytes() + bytes(str(sizes), "ascii")

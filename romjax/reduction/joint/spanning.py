@@ -3,6 +3,7 @@
 from typing import Any, NamedTuple
 
 from ...assembly.assembled import AssembledSystem
+from ...common.inheritance import goes_with
 from ...scene.joint.base import AbstractJoint
 from ...scene.one_coordinate import AbstractOneCoordinate
 from ...scene.turn_counter import CounterJoint
@@ -65,15 +66,6 @@ def has_own_coordinates(joint: Any) -> bool:
 def has_own_screws(joint: Any) -> bool:
     """Whether a joint knows its twists, which a subclass with another `place` has not inherited."""
     return goes_with(joint, "screws", "place") and type(joint).screws is not AbstractJoint.screws
-
-
-def goes_with(part: Any, name: str, other: str) -> bool:
-    """Whether the class that says `name` of a part knew the `other` that the part has."""
-
-    def owner(name: str) -> type:
-        return next(kind for kind in type(part).__mro__ if name in vars(kind))
-
-    return issubclass(owner(name), owner(other))
 
 
 def spanning_tree(system: AssembledSystem) -> Spanning:

@@ -9,11 +9,12 @@ import numpy as np
 from ...assembly.assembled import AssembledSystem
 from ...assembly.kinematics import Markers
 from ...common.arrays import pick
+from ...common.inheritance import goes_with
 from ...linalg.indexing import Index
 from ...scene.body.base import AbstractBody
 from .free import Free
 from .ports import Still, ports_of
-from .spanning import Branch, Spanning, frames_of, goes_with
+from .spanning import Branch, Spanning, frames_of
 
 
 class Links(eqx.Module):
