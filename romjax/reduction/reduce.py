@@ -52,8 +52,8 @@ def reduce(
       "hyper": a few of many hinged rigid bodies stand for all. `Projected()`, "projected": the
       chapter's equation 39.6, unstable, for reference only. `JointCoordinates()`, "joint": exact.
 
-    Raises ReductionError for effects with states (but for local), a basis that does not fit, a
-    mechanism that locks, comes apart (galerkin) or is singular (minimal), with what suits it.
+    Raises ReductionError for effects with states (but for local and joint), a basis that does not
+    fit, a mechanism that locks, comes apart (galerkin) or is singular (minimal), with what suits it.
     """
     chosen: AbstractFormulation = as_formulation(formulation)
     check_system("reduce", system)

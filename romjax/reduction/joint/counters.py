@@ -103,10 +103,12 @@ def _slopes(lift: TreeLift, z: Float[Array, " n"]) -> Float[Array, "counters n"]
 
 
 def _lost(full: AssembledSystem, column: int) -> ReductionError:
+    part = full.structure.coordinates[column].owner
     return ReductionError(
-        f"reduce: JointCoordinates cannot follow {full.structure.labels[column]}, which is the "
-        "coordinate of no joint of the tree: simulate the assembled system as it is, or give the "
-        "part the markers of a hinge or a slider."
+        f"reduce: JointCoordinates cannot have the {part}, whose motion is the coordinate of no "
+        "joint of the tree: not of ball joints, whose coordinates are quaternions, nor of joints "
+        "that close loops. Simulate the assembled system as it is, or give the part the markers of "
+        "a hinge or a slider of the tree."
     )
 
 

@@ -18,7 +18,7 @@ from ...system.base import AbstractSystem, AbstractValidity
 from ...system.reduced import AbstractReducedSystem, Physical, Reduced, check_alike, start_of
 from ...system.structure import Structure
 from .along import AlongJoints
-from .counters import counters_of
+from .counters import check_rotors, counters_of
 from .cuts import Cut
 from .lift import TreeLift
 from .redundant import rank_of_rows
@@ -113,7 +113,10 @@ class JointSystem(AbstractReducedSystem):
         cut = dataclasses.replace(cut, rank=self.cut.rank)
         rom = dataclasses.replace(self, full=other, lift=lift, cut=cut, along=along)
         rom = rom._starting_at(self.q0, self.v0, self.time)
-        return rom if is_traced(rom.q0) else rom._without_repeated_rows()
+        if is_traced(rom.q0):
+            return rom
+        check_rotors(other, rom.lift, rom.q0)
+        return rom._without_repeated_rows()
 
     def _without_repeated_rows(self) -> "JointSystem":
         """The system that knows how many rows of cut joints repeat others."""
