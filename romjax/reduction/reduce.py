@@ -53,7 +53,8 @@ def reduce(
       chapter's equation 39.6, unstable, for reference only. `JointCoordinates()`, "joint": exact.
 
     Raises ReductionError for effects with states (but for local and joint), a basis that does not
-    fit, a mechanism that locks, comes apart (galerkin) or is singular (minimal), with what suits it.
+    fit, a mechanism that locks, comes apart (galerkin) or is singular (minimal), with what suits
+    it.
     """
     chosen: AbstractFormulation = as_formulation(formulation)
     check_system("reduce", system)
