@@ -171,6 +171,28 @@ def test_stops_are_as_stiff_as_the_system_is_fast_on_them():
     assert [type(solver) for solver in taken] == [diffrax.Dopri8, rj.Rodas5P]
 
 
+class HalfTurn(rj.Revolute):
+    """A hinge whose coordinate is half of its angle."""
+
+    def place(self, z):
+        return super().place(2 * z)
+
+    def read(self, a, b):
+        return super().read(a, b) / 2
+
+
+@pytest.mark.slow
+def test_effects_act_on_coordinates_that_are_their_motions_alone():
+    bar = rj.RigidBody("bar", MASS, INERTIA, position=(ARM, 0.0))
+    ends = bar.at((-ARM, 0.0)), rj.ground.at()
+    for hinge, known in ((rj.Revolute(*ends), 1), (HalfTurn(*ends), 0)):
+        scene = rj.Scene([bar], [hinge], [rj.JointSpring(*ends, 3.0, 0.2)])
+        joint = rj.reduce(rj.assemble(scene), formulation=rj.JointCoordinates())
+        assert len(joint.along.numbers) == known
+        angle = rates(joint)[0] * (1 if known else 2)
+        assert_close(angle, 3.0 * 0.2 / (INERTIA + MASS * ARM**2), IDENTITY)
+
+
 @pytest.mark.slow
 def test_the_energies_of_the_parts_are_all_there_is():
     """That of the rotor among them; nothing is lost but to what damps, rubs and drives."""

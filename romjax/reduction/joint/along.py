@@ -19,8 +19,8 @@ from ...system.state import Power
 from .spanning import Spanning
 from .tree import Tree
 
-# Motions that are coordinates of joints between the same markers, by the names that these give
-# them; angles in space that count full turns have more markers.
+# Motions of effects, by those of joints between the same markers; angles in space that count full
+# turns have more markers.
 _COORDINATES = {"angle": "angle", "bounded angle": "angle", "travel": "travel"}
 
 
@@ -139,17 +139,18 @@ def _coordinates(
     if full.joint_markers is None:
         return
     for link in tree.links:
-        names = [name for name, _ in link.joints.freedoms]
+        joints: Any = link.joints
+        if not joints.motions or not goes_with(joints, "motions", "read"):
+            continue
         for place, row in zip(link.bodies, link.coordinates.rows, strict=True):
-            branch = spanning.branches[place]
-            if branch.link is None:
-                continue
-            blocks = full.joints[branch.link.group].markers
-            rows = [blocks.start + side * blocks.count + branch.link.row for side in (0, 1)]
+            held = spanning.branches[place].link
+            assert held is not None
+            blocks = full.joints[held.group].markers
+            rows = [blocks.start + side * blocks.count + held.row for side in (0, 1)]
             a, b = _keys(full.joint_markers, rows)
             if a is None or b is None:
                 continue
-            for name, column in zip(names, row, strict=False):
+            for name, column in zip(joints.motions, row, strict=True):
                 yield (a, b, name), (column, 1)
                 yield (b, a, name), (column, -1)
 

@@ -1,5 +1,7 @@
 """What holds a body that no joint holds: its coordinates are those of its frame."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -17,6 +19,7 @@ class Free(eqx.Module):
     """
 
     size: int = eqx.field(static=True)
+    motions: ClassVar[tuple[str, ...]] = ()
 
     @property
     def freedoms(self) -> tuple[tuple[str, str], ...]:

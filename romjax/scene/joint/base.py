@@ -53,6 +53,8 @@ class AbstractJoint(eqx.Module):
     # The names and units of the joint's own coordinates, of which `place` makes a pose; None where
     # it has none, so that joint coordinates keep its residual instead.
     freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = None
+    # The motions of `a` against `b` that these are, by the names that effects in joints know.
+    motions: ClassVar[tuple[str, ...]] = ()
     # Whether the last four of them are a quaternion, of any length.
     turns_freely: ClassVar[bool] = False
     # The numbers of its rows that hold velocities, not positions, see `AbstractSlipJoint`.

@@ -27,6 +27,7 @@ class Prismatic(AbstractJoint):
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
     hatched: ClassVar[bool] = False
     freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = (("travel", "m"),)
+    motions: ClassVar[tuple[str, ...]] = ("travel",)
 
     def __post_init__(self) -> None:
         drop_angle(self)

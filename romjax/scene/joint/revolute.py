@@ -24,6 +24,7 @@ class Revolute(AbstractJoint):
     name: str = eqx.field(static=True, default="")
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
     freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = (("angle", "rad"),)
+    motions: ClassVar[tuple[str, ...]] = ("angle",)
 
     @property
     def rows(self) -> int:  # type: ignore[override]

@@ -24,6 +24,7 @@ class Cylindrical(AbstractJoint):
     dimensions: ClassVar[tuple[int, ...]] = (3,)
     hatched: ClassVar[bool] = False
     freedoms: ClassVar[tuple[tuple[str, str], ...] | None] = (("travel", "m"), ("angle", "rad"))
+    motions: ClassVar[tuple[str, ...]] = ("travel", "angle")
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "4"]:
         del t
