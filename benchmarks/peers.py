@@ -39,18 +39,13 @@ def mujoco_chain(links: int, clock: Callable[[], float] = time.perf_counter) -> 
         f"<worldbody>{bars}{'</body>' * links}</worldbody></mujoco>"
     )
 
-    def run(steps: float) -> Timed:
-        model.opt.timestep = 1.0 / steps
-        data = mujoco.MjData(model)
-        start = clock()
-        mujoco.mj_step(model, data, nstep=int(steps))
-        taken = clock() - start
+    def places(data: Any) -> np.ndarray:
         angle = np.cumsum(data.qpos)
         along, up = np.cos(angle), np.sin(angle)
-        places = [np.cumsum(along) - along / 2, np.cumsum(up) - up / 2, angle]
-        return Timed((np.stack(places, axis=1).ravel(), int(steps)), taken)
+        own = [np.cumsum(along) - along / 2, np.cumsum(up) - up / 2, angle]
+        return np.stack(own, axis=1).ravel()
 
-    return run
+    return _mujoco_run(model, lambda data: None, places, clock)
 
 
 def is_hinged(scene: rj.Scene) -> bool:
@@ -82,17 +77,10 @@ def mujoco_in_space(scene: rj.Scene, clock: Callable[[], float] = time.perf_coun
     )
     spin = np.asarray(first.angular_velocity)[1:2] if hinges else np.asarray(first.angular_velocity)
 
-    def run(steps: float) -> Timed:
-        model.opt.timestep = 1.0 / steps
-        data = mujoco.MjData(model)
+    def begin(data: Any) -> None:
         data.qvel[: len(spin)] = spin
-        start = clock()
-        mujoco.mj_step(model, data, nstep=int(steps))
-        taken = clock() - start
-        mujoco.mj_kinematics(model, data)
-        return Timed((data.xipos[1:].copy(), int(steps)), taken)
 
-    return run
+    return _mujoco_run(model, begin, functools.partial(_centres, model), clock)
 
 
 def mujoco_of_file(path: Path, clock: Callable[[], float] = time.perf_counter) -> Run:
@@ -105,15 +93,37 @@ def mujoco_of_file(path: Path, clock: Callable[[], float] = time.perf_counter) -
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
+    def begin(data: Any) -> None:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+
+    return _mujoco_run(model, begin, functools.partial(_centres, model), clock)
+
+
+def _centres(model: Any, data: Any) -> np.ndarray:
+    """The positions of all centres of mass."""
+    import mujoco
+
+    mujoco.mj_kinematics(model, data)
+    return np.array(data.xipos[1:])
+
+
+def _mujoco_run(
+    model: Any,
+    begin: Callable[[Any], None],
+    read: Callable[[Any], np.ndarray],
+    clock: Callable[[], float],
+) -> Run:
+    """One second in so many steps, from where `begin` puts the data, and what is `read` of them."""
+    import mujoco
+
     def run(steps: float) -> Timed:
         model.opt.timestep = 1.0 / steps
         data = mujoco.MjData(model)
-        mujoco.mj_resetDataKeyframe(model, data, 0)
+        begin(data)
         start = clock()
         mujoco.mj_step(model, data, nstep=int(steps))
         taken = clock() - start
-        mujoco.mj_kinematics(model, data)
-        return Timed((data.xipos[1:].copy(), int(steps)), taken)
+        return Timed((read(data), int(steps)), taken)
 
     return run
 

@@ -90,8 +90,8 @@ def _at_start(
     v: Float[Array, " n"],
     with_acting: bool,
 ) -> AtStart:
-    """Return it, compiled once for all methods, and quickly, as a part of a run would not be; a
-    setting is not differentiated.
+    """Return what is known of a start: a program for all methods, which compiles faster than as a
+    part of a run; settings are not differentiated.
     """
     share = precision.of(q.dtype).start_tolerance
     t = jnp.asarray(t, q.dtype)
