@@ -42,6 +42,8 @@ def test_energy_comes_back_without_dissipation():
     systems = [ball(height, -1.0, rj.Circle(0.3), dissipation=0.0) for height in heights]
     after = [float(zoo.run(system, np.array([0.0, 0.25])).v[-1, 1]) for system in systems]
     np.testing.assert_allclose(after, 1.0, rtol=zoo.TIGHT)
+    run = zoo.run(systems[4], np.array([0.0, 0.15]), rtol=1e-11)
+    assert abs(np.asarray(run.v)[-1, 1] - 1.0) <= SOLVED
 
 
 @pytest.fixture(scope="module")
