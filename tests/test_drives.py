@@ -3,13 +3,15 @@
 import jax
 import numpy as np
 import pytest
+import zoo
 from comparison import assert_close
-from tolerances import IDENTITY
+from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
 from romjax import spatial
 
 TILT, SPEED = 1.05, 9.0
+TS = np.linspace(0.0, 0.5, 6)
 
 
 def crank(signal, angle=TILT, spin=SPEED) -> rj.Scene:
@@ -144,3 +146,18 @@ def test_files_refuse_degrees_of_what_is_no_angle(signal, tmp_path):
         path.write_text(f"{scene}{part}signal = {signal}\n")
         with pytest.raises(rj.SceneFileError, match=f"signal is in {unit}, not an angle"):
             rj.load_scene(path)
+
+
+def test_a_drive_moves_what_joints_hold_more_often_than_once():
+    """Repeated rows are no reason to call the mechanism locked; a drive of a bar that is really
+    held, at two places, is one.
+    """
+    scene = crank(rj.Ramp(SPEED))
+    hinge, drive = scene.joints
+    system = rj.assemble(rj.Scene(scene.bodies, [hinge, hinge, drive]))
+    assert system.m > system.n
+    run = zoo.run(system, TS)
+    assert_close(run["crank.phi"], TILT + SPEED * TS, SOLVED, scale=SPEED)
+    held = rj.Revolute(scene.bodies[0].at((0.5, 0.0)), rj.ground.at((0.25, 0.43)))
+    with pytest.raises(rj.SceneError, match="leave no motion"):
+        rj.assemble(rj.Scene(scene.bodies, [hinge, held, drive]))

@@ -331,3 +331,26 @@ def test_what_mjcf_cannot_hold_is_refused_by_name(tmp_path):
         rj.gallery.cart_pendulum().save(tmp_path / "cart.xml")
     with pytest.raises(rj.SceneError, match="MJCF holds no Coupling such as 'equality0'"):
         rj.load_scene(GALLERY / "gripper.urdf").save(tmp_path / "gripper.xml")
+
+
+@pytest.mark.instant
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e3])
+def test_numbers_that_files_leave_open_follow_the_unit_of_length(unit, tmp_path):
+    """How fast friction creeps along a slide and a tendon, and what stops take: of a robot in
+    kilometres as of one in metres, wherever it stands. Angles have one unit.
+    """
+    sphere, far = f'<geom size="{0.1 / unit}" mass="1"/>', 20.0 / unit
+    numbers = f'frictionloss="1" range="{-0.2 / unit} {0.3 / unit}" limited="true"'
+    path = tmp_path / "robot.xml"
+    path.write_text(
+        f'<mujoco><worldbody><site name="c" pos="0 {far} 0"/>'
+        f'<body pos="0 {far} 0"><joint type="slide" {numbers}/>{sphere}'
+        f'<body pos="{0.4 / unit} 0 0"><joint axis="0 1 0" frictionloss="1"/>{sphere}'
+        '<site name="d"/></body></body></worldbody><tendon>'
+        f'<spatial {numbers}><site site="c"/><site site="d"/></spatial></tendon></mujoco>'
+    )
+    effects = rj.load_scene(path).effects
+    creep = [e.friction.creep for e in effects if isinstance(e, rj.JointDamper)]
+    taken = [e.dissipation for e in effects if isinstance(e, rj.JointStop)]
+    np.testing.assert_allclose(creep, [4e-4 / unit, 1e-3, 4e-4 / unit])
+    np.testing.assert_allclose(taken, np.full(2, 2.0 * unit / 0.4))

@@ -30,6 +30,8 @@ Motion = Literal[
 ]
 MOTIONS: tuple[str, ...] = get_args(Motion)
 _PLANAR = MOTIONS[:4]
+# Those that are lengths; the others are angles.
+LENGTHS = ("travel", "distance")
 # The sine of the second of three angles up to which they are told apart, that of 87 degrees.
 _STEEP = 0.9986
 

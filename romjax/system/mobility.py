@@ -1,8 +1,11 @@
 """Whether a mechanism can move at all."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..common import compat
 from ..common.arrays import concrete
 from ..common.errors import InputError
 from ..compiling.program import program_once
@@ -20,19 +23,26 @@ def check_mobility(
     """Raise an error if more constraints than freedoms leave no motion at the start.
 
     Lengths of quaternions are no freedoms. Repeated constraints do not count: a mechanism may have
-    them, and the solution of its equations of motion stays unique.
+    them, and the solution of its equations of motion stays unique. Constraints that change with
+    time move what has no freedom left, at rates that all constraints allow.
     """
     structure = system.structure
     freedoms = system.n - len(structure.quaternions) - len(structure.states)
     if system.m <= freedoms:
         return
-    rows = concrete(_at_start(without_names(system)))
-    if rows is not None and np.linalg.matrix_rank(rows) == freedoms:
+    rows, driven = (concrete(x) for x in _at_start(without_names(system)))
+    if rows is None or driven is None or np.linalg.matrix_rank(rows) < freedoms:
+        return
+    moves = compat.depends_on_first(system.constraint, jnp.zeros((), system.q0.dtype), system.q0)
+    locked = np.linalg.matrix_rank(np.column_stack([rows, driven])) > freedoms
+    if locked or not moves:
         words = f"{system.m} constraints on {system.n} coordinates leave no motion. {remedy}"
         raise error(f"{owner}: {words}".rstrip())
 
 
 @program_once
-def _at_start(system: AbstractSystem) -> Float[Array, "m n"]:
-    """The constraint Jacobian at the start."""
-    return jacobian(system, 0.0, system.q0)
+def _at_start(system: AbstractSystem) -> tuple[Float[Array, "m n"], Float[Array, " m"]]:
+    """The constraint Jacobian at the start, and the rates of the constraints at rest."""
+    time = jnp.zeros((), system.q0.dtype)
+    _, driven = jax.jvp(lambda t: system.constraint(t, system.q0), (time,), (jnp.ones_like(time),))
+    return jacobian(system, time, system.q0), driven

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from ...scene.effect.contact import Friction
 from ...scene.effect.joint_damper import JointDamper
 from ...scene.effect.joint_spring import JointSpring
 from ...scene.effect.joint_stop import JointStop
@@ -20,12 +19,13 @@ from ...scene.placement import Placement
 from ...scene.signal import Constant
 from .joints import Measured
 from .model import Model
+from .passive import dissipation, rubbing
 from .tree import Tree
 
 _UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
 _CONNECT, _WELD = 0, 1
-# Of a tendon, which has no inertia of its own [N/m], [s/m].
-_STOP, _DISSIPATION = 1e5, 2.0
+# Of a tendon, which has no inertia of its own [N/m].
+_STOP = 1e5
 _SITE = 3  # MuJoCo's number of what a tendon passes
 
 
@@ -140,11 +140,10 @@ def _line(model: Model, tree: Tree, i: int) -> Iterator[Any]:
     elif stiffness:
         yield JointStop(a, b, shortest, longest, stiffness, motion="distance")
     if damping or friction:
-        rubbing = Friction(friction) if friction else None
-        yield JointDamper(a, b, damping, rubbing, "distance")
+        yield JointDamper(a, b, damping, rubbing(model, friction, "distance"), "distance")
     if arrays.tendon_limited[i]:
         ends = [float(x) for x in arrays.tendon_range[i]]
-        yield JointStop(a, b, ends[0], ends[1], _STOP, _DISSIPATION, "distance")
+        yield JointStop(a, b, ends[0], ends[1], _STOP, dissipation(model, "distance"), "distance")
 
 
 def _ropes(model: Model, tree: Tree, i: int) -> Iterator[Any]:
@@ -163,4 +162,5 @@ def _ropes(model: Model, tree: Tree, i: int) -> Iterator[Any]:
         yield Rope(a, b, float(longest), stiffness, via=via, name=name)
     if limited:
         stop = f"{name}: range" if stiffness else name
-        yield Rope(a, b, float(most), _STOP, via=via, dissipation=_DISSIPATION, name=stop)
+        loss = dissipation(model, "distance")
+        yield Rope(a, b, float(most), _STOP, via=via, dissipation=loss, name=stop)

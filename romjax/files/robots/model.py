@@ -34,6 +34,17 @@ class Model(NamedTuple):
     root: Element
     left_out: list[str]
 
+    @property
+    def size(self) -> float:
+        """The largest arm or radius of gyration of a link, in the file's unit of length, whichever
+        that is; where the robot stands does not count.
+        """
+        a = self.arrays
+        inertia, mass = np.max(a.body_inertia, axis=1), a.body_mass
+        gyration = np.sqrt(np.divide(inertia, mass, out=0 * mass, where=mass > 0))
+        arms = np.concatenate([a.body_pos[a.body_parentid > 0], a.body_ipos])
+        return float(max(np.max(gyration), np.max(np.linalg.norm(arms, axis=1))))
+
     def name(self, kind: str, number: int) -> str:
         """The name of the body, joint, … of a number, "" if it has none."""
         name: str | None = self.mujoco.mj_id2name(

@@ -13,11 +13,13 @@ from ...scene.effect.joint_inertia import JointInertia
 from ...scene.effect.joint_spring import JointSpring
 from ...scene.effect.joint_stop import JointStop
 from ...scene.marker import Marker
+from ...scene.motion import LENGTHS
 from .joints import Measured
 from .model import Model
 
-# Of a stop, up to which speeds its restitution falls [s/rad], [s/m].
-_DISSIPATION = 2.0
+# Of a stop, up to which speeds its restitution falls [s], and of friction, how fast creeps what
+# sticks [1/s]: of angles in radians, and of lengths in sizes of the robot.
+_DISSIPATION, _CREEP = 2.0, 1e-3
 
 
 class Reflected:
@@ -60,13 +62,12 @@ def _of_joint(model: Model, number: int, joint: Measured, reflected: Reflected) 
         rest = sign * float(arrays.qpos_spring[arrays.jnt_qposadr[number]])
         yield JointSpring(a, b, stiffness, rest, motion)
     if damping or friction:
-        rubbing = Friction(friction) if friction else None
-        yield JointDamper(a, b, damping, rubbing, motion)
+        yield JointDamper(a, b, damping, rubbing(model, friction, motion), motion)
     if inertia:
         yield JointInertia(a, b, inertia, motion)
     if arrays.jnt_limited[number]:
         ends = sorted(sign * float(x) for x in arrays.jnt_range[number])
-        yield stop(a, b, ends, motion, arrays, number)
+        yield stop(a, b, ends, motion, model, number)
 
 
 def _of_turns(
@@ -86,14 +87,30 @@ def _of_turns(
         )
 
 
+def rubbing(model: Model, friction: float, motion: str) -> Friction | None:
+    """The friction of a motion, if there is some."""
+    return Friction(friction, _CREEP * _size(model, motion)) if friction else None
+
+
+def dissipation(model: Model, motion: str) -> float:
+    """How much a stop of a motion takes of what hits it."""
+    return _DISSIPATION / _size(model, motion)
+
+
+def _size(model: Model, motion: str) -> float:
+    """What is large for a motion: the size of the robot, or 1 rad."""
+    return model.size if motion in LENGTHS else 1.0
+
+
 def stop(
-    a: Marker, b: Marker, ends: list[float], motion: str, arrays: Any, number: int
+    a: Marker, b: Marker, ends: list[float], motion: str, model: Model, number: int
 ) -> JointStop:
     """The stops of a joint, as stiff as MuJoCo's for the inertia that the joint has at first."""
+    arrays = model.arrays
     time, ratio = (float(x) for x in arrays.jnt_solref[number])
     mass = 1 / float(arrays.dof_invweight0[arrays.jnt_dofadr[number]])
     stiffness = _stiffness(time, ratio, mass)
-    return JointStop(a, b, ends[0], ends[1], stiffness, _DISSIPATION, motion)
+    return JointStop(a, b, ends[0], ends[1], stiffness, dissipation(model, motion), motion)
 
 
 def _stiffness(time: float, ratio: float, mass: float) -> float:
