@@ -39,6 +39,7 @@ from .scene.space_curve import AbstractSpaceCurve as AbstractSpaceCurve
 from .scene.space_curve import Helix as Helix
 from .scene.space_curve import SpacePolynomial as SpacePolynomial
 from .scene.surface import AbstractSurface as AbstractSurface
+from .scene.surface import Capsule as Capsule
 from .scene.surface import Cylinder as Cylinder
 from .scene.surface import Plane as Plane
 from .scene.surface import Sphere as Sphere

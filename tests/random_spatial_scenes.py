@@ -93,7 +93,9 @@ def motion(lot: Lot) -> str:
 
 def surface(lot: Lot) -> r.AbstractSurface:
     size = lot.between(0.5, 1.5)
-    return lot.one_of([r.Plane(), r.Cylinder(size), r.Sphere(size, hollow=True)])
+    return lot.one_of(
+        [r.Plane(), r.Cylinder(size), r.Sphere(size, hollow=True), r.Capsule(size, 1.0)]
+    )
 
 
 def positive(lot: Lot) -> np.ndarray:

@@ -46,6 +46,7 @@ PARTS = [
     r.Contact(*ENDS, r.Plane(), 10.0),
     r.Contact(*ENDS, r.Cylinder(0.3), 10.0),
     r.Contact(*ENDS, r.Sphere(0.3), 10.0),
+    r.Contact(*ENDS, r.Capsule(0.3, 0.5), 10.0),
     r.Torque(ENDS[0], (0.0, 3.0, 4.0), SWING),
     r.JointInertia(*ENDS, 0.1),
     r.ParallelAxes(*ENDS),

@@ -171,7 +171,7 @@ def test_starts_and_signals_that_are_not_there(tmp_path, crank):
         rj.load_scene(robot, start="home")
     with pytest.raises(rj.SceneError, match="actuator or joint 'elbow'. There are: h"):
         rj.load_scene(robot, signals={"elbow": rj.Constant(1.0)})
-    with pytest.raises(rj.InputError, match="start and signals are those of robot files"):
+    with pytest.raises(rj.InputError, match="start, signals and contacts are those of robot files"):
         rj.load_scene(crank, start="home")
 
 
@@ -181,7 +181,7 @@ def test_includes_and_what_is_left_out(tmp_path):
     text = '<mujoco><include file="links.xml"/>\n<contact><pair geom1="g" geom2="k"/></contact>'
     text += '<worldbody><geom name="g" type="plane" size="1 1 1"/><body pos="0 0 3"><joint/>'
     text += '<geom name="k" size="1"/></body></worldbody></mujoco>'
-    with pytest.warns(UserWarning, match=r"robot.xml:2: <pair>; .*contacts of 3 geoms"):
+    with pytest.warns(UserWarning, match=r"robot.xml: contacts of 3 geoms; say contacts"):
         scene = rj.load_scene(written(tmp_path, text))
     assert [body.name for body in scene.bodies] == ["a", "body2"]
 
@@ -292,7 +292,7 @@ def test_a_check_says_what_is_left_out(tmp_path):
     """Of the smallest robot: a geom that may touch another one."""
     text = f'<mujoco><worldbody><geom size="1"/>{LINK}</worldbody></mujoco>'
     words = describe_file(rj.scene_file(written(tmp_path, text)))
-    assert re.search(r"left out +.*robot.xml: contacts of 2 geoms; add romjax", words)
+    assert re.search(r"left out +.*robot.xml: contacts of 2 geoms; say contacts=True", words)
     assert re.search(r"start +all joints hold", words)
 
 

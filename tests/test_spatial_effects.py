@@ -33,7 +33,10 @@ def every_effect() -> list[rj.AbstractMarkerEffect]:
         rj.Drag(ENDS[0], coefficient=0.5, area=0.3),
         *(
             r.Contact(*ENDS, surface, stiffness=50.0, radius=radius, **law)
-            for surface in (r.Plane(), r.Cylinder(3.0), r.Sphere(9.0), r.Sphere(0.1, hollow=True))
+            for surface in (
+                *(r.Plane(), r.Cylinder(3.0), r.Capsule(1.0, 2.0), r.Sphere(9.0)),
+                r.Sphere(0.1, hollow=True),
+            )
             for radius, law in ((None, {}), (0.3, rubbing))
         ),
     ]

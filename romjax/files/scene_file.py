@@ -30,8 +30,8 @@ _LISTED = 8
 class SceneFile:
     """A scene file that was read: a function of its parameters, by name, that returns a `Scene`.
 
-    **Arguments:** the `path` of the file; of a robot file, which has no parameters, also `start`
-    and `signals` as in `load_scene`. Attributes:
+    **Arguments:** the `path` of the file; of a robot file, which has no parameters, also `start`,
+    `signals` and `contacts` as in `load_scene`. Attributes:
 
     - `parameters`: the values in the file, floats or arrays.
     - `title`, `settings`: what it says of itself and of its run. `text`: all of it.
@@ -51,20 +51,21 @@ class SceneFile:
         *,
         start: str = "",
         signals: Mapping[str, AbstractSignal] | None = None,
+        contacts: bool = False,
     ):
         self.path, self.left_out = Path(path), ()
         if self.path.suffix.lower() in SUFFIXES:
             # Here, since few scenes are robots.
             from .robots.robot import read_robot
 
-            robot = read_robot(self.path, start, signals)
+            robot = read_robot(self.path, start, signals, contacts)
             self._tables: dict[str, Any] = {"title": robot.title, "consistent": not robot.closed}
             self._scene, self.text = robot.scene, ""
             self.left_out = robot.left_out
-        elif start or signals:
+        elif start or signals or contacts:
             raise InputError(
-                f"{self.path}: start and signals are those of robot files ({', '.join(SUFFIXES)}); "
-                "a scene file has its start and its signals in itself."
+                f"{self.path}: start, signals and contacts are those of robot files "
+                f"({', '.join(SUFFIXES)}); a scene file has them in itself."
             )
         else:
             problems = Problems(self.path)
@@ -129,6 +130,7 @@ def scene_file(
     *,
     start: str = "",
     signals: Mapping[str, AbstractSignal] | None = None,
+    contacts: bool = False,
 ) -> SceneFile:
     """The function of parameters that the scene file of a `path` is: for `Box`, `fit`, `grad`, …
 
@@ -136,7 +138,7 @@ def scene_file(
 
     - `path`: of the file; that of a robot (.xml, .mjcf, .urdf) makes a function without parameters,
       whose `left_out` lists what the scene has not.
-    - `start`, `signals`: of a robot, as in `load_scene`.
+    - `start`, `signals`, `contacts`: of a robot, as in `load_scene`.
 
     ```python
     make = rj.scene_file("crank.toml")
@@ -146,7 +148,7 @@ def scene_file(
 
     Raises SceneFileError, with all mistakes of the file, each with its line, key and remedy.
     """
-    return SceneFile(path, start=start, signals=signals)
+    return SceneFile(path, start=start, signals=signals, contacts=contacts)
 
 
 def load_scene(
@@ -154,6 +156,7 @@ def load_scene(
     *,
     start: str = "",
     signals: Mapping[str, AbstractSignal] | None = None,
+    contacts: bool = False,
 ) -> Scene:
     """The scene of the file of a `path`, such as one that `scene.save` has written, or of a robot
     in MJCF or URDF (.xml, .mjcf, .urdf; extra `robots`).
@@ -170,11 +173,13 @@ def load_scene(
       given.
     - `signals`: of a robot, by the names of its actuators, or of joints without one, which then
       have a motor; constant at the control of the start, or at zero, unless given.
+    - `contacts`: whether spheres and capsules of a robot touch planes and spheres, where the file
+      lets them; no geom touches anything unless it says so.
 
     Raises SceneFileError, with all mistakes of the file, each with its line, key and remedy, and
     ImportError for a robot where MuJoCo is not installed.
     """
-    file = SceneFile(path, start=start, signals=signals)
+    file = SceneFile(path, start=start, signals=signals, contacts=contacts)
     if file.left_out:
         _warn_of(file)
     return file()

@@ -89,6 +89,32 @@ class Sphere(AbstractSurface):
         check_numbers(owner, self, "radius", sign="positive", prefix="Sphere.")
 
 
+class Capsule(AbstractSurface):
+    """A rod with round ends about the z axis, whose middle is the origin: what is within a `radius`
+    of a segment of a `length` between the centres of the ends [m].
+    """
+
+    radius: Converted[Float[Array, ""]] = number()
+    length: Converted[Float[Array, ""]] = number()
+
+    def __call__(self, point: Float[Array, "3"]) -> Float[Array, ""]:
+        half = 0.5 * self.length
+        foot = jnp.clip(point[2], -half, half)
+        return _outside(point.at[2].add(-foot), self.radius, False)
+
+    def outline(
+        self, point: Float[Array, "3"], size: Float[Array, ""]
+    ) -> tuple[Float[Array, "points d"], ...]:
+        del point, size
+        rim, half = _circle(self.radius, (0, 1)), 0.5 * self.length
+        sides = [_circle(self.radius, (axis, 2)) for axis in (0, 1)]
+        long = [side.at[:, 2].add(jnp.where(side[:, 2] < 0, -half, half)) for side in sides]
+        return rim.at[:, 2].add(half), rim.at[:, 2].add(-half), *long
+
+    def check(self, owner: str) -> None:
+        check_numbers(owner, self, "radius", "length", sign="positive", prefix="Capsule.")
+
+
 def _outside(arm: Float[Array, " k"], radius: Float[Array, ""], hollow: bool) -> Float[Array, ""]:
     """The distance from a round surface, from the arm that its axis or centre has to a point."""
     squared = jnp.sum(arm**2)

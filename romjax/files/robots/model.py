@@ -5,8 +5,6 @@ import warnings
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ...common.errors import SceneFileError
 from ...common.extras import extra
 from .inspection import inspect
@@ -27,12 +25,15 @@ _REMEDIES = {
 
 
 class Model(NamedTuple):
-    """A robot file: MuJoCo's arrays, the elements of the file, and what is left out, in words."""
+    """A robot file: MuJoCo's arrays, the elements of the file, what is left out, in words, and how
+    many meshes that may touch something are pictures only.
+    """
 
     mujoco: Any
     arrays: Any
     root: Element
     left_out: list[str]
+    meshes: int
 
     @property
     def size(self) -> float:
@@ -56,12 +57,16 @@ class Model(NamedTuple):
         """The name, or the kind with the number where there is none."""
         return self.name(kind, number) or f"{kind}{number}"
 
-    def refuse(self, kind: str, number: int, words: str) -> SceneFileError:
-        """The error that one of the elements cannot be read, with its line if it has a name."""
+    def called(self, kind: str, number: int) -> str:
+        """One of the elements as messages begin, with its line if it has a name."""
         name = self.name(kind, number)
         element = next((x for x in self.root.walk() if name and _is(x, kind, name)), None)
         place = element.place if element else str(self.root.path)
-        return SceneFileError(f"{place}: {kind} '{name or number}': {words}")
+        return f"{place}: {kind} '{name or number}'"
+
+    def refuse(self, kind: str, number: int, words: str) -> SceneFileError:
+        """The error that one of the elements cannot be read."""
+        return SceneFileError(f"{self.called(kind, number)}: {words}")
 
 
 def _is(element: Element, kind: str, name: str) -> bool:
@@ -90,22 +95,22 @@ def read_model(path: Path) -> Model:
         spec = mujoco.MjSpec.from_file(str(path))
         # Links that are fixed to others would lose their names.
         spec.compiler.fusestatic = False
-        _drop_pictures(mujoco, spec)
+        meshes = _drop_pictures(mujoco, spec)
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             arrays = spec.compile()
         left_out += [f"{path}: {warning.message}" for warning in said]
     except ValueError as error:
         raise SceneFileError(_said(path, root, str(error))) from error
-    return Model(mujoco, arrays, root, [*left_out, *_contacts(mujoco, arrays, root)])
+    return Model(mujoco, arrays, root, left_out, meshes)
 
 
-def _drop_pictures(mujoco: Any, spec: Any) -> None:
+def _drop_pictures(mujoco: Any, spec: Any) -> int:
     """Take out meshes of links that have their inertia by numbers: then they are pictures only,
-    which take long to read, and often are not there.
+    which take long to read, and often are not there. Returns how many of them may touch something.
     """
     if int(spec.compiler.inertiafromgeom) == int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE):
-        return
+        return 0
     meshes = [
         geom
         for geom in spec.geoms
@@ -113,32 +118,14 @@ def _drop_pictures(mujoco: Any, spec: Any) -> None:
         and (geom.parent.explicitinertial or geom.parent.name == "world")
     ]
     dropped = {geom.meshname for geom in meshes}
+    touching = sum(bool(geom.contype or geom.conaffinity) for geom in meshes)
     for geom in meshes:
         spec.delete(geom)
     kept = {geom.meshname for geom in spec.geoms}
     for mesh in list(spec.meshes):
         if mesh.name in dropped - kept:
             spec.delete(mesh)
-
-
-def _contacts(mujoco: Any, arrays: Any, root: Element) -> list[str]:
-    """What is left out where geoms of moving bodies may touch something."""
-    off = arrays.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    kinds, others = arrays.geom_contype, arrays.geom_conaffinity
-    body = arrays.body_weldid[arrays.geom_bodyid]
-    parent = arrays.body_weldid[arrays.body_parentid[body]]
-    touching = 0
-    for i in range(arrays.ngeom):
-        # Links that a joint connects do not collide, unless one of them is the ground.
-        linked = (parent == body[i]) & (body[i] > 0) | (parent[i] == body) & (body > 0)
-        meets = ((kinds[i] & others) | (kinds & others[i])) != 0
-        touching += bool(np.any((body != body[i]) & ~linked & meets))
-    if off or not touching:
-        return []
-    return [
-        f"{root.path}: contacts of {touching} geoms; add romjax.spatial.Contact to the scene, or "
-        'say <flag contact="disable"/>'
-    ]
+    return touching
 
 
 def _said(path: Path, root: Element, words: str) -> str:

@@ -15,6 +15,7 @@ from ...scene.scene import Scene
 from ...scene.signal import AbstractSignal
 from .actuators import actuators
 from .connections import equalities, tendons
+from .contacts import contacts, without_contacts
 from .joints import Joints
 from .model import Model, read_model
 from .passive import passive
@@ -39,14 +40,18 @@ class Robot(NamedTuple):
 
 
 def read_robot(
-    path: Path, start: str = "", signals: Mapping[str, AbstractSignal] | None = None
+    path: Path,
+    start: str = "",
+    signals: Mapping[str, AbstractSignal] | None = None,
+    touching: bool = False,
 ) -> Robot:
-    """The robot of an MJCF or URDF file; see `load_scene`.
+    """The robot of an MJCF or URDF file, with the contacts of its geoms if they are `touching`; see
+    `load_scene`.
 
     Raises SceneFileError for what is refused, and SceneError for an unknown start or signal.
     """
     with _heard(path) as warned:
-        robot = _read(path, start, signals or {})
+        robot = _read(path, start, signals or {}, touching)
     said = (*robot.left_out, *warned)
     return robot._replace(left_out=tuple(dict.fromkeys(said)))
 
@@ -63,7 +68,7 @@ def _heard(path: Path) -> Iterator[list[str]]:
         mujoco.set_mju_user_warning(None)
 
 
-def _read(path: Path, start: str, signals: Mapping[str, AbstractSignal]) -> Robot:
+def _read(path: Path, start: str, signals: Mapping[str, AbstractSignal], touching: bool) -> Robot:
     model = read_model(path)
     data, controls = _started(model, start)
     tree = Tree(model, data)
@@ -74,7 +79,10 @@ def _read(path: Path, start: str, signals: Mapping[str, AbstractSignal]) -> Robo
         *passive(model, joints.measured),
         *tendons(model, tree),
         *actuators(model, tree, joints.measured, signals, controls),
+        *(contacts(model, tree) if touching else ()),
     ]
+    if not touching:
+        model.left_out.extend(without_contacts(model))
     if not tree.bodies:
         raise model.refuse("body", 0, "no body can move; give one a joint.")
     scene = Scene(tree.bodies, joined, effects)

@@ -65,8 +65,8 @@ MJCF: dict[str, Words] = {
         remedy="take the fluid out, and add romjax.Drag to the scene",
     ),
     "option/flag": Words(
-        "gravity contact",
-        "autoreset clampctrl diagexact energy eulerdamp filterparent fwdinv invdiscrete ipc island "
+        "contact filterparent gravity",
+        "autoreset clampctrl diagexact energy eulerdamp fwdinv invdiscrete ipc island "
         "midphase multiccd nativeccd override refsafe sensor sleep speculative warmstart",
         refused="actuation constraint damper equality frictionloss limit spring",
         remedy="take out the elements that are switched off",
@@ -102,10 +102,10 @@ MJCF: dict[str, Words] = {
     ),
     "body/freejoint": _TAKEN,
     "body/geom": Words(
-        f"{_PLACE} class conaffinity contype density fitscale fromto mass mesh name shellinertia "
-        "size type",
-        "adhesion castshadow condim fluidcoef fluidshape friction gap group hfield margin material "
-        "priority rgba solimp solmix solref surfacevel user",
+        f"{_PLACE} class conaffinity condim contype density fitscale friction fromto mass mesh "
+        "name priority shellinertia size solimp solmix solref type",
+        "adhesion castshadow fluidcoef fluidshape gap group hfield margin material rgba surfacevel "
+        "user",
     ),
     "geom/plugin": Words(refused=ALL, remedy="take it out"),
     "body/site": Words(f"{_PLACE} class fromto name", "group material mesh rgba size type user"),
@@ -119,8 +119,10 @@ MJCF: dict[str, Words] = {
     "deformable/flex": Words(refused=ALL, remedy="see scene.flexible for elastic links"),
     "deformable/skin": _IGNORED,
     "contact": _TAKEN,
-    "contact/pair": Words(left_out=ALL),
-    "contact/exclude": _IGNORED,
+    "contact/pair": Words(
+        "class condim friction geom1 geom2 name solimp solref", "adhesion gap margin solreffriction"
+    ),
+    "contact/exclude": _TAKEN,
     "tendon": _TAKEN,
     "tendon/spatial": Words(
         "class damping frictionloss limited name range solimplimit solreflimit springlength "
@@ -176,7 +178,7 @@ URDF: dict[str, Words] = {
     "robot/link": Words("name", "type"),
     "link/inertial": _TAKEN,
     "link/visual": _IGNORED,
-    "link/collision": _IGNORED,
+    "link/collision": _TAKEN,
     "robot/joint": Words("name type"),
     "joint/origin": _TAKEN,
     "joint/parent": _TAKEN,

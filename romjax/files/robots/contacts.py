@@ -1,0 +1,250 @@
+"""The contacts of a robot: which of its geoms may touch, and by what force."""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...scene.effect.spatial.contact import Contact
+from ...scene.marker import Marker
+from ...scene.placement import Placement
+from ...scene.surface import AbstractSurface, Capsule, Plane, Sphere
+from .model import Model
+from .passive import rubbing
+from .tree import Tree
+
+# MuJoCo's numbers of shapes.
+PLANE, SPHERE, CAPSULE = 0, 2, 3
+_TOUCHING = (PLANE, SPHERE), (PLANE, CAPSULE), (SPHERE, SPHERE), (SPHERE, CAPSULE)
+# Of what has no weight, by whose depth the stiffness is known [m/s²].
+_WEIGHT = 9.81
+
+
+class Pair(NamedTuple):
+    """Two geoms that may touch, the simpler shape first, and MuJoCo's numbers of their contact.
+
+    - `dimension`: 1 without friction, 3 with it, more with that against pivoting and rolling.
+    - `friction`: sliding (2), pivoting, rolling (2). `solref`, `solimp`: how it yields.
+    - `other`: what changes the contact and has no counterpart here, in words.
+    """
+
+    first: int
+    second: int
+    dimension: int
+    friction: np.ndarray
+    solref: np.ndarray
+    solimp: np.ndarray
+    other: tuple[str, ...]
+
+
+def contacts(model: Model, tree: Tree) -> Iterator[Contact]:
+    """The contacts of spheres and capsules with planes and spheres; of the others the model says
+    that they are left out.
+    """
+    unknown = dict[str, list[Pair]]()
+    for pair in _pairs(model):
+        kinds = tuple(int(model.arrays.geom_type[i]) for i in (pair.first, pair.second))
+        left = pair.other
+        if kinds in _TOUCHING:
+            yield from _contacts(model, tree, pair)
+        else:
+            names = (model.mujoco.mjtGeom(kind).name.removeprefix("mjGEOM_") for kind in kinds)
+            left = (f"contact of {' and '.join(names).lower()}",)
+        for words in left:
+            unknown.setdefault(words, []).append(pair)
+    for words, pairs in unknown.items():
+        model.left_out.append(_left_out(model, words, pairs))
+    if model.meshes:
+        model.left_out.append(f"{model.root.path}: contacts of {model.meshes} meshes")
+
+
+def without_contacts(model: Model) -> Iterator[str]:
+    """What is left out, in words, where contacts are not asked for and something may touch."""
+    touching = {i for pair in _pairs(model) for i in (pair.first, pair.second)}
+    if touching:
+        yield (
+            f"{model.root.path}: contacts of {len(touching)} geoms; say contacts=True for those of "
+            'planes, spheres and capsules, or <flag contact="disable"/>'
+        )
+
+
+def _left_out(model: Model, words: str, pairs: list[Pair]) -> str:
+    """A line for what several pairs have."""
+    first, second = (model.numbered("geom", i) for i in (pairs[0].first, pairs[0].second))
+    place = model.called("geom", pairs[0].second).partition(": geom")[0]
+    more = f" and {len(pairs) - 1} more" if len(pairs) > 1 else ""
+    return f"{place}: {words}: '{first}' and '{second}'{more}"
+
+
+# Which geoms may touch.
+
+
+def _pairs(model: Model) -> Iterator[Pair]:
+    """The pairs that a file names, and those that MuJoCo finds by the rules of the format."""
+    arrays = model.arrays
+    if arrays.opt.disableflags & int(model.mujoco.mjtDisableBit.mjDSBL_CONTACT):
+        return
+    named = set[tuple[int, int]]()
+    for i in range(arrays.npair):
+        first, second = _ordered(arrays, int(arrays.pair_geom1[i]), int(arrays.pair_geom2[i]))
+        named.add((first, second))
+        margin = arrays.pair_margin[i] - arrays.pair_gap[i]
+        more = _other(arrays, (first, second), margin, arrays.pair_adhesion[i])
+        sliding = arrays.pair_friction[i]
+        if arrays.pair_dim[i] > 1 and sliding[0] != sliding[1]:
+            more = (*more, "friction that differs by direction")
+        numbers = (sliding, arrays.pair_solref[i], arrays.pair_solimp[i])
+        dimension = int(arrays.pair_dim[i])
+        yield Pair(first, second, dimension, *numbers, (*more, *_turning(dimension)))
+    for i, j in zip(*np.nonzero(np.triu(_meeting(model))), strict=True):
+        first, second = _ordered(arrays, int(i), int(j))
+        if (first, second) not in named:
+            yield _combined(arrays, first, second)
+
+
+def _ordered(arrays: Any, i: int, j: int) -> tuple[int, int]:
+    first, second = sorted((i, j), key=lambda geom: (int(arrays.geom_type[geom]), geom))
+    return first, second
+
+
+def _meeting(model: Model) -> np.ndarray:
+    """Which geoms may touch: by their bits, not of one body, and not of bodies that a joint
+    connects, unless one of them is the ground; and those of bodies that are excluded do not.
+    """
+    arrays, disabled = model.arrays, model.mujoco.mjtDisableBit
+    kinds, others = arrays.geom_contype, arrays.geom_conaffinity
+    meets = (kinds[:, None] & others[None, :]) != 0
+    meets |= meets.T
+    own = arrays.geom_bodyid
+    body = arrays.body_weldid[own]
+    meets &= body[:, None] != body[None, :]
+    parent = arrays.body_weldid[arrays.body_parentid[body]]
+    if not arrays.opt.disableflags & int(disabled.mjDSBL_FILTERPARENT):
+        carries = (parent[:, None] == body[None, :]) & (body[:, None] > 0) & (body[None, :] > 0)
+        meets &= ~(carries | carries.T)
+    low, high = np.minimum(own[:, None], own[None, :]), np.maximum(own[:, None], own[None, :])
+    return np.array(meets & ~np.isin((low << 16) + high, arrays.exclude_signature))
+
+
+def _combined(arrays: Any, first: int, second: int) -> Pair:
+    """A pair with the numbers of the geom of higher priority, or those of both combined: the larger
+    friction, and the mean of the others by their weights.
+    """
+    geoms = [first, second]
+    margin = np.sum(arrays.geom_margin[geoms]) - np.sum(arrays.geom_gap[geoms])
+    more = _other(arrays, geoms, margin, np.sum(arrays.geom_adhesion[geoms]))
+    priority = arrays.geom_priority[geoms]
+    if priority[0] != priority[1]:
+        geoms = [geoms[int(np.argmax(priority))]]
+    weights = np.maximum(arrays.geom_solmix[geoms], 1e-15)
+    weights = weights / np.sum(weights)
+    solref = arrays.geom_solref[geoms]
+    given = np.all(solref[:, 0] > 0)
+    friction = np.max(arrays.geom_friction[geoms], axis=0)
+    dimension = int(np.max(arrays.geom_condim[geoms]))
+    return Pair(
+        first,
+        second,
+        dimension,
+        friction[[0, 0, 1, 2, 2]],
+        weights @ solref if given else np.min(solref, axis=0),
+        weights @ arrays.geom_solimp[geoms],
+        (*more, *_turning(dimension)),
+    )
+
+
+def _turning(dimension: int) -> tuple[str, ...]:
+    return ("friction of a contact against pivoting and rolling",) if dimension > 3 else ()
+
+
+def _other(arrays: Any, geoms: Any, margin: float, adhesion: float) -> tuple[str, ...]:
+    """What two geoms have that changes their contact and has no counterpart here."""
+    moving = np.any(arrays.geom_surfacevel[list(geoms)])
+    named = {"margin": margin, "adhesion": adhesion, "surfacevel": moving}
+    return tuple(f"{name} of a contact" for name, value in named.items() if value)
+
+
+# The force of a contact.
+
+
+def _contacts(model: Model, tree: Tree, pair: Pair) -> Iterator[Contact]:
+    """The contacts of a pair: of both ends of a capsule with a plane, else one."""
+    first, second = (_marker(model, tree, i) for i in (pair.first, pair.second))
+    radius, half = (float(x) for x in model.arrays.geom_size[pair.second][:2])
+    kinds = tuple(int(model.arrays.geom_type[i]) for i in (pair.first, pair.second))
+    if kinds[0] == PLANE:
+        ends = (half, -half) if kinds[1] == CAPSULE else (0.0,)
+        for height in ends:
+            end = _marker(model, tree, pair.second, height)
+            yield _contact(model, pair, end, radius, first, Plane())
+        return
+    own = float(model.arrays.geom_size[pair.first][0])
+    surface = Capsule(radius, 2 * half) if kinds[1] == CAPSULE else Sphere(radius)
+    yield _contact(model, pair, first, own, second, surface)
+
+
+def _marker(model: Model, tree: Tree, geom: int, height: float = 0.0) -> Marker:
+    """A marker at a geom, with its axes, at a height along z."""
+    arrays = model.arrays
+    place = Placement(np.array(arrays.geom_pos[geom]), np.array(arrays.geom_quat[geom]))
+    up = Placement(np.array([0.0, 0.0, height]))
+    return tree.marker(int(arrays.geom_bodyid[geom]), place.then(up))
+
+
+def _contact(
+    model: Model, pair: Pair, ball: Marker, radius: float, other: Marker, surface: AbstractSurface
+) -> Contact:
+    """A contact that yields to the weight of what touches as far as MuJoCo's does, and whose small
+    oscillations about that have the damping ratio of the file.
+    """
+    bodies = model.arrays.geom_bodyid[[pair.first, pair.second]]
+    mass = 1 / float(np.sum(model.arrays.body_invweight0[bodies, 0]))
+    weight = float(np.linalg.norm(model.arrays.opt.gravity)) or _WEIGHT
+    depth, ratio = resting_depth(pair.solref, pair.solimp, weight)
+    friction = float(pair.friction[0]) if pair.dimension > 1 else 0.0
+    return Contact(
+        ball,
+        other,
+        surface,
+        stiffness=mass * weight / depth**1.5,
+        radius=radius,
+        dissipation=2 * ratio * np.sqrt(1.5 / (weight * depth)) if ratio else None,
+        friction=rubbing(model, friction, "travel"),
+    )
+
+
+def resting_depth(solref: np.ndarray, solimp: np.ndarray, weight: float) -> tuple[float, float]:
+    """How deep one contact of MuJoCo's yields to a weight per mass [m/s²], and its damping ratio.
+
+    With the impedance d(r) of the depth r it holds r k d² / (1 − d) per mass, where k is the
+    stiffness of the reference acceleration (MuJoCo's documentation, Computation, "Parameters").
+    """
+    largest = float(solimp[1])
+    if solref[0] > 0:
+        time, ratio = (float(x) for x in solref)
+        stiffness = 1 / (largest * time * ratio) ** 2
+    else:
+        stiffness, damping = (-float(x) for x in solref)
+        ratio = 0.5 * damping / np.sqrt(stiffness)
+        stiffness /= largest**2
+    least = min(float(solimp[0]), largest)
+    low, high = 0.0, (1 - least) * weight / (least**2 * stiffness)
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        d = _impedance(solimp, middle)
+        low, high = (
+            (middle, high) if middle * stiffness * d**2 < (1 - d) * weight else (low, middle)
+        )
+    return high, ratio
+
+
+def _impedance(solimp: np.ndarray, depth: float) -> float:
+    """MuJoCo's d(r), from 0 to 1: two powers that meet in the middle of the width."""
+    least, largest, width, middle, power = (float(x) for x in solimp)
+    x = min(depth / width, 1.0) if width > 0 else 1.0
+    y = (
+        x**power / middle ** (power - 1)
+        if x <= middle
+        else 1 - (1 - x) ** power / (1 - middle) ** (power - 1)
+    )
+    return float(least + y * (largest - least))

@@ -1,0 +1,147 @@
+"""Contacts of robot files: which geoms touch, and how, as MuJoCo has it."""
+
+import jax
+import numpy as np
+import pytest
+from robot_files import words
+from tolerances import DIFFERENCED, IDENTITY, SOLVED
+from zoo import TIGHT
+
+import romjax as rj
+from romjax import spatial as r
+
+mujoco = pytest.importorskip("mujoco")
+
+CAPSULE = 'type="capsule" size="0.05 0.2"'
+
+
+def written(folder, bodies, more=""):
+    path = folder / "robot.xml"
+    text = f'<option cone="elliptic"/>{more}<worldbody>{bodies}</worldbody>'
+    path.write_text(f"<mujoco>{text}</mujoco>")
+    return path
+
+
+def crowd(random) -> str:
+    """Links of chains in one heap, with bits of all kinds, over a floor, and a sphere of it."""
+    text = '<geom name="floor" type="plane" size="1 1 1" pos="0 0 1"/>'
+    text += '<geom name="bump" size="0.6" conaffinity="3"/><body name="still"><geom size="0.5"/>'
+    text += "</body>"
+    for chain in range(3):
+        for link in range(3):
+            kind = random.choice(["sphere", "capsule"])
+            bits = f'contype="{random.integers(4)}" conaffinity="{random.integers(4)}"'
+            rubbing = f'friction="{random.uniform()}" priority="{random.integers(2)}"'
+            yields = f'solref="{random.uniform(0.01, 0.05)} 1" solmix="{random.uniform()}"'
+            text += f'<body name="b{chain}{link}" pos="{words(0.05 * random.normal(size=3))}">'
+            text += (
+                "<freejoint/>" if link == 0 else f'<joint axis="{words(random.normal(size=3))}"/>'
+            )
+            text += f'<geom name="g{chain}{link}" type="{kind}" size="0.5 0.1" {bits} {rubbing} '
+            text += f'{yields} condim="{random.choice([1, 3])}"/><body><geom size="0.4"/></body>'
+        text += "</body>" * 3
+    return text
+
+
+@pytest.mark.instant
+def test_the_geoms_touch_that_touch_in_mujoco(tmp_path):
+    """In a heap, of which all that may touch do: by their bits, those that the file names, not of a
+    link and the one that carries it, and not of bodies that it excludes; with the same friction.
+    """
+    pairs = '<contact><exclude body1="b20" body2="b00"/><exclude body1="b01" body2="b12"/>'
+    pairs += '<pair geom1="g00" geom2="floor" friction="0.7 0.7 0 0 0"/></contact>'
+    path = written(tmp_path, crowd(np.random.default_rng(3)), pairs)
+    with pytest.warns(UserWarning, match="contact of capsule and capsule: 'g") as said:
+        scene = rj.load_scene(path, contacts=True)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    known = dict[tuple, set]()
+    for contact in data.contact[: data.ncon]:
+        kinds = [int(model.geom_type[i]) for i in contact.geom]
+        if kinds == [3, 3]:
+            continue
+        links = (int(model.body_weldid[model.geom_bodyid[i]]) for i in contact.geom)
+        bodies = tuple(sorted(model.body(i).name if i else "ground" for i in links))
+        friction = contact.friction[0] if contact.dim > 1 else None
+        known.setdefault(bodies, set()).add(friction)
+    found = dict[tuple, set]()
+    for effect in scene.effects[1:]:
+        bodies = tuple(sorted((effect.a.body, effect.b.body)))
+        friction = effect.friction and float(effect.friction.coefficient)
+        found.setdefault(bodies, set()).add(friction)
+    assert len(found) > 15
+    assert found == known
+    assert len(said) == 1
+
+
+@pytest.mark.instant
+def test_contacts_that_are_not_asked_for_are_listed(tmp_path):
+    """As those of shapes that romjax does not let touch, and what changes a contact besides."""
+    bodies = '<geom name="floor" type="plane" size="1 1 1"/>\n<body pos="0 0 3"><joint/>'
+    bodies += '<geom name="k" type="box" size="1 1 1"/></body>\n<body pos="0 3 2"><freejoint/>'
+    bodies += '<geom name="m" size="1" condim="4" margin="0.1"/></body>'
+    path = written(tmp_path, bodies)
+    with pytest.warns(UserWarning, match="contacts of 3 geoms; say contacts=True"):
+        assert len(rj.load_scene(path).effects) == 1
+    scene = rj.scene_file(path, contacts=True)
+    assert [str(x).partition("robot.xml")[2] for x in scene.left_out] == [
+        ":2: contact of plane and box: 'floor' and 'k'",
+        ":3: margin of a contact: 'floor' and 'm'",
+        ":3: friction of a contact against pivoting and rolling: 'floor' and 'm'",
+        ":2: contact of sphere and box: 'm' and 'k'",
+    ]
+    assert len(scene().effects) == 2
+
+
+def lying(z: float, more: str = "") -> str:
+    """A ball, and a capsule that lies, at a height over the floor; they pass through each other."""
+    turn = 'quat="0.7071067811865476 0 0.7071067811865476 0"'
+    alone = f'contype="2" conaffinity="1" {more}'
+    return (
+        '<geom name="floor" type="plane" size="1 1 1"/>'
+        f'<body name="ball" pos="0 0 {z}"><freejoint/><geom size="0.1" {alone}/></body>'
+        f'<body name="rod" pos="0 2 {z}" {turn}><freejoint/><geom {CAPSULE} {alone}/></body>'
+    )
+
+
+@pytest.mark.slow
+def test_what_falls_comes_to_rest_as_in_mujoco(tmp_path):
+    """A ball to the digits of both; a rod, of which each end carries half of the weight, within a
+    tenth of how deep it lies, since one law is Hertz's and the other is not.
+    """
+    path = written(tmp_path, lying(0.15))
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 5000)
+    system = rj.assemble(rj.load_scene(path, contacts=True))
+    run = rj.simulate(system, np.linspace(0.0, 2.0, 3), rtol=1e-8, audit=False)
+    assert abs(run["ball.z"][-1] - data.qpos[2]) < SOLVED
+    depth = 0.05 - data.qpos[9]
+    assert 1e-4 < depth < 1e-3
+    assert abs(run["rod.z"][-1] - data.qpos[9]) < 0.12 * depth
+
+
+@pytest.mark.slow
+def test_what_has_no_damping_bounces_back(tmp_path):
+    """With all of its energy; its depth at the turn is that of Hertz's law, m g h = ⅖ k δ^(5/2)."""
+    path = written(tmp_path, lying(0.3, 'solref="-9000 0"'))
+    scene = rj.load_scene(path, contacts=True)
+    mass, stiffness = (float(x) for x in (scene.bodies[0].mass, scene.effects[1].stiffness))
+    touching = np.sqrt(2 * 0.2 / 9.81) + np.linspace(0.0, 0.04, 2001)
+    times = np.concatenate([[0.0], touching])
+    run = rj.simulate(rj.assemble(scene), times, rtol=TIGHT, audit=False)
+    height, speed = np.asarray(run["ball.z"]), np.asarray(run["ball.z'"])
+    depth = 0.1 - height.min()
+    np.testing.assert_allclose(
+        0.4 * stiffness * depth**2.5, mass * 9.81 * (0.2 + depth), rtol=DIFFERENCED
+    )
+    assert height[-1] > 0.1
+    assert abs(height[-1] + 0.5 * speed[-1] ** 2 / 9.81 - 0.3) < SOLVED
+
+
+def test_the_distance_of_a_capsule():
+    """Beside it, over an end, oblique to that, and inside."""
+    points = np.array([[0.3, 0.4, 0.2], [0.0, 0.0, -1.0], [0.4, 0.0, 0.6], [0.03, 0.04, 0.1]])
+    found = jax.vmap(r.Capsule(0.1, 0.6))(points)
+    np.testing.assert_allclose(found, [0.4, 0.6, 0.4, -0.05], atol=IDENTITY)
