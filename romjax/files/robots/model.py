@@ -5,6 +5,8 @@ import warnings
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ...common.errors import SceneFileError
 from ...common.extras import extra
 from .inspection import inspect
