@@ -10,6 +10,7 @@ from comparison import assert_close
 from tolerances import DIFFERENCED, IDENTITY
 
 import romjax as rj
+from romjax.analysis.linearization import force_of
 
 TIME = 0.3  # [s]
 STEP = 1e-4  # of the central differences
@@ -101,6 +102,26 @@ def test_inputs(model):
     more, less = (run(rj.assemble(cart(push))) for push in (STEP, -STEP))
     assert_close((more - less) / (2 * STEP), slope[:, 0], DIFFERENCED)
     assert_close(model.D, np.zeros((3, 2)), 0.0)
+
+
+def test_an_input_is_what_its_signal_changes(system):
+    """Of a servo that is asked for an angle the gain, whatever its feedback does at the state."""
+    ends = rj.Marker("arm", (-0.4, 0.0)), rj.Marker("cart", (0.0, 0.0))
+    servo = {"gain": 20.0, "proportional": 20.0, "derivative": 2.0}
+    inputs = {
+        "servo": rj.Actuator(*ends, rj.Constant(1.0), **servo),
+        "torque": rj.Torque(ends[0], rj.Constant(20.0)),
+        "back": rj.Torque(ends[1], rj.Constant(-20.0)),
+    }
+    b = rj.linearize(system, inputs, []).B
+    assert_close(b[:, 0], b[:, 1] + b[:, 2], IDENTITY, scale=100.0)
+
+
+def test_an_input_of_a_signal_that_changes_is_refused(system):
+    """It is zero at the time of many a start."""
+    force = rj.Force(rj.Marker("cart", (0.0, 0.0)), (1.0, 0.0), rj.Sine(1.0, 2.0))
+    with pytest.raises(rj.InputError, match=r"follows a Sine.*Constant\(1\.0\)"):
+        force_of(system, force, 0.0, system.q0, system.v0)
 
 
 def test_frequency_response(model):

@@ -18,6 +18,7 @@ from ..compiling.program import program_once
 from ..measure.quantity import AbstractQuantity, Coordinate
 from ..scene.coordinate import INTEGRAL
 from ..scene.effect.base import AbstractMarkerEffect
+from ..scene.signal import Constant, is_signal, signals_of
 from ..system.base import AbstractSystem, check_system
 from .tangent import independent_constraints, refuse_clocks, refuse_slips, tangent_of
 
@@ -73,7 +74,8 @@ def linearize(
     - `system`: full, reduced or a `CustomSystem`.
     - `inputs`: by name, effects as they act with unit strength, such as
       `{"push": rj.Force(cart.at(), (1, 0), rj.Constant(1.0))}`, or functions (t, q, v) of physical
-      coordinates that return generalized forces (n,).
+      coordinates that return generalized forces (n,). Of an effect with a signal it is what the
+      signal changes, such as the gain of a servo, whose feedback is a part of the scene.
     - `outputs`: labels of physical coordinates, "cart.x", and of their rates, "cart.x'"; or by
       name, such labels, quantities of `romjax.quantity`, or functions (t, q, v) of physical
       coordinates that return a number.
@@ -81,8 +83,9 @@ def linearize(
       `equilibrium(system)`. The speed of drives is left out unless `v` has it, such as
       `v=system.v0` at the start. `t`: time [s].
 
-    Differentiable and batchable. Raises InputError for a wrong shape or an unknown name, and for
-    controllers with a clock, whose laws no equation of motion has.
+    Differentiable and batchable. Raises InputError for a wrong shape or an unknown name, for an
+    input whose signal changes with time, and for controllers with a clock, whose laws no equation
+    of motion has.
     """
     check_system("linearize", system)
     refuse_clocks("linearize", system)
@@ -168,7 +171,35 @@ def force_of(system: AbstractSystem, what: Input, t: Array, q: Array, v: Array) 
     each, twists = [
         [jax.tree.map(lambda x, i=i: x[i], stacked) for i in range(count)] for stacked in motion
     ]
-    wrenches = what.wrenches(t, tuple(each), tuple(twists) if what.needs_twists else ())
-    stacked = jax.tree.map(lambda *x: jnp.stack(x), *wrenches)
-    force: Array = located.pull_back(q, stacked)
+
+    def wrenches(what: AbstractMarkerEffect) -> Any:
+        each_wrench = what.wrenches(t, tuple(each), tuple(twists) if what.needs_twists else ())
+        return jax.tree.map(lambda *x: jnp.stack(x), *each_wrench)
+
+    acting = wrenches(what)
+    if (without := _without_signals(what)) is not None:
+        # Of a servo the feedback acts whatever is asked of it, and is no part of the input.
+        acting = jax.tree.map(jnp.subtract, acting, wrenches(without))
+    force: Array = located.pull_back(q, acting)
     return force
+
+
+def _without_signals(what: AbstractMarkerEffect) -> AbstractMarkerEffect | None:
+    """The effect whose signals are zero; None of one that has none.
+
+    Raises InputError for signals that change with time, whose strength is not one number.
+    """
+    signals = signals_of(what)
+    if not signals:
+        return None
+    for signal in signals:
+        if not isinstance(signal, Constant):
+            raise InputError(
+                f"linearize: input {what.label()} follows a {type(signal).__name__}, but an input "
+                "is the effect at unit strength, whatever it does in the scene; give "
+                "romjax.Constant(1.0) as its signal."
+            )
+    zero: AbstractMarkerEffect = jax.tree.map(
+        lambda x: Constant(jnp.zeros_like(x.value)) if is_signal(x) else x, what, is_leaf=is_signal
+    )
+    return zero
