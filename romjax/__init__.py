@@ -95,6 +95,7 @@ from .scene.curve import AbstractCurve as AbstractCurve
 from .scene.curve import Circle as Circle
 from .scene.curve import Line as Line
 from .scene.curve import Polynomial as Polynomial
+from .scene.effect.activation import Activation as Activation
 from .scene.effect.actuator import Actuator as Actuator
 from .scene.effect.base import AbstractDissipation as AbstractDissipation
 from .scene.effect.base import AbstractField as AbstractField

@@ -17,6 +17,30 @@ HEAD = (
 )
 
 
+# Actuators with a state, each of a hinge that nothing else moves but a weight.
+WITH_STATES = (
+    '<general joint="h0" dyntype="filter" dynprm="0.05" gainprm="5" gear="2"/>',
+    '<general joint="h1" dyntype="integrator" gainprm="4" actlimited="true" actrange="-1 0.4"/>',
+    '<position joint="h2" kp="30" kv="2" timeconst="0.1"/>',
+    '<intvelocity joint="h3" kp="30" kv="1" actrange="-2 2"/>',
+    '<cylinder joint="h4" timeconst="0.08" area="2" bias="0.5 -1 -0.2"/>',
+)
+
+
+def with_states() -> str:
+    """Five hinges with an actuator each, and where these begin."""
+    bodies = "".join(
+        f'<body name="b{i}" pos="{i} 0 0"><joint name="h{i}" axis="0 1 0" damping="0.3" limited='
+        '"true" range="-170 170"/><geom size=".1" pos=".3 0 0" mass="1"/></body>'
+        for i in range(len(WITH_STATES))
+    )
+    return (
+        '<mujoco><option timestep="1e-4" integrator="RK4"><flag contact="disable"/></option>'
+        f"<worldbody>{bodies}</worldbody><actuator>{''.join(WITH_STATES)}</actuator><keyframe>"
+        '<key name="k" ctrl="0.1 2 0.5 1.5 0.5" act="0.3 -0.2 0 0.1 0.5"/></keyframe></mujoco>'
+    )
+
+
 def words(numbers) -> str:
     return " ".join(f"{x:.17g}" for x in np.atleast_1d(numbers))
 

@@ -9,8 +9,19 @@ import numpy as np
 import pytest
 from groups import in_groups
 from programs import kept
-from robot_files import GALLERY, ROBOTS, accelerations, close_exactly, hold, loop, state, tree
-from tolerances import DIFFERENCED, IDENTITY
+from robot_files import (
+    GALLERY,
+    ROBOTS,
+    accelerations,
+    close_exactly,
+    hold,
+    loop,
+    state,
+    tree,
+    with_states,
+)
+from scipy.integrate import solve_ivp
+from tolerances import DIFFERENCED, IDENTITY, SOLVED
 from zoo import run
 
 import romjax as rj
@@ -139,3 +150,36 @@ def test_soft_loops_of_mujoco_come_near_as_they_stiffen():
     # Nearly as the square of the time that a loop takes to close.
     assert apart[0] > 2 * apart[1] > 4 * apart[2]
     assert apart[2] < 1e-3 * np.linalg.norm(exact.position[-1] - exact.position[0])
+
+
+@pytest.mark.slow
+def test_actuators_with_a_state_move_as_by_mujoco(tmp_path):
+    """A filter, a servo for the speed and a cylinder as there; an integrator that stops at a limit,
+    where MuJoCo's steps are of first order, by the equation of its hinge.
+    """
+    path = tmp_path / "robot.xml"
+    path.write_text(with_states())
+    ends, scene = np.array([0.0, 0.3, 0.6]), rj.load_scene(path, start="k")
+    system = rj.assemble(scene)
+    swung = run(system, ends)
+    turns = [np.asarray(rj.measure(system, swung, x.at()).rotation[-1]) for x in scene.bodies]
+    angles = np.array([np.arctan2(r[0, 2], r[0, 0]) for r in turns])
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_step(model, data, round(ends[-1] / model.opt.timestep))
+    alike = [0, 3, 4]
+    np.testing.assert_allclose(angles[alike], data.qpos[alike], atol=DIFFERENCED)
+    states = [swung[f"actuator{i}.activation"][-1] for i in alike]
+    np.testing.assert_allclose(states, data.act[alike], atol=DIFFERENCED)
+    filtered = 0.5 * (1 - np.exp(-ends[-1] / 0.1))
+    np.testing.assert_allclose(swung["actuator2.activation"][-1], filtered, atol=SOLVED)
+
+    def turning(t, y):
+        torque = 4 * min(2 * t - 0.2, 0.4) - 0.3 * y[1] + 9.81 * 0.3 * np.cos(y[0])
+        return y[1], torque / (0.3**2 + 0.4 * 0.1**2)
+
+    reached = np.zeros(2)
+    for piece in (ends[:2], ends[1:]):
+        reached = solve_ivp(turning, piece, reached, rtol=1e-12, atol=1e-13).y[:, -1]
+    np.testing.assert_allclose(angles[1], reached[0], atol=SOLVED)

@@ -5,7 +5,7 @@ import re
 import equinox as eqx
 import numpy as np
 import pytest
-from robot_files import GALLERY, ROBOTS
+from robot_files import GALLERY, ROBOTS, with_states
 from tolerances import IDENTITY, SOLVED
 from zoo import run
 
@@ -115,9 +115,13 @@ BAD = {
 BAD_SECTIONS = {
     "muscle": ('<actuator>\n<muscle joint="h"/></actuator>', ":2: <muscle>.*use <motor>"),
     "delay": ('<actuator>\n<motor joint="h" delay="1"/></actuator>', ":2: <motor> delay='1'"),
-    "filter": (
-        '<actuator>\n<general name="f" joint="h" dyntype="filter" dynprm="1"/></actuator>',
-        ":2: actuator 'f': it has a state of its own",
+    "muscle by its state": (
+        '<actuator>\n<general name="f" joint="h" dyntype="muscle" dynprm="1 1"/></actuator>',
+        ":2: actuator 'f': romjax has no such state; set dyntype to none, integrator, filter",
+    ),
+    "filter without a time": (
+        '<actuator>\n<general name="f" joint="h" dyntype="filter" dynprm="0"/></actuator>',
+        ":2: actuator 'f': its time constant is zero",
     ),
     "affine gain": (
         '<actuator>\n<general name="f" joint="h" gaintype="affine"/></actuator>',
@@ -206,6 +210,37 @@ def test_a_tendon_over_sites_is_a_rope(tmp_path):
     found, _ = eqx.filter_jit(lambda s: s.acceleration(0.0, s.q0, s.v0))(system)
     assert abs(float(found[2]) - data.qacc[0]) < IDENTITY * abs(data.qacc[0])
     refused(tmp_path, text.replace("{low}", "0.3"), ":2: tendon 'r': it runs over several sites")
+
+
+def test_actuators_filter_and_integrate(tmp_path):
+    """Their states have the rates that they have in MuJoCo, and their hinges the accelerations."""
+    path = written(tmp_path, with_states())
+    scene, model = rj.load_scene(path, start="k"), mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    system = rj.assemble(scene)
+    found, _ = eqx.filter_jit(lambda s: s.acceleration(0.0, s.q0, s.v0))(system)
+    states = found[np.array(system.structure.states)]
+    np.testing.assert_allclose(states, data.act_dot, rtol=IDENTITY)
+    # At rest, not turned: p'' is half of the angular acceleration.
+    turning = 2 * found[: 7 * model.nv].reshape(model.nv, 7)[:, 5]
+    np.testing.assert_allclose(turning, data.qacc, rtol=IDENTITY)
+
+
+def test_actuators_with_a_state_go_in_and_out(tmp_path):
+    """Only what begins at zero can be written, since it is by keyframes that files say more."""
+    path = written(tmp_path, with_states())
+    first = rj.load_scene(path)
+    first.save(tmp_path / "again.xml")
+    kinds = [
+        [effect.activation for effect in scene.effects if isinstance(effect, rj.Actuator)]
+        for scene in (first, rj.load_scene(tmp_path / "again.xml"))
+    ]
+    assert len(kinds[0]) == 5
+    assert eqx.tree_equal(*kinds)
+    with pytest.raises(rj.SceneError, match="'actuator0' begins at 0.3"):
+        rj.load_scene(path, start="k").save(tmp_path / "again.xml")
 
 
 # What comes in.

@@ -87,6 +87,7 @@ effects = (
     rj.Force(here, (1.0, 1.0), rj.Sine(10.0, frequency=2.0), frame="body"),
     rj.Torque(here, signal=rj.Constant(2.0)),
     rj.Actuator(here, there, rj.Ramp(1.0), gear=10, largest=3.0, name="elbow"),
+    rj.Actuator(here, there, rj.Ramp(1.0), activation=rj.Activation(0.1, largest=2)),
     rj.JointDamper(here, there, 0.1, rj.Friction(0.2), "travel"),
     rj.JointSpring(here, there, stiffness=10.0, rest=1),
     rj.JointStop(here, there, upper=2.0, stiffness=1e3),

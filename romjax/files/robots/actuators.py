@@ -8,6 +8,7 @@ import numpy as np
 
 from ...common.checks import unknown_name
 from ...common.errors import SceneError
+from ...scene.effect.activation import Activation
 from ...scene.effect.actuator import Actuator
 from ...scene.effect.joint_damper import ANY
 from ...scene.marker import Marker
@@ -17,7 +18,9 @@ from .joints import Measured
 from .model import Model
 from .tree import Tree
 
-_JOINT, _TENDON = (0, 1), 3  # MuJoCo's numbers of what an actuator moves
+# MuJoCo's numbers of what an actuator moves, and of the state that it has.
+_JOINT, _TENDON = (0, 1), 3
+_NO_STATE, _INTEGRATOR, _FILTERS = 0, 1, (2, 3)
 
 
 def actuators(
@@ -25,10 +28,10 @@ def actuators(
     tree: Tree,
     measured: dict[int, Measured],
     signals: Mapping[str, AbstractSignal],
-    start: Any,
+    data: Any,
 ) -> Iterator[Actuator]:
-    """The actuators, with their signals or, without one, what the `start` says they have at it;
-    and motors at the joints that `signals` name.
+    """The actuators, with their signals or, without one, what MuJoCo's `data` of the start say they
+    have at it; and motors at the joints that `signals` name.
 
     Raises SceneError for a signal of no actuator and no joint.
     """
@@ -36,7 +39,8 @@ def actuators(
     for i in range(arrays.nu):
         name = model.numbered("actuator", i)
         used.add(name)
-        yield _actuator(model, tree, i, measured, signals.get(name, Constant(float(start[i]))))
+        held = Constant(float(data.ctrl[arrays.actuator_ctrladr[i]]))
+        yield _actuator(model, tree, i, measured, signals.get(name, held), data.act)
     free = {
         joint.name: number
         for number, joint in measured.items()
@@ -69,6 +73,7 @@ def _actuator(
     number: int,
     measured: dict[int, Measured],
     signal: AbstractSignal,
+    states: Any,
 ) -> Actuator:
     arrays = model.arrays
     a, b, motion, sign, joint = _moves(model, tree, number, measured)
@@ -96,6 +101,22 @@ def _actuator(
         largest_signal=highest,
         motion=motion,
         name=model.numbered("actuator", number),
+        activation=_activation(model, number, states),
+    )
+
+
+def _activation(model: Model, number: int, states: Any) -> Activation | None:
+    """The state of an actuator that filters or integrates its control, from its start on."""
+    arrays = model.arrays
+    kind = int(arrays.actuator_dyntype[number])
+    if kind == _NO_STATE:
+        return None
+    least, largest = _range(arrays, "act", number)
+    return Activation(
+        None if kind == _INTEGRATOR else float(arrays.actuator_dynprm[number, 0]),
+        least,
+        largest,
+        float(states[arrays.actuator_actadr[number]]),
     )
 
 
@@ -118,11 +139,14 @@ def _moves(
 
 
 def _check_law(model: Model, number: int) -> None:
-    """Refuse what is no affine law without states."""
+    """Refuse what is no affine law of one control, or one state that filters or integrates it."""
     arrays = model.arrays
     words = ""
-    if int(arrays.actuator_dyntype[number]) != 0:
-        words = "it has a state of its own; set dyntype to none, and a timeconst to zero"
+    kind = int(arrays.actuator_dyntype[number])
+    if kind not in (_NO_STATE, _INTEGRATOR, *_FILTERS) or arrays.actuator_ctrlnum[number] != 1:
+        words = "romjax has no such state; set dyntype to none, integrator, filter or filterexact"
+    elif kind in _FILTERS and not arrays.actuator_dynprm[number, 0] > 0:
+        words = "its time constant is zero; give a positive one, or set dyntype to none"
     elif int(arrays.actuator_gaintype[number]) != 0 or int(arrays.actuator_biastype[number]) > 1:
         words = "its force is no linear law of the signal, the position and the speed; give one"
     elif np.any(arrays.actuator_dampingpoly[number]):

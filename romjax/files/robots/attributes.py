@@ -4,12 +4,17 @@ from typing import Any
 
 import numpy as np
 
+from ...common.errors import SceneError
+from ...scene.effect.actuator import Actuator
 from ...scene.effect.joint_damper import JointDamper
 from ...scene.effect.joint_inertia import JointInertia
 from ...scene.effect.joint_spring import JointSpring
 from ...scene.effect.joint_stop import JointStop
 from ...scene.effect.torsion_damper import TorsionDamper
 from ...scene.effect.torsion_spring import TorsionSpring
+
+# The end of a range that has none: the largest number of MuJoCo.
+_OPEN = 1e10
 
 
 def box(body: Any, pad: str) -> str:
@@ -46,9 +51,36 @@ def attributes(part: Any) -> str:
             return f' damping="{words(part.damping)}"{rubbing}'
         case JointInertia():
             return f' armature="{words(part.inertia)}"'
-        case JointStop() if part.lower is not None and part.upper is not None:
-            return f' range="{words([part.lower, part.upper])}"'
+        case JointStop():
+            return limits("", part.lower, part.upper)
     return ""
+
+
+def activated(part: Actuator) -> str:
+    """The attributes of the state of an actuator.
+
+    Raises SceneError for one that does not begin at zero, which files have in keyframes alone.
+    """
+    a = part.activation
+    if a is None:
+        return ""
+    if np.any(np.asarray(a.start)):
+        raise SceneError(
+            f"save: the activation of '{part.label()}' begins at {float(a.start):g}, and in MJCF "
+            "without keyframes at zero; set start to zero, or save the scene as TOML."
+        )
+    text = ' dyntype="integrator"'
+    if a.time_constant is not None:
+        text = f' dyntype="filterexact" dynprm="{words(a.time_constant)}"'
+    return text + limits("act", a.least, a.largest)
+
+
+def limits(kind: str, low: Any, high: Any) -> str:
+    """The attributes of a range that may be open on one side; "" if it has no end."""
+    if low is None and high is None:
+        return ""
+    ends = [-_OPEN if low is None else low, _OPEN if high is None else high]
+    return f' {kind}limited="true" {kind}range="{words(ends)}"'
 
 
 def words(numbers: Any) -> str:

@@ -23,7 +23,7 @@ from ...scene.motion import moved
 from ...scene.placement import Placement
 from ...scene.placing import marker_start
 from ...scene.scene import Scene
-from .attributes import attributes, box, motion_of, words
+from .attributes import activated, attributes, box, limits, motion_of, words
 
 # By the joint of a body that has one, and the motion that it measures.
 _KINDS: dict[type, tuple[str, tuple[str, ...]]] = {
@@ -229,19 +229,13 @@ class _Writer:
                 continue
             self.used.add(number)
             bias = [part.offset, -part.proportional, -part.derivative]
-            limits = [
-                (kind, low, high)
-                for kind, low, high in (
-                    ("forcerange", part.least, part.largest),
-                    ("ctrlrange", part.least_signal, part.largest_signal),
-                )
-                if low is not None and high is not None
-            ]
             yield (
                 f"    <general name={quoteattr(part.label())} "
                 f'joint={quoteattr(joints[0].label())} gear="{words(part.gear)}" '
                 f'gainprm="{words(part.gain)}" biastype="affine" biasprm="{words(bias)}"'
-                + "".join(f' {kind}="{words([low, high])}"' for kind, low, high in limits)
+                + activated(part)
+                + limits("force", part.least, part.largest)
+                + limits("ctrl", part.least_signal, part.largest_signal)
                 + "/>\n"
             )
 

@@ -70,7 +70,7 @@ def _heard(path: Path) -> Iterator[list[str]]:
 
 def _read(path: Path, start: str, signals: Mapping[str, AbstractSignal], touching: bool) -> Robot:
     model = read_model(path)
-    data, controls = _started(model, start)
+    data = _started(model, start)
     tree = Tree(model, data)
     joints = Joints(model, tree)
     joined = [*joints.joints, *equalities(model, tree, joints.measured)]
@@ -78,7 +78,7 @@ def _read(path: Path, start: str, signals: Mapping[str, AbstractSignal], touchin
         *_gravity(model),
         *passive(model, joints.measured),
         *tendons(model, tree),
-        *actuators(model, tree, joints.measured, signals, controls),
+        *actuators(model, tree, joints.measured, signals, data),
         *(contacts(model, tree) if touching else ()),
     ]
     if not touching:
@@ -90,8 +90,8 @@ def _read(path: Path, start: str, signals: Mapping[str, AbstractSignal], touchin
     return Robot(scene, title, _holds(model, data), tuple(model.left_out))
 
 
-def _started(model: Model, start: str) -> tuple[Any, np.ndarray]:
-    """MuJoCo's data at the start, a keyframe or the configuration of the file, and its controls."""
+def _started(model: Model, start: str) -> Any:
+    """MuJoCo's data at the start, a keyframe or the configuration of the file."""
     mujoco, arrays = model.mujoco, model.arrays
     data = mujoco.MjData(arrays)
     known = {model.numbered("key", i): i for i in range(arrays.nkey)}
@@ -101,7 +101,7 @@ def _started(model: Model, start: str) -> tuple[Any, np.ndarray]:
         mujoco.mj_resetDataKeyframe(arrays, data, known[start])
     mujoco.mj_fwdPosition(arrays, data)
     mujoco.mj_comVel(arrays, data)
-    return data, np.array(data.ctrl)
+    return data
 
 
 def _holds(model: Model, data: Any) -> bool:

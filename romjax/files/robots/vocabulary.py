@@ -34,8 +34,8 @@ class Words(NamedTuple):
         return exact or next((kind for kind in kinds if ALL in lists[kind]), None)
 
 
-_WITH_STATES = Words(
-    refused=ALL, remedy="it has states or a law of its own; use <motor>, <position> or <velocity>"
+_OF_ITS_OWN = Words(
+    refused=ALL, remedy="it has a law of its own; use <motor>, <position>, <velocity> or <general>"
 )
 _IGNORED = Words(ignored=ALL)
 _TAKEN = Words(taken=ALL)
@@ -146,26 +146,26 @@ MJCF: dict[str, Words] = {
     "equality/flexstrain": Words(refused=ALL, remedy="take it out"),
     "actuator": _TAKEN,
     "actuator/general": _motor(
-        "biasprm biastype dynprm dyntype gainprm gaintype",
-        "actdim actearly actlimited actrange inheritrange input",
+        "actlimited actrange biasprm biastype dynprm dyntype gainprm gaintype inheritrange input",
+        "actdim actearly",
         "body ffrange velrange",
     ),
     "actuator/motor": _motor(),
-    "actuator/position": _motor("dampratio inheritrange kp kv", refused="timeconst"),
+    "actuator/position": _motor("dampratio inheritrange kp kv timeconst"),
     "actuator/velocity": _motor("kv"),
-    "actuator/intvelocity": _WITH_STATES,
-    "actuator/orientation": _WITH_STATES,
-    "actuator/pid": _WITH_STATES,
-    "actuator/damper": _WITH_STATES,
-    "actuator/cylinder": _WITH_STATES,
-    "actuator/muscle": _WITH_STATES,
-    "actuator/adhesion": _WITH_STATES,
-    "actuator/dcmotor": _WITH_STATES,
-    "actuator/plugin": _WITH_STATES,
+    "actuator/intvelocity": _motor("actlimited actrange dampratio inheritrange kp kv"),
+    "actuator/orientation": _OF_ITS_OWN,
+    "actuator/pid": _OF_ITS_OWN,
+    "actuator/damper": _OF_ITS_OWN,
+    "actuator/cylinder": _motor("area bias diameter timeconst"),
+    "actuator/muscle": _OF_ITS_OWN,
+    "actuator/adhesion": _OF_ITS_OWN,
+    "actuator/dcmotor": _OF_ITS_OWN,
+    "actuator/plugin": _OF_ITS_OWN,
     "sensor": _IGNORED,
     "custom": _IGNORED,
     "keyframe": _TAKEN,
-    "keyframe/key": Words("ctrl name qpos qvel", "time", refused="act mpos mquat plastic"),
+    "keyframe/key": Words("act ctrl name qpos qvel", "time", refused="mpos mquat plastic"),
     # What MuJoCo resolves before it has a schema.
     "body/frame": _TAKEN,
     "body/replicate": _TAKEN,

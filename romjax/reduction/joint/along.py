@@ -125,7 +125,7 @@ def _pushes(group: Any, t: Time, motion: Array, rate: Array) -> Float[Array, " c
 def _coordinate(effect: Any) -> str | None:
     """The name of the coordinate that may be the motion of an effect; None where nothing is."""
     along = getattr(type(effect), "along", AbstractMotionEffect.along)
-    if along is AbstractMotionEffect.along or effect.motion not in _COORDINATES:
+    if along is AbstractMotionEffect.along or effect.motion not in _COORDINATES or effect.states:
         return None
     known = all(goes_with(effect, "along", other) for other in ("wrenches", "energy"))
     counts = effect.counted and effect.a.dimension == 3

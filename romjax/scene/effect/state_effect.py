@@ -52,7 +52,7 @@ class AbstractStateEffect(AbstractMarkerEffect):
         states, own = self._told(poses, twists)
         number, zero = len(self.markers), jnp.zeros_like(poses[0].position)
         driven, still = self.driven(t, states, *own), jnp.zeros_like(twists[0].angular_velocity)
-        rates = self.rates(t, states, *own)
+        rates = self.rates(t, states, *own) if self.states else ()
         carried = [Wrench(zero.at[0].set(rate), still) for rate in rates]
         idle = [Wrench(zero, still) for _ in own[0][number:]]
         return (*driven[:number], *carried, *idle)
@@ -69,5 +69,7 @@ class AbstractStateEffect(AbstractMarkerEffect):
     ) -> tuple[Float[Array, " k"], tuple[Poses, Twists]]:
         """The states, and the poses and twists of the markers, with those of counters of turns."""
         first, number = len(self.markers), len(self.markers) + len(self.states)
-        states = jnp.stack([twist.velocity[0] for twist in twists[first:number]])
+        values = [twist.velocity[0] for twist in twists[first:number]]
+        # An option of a kind may bring its only state.
+        states = jnp.stack(values) if values else jnp.zeros(0, poses[0].position.dtype)
         return states, (poses[:first] + poses[number:], twists[:first] + twists[number:])

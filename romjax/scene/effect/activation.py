@@ -1,0 +1,45 @@
+"""The state of an actuator between its signal and its force."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..fields import Converted, check_numbers, number
+from ..limits import cut_off
+
+
+class Activation(eqx.Module):
+    """A state a of an `Actuator` that takes the place of its signal u: a filter τ a' = u − a or,
+    without a time constant, an integrator a' = u.
+
+    It stops at `least` and at `largest`, and leaves them as soon as its rate turns round.
+
+    **Arguments:**
+
+    - `time_constant`: τ [s]; a' = u unless given.
+    - `least`, `largest`: of a; none unless given.
+    - `start`: a at the start.
+    """
+
+    time_constant: Converted[Float[Array, ""] | None] = number(default=None)
+    least: Converted[Float[Array, ""] | None] = number(default=None)
+    largest: Converted[Float[Array, ""] | None] = number(default=None)
+    start: Converted[Float[Array, ""]] = number(default=0.0)
+
+    def rate(self, signal: Float[Array, ""], state: Float[Array, ""]) -> Float[Array, ""]:
+        """The rate a' of the state a."""
+        rate = signal if self.time_constant is None else (signal - state) / self.time_constant
+        if self.least is not None:
+            rate = jnp.where(state <= self.least, jnp.maximum(rate, 0), rate)
+        if self.largest is not None:
+            rate = jnp.where(state >= self.largest, jnp.minimum(rate, 0), rate)
+        return rate
+
+    def value(self, state: Float[Array, ""]) -> Float[Array, ""]:
+        """What stands for the signal: a, of which a step may have gone beyond a limit."""
+        return cut_off(state, self.least, self.largest)
+
+    def check(self, owner: str) -> None:
+        """Raise a SceneError that names owner, field, value and remedy."""
+        check_numbers(owner, self, "time_constant", sign="positive", prefix="Activation.")
+        check_numbers(owner, self, "least", "largest", "start", prefix="Activation.")
