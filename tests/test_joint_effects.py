@@ -14,6 +14,7 @@ from zoo import run
 import romjax as rj
 from romjax import spatial as r
 from romjax.integrate.default import default_method, start_frequencies
+from romjax.scene.effect.joint_damper import ANY
 
 MASS, ARM, INERTIA, ROTOR = 2.0, 0.3, 0.5, 0.7
 UPPER, LEAST = 0.4, -0.5
@@ -70,6 +71,32 @@ def test_a_hinge_with_everything_obeys_its_own_equation():
         assert system.structure.labels[-1].endswith("angle")
         assert_close(system.q0[-1], state[0], IDENTITY)
         assert_close(rates(system)[-1], expected(*state), IDENTITY, 100.0)
+
+
+def test_a_ball_joint_has_damping_and_stops_at_an_angle():
+    """About any axis: between, and beyond them on the way out and back; from p = (c, n s) with the
+    half angle. The start, which is not turned, shows how stiff they are.
+    """
+    axis, largest, stiffness, damping = np.array([2.0, -1.0, 2.0]) / 3, 0.5, 40.0, 0.3
+    for angle, speed in ((0.2, 1.5), (0.9, 1.1), (0.9, -0.7), (0.0, 0.0)):
+        ball = r.RigidBody(
+            "ball", MASS, np.full(3, INERTIA), (0.0, 0.0, 0.0), r.rotation(axis, angle),
+            angular_velocity=speed * axis,
+        )  # fmt: skip
+        ends = ball.at((0.0, 0.0, 0.0)), rj.ground.at((0.0, 0.0, 0.0))
+        stop = rj.JointStop(*ends, None, largest, stiffness, 0.4, "turn")
+        system = rj.assemble(
+            rj.Scene(
+                [ball], [r.Spherical(*ends)], [stop, rj.JointDamper(*ends, damping, motion=ANY)]
+            )
+        )
+        beyond = max(angle - largest, 0.0)
+        rate = -(stiffness * beyond * (1 + 0.4 * speed) + damping * speed) / INERTIA
+        c, s = np.cos(angle / 2), np.sin(angle / 2)
+        known = [-rate * s / 2 - speed**2 * c / 4, *(axis * (rate * c / 2 - speed**2 * s / 4))]
+        assert_close(rates(system)[3:], np.array(known), IDENTITY, 100.0)
+    start = start_frequencies(system, np.linspace(0.0, 1.0, 11), system.q0, system.v0)
+    assert_close(start.acting, np.sqrt(stiffness / INERTIA), DIFFERENCED, 9.0)
 
 
 def test_joint_coordinates_have_the_rotor():
@@ -212,6 +239,8 @@ def test_motions_and_stops_that_make_no_sense():
     flat = rj.RigidBody("flat", 1.0, 1.0)
     with pytest.raises(rj.SceneError, match="motion is '1 of 2'"):
         rj.JointSpring(flat.at(), rj.ground.at(), 1.0, motion="1 of 2")
+    with pytest.raises(rj.SceneError, match="motion is 'turn'"):
+        rj.JointStop(flat.at(), rj.ground.at(), upper=1.0, motion="turn")
     with pytest.raises(rj.SceneError, match="lower is 2 and upper 1; give a lower stop below"):
         rj.JointStop(hinge.a, hinge.b, 2.0, 1.0)
     with pytest.raises(rj.SceneError, match="it has no stop"):

@@ -103,8 +103,8 @@ BAD = {
         ":2: joint 's': its axis is not at a right angle",
     ),
     "range of a ball": (
-        f'<body>\n<joint name="s" type="ball" range="0 30"/>{BALL}</body>',
-        ":2: joint 's': stops of a ball joint",
+        f'<body>\n<joint name="s" type="ball" range="10 30"/>{BALL}</body>',
+        ":2: range.*",
     ),
     "armature of a ball": (
         f'<body>\n<joint name="s" type="ball" armature="1"/>{BALL}</body>',
@@ -226,6 +226,17 @@ def test_actuators_filter_and_integrate(tmp_path):
     # At rest, not turned: p'' is half of the angular acceleration.
     turning = 2 * found[: 7 * model.nv].reshape(model.nv, 7)[:, 5]
     np.testing.assert_allclose(turning, data.qacc, rtol=IDENTITY)
+
+
+def test_stops_of_ball_joints_go_in_and_out(tmp_path):
+    text = f'<body><joint type="ball" range="0 30" damping="0.2"/>{BALL}</body>'
+    first = rj.load_scene(written(tmp_path, f"<mujoco><worldbody>{text}</worldbody></mujoco>"))
+    first.save(tmp_path / "again.xml")
+    stops = [
+        [(x.motion, x.lower, float(x.upper)) for x in scene.effects if isinstance(x, rj.JointStop)]
+        for scene in (first, rj.load_scene(tmp_path / "again.xml"))
+    ]
+    assert stops == 2 * [[("turn", None, np.radians(30))]]
 
 
 def test_actuators_with_a_state_go_in_and_out(tmp_path):

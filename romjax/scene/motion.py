@@ -30,10 +30,14 @@ Motion = Literal[
 ]
 MOTIONS: tuple[str, ...] = get_args(Motion)
 _PLANAR = MOTIONS[:4]
+# Of a ball joint: the angle of the whole rotation, from 0 to π, whose direction any may be and is
+# none at zero; of stops alone, which do not act there.
+TURN = "turn"
 # Those that are lengths; the others are angles.
 LENGTHS = ("travel", "distance")
 # The sine of the second of three angles up to which they are told apart, that of 87 degrees.
 _STEEP = 0.9986
+_LITTLE = 1e-9
 
 
 def moved(motion: str, *poses: Pose) -> Float[Array, ""]:
@@ -50,6 +54,10 @@ def moved(motion: str, *poses: Pose) -> Float[Array, ""]:
         # The gradient of a length is NaN at zero, where it has no direction.
         return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
     relative = quaternions.product(quaternions.conjugate(b.turn), a.turn)
+    if motion == TURN:
+        # A little more than nothing keeps the square of the angle smooth at zero.
+        sine = jnp.sqrt(jnp.sum(relative[1:] ** 2) + _LITTLE**2)
+        return 2 * jnp.arctan2(sine, jnp.abs(relative[0]))
     return _turned(motion, quaternions.matrix(relative))
 
 

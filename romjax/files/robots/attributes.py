@@ -12,6 +12,7 @@ from ...scene.effect.joint_spring import JointSpring
 from ...scene.effect.joint_stop import JointStop
 from ...scene.effect.torsion_damper import TorsionDamper
 from ...scene.effect.torsion_spring import TorsionSpring
+from ...scene.motion import TURN
 
 # The end of a range that has none: the largest number of MuJoCo.
 _OPEN = 1e10
@@ -52,7 +53,8 @@ def attributes(part: Any) -> str:
         case JointInertia():
             return f' armature="{words(part.inertia)}"'
         case JointStop():
-            return limits("", part.lower, part.upper)
+            # The angle of a ball joint begins at zero, and so must its range.
+            return limits("", 0.0 if part.motion == TURN else part.lower, part.upper)
     return ""
 
 

@@ -19,7 +19,7 @@ from ...scene.joint.revolute import Revolute
 from ...scene.joint.spatial.spherical import Spherical
 from ...scene.joint.weld import Weld
 from ...scene.marker import GROUND, Marker
-from ...scene.motion import moved
+from ...scene.motion import TURN, moved
 from ...scene.placement import Placement
 from ...scene.placing import marker_start
 from ...scene.scene import Scene
@@ -29,7 +29,7 @@ from .attributes import activated, attributes, box, limits, motion_of, words
 _KINDS: dict[type, tuple[str, tuple[str, ...]]] = {
     Revolute: ("hinge", ("angle", "bounded angle")),
     Prismatic: ("slide", ("travel",)),
-    Spherical: ("ball", (ANY,)),
+    Spherical: ("ball", (ANY, TURN)),
     Weld: ("", ()),
 }
 _SAME = 1e-9

@@ -13,7 +13,7 @@ from ...scene.effect.joint_inertia import JointInertia
 from ...scene.effect.joint_spring import JointSpring
 from ...scene.effect.joint_stop import JointStop
 from ...scene.marker import Marker
-from ...scene.motion import LENGTHS
+from ...scene.motion import LENGTHS, TURN
 from .joints import Measured
 from .model import Model
 
@@ -66,8 +66,8 @@ def _of_joint(model: Model, number: int, joint: Measured, reflected: Reflected) 
     if inertia:
         yield JointInertia(a, b, inertia, motion)
     if arrays.jnt_limited[number]:
-        ends = sorted(sign * float(x) for x in arrays.jnt_range[number])
-        yield stop(a, b, ends, motion, model, number)
+        low, high = sorted(sign * float(x) for x in arrays.jnt_range[number])
+        yield stop(a, b, (low, high), motion, model, number)
 
 
 def _of_turns(
@@ -82,9 +82,8 @@ def _of_turns(
         if free:
             yield Damper(a, b, damping)
     if model.arrays.jnt_limited[number]:
-        raise model.refuse(
-            "joint", number, "stops of a ball joint are not known; take out its range."
-        )
+        largest = float(model.arrays.jnt_range[number, 1])
+        yield stop(a, b, (None, largest), TURN, model, number)
 
 
 def rubbing(model: Model, friction: float, motion: str) -> Friction | None:
@@ -103,14 +102,19 @@ def _size(model: Model, motion: str) -> float:
 
 
 def stop(
-    a: Marker, b: Marker, ends: list[float], motion: str, model: Model, number: int
+    a: Marker,
+    b: Marker,
+    ends: tuple[float | None, float],
+    motion: str,
+    model: Model,
+    number: int,
 ) -> JointStop:
     """The stops of a joint, as stiff as MuJoCo's for the inertia that the joint has at first."""
     arrays = model.arrays
     time, ratio = (float(x) for x in arrays.jnt_solref[number])
     mass = 1 / float(arrays.dof_invweight0[arrays.jnt_dofadr[number]])
     stiffness = _stiffness(time, ratio, mass)
-    return JointStop(a, b, ends[0], ends[1], stiffness, dissipation(model, motion), motion)
+    return JointStop(a, b, *ends, stiffness, dissipation(model, motion), motion)
 
 
 def _stiffness(time: float, ratio: float, mass: float) -> float:

@@ -12,7 +12,7 @@ from ...common.arrays import Time, concrete
 from ...common.errors import SceneError
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Poses, Twists, Wrenches
-from ..motion import check_motion, moved
+from ..motion import TURN, check_motion, moved
 from .along_motion import AbstractMotionEffect
 from .base import check_markers
 
@@ -30,7 +30,8 @@ class JointStop(AbstractMotionEffect):
     - `lower`, `upper`: the least and the largest s [rad], [m]; none unless given.
     - `stiffness`: k [N m/rad], or [N/m] of a length.
     - `dissipation`: D [s/rad], [s/m]; none unless given.
-    - `motion`: what s is, as in `JointSpring`.
+    - `motion`: what s is, as in `JointSpring`; or "turn" of a ball joint, the angle of the whole
+      rotation in space, from 0 to π.
 
     Raises SceneError if `lower` is not below `upper`, or if neither is given.
     """
@@ -96,7 +97,8 @@ class JointStop(AbstractMotionEffect):
 
     def check(self) -> None:
         owner = check_markers(self)
-        check_motion(owner, self.motion, self.a.dimension)
+        if self.motion != TURN or self.a.dimension == 2:
+            check_motion(owner, self.motion, self.a.dimension)
         check_numbers(owner, self, "stiffness", "dissipation", sign="not negative")
         check_numbers(owner, self, "lower", "upper")
         if self.lower is None and self.upper is None:
