@@ -24,7 +24,14 @@ TIGHTLY = ("slider-crank",)
 # With the balance of energy among the slow tests, since it makes a program half as long again: of
 # what shows energies, of a chain in gravity, of contacts, and of what stiffens. Parts that bend are
 # in test_long_runs.py, and all scenes with it among the exhaustive tests.
-AUDITED = ("newtons-cradle", "rotating-blade", "squeezer", "trebuchet", "uncoiling-strip")
+AUDITED = (
+    "newtons-cradle",
+    "rotating-blade",
+    "squeezer",
+    "swinging-cable",
+    "trebuchet",
+    "uncoiling-strip",
+)
 # Those that other tests move too, by one program each, and its method.
 FAST = {"cart-pendulum": zoo.RODAS5P, "four-bar": zoo.DOPRI8, "spinning-top": zoo.DOPRI8}
 

@@ -1,6 +1,7 @@
 """Ready scenes, by name."""
 
 from .ball_chain import ball_chain as ball_chain
+from .blade_catapult import blade_catapult as blade_catapult
 from .bouncing_ball import bouncing_ball as bouncing_ball
 from .bricard import bricard as bricard
 from .cart_pendulum import cart_pendulum as cart_pendulum
@@ -11,6 +12,7 @@ from .catalogue import find as find
 from .chain import chain as chain
 from .connecting_rod import connecting_rod as connecting_rod
 from .double_pendulum import double_pendulum as double_pendulum
+from .flexible_link import flexible_link as flexible_link
 from .flyball_governor import flyball_governor as flyball_governor
 from .flywheel import flywheel as flywheel
 from .four_bar import four_bar as four_bar
@@ -27,7 +29,9 @@ from .spatial_arm import spatial_arm as spatial_arm
 from .spatial_slider_crank import spatial_slider_crank as spatial_slider_crank
 from .spinning_top import spinning_top as spinning_top
 from .squeezer import squeezer as squeezer
+from .swinging_cable import swinging_cable as swinging_cable
 from .trebuchet import trebuchet as trebuchet
 from .uncoiling_strip import uncoiling_strip as uncoiling_strip
 from .vehicle_axle import vehicle_axle as vehicle_axle
+from .whip import whip as whip
 from .wing_nut import wing_nut as wing_nut

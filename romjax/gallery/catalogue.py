@@ -11,12 +11,14 @@ import diffrax
 from ..common.errors import SceneError
 from ..scene.scene import Scene
 from .ball_chain import ball_chain
+from .blade_catapult import blade_catapult
 from .bouncing_ball import bouncing_ball
 from .bricard import bricard
 from .cart_pendulum import cart_pendulum
 from .chain import chain
 from .connecting_rod import connecting_rod
 from .double_pendulum import double_pendulum
+from .flexible_link import flexible_link
 from .flyball_governor import flyball_governor
 from .flywheel import flywheel
 from .four_bar import four_bar
@@ -33,9 +35,11 @@ from .spatial_arm import spatial_arm
 from .spatial_slider_crank import spatial_slider_crank
 from .spinning_top import spinning_top
 from .squeezer import squeezer
+from .swinging_cable import swinging_cable
 from .trebuchet import trebuchet
 from .uncoiling_strip import uncoiling_strip
 from .vehicle_axle import vehicle_axle
+from .whip import whip
 from .wing_nut import wing_nut
 
 # Where the robots' files are, MJCF and URDF.
@@ -142,6 +146,21 @@ EXAMPLES = (
         freedoms=6,
     ),
     Example(
+        "blade-catapult",
+        "a bent blade of spring steel throws a stone",
+        blade_catapult,
+        0.5,
+        200.0,
+        freedoms=6,
+    ),
+    Example(
+        "swinging-cable",
+        "a cable swings down and whips against a wall",
+        swinging_cable,
+        freedoms=6,
+    ),
+    Example("whip", "a lash overtakes the hand that stops", whip, 1.5, freedoms=5),
+    Example(
         "spinning-top", "a heavy top nods as it precesses", spinning_top, 1.0, 200.0, freedoms=3
     ),
     Example("wing-nut", "a free body flips over and over", wing_nut, 10.0, 20.0, freedoms=6),
@@ -166,6 +185,12 @@ EXAMPLES = (
     ),
     Example(
         "helicopter-rotor", "blades that rotation stiffens flap", helicopter_rotor, 6.0, freedoms=19
+    ),
+    Example(
+        "flexible-link",
+        "a link that bends far is swung and falls",
+        flexible_link,
+        freedoms=5,
     ),
     Example("satellite", "thrusters turn soft panels", satellite, 20.0, 20.0, freedoms=16),
 )

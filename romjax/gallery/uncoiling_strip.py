@@ -2,13 +2,12 @@
 
 import math
 
-import numpy as np
-
 from ..common.arrays import Number
 from ..scene.body.rod import Rod
 from ..scene.joint.weld import Weld
 from ..scene.marker import ground
 from ..scene.scene import Scene
+from .arcs import arc
 
 
 def uncoiling_strip(
@@ -23,10 +22,7 @@ def uncoiling_strip(
 
     Its elastic energy at the start is that of a circle, 2 π² EI / L, which no linear beam has.
     """
-    straight = Rod("strip", mass, length, EI, modes)
-    # Its shapes are those of polynomials of strain, of which the first is constant.
-    circle = 2 * math.pi * np.eye(modes)[0]
-    rolled = np.linalg.solve(np.asarray(straight.strains.basis), circle)
+    rolled = arc(Rod("strip", mass, length, EI, modes), 2 * math.pi)
     # The frame is in the middle, above the clamp, and upside down.
     strip = Rod(
         "strip",
@@ -36,7 +32,6 @@ def uncoiling_strip(
         modes,
         position=(0.0, length / math.pi),
         angle=math.pi,
-        # Zeros without a sign, which hangs on the processor.
-        amplitudes=[round(amplitude, 12) + 0.0 for amplitude in rolled.tolist()],
+        amplitudes=rolled,
     )
     return Scene([strip], [Weld(strip.at("start"), ground.at((0.0, 0.0)), name="clamp")])
