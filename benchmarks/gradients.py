@@ -1,8 +1,9 @@
-"""What gradients cost: time of reverse mode by a whole scene and of forward mode by two of its
-numbers, in runs, and memory by the number of steps. Writes `gradients.txt` beside this file.
+"""What gradients cost by `rj.jit`: time of reverse mode by a whole scene and of forward mode by two
+of its numbers, in runs, and memory by the number of steps. Writes `gradients.txt` beside this file.
 """
 
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -49,10 +50,12 @@ def end(scene: rj.Scene, solver: diffrax.AbstractSolver, ts: Any, **settings: An
     return jnp.sum(run.q[-1]) + jnp.sum(run.v[-1])
 
 
-def compiled(function: Callable, *arguments: Any) -> tuple[Callable[[], Any], float]:
+def compiled(
+    function: Callable, *arguments: Any, jit: Callable = rj.jit
+) -> tuple[Callable[[], Any], float]:
     """A call of the compiled function, and the time to compile [s]."""
     start = time.perf_counter()
-    program = jax.jit(function).lower(*arguments).compile()
+    program = jit(function).lower(*arguments).compile()
     return lambda: program(*arguments), time.perf_counter() - start
 
 
@@ -72,7 +75,10 @@ def costs(name: str) -> tuple[list[str], dict[str, float]]:
         run, build = compiled(value, values)
         forward, build_forward = compiled(jax.jacfwd(by_two), two(values), values)
     reverse, build_reverse = compiled(jax.grad(value), values)
-    base, back, ahead = (one.least for one in least((run, reverse, forward), REPEATS, name=name))
+    with warnings.catch_warnings(category=UserWarning, action="ignore"):
+        plain, _ = compiled(jax.grad(value), values, jit=jax.jit)
+    calls = run, reverse, forward, plain
+    base, back, ahead, slow = (one.least for one in least(calls, REPEATS, name=name))
     row = [
         name,
         type(solver).__name__,
@@ -83,6 +89,7 @@ def costs(name: str) -> tuple[list[str], dict[str, float]]:
     return row, {
         f"{name}: run / reverse": base / back,
         f"{name}: run / forward": base / ahead,
+        f"{name}: reverse, jax.jit / rj.jit": slow / back,
         f"{name}: run / reverse, to compile": build / build_reverse,
     }
 
@@ -97,7 +104,7 @@ def memory(steps: int) -> tuple[float, float]:
         return end(eqx.combine(values, rest), diffrax.Tsit5(), ts, **settings)
 
     sizes = (
-        jax.jit(function).lower(values).compile().memory_analysis().temp_size_in_bytes / 1e3
+        rj.jit(function).lower(values).compile().memory_analysis().temp_size_in_bytes / 1e3
         for function in (value, jax.grad(value))
     )
     return next(sizes), next(sizes)
@@ -128,4 +135,4 @@ def measure() -> Iterator[record.Section]:
 
 
 if __name__ == "__main__":
-    record.main(measure)
+    record.main(measure, setup=record.begin_as_users)

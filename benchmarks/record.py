@@ -187,15 +187,20 @@ def fallen(found: Sequence[Verdict], failures: Mapping[str, str]) -> str:
 
 
 def begin() -> None:
-    """Double precision on a CPU, with XLA set up for `jax.jit` of small simulations, which most
-    comparisons run; nothing is read from disk.
+    """As `begin_as_users`, with XLA set up for `jax.jit` of small simulations, which most
+    comparisons run.
     """
-    os.environ["ROMJAX_CACHE_DIR"] = ""
-    import jax
-
     import romjax as rj
 
     rj.speed_up_xla()
+    begin_as_users()
+
+
+def begin_as_users() -> None:
+    """Double precision on a CPU; nothing is read from disk."""
+    os.environ["ROMJAX_CACHE_DIR"] = ""
+    import jax
+
     jax.config.update("jax_enable_x64", True)
     # A graphics processor would only wait for these few bodies.
     jax.config.update("jax_platforms", "cpu")

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -78,6 +79,55 @@ def test_options_of_jit_reach_the_compiler(monkeypatch):
     # Other devices have none.
     monkeypatch.setattr(xla, "known_options", lambda: None)
     assert rj.jit(lambda x: x + 1)(X) == pytest.approx(X + 1)
+
+
+def much(x, others=()):
+    """A loop that is worth a function, beside what is passed on."""
+
+    def body(_, x):
+        for _ in range(30):
+            x = jnp.sin(x)
+        return x
+
+    return {"number": jax.lax.fori_loop(0, 2, body, x), "others": others}
+
+
+@pytest.mark.parametrize(
+    "others",
+    [(2.0, True, None), (jnp.zeros((0, 3)), np.arange(3), np.float32(1)), (jax.random.key(0),)],
+    ids=["Python", "arrays", "keys"],
+)
+def test_programs_in_functions_return_what_those_of_jax_do(others):
+    """Also types that give way to others, arrays without entries, and keys of random numbers."""
+    one, other = rj.jit(much)(0.5, others), jax.jit(much)(0.5, others)
+    assert jax.tree.structure(one) == jax.tree.structure(other)
+    for x, y in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        assert (x.aval, bool(jnp.all(x == y))) == (y.aval, True)
+    text = rj.jit(much).lower(X, others).as_text()
+    assert ("xla_cpu_small_call" in text) == compat.compiles_functions()
+
+
+def test_what_cannot_be_a_function_is_compiled_as_by_jax(monkeypatch):
+    """Large arrays stay with the threads; a check that fails is no reason to try again."""
+    assert "small_call" not in rj.jit(much).lower(np.zeros(10**5)).as_text()
+    monkeypatch.setattr(xla.functions.jaxprs, "is_written_out", lambda equation: True)
+    ordered = rj.jit(lambda x: jnp.sort(much(x)["number"]))
+    for _ in range(2):
+        assert ordered(X) == pytest.approx(np.sort(much(X)["number"]))
+    monkeypatch.undo()
+    runs = []
+
+    @rj.jit
+    def checked(x):
+        jax.debug.callback(lambda: runs.append(1))
+        return eqx.error_if(much(x)["number"], x < 0, "negative")
+
+    for _ in range(2):
+        with pytest.raises((jax.errors.JaxRuntimeError, ValueError), match="negative"):
+            checked(-X[0]).block_until_ready()
+    assert len(runs) == 2
+    with jax.disable_jit():
+        assert rj.jit(lambda x: float(x))(2.0) == 2
 
 
 @pytest.fixture

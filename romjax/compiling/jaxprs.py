@@ -4,7 +4,7 @@ Of JAX's interface this uses what is not public; tests/test_compat.py fails when
 """
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import jax
@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax._src import core
 from jax._src.interpreters import partial_eval
+from jax._src.lax import lax
 from jax.experimental.xla_metadata import set_xla_metadata
 from jax.extend.core import ClosedJaxpr
 
@@ -31,6 +32,12 @@ _NAMES = (
     "while xor "
 )
 _WRITTEN_OUT = frozenset(_NAMES.split())
+# Loops, branches and calls, in which there is something to change.
+_WITH_INNER = frozenset(
+    ("while", "scan", "cond", "jit", "pjit", "custom_jvp_call", "custom_vjp_call")
+)
+# What changes a part of an array, or fills one.
+_IN_PLACE = frozenset(("dynamic_update_slice", "broadcast_in_dim", "scatter", "scatter-add"))
 
 
 def equations(jaxpr: Any) -> Iterator[Any]:
@@ -44,6 +51,15 @@ def equations(jaxpr: Any) -> Iterator[Any]:
 def is_written_out(equation: Any) -> bool:
     """Whether XLA's CPU backend writes this equation out itself."""
     return equation.primitive.name in _WRITTEN_OUT
+
+
+def is_of_real_numbers(jaxpr: Any) -> bool:
+    """Whether all that goes in and out are real numbers, whole ones and truth values.
+
+    Keys of random numbers are of no such type, and complex numbers never leave a mechanism.
+    """
+    arrays: list[Any] = [x.aval for x in (*jaxpr.constvars, *jaxpr.invars, *jaxpr.outvars)]
+    return all(getattr(x.dtype, "kind", "O") in "biuf" for x in arrays)
 
 
 def product_terms(equation: Any) -> int:
@@ -61,8 +77,18 @@ def largest_copy(jaxpr: Any) -> int:
     loops = (e for e in jaxpr.eqns if e.primitive.name in ("while", "scan"))
     changed = (x for loop in loops for x in loop.invars[-len(loop.outvars) :])
     copied = (x for x in changed if not isinstance(x, core.Literal) and x in given)
-    arrays: list[Any] = [x.aval for x in copied]
-    return max((x.size * x.dtype.itemsize for x in arrays), default=0)
+    return max((_bytes(x) for x in copied), default=0)
+
+
+def largest_work(equations: Iterable[Any]) -> int:
+    """The bytes of the largest array that one of these operations computes as a whole."""
+    parts = (e for e in equations if e.primitive.name not in _WITH_INNER | _IN_PLACE)
+    return max((_bytes(x) for e in parts for x in e.outvars), default=0)
+
+
+def _bytes(x: Any) -> int:
+    aval: Any = x.aval
+    return int(aval.size) * int(aval.dtype.itemsize)
 
 
 def merged(closed: Any) -> Any:
@@ -108,7 +134,7 @@ def _literal(x: Any) -> tuple[Any, ...]:
 
 def _with_inner(equation: Any, change: Callable[[Any], Any]) -> Any:
     """A loop, branch or call with its jaxprs changed; any other equation as it is."""
-    if equation.primitive.name not in ("while", "scan", "cond", "jit", "pjit", "custom_jvp_call"):
+    if equation.primitive.name not in _WITH_INNER:
         return equation
 
     def inside(x: Any) -> Any:
@@ -214,3 +240,8 @@ def evaluate(closed: Any, arrays: Sequence[Any]) -> list[Any]:
     """The results of a closed jaxpr."""
     results: list[Any] = core.eval_jaxpr(closed.jaxpr, closed.consts, *arrays)
     return results
+
+
+def typed_as(x: Any, form: jax.ShapeDtypeStruct) -> Any:
+    """An array whose type gives way to another's where that of `form` does."""
+    return lax._convert_element_type(x, weak_type=True) if form.weak_type else x

@@ -18,7 +18,6 @@ Both hold only for a program that nothing surrounds: within a transformation of 
 import dataclasses
 import functools
 import gc
-import itertools
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, NamedTuple, TypeVar, cast
 
@@ -28,19 +27,12 @@ import numpy as np
 
 from ..common import compat
 from ..common.identity_cache import IdentityCache
-from . import jaxprs, program_cache, room, xla
+from . import functions, program_cache, room, xla
 
 F = TypeVar("F", bound=Callable[..., Any])
 # How often a program runs.
 Runs = Literal["one", "some", "many"]
 
-# Of a function, in equations: LLVM's passes need more than linear time for a long one, which only
-# many runs are worth, and a short one saves nothing.
-_MOST, _MOST_OFTEN, _FEWEST = 2500, 20_000, 20
-# Products of more terms take so long that what is around them does not matter.
-_LARGEST_PRODUCT = 2**16
-# XLA splits the copy of a larger array, in bytes, over threads, which no function can do.
-_LARGEST_COPY = 2**19 - 1
 # Programs that are remembered, of one function.
 _PROGRAMS = 256
 
@@ -104,9 +96,9 @@ class Program:
         if not compat.compiles_functions():
             return _read_or_compile(flat, forms, options, key)
         try:
-            most = _MOST if self._runs == "some" else _MOST_OFTEN
-            functions = functools.partial(_as_functions, flat, most)
-            return _read_or_compile(functions, forms, options, key)
+            most = functions.MOST if self._runs == "some" else functions.MOST_OFTEN
+            split = functools.partial(functions.split, flat, most)
+            return _read_or_compile(split, forms, options, key)
         except jax.errors.JaxRuntimeError:
             # Not all that consists of known primitives can be compiled as a function.
             return _read_or_compile(flat, forms, options, key)
@@ -256,25 +248,3 @@ def _has_several_devices() -> bool:
 
 def _restore(x: Any) -> Any:
     return np.zeros(x.shape, x.dtype) if isinstance(x, _Empty) else x
-
-
-def _as_functions(flat: Callable[..., Any], most: int, *arrays: Any) -> Any:
-    """The results of `flat`, all that can be as functions of the program."""
-    closed, shapes = jax.make_jaxpr(flat, return_shape=True)(*arrays)
-    fits = functools.partial(_fits, most)
-    closed = jaxprs.as_functions(jaxprs.merged(closed), fits, _FEWEST)
-    return jax.tree.unflatten(jax.tree.structure(shapes), jaxprs.evaluate(closed, arrays))
-
-
-def _fits(most: int, jaxpr: Any) -> bool:
-    """Whether this can be one function: no calls of a library, no large products or copies."""
-    # One more than a function may have says that it has too many.
-    equations = list(itertools.islice(jaxprs.equations(jaxpr), most + 1))
-    return (
-        len(equations) <= most
-        and jaxprs.largest_copy(jaxpr) <= _LARGEST_COPY
-        and all(
-            jaxprs.is_written_out(equation) and jaxprs.product_terms(equation) <= _LARGEST_PRODUCT
-            for equation in equations
-        )
-    )

@@ -14,6 +14,7 @@ import jax
 import numpy as np
 
 from ..common import compat
+from . import functions
 
 _has_options = contextvars.ContextVar("_has_options", default=False)
 # Whether it was told that a program lacks the options.
@@ -67,6 +68,23 @@ def tell_of_jit() -> None:
     )
 
 
+def _split(function: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+    """The result of a function that is traced, what can be as functions of the program."""
+    leaves, tree = jax.tree.flatten((args, kwargs))
+    arrays = [x for x in leaves if isinstance(x, jax.core.Tracer)]
+    static: Any = None
+
+    def flat(*arrays: Any) -> Any:
+        nonlocal static
+        given = iter(arrays)
+        own = [next(given) if isinstance(x, jax.core.Tracer) else x for x in leaves]
+        args, kwargs = jax.tree.unflatten(tree, own)
+        results, static = eqx.partition(function(*args, **kwargs), eqx.is_array)
+        return results
+
+    return eqx.combine(functions.split(flat, functions.MOST, *arrays), static)
+
+
 class Jitted:
     """A function that `jit` compiles, which is called as the function is. `how`: by which one."""
 
@@ -77,19 +95,52 @@ class Jitted:
         # Of a program inside of another one, the other one's options count.
         inside = {name: x for name, x in settings.items() if name != "compiler_options"}
         self._inside = how(function, **inside)
+        # Of forms of arguments for which a call failed, whether XLA compiles their program.
+        self._known = dict[Any, bool]()
+
+    @functools.cached_property
+    def _options(self) -> dict[str, Any]:
+        # Asking for the options sets JAX up, which the first call may do, but no decorator.
+        given = self._settings.get("compiler_options") or {}
+        return {"compiler_options": {**(known_options() or {}), **given}}
+
+    @functools.cached_property
+    def _plain(self) -> Any:
+        return self._how(self._function, **{**self._settings, **self._options})
 
     @functools.cached_property
     def _outermost(self) -> Any:
-        # Asking for the options sets JAX up, which the first call may do, but no decorator.
-        given = self._settings.get("compiler_options") or {}
-        options = {**(known_options() or {}), **given}
-        return self._how(self._function, **{**self._settings, "compiler_options": options})
+        # A function of XLA stands on one device.
+        several = jax.local_device_count() > 1
+        if known_options() is None or several or not compat.compiles_functions():
+            return self._plain
+        split = functools.wraps(self._function)(functools.partial(_split, self._function))
+        return self._how(split, **{**self._settings, **self._options})
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        if not compat.is_outermost():
+        if not compat.is_outermost() or jax.config.jax_disable_jit:  # type: ignore[attr-defined]
             return self._inside(*args, **kwargs)
         with tracing_with_options():
-            return self._outermost(*args, **kwargs)
+            try:
+                return self._outermost(*args, **kwargs)
+            except jax.errors.JaxRuntimeError:
+                if self._compiles(*args, **kwargs):
+                    raise
+            return self._plain(*args, **kwargs)
+
+    def _compiles(self, *args: Any, **kwargs: Any) -> bool:
+        """Whether an error is one of the run: XLA cannot compile all that is split."""
+        if self._outermost is self._plain:
+            return True
+        leaves, tree = jax.tree.flatten((args, kwargs))
+        key = tree, tuple([jax.typeof(x) if eqx.is_array_like(x) else x for x in leaves])
+        if key not in self._known:
+            try:
+                self._outermost.lower(*args, **kwargs).compile()
+                self._known[key] = True
+            except jax.errors.JaxRuntimeError:
+                self._known[key] = False
+        return self._known[key]
 
     def __get__(self, owner: Any, kind: Any = None) -> Any:
         """Bind a method to its object."""
@@ -125,11 +176,13 @@ def jit(**settings: Any) -> Callable[[Callable[..., Any]], Jitted]: ...
 
 
 def jit(function: Callable[..., Any] | None = None, /, **settings: Any) -> Any:
-    """`jax.jit`, with the compiler's options for small mechanisms on a CPU.
+    """`jax.jit`, compiled for small mechanisms on a CPU.
 
-    For functions of your own with runs in them, and for their batches and derivatives:
+    For functions of your own with runs in them, and for their batches and derivatives: loops and
+    calls become functions, where JAX starts a kernel for each operation, so that one run and its
+    derivative take a fraction of the time that they take in `jax.jit` (`benchmarks/gradients.txt`);
     `rj.jit(jax.vmap(run))` makes more than twice as many runs per second as
-    `jax.jit(jax.vmap(run))` (`benchmarks/batches.txt`), and takes no longer to compile. A
+    `jax.jit(jax.vmap(run))` (`benchmarks/batches.txt`). It compiles in about the same time. A
     simulation outside of a function of your own needs none of it.
 
     Only the outermost program of a call has options: put this around `vmap`, `grad` and `jacfwd`,
