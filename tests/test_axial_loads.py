@@ -1,15 +1,18 @@
-"""Axial loads that beams without stiffening leave out: who tells of them, and when nobody does."""
+"""What linear bodies leave out, axial loads of beams and large turns of meshes, and who tells."""
 
+import meshes
 import numpy as np
 import pytest
 import zoo
 from comparison import assert_close
 from programs import kept
 from tolerances import SOLVED
+from verification_problems.far import ELASTICA
 
 import romjax as rj
 from romjax import spatial
 from romjax.assembly.axial_loads import axial_loads
+from romjax.assembly.linear_bodies import FAR, turning_warning
 
 LENGTH, MASS, EI = 2.0, 3.0, 100.0
 Z = (0.0, 0.0, 1.0)
@@ -94,3 +97,38 @@ def test_others_are_silent(options):
     """Beams that stiffen, and those whose EI nobody knows."""
     options = {"modes": None, **options} if "frequencies" in options else options
     rj.modes(column(1.0, **options))
+
+
+def mesh(load=0.0):
+    """A meshed cantilever of one metre and EI = 1 along x under a load across its end."""
+    matrices = meshes.beam(8, 1.0, 1.0, 1e4, 1.0)
+    ports = {"start": 0, "end": 8}
+    body = rj.ModalBody.of_mesh("plate", *matrices, ports, modes=2)
+    body = body.placed("start", rj.ground.pose((0.0, 0.0)))
+    clamp = rj.Weld(body.at("start"), rj.ground.at((0.0, 0.0)))
+    push = rj.Force(body.at("end"), (0.0, 1.0), rj.Constant(load))
+    return rj.Scene([body], [clamp], [push])
+
+
+def test_a_mesh_that_is_turned_far_against_its_frame():
+    """By its largest turn at any point, in any of the states that are looked at."""
+    system = rj.assemble(mesh())
+    shapes = np.asarray(mesh().bodies[0].shapes)
+    amplitude = FAR / np.max(np.abs(shapes[:, 2, 0]))
+    q = np.zeros((3, system.n))
+    for share, words in ((0.99, ""), (1.5, "mesh 'plate' is turned by 0.3 rad against its frame")):
+        q[1, 3] = share * amplitude
+        assert turning_warning(system, np.arange(3.0), q, 0 * q).partition(", to which")[0] == words
+
+
+@pytest.mark.slow
+def test_what_a_mesh_errs_by_that_bends_far():
+    """At the load of the elastica that turns its end by 0.46 rad: some hundredths."""
+    scene = mesh(load=1.0)
+    with pytest.warns(UserWarning, match=r"equilibrium: mesh 'plate' is turned by 0\.33 rad"):
+        q = rj.equilibrium(rj.assemble(scene))
+    body = scene.bodies[0]
+    x, y = np.asarray(body.started(q, np.zeros_like(q)).pose("end").position)
+    _, deflection, shortening = ELASTICA[1.0]
+    error = np.hypot(y - deflection, 1 - x - shortening)
+    assert 0.02 < error / np.hypot(deflection, shortening) < 0.05

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..assembly.axial_loads import warn_of_axial_loads
+from ..assembly.linear_bodies import warn_of_linear_bodies
 from ..common.arrays import Vector, as_array, concrete
 from ..common.checks import check_finite, check_shape
 from ..common.compat import is_outermost
@@ -91,7 +91,7 @@ def equilibrium(
     if not is_outermost():
         position = _differentiable(system, time, solution, reached.multipliers)
     still = jnp.zeros_like(position)
-    warn_of_axial_loads("equilibrium", system, time, position, still)
+    warn_of_linear_bodies("equilibrium", system, time, position, still)
     return position
 
 

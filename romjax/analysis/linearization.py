@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ..assembly.axial_loads import warn_of_axial_loads
+from ..assembly.linear_bodies import warn_of_linear_bodies
 from ..assembly.locate import locate
 from ..common.arrays import Vector, as_array
 from ..common.checks import check_kind, check_shape
@@ -103,7 +103,7 @@ def linearize(
     a, b, c, d, shapes = _matrices(
         system, time, q, velocity, independent, tuple(inputs.values()), tuple(named.values())
     )
-    warn_of_axial_loads("linearize", system, time, q, velocity)
+    warn_of_linear_bodies("linearize", system, time, q, velocity)
     names = [f"z{i + 1}" for i in range(shapes.shape[1])]
     known = [system.structure.coordinates[i] for i in system.structure.states]
     own = [f"{each.owner}.{each.name.removeprefix(INTEGRAL)}" for each in known]

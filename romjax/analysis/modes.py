@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
-from ..assembly.axial_loads import warn_of_axial_loads
+from ..assembly.linear_bodies import warn_of_linear_bodies
 from ..common.arrays import Vector, as_array
 from ..common.checks import check_shape
 from ..common.errors import InputError
@@ -97,7 +97,7 @@ def modes(
     time = jnp.asarray(t, q.dtype)
     independent = independent_constraints("modes", system, time, q)
     result: Modes = _modes(system, time, q, velocity, independent, generator)
-    warn_of_axial_loads("modes", system, time, q, velocity)
+    warn_of_linear_bodies("modes", system, time, q, velocity)
     return result
 
 

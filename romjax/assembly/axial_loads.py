@@ -1,6 +1,5 @@
 """Loads along beams without stiffening, whose work on bending their model leaves out."""
 
-import warnings
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -71,19 +70,6 @@ def spread(
     """Return `count` of the states, evenly spread over the outputs, with the first and the last."""
     rows = np.unique(np.linspace(0, len(t) - 1, count).round().astype(int))
     return [np.asarray(x)[rows] for x in (t, q, v)]
-
-
-def warn_of_axial_loads(
-    owner: str,
-    system: AbstractSystem,
-    t: Float[Array, ""],
-    q: Float[Array, " n"],
-    v: Float[Array, " n"],
-) -> None:
-    """Warn, in the name of `owner`, of what `axial_warning` says of one state."""
-    words = axial_warning(system, *(x[None] for x in (t, q, v)))
-    if words:
-        warnings.warn(f"{owner}: {words}.", stacklevel=3)
 
 
 @program_once

@@ -170,8 +170,8 @@ class Trajectory(eqx.Module):
 
         That it failed, that its energy does not balance, what is wrong with a reduced model's
         motion, and of its parts, which are evaluated here, that beams without stiffening carry
-        large axial loads, or that masses differ so much that rounding in the forces of the joints
-        shows. Of several runs, those of each lane that has any.
+        large axial loads, that meshes bend far, or that masses differ so much that rounding in the
+        forces of the joints shows. Of several runs, those of each lane that has any.
         """
         if self.status.ndim:
             lanes = [jax.tree.map(lambda x, i=i: x[i], self) for i in range(len(self.status))]
@@ -191,7 +191,7 @@ class Trajectory(eqx.Module):
         if parts is not None:
             system = parts.combine()
             states = system.full, self.t, self.q, self.v
-            others.append(lazy_import("assembly.axial_loads", "axial_warning")(*states))
+            others.append(lazy_import("assembly.linear_bodies", "linear_warning")(*states))
             if system.m and self.stats.rtol is not None:
                 of_masses = lazy_import("assembly.conditioning", "conditioning_warning")
                 others.append(of_masses(*states, float(self.stats.rtol)))
