@@ -131,6 +131,7 @@ from .scene.joint.knife_edge import KnifeEdge as KnifeEdge
 from .scene.joint.point_on_curve import PointOnCurve as PointOnCurve
 from .scene.joint.point_on_line import PointOnLine as PointOnLine
 from .scene.joint.prescribed import PrescribedAngle as PrescribedAngle
+from .scene.joint.prescribed import PrescribedDistance as PrescribedDistance
 from .scene.joint.prescribed import PrescribedTravel as PrescribedTravel
 from .scene.joint.prismatic import Prismatic as Prismatic
 from .scene.joint.revolute import Revolute as Revolute

@@ -2,9 +2,9 @@
 
 Parts that the plane has too are one class: Gravity, Spring, Damper, TorsionSpring, TorsionDamper,
 Motor, Drag, Force, Bushing, Revolute, Prismatic, Weld, Gear, Distance, PointOnLine, PointOnCurve,
-FixedAngle, PrescribedAngle, PrescribedTravel. In space their angles are those about the z axes of
-markers, and their lines and travels those along them. The dimension of a scene is that of its
-bodies.
+FixedAngle, PrescribedAngle, PrescribedTravel, PrescribedDistance. In space their angles are those
+about the z axes of markers, and their lines and travels those along them. The dimension of a scene
+is that of its bodies.
 """
 
 from .scene.body.spatial.beam import Beam as Beam

@@ -195,6 +195,7 @@ JOINTS = {
     rj.Distance: lambda self, j: [rj.Distance(**self.ends(j), length=j.length)],
     rj.Gear: gear,
     rj.PrescribedAngle: lambda self, j: [rj.PrescribedAngle(**self.ends(j), signal=j.signal)],
+    rj.PrescribedDistance: lambda self, j: [rj.PrescribedDistance(**self.ends(j), signal=j.signal)],
     rj.PrescribedTravel: lambda self, j: [
         rj.PrescribedTravel(self.marker(j.a), self.marker(j.b, TO_X), j.signal)
     ],

@@ -162,6 +162,7 @@ def fitted_joint(lot: Lot, kind: type, a: rj.Marker, b: rj.Marker, bodies: list)
     aimed = dataclasses.replace(b, turn=b.angle + bearing)  # its x axis passes through a
     ratio, signal = lot.between(-3.0, 3.0), random_signal(lot, 0.2, smooth=True)
     turn, travel = rj.Constant(twist - signal(0.0)), rj.Constant(local[0] - signal(0.0))
+    apart = rj.Constant(np.linalg.norm(local) - signal(0.0))
     fits = {
         rj.Revolute: lambda: {},
         rj.Weld: lambda: {"value": twist},
@@ -173,6 +174,7 @@ def fitted_joint(lot: Lot, kind: type, a: rj.Marker, b: rj.Marker, bodies: list)
         rj.Gear: lambda: {"ratio": ratio, "offset": at.angle - ratio * of.angle},
         rj.PrescribedAngle: lambda: {"signal": rj.Sum((signal, turn))},
         rj.PrescribedTravel: lambda: {"signal": rj.Sum((signal, travel))},
+        rj.PrescribedDistance: lambda: {"signal": rj.Sum((signal, apart))},
     }
     return kind(**{"a": a, "b": b, **fits[kind]()})
 
@@ -190,7 +192,8 @@ def fitted_curve(lot: Lot, local: jax.Array, aimed: rj.Marker) -> dict[str, Any]
 
 MEETING = (rj.Revolute, rj.Weld)  # joints that hold two markers in one place
 TURNING = (rj.FixedAngle, rj.Gear, rj.PrescribedAngle)
-SLIDING = (rj.Prismatic, rj.PointOnLine, rj.PointOnCurve, rj.Distance, rj.PrescribedTravel)
+DRIVEN = (rj.PrescribedTravel, rj.PrescribedDistance)
+SLIDING = (rj.Prismatic, rj.PointOnLine, rj.PointOnCurve, rj.Distance, *DRIVEN)
 JOINTS = (rj.Revolute, *MEETING, *TURNING, *SLIDING)  # the most common of all twice
 
 

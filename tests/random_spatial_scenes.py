@@ -122,6 +122,7 @@ JOINTS = (
     lambda lot, a, b: rj.FixedAngle(*ends(lot, a, b), value=lot.around(1.0)),
     lambda lot, a, b: rj.PrescribedAngle(*ends(lot, a, b), smooth(lot)),
     lambda lot, a, b: rj.PrescribedTravel(*ends(lot, a, b), smooth(lot)),
+    lambda lot, a, b: rj.PrescribedDistance(*ends(lot, a, b), smooth(lot)),
 )
 
 EFFECTS = (

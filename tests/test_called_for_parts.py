@@ -203,6 +203,7 @@ STILL = {
     "Gear": (rj.Gear, 2.0),
     "PrescribedAngle": (rj.PrescribedAngle, rj.Constant(0.0)),
     "PrescribedTravel": (rj.PrescribedTravel, rj.Constant(0.0)),
+    "PrescribedDistance": (rj.PrescribedDistance, rj.Constant(1.0)),
 }
 
 
@@ -238,7 +239,7 @@ def still(kind) -> Counter[str]:
 
 
 @pytest.mark.instant
-@pytest.mark.parametrize("kind", [rj.PrescribedAngle, rj.PrescribedTravel])
+@pytest.mark.parametrize("kind", [rj.PrescribedAngle, rj.PrescribedTravel, rj.PrescribedDistance])
 @pytest.mark.parametrize("signal", [rj.Ramp(1.0, 0.0), rj.Sine(1.0, 1.0)], ids=["ramp", "sine"])
 def test_prescribed_motions_bring_time_in(kind, signal):
     """Beyond a joint that stands still: the signal and its two derivatives."""

@@ -39,6 +39,12 @@ def tube(signal) -> rj.Scene:
     )
 
 
+def link(signal) -> rj.Scene:
+    """A body at the end of a line whose length is given."""
+    body = rj.RigidBody("body", 1.0, 0.1, position=(0.3, 0.4))
+    return rj.Scene([body], [rj.PrescribedDistance(body.at(), rj.ground.at(), signal)])
+
+
 def begin(scene) -> list[float]:
     """The offsets of the drives, once the scene is assembled."""
     joints = [group.joints for group in rj.assemble(scene).joints]
@@ -48,10 +54,11 @@ def begin(scene) -> list[float]:
 
 
 def test_a_ramp_begins_where_the_bodies_are_placed():
-    """At the angle between the markers, and the way along the axis."""
+    """At the angle between the markers, the way along the axis, and the distance."""
     way = np.cos(0.5) * (0.3 + 0.1 * np.cos(0.2)) + np.sin(0.5) * (0.4 + 0.1 * np.sin(0.2))
     assert_close(begin(crank(rj.Ramp(SPEED))), [TILT + 0.1 - 0.3], IDENTITY)
     assert_close(begin(cart(rj.Ramp(SPEED))), [way], IDENTITY)
+    assert_close(begin(link(rj.Ramp(SPEED))), [0.5], IDENTITY)
 
 
 def test_a_ramp_in_space_begins_there():
@@ -61,7 +68,7 @@ def test_a_ramp_in_space_begins_there():
 
 @pytest.mark.instant
 def test_an_offset_that_is_given_stays():
-    for make in (crank, cart, tube):
+    for make in (crank, cart, tube, link):
         assert set(begin(make(rj.Ramp(SPEED, 0.0)))) == {0.0}
         assert set(begin(make(rj.Ramp(SPEED, 0.4)))) == {0.4}
 

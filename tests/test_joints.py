@@ -39,6 +39,7 @@ JOINTS = [
     lambda *ends: rj.PointOnCurve(*ends, rj.Polynomial([0.1, 0.2, -0.3])),
     lambda *ends: rj.PrescribedAngle(*ends, SWING),
     lambda *ends: rj.PrescribedTravel(*ends, SWING),
+    lambda *ends: rj.PrescribedDistance(*ends, SWING),
 ]
 
 

@@ -188,6 +188,7 @@ def test_parts_ask_for_positions_where_they_say_so():
         (spatial.PointOnPlane(*deep), 3),
         (spatial.PointOnCurve(*deep, rj.Circle(1.0)), 3),
         (rj.Distance(*deep, 1.0), 3),
+        (rj.PrescribedDistance(*deep, rj.Sine(1.0, 1.0)), 3),
         (rj.PointOnLine(*deep), 3),
         (rj.Spring(*flat, 1.0, 0.1), 2),
         (rj.Damper(*flat, 1.0, along_line=True), 2),

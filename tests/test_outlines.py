@@ -40,6 +40,7 @@ PARTS = [
     rj.PointOnLine(*ENDS),
     rj.PrescribedAngle(*ENDS, SWING),
     rj.PrescribedTravel(*ENDS, SWING),
+    rj.PrescribedDistance(*ENDS, SWING),
     rj.Prismatic(*ENDS, value=0.1),
     rj.Revolute(*ENDS),
     rj.RollingWheel(*ENDS, rj.Polynomial([-2.0, 0.2, 0.1]), 0.3),

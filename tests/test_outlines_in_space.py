@@ -59,6 +59,7 @@ PARTS = [
     rj.PointOnLine(*ENDS),
     rj.PrescribedAngle(*ENDS, SWING),
     rj.PrescribedTravel(*ENDS, SWING),
+    rj.PrescribedDistance(*ENDS, SWING),
     rj.Damper(*ENDS, damping=0.8),
     rj.Drag(ENDS[0], 0.5, 0.1),
     rj.Force(ENDS[0], (0.0, 3.0, 4.0), SWING),

@@ -209,7 +209,7 @@ def driven_powers(scene: rj.Scene, multipliers) -> list[float]:
     """
     powers, row = [], 0
     for joint in scene.joints:
-        if isinstance(joint, rj.PrescribedAngle | rj.PrescribedTravel):
+        if hasattr(joint, "signal"):
             powers.append(-multipliers[row] * np.asarray(speed_of(joint.signal)))
         row += joint.rows
     return powers

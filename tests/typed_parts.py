@@ -71,6 +71,7 @@ joints = [
     rj.Coupling(here, bar.at(), there, there, (0.0, 2.0)),
     rj.PrescribedAngle(here, there, rj.Sum((rj.Sine(1.0, 2.0), rj.Constant(1.0)))),
     rj.PrescribedTravel(here, there, signal=rj.Ramp(1.0)),
+    rj.PrescribedDistance(here, there, rj.Constant(1.0), "stroke"),
     Slot(here, there, jnp.array(0.1), name="slot"),
 ]
 spring = rj.Spring(here, there, stiffness=100.0)

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from ..assembly.assembled import AssembledSystem
 from ..compiling.program import program_once
 from ..integrate.trajectory import Trajectory
-from ..scene.joint.prescribed import PrescribedAngle, PrescribedTravel
+from ..scene.joint.prescribed import AbstractPrescribed
 from ..scene.scene import Scene
 from ..study.accuracy.models import default_caps
 from ..system import unit_length
@@ -82,8 +82,7 @@ class Facts:
 
 def drives(scene: Scene) -> list[int]:
     """The numbers of the joints that prescribe a motion."""
-    kinds = (PrescribedAngle, PrescribedTravel)
-    return [i for i, joint in enumerate(scene.joints) if isinstance(joint, kinds)]
+    return [i for i, joint in enumerate(scene.joints) if isinstance(joint, AbstractPrescribed)]
 
 
 def freedoms(system: AssembledSystem) -> int:

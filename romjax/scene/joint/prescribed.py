@@ -13,13 +13,14 @@ from ...common.errors import SceneError
 from ..drawing import arrow, on_axis, placed, turning_arrow
 from ..fields import UNIT
 from ..marker import Marker, Pose, Poses
+from ..motion import moved
 from ..outline import Outline, Outlines
 from ..signal import AbstractSignal, signal_field
 from .base import AbstractJoint
 
 
 class AbstractPrescribed(AbstractJoint):
-    """The base of both kinds, which prescribe an angle or a travel by a signal.
+    """The base of all kinds, which prescribe an angle, a travel or a distance by a signal.
 
     The signal has no kinks, at which forces would be infinite, and begins where the bodies are
     placed if its offset is left out.
@@ -32,7 +33,7 @@ class AbstractPrescribed(AbstractJoint):
     @staticmethod
     @abc.abstractmethod
     def value(a: Pose, b: Pose) -> Float[Array, ""]:
-        """Return the prescribed angle [rad] or travel [m] from the poses."""
+        """Return the prescribed angle [rad], travel or distance [m] from the poses."""
 
     @property
     def takes_start(self) -> bool:
@@ -113,4 +114,35 @@ class PrescribedTravel(AbstractPrescribed):
         del t
         a, b = poses
         way = arrow(b.position, on_axis(b, b.along(a.position)[None])[0], size)
+        return Outline(way, "load"), Outline(a.position[None], "point")
+
+
+class PrescribedDistance(AbstractPrescribed):
+    """The distance of the two markers is `signal(t)` [m], as of a cylinder whose stroke is given;
+    both bodies may turn, and the multiplier is the force along the line.
+
+    A `Ramp` without an offset begins at the distance at which the bodies are placed, as in
+    `PrescribedAngle`. The signal stays positive: at zero the line has no direction.
+    """
+
+    a: Marker
+    b: Marker
+    signal: AbstractSignal = signal_field(metadata={UNIT: "m"})
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 1
+    at_points: ClassVar[tuple[int, ...]] = (0, 1)
+
+    @staticmethod
+    @jax.jit
+    def value(a: Pose, b: Pose) -> Float[Array, ""]:
+        return moved("distance", a, b)
+
+    def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
+        return (moved("distance", a, b) - self.signal(t))[None]
+
+    def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
+        """An arrow from `b` to `a`."""
+        del t
+        a, b = poses
+        way = arrow(b.position, a.position, size)
         return Outline(way, "load"), Outline(a.position[None], "point")
