@@ -136,6 +136,8 @@ def test_what_cannot_be_fitted():
         rj.fit(line, start, measured[:5])
     with pytest.raises(ValueError, match="not finite at the start"):
         rj.fit(lambda p: jnp.log(p["b"]) * TS, start, measured)
+    with pytest.raises(ValueError, match="nothing was measured"):
+        rj.fit(line, start, np.nan * measured)
     with pytest.raises(ValueError, match="noise must be positive"):
         rj.fit(line, start, measured, noise=0.0)
     with pytest.raises(ValueError, match="upper must be a number or a pytree like the start"):

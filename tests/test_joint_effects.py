@@ -14,6 +14,7 @@ from zoo import run
 import romjax as rj
 from romjax import spatial as r
 from romjax.integrate.default import default_method, start_frequencies
+from romjax.reduction.joint.formulation import size_in_joint_coordinates
 from romjax.scene.effect.joint_damper import ANY
 
 MASS, ARM, INERTIA, ROTOR = 2.0, 0.3, 0.5, 0.7
@@ -125,7 +126,7 @@ def both(system):
 
 
 def test_joint_coordinates_refuse_rotors_of_other_motions():
-    """About another axis than that of the hinge, and of a distance."""
+    """About another axis than that of the hinge, and of a distance; nor is such a model offered."""
     scene = pendulum(0.2, 0.5, 0.3)
     bar, hinge = scene.bodies[0], scene.joints[0]
     end, base, axis = (-ARM, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 1.0)
@@ -136,6 +137,7 @@ def test_joint_coordinates_refuse_rotors_of_other_motions():
         system = rj.assemble(rj.Scene([bar], [hinge], [rotor]))
         with pytest.raises(rj.ReductionError, match="coordinate of no joint of the tree"):
             rj.reduce(system, formulation=rj.JointCoordinates())
+        assert size_in_joint_coordinates(system) is None
 
 
 @pytest.mark.slow

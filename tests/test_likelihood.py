@@ -93,6 +93,8 @@ def test_what_is_refused():
         rj.log_likelihood(lambda x: x, np.zeros(2), np.zeros(3), 0.1)
     with pytest.raises(rj.InputError, match="must be positive"):
         rj.log_likelihood(lambda x: x, np.zeros(2), np.zeros(2), 0.0)
+    with pytest.raises(rj.InputError, match="nothing was measured"):
+        rj.log_likelihood(lambda x: x, np.zeros(2), np.full(2, np.nan), 0.1)
 
 
 @pytest.mark.exhaustive

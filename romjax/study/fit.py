@@ -75,13 +75,15 @@ def fit(
 
     Warns of runs at the best parameters that failed or are doubtful, but for those in functions
     that `predict` calls and that are compiled already.
-    Raises ValueError for a start outside the bounds, a prediction of another shape, or one that is
-    not finite at the start.
+    Raises ValueError for measurements of which none is finite, a start outside the bounds, a
+    prediction of another shape, or one that is not finite at the start.
     """
     origin, unravel = ravel_pytree(jax.tree.map(lambda x: jnp.asarray(x, float), start))
     data = np.asarray(measured, float)
     spread = np.broadcast_to(1.0 if noise is None else np.asarray(noise, float), data.shape)
     present = np.isfinite(data)
+    if not np.any(present):
+        raise ValueError("fit: nothing was measured: no entry of measured is finite.")
     if not np.all(spread[present] > 0):
         raise ValueError("fit: the noise must be positive wherever something was measured.")
     misfit = _Misfit(

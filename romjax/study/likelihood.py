@@ -31,7 +31,8 @@ def log_likelihood(
     - `parameters`: where, a pytree.
     - `noise`: standard deviation, of any shape that broadcasts; may be one of the parameters.
 
-    Raises InputError for a noise that is not positive, or a prediction of another shape.
+    Raises InputError for a noise that is not positive, measurements of which none is finite, or a
+    prediction of another shape.
     """
     data = jnp.asarray(measured, float)
     given = concrete(jnp.asarray(noise))
@@ -46,6 +47,9 @@ def log_likelihood(
         )
     spread = jnp.broadcast_to(jnp.asarray(noise, data.dtype), data.shape)
     present = jnp.isfinite(data)
+    known = concrete(present)
+    if known is not None and not np.any(known):
+        raise InputError("log_likelihood: nothing was measured: no entry of measured is finite.")
     finite = jnp.all(jnp.isfinite(predicted) | ~present)
     # What is not finite is left out before it is squared: its derivative would be NaN.
     usable = present & jnp.isfinite(predicted)

@@ -106,13 +106,16 @@ def in_joint_coordinates(full: AssembledSystem) -> JointSystem:
 
 def size_in_joint_coordinates(full: AssembledSystem) -> tuple[int, int] | None:
     """How many joint coordinates a system has, and constraints of joints that are cut; None where
-    it has none. Nothing is compiled.
+    it has none. Something is compiled only where rotors turn.
     """
     try:
         check_reducible(full, JointCoordinates())
         spanning = spanning_tree(full)
         tree = plant(full, spanning)
-        counters_of(full, tree, spanning, None)
+        counters = counters_of(full, tree, spanning, None)
+        if counters is not None and counters.rotors:
+            joint = in_joint_coordinates(full)
+            check_rotors(full, joint.lift, joint.q0)
     except ReductionError:
         return None
     return (tree.n, len(list(_cut_rows(full, spanning)))) if tree.n else None
