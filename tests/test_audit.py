@@ -83,7 +83,7 @@ RIGHT = {
 }
 
 
-@pytest.mark.parametrize("name", RIGHT)
+@pytest.mark.parametrize("name", in_groups(RIGHT, fast=RIGHT.keys() - {"loads"}, slow=["loads"]))
 def test_what_is_right_is_not_doubted(name):
     for rtol in (1e-4, 1e-8):
         motion = run(RIGHT[name](), rtol=rtol)

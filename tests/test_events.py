@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.special
 from comparison import assert_close
+from groups import in_groups
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 from zoo import RODAS5P, TIGHT, bar, bars, run, system
 
@@ -91,7 +92,7 @@ def test_a_bouncing_ball():
 # A stiff method, and one whose stages are found by iteration.
 @pytest.mark.parametrize(
     "solver",
-    [RODAS5P, pytest.param(diffrax.Kvaerno5(), marks=pytest.mark.exhaustive)],
+    in_groups([RODAS5P, diffrax.Kvaerno5()], slow=[RODAS5P]),
     ids=["Rodas5P", "Kvaerno5"],
 )
 def test_a_bouncing_ball_by_implicit_methods(solver):
@@ -179,6 +180,7 @@ def test_a_body_is_thrown_back_by_a_thin_wall():
     np.testing.assert_allclose(run.v[-1, 0], -0.5, rtol=SOLVED)
 
 
+@pytest.mark.slow
 def test_the_period_of_a_pendulum():
     """By the complete elliptic integral of the first kind."""
     length, swing = 0.9, 1.2  # swing: the amplitude [rad], against hanging
@@ -248,6 +250,7 @@ def test_derivatives_of_the_fifth_impact_in_forward_mode():
     assert_close(found, slopes((G, 0.8)), SOLVED)
 
 
+@pytest.mark.slow
 def test_derivatives_where_a_step_ends_just_before_an_impact():
     """The next one, up to the impact, is so short that what is left of the gap is rounding."""
     g = 2 * HEIGHT / (0.45 + 1e-10) ** 2

@@ -267,6 +267,7 @@ def test_cut_joints_see_the_motion_of_their_markers(space):
         np.testing.assert_allclose(x, y, atol=1e-11 * max(1, np.max(np.abs(y))))
 
 
+@pytest.mark.slow
 def test_parallel_hinges_close_a_loop_without_locking_it():
     """Most rows of the cut hinge are nothing but rounding: with them it has no freedom."""
     y, corners = (0, 1, 0), np.array([[0, 0, 0], [0.2, 0, 1], [1.2, 0, 1], [1.4, 0, 0]])

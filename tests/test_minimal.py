@@ -76,6 +76,11 @@ def test_minimal_coordinates_are_the_same_mechanism(mechanism):
     assert_close(approx.violation, 0.0, EXACT)
 
 
+@pytest.mark.parametrize(
+    "mechanism",
+    in_groups(MECHANISMS, fast=["bars"], slow=MECHANISMS.keys() - {"bars"}),
+    indirect=True,
+)
 def test_accelerations_are_those_of_the_full_system(mechanism):
     """G z̈ + β against the extended system's q̈, which knows nothing of charts."""
     system, motion, rom = mechanism

@@ -79,6 +79,7 @@ def welded(modes, shapes="free-free") -> rj.AbstractSystem:
     return rj.assemble(rj.Scene([first, second], welds))
 
 
+@pytest.mark.slow
 def test_a_clamped_beam_of_welded_ones():
     """The eigenproblem in coordinates that the welds leave free, by matrices written down here."""
     modes, half = 4, 0.25

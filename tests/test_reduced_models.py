@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import zoo
+from groups import in_groups
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
@@ -14,6 +15,10 @@ from romjax.reduction.lift.atlas import AtlasLift
 
 RANKS = {"galerkin": 5, "minimal": 3}
 FORMULATIONS = {"galerkin": rj.Galerkin, "minimal": rj.Minimal}
+# The fast tests ask this of the one whose coordinates have a chart.
+IN_A_CHART = pytest.mark.parametrize(
+    "model", in_groups(RANKS, fast=["minimal"], slow=["galerkin"]), indirect=True
+)
 # Of the cart-pendulum in half a second: what POD's modes err at most.
 ERROR = 1e-6
 # The same decisions made elsewhere, against those made again: share of the reduction's own error.
@@ -108,6 +113,7 @@ def varied(f1=16.5) -> rj.AbstractSystem:
     return rj.assemble(rj.gallery.cart_pendulum(f1=f1, cart_mass=1.1))
 
 
+@IN_A_CHART
 def test_the_same_reduction_of_another_system(model, motion):
     """Against reducing that system with the same decisions, and against its full motion."""
     basis, rom = model
@@ -124,6 +130,7 @@ def test_the_same_reduction_of_another_system(model, motion):
     assert changed >= 1e-2, f"the other system moves alike, to {changed:.1e}"
 
 
+@IN_A_CHART
 def test_other_numbers_are_the_same_program(model):
     """Structure and types stay, and under jit and vmap nothing is traced for another number."""
     _, rom = model

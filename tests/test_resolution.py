@@ -64,7 +64,8 @@ def test_a_mechanism_of_any_size_moves_alike(size):
 
     def moved(size):
         scene = parallelogram(crank=1.2 * size, coupler=2.0 * size, speed=0.9 * np.sqrt(size))
-        return rj.simulate(rj.assemble(scene), np.linspace(0.0, 3.0, 31) * np.sqrt(size))
+        times = np.linspace(0.0, 3.0, 31) * np.sqrt(size)
+        return rj.simulate(rj.assemble(scene), times, audit=False)
 
     error = np.max(np.abs(moved(size).q / size - moved(1.0).q))
     assert error <= ERROR

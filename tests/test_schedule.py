@@ -27,6 +27,11 @@ def pulse(start, duration, rise) -> rj.Sum:
     return rj.Sum((rj.Step(height, start, rise), rj.Step(-height, start + duration, rise)))
 
 
+def simulate(system, ts, **settings) -> rj.Trajectory:
+    """By default settings, but for the balance of energy."""
+    return rj.simulate(system, ts, audit=False, **settings)
+
+
 def end_of(run) -> np.ndarray:
     """Where a body is at the end, and its velocity, along x."""
     return np.array([run.q[-1, 0], run.v[-1, 0]])
@@ -36,14 +41,14 @@ def end_of(run) -> np.ndarray:
 @pytest.mark.parametrize("share", [0.1, 1.0])
 def test_a_short_pulse_is_seen(duration, share):
     start = 0.463
-    run = rj.simulate(pushed(pulse(start, duration, share * duration)), TS)
+    run = simulate(pushed(pulse(start, duration, share * duration)), TS)
     middle = start + (1 + share) * duration / 2
     np.testing.assert_allclose(end_of(run), [1 - middle, 1.0], rtol=SOLVED)
 
 
 def test_pulses_of_several_forces_are_seen():
     """Signals of equal structure are stacked."""
-    run = rj.simulate(pushed(pulse(0.2, 1e-3, 1e-4), pulse(0.7, 1e-4, 1e-4)), TS)
+    run = simulate(pushed(pulse(0.2, 1e-3, 1e-4), pulse(0.7, 1e-4, 1e-4)), TS)
     middles = 0.2 + 1.1e-3 / 2, 0.7 + 1e-4
     np.testing.assert_allclose(end_of(run), [2 - sum(middles), 2.0], rtol=SOLVED)
 
@@ -53,13 +58,13 @@ def test_a_pulse_in_a_table_is_seen():
     times = np.array([0.0, 0.2, 0.31, 0.311, 0.312, 0.6, 1.0])
     system = pushed(rj.Table(times, 1000.0 * (times == 0.311)))
     assert np.sum(np.isfinite(Schedule.of(system).corners(jnp.asarray(TS)))) == 3
-    np.testing.assert_allclose(end_of(rj.simulate(system, TS)), [1 - 0.311, 1.0], rtol=SOLVED)
+    np.testing.assert_allclose(end_of(simulate(system, TS)), [1 - 0.311, 1.0], rtol=SOLVED)
 
 
 @pytest.mark.parametrize("frequency", [11.0, 101.0, 997.0])
 def test_a_fast_sine_is_seen(frequency):
     """It begins with a step from zero: the body drifts with the mean velocity 1 / (2 π f)."""
-    run = rj.simulate(pushed(rj.Sine(1.0, frequency)), TS, rtol=1e-8)
+    run = simulate(pushed(rj.Sine(1.0, frequency)), TS, rtol=1e-8)
     rate = 2 * np.pi * frequency
     velocity = (1 - np.cos(rate)) / rate
     drift = (1 - np.sin(rate) / rate) / rate
@@ -69,9 +74,9 @@ def test_a_fast_sine_is_seen(frequency):
 def test_a_chirp_is_seen():
     """The frequency passes zero on the way; against the same in steps of a thousandth."""
     system = pushed(rj.Chirp(1.0, -200.0, 400.0))
-    steps = rj.simulate(system, TS, dt=1e-4, solver=diffrax.Dopri8())
+    steps = simulate(system, TS, dt=1e-4, solver=diffrax.Dopri8())
     np.testing.assert_allclose(
-        end_of(rj.simulate(system, TS, rtol=1e-9)), end_of(steps), atol=DIFFERENCED
+        end_of(simulate(system, TS, rtol=1e-9)), end_of(steps), atol=DIFFERENCED
     )
 
 
@@ -121,7 +126,7 @@ def test_signals_hold_signals(start):
 
 def test_steps_with_a_signal_that_says_nothing_end_at_outputs():
     assert not Silent(0.463).is_known
-    run = rj.simulate(pushed(Silent(0.463)), np.linspace(0.0, 1.0, 101))
+    run = simulate(pushed(Silent(0.463)), np.linspace(0.0, 1.0, 101))
     np.testing.assert_allclose(end_of(run), [1 - 0.463, 1.0], atol=DIFFERENCED)
 
 
@@ -131,7 +136,7 @@ def test_what_hides_between_two_outputs_is_looked_for():
     @jax.jit
     @jax.vmap
     def end(middle):
-        run = rj.simulate(pushed(Silent(middle, 1e-4)), jnp.linspace(0.0, 1.0, 101), throw=False)
+        run = simulate(pushed(Silent(middle, 1e-4)), jnp.linspace(0.0, 1.0, 101), throw=False)
         return jnp.stack([run.q[-1, 0], run.v[-1, 0]])
 
     middles = np.linspace(0.4, 0.5, 64)
@@ -149,7 +154,7 @@ def test_only_what_hides_takes_more_steps():
 
 
 def test_a_signal_of_ones_own_may_say_when_it_changes():
-    run = rj.simulate(pushed(Jump(jnp.array(0.463))), TS, rtol=1e-8)
+    run = simulate(pushed(Jump(jnp.array(0.463))), TS, rtol=1e-8)
     np.testing.assert_allclose(end_of(run), [0.537**2 / 2, 0.537], rtol=DIFFERENCED)
 
 
@@ -159,7 +164,7 @@ def test_a_system_of_functions_that_changes_with_time_ends_steps_at_outputs():
         lambda q: jnp.eye(1), lambda t, q, v: bell(t)[None], q0=np.zeros(1), v0=np.zeros(1)
     )
     assert not Schedule.of(system).is_known
-    run = rj.simulate(system, np.linspace(0.0, 1.0, 101))
+    run = simulate(system, np.linspace(0.0, 1.0, 101))
     np.testing.assert_allclose(end_of(run), [1 - 0.463, 1.0], atol=DIFFERENCED)
     hidden = Schedule.of(system).seeing(jnp.linspace(0.0, 1.0, 11)).hidden
     assert hidden.tolist() == [False] * 3 + [True] * 3 + [False] * 4
@@ -177,7 +182,7 @@ def test_parts_change_with_time_by_their_signals_only(name):
 
 def ends(start, duration):
     """Of a pulse that falls as it rises."""
-    run = rj.simulate(pushed(pulse(start, duration, duration)), TS, audit=False, throw=False)
+    run = simulate(pushed(pulse(start, duration, duration)), TS, throw=False)
     return jnp.stack([run.q[-1, 0], run.v[-1, 0]])
 
 
@@ -189,7 +194,7 @@ def test_a_table_is_differentiable_by_its_times():
     def place(start):
         times = jnp.stack([0 * start, start, start + 0.1, 1.0 + 0 * start])
         table = rj.Table(times, jnp.array([0.0, 0.0, 5.0, 2.0]))
-        return rj.simulate(pushed(table), TS, solver=diffrax.Dopri8(), audit=False).q[-1, 0]
+        return simulate(pushed(table), TS, solver=diffrax.Dopri8()).q[-1, 0]
 
     with rj.forward_mode():
         found = jax.jit(jax.jacfwd(place))(0.37)

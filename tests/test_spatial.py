@@ -86,7 +86,7 @@ def test_a_scene_that_is_moved_as_a_whole_moves_as_before(spun):
 def test_free_body_flips():
     body = r.RigidBody("nut", 1.0, (1.0, 2.0, 3.0), angular_velocity=(0.001, 5.0, 0.02))
     system = rj.assemble(rj.Scene([body]))
-    run = rj.simulate(system, jnp.linspace(0.0, 10.0, 11), rtol=1e-12, atol=1e-14)
+    run = rj.simulate(system, jnp.linspace(0.0, 10.0, 11), rtol=1e-12, atol=1e-14, audit=False)
     omega = quaternions.body_angular_velocity(run.q[-1, 3:], run.v[-1, 3:])
     assert abs(float(omega[0]) - FLIPPED) < PUBLISHED
 

@@ -114,9 +114,9 @@ def test_equilibrium_finds_states_and_runs_stay_there():
 
 
 def test_integral_part_does_not_wind_up():
-    """With tracking the command stays near what is left of it."""
+    """With tracking the command stays near what is left of it; in an age it changes nothing."""
     free, held = (
-        run(rj.assemble(controlled(largest=20.0, tracking=time)), TIMES) for time in (None, 0.1)
+        run(rj.assemble(controlled(largest=20.0, tracking=time)), TIMES) for time in (1e9, 0.1)
     )
     assert np.max(held["pid.integral"]) < 0.7 * np.max(free["pid.integral"])
 
@@ -268,6 +268,7 @@ def test_an_effect_of_ones_own_is_one_class():
     assert np.allclose(moved["Lagging(cart).late"], wanted[:, 1], atol=EXACT)
 
 
+@pytest.mark.slow
 def test_joint_coordinates_keep_states():
     """As the closed form has them, the balance of energy too."""
     joint = rj.reduce(rj.assemble(controlled(lag=LAG)), formulation=rj.JointCoordinates())

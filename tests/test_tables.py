@@ -81,6 +81,7 @@ def test_one_coordinate_moves_as_all_do(rom, exact):
     assert np.max(run.violation) <= SOLVED
 
 
+@pytest.mark.slow
 def test_a_singular_position_ends_a_table_of_two_coordinates():
     """On soft springs the mechanism passes one of every pair of coordinates."""
     soft = zoo.motion(five_bar, end=4.0, spring=0.1)
