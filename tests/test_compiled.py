@@ -11,6 +11,7 @@ import zoo
 from comparison import assert_close
 from groups import in_groups
 from native import called, library
+from test_joint_effects import pendulum
 from tolerances import SOLVED
 from zoo import DOPRI8, RODAS5P
 
@@ -195,6 +196,9 @@ FORMULATIONS = {
     "hyper": lambda: rj.reduce(*chain_basis(), rj.HyperReduced()),
     "joint coordinates": lambda: rj.reduce(zoo.system(zoo.bars), formulation=rj.JointCoordinates()),
     "cut joints": lambda: rj.reduce(zoo.system(zoo.four_bar), formulation=rj.JointCoordinates()),
+    "effects along them": lambda: rj.reduce(
+        rj.assemble(pendulum(0.2, 0.5, 0.3)), formulation=rj.JointCoordinates()
+    ),
     "rod": lambda: rj.assemble(rod()),
 }
 # Of which the derivatives have more operations than are emitted, or hang on tables.

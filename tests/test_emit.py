@@ -13,7 +13,7 @@ from tolerances import IDENTITY
 
 import romjax as rj
 from romjax.export.control import _PLAIN, Control
-from romjax.export.emit import emit
+from romjax.export.emit import emit, emit_split
 
 RNG = np.random.default_rng(0)
 X, Y = RNG.uniform(-0.9, 0.9, (2, 2, 3))
@@ -85,7 +85,10 @@ CASES = {
     "arccosh": lambda x, y: jnp.arccosh(2 + x),
     "two": lambda x, y: jnp.arctan2(x, y) + (2 + x) ** y + jnp.fmod(x, 0.3),
     "powers": lambda x, y: [(2 + x) ** k for k in (-3, -1, 0, 1, 2, 3, 7, 20)] + [lax.square(x)],
-    "rounding": lambda x, y: jnp.floor(3 * x) + jnp.ceil(3 * y),
+    "rounding": lambda x, y: [
+        jnp.floor(3 * x) + jnp.ceil(3 * y), jnp.round(9 * x),
+        *(lax.round(2.5 + 0 * x + jnp.round(y), method) for method in lax.RoundingMethod),
+    ],
     "comparisons": lambda x, y: [x > y, x >= y, x < y, x <= y, x == y, x != y],
     "logic": lambda x, y: [(x > 0) & (y > 0), (x > 0) | (y > 0), ~(x > 0), jnp.isfinite(x)],
     "choices": lambda x, y: jnp.where(x > y, x, 2.0) + jnp.maximum(x, 0.1) + jnp.minimum(0.1, y),
@@ -288,3 +291,25 @@ def test_what_is_too_long_is_refused():
         one(long, most=100)
     with pytest.raises(rj.InputError, match="more than 40 operations"):
         one(long, most=10)
+
+
+def test_what_needs_no_later_argument_is_computed_once():
+    """Of a derivative: sines, loops and factors of the point are in the first function alone."""
+
+    def value(x):
+        rows = lax.linalg.lu(jnp.eye(3) * 3 + jnp.outer(x[0], x[1]))[0]
+        return jnp.sin(halving(x, x)[1]) @ rows
+
+    def both(x, v):
+        result, along = jax.jvp(value, (x,), (v,))
+        return {"z": result}, {"dz": along}
+
+    shapes = {"x": (2, 3)}, {"v": (2, 3)}
+    parts = emit_split(both, ("f", "f_jvp"), *shapes, {}, ("", ""))
+    code = library(parts)
+    first = called(code, parts[0], X)
+    assert_close(first["z"], value(X), IDENTITY)
+    for v in (X, Y):
+        wanted = jax.jvp(value, (X,), (v,))[1]
+        assert_close(called(code, parts[1], first["kept"], v)["dz"], wanted, IDENTITY)
+    assert not any(word in parts[1].source for word in ("sin(", "cos(", "best"))

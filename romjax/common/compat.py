@@ -216,9 +216,19 @@ def _refuse_reverse(*_: Any, words: str) -> NoReturn:
     raise InputError(words)
 
 
+def _refuse_linear(trace: Any, x: Any, words: str) -> Any:
+    """Refuse what is not known yet where JAX takes a program apart, as reverse mode does first."""
+    if not x.is_known():
+        raise InputError(words)
+    return _forward_only.bind_with_trace(
+        trace.parent_trace, (x.pval.get_known(),), (x.aval,), {"words": words}
+    )
+
+
 _forward_only = Primitive("forward_only")
 _forward_only.def_impl(lambda x, words: x)
 _forward_only.def_abstract_eval(lambda x, words: x)
 ad.deflinear2(_forward_only, _refuse_reverse)
+partial_eval.custom_partial_eval_rules[_forward_only] = _refuse_linear
 batching.defvectorized(_forward_only)
 mlir.register_lowering(_forward_only, lambda ctx, x, words: [x])

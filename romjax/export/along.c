@@ -4,58 +4,64 @@ typedef struct {
   double y[X], z[X], k[STAGES][X], a[N], by_q[N * N], by_v[N * N], by_t[N];
 } tangent;
 
-static void slope_along(double t, const double *x, const settings *s, const double *along,
-                        const double *given, double *dx) {
-  for (int i = 0; i < N; i++) dx[i] = along[N + i];
-  model_rate_jvp(t, x, s->given, along, given, dx + N);
+/* Places of what is kept after the rates. */
+#ifdef STIFF
+#define KEPT_AT_OUTPUT (KEPT_LATER + KEPT_LINEAR)
+#else
+#define KEPT_AT_OUTPUT KEPT_LATER
+#endif
+#define KEPT_AT_INITIAL (KEPT_AT_OUTPUT + KEPT_OUTPUT)
+
+/* How many numbers there must be room for. */
+static size_t room_along(int64_t count) {
+  return (size_t)(KEPT_AT_INITIAL + KEPT_INITIAL) + (size_t)count * sizeof(tangent) / 8;
 }
 
-static tangent *begin_along(const directions *along, const settings *s, const state *m, double t,
-                            int own) {
-  tangent *d = calloc((size_t)along->count + 1, sizeof *d);
-  for (int64_t l = 0; d && l < along->count; l++) {
+static void slope_along(const settings *s, int stage, const double *along, const double *given,
+                        double *dx) {
+  for (int i = 0; i < N; i++) dx[i] = along[N + i];
+  model_rate_jvp(s->kept + stage * KEPT_RATE, along, given, dx + N);
+}
+
+/* At the start, where the first stage of Dopri8 is known. */
+static tangent *begin_along(const directions *along, const settings *s, int own) {
+  tangent *d = (tangent *)(along->room + KEPT_AT_INITIAL + KEPT_INITIAL);
+  for (int64_t l = 0; l < along->count; l++) {
     double start[X];
-    model_initial_jvp(s->given, along->given[l], start);
+    model_initial_jvp(s->kept + KEPT_AT_INITIAL, along->given[l], start);
     for (int i = 0; i < X; i++)
       d[l].y[i] = own & (i < N ? 1 : 2) ? start[i] : along->start[l][i];
-    if (s->method == DOPRI8) slope_along(t, m->y, s, d[l].y, along->given[l], d[l].k[0]);
+    if (s->method == DOPRI8) slope_along(s, 0, d[l].y, along->given[l], d[l].k[0]);
   }
   return d;
 }
 
-static void dopri8_along(const directions *along, double t, double h, const settings *s,
-                         state *m, tangent *d) {
-  double x[X], dx[X];
-  for (int j = 1; j < D_STAGES; j++) {
-    combine(D_A + j * D_STAGES, j, m->k, x);
-    for (int i = 0; i < X; i++) x[i] = m->y[i] + h * x[i];
+static void dopri8_along(const directions *along, double h, const settings *s, tangent *d) {
+  double dx[X];
+  for (int j = 1; j < D_STAGES; j++)
     for (int64_t c = 0; c < along->count; c++) {
       combine(D_A + j * D_STAGES, j, d[c].k, dx);
       for (int i = 0; i < X; i++) d[c].z[i] = dx[i] = d[c].y[i] + h * dx[i];
-      slope_along(t + D_C[j] * h, x, s, dx, along->given[c], d[c].k[j]);
+      slope_along(s, j, dx, along->given[c], d[c].k[j]);
     }
-  }
 }
 
 #ifdef STIFF
 /* The derivative of W g = b is W dg = db - dW g. */
-static void rodas5p_along(const directions *along, double t, double h, const settings *s,
-                          state *m, tangent *d) {
-  double step = h * R_GAMMA, x[X], dx[X], f[X], right[X], g[N];
-  for (int64_t c = 0; c < along->count; c++)
-    model_linear_jvp(t, m->y, s->given, d[c].y, along->given[c], d[c].a, d[c].by_q, d[c].by_v,
+static void rodas5p_along(const directions *along, double h, const settings *s, const state *m,
+                          tangent *d) {
+  double step = h * R_GAMMA, dx[X], f[X], right[X], g[N];
+  for (int64_t c = 0; c < along->count; c++) {
+    model_linear_jvp(s->kept + KEPT_LATER, d[c].y, along->given[c], d[c].a, d[c].by_q, d[c].by_v,
                      d[c].by_t);
-  for (int j = 0; j < 8; j++) {
-    combine(R_A + j * 8, j, m->k, x);
-    for (int i = 0; i < X; i++) x[i] += m->y[i];
-    for (int64_t c = 0; c < along->count; c++) {
+    for (int j = 0; j < 8; j++) {
       combine(R_A + j * 8, j, d[c].k, dx);
       combine(R_C + j * 8, j, d[c].k, right);
       for (int i = 0; i < X; i++) {
         dx[i] += d[c].y[i];
         right[i] /= h;
       }
-      if (j) slope_along(t + R_TIMES[j] * h, x, s, dx, along->given[c], f);
+      if (j) slope_along(s, j, dx, along->given[c], f);
       for (int i = 0; i < N; i++) {
         right[i] += j ? f[i] : d[c].y[N + i];
         right[N + i] += (j ? f[N + i] : d[c].a[i]) + R_SLOPES[j] * h * d[c].by_t[i];
@@ -80,23 +86,25 @@ static void rodas5p_along(const directions *along, double t, double h, const set
 }
 #endif
 
-static void step_along(const directions *along, double t, double h, const settings *s, state *m,
+static void step_along(const directions *along, double h, const settings *s, const state *m,
                        tangent *d) {
 #ifdef STIFF
   if (s->method == RODAS5P) {
-    rodas5p_along(along, t, h, s, m, d);
+    rodas5p_along(along, h, s, m, d);
     return;
   }
 #endif
-  dopri8_along(along, t, h, s, m, d);
+  (void)m;
+  dopri8_along(along, h, s, d);
 }
 
-static void save_along(const directions *along, double t, double share, double h, const double *x,
-                       const settings *s, tangent *d, int64_t row) {
+/* After the run itself has saved a row. */
+static void save_along(const directions *along, double share, double h, const settings *s,
+                       tangent *d, int64_t row) {
   for (int64_t c = 0; c < along->count; c++) {
     double *dx = along->x[c] + row * X;
     between(s, share, h, d[c].y, d[c].z, d[c].k, dx);
-    model_output_jvp(t, x, s->given, dx, along->given[c], along->q[c] + row * FULL,
+    model_output_jvp(s->kept + KEPT_AT_OUTPUT, dx, along->given[c], along->q[c] + row * FULL,
                      along->v[c] + row * FULL);
   }
 }
@@ -109,12 +117,12 @@ static void accept_along(const directions *along, const settings *s, tangent *d)
     }
 }
 
-static void end_along(const directions *along, int64_t row, int64_t rows, tangent *d) {
+/* Rows that the run does not get to. */
+static void end_along(const directions *along, int64_t row, int64_t rows) {
   for (int64_t c = 0; c < along->count; c++) {
     for (int64_t i = row * FULL; i < rows * FULL; i++) along->q[c][i] = along->v[c][i] = 0;
     for (int64_t i = row * X; i < rows * X; i++) along->x[c][i] = 0;
   }
-  free(d);
 }
 #endif
 

@@ -26,6 +26,9 @@ class Arithmetic:
     def __init__(self, writer: Writer) -> None:
         self.writer = writer
         self.elementwise: dict[str, Function] = self._elementwise()
+        away = self._function("round", lambda a: math.copysign(math.floor(abs(a) + 0.5), a))
+        # Halves go away from zero, or to the even number, as the number of JAX's method says.
+        self.rounded = away, self._function("rint", np.rint)
         self.sums: dict[str, Function] = {
             "reduce_sum": self.add,
             "reduce_max": self.largest,

@@ -62,6 +62,7 @@ class Arrays:
             "copy_p": lambda x, p, _: x[0],
             "stop_gradient": lambda x, p, _: x[0],
             "optimization_barrier": lambda x, p, _: list(x),
+            "round": lambda x, p, _: over(self.arithmetic.rounded[int(p["rounding_method"])], x),
             "gather": self._gather,
             "dynamic_slice": self._dynamic_slice,
             "dynamic_update_slice": self._dynamic_update_slice,

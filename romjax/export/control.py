@@ -216,11 +216,9 @@ class Control:
                     text = f"{name}[{i}*{value.size} + {k}] = {literal(each)};"
                     self.writer.line(text, (name,), uses_of([each]), 1)
             self._assign(state, out[:carried], types[:carried])
-        columns = [
-            _entries(name, (length, *v.aval.shape), None)
-            for name, v in zip(places, outs, strict=True)
-        ]
-        return [*state, *columns]
+        each = zip(places, outs, strict=True)
+        columns = [_entries(name, (length, *v.aval.shape), None) for name, v in each]
+        return self._named([*state, *columns], types[:carried] + [kind_of(v.aval) for v in outs])
 
     def _while(self, x: list[Cells], p: Any, kinds: list[str]) -> list[Cells]:
         condition, body = p["cond_jaxpr"], p["body_jaxpr"]
@@ -246,7 +244,12 @@ class Control:
             self.writer.line(f"if (!({literal(goes)})) break;", (), uses_of([goes]), 1)
             out = self.run(body.jaxpr, body.consts, [*given, *state])
             self._assign(state, out, types)
-        return state
+        return self._named(state, types)
+
+    def _named(self, values: list[Cells], types: list[str]) -> list[Cells]:
+        """Variables that change no more as numbers with names of their own."""
+        write, each = self.writer.compute, zip(values, types, strict=True)
+        return [over(lambda x, k=kind: write(k, "{}", x), [value]) for value, kind in each]
 
     def _variables(self, values: list[Cells], types: list[str]) -> list[Cells]:
         """Variables that start with values."""

@@ -1,7 +1,7 @@
 """Functions of JAX as functions of C: no heap, no library but that of mathematics, fixed sizes."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import jax
@@ -64,6 +64,61 @@ def emit(
 
     Raises InputError, with the name and the reason, for what cannot be emitted.
     """
+    writer, values = _written(function, name, arguments, most, unrolled)
+    written = writer.finish(_numbers(values))
+    return _emitted(name, written, arguments, values, labels or {}, summary)
+
+
+def emit_split(
+    function: Callable[..., tuple[Mapping[str, Any], Mapping[str, Any]]],
+    names: tuple[str, str],
+    arguments: Mapping[str, tuple[int, ...]],
+    later: Mapping[str, tuple[int, ...]],
+    labels: Mapping[str, Sequence[str]],
+    summaries: tuple[str, str],
+) -> tuple[Emitted, Emitted]:
+    """A function of `arguments` and, after them, of `later` ones as two of C.
+
+    The first returns the first of its two groups of results, which need no later argument, and
+    numbers that are `kept`; the second returns the other group, of these and of the later
+    arguments. So what does not depend on later arguments is computed once for many of them.
+    """
+    late: list[str] = []
+
+    def both(*args: Array) -> Mapping[str, Any]:
+        first, second = function(*args)
+        late[:] = second
+        return {**first, **second}
+
+    given = {**arguments, **later}
+    writer, values = _written(both, names[0], given, MOST_OPERATIONS, UNROLLED, later)
+    results = {key: value for key, value in values.items() if key not in late}
+    rest = {key: values[key] for key in late}
+    kept, first, second = writer.split(_numbers(results), _numbers(rest), later)
+    results["kept"] = cells([Term(name, (name,)) for name in kept])
+    held = {"kept": (max(len(kept), 1),)}
+    return (
+        _emitted(names[0], first, arguments, results, labels, summaries[0]),
+        _emitted(names[1], second, held | dict(later), rest, {}, summaries[1]),
+    )
+
+
+def _numbers(values: Mapping[str, Cells]) -> list[Any]:
+    return [x for each in values.values() for x in each.flat]
+
+
+def _written(
+    function: Callable[..., Mapping[str, Any]],
+    name: str,
+    arguments: Mapping[str, tuple[int, ...]],
+    most: int,
+    unrolled: int,
+    later: Collection[str] | None = None,
+) -> tuple[Writer, dict[str, Cells]]:
+    """The program of a function, written, and its results.
+
+    With `later` arguments, the others are numbers of the program, which can be kept.
+    """
     shapes = [jax.ShapeDtypeStruct(shape, jnp.float64) for shape in arguments.values()]
     if any(jax.dtypes.canonicalize_dtype(x.dtype) != x.dtype for x in shapes):
         refuse(
@@ -78,22 +133,34 @@ def emit(
         return [jnp.asarray(x, jnp.float64) for x in results.values()]
 
     closed = jax.make_jaxpr(traced)(*shapes)
-    results = {key: tuple(x.shape) for key, x in zip(names, closed.out_avals, strict=True)}
     writer = Writer(name, most, unrolled)
     arithmetic = Arithmetic(writer)
     program = Control(writer, arithmetic, Arrays(arithmetic))
     given = [_argument(key, shape) for key, shape in arguments.items()]
+    if later is not None:
+        for key, each in zip(arguments, given, strict=True):
+            for at in np.ndindex(each.shape) if key not in later else ():
+                each[at] = writer.compute("f", "{}", each[at])
     jaxpr, used = compat.without_unused(closed)
     needed = [x for x, is_used in zip(given, used, strict=True) if is_used]
-    values = program.run(jaxpr, closed.consts, needed)
-    lines, tables, count = writer.finish([x for each in values for x in each.flat])
+    return writer, dict(zip(names, program.run(jaxpr, closed.consts, needed), strict=True))
+
+
+def _emitted(
+    name: str,
+    written: tuple[list[str], list[str], int],
+    arguments: Mapping[str, tuple[int, ...]],
+    values: Mapping[str, Cells],
+    labels: Mapping[str, Sequence[str]],
+    summary: str,
+) -> Emitted:
+    lines, tables, count = written
+    results = {key: each.shape for key, each in values.items()}
     ends = [
-        line
-        for key, each in zip(names, values, strict=True)
-        for line in _assignments(key, each, (labels or {}).get(key))
+        line for key, each in values.items() for line in _assignments(key, each, labels.get(key))
     ]
     head = _head(name, arguments, results)
-    comment = _comment(summary, arguments, labels or {})
+    comment = _comment(summary, arguments, labels)
     unused = [f"  (void){key};" for key in (*arguments, *results)]
     text = "\n".join([*tables, *comment, head, "{", *unused, *lines, *ends, "}", ""])
     return Emitted(name, text, head + ";", count, dict(arguments), results)

@@ -59,10 +59,11 @@ class Factors:
             text = f"double {a}[{n * n}] = {{{numbers}}}; long {q}[{n}], {r}[{n}]; "
             loops = _LU.format(n=n, a=a, p=q, r=r)
             writer.line(text + loops, (a, q, r), uses_of(values), n**3 // 3)
-            for out, name in ((factors, a), (pivots, q), (orders, r)):
+            for out, name, kind in ((factors, a, "f"), (pivots, q, "i"), (orders, r, "i")):
                 part = out[at]
                 for place, where in enumerate(np.ndindex(part.shape)):
-                    part[where] = Term(f"{name}[{place}]", (name,))
+                    # A number with a name, so that another function may go on with it.
+                    part[where] = writer.compute(kind, "{}", Term(f"{name}[{place}]", (name,)))
         return [factors, pivots, orders]
 
     def _cholesky(self, x: Operands, p: Any, kinds: list[str]) -> Cells:

@@ -53,12 +53,11 @@ class Inside:
         return Rows(*call(x0, given, ts, numbers, counts))
 
     def _shapes(self, ts: Array) -> list[jax.ShapeDtypeStruct]:
-        system, k = self.native.model.nominal, len(ts)
+        system, k = self.native.model.nominal, ts.shape[-1]
         widths = ((system.full.n,), (system.full.n,), (2 * system.n,), ())
         return [jax.ShapeDtypeStruct((k, *width), jnp.float64) for width in widths]
 
     def _along(self, primals: Sequence[Array], tangents: Sequence[Any]) -> tuple[Rows, Rows]:
-        x0, given, ts, numbers, counts = primals
         if not all(isinstance(x, SymbolicZero) for x in tangents[2:4]):
             raise InputError(
                 "compile: runs of compiled models have derivatives by the start and the "
@@ -67,17 +66,41 @@ class Inside:
             )
         dx0, dgiven = (
             jnp.zeros_like(x) if isinstance(dx, SymbolicZero) else dx
-            for x, dx in zip((x0, given), tangents[:2], strict=True)
+            for x, dx in zip(primals[:2], tangents[:2], strict=True)
         )
-        rows = self.run(*primals)
-        target, shapes = self._target(True), self._shapes(ts)[:3]
-        call = jax.ffi.ffi_call(target, tuple(shapes), vmap_method="expand_dims")
-        dq, dv, dx = compat.forward_only(
-            _FORWARD, *call(x0, given, ts, numbers, counts, dx0, dgiven[2:])
-        )
+        dx0, dp = compat.forward_only(_FORWARD, dx0, dgiven[2:])
+        *rows, dq, dv, dx = self._with_derivatives(0)(*primals, dx0, dp)
         # What is judged by a whole run has no derivative.
-        none = np.zeros(rows.told.shape, jax.dtypes.float0)
-        return rows, Rows(dq, dv, dx, jnp.zeros_like(rows.violation), none)
+        none = np.zeros(rows[-1].shape, jax.dtypes.float0)
+        return Rows(*rows), Rows(dq, dv, dx, jnp.zeros_like(rows[3]), none)
+
+    def _with_derivatives(self, axes: int) -> Any:
+        """A run and its derivative, with axes of a batch before those of every array: each as long
+        as the batch, or one.
+
+        Along axes that only the directions have, there is one run, whose rows have one entry there.
+        """
+
+        def call(*args: Array) -> Any:
+            ts, lead = args[2], [x.shape[:axes] for x in args]
+            own, all_ = (np.broadcast_shapes(*lead[:end]) for end in (-2, None))
+            rows, told = self._shapes(ts), jax.ShapeDtypeStruct((4,), jnp.int64)
+            shapes = [*((own, x) for x in (*rows, told)), *((all_, x) for x in rows[:3])]
+            results = [jax.ShapeDtypeStruct((*lead, *x.shape), x.dtype) for lead, x in shapes]
+            return jax.ffi.ffi_call(self._target(True), results)(*args)
+
+        def batched(size: int, has: list[bool], *args: Array) -> Any:
+            del size
+            each = [x if own else x[None] for own, x in zip(has, args, strict=True)]
+            results = self._with_derivatives(axes + 1)(*each)
+            if any(has[:-2]):
+                return results, [True] * len(results)
+            several = [False] * (len(results) - 3) + [True] * 3
+            return [x if y else x[0] for x, y in zip(results, several, strict=True)], several
+
+        function = jax.custom_batching.custom_vmap(call)
+        function.def_vmap(batched)
+        return function
 
     def _target(self, along: bool) -> str:
         """The name by which XLA knows the function, which it is told once."""

@@ -2,13 +2,14 @@
 #include "xla/ffi/api/c_api.h"
 
 enum { START, GIVEN, TIMES, NUMBERS, COUNTS, PRIMAL, D_START = PRIMAL, D_GIVEN, MOST };
+enum { ROWS = 5, DERIVED = 3 };
 #define MOST_AXES 32
 
 /* The lanes of a call: those axes of a batch that no argument of a run has are its directions. */
 typedef struct {
-  XLA_FFI_Buffer *args[MOST], *rets[5];
+  XLA_FFI_Buffer *args[MOST], *rets[ROWS + DERIVED];
   int64_t sizes[MOST_AXES], lanes, groups, directions, next;
-  int axes, count, shared[MOST_AXES], failed;
+  int axes, shared[MOST_AXES], failed;
 } call;
 
 /* The numbers of an array in a lane; arrays are as wide as one or as the batch along each axis. */
@@ -29,38 +30,39 @@ static void place(const call *c, int64_t group, int64_t direction, int64_t *at) 
 }
 
 static int run_group(const call *c, int64_t group) {
-  int64_t at[MOST_AXES] = {0}, told[4], rows;
+  int64_t at[MOST_AXES] = {0}, rows = c->args[TIMES]->dims[c->axes];
   const double *in[NUMBERS + 1];
+  const directions *directed = NULL;
+  int done = 1;
   place(c, group, 0, at);
   for (int i = 0; i <= NUMBERS; i++) in[i] = part(c, c->args[i], at, 1);
   const int64_t *counts = part(c, c->args[COUNTS], at, 1);
-  rows = c->args[TIMES]->dims[c->axes];
-  if (c->count == PRIMAL) {
-    double *q = part(c, c->rets[0], at, 2), *v = part(c, c->rets[1], at, 2);
-    double *x = part(c, c->rets[2], at, 2), *violation = part(c, c->rets[3], at, 1);
-    model_run(in[START], in[GIVEN], in[TIMES], rows, in[NUMBERS], counts, q, v, x, violation,
-              part(c, c->rets[4], at, 1), NULL);
-    return 1;
-  }
-  /* The run itself is asked for elsewhere; here it has room that nobody looks at. */
+  double *q = part(c, c->rets[0], at, 2), *v = part(c, c->rets[1], at, 2);
+  double *x = part(c, c->rets[2], at, 2), *violation = part(c, c->rets[3], at, 1);
+  int64_t *told = part(c, c->rets[4], at, 1);
+#ifdef ALONG
   int64_t many = c->directions;
-  double *room = malloc(sizeof(double) * (size_t)rows * (2 * FULL + X + 1));
-  void **where = malloc(sizeof(void *) * 5 * (size_t)(many + 1));
-  if (room && where) {
-    for (int64_t d = 0; d < many; d++) {
-      place(c, group, d, at);
-      for (int i = 0; i < 2; i++) where[i * many + d] = part(c, c->args[PRIMAL + i], at, 1);
-      for (int i = 0; i < 3; i++) where[(i + 2) * many + d] = part(c, c->rets[i], at, 2);
-    }
-    directions along = {many, (const double *const *)where, (const double *const *)where + many,
-                        (double *const *)where + 2 * many, (double *const *)where + 3 * many,
-                        (double *const *)where + 4 * many};
-    model_run(in[START], in[GIVEN], in[TIMES], rows, in[NUMBERS], counts, room, room + rows * FULL,
-              room + 2 * rows * FULL, room + rows * (2 * FULL + X), told, &along);
+  double *room = calloc(room_along(many), sizeof(double));
+  void **where = malloc(sizeof(void *) * (2 + DERIVED) * (size_t)(many + 1));
+  const directions along = {many, (const double *const *)where, (const double *const *)where + many,
+                            (double *const *)where + 2 * many, (double *const *)where + 3 * many,
+                            (double *const *)where + 4 * many, room};
+  done = room && where;
+  for (int64_t d = 0; done && d < many; d++) {
+    place(c, group, d, at);
+    for (int i = 0; i < 2; i++) where[i * many + d] = part(c, c->args[PRIMAL + i], at, 1);
+    for (int i = 0; i < DERIVED; i++)
+      where[(i + 2) * many + d] = part(c, c->rets[ROWS + i], at, 2);
   }
-  int done = room && where;
+  directed = &along;
+#endif
+  if (done)
+    model_run(in[START], in[GIVEN], in[TIMES], rows, in[NUMBERS], counts, q, v, x, violation, told,
+              directed);
+#ifdef ALONG
   free(room);
   free(where);
+#endif
   return done;
 }
 
@@ -88,16 +90,21 @@ XLA_FFI_Error *model_handler(XLA_FFI_CallFrame *frame) {
     return NULL;
   }
   call c = {0};
-  c.count = (int)frame->args.size;
-  if (c.count != PRIMAL && c.count != MOST) return error(frame, "another number of arguments");
-  for (int i = 0; i < c.count; i++) c.args[i] = frame->args.args[i];
-  for (int i = 0; i < frame->rets.size && i < 5; i++) c.rets[i] = frame->rets.rets[i];
-  c.axes = (int)c.rets[0]->rank - 2;
+#ifdef ALONG
+  enum { GIVES = MOST, TAKES = ROWS + DERIVED, LARGEST = ROWS };
+#else
+  enum { GIVES = PRIMAL, TAKES = ROWS, LARGEST = 0 };
+#endif
+  if (frame->args.size != GIVES || frame->rets.size != TAKES)
+    return error(frame, "another number of arguments or results");
+  for (int i = 0; i < GIVES; i++) c.args[i] = frame->args.args[i];
+  for (int i = 0; i < TAKES; i++) c.rets[i] = frame->rets.rets[i];
+  c.axes = (int)c.rets[LARGEST]->rank - 2;
   if (c.axes > MOST_AXES) return error(frame, "too many axes of a batch");
   c.groups = c.directions = 1;
   for (int i = 0; i < c.axes; i++) {
-    c.sizes[i] = c.rets[0]->dims[i];
-    c.shared[i] = c.count == MOST;
+    c.sizes[i] = c.rets[LARGEST]->dims[i];
+    c.shared[i] = GIVES == MOST;
     for (int k = 0; k < PRIMAL; k++) c.shared[i] &= c.args[k]->dims[i] == 1;
     *(c.shared[i] ? &c.directions : &c.groups) *= c.sizes[i];
   }

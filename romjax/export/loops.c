@@ -43,6 +43,15 @@ static void between(const settings *s, double share, double h, const double *y, 
   dopri8_between(share, h, y, k, x);
 }
 
+/* Derivatives of a run along directions: how many, those of the start and of the parameters, for
+ * each of them where q, v and x go, and room for them. */
+typedef struct {
+  int64_t count;
+  const double *const *start, *const *given;
+  double *const *q, *const *v, *const *x, *room;
+} directions;
+
+/* ALONG */
 typedef struct {
   double *q, *v, *x, *violation;
   double extremes[FULL + 1], farthest[FULL + 1], speed[FULL + 1];
@@ -56,7 +65,7 @@ static void save(double t, const double *x, const settings *s, outputs *out, int
     out->x[(size_t)row * X + i] = x[i];
     out->finite &= isfinite(x[i]) != 0;
   }
-  model_output(t, x, s->given, q, v, own);
+  model_output(t, x, s->given, q, v, own KEPT(s->kept + KEPT_AT_OUTPUT));
   out->violation[row] = own[0];
   out->finite &= isfinite(own[0]) != 0;
   for (int i = 0; i < N; i++) size = larger(fabs(x[i]), size);
@@ -111,44 +120,36 @@ static int resolved(const settings *s, const outputs *out, int64_t steps) {
   return s->follow ? fine : best >= smaller(1e-2 / s->rtol, 1e4);
 }
 
-/* Derivatives of a run along directions: how many, those of the start and of the parameters, and
- * for each of them where q, v and x go. */
-typedef struct {
-  int64_t count;
-  const double *const *start, *const *given;
-  double *const *q, *const *v, *const *x;
-} directions;
-
-/* ALONG */
-static void begin_run(const double *x0, const double *given, int own, double *y) {
+static void begin_run(const double *x0, const settings *s, int own, double *y) {
   double start[X];
-  model_initial(given, start);
+  model_initial(s->given, start KEPT(s->kept + KEPT_AT_INITIAL));
   for (int i = 0; i < X; i++) y[i] = own & (i < N ? 1 : 2) ? start[i] : x0[i];
 }
 
 /* One run. `given`: alpha, beta, parameters; `numbers`: rtol, atol, dt (0: step size control);
  * `counts`: method, whether tolerances follow the motion, most steps, and whether the positions (1)
  * and velocities (2) at the start are those of the parameters; `told`: steps, accepted ones, status,
- * flags. Rows that the run does not get to are infinite. */
+ * flags. Rows that the run does not get to are infinite. A library with derivatives has always
+ * directions `along` which they are, and others have none. */
 void model_run(const double *x0, const double *given, const double *ts, int64_t rows,
                const double *numbers, const int64_t *counts, double *q, double *v, double *x,
                double *violation, int64_t *told, const directions *along) {
   double corner[CORNERS + 1], t = ts[0], next, good[2];
   int controlled = numbers[2] == 0, status = SUCCESS;
   settings s = {numbers[0], numbers[1], numbers[2], ts[rows - 1], 0, (int)counts[0],
-                (int)counts[1], controlled ? CORNERS : 0, counts[2], corner, given};
+                (int)counts[1], controlled ? CORNERS : 0, counts[2], corner, given, along ? along->room : NULL};
   outputs out = {q, v, x, violation, {0}, {0}, {0}, 0, 1, 1};
   state m;
   int64_t steps = 0, accepted = 0, row = 0;
   model_corners(given, corner);
-  begin_run(x0, given, (int)counts[3], m.y);
+  begin_run(x0, &s, (int)counts[3], m.y);
   model_start(t, m.y, given, good);
-#ifdef ALONG
-  tangent *d = along ? begin_along(along, &s, &m, t, (int)counts[3]) : NULL;
-  if (along && !d) status = NOT_FINITE;
-#endif
-  (void)along;
   m.fresh = 1;
+#ifdef ALONG
+  slope(t, m.y, &s, 0, m.k[0]);
+  m.fresh = s.method == RODAS5P;
+  tangent *d = begin_along(along, &s, (int)counts[3]);
+#endif
   begin(&m.so_far, m.y);
   s.least = 4 * EPS * larger(fabs(ts[0]), fabs(s.t1));
   next = larger(1e-3 * pow(s.rtol, 0.2) * (s.t1 - t), s.least);
@@ -160,19 +161,19 @@ void model_run(const double *x0, const double *given, const double *ts, int64_t 
     steps++;
     if (kept) {
 #ifdef ALONG
-      if (d) step_along(along, t, h, &s, &m, d);
+      step_along(along, h, &s, &m, d);
 #endif
       while (row < rows && ts[row] <= next) {
         double share = h == 0 ? 0 : (ts[row] - t) / h, at[X + 1];
         between(&s, share, h, m.y, m.z, m.k, at);
         save(ts[row], at, &s, &out, (int)row);
 #ifdef ALONG
-        if (d) save_along(along, ts[row], share, h, at, &s, d, row);
+        save_along(along, share, h, &s, d, row);
 #endif
         row++;
       }
 #ifdef ALONG
-      if (d) accept_along(along, &s, d);
+      accept_along(along, &s, d);
 #endif
       accept(&s, &m, &longer);
       t = next;
@@ -182,7 +183,7 @@ void model_run(const double *x0, const double *given, const double *ts, int64_t 
   }
   if (status == SUCCESS && t < s.t1) status = MAX_STEPS;
 #ifdef ALONG
-  if (along) end_along(along, row, rows, d);
+  end_along(along, row, rows);
 #endif
   for (; row < rows; row++) {
     for (int i = 0; i < FULL; i++) q[row * FULL + i] = v[row * FULL + i] = INFINITY;

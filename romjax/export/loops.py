@@ -17,7 +17,7 @@ from ..system.flags import Flag
 from ..system.schedule import Schedule
 from ..system.validity import TrainingBox
 from . import equations
-from .emit import Emitted, constant_table, emit
+from .emit import Emitted, constant_table, emit, emit_split
 from .leaving import Model
 from .refuse import refuse
 
@@ -76,23 +76,30 @@ def functions_of(model: Model, stiff: bool, along: bool = False) -> list[Emitted
     }
     left_out = {"linear": not stiff, "flags": not judges_states(nominal)}
     left_out["longest"] = not Schedule.of(nominal).limits_steps
-    emitted = []
+    emitted: list[Emitted] = []
     for name, (function, arguments) in functions.items():
-        if not left_out.get(name):
-            known = {key: words[key] for key in words if key in ("x", *_RESULTS.get(name, ()))}
+        if left_out.get(name):
+            continue
+        known = {key: words[key] for key in words if key in ("x", *_RESULTS.get(name, ()))}
+        if along and name in _DERIVED:
+            emitted.extend(_with_derivatives(name, function, arguments, known, summaries[name]))
+        else:
             emitted.append(emit(function, f"model_{name}", arguments, known, summaries[name]))
-    for name in ("rate", "output", "initial", "linear") if along else ():
-        if not left_out.get(name):
-            emitted.append(_along(name, *functions[name]))
     return emitted
 
 
-def _along(name: str, function: Any, arguments: dict[str, tuple[int, ...]]) -> Emitted:
-    """The derivative of a function along a direction of x, where it has one, and of parameters."""
+def _with_derivatives(
+    name: str,
+    function: Any,
+    arguments: dict[str, tuple[int, ...]],
+    labels: Mapping[str, list[str]],
+    summary: str,
+) -> tuple[Emitted, Emitted]:
+    """A function and its derivative along a direction of x, where it has one, and of parameters."""
     directions = {"vx": arguments["x"]} if "x" in arguments else {}
     directions["vp"] = (arguments["s"][0] - 2,)
 
-    def forward(*args: Array) -> Mapping[str, Array]:
+    def both(*args: Array) -> tuple[Mapping[str, Array], Mapping[str, Array]]:
         *given, s = args[: len(arguments)]
         *vx, vp = args[len(arguments) :]
         vs = jnp.concatenate([jnp.zeros(2), vp])
@@ -105,11 +112,15 @@ def _along(name: str, function: Any, arguments: dict[str, tuple[int, ...]]) -> E
             names[:] = results
             return list(results.values())
 
-        along = jax.jvp(values, (*rest, s), (*vx, vs))[1]
-        return {key: x for key, x in zip(names, along, strict=True) if key not in _NOT_ALONG}
+        results, along = jax.jvp(values, (*rest, s), (*vx, vs))
+        derived = {f"d{key}": x for key, x in zip(names, along, strict=True)}
+        for key in _NOT_ALONG:
+            derived.pop(f"d{key}", None)
+        return dict(zip(names, results, strict=True)), derived
 
-    summary = f"Derivatives of model_{name} along (vx, vp)."
-    return emit(forward, f"model_{name}_jvp", arguments | directions, {}, summary)
+    titles = f"model_{name}", f"model_{name}_jvp"
+    summaries = summary, f"Derivatives of model_{name} along (vx, vp)."
+    return emit_split(both, titles, arguments, directions, labels, summaries)
 
 
 # Called once for each run: a compiler that leaves them as they are saves up to a third of its time.
@@ -123,6 +134,7 @@ _UNOPTIMIZED = """#if defined(__clang__)
 #endif"""
 # Results whose entries are coordinates, and one that nobody differentiates.
 _RESULTS = {"rate": ("a",), "linear": ("a",), "output": ("q", "v")}
+_DERIVED = ("rate", "output", "initial", "linear")
 _NOT_ALONG = ("violation",)
 _SUMMARIES = {
     "rate": "Accelerations.",
@@ -159,6 +171,10 @@ def source_of(system: AbstractSystem, functions: list[Emitted], shares: np.ndarr
     }
     parts = {"STIFF": "linear", "FLAGS": "flags", "LIMITED": "longest", "ALONG": "rate_jvp"}
     defined |= {key: 1 for key, name in parts.items() if f"model_{name}" in names}
+    for name in _DERIVED:
+        if f"model_{name}_jvp" in names:
+            size = names[f"model_{name}_jvp"].arguments["kept"][0]
+            defined[f"KEPT_{name.upper()}"] = size
     numbers = [f"#define {name} {value}" for name, value in defined.items()]
     loops = text_of("loops.c").replace("/* ALONG */", text_of("along.c"))
     texts = [text_of("steps.c"), loops, text_of("lanes.c")]

@@ -4,8 +4,9 @@
  * SHARE: of the tolerances of their kind, as the model that was exported has them),
  * the coefficients of the methods, and the functions model_rate and, where they are needed,
  * model_linear and model_longest. What these are given besides t and x is for them alone.
+ * With ALONG each function keeps numbers that its derivatives along directions take.
  */
-#if defined(__GNUC__) && !defined(__clang__) && N < 8
+#if defined(__GNUC__) && !defined(__clang__) && N <= 8
 /* Loops over few numbers are unrolled, which takes the compiler a tenth of a second. */
 #pragma GCC optimize("O3")
 #endif
@@ -25,7 +26,16 @@ typedef struct {
   int method, follow, corners;
   int64_t max_steps;
   const double *corner, *given;
+  double *kept;
 } settings;
+
+/* Where numbers are kept: those of the rates of each stage first. */
+#ifdef ALONG
+#define KEPT(where) , where
+#define KEPT_LATER (STAGES * KEPT_RATE)
+#else
+#define KEPT(where)
+#endif
 
 typedef struct {
   double origin[N], distance[2], speed[2], farthest[2];
@@ -40,9 +50,10 @@ typedef struct {
 static double larger(double a, double b) { return a > b || a != a ? a : b; }
 static double smaller(double a, double b) { return a < b || a != a ? a : b; }
 
-static void slope(double t, const double *x, const settings *s, double *dx) {
+static void slope(double t, const double *x, const settings *s, int stage, double *dx) {
+  (void)stage;
   for (int i = 0; i < N; i++) dx[i] = x[N + i];
-  model_rate(t, x, s->given, dx + N);
+  model_rate(t, x, s->given, dx + N KEPT(s->kept + stage * KEPT_RATE));
 }
 
 /* Tolerances. */
@@ -104,11 +115,11 @@ static void combine(const double *w, int stages, double k[][X], double *x) {
 /* A step of Dopri8 from t to t + h, whose first stage is known unless the state is fresh. */
 static void dopri8(double t, double h, const settings *s, state *m, double *error) {
   double x[X];
-  if (m->fresh) slope(t, m->y, s, m->k[0]);
+  if (m->fresh) slope(t, m->y, s, 0, m->k[0]);
   for (int j = 1; j < D_STAGES; j++) {
     combine(D_A + j * D_STAGES, j, m->k, x);
     for (int i = 0; i < X; i++) x[i] = m->y[i] + h * x[i];
-    slope(t + D_C[j] * h, x, s, m->k[j]);
+    slope(t + D_C[j] * h, x, s, j, m->k[j]);
   }
   combine(D_E, D_STAGES, m->k, error);
   for (int i = 0; i < X; i++) {
@@ -118,7 +129,7 @@ static void dopri8(double t, double h, const settings *s, state *m, double *erro
 }
 
 #ifdef STIFF
-/* W = I/(h g) - da/dv - h g da/dq in two triangles, with pivots. */
+/* W = I/(h g) - da/dv - h g da/dq in two triangles, with pivots and the inverses of the diagonal. */
 static void factor(double step, state *m) {
   double *w = m->w;
   for (int i = 0; i < N * N; i++) w[i] = -m->by_v[i] - step * m->by_q[i];
@@ -133,8 +144,9 @@ static void factor(double step, state *m) {
       w[i * N + c] = w[best * N + c];
       w[best * N + c] = held;
     }
+    w[i * N + i] = 1 / w[i * N + i];
     for (int r = i + 1; r < N; r++) {
-      double times = w[r * N + i] /= w[i * N + i];
+      double times = w[r * N + i] *= w[i * N + i];
       for (int c = i + 1; c < N; c++) w[r * N + c] -= times * w[i * N + c];
     }
   }
@@ -150,14 +162,16 @@ static void solve(const state *m, double *b) {
     for (int j = 0; j < i; j++) b[i] -= m->w[i * N + j] * b[j];
   for (int i = N - 1; i >= 0; i--) {
     for (int j = i + 1; j < N; j++) b[i] -= m->w[i * N + j] * b[j];
-    b[i] /= m->w[i * N + i];
+    b[i] *= m->w[i * N + i];
   }
 }
 
 /* A step of Rodas5P from t to t + h; the derivatives are known unless the state is fresh. */
 static void rodas5p(double t, double h, const settings *s, state *m, double *error) {
   double step = h * R_GAMMA, f[X], right[X], x[X], g[N];
-  if (m->fresh) model_linear(t, m->y, s->given, m->a, m->by_q, m->by_v, m->by_t);
+  if (m->fresh)
+    model_linear(t, m->y, s->given, m->a, m->by_q, m->by_v,
+                 m->by_t KEPT(s->kept + KEPT_LATER));
   factor(step, m);
   for (int j = 0; j < 8; j++) {
     combine(R_A + j * 8, j, m->k, x);
@@ -166,7 +180,7 @@ static void rodas5p(double t, double h, const settings *s, state *m, double *err
       x[i] += m->y[i];
       right[i] /= h;
     }
-    if (j) slope(t + R_TIMES[j] * h, x, s, f);
+    if (j) slope(t + R_TIMES[j] * h, x, s, j, f);
     for (int i = 0; i < N; i++) {
       right[i] += j ? f[i] : m->y[N + i];
       right[N + i] += (j ? f[N + i] : m->a[i]) + R_SLOPES[j] * h * m->by_t[i];

@@ -32,13 +32,17 @@ class Term:
 
 @dataclasses.dataclass
 class _Statement:
-    """A line of C, which `defines` a variable or has an effect; a loop has a `body` as well."""
+    """A line of C, which `defines` a variable or has an effect; a loop has a `body` as well.
+
+    `kind`: the type of a number that does not change.
+    """
 
     text: str
     defines: tuple[str, ...]
     uses: tuple[str, ...]
     operations: int
     body: "list[_Statement] | None" = None
+    kind: str = ""
 
 
 def is_known(x: Any) -> bool:
@@ -108,8 +112,10 @@ class Writer:
                 f"more than {4 * self.most} operations before those are left out that nobody uses",
                 f"straight-line code pays up to {self.most}; reduce the system",
             )
-        name = self.name("x")
-        self.line(f"const {TYPES[kind]} {name} = {text};", (name,), uses_of(numbers), 1)
+        name, c = self.name("x"), TYPES[kind]
+        count = int(pattern != "{}")  # a number that only gets a name is none
+        line = _Statement(f"const {c} {name} = {text};", (name,), uses_of(numbers), count, kind=c)
+        self._lines.append(line)
         term = self._scopes[-1][text] = Term(name, (name,))
         return term
 
@@ -193,8 +199,39 @@ class Writer:
 
     def finish(self, results: Sequence[Any]) -> tuple[list[str], list[str], int]:
         """The lines that some results need, the tables, and the number of operations."""
-        live = set(uses_of(results))
-        kept = _needed(self._lines, live)
+        return self._finished(self._lines, set(uses_of(results)))
+
+    def split(
+        self, results: Sequence[Any], late_results: Sequence[Any], late: Iterable[str]
+    ) -> tuple[list[str], tuple[list[str], list[str], int], tuple[list[str], list[str], int]]:
+        """The names of the numbers that the `late_results` take from the function of the others,
+        and what `finish` returns of both functions. `late`: variables that only one of them has.
+        """
+        unknown = set(late)
+        for line in self._lines:
+            _spread(line, unknown)
+        known = {
+            name: line
+            for line in self._lines
+            for name in line.defines
+            if line.kind and name not in unknown
+        }
+        rest = [line for line in self._lines if not known.keys() & set(line.defines)]
+        live = set(uses_of(late_results))
+        second = self._finished(rest, live)
+        kept = [name for name in known if name in live]
+        loads = [
+            f"  const {known[name].kind} {name} = ({known[name].kind})kept[{i}];"
+            for i, name in enumerate(kept)
+        ]
+        first = self._finished(self._lines, {*uses_of(results), *kept})
+        tables = [text for text in second[1] if text not in first[1]]
+        return kept, first, (loads + second[0], tables, second[2])
+
+    def _finished(
+        self, lines: list[_Statement], live: set[str]
+    ) -> tuple[list[str], list[str], int]:
+        kept = _needed(lines, live)
         count = sum(_operations(x) for x in kept)
         if count > self.most:
             refuse(
@@ -203,6 +240,23 @@ class Writer:
             )
         tables = [text for name, text in self._texts.items() if name in live]
         return list(_texts(kept, "  ")), tables, count
+
+
+def _spread(line: _Statement, names: set[str]) -> None:
+    """Add to some names what a line computes from them; in a loop, by what is computed in it, and
+    all that it changes where one of them says when it ends.
+    """
+    if line.body is None:
+        if names.intersection(line.uses):
+            names.update(line.defines)
+        return
+    known = -1
+    while len(names) > known:
+        known = len(names)
+        for inner in line.body:
+            _spread(inner, names)
+            if not inner.defines and names.intersection(inner.uses):
+                names.update(line.defines)
 
 
 def _needed(lines: list[_Statement], live: set[str]) -> list[_Statement]:
