@@ -18,7 +18,7 @@ from tqdm import tqdm
 from ..compiling.xla import filter_jit
 from ..integrate.adjoint import forward_mode
 from ..integrate.doubt import telling
-from .least_squares import Solution, least_squares
+from .least_squares import Solution, inverse_square, least_squares
 
 Vector = Float[Array, " p"]
 
@@ -93,22 +93,19 @@ def fit(
         jnp.asarray(np.where(present, 1 / spread, 0)),
         _Bounds.of(origin, start, lower, upper),
     )
-    begin = misfit.bounds.free(origin)
-    with forward_mode():
-        residuals = _linearize(misfit, begin).residuals
-    size = float(jnp.sqrt(jnp.mean(residuals**2)))
+    begin, points = misfit.bounds.free(origin), _Points(misfit)
+    size = float(np.sqrt(np.mean(points.at(begin).residuals ** 2)))
     if not np.isfinite(size):
         raise ValueError("fit: the prediction is not finite at the start; begin elsewhere.")
     # The search starts with a damping of one, so residuals are made of that size.
-    result = _search(misfit, begin, size or 1.0, optimizer, steps, tol, progress)
+    result = _search(points, begin, size or 1.0, optimizer, steps, tol, progress)
     best = jnp.asarray(result.x, begin.dtype)
     # What the user has compiled was traced before, when nobody was asked how it went.
     last = eqx.tree_at(lambda m: m.predict, misfit, inspect.unwrap(predict))
     with forward_mode():
-        point = _linearize(misfit, best)
         _tell(last, best)
     jax.effects_barrier()
-    residuals, jacobian = np.asarray(point.residuals), np.asarray(point.jacobian)
+    residuals, jacobian, _ = points.at(best)
     freedom = max(1, int(np.sum(present)) - origin.size)
     variance = float(residuals @ residuals) / freedom if noise is None else 1.0
     covariance = variance * inverse_square(jacobian)
@@ -123,7 +120,7 @@ def fit(
 
 
 def _search(
-    misfit: "_Misfit",
+    points: "_Points",
     begin: Vector,
     size: float,
     optimizer: optax.GradientTransformation | None,
@@ -136,11 +133,9 @@ def _search(
         if optimizer is None:
 
             def evaluate(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-                with forward_mode():
-                    point = _linearize(misfit, jnp.asarray(free, begin.dtype))
-                slopes = np.asarray(point.jacobian) * np.asarray(point.growth)
+                point = points.at(jnp.asarray(free, begin.dtype))
                 bar.update()
-                return np.asarray(point.residuals) / size, slopes / size
+                return point.residuals / size, point.jacobian * point.growth / size
 
             return least_squares(evaluate, np.asarray(begin), steps, tol)
 
@@ -151,29 +146,13 @@ def _search(
             jax.debug.callback(step)
 
         common: Any = {"rtol": tol, "atol": tol, "verbose": show if progress else False}
+        misfit = points.misfit
         scaled = eqx.tree_at(lambda m: m.weight, misfit, misfit.weight / size)
         method: Any = optimistix.BestSoFarMinimiser(optimistix.OptaxMinimiser(optimizer, **common))
         minimum = _minimise(scaled, method, begin, steps)
         jax.effects_barrier()
         success = bool(minimum.result == optimistix.RESULTS.successful)
         return Solution(np.asarray(minimum.value), int(minimum.stats["num_steps"]), success)
-
-
-def inverse_square(jacobian: np.ndarray) -> np.ndarray:
-    """(JᵀJ)⁻¹, with infinite variances of the parameters that J does not determine."""
-    count = jacobian.shape[1]
-    if not np.all(np.isfinite(jacobian)):
-        return np.full((count, count), np.nan)
-    # Columns of one size, as parameters have units.
-    size = np.linalg.norm(jacobian, axis=0)
-    size = np.where(size > 0, size, 1.0)
-    _, values, right = np.linalg.svd(np.linalg.qr(jacobian / size, mode="r"))
-    values = np.pad(values, (0, count - len(values)))
-    determined = values > np.finfo(float).eps * max(jacobian.shape) * values[0]
-    half = (right[determined] / values[determined, None]).T / size[:, None]
-    undetermined = np.any(np.abs(right[~determined]) > np.sqrt(np.finfo(float).eps), axis=0)
-    inverse: np.ndarray = half @ half.T + np.diag(np.where(undetermined, np.inf, 0.0))
-    return inverse
 
 
 class _Bounds(eqx.Module):
@@ -264,9 +243,31 @@ class _Point(NamedTuple):
     the free numbers (p,).
     """
 
-    residuals: Float[Array, " k"]
-    jacobian: Float[Array, "k p"]
-    growth: Vector
+    residuals: Any
+    jacobian: Any
+    growth: Any
+
+
+class _Points:
+    """The points of a search, of which the best one so far is held: the first is asked for again by
+    the search, and its result after it.
+    """
+
+    def __init__(self, misfit: _Misfit) -> None:
+        self.misfit = misfit
+        self._held: tuple[bytes, _Point, float] | None = None
+
+    def at(self, free: Vector) -> _Point:
+        """The point of some free numbers, of arrays of NumPy."""
+        key = np.asarray(free).tobytes()
+        if self._held is not None and self._held[0] == key:
+            return self._held[1]
+        with forward_mode():
+            point = _Point(*map(np.asarray, _linearize(self.misfit, free)))
+        size = float(np.sum(point.residuals**2))
+        if self._held is None or size <= self._held[2]:
+            self._held = key, point, size
+        return point
 
 
 @filter_jit

@@ -56,3 +56,20 @@ def least_squares(
         max_nfev=steps + 1,
     )
     return Solution(minimum.x, int(minimum.nfev) - 1, bool(minimum.success))
+
+
+def inverse_square(jacobian: np.ndarray) -> np.ndarray:
+    """(JᵀJ)⁻¹, with infinite variances of the parameters that J does not determine."""
+    count = jacobian.shape[1]
+    if not np.all(np.isfinite(jacobian)):
+        return np.full((count, count), np.nan)
+    # Columns of one size, as parameters have units.
+    size = np.linalg.norm(jacobian, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    _, values, right = np.linalg.svd(np.linalg.qr(jacobian / size, mode="r"))
+    values = np.pad(values, (0, count - len(values)))
+    determined = values > np.finfo(float).eps * max(jacobian.shape) * values[0]
+    half = (right[determined] / values[determined, None]).T / size[:, None]
+    undetermined = np.any(np.abs(right[~determined]) > np.sqrt(np.finfo(float).eps), axis=0)
+    inverse: np.ndarray = half @ half.T + np.diag(np.where(undetermined, np.inf, 0.0))
+    return inverse

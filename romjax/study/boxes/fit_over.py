@@ -24,7 +24,8 @@ from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.formulation.parse import as_formulation
 from ...reduction.reduce import reduce
 from ...system.reduced import AbstractReducedSystem
-from ..fit import Fit, fit, inverse_square
+from ..fit import Fit, fit
+from ..least_squares import inverse_square
 from .box import Box
 from .reduced_box import reduced_as
 
