@@ -5,6 +5,8 @@ bicycle", Proc. R. Soc. A 463 (2007), doi:10.1098/rspa.2007.1857. Their y and z 
 right and down, those here to the left and up.
 """
 
+import functools
+
 import jax
 import numpy as np
 import pytest
@@ -25,6 +27,7 @@ STIFFNESS = np.array([[-80.95, -2.59951685249872], [-2.59951685249872, -0.803294
 QUADRATIC = np.array([[0.0, 76.59734589573222], [0.0, 2.65431523794604]])
 # Required of lean and steer, as a share of the largest: what is left out is of second order.
 LINEAR = 1e-6
+EXACT = 1e-8  # required of accelerations that are those of other equations
 
 
 def body(name, mass, place, inertia, radius=None) -> rj.AbstractBody:
@@ -112,12 +115,16 @@ def _quaternion(axis, angle) -> np.ndarray:
     return np.append(np.cos(angle / 2), np.sin(angle / 2) * np.asarray(axis))
 
 
-def linear(system):
-    """The matrix of lean, steer and their rates at a speed, by differences of accelerations."""
+@functools.cache
+def moving():
+    """Of lean, steer and their rates, at a speed: the coordinates, the velocities and accelerations
+    that the joints allow, the matrices of angular velocities, and the steering axis.
+    """
+    system = rj.assemble(bicycle())
     rows_of = jax.jit(lambda q: jacobian(system, 0.0, q))
     accelerations = jax.jit(lambda q, v: system.acceleration(0.0, q, v)[0])
 
-    def rates(x, speed):
+    def state(x, speed):
         q, lean = placed(system.q0, *x[:2]), _quaternion([1.0, 0.0, 0.0], x[0])
         steer = quaternions.rotate(lean, np.array([-np.sin(TILT), 0.0, np.cos(TILT)]))
         axle = quaternions.rotate(lean, np.array([0.0, 1.0, 0.0]))
@@ -130,7 +137,17 @@ def linear(system):
         rows = np.vstack([rows_of(q), lengths, own])
         wanted = [*np.zeros(system.m + 4), *x[2:], speed / 0.3]
         v = np.linalg.lstsq(rows, wanted, rcond=None)[0]
-        a = np.asarray(accelerations(q, v))
+        return q, v, np.asarray(accelerations(q, v)), spins, steer
+
+    return state
+
+
+def linear():
+    """The matrix of lean, steer and their rates at a speed, by differences of accelerations."""
+    state = moving()
+
+    def rates(x, speed):
+        *_, a, spins, steer = state(x, speed)
         # Of unit quaternions p that keep their length, p·p' = 0, ω' = 2 E p''.
         turning = spins @ a
         return np.array([turning[1, 0], steer @ (turning[2] - turning[1])])
@@ -146,7 +163,7 @@ def linear(system):
 @pytest.mark.slow
 def test_bicycle_is_stable_by_itself_between_published_speeds():
     """From where weave dies out to where capsize begins, section 6 of the paper."""
-    matrix = linear(rj.assemble(bicycle()))
+    matrix = linear()
 
     def growth(speed, weaving):
         roots = np.linalg.eigvals(matrix(speed))
@@ -156,3 +173,67 @@ def test_bicycle_is_stable_by_itself_between_published_speeds():
         ends = known - 0.3, known + 0.3
         found = scipy.optimize.brentq(lambda v, w=weaving: growth(v, w), *ends, xtol=1e-10)
         assert abs(found - known) <= 1e-6
+
+
+def newton_and_euler(q, v, spins) -> tuple[np.ndarray, np.ndarray]:
+    """Accelerations and angular accelerations (4, 3) of the bodies, with a multiplier for each of
+    the 15 conditions of three hinges and the 6 of two points on the road that stand still.
+    """
+    bodies = bicycle().bodies
+    turns = [quaternions.matrix(q[7 * i + 3 : 7 * i + 7]) for i in range(4)]
+    speed, spin = v.reshape(4, 7)[:, :3], spins @ v
+    mass, force, rows, known = np.zeros((24, 24)), np.zeros(24), [], []
+    for i, body in enumerate(bodies):
+        inertia = turns[i] @ np.asarray(body.inertia) @ turns[i].T
+        own = slice(6 * i, 6 * i + 3), slice(6 * i + 3, 6 * i + 6)
+        mass[own[0], own[0]], mass[own[1], own[1]] = float(body.mass) * np.eye(3), inertia
+        force[own[0]] = [0.0, 0.0, -float(body.mass) * GRAVITY]
+        force[own[1]] = -np.cross(spin[i], inertia @ spin[i])
+
+    def point(i, arm):
+        """Rows of the velocity of a point of a body."""
+        found = np.zeros((3, 24))
+        found[:, 6 * i : 6 * i + 3] = np.eye(3)
+        found[:, 6 * i + 3 : 6 * i + 6] = np.cross(np.eye(3), arm).T
+        return found
+
+    axle, steer = np.array([0.0, 1.0, 0.0]), np.array([-np.sin(TILT), 0.0, np.cos(TILT)])
+    places = (0.0, 0.0, 0.3), (BASE, 0.0, 0.35), (BASE + TRAIL, 0.0, 0.0)
+    for i, j, place, axis in zip((0, 3, 2), (1, 2, 1), places, (axle, axle, steer), strict=True):
+        arms = [turns[k] @ (np.array(place) - np.asarray(bodies[k].position)) for k in (i, j)]
+        rows += [point(i, arms[0]) - point(j, arms[1])]
+        known += [
+            np.cross(spin[j], np.cross(spin[j], arms[1]))
+            - np.cross(spin[i], np.cross(spin[i], arms[0]))
+        ]
+        across = (turns[i] @ np.linalg.svd(axis[None])[2][1:].T).T
+        both = np.zeros((2, 24))
+        both[:, 6 * i + 3 : 6 * i + 6], both[:, 6 * j + 3 : 6 * j + 6] = across, -across
+        rows += [both]
+        known += [-np.cross(spin[i], across) @ (spin[i] - spin[j])]
+    up = np.array([0.0, 0.0, 1.0])
+    for i, radius in ((0, 0.3), (3, 0.35)):
+        normal = turns[i] @ axle
+        rate = np.cross(spin[i], normal)
+        high, change = up - normal[2] * normal, -rate[2] * normal - normal[2] * rate
+        size = np.linalg.norm(high)
+        arm = -radius * high / size
+        swing = -radius * (change - high * (high @ change) / size**2) / size
+        rows += [point(i, arm)]
+        known += [-np.cross(spin[i], swing)]
+    rows, known = np.vstack(rows), np.concatenate(known)
+    assert np.max(np.abs(rows @ np.hstack([speed, spin]).ravel())) < 1e-12 * np.max(np.abs(v))
+    whole = np.block([[mass, rows.T], [rows, np.zeros((21, 21))]])
+    found = np.linalg.solve(whole, np.concatenate([force, known]))[:24].reshape(4, 6)
+    return found[:, :3], found[:, 3:]
+
+
+@pytest.mark.slow
+def test_bicycle_that_leans_far_obeys_newton_and_euler():
+    """Written down a second time, with a row for each condition."""
+    for x in ([0.0, 0.0, 0.1, 0.2], [0.3, -0.4, 0.5, 1.0], [-0.6, 0.7, -1.0, 0.3]):
+        q, v, a, spins, _ = moving()(np.array(x), SPEED)
+        known, turning = newton_and_euler(q, v, spins)
+        size = max(np.max(np.abs(known)), np.max(np.abs(turning)))
+        assert np.max(np.abs(a.reshape(4, 7)[:, :3] - known)) <= EXACT * size
+        assert np.max(np.abs(spins @ a - turning)) <= EXACT * size
