@@ -3,7 +3,7 @@
 import jax
 import numpy as np
 import pytest
-from robot_files import words
+from robot_files import GALLERY, words
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 from zoo import TIGHT
 
@@ -92,6 +92,8 @@ def test_contacts_that_are_not_asked_for_are_listed(tmp_path):
         ":2: contact of sphere and box: 'm' and 'k'",
     ]
     assert len(scene().effects) == 2
+    off = rj.scene_file(GALLERY / "leg.xml", contacts=True).left_out
+    assert [str(x).partition("leg.xml")[2][:12] for x in off] == [": contacts, "]
 
 
 def lying(z: float, more: str = "") -> str:

@@ -52,6 +52,10 @@ def contacts(model: Model, tree: Tree) -> Iterator[Contact]:
             left = (f"contact of {' and '.join(names).lower()}",)
         for words in left:
             unknown.setdefault(words, []).append(pair)
+    if _switched_off(model):
+        model.left_out.append(
+            f'{model.root.path}: contacts, which <flag contact="disable"/> switches off'
+        )
     for words, pairs in unknown.items():
         model.left_out.append(_left_out(model, words, pairs))
     if model.meshes:
@@ -82,7 +86,7 @@ def _left_out(model: Model, words: str, pairs: list[Pair]) -> str:
 def _pairs(model: Model) -> Iterator[Pair]:
     """The pairs that a file names, and those that MuJoCo finds by the rules of the format."""
     arrays = model.arrays
-    if arrays.opt.disableflags & int(model.mujoco.mjtDisableBit.mjDSBL_CONTACT):
+    if _switched_off(model):
         return
     named = set[tuple[int, int]]()
     for i in range(arrays.npair):
@@ -100,6 +104,11 @@ def _pairs(model: Model) -> Iterator[Pair]:
         first, second = _ordered(arrays, int(i), int(j))
         if (first, second) not in named:
             yield _combined(arrays, first, second)
+
+
+def _switched_off(model: Model) -> bool:
+    flags = model.arrays.opt.disableflags
+    return bool(flags & int(model.mujoco.mjtDisableBit.mjDSBL_CONTACT))
 
 
 def _ordered(arrays: Any, i: int, j: int) -> tuple[int, int]:
