@@ -134,6 +134,7 @@ def test_what_cannot_be_a_function_is_compiled_as_by_jax(monkeypatch):
 def untold(monkeypatch):
     """A process that has told nothing, and whose flags are not those of the tests."""
     monkeypatch.setattr(xla, "_told", [])
+    monkeypatch.setattr(xla, "_taken", [])
     monkeypatch.setenv("XLA_FLAGS", "")
 
 
@@ -147,6 +148,20 @@ def test_a_run_in_a_foreign_jit_is_told_of_once(untold):
         [jax.jit(transform(swing)).trace(9.81) for transform in (jax.checkpoint, jax.grad)]
     assert len(told) == 1
     assert PACKAGE not in Path(told[0].filename).parents
+
+
+def test_many_derivatives_outside_of_a_program_are_told_of(untold):
+    """One by one they are taken without the options, and ten times as slowly."""
+
+    def swung(x):
+        xla.tell_of_jit()
+        return x**2
+
+    for _ in range(4):
+        jax.grad(swung)(1.0)
+    with pytest.warns(UserWarning, match=r"compile it by romjax\.jit instead"):
+        jax.value_and_grad(swung)(1.0)
+    jax.grad(swung)(1.0)
 
 
 def test_what_has_the_options_is_not_told_of(untold, monkeypatch):

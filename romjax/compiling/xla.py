@@ -19,6 +19,8 @@ from . import functions
 _has_options = contextvars.ContextVar("_has_options", default=False)
 # Whether it was told that a program lacks the options.
 _told = list[bool]()
+# Derivatives that JAX took of known numbers, in no program; from so many on, a program pays.
+_taken, _MANY = list[bool](), 5
 
 
 @functools.cache
@@ -53,8 +55,10 @@ def tell_of_jit() -> None:
     if _told or compat.is_outermost() or _has_options.get():
         return
     if compat.is_differentiating():
-        # One derivative of known numbers takes less time than compiling it with the options.
-        return
+        # A few such derivatives know the numbers that the method is chosen by.
+        _taken.append(True)
+        if len(_taken) < _MANY:
+            return
     flags = os.environ.get("XLA_FLAGS", "").split()
     if jax.default_backend() != "cpu" or any(x in flags for x in compat.compiler_flags()):
         return
@@ -62,8 +66,8 @@ def tell_of_jit() -> None:
     warnings.warn(
         "simulate: this run is part of a function that jax.jit or another transformation of JAX "
         "compiles without the options for small mechanisms, so that it takes several times as long "
-        "on a CPU: compile it by romjax.jit instead, around all transformations; or, where the call of "
-        "jax.jit is not yours, call romjax.speed_up_xla() right after importing romjax.",
+        "on a CPU: compile it by romjax.jit instead, around all transformations; or, where the "
+        "call of jax.jit is not yours, call romjax.speed_up_xla() right after importing romjax.",
         stacklevel=3,
     )
 

@@ -2,7 +2,6 @@
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +10,7 @@ from jaxtyping import Array, Float, Int
 from ..common import compat, precision
 from ..common.partition import Partitioned
 from ..compiling.program import program
+from ..compiling.xla import filter_jit
 from ..march.march import DENSE
 from ..march.tolerances import Extent
 from ..system.base import AbstractSystem, Run
@@ -104,7 +104,7 @@ def _run(
     return result._replace(run=run), demand
 
 
-@eqx.filter_jit
+@filter_jit
 def _differentiable(
     system: AbstractSystem,
     ts: Float[Array, " k"],
