@@ -76,6 +76,7 @@ def test_a_copy_of_a_scene_has_its_law():
     assert float(command) == -(2 * GAINS[0] + GAINS[1])
 
 
+@pytest.mark.slow
 def test_fixed_steps_end_at_ticks():
     moved = run(rj.assemble(scene()), TIMES, dt=0.03)
     assert np.max(np.abs(moved["cart.x"] - recursion(False)[0][:, 0])) <= 1e-12

@@ -9,13 +9,19 @@ import pytest
 import zoo
 from comparison import assert_close
 from tolerances import IDENTITY
+from zoo import unit_mass
 
 import romjax as rj
 from romjax import spatial as r
+from romjax.analysis.statics import Statics
 from romjax.integrate.rodas5p import RodasInterpolation
 from romjax.integrate.rodas5p_tableau import DENSE, GAMMA, A, C
 from romjax.linalg import quaternions
 from romjax.reduction.lift.base import differentiate
+from romjax.reduction.tables.expansion import tabulate
+from romjax.reduction.tables.frames import Frames
+from romjax.reduction.tables.grid import Grid
+from romjax.reduction.tables.interpolation import SIDE
 from romjax.scene.marker import Pose
 from romjax.system import unit_length
 
@@ -136,17 +142,44 @@ def test_bodies_are_projected_in_their_modal_mass():
 def lengths_and_slopes(system, q):
     """The rows that take lengths of quaternions out, and their derivatives, by autodiff and not."""
     slopes = jax.jacfwd(lambda q: unit_length.extended(system, 0.0, q))(q)
-    return unit_length.extended(system, 0.0, q), slopes, unit_length.jacobian(system, 0.0, q)
+    at_rest = Statics(system, jnp.zeros(()), q).constraint(q)
+    return (
+        unit_length.extended(system, 0.0, q),
+        slopes,
+        unit_length.jacobian(system, 0.0, q),
+        at_rest,
+    )
 
 
 def test_constraints_of_unit_length():
-    """½ (|p|² − 1) of each body, and its derivative."""
+    """½ (|p|² − 1) of each body, and its derivative; in statics that of the start instead of 1."""
     system = zoo.system(zoo.ball_bars)
     q = np.asarray(system.q0) + 0.1 * np.cos(np.arange(system.n))
-    rows, slopes, written = lengths_and_slopes(system, q)
+    rows, slopes, written, at_rest = lengths_and_slopes(system, q)
     wanted = 0.5 * (np.sum(q.reshape(2, 7)[:, 3:] ** 2, axis=1) - 1)
     assert_close(rows[system.m :], wanted, IDENTITY)
+    assert_close(at_rest, np.concatenate([rows[: system.m], 0 * wanted]), IDENTITY)
     assert_close(written, slopes, IDENTITY, np.max(np.abs(slopes)))
+
+
+def no_force(t, q, v):
+    return 0 * q
+
+
+def bent(t, q):
+    return (q[0] + q[2] ** 2 + 3 * q[2] * q[3])[None]
+
+
+def test_deflections_of_a_table_by_second_derivatives():
+    """Where C = y + a² + 3 a b is zero, those of y by the amplitudes a and b are −2, −3 and 0."""
+    system = rj.CustomSystem(unit_mass, no_force, bent, q0=np.zeros(4), v0=np.zeros(4))
+    frames = Frames(1, (0, 1), (0,), np.eye(4), np.zeros(()))
+    count = 2 * SIDE + 2
+    grid = Grid(np.zeros((count, 4)), np.tile(np.eye(4)[:, 1:2], (count, 1, 1)), np.ones(1), None)
+    values = np.asarray(tabulate(system, frames, grid, np.eye(4)[:, 2:]))[0, -1].reshape(6, 4)
+    # Constant along the table: q, its derivatives by both amplitudes, and the second ones.
+    assert_close(values[:3], np.eye(4)[[1, 2, 3]] * np.array([[0.0], [1.0], [1.0]]), IDENTITY)
+    assert_close(values[3:], np.outer([-2.0, -3.0, 0.0], np.eye(4)[0]), IDENTITY)
 
 
 def test_a_step_of_rodas5p_by_its_coefficients():

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
+from groups import in_groups
 from motions import motion
 from zoo import bar
 
@@ -75,7 +76,10 @@ def test_a_full_disk_destroys_nothing(name, tmp_path):
     check_full_disk(WRITERS[name](), tmp_path / name)
 
 
-@pytest.mark.parametrize("name", COMPILING)
+# Of the two films the picture takes seconds to draw.
+@pytest.mark.parametrize(
+    "name", in_groups(COMPILING, fast=["plate.toml", "moving.html"], slow=["moving.gif"])
+)
 def test_a_full_disk_destroys_nothing_of_what_compiles(name, tmp_path):
     check_full_disk(COMPILING[name](), tmp_path / name)
 
