@@ -258,6 +258,9 @@ def test_too_few_steps():
     trajectory = zoo.run(system, throw=False, **run)
     assert trajectory.status == rj.Status.MAX_STEPS
     assert not trajectory.success
+    late = run | {"ts": [1e10, 1e10 + 10.0]}
+    with pytest.raises(rj.SimulationError, match=r"told apart by 2e-06 s.*begin at 0"):
+        zoo.run(system, **late)
 
 
 def test_a_motion_without_bounds():

@@ -1,6 +1,7 @@
 """Failures of simulations in words."""
 
 import equinox as eqx
+import numpy as np
 
 from ..common.arrays import concrete
 from ..common.errors import SimulationError
@@ -10,6 +11,9 @@ from ..system.start import Start
 from .doubt import DOUBTS
 from .status import REMEDIES, Status
 from .trajectory import Trajectory
+
+# In lengths of a run, how long after zero it fails for the digits of its times, maybe.
+_LATE = 1e4
 
 
 def raise_failure(system: AbstractSystem, trajectory: Trajectory, start: Start) -> Trajectory:
@@ -43,6 +47,18 @@ def raise_failure(system: AbstractSystem, trajectory: Trajectory, start: Start) 
     raise SimulationError(
         f"simulate: {trajectory.solver_name} took {steps} steps towards "
         f"t = {float(trajectory.t[-1]):g} s and failed: {trajectory.summary()}."
+        + _describe_times(np.asarray(trajectory.t))
+    )
+
+
+def _describe_times(t: np.ndarray) -> str:
+    """What a run that begins long after zero may have failed for."""
+    latest = max(abs(t[0]), abs(t[-1]))
+    if latest < _LATE * (t[-1] - t[0]):
+        return ""
+    return (
+        f" Times near {latest:g} s are told apart by {np.spacing(latest):.1g} s, which may be too "
+        "coarse for the steps of this run: let it begin at 0, and signals as much earlier."
     )
 
 
