@@ -172,8 +172,8 @@ TABLES = {
         {"ways": lambda: Row(*native_ways.ways())},
     ),
     "identified": Table(
-        "Two parameters of the full cart by `fit`, and of a pendulum by NUTS, the programs\n"
-        "compiled before [s]:",
+        "Two parameters of the full cart by `fit`, and of a pendulum by NUTS of numpyro, the\n"
+        "programs compiled before, and with all that is compiled and warmed up for it [s]:",
         ["what", "compiled", "simulate", "differ, in standard errors"],
         {name: lambda f=f: Row(*f()) for name, f in native_inside.IDENTIFIED.items()},
     ),

@@ -1,8 +1,10 @@
 """Compiled models within programs of JAX: a run, lanes, cores, `fit` and NUTS."""
 
+import functools
 import os
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import diffrax
@@ -51,7 +53,9 @@ def lanes() -> Found:
 
 
 def cores() -> Found:
-    """A batch by one thread and by two; what other programs do counts, too."""
+    """A batch by one thread and by two; what other programs do counts, too. So, beside it, the
+    processor's time of all threads over the largest of one: what free cores would reach.
+    """
     model, given = _minimal()
     starts = _starts(model.system)
     everywhere = os.sched_getaffinity(0)
@@ -63,10 +67,33 @@ def cores() -> Found:
             batch = _batch(model, given).lower(*starts).compile()
         finally:
             os.sched_setaffinity(0, everywhere)
-        calls.append(lambda batch=batch: [batch(*starts) for _ in range(10)])
+        # One after the other: batches that wait for nothing would share the cores.
+        calls.append(lambda batch=batch: [jax.block_until_ready(batch(*starts)) for _ in range(10)])
+    shares = [_shared(call) for call in calls]
     one, two = least(calls, REPEATS, name="cores", clock=time.perf_counter)
     cells = ["two cores", *(f"{100 * x.least:.2f}" for x in (two, one)), "one core"]
-    return [cells], {f"{LANES} lanes: one core / two": one.least / two.least}
+    ratios = {
+        f"{LANES} lanes: one core / two": one.least / two.least,
+        f"{LANES} lanes: work of all threads / of the busiest": shares[1] / shares[0],
+    }
+    return [cells], ratios
+
+
+def _shared(call: Callable[[], Any]) -> float:
+    """The processor's time of all threads in a call over the largest of one of them, of those that
+    live on: the others end with the call.
+    """
+    folder = Path("/proc/self/task")
+    if not folder.exists():
+        return float("nan")
+
+    def each() -> dict[str, int]:
+        return {x.name: int((x / "schedstat").read_text().split()[0]) for x in folder.iterdir()}
+
+    before, start = each(), time.process_time()
+    call()
+    spent = time.process_time() - start
+    return spent / max(1e-9 * (now - before.get(name, 0)) for name, now in each().items())
 
 
 def _minimal() -> tuple[rj.CompiledModel, dict[str, Any]]:
@@ -136,7 +163,9 @@ def pendulum(length: Any, damping: Any) -> rj.AbstractSystem:
 
 
 def sampled() -> Found:
-    """The posterior of length and damping of a pendulum: a thousand samples after the warm-up."""
+    """The posterior of length and damping of a pendulum: a thousand samples after the warm-up, and
+    all that a user waits for, who starts with nothing compiled.
+    """
     import numpyro
 
     model, held = rj.compile(pendulum, TRUE), rj.Baumgarte.critical(6.0)
@@ -149,6 +178,7 @@ def sampled() -> Found:
         return rj.simulate(pendulum(**p), RECORD, audit=False, **settings).q[:, 2]
 
     measured = np.asarray(native(TRUE)) + NOISE * np.random.default_rng(3).normal(size=len(RECORD))
+    spent: list[float] = []  # with all that the sampler does before and besides
 
     def chain(function: Callable[[Any], Any]) -> Callable[[], Any]:
         def posterior() -> None:
@@ -163,25 +193,33 @@ def sampled() -> Found:
             init_strategy=numpyro.infer.init_to_value(values=TRUE),
         )
         sampler = numpyro.infer.MCMC(kernel, progress_bar=False, **CHAIN)
+        start = time.process_time()
         with rj.forward_mode():
             sampler.warmup(jax.random.key(0))
-        warm = sampler.last_state
+            sampler.run(jax.random.key(1))
+        spent.append(time.process_time() - start)
+        warm = sampler.post_warmup_state
 
-        def call() -> Any:
-            """Only the samples: what the sampler does before them has its own price."""
-            sampler.post_warmup_state = warm
-            with rj.forward_mode():
-                sampler.run(jax.random.key(1))
-            return sampler.get_samples()
+        def step(state: Any, _: None) -> Any:
+            state = kernel.sample(state, (), {})
+            return state, kernel.postprocess_fn((), {})(state.z)
 
-        return call
+        # The sampler would compile its loop for each call of `run`.
+        samples = jax.jit(lambda state: jax.lax.scan(step, state, length=CHAIN["num_samples"])[1])
+        with rj.forward_mode():
+            return functools.partial(samples.lower(warm).compile(), warm)
 
     calls = [on_processor(chain(f), 1) for f in (native, usual)]
     one, other = least(calls, 3, name="NUTS")
     means, others = ({k: np.mean(x.result[k]) for k in TRUE} for x in (one, other))
     off = max(abs(means[k] - others[k]) / float(np.std(other.result[k])) for k in TRUE)
     cells = ["NUTS", *(f"{x.least:.2f}" for x in (one, other)), f"{off:.1e}"]
-    return [cells], {"NUTS: simulate / native": other.least / one.least}
+    whole = ["NUTS, compiled and warmed up", *(f"{x:.2f}" for x in spent), "-"]
+    ratios = {
+        "NUTS: simulate / native": other.least / one.least,
+        "NUTS, compiled and warmed up: simulate / native": spent[1] / spent[0],
+    }
+    return [cells, whole], ratios
 
 
 INSIDE: dict[str, Callable[[], Found]] = {
