@@ -99,11 +99,11 @@ static void step_along(const directions *along, double h, const settings *s, con
 }
 
 /* After the run itself has saved a row. */
-static void save_along(const directions *along, double share, double h, const settings *s,
-                       tangent *d, int64_t row) {
+static void save_along(const directions *along, const double *weight, double share, double h,
+                       const settings *s, tangent *d, int64_t row) {
   for (int64_t c = 0; c < along->count; c++) {
     double *dx = along->x[c] + row * X;
-    between(s, share, h, d[c].y, d[c].z, d[c].k, dx);
+    between(s, weight, share, h, d[c].y, d[c].z, d[c].k, dx);
     model_output_jvp(s->kept + KEPT_AT_OUTPUT, dx, along->given[c], along->q[c] + row * FULL,
                      along->v[c] + row * FULL);
   }

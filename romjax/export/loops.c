@@ -3,18 +3,13 @@
  * Further numbers are FULL physical coordinates, FULL_KIND: 1 of positions of bodies, and further
  * functions model_output, model_start and, where it is needed, model_flags.
  */
-static void dopri8_between(double share, double h, const double *y, double k[][X], double *x) {
-  double weight[D_STAGES], sum[X];
+/* How much each stage of Dopri8 counts at a share of a step; of Rodas5P they are used as they are. */
+static void weigh(const settings *s, double share, double *weight) {
   for (int l = 0; l < D_STAGES; l++) weight[l] = 0;
+  if (s->method == RODAS5P) return;
   for (int d = 0; d < D_DEGREE; d++)
     for (int l = 0; l < D_STAGES; l++) weight[l] = weight[l] * share + D_DENSE[d * D_STAGES + l];
-  for (int i = 0; i < X; i++) sum[i] = 0;
-  for (int l = 0; l < D_STAGES; l++) {
-    double times = weight[l] * share;
-    if (times == 0) continue;
-    for (int i = 0; i < X; i++) sum[i] += times * k[l][i];
-  }
-  for (int i = 0; i < X; i++) x[i] = y[i] + h * sum[i];
+  for (int l = 0; l < D_STAGES; l++) weight[l] *= share;
 }
 
 #ifdef STIFF
@@ -30,8 +25,8 @@ static void rodas5p_between(double share, const double *y, const double *z, doub
 #endif
 
 /* A state within a step, by that before it, that after it and its stages; or its derivative. */
-static void between(const settings *s, double share, double h, const double *y, const double *z,
-                    double k[][X], double *x) {
+static void between(const settings *s, const double *weight, double share, double h,
+                    const double *y, const double *z, double k[][X], double *x) {
 #ifdef STIFF
   if (s->method == RODAS5P) {
     rodas5p_between(share, y, z, k, x);
@@ -39,8 +34,10 @@ static void between(const settings *s, double share, double h, const double *y, 
   }
 #endif
   (void)s;
+  (void)share;
   (void)z;
-  dopri8_between(share, h, y, k, x);
+  combine(weight, D_STAGES, k, x);
+  for (int i = 0; i < X; i++) x[i] = y[i] + h * x[i];
 }
 
 /* Derivatives of a run along directions: how many, those of the start and of the parameters, for
@@ -164,11 +161,12 @@ void model_run(const double *x0, const double *given, const double *ts, int64_t 
       step_along(along, h, &s, &m, d);
 #endif
       while (row < rows && ts[row] <= next) {
-        double share = h == 0 ? 0 : (ts[row] - t) / h, at[X + 1];
-        between(&s, share, h, m.y, m.z, m.k, at);
+        double share = h == 0 ? 0 : (ts[row] - t) / h, at[X + 1], weight[D_STAGES];
+        weigh(&s, share, weight);
+        between(&s, weight, share, h, m.y, m.z, m.k, at);
         save(ts[row], at, &s, &out, (int)row);
 #ifdef ALONG
-        save_along(along, share, h, &s, d, row);
+        save_along(along, weight, share, h, &s, d, row);
 #endif
         row++;
       }

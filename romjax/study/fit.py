@@ -133,7 +133,7 @@ def _search(
         if optimizer is None:
 
             def evaluate(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-                point = points.at(jnp.asarray(free, begin.dtype))
+                point = points.at(free.astype(begin.dtype))
                 bar.update()
                 return point.residuals / size, point.jacobian * point.growth / size
 
@@ -257,9 +257,10 @@ class _Points:
         self.misfit = misfit
         self._held: tuple[bytes, _Point, float] | None = None
 
-    def at(self, free: Vector) -> _Point:
+    def at(self, free: Any) -> _Point:
         """The point of some free numbers, of arrays of NumPy."""
-        key = np.asarray(free).tobytes()
+        free = np.asarray(free)  # of JAX, making one takes as long as a small run
+        key = free.tobytes()
         if self._held is not None and self._held[0] == key:
             return self._held[1]
         with forward_mode():
