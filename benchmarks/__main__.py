@@ -34,6 +34,7 @@ COMPARISONS = (
     "work_precision",
     "reduction",
     "segments",
+    "far_bending",
     "batches",
     "native",
     "gradients",
