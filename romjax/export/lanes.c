@@ -91,20 +91,20 @@ XLA_FFI_Error *model_handler(XLA_FFI_CallFrame *frame) {
   }
   call c = {0};
 #ifdef ALONG
-  enum { GIVES = MOST, TAKES = ROWS + DERIVED, LARGEST = ROWS };
+  const int gives = MOST, takes = ROWS + DERIVED, largest = ROWS;
 #else
-  enum { GIVES = PRIMAL, TAKES = ROWS, LARGEST = 0 };
+  const int gives = PRIMAL, takes = ROWS, largest = 0;
 #endif
-  if (frame->args.size != GIVES || frame->rets.size != TAKES)
+  if (frame->args.size != gives || frame->rets.size != takes)
     return error(frame, "another number of arguments or results");
-  for (int i = 0; i < GIVES; i++) c.args[i] = frame->args.args[i];
-  for (int i = 0; i < TAKES; i++) c.rets[i] = frame->rets.rets[i];
-  c.axes = (int)c.rets[LARGEST]->rank - 2;
+  for (int i = 0; i < gives; i++) c.args[i] = frame->args.args[i];
+  for (int i = 0; i < takes; i++) c.rets[i] = frame->rets.rets[i];
+  c.axes = (int)c.rets[largest]->rank - 2;
   if (c.axes > MOST_AXES) return error(frame, "too many axes of a batch");
   c.groups = c.directions = 1;
   for (int i = 0; i < c.axes; i++) {
-    c.sizes[i] = c.rets[LARGEST]->dims[i];
-    c.shared[i] = GIVES == MOST;
+    c.sizes[i] = c.rets[largest]->dims[i];
+    c.shared[i] = takes > ROWS;
     for (int k = 0; k < PRIMAL; k++) c.shared[i] &= c.args[k]->dims[i] == 1;
     *(c.shared[i] ? &c.directions : &c.groups) *= c.sizes[i];
   }
