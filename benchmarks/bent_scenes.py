@@ -19,7 +19,8 @@ class Case(NamedTuple):
     """`scene(modes, **numbers)`, simulated for `end` [s]; without numbers it is the training.
 
     `others`: numbers of the motions that no snapshot is from. `body`, `point`: where errors are
-    measured. `many`: the shapes of what they are measured by.
+    measured. `many`: the shapes of what they are measured by. `ranks`: those of reduced
+    models, with the largest errors that are asked for.
     """
 
     scene: Callable[..., rj.Scene]
@@ -28,6 +29,7 @@ class Case(NamedTuple):
     point: str
     others: tuple[dict[str, float], ...]
     many: int = MANY
+    ranks: tuple[tuple[int, float], ...] = ((4, 1e-3), (6, 2.5e-4))
 
 
 def pendulum(
@@ -202,5 +204,6 @@ CASES = {
             {"angle": -0.4, "force": -1.0},
         ),
         MANY + 4,
+        ((4, 1e-3), (6, 2.5e-4), (8, 1e-3)),
     ),
 }

@@ -22,7 +22,6 @@ import romjax as rj
 REPEATS, SLOW = 7, 0.5
 RTOL, TIGHT = 1e-6, 1e-8
 SETTINGS = {"solver": diffrax.Dopri8(), "audit": False, "max_steps": 200_000}
-RANKS = {4: 1e-3, 6: 2.5e-4}  # and the largest error that is asked for
 SPREAD = 3.0  # of the largest unseen error over that on the training
 # The time at which derivatives are taken of the height of the tip [s], and differences by EI.
 AT, SHARE = 0.6, 1e-3
@@ -147,7 +146,7 @@ def reduced(name: str) -> record.Section:
     basis = rj.pod(exact[0].run)
     rows, ratios = [["shapes", "r", "trained", "unseen", "steps"]], {}
     for kind in ("natural", "POD"):
-        for rank, most in RANKS.items():
+        for rank, most in case.ranks:
             models = _models(case, kind, rank, full, basis)
             paths = [path(model, ts, marker, RTOL) for model, marker in models]
             errors = [off(a.places, b.places) for a, b in zip(paths, exact, strict=True)]
