@@ -7,7 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from comparison import assert_close
 from groups import in_groups
+from mechanisms import linkage
 from motions import through
 from parallelogram import parallelogram
 from zoo import bar, unit_mass
@@ -150,3 +152,23 @@ def test_repeated_joints_are_no_singular_position():
     assert singular.condition < 10
     free = rj.assemble(rj.Scene(scene.bodies))
     assert rj.singular_position(free, through(free)) is None
+
+
+@pytest.mark.slow
+def test_joint_coordinates_go_on_where_a_loop_is_stretched():
+    """A four-bar that folds flat, with nothing set, in coordinates of joints as in those of bodies
+    with projection. There the rows of the loop vanish, instead of repeating each other.
+    """
+    coupler, rocker, base = 0.8, 0.4, np.array([0.7, 0.0])
+    pin = 0.3 * np.array([np.cos(1.0), np.sin(1.0)])
+    apart = np.linalg.norm(base - pin)
+    along = (coupler**2 - rocker**2 + apart**2) / (2 * apart)
+    way = (base - pin) / apart
+    across = np.sqrt(coupler**2 - along**2) * np.array([-way[1], way[0]])
+    points = {"A": (0.0, 0.0), "b": pin, "c": pin + along * way + across, "D": base}
+    scene = linkage(points, [("A", "b"), ("b", "c"), ("D", "c")], {}, gravity=True)
+    system, ts = rj.assemble(scene), np.linspace(0.0, 0.8, 21)
+    run = rj.simulate(rj.reduce(system, formulation="joint"), ts)
+    other = rj.simulate(system, ts, stabilization=rj.Projection())
+    assert run.success
+    assert_close(run.q, other.q, BRANCH)

@@ -132,6 +132,13 @@ class KKT(eqx.Module):
         assert self.factor is not None
         return self.factor.pivots()
 
+    def lengths(self) -> Float[Array, " rows"]:
+        """Return the squared length of each row of C_q in the metric of M⁻¹, as `pivots` order
+        them; zero of a padded row.
+        """
+        scale: Float[Array, " rows"] = self.scale.ravel()
+        return jnp.where(scale > 0, 1 / jnp.where(scale > 0, scale, 1) ** 2, 0)
+
     def solve_mass(self, force: Float[Array, "n k"]) -> Float[Array, "n k"]:
         """M⁻¹ force."""
         free = jax.lax.custom_linear_solve(

@@ -34,6 +34,7 @@ class Findings(NamedTuple):
     balance: EnergyBalance
     branching: Branching | None  # None where constraints cannot lose rank, or are projected
     beyond: Bool[Array, ""] | None  # whether an effect passed its limit; None where none has one
+    lengths: Float[Array, " rows"] | None  # the largest of each row of constraints, so far
 
     @property
     def flags(self) -> Int[Array, ""]:
@@ -67,11 +68,14 @@ class Audit(AbstractFollower):
         if energy is None:
             energy = self._at(start.t, start.y)[1].energy().total
         balance = EnergyBalance(energy, *[zero] * 10)
-        branching = None
+        branching = lengths = None
         if self.watches_branches:
             branching = Branching.start(start.t, self.system.m)
+            # The first step has them: at the start they would be a part of the program once more.
+            rows = jax.eval_shape(lambda: self._at(start.t, start.y)[1].kkt().lengths())
+            lengths = jnp.zeros(rows.shape, rows.dtype)
         within = self._limits(start) is None
-        return Findings(balance, branching, None if within else jnp.zeros((), bool))
+        return Findings(balance, branching, None if within else jnp.zeros((), bool), lengths)
 
     @property
     def watches_branches(self) -> bool:
@@ -83,11 +87,13 @@ class Audit(AbstractFollower):
     def follow(self, step: Step, seen: Findings) -> Findings:
         """Return the findings with a step added, if it was accepted."""
         before, after, tried = step.before, step.after, step.tried
-        branching = seen.branching
-        if branching is not None:
+        branching, lengths = seen.branching, seen.lengths
+        if branching is not None and lengths is not None:
             (system, state), q = self._at(after.t, after.y), after.y[0]
             places, violation = system.structure.without_states(q), system.constraint(after.t, q)
-            branching = branching.follow(after.t, state.kkt(), violation, places)
+            kkt = state.kkt()
+            lengths = jnp.maximum(lengths, kkt.lengths())
+            branching = branching.follow(after.t, kkt, lengths, violation, places)
         now, work = self._energies(before, after), self._work(before.t, after.t, tried.between)
         if tried.arrival is not None:
             # Of impacts at the end of the step.
@@ -96,7 +102,7 @@ class Audit(AbstractFollower):
         if beyond is not None:
             # Limits pass zero once within a step, since its errors see what happens there.
             beyond |= jnp.any(self._limits(before) * self._limits(after) < 0)
-        new = Findings(seen.balance.follow(after.t, now, work), branching, beyond)
+        new = Findings(seen.balance.follow(after.t, now, work), branching, beyond, lengths)
         chosen: Findings = jax.tree.map(lambda a, b: jnp.where(step.kept, a, b), new, seen)
         return chosen
 

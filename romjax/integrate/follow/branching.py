@@ -52,14 +52,20 @@ class Branching(NamedTuple):
         self,
         t: Float[Array, ""],
         kkt: KKT,
+        lengths: Float[Array, " rows"],
         violation: Float[Array, " m"],
         q: Float[Array, " n"],
     ) -> "Branching":
-        """Return the record with the state at the end of a step added."""
+        """Return the record with the state at the end of a step added.
+
+        `lengths`: of the rows of C_q, the largest so far. In coordinates of joints rows vanish
+        where a loop is stretched, which they do not show once they are of unit length.
+        """
         pivots = kkt.pivots()
         # Near a singular position there are more than elsewhere.
         repeated = jnp.minimum(self.repeated, _count_tiny(pivots))
-        squared = _least_but(pivots, repeated)
+        shares = jnp.where(lengths > 0, kkt.lengths() / jnp.where(lengths > 0, lengths, 1), 1)
+        squared = _least_but(pivots, shares, repeated)
         size = jnp.maximum(1.0, jnp.max(jnp.abs(q)))
         ambiguity = jnp.max(jnp.abs(violation)) / (size * squared)
         worse = ambiguity > self.ambiguity
@@ -82,11 +88,16 @@ def _count_tiny(pivots: Float[Array, " rows"]) -> Int[Array, ""]:
     return jnp.sum(pivots < _REPEATED * precision.of(pivots.dtype).proximal)
 
 
-def _least_but(pivots: Float[Array, " rows"], count: Int[Array, ""]) -> Float[Array, ""]:
-    """The least pivot but for `count` of them; without sorting, which is a call of a library."""
+def _least_but(
+    pivots: Float[Array, " rows"], shares: Float[Array, " rows"], count: Int[Array, ""]
+) -> Float[Array, ""]:
+    """The least pivot, in `shares` of its row's length, but for `count` of the least; without
+    sorting, which is a call of a library.
+    """
 
     def without_least(index: Any, pivots: Array) -> Array:
         del index
         return pivots.at[jnp.argmin(pivots)].set(jnp.inf)
 
-    return jnp.min(jax.lax.fori_loop(0, count, without_least, pivots))
+    left = jax.lax.fori_loop(0, count, without_least, pivots)
+    return jnp.min(left * shares)
