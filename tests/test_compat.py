@@ -326,3 +326,6 @@ def test_derivatives_in_forward_mode_alone():
     for reverse in (jax.grad, lambda f: functools.partial(jax.linearize, f)):
         with pytest.raises(ValueError, match="forward, please"):
             reverse(lambda x: jnp.sum(doubled(x)))(x)
+    # What is known where JAX takes a program apart is no part of the derivative.
+    scaled = jax.checkpoint(lambda x, y: x * doubled(y))
+    assert jax.grad(scaled)(1.0, 3.0) == 6

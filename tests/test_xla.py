@@ -17,7 +17,7 @@ from zoo import oscillator, run
 
 import romjax as rj
 from romjax.common import compat
-from romjax.compiling import xla
+from romjax.compiling import jaxprs, xla
 
 X = np.linspace(0.1, 0.9, 4)
 
@@ -89,7 +89,17 @@ def much(x, others=()):
             x = jnp.sin(x)
         return x
 
-    return {"number": jax.lax.fori_loop(0, 2, body, x), "others": others}
+    return {"zero": -jnp.zeros_like(x), "sines": jax.lax.fori_loop(0, 2, body, x), "others": others}
+
+
+def counted(function, calls):
+    """A function that notes its calls."""
+
+    def noting(*args):
+        calls.append(args)
+        return function(*args)
+
+    return noting
 
 
 @pytest.mark.parametrize(
@@ -103,6 +113,7 @@ def test_programs_in_functions_return_what_those_of_jax_do(others):
     assert jax.tree.structure(one) == jax.tree.structure(other)
     for x, y in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
         assert (x.aval, bool(jnp.all(x == y))) == (y.aval, True)
+    assert jnp.signbit(one["zero"])
     text = rj.jit(much).lower(X, others).as_text()
     assert ("xla_cpu_small_call" in text) == compat.compiles_functions()
 
@@ -110,17 +121,21 @@ def test_programs_in_functions_return_what_those_of_jax_do(others):
 def test_what_cannot_be_a_function_is_compiled_as_by_jax(monkeypatch):
     """Large arrays stay with the threads; a check that fails is no reason to try again."""
     assert "small_call" not in rj.jit(much).lower(np.zeros(10**5)).as_text()
-    monkeypatch.setattr(xla.functions.jaxprs, "is_written_out", lambda equation: True)
-    ordered = rj.jit(lambda x: jnp.sort(much(x)["number"]))
-    for _ in range(2):
-        assert ordered(X) == pytest.approx(np.sort(much(X)["number"]))
+    monkeypatch.setattr(jaxprs, "is_written_out", lambda equation: True)
+    tries = []
+    monkeypatch.setattr(xla.functions, "split", counted(xla.functions.split, tries))
+    ordered = rj.jit(lambda x: jnp.sort(much(x)["sines"]))
+    assert ordered(X) == pytest.approx(np.sort(much(X)["sines"]))
+    first = len(tries)
+    assert ordered(X[:2]) == pytest.approx(np.sort(much(X[:2])["sines"]))
+    assert len(tries) == first
     monkeypatch.undo()
     runs = []
 
     @rj.jit
     def checked(x):
         jax.debug.callback(lambda: runs.append(1))
-        return eqx.error_if(much(x)["number"], x < 0, "negative")
+        return eqx.error_if(much(x)["sines"], x < 0, "negative")
 
     for _ in range(2):
         with pytest.raises((jax.errors.JaxRuntimeError, ValueError), match="negative"):
@@ -128,6 +143,19 @@ def test_what_cannot_be_a_function_is_compiled_as_by_jax(monkeypatch):
     assert len(runs) == 2
     with jax.disable_jit():
         assert rj.jit(lambda x: float(x))(2.0) == 2
+
+
+def test_messages_of_jax_name_the_function_and_the_operation():
+    """As if nothing stood between the function and JAX."""
+
+    @rj.jit
+    def undecided(x):
+        return x if x > 0 else -x
+
+    with pytest.raises(TypeError, match="undecided.*depends on the value of the argument x"):
+        undecided(1.0)
+    with jax.debug_nans(True), pytest.raises(FloatingPointError, match="log"):
+        rj.jit(lambda x: jnp.log(much(x)["sines"] - 10))(1.0)
 
 
 @pytest.fixture

@@ -216,13 +216,12 @@ def _refuse_reverse(*_: Any, words: str) -> NoReturn:
     raise InputError(words)
 
 
-def _refuse_linear(trace: Any, x: Any, words: str) -> Any:
+def _refuse_linear(_: Any, x: Any, words: str) -> Any:
     """Refuse what is not known yet where JAX takes a program apart, as reverse mode does first."""
     if not x.is_known():
         raise InputError(words)
-    return _forward_only.bind_with_trace(
-        trace.parent_trace, (x.pval.get_known(),), (x.aval,), {"words": words}
-    )
+    # JAX has set the trace to that around the program.
+    return _forward_only.bind(x.pval.get_known(), words=words)
 
 
 _forward_only = Primitive("forward_only")

@@ -56,7 +56,7 @@ def is_written_out(equation: Any) -> bool:
 def is_of_real_numbers(jaxpr: Any) -> bool:
     """Whether all that goes in and out are real numbers, whole ones and truth values.
 
-    Keys of random numbers are of no such type, and complex numbers never leave a mechanism.
+    Keys of random numbers are of no such type, and no sum of complex numbers stands for being used.
     """
     arrays: list[Any] = [x.aval for x in (*jaxpr.constvars, *jaxpr.invars, *jaxpr.outvars)]
     return all(getattr(x.dtype, "kind", "O") in "biuf" for x in arrays)
@@ -232,7 +232,8 @@ def _as_if_it_used(result: Any, arrays: Sequence[Any]) -> Any:
     # Of the first number alone: XLA would split a sum over all of a large array over threads.
     start = (0,) * result.ndim
     one = jax.lax.dynamic_slice(result, start, (1,) * result.ndim)
-    one = one ^ never if result.dtype == bool else one + never.astype(result.dtype)
+    # Nothing is added otherwise, which would take the sign of a zero.
+    one = one ^ never if result.dtype == bool else jnp.where(never, one + 1, one)
     return jax.lax.dynamic_update_slice(result, one, start)
 
 

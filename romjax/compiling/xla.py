@@ -72,21 +72,28 @@ def tell_of_jit() -> None:
     )
 
 
-def _split(function: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
-    """The result of a function that is traced, what can be as functions of the program."""
-    leaves, tree = jax.tree.flatten((args, kwargs))
-    arrays = [x for x in leaves if isinstance(x, jax.core.Tracer)]
-    static: Any = None
+def _split(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of what JAX traces that computes as functions of XLA what can be one."""
 
-    def flat(*arrays: Any) -> Any:
-        nonlocal static
-        given = iter(arrays)
-        own = [next(given) if isinstance(x, jax.core.Tracer) else x for x in leaves]
-        args, kwargs = jax.tree.unflatten(tree, own)
-        results, static = eqx.partition(function(*args, **kwargs), eqx.is_array)
-        return results
+    @functools.wraps(function)
+    def split(*args: Any, **kwargs: Any) -> Any:
+        leaves, tree = jax.tree.flatten((args, kwargs))
+        static: Any = None
 
-    return eqx.combine(functions.split(flat, functions.MOST, *arrays), static)
+        # JAX names the user's function in its messages.
+        @functools.wraps(function)
+        def flat(*arrays: Any) -> Any:
+            nonlocal static
+            given = iter(arrays)
+            own = [next(given) if isinstance(x, jax.core.Tracer) else x for x in leaves]
+            args, kwargs = jax.tree.unflatten(tree, own)
+            results, static = eqx.partition(function(*args, **kwargs), eqx.is_array)
+            return results
+
+        arrays = [x for x in leaves if isinstance(x, jax.core.Tracer)]
+        return eqx.combine(functions.split(flat, functions.MOST, *arrays), static)
+
+    return split
 
 
 class Jitted:
@@ -99,8 +106,8 @@ class Jitted:
         # Of a program inside of another one, the other one's options count.
         inside = {name: x for name, x in settings.items() if name != "compiler_options"}
         self._inside = how(function, **inside)
-        # Of forms of arguments for which a call failed, whether XLA compiles their program.
-        self._known = dict[Any, bool]()
+        # Forms of arguments for which a call failed although XLA compiles their program.
+        self._compiled = set[Any]()
 
     @functools.cached_property
     def _options(self) -> dict[str, Any]:
@@ -118,33 +125,38 @@ class Jitted:
         several = jax.local_device_count() > 1
         if known_options() is None or several or not compat.compiles_functions():
             return self._plain
-        split = functools.wraps(self._function)(functools.partial(_split, self._function))
-        return self._how(split, **{**self._settings, **self._options})
+        return self._how(_split(self._function), **{**self._settings, **self._options})
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        if not compat.is_outermost() or jax.config.jax_disable_jit:  # type: ignore[attr-defined]
+        config: Any = jax.config
+        if not compat.is_outermost() or config.jax_disable_jit:
             return self._inside(*args, **kwargs)
         with tracing_with_options():
+            if config.jax_debug_nans or config.jax_debug_infs:
+                # JAX then looks for the operation, which it knows by itself only.
+                return self._plain(*args, **kwargs)
             try:
                 return self._outermost(*args, **kwargs)
             except jax.errors.JaxRuntimeError:
-                if self._compiles(*args, **kwargs):
+                if self._outermost is self._plain or self._compiles(*args, **kwargs):
                     raise
+            # Not all that consists of known primitives can be compiled as a function.
+            self._outermost = self._plain
             return self._plain(*args, **kwargs)
 
     def _compiles(self, *args: Any, **kwargs: Any) -> bool:
-        """Whether an error is one of the run: XLA cannot compile all that is split."""
-        if self._outermost is self._plain:
-            return True
+        """Whether XLA compiles all that is split, so that an error is one of the run."""
         leaves, tree = jax.tree.flatten((args, kwargs))
-        key = tree, tuple([jax.typeof(x) if eqx.is_array_like(x) else x for x in leaves])
-        if key not in self._known:
+        arrays = jax.Array, np.ndarray
+        form = [(x.shape, x.dtype) if isinstance(x, arrays) else (type(x), x) for x in leaves]
+        key = tree, tuple(form), compat.trace_settings()
+        if key not in self._compiled:
             try:
                 self._outermost.lower(*args, **kwargs).compile()
-                self._known[key] = True
             except jax.errors.JaxRuntimeError:
-                self._known[key] = False
-        return self._known[key]
+                return False
+            self._compiled.add(key)
+        return True
 
     def __get__(self, owner: Any, kind: Any = None) -> Any:
         """Bind a method to its object."""
@@ -186,8 +198,9 @@ def jit(function: Callable[..., Any] | None = None, /, **settings: Any) -> Any:
     calls become functions, where JAX starts a kernel for each operation, so that one run and its
     derivative take a fraction of the time that they take in `jax.jit` (`benchmarks/gradients.txt`);
     `rj.jit(jax.vmap(run))` makes more than twice as many runs per second as
-    `jax.jit(jax.vmap(run))` (`benchmarks/batches.txt`). It compiles in about the same time. A
-    simulation outside of a function of your own needs none of it.
+    `jax.jit(jax.vmap(run))` (`benchmarks/batches.txt`). What works on complex numbers, keys of
+    random numbers or large arrays stays as it is, and so do all programs where there are several
+    devices, or JAX 0.11 or later. A simulation outside of a function of your own needs none of it.
 
     Only the outermost program of a call has options: put this around `vmap`, `grad` and `jacfwd`,
     not within. Inside of another program or transformation, on other devices than a CPU, and where
@@ -217,8 +230,8 @@ def filter_jit(function: Callable[..., Any]) -> Any:
 def speed_up_xla() -> None:
     """Make simulations in programs that others compile twice as fast on a CPU.
 
-    For runs inside of a `jax.jit` that is not yours, such as that of a sampler: in a process of its
-    own they get the compiler's options by `jit`, and a simulation outside of both has them anyway.
+    For runs inside of a `jax.jit` that is not yours, such as that of a sampler: your own are faster
+    by `jit`, and a simulation outside of both is anyway.
     Programs compile in 0.7 of the time, but for gradients in reverse mode, which take two to six
     times as long.
 
