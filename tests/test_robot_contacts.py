@@ -107,6 +107,73 @@ def lying(z: float, more: str = "") -> str:
     )
 
 
+# What a contact yields by, and the options of the file.
+YIELDING = {
+    "default": ("", ""),
+    "without a step that is safe": ('solref="0.002 1"', ""),
+    "stiffer than the step": ('solref="0.002 1"', '<flag refsafe="disable"/>'),
+    "soft at first": ('solimp="0 0.95 0.001"', ""),
+    "rigid": ('solimp="1 1"', ""),
+    "softer and softer": ('solimp="0.95 0.9 0.001"', ""),
+    "no width": ('solimp="0.9 0.95 0 0 0.5"', ""),
+    "no middle": ('solimp="0.8 0.95 0.001 1 2"', ""),
+    "no damping ratio": ('solref="0.02 0"', ""),
+    "half of each form": ('solref="-9000 5"', ""),
+    "by stiffness": ('solref="-9000 -50"', ""),
+}
+
+
+@pytest.mark.instant
+@pytest.mark.parametrize("case", YIELDING)
+def test_contacts_yield_as_mujoco_says(case, tmp_path):
+    """At the depth at which Hertz's law carries the weight, that of MuJoCo does, r K d² / (1 − d),
+    and the damping ratio is the same; numbers that MuJoCo cuts off are cut off.
+    """
+    numbers, option = YIELDING[case]
+    geom = f'<geom size="0.1" {numbers} priority="1"/>'
+    bodies = f'<geom type="plane" size="1 1 1"/><body pos="0 0 1"><freejoint/>{geom}</body>'
+    path = tmp_path / "robot.xml"
+    path.write_text(f"<mujoco><option>{option}</option><worldbody>{bodies}</worldbody></mujoco>")
+    scene = rj.load_scene(path, contacts=True)
+    contact, weight = scene.effects[1], 9.81
+    depth = (float(scene.bodies[0].mass) * weight / float(contact.stiffness)) ** (2 / 3)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    data.qpos[2] = 0.1 - depth
+    mujoco.set_mju_user_warning(lambda words: None)
+    mujoco.mj_forward(model, data)
+    mujoco.set_mju_user_warning(None)
+    stiffness, damping, d, _ = data.efc_KBIP[0]
+    np.testing.assert_allclose(depth * stiffness * d**2 / (1 - d), weight, rtol=SOLVED)
+    expected = damping / np.sqrt(stiffness) * np.sqrt(1.5 / (weight * depth))
+    np.testing.assert_allclose(contact.dissipation, expected, rtol=SOLVED)
+
+
+@pytest.mark.instant
+def test_contacts_that_hold_nothing(tmp_path):
+    """One without stiffness is refused, with its line; one of two geoms that no joint moves against
+    each other acts on nothing, in MuJoCo neither. Terrain does not count as a part of the robot.
+    """
+    ball = '<body pos="0 0 1"><freejoint/><geom name="b" size="0.1" {}/><geom name="c" size="0.2"/>'
+    bodies = f'<geom name="f" type="plane" size="1 1 1"/>\n{ball}</body>'
+    soft = bodies.format('solref="0 0" priority="1"')
+    with pytest.raises(rj.SceneFileError, match=r":2: geom 'b': solref is \[0. 0.\].*no zeros"):
+        rj.load_scene(written(tmp_path, soft), contacts=True)
+    terrain = '<geom name="s" size="9 9 9" type="box" pos="0 0 -9" contype="0" conaffinity="0"/>'
+    pairs = '<pair geom1="b" geom2="c"/><pair geom1="s" geom2="f"/>'
+    scenes = []
+    for still, more in (("", ""), (f"{terrain}<body>{terrain.replace('s', 't', 1)}</body>", pairs)):
+        text = bodies.format("").replace("\n", f"{still}\n")
+        scenes.append(
+            rj.scene_file(written(tmp_path, text, f"<contact>{more}</contact>"), contacts=True)
+        )
+    assert scenes[0].left_out == ()
+    assert [str(x).partition("robot.xml")[2] for x in scenes[1].left_out] == [
+        ":1: contact of what cannot move against each other: 'f' and 's' and 1 more"
+    ]
+    assert len(scenes[0]().effects) == len(scenes[1]().effects)
+
+
 @pytest.mark.slow
 def test_what_falls_comes_to_rest_as_in_mujoco(tmp_path):
     """A ball to the digits of both; a rod, of which each end carries half of the weight, within a

@@ -10,6 +10,7 @@ from tolerances import IDENTITY, SOLVED
 from zoo import run
 
 import romjax as rj
+from romjax import spatial as r
 from romjax.files.robots.vocabulary import ALL, MJCF, key
 from romjax.files.summary import describe_file
 
@@ -383,20 +384,30 @@ def test_what_mjcf_cannot_hold_is_refused_by_name(tmp_path):
 @pytest.mark.parametrize("unit", [1.0, 1e-3, 1e3])
 def test_numbers_that_files_leave_open_follow_the_unit_of_length(unit, tmp_path):
     """How fast friction creeps along a slide and a tendon, and what stops take: of a robot in
-    kilometres as of one in metres, wherever it stands. Angles have one unit.
+    kilometres as of one in metres, wherever it stands, and on whatever. Angles have one unit. So
+    does how far contacts yield that no weight loads.
     """
+    free = 'contype="0" conaffinity="0"'
+    terrain = f'<body><geom type="box" size="{50 / unit} {50 / unit} 1" {free}/></body>'
+    floor = '<geom type="plane" size="1 1 1" solimp="0.9 0.9" priority="1" condim="1"/>'
     sphere, far = f'<geom size="{0.1 / unit}" mass="1"/>', 20.0 / unit
     numbers = f'frictionloss="1" range="{-0.2 / unit} {0.3 / unit}" limited="true"'
     path = tmp_path / "robot.xml"
     path.write_text(
-        f'<mujoco><worldbody><site name="c" pos="0 {far} 0"/>'
+        f'<mujoco><option gravity="0 0 0"/><worldbody>{floor}{terrain}'
+        f'<site name="c" pos="0 {far} 0"/>'
         f'<body pos="0 {far} 0"><joint type="slide" {numbers}/>{sphere}'
         f'<body pos="{0.4 / unit} 0 0"><joint axis="0 1 0" frictionloss="1"/>{sphere}'
         '<site name="d"/></body></body></worldbody><tendon>'
         f'<spatial {numbers}><site site="c"/><site site="d"/></spatial></tendon></mujoco>'
     )
-    effects = rj.load_scene(path).effects
+    effects = rj.load_scene(path, contacts=True).effects
     creep = [e.friction.creep for e in effects if isinstance(e, rj.JointDamper)]
     taken = [e.dissipation for e in effects if isinstance(e, rj.JointStop)]
     np.testing.assert_allclose(creep, [4e-4 / unit, 1e-3, 4e-4 / unit])
     np.testing.assert_allclose(taken, np.full(2, 2.0 * unit / 0.4))
+    # Forces k δ^1.5 are in units of a length. By MuJoCo's mean of three directions, of which one is
+    # free, 2 kg count as 6.
+    stiffness = [float(e.stiffness) for e in effects if isinstance(e, r.Contact)]
+    depth, held = 4e-4 * 0.4, 0.9**2 / 0.1 / (0.02 * 0.9) ** 2
+    np.testing.assert_allclose(stiffness, np.full(2, 6 * held / depth**0.5 * unit**0.5))

@@ -9,6 +9,7 @@ from ...scene.effect.spatial.contact import Contact
 from ...scene.marker import Marker
 from ...scene.placement import Placement
 from ...scene.surface import AbstractSurface, Capsule, Plane, Sphere
+from .impedance import held, reference, resting_depth
 from .model import Model
 from .passive import rubbing
 from .tree import Tree
@@ -16,8 +17,9 @@ from .tree import Tree
 # MuJoCo's numbers of shapes.
 PLANE, SPHERE, CAPSULE = 0, 2, 3
 _TOUCHING = (PLANE, SPHERE), (PLANE, CAPSULE), (SPHERE, SPHERE), (SPHERE, CAPSULE)
-# Of what has no weight, by whose depth the stiffness is known [m/s²].
-_WEIGHT = 9.81
+# How deep what has no weight lies, in sizes of the robot, where its stiffness is taken: as deep as
+# a contact by MuJoCo's defaults holds a weight on Earth, of a robot of 1 m.
+_DEPTH = 4e-4
 
 
 class Pair(NamedTuple):
@@ -44,40 +46,56 @@ def contacts(model: Model, tree: Tree) -> Iterator[Contact]:
     unknown = dict[str, list[Pair]]()
     for pair in _pairs(model):
         kinds = tuple(int(model.arrays.geom_type[i]) for i in (pair.first, pair.second))
-        left = pair.other
-        if kinds in _TOUCHING:
-            yield from _contacts(model, tree, pair)
+        missing = pair.other
+        if _is_rigid(model, pair):
+            missing = ("contact of what cannot move against each other",)
+        elif kinds in _TOUCHING:
+            yield from _of_pair(model, tree, pair)
         else:
             names = (model.mujoco.mjtGeom(kind).name.removeprefix("mjGEOM_") for kind in kinds)
-            left = (f"contact of {' and '.join(names).lower()}",)
-        for words in left:
+            missing = (f"contact of {' and '.join(names).lower()}",)
+        for words in missing:
             unknown.setdefault(words, []).append(pair)
-    if _switched_off(model):
-        model.left_out.append(
-            f'{model.root.path}: contacts, which <flag contact="disable"/> switches off'
-        )
     for words, pairs in unknown.items():
-        model.left_out.append(_left_out(model, words, pairs))
-    if model.meshes:
-        model.left_out.append(f"{model.root.path}: contacts of {model.meshes} meshes")
+        model.left_out.append(_listed(model, words, pairs))
+    model.left_out.extend(contacts_left_out(model, asked=True))
 
 
-def without_contacts(model: Model) -> Iterator[str]:
-    """What is left out, in words, where contacts are not asked for and something may touch."""
+def contacts_left_out(model: Model, asked: bool) -> Iterator[str]:
+    """What is left out besides single pairs, in words, where contacts are asked for or not."""
+    if _switched_off(model):
+        if asked:
+            yield f'{model.root.path}: contacts, which <flag contact="disable"/> switches off'
+        return
+    meshes = f"{model.meshes} meshes" if model.meshes else ""
     touching = {i for pair in _pairs(model) for i in (pair.first, pair.second)}
-    if touching:
-        yield (
-            f"{model.root.path}: contacts of {len(touching)} geoms; say contacts=True for those of "
-            'planes, spheres and capsules, or <flag contact="disable"/>'
+    geoms = f"{len(touching)} geoms" if touching and not asked else ""
+    if not (geoms or meshes):
+        return
+    remedy = (
+        ""
+        if asked
+        else (
+            "; say contacts=True for those of planes, spheres and capsules, or "
+            '<flag contact="disable"/>'
         )
+    )
+    both = " and ".join(words for words in (geoms, meshes) if words)
+    yield f"{model.root.path}: contacts of {both}{remedy}"
 
 
-def _left_out(model: Model, words: str, pairs: list[Pair]) -> str:
+def _is_rigid(model: Model, pair: Pair) -> bool:
+    """Whether no joint lets the geoms of a pair move against each other."""
+    first, second = model.arrays.geom_bodyid[[pair.first, pair.second]]
+    return bool(model.arrays.body_weldid[first] == model.arrays.body_weldid[second])
+
+
+def _listed(model: Model, words: str, pairs: list[Pair]) -> str:
     """A line for what several pairs have."""
     first, second = (model.numbered("geom", i) for i in (pairs[0].first, pairs[0].second))
     place = model.called("geom", pairs[0].second).partition(": geom")[0]
-    more = f" and {len(pairs) - 1} more" if len(pairs) > 1 else ""
-    return f"{place}: {words}: '{first}' and '{second}'{more}"
+    others = f" and {len(pairs) - 1} more" if len(pairs) > 1 else ""
+    return f"{place}: {words}: '{first}' and '{second}'{others}"
 
 
 # Which geoms may touch.
@@ -93,13 +111,13 @@ def _pairs(model: Model) -> Iterator[Pair]:
         first, second = _ordered(arrays, int(arrays.pair_geom1[i]), int(arrays.pair_geom2[i]))
         named.add((first, second))
         margin = arrays.pair_margin[i] - arrays.pair_gap[i]
-        more = _other(arrays, (first, second), margin, arrays.pair_adhesion[i])
+        other = _other(arrays, (first, second), margin, arrays.pair_adhesion[i])
         sliding = arrays.pair_friction[i]
         if arrays.pair_dim[i] > 1 and sliding[0] != sliding[1]:
-            more = (*more, "friction that differs by direction")
+            other = (*other, "friction that differs by direction")
         numbers = (sliding, arrays.pair_solref[i], arrays.pair_solimp[i])
         dimension = int(arrays.pair_dim[i])
-        yield Pair(first, second, dimension, *numbers, (*more, *_turning(dimension)))
+        yield Pair(first, second, dimension, *numbers, (*other, *_turning(dimension)))
     for i, j in zip(*np.nonzero(np.triu(_meeting(model))), strict=True):
         first, second = _ordered(arrays, int(i), int(j))
         if (first, second) not in named:
@@ -141,7 +159,7 @@ def _combined(arrays: Any, first: int, second: int) -> Pair:
     """
     geoms = [first, second]
     margin = np.sum(arrays.geom_margin[geoms]) - np.sum(arrays.geom_gap[geoms])
-    more = _other(arrays, geoms, margin, np.sum(arrays.geom_adhesion[geoms]))
+    other = _other(arrays, geoms, margin, np.sum(arrays.geom_adhesion[geoms]))
     priority = arrays.geom_priority[geoms]
     if priority[0] != priority[1]:
         geoms = [geoms[int(np.argmax(priority))]]
@@ -158,7 +176,7 @@ def _combined(arrays: Any, first: int, second: int) -> Pair:
         friction[[0, 0, 1, 2, 2]],
         weights @ solref if given else np.min(solref, axis=0),
         weights @ arrays.geom_solimp[geoms],
-        (*more, *_turning(dimension)),
+        (*other, *_turning(dimension)),
     )
 
 
@@ -176,7 +194,7 @@ def _other(arrays: Any, geoms: Any, margin: float, adhesion: float) -> tuple[str
 # The force of a contact.
 
 
-def _contacts(model: Model, tree: Tree, pair: Pair) -> Iterator[Contact]:
+def _of_pair(model: Model, tree: Tree, pair: Pair) -> Iterator[Contact]:
     """The contacts of a pair: of both ends of a capsule with a plane, else one."""
     first, second = (_marker(model, tree, i) for i in (pair.first, pair.second))
     radius, half = (float(x) for x in model.arrays.geom_size[pair.second][:2])
@@ -185,11 +203,11 @@ def _contacts(model: Model, tree: Tree, pair: Pair) -> Iterator[Contact]:
         ends = (half, -half) if kinds[1] == CAPSULE else (0.0,)
         for height in ends:
             end = _marker(model, tree, pair.second, height)
-            yield _contact(model, pair, end, radius, first, Plane())
+            yield _of_ball(model, pair, end, radius, first, Plane())
         return
     own = float(model.arrays.geom_size[pair.first][0])
     surface = Capsule(radius, 2 * half) if kinds[1] == CAPSULE else Sphere(radius)
-    yield _contact(model, pair, first, own, second, surface)
+    yield _of_ball(model, pair, first, own, second, surface)
 
 
 def _marker(model: Model, tree: Tree, geom: int, height: float = 0.0) -> Marker:
@@ -200,7 +218,7 @@ def _marker(model: Model, tree: Tree, geom: int, height: float = 0.0) -> Marker:
     return tree.marker(int(arrays.geom_bodyid[geom]), place.then(up))
 
 
-def _contact(
+def _of_ball(
     model: Model, pair: Pair, ball: Marker, radius: float, other: Marker, surface: AbstractSurface
 ) -> Contact:
     """A contact that yields to the weight of what touches as far as MuJoCo's does, and whose small
@@ -208,8 +226,16 @@ def _contact(
     """
     bodies = model.arrays.geom_bodyid[[pair.first, pair.second]]
     mass = 1 / float(np.sum(model.arrays.body_invweight0[bodies, 0]))
-    weight = float(np.linalg.norm(model.arrays.opt.gravity)) or _WEIGHT
-    depth, ratio = resting_depth(pair.solref, pair.solimp, weight)
+    stiffness, ratio = reference(model, pair.solref)
+    if not stiffness:
+        raise model.refuse(
+            "geom", pair.second, f"solref is {pair.solref}, and holds nothing; give no zeros."
+        )
+    if weight := float(np.linalg.norm(model.arrays.opt.gravity)):
+        depth = resting_depth(stiffness, pair.solimp, weight)
+    else:
+        depth = _DEPTH * model.size
+        weight = held(stiffness, pair.solimp, depth)
     friction = float(pair.friction[0]) if pair.dimension > 1 else 0.0
     return Contact(
         ball,
@@ -220,40 +246,3 @@ def _contact(
         dissipation=2 * ratio * np.sqrt(1.5 / (weight * depth)) if ratio else None,
         friction=rubbing(model, friction, "travel"),
     )
-
-
-def resting_depth(solref: np.ndarray, solimp: np.ndarray, weight: float) -> tuple[float, float]:
-    """How deep one contact of MuJoCo's yields to a weight per mass [m/s²], and its damping ratio.
-
-    With the impedance d(r) of the depth r it holds r k d² / (1 − d) per mass, where k is the
-    stiffness of the reference acceleration (MuJoCo's documentation, Computation, "Parameters").
-    """
-    largest = float(solimp[1])
-    if solref[0] > 0:
-        time, ratio = (float(x) for x in solref)
-        stiffness = 1 / (largest * time * ratio) ** 2
-    else:
-        stiffness, damping = (-float(x) for x in solref)
-        ratio = 0.5 * damping / np.sqrt(stiffness)
-        stiffness /= largest**2
-    least = min(float(solimp[0]), largest)
-    low, high = 0.0, (1 - least) * weight / (least**2 * stiffness)
-    for _ in range(100):
-        middle = 0.5 * (low + high)
-        d = _impedance(solimp, middle)
-        low, high = (
-            (middle, high) if middle * stiffness * d**2 < (1 - d) * weight else (low, middle)
-        )
-    return high, ratio
-
-
-def _impedance(solimp: np.ndarray, depth: float) -> float:
-    """MuJoCo's d(r), from 0 to 1: two powers that meet in the middle of the width."""
-    least, largest, width, middle, power = (float(x) for x in solimp)
-    x = min(depth / width, 1.0) if width > 0 else 1.0
-    y = (
-        x**power / middle ** (power - 1)
-        if x <= middle
-        else 1 - (1 - x) ** power / (1 - middle) ** (power - 1)
-    )
-    return float(least + y * (largest - least))

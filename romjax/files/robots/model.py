@@ -40,12 +40,13 @@ class Model(NamedTuple):
     @property
     def size(self) -> float:
         """The largest arm or radius of gyration of a link, in the file's unit of length, whichever
-        that is; where the robot stands does not count.
+        that is; where the robot stands, and what stands there with it, does not count.
         """
         a = self.arrays
-        inertia, mass = np.max(a.body_inertia, axis=1), a.body_mass
+        moves = a.body_weldid > 0
+        inertia, mass = np.max(a.body_inertia[moves], axis=1), a.body_mass[moves]
         gyration = np.sqrt(np.divide(inertia, mass, out=0 * mass, where=mass > 0))
-        arms = np.concatenate([a.body_pos[a.body_parentid > 0], a.body_ipos])
+        arms = np.concatenate([a.body_pos[moves[a.body_parentid]], a.body_ipos[moves]])
         return float(max(np.max(gyration), np.max(np.linalg.norm(arms, axis=1))))
 
     def name(self, kind: str, number: int) -> str:

@@ -14,6 +14,7 @@ from ...scene.effect.joint_spring import JointSpring
 from ...scene.effect.joint_stop import JointStop
 from ...scene.marker import Marker
 from ...scene.motion import LENGTHS, TURN
+from .impedance import reference
 from .joints import Measured
 from .model import Model
 
@@ -111,15 +112,9 @@ def stop(
 ) -> JointStop:
     """The stops of a joint, as stiff as MuJoCo's for the inertia that the joint has at first."""
     arrays = model.arrays
-    time, ratio = (float(x) for x in arrays.jnt_solref[number])
+    stiffness, _ = reference(model, arrays.jnt_solref[number])
     mass = 1 / float(arrays.dof_invweight0[arrays.jnt_dofadr[number]])
-    stiffness = _stiffness(time, ratio, mass)
-    return JointStop(a, b, *ends, stiffness, dissipation(model, motion), motion)
-
-
-def _stiffness(time: float, ratio: float, mass: float) -> float:
-    """The stiffness by a time constant and a damping ratio, or as it is given, negative there."""
-    return mass / (time * ratio) ** 2 if time > 0 else -time * mass
+    return JointStop(a, b, *ends, mass * stiffness, dissipation(model, motion), motion)
 
 
 def _refuse_polynomials(model: Model, number: int) -> None:

@@ -15,7 +15,7 @@ from ...scene.scene import Scene
 from ...scene.signal import AbstractSignal
 from .actuators import actuators
 from .connections import equalities, tendons
-from .contacts import contacts, without_contacts
+from .contacts import contacts, contacts_left_out
 from .joints import Joints
 from .model import Model, read_model
 from .passive import passive
@@ -72,6 +72,8 @@ def _read(path: Path, start: str, signals: Mapping[str, AbstractSignal], touchin
     model = read_model(path)
     data = _started(model, start)
     tree = Tree(model, data)
+    if not tree.bodies:
+        raise model.refuse("body", 0, "no body can move; give one a joint.")
     joints = Joints(model, tree)
     joined = [*joints.joints, *equalities(model, tree, joints.measured)]
     effects = [
@@ -82,9 +84,7 @@ def _read(path: Path, start: str, signals: Mapping[str, AbstractSignal], touchin
         *(contacts(model, tree) if touching else ()),
     ]
     if not touching:
-        model.left_out.extend(without_contacts(model))
-    if not tree.bodies:
-        raise model.refuse("body", 0, "no body can move; give one a joint.")
+        model.left_out.extend(contacts_left_out(model, asked=False))
     scene = Scene(tree.bodies, joined, effects)
     title = model.root.attributes.get("model") or model.root.attributes.get("name") or path.stem
     return Robot(scene, title, _holds(model, data), tuple(model.left_out))
