@@ -12,6 +12,7 @@ from motions import through
 
 import romjax as rj
 from romjax.assembly.locate import locate
+from romjax.integrate.failures import _describe_times as describe_times
 
 
 @pytest.fixture(autouse=True)
@@ -261,6 +262,9 @@ def test_too_few_steps():
     late = run | {"ts": [1e10, 1e10 + 10.0]}
     with pytest.raises(rj.SimulationError, match=r"told apart by 2e-06 s.*begin at 0"):
         zoo.run(system, **late)
+    # Of one time there is no length to compare with.
+    for times in ([1e10], [0.0], [0.0, 0.0]):
+        assert describe_times(np.asarray(times)) == ""
 
 
 def test_a_motion_without_bounds():

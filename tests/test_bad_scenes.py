@@ -7,6 +7,11 @@ from test_bad_input import _as_users_run as _as_users_run
 import romjax as rj
 from romjax import spatial
 
+
+def driven(**numbers):
+    return rj.Actuator(bar().at(), rj.ground.at(), rj.Constant(1.0), **numbers)
+
+
 PARTS = {
     "zero mass": (
         lambda: bar(mass=0.0),
@@ -153,6 +158,40 @@ PARTS = {
             rj.Scene([bar()], [], [rj.Spring(bar("x").at(), rj.ground.at(), stiffness=1.0)])
         ),
         "marker is on the body 'x'",
+    ),
+    "a distance below zero": (
+        lambda: rj.PrescribedDistance(bar().at(), rj.ground.at(), rj.Constant(-1.0)),
+        r"'PrescribedDistance\(bar, ground\)': its signal is -1 m, .*keep the distance positive",
+    ),
+    "a distance that begins at zero": (
+        lambda: rj.assemble(
+            rj.Scene([bar()], [rj.PrescribedDistance(bar().at(), rj.ground.at(), rj.Ramp(1.0))])
+        ),
+        r"'PrescribedDistance\(bar, ground\)': its markers are apart by 0 m.*by a Revolute",
+    ),
+    "limits in the wrong order": (
+        lambda: driven(least=2.0, largest=1.0),
+        r"Actuator\(bar, ground\)': least is 2 and largest 1; give a lower limit not above",
+    ),
+    "limits of a signal in the wrong order": (
+        lambda: driven(least_signal=2.0, largest_signal=1.0),
+        "least_signal is 2 and largest_signal 1",
+    ),
+    "a controller without room": (
+        lambda: rj.PID(bar().at(), rj.ground.at(), rj.Constant(0.0), least=2.0, largest=1.0),
+        r"PID\(bar, ground\)': least is 2 and largest 1",
+    ),
+    "an activation without room": (
+        lambda: driven(activation=rj.Activation(0.1, 2.0, 1.0, 1.5)),
+        r"Actuator\(bar, ground\)': Activation.least is 2 and Activation.largest 1",
+    ),
+    "an activation that begins beyond its limits": (
+        lambda: driven(activation=rj.Activation(0.1, 0.5)),
+        r"Activation.start is 0, beyond the limits 0.5 and inf; let it begin between",
+    ),
+    "an activation that is a number": (
+        lambda: driven(activation=0.1),
+        r"activation is of type float; give one, such as romjax.Activation\(time_constant=0.1\)",
     ),
     "a body among the joints": (
         lambda: rj.assemble(rj.Scene([bar()], [bar("other")])),

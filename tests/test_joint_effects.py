@@ -243,8 +243,17 @@ def test_motions_and_stops_that_make_no_sense():
         rj.JointSpring(flat.at(), rj.ground.at(), 1.0, motion="1 of 2")
     with pytest.raises(rj.SceneError, match="motion is 'turn'"):
         rj.JointStop(flat.at(), rj.ground.at(), upper=1.0, motion="turn")
-    with pytest.raises(rj.SceneError, match="lower is 2 and upper 1; give a lower stop below"):
+    with pytest.raises(rj.SceneError, match="lower is 2 and upper 1; give a lower limit below"):
         rj.JointStop(hinge.a, hinge.b, 2.0, 1.0)
+    ball, origin = r.RigidBody("ball", 1.0, (1.0, 1.0, 1.0)), rj.ground.at((0.0, 0.0, 0.0))
+    for ends, words in (
+        ({"lower": 0.3}, "lower is 0.3, but it has no meaning.*leave it out"),
+        ({"upper": 3.2}, "upper is 3.2, but the angle of a whole rotation goes from 0 to π"),
+        ({"upper": -0.1}, "upper is -0.1"),
+    ):
+        with pytest.raises(rj.SceneError, match=words):
+            rj.JointStop(ball.at(), origin, **ends, motion="turn")
+    rj.JointStop(ball.at(), origin, upper=float(np.float32(np.pi)), motion="turn")
     with pytest.raises(rj.SceneError, match="it has no stop"):
         rj.JointStop(hinge.a, hinge.b)
     with pytest.raises(rj.SceneError, match="with friction: motion is 'any turn'"):

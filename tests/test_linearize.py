@@ -118,10 +118,18 @@ def test_an_input_is_what_its_signal_changes(system):
 
 
 def test_an_input_of_a_signal_that_changes_is_refused(system):
-    """It is zero at the time of many a start."""
-    force = rj.Force(rj.Marker("cart", (0.0, 0.0)), (1.0, 0.0), rj.Sine(1.0, 2.0))
-    with pytest.raises(rj.InputError, match=r"follows a Sine.*Constant\(1\.0\)"):
-        force_of(system, force, 0.0, system.q0, system.v0)
+    """It is zero at the time of many a start. A sum of constants is one number."""
+
+    def force(signal):
+        acting = rj.Force(rj.Marker("cart", (0.0, 0.0)), (1.0, 0.0), signal)
+        return force_of("export.c", system, acting, 0.0, system.q0, system.v0)
+
+    words = r"^export.c: input Force.* follows a Sum.*Constant\(1\.0\)"
+    with pytest.raises(rj.InputError, match=words):
+        force(rj.Sum((rj.Constant(1.0), rj.Sine(1.0, 2.0))))
+    along = system.structure.labels.index("cart.x")
+    one = jax.jit(lambda: force(rj.Sum((rj.Constant(1.0),))))()
+    assert_close(one, np.eye(system.n)[along], IDENTITY)
 
 
 def test_frequency_response(model):

@@ -18,6 +18,7 @@ from random_scenes import random_scene
 from rigid_motion import moved_coordinates, moved_scene, turned
 
 import romjax as rj
+from romjax.scene.joint.prescribed import AbstractPrescribed
 from romjax.system import dynamics
 
 # Structures that draw every kind of part; joints of number 9 do not fit each other.
@@ -209,7 +210,7 @@ def driven_powers(scene: rj.Scene, multipliers) -> list[float]:
     """
     powers, row = [], 0
     for joint in scene.joints:
-        if hasattr(joint, "signal"):
+        if isinstance(joint, AbstractPrescribed):
             powers.append(-multipliers[row] * np.asarray(speed_of(joint.signal)))
         row += joint.rows
     return powers

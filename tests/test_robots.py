@@ -240,6 +240,33 @@ def test_stops_of_ball_joints_go_in_and_out(tmp_path):
     assert stops == 2 * [[("turn", None, np.radians(30))]]
 
 
+def test_open_ranges_go_in_and_out(tmp_path):
+    """What MuJoCo writes as its largest number is no limit; a turn of more than π never stops."""
+    bodies = [r.RigidBody(name, 1.0, (1.0, 1.0, 1.0)) for name in ("one", "two")]
+    origin = rj.ground.at((0.0, 0.0, 0.0))
+    joints = [r.Revolute(body.at(), origin, name=body.name) for body in bodies]
+    ends = joints[0].a, joints[0].b
+    limits = {"least": -2.0, "largest_signal": 0.5}
+    activation = rj.Activation(0.1, least=0.5, start=0.5)
+    effects = [
+        rj.JointStop(*ends, upper=0.5),
+        rj.JointStop(joints[1].a, joints[1].b, lower=-0.5),
+        rj.Actuator(*ends, rj.Constant(0.0), activation=activation, name="m", **limits),
+    ]
+    rj.Scene(bodies, joints, effects).save(tmp_path / "again.xml")
+    again = rj.load_scene(tmp_path / "again.xml").effects
+    stops = [(x.lower, x.upper) for x in again if isinstance(x, rj.JointStop)]
+    assert stops == [(None, 0.5), (-0.5, None)]
+    (found,) = (x for x in again if isinstance(x, rj.Actuator))
+    assert (found.least, found.largest, found.least_signal) == (-2.0, None, None)
+    assert found.largest_signal == 0.5
+    assert (found.activation.least, found.activation.largest) == (0.5, None)
+    assert found.activation.start == 0.5
+    turn = f'<body><joint type="ball" range="0 200"/>{BALL}</body>'
+    free = rj.load_scene(written(tmp_path, f"<mujoco><worldbody>{turn}</worldbody></mujoco>"))
+    assert not any(isinstance(x, rj.JointStop) for x in free.effects)
+
+
 def test_actuators_with_a_state_go_in_and_out(tmp_path):
     """Only what begins at zero can be written, since it is by keyframes that files say more."""
     path = written(tmp_path, with_states())

@@ -12,10 +12,12 @@ from groups import in_groups
 from mechanisms import linkage
 from motions import through
 from parallelogram import parallelogram
+from tolerances import IDENTITY
 from zoo import bar, unit_mass
 from zoo import run as moved
 
 import romjax as rj
+from romjax.integrate.follow.branching import _least_but
 
 LANES = 28
 TS = np.linspace(0.0, 3.0, 61)
@@ -141,6 +143,12 @@ def test_where_constraints_lose_rank():
     again = rj.singular_position(system, dataclasses.replace(run, q=run.q + failed[:, None]))
     assert again.time == singular.time
     assert again.is_passed == singular.is_passed
+
+
+def test_a_row_that_vanishes_shows_even_if_it_is_left_out():
+    """Of three pivots but for the least, which has no length."""
+    least = jax.jit(_least_but)(np.array([0.1, 0.2, 0.3]), np.array([0.0, 0.5, 1.0]), 1)
+    assert_close(least, 0.1, IDENTITY)
 
 
 @pytest.mark.slow

@@ -135,7 +135,7 @@ def _matrices(
 
     state = system.state(t, q, v)
     onto = jax.jacfwd(lambda q: system.state(t, q, v).q)(q)
-    forces = [force_of(system, what, t, state.q, state.v) for what in inputs]
+    forces = [force_of("linearize", system, what, t, state.q, state.v) for what in inputs]
     physical = jnp.stack(forces, axis=1) if forces else jnp.zeros((len(onto), 0), q.dtype)
     pushed = state.kkt().solve(onto.T @ physical, jnp.zeros((system.m, len(forces)), q.dtype))[0]
     b = jnp.concatenate([jnp.zeros((d, len(forces)), q.dtype), tangent.dual @ pushed])
@@ -155,18 +155,25 @@ def value_of(full: AbstractSystem, what: Output, t: Array, q: Array, v: Array) -
     return jnp.asarray(what(t, q, v))
 
 
-def force_of(system: AbstractSystem, what: Input, t: Array, q: Array, v: Array) -> Array:
-    """The generalized force of an input on the physical coordinates."""
+def force_of(
+    owner: str, system: AbstractSystem, what: Input, t: Array, q: Array, v: Array
+) -> Array:
+    """The generalized force (n,) of an input on the physical coordinates; `owner`: whose input it
+    is, as messages begin.
+
+    Raises InputError for another shape, for an effect with states, and for a signal that changes.
+    """
     if not isinstance(what, AbstractMarkerEffect):
         given = jnp.asarray(what(t, q, v))
-        check_shape("linearize", "a force of inputs", given, q.shape)
+        check_shape(owner, "a force of inputs", given, q.shape)
         return given
     if what.states:
         raise InputError(
-            f"linearize: input {what.label()} has states of its own; put it into the scene, and "
+            f"{owner}: input {what.label()} has states of its own; put it into the scene, and "
             "give the effect that it drives as an input."
         )
-    located: Any = locate(f"linearize: input {what.label()}", system, what.markers)
+    without = _without_signals(owner, what)
+    located: Any = locate(f"{owner}: input {what.label()}", system, what.markers)
     count, motion = len(what.markers), located.motion(q, v)
     each, twists = [
         [jax.tree.map(lambda x, i=i: x[i], stacked) for i in range(count)] for stacked in motion
@@ -177,14 +184,14 @@ def force_of(system: AbstractSystem, what: Input, t: Array, q: Array, v: Array) 
         return jax.tree.map(lambda *x: jnp.stack(x), *each_wrench)
 
     acting = wrenches(what)
-    if (without := _without_signals(what)) is not None:
+    if without is not None:
         # Of a servo the feedback acts whatever is asked of it, and is no part of the input.
         acting = jax.tree.map(jnp.subtract, acting, wrenches(without))
     force: Array = located.pull_back(q, acting)
     return force
 
 
-def _without_signals(what: AbstractMarkerEffect) -> AbstractMarkerEffect | None:
+def _without_signals(owner: str, what: AbstractMarkerEffect) -> AbstractMarkerEffect | None:
     """The effect whose signals are zero; None of one that has none.
 
     Raises InputError for signals that change with time, whose strength is not one number.
@@ -193,13 +200,13 @@ def _without_signals(what: AbstractMarkerEffect) -> AbstractMarkerEffect | None:
     if not signals:
         return None
     for signal in signals:
-        if not isinstance(signal, Constant):
+        if not signal.is_constant:
             raise InputError(
-                f"linearize: input {what.label()} follows a {type(signal).__name__}, but an input "
+                f"{owner}: input {what.label()} follows a {type(signal).__name__}, but an input "
                 "is the effect at unit strength, whatever it does in the scene; give "
                 "romjax.Constant(1.0) as its signal."
             )
     zero: AbstractMarkerEffect = jax.tree.map(
-        lambda x: Constant(jnp.zeros_like(x.value)) if is_signal(x) else x, what, is_leaf=is_signal
+        lambda x: Constant(0 * x(jnp.zeros(()))) if is_signal(x) else x, what, is_leaf=is_signal
     )
     return zero

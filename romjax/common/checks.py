@@ -16,13 +16,20 @@ from .identity_cache import IdentityCache
 _LISTED = 20
 
 
-def check_kind(owner: str, field: str, value: Any, kind: Any, remedy: str) -> None:
+def check_kind(
+    owner: str,
+    field: str,
+    value: Any,
+    kind: Any,
+    remedy: str,
+    error: type[InputError] = InputError,
+) -> None:
     """Raise unless `value` is an object of a class, or of one of some; `remedy`: what to give."""
     if isinstance(value, kind):
         return
     kind_is = "the class" if isinstance(value, type) else "of type"
     name = (value if isinstance(value, type) else type(value)).__name__
-    raise InputError(f"{owner}: {field} is {kind_is} {name}; give {remedy}.", field=field)
+    raise error(f"{owner}: {field} is {kind_is} {name}; give {remedy}.", field=field)
 
 
 def check_choice(

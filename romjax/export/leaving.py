@@ -28,7 +28,10 @@ TIMES = np.linspace(0.0, 1.0, 101)
 
 
 class Model(NamedTuple):
-    """The functions of (t, x, u, p) that leave: time, state (q, v), inputs and parameters."""
+    """The functions of (t, x, u, p) that leave: time, state (q, v), inputs and parameters.
+
+    `verb`: the call by which they leave, as messages begin.
+    """
 
     make: Callable[..., AbstractSystem]
     nominal: AbstractSystem
@@ -36,6 +39,7 @@ class Model(NamedTuple):
     outputs: Mapping[str, Output]
     parameters: Mapping[str, float]
     stabilization: Baumgarte | None
+    verb: str
 
     def system(self, p: Array) -> AbstractSystem:
         """The system of some parameters."""
@@ -55,7 +59,10 @@ class Model(NamedTuple):
 
         def force(t: Array, q: Array, v: Array) -> Array:
             state = system.state(t, q, v)
-            each = [force_of(system, what, t, state.q, state.v) for what in self.inputs.values()]
+            each = [
+                force_of(self.verb, system, what, t, state.q, state.v)
+                for what in self.inputs.values()
+            ]
             total: Array = jnp.sum(u[:, None] * jnp.stack(each), axis=0)
             if system.full is not system:
                 total = jax.vjp(lambda q: system.state(t, q, v).q, q)[1](total)[0]
@@ -150,4 +157,4 @@ def model_of(
             f"{type(stabilization).__name__} is a change of the state between steps",
             "take romjax.Baumgarte(alpha, beta) or None",
         )
-    return Model(system, nominal, inputs, named, parameters, stabilization)
+    return Model(system, nominal, inputs, named, parameters, stabilization, verb)

@@ -12,7 +12,7 @@ from .doubt import DOUBTS
 from .status import REMEDIES, Status
 from .trajectory import Trajectory
 
-# In lengths of a run, how long after zero it fails for the digits of its times, maybe.
+# A run that is so many of its lengths away from zero may fail for the digits of its times.
 _LATE = 1e4
 
 
@@ -53,8 +53,8 @@ def raise_failure(system: AbstractSystem, trajectory: Trajectory, start: Start) 
 
 def _describe_times(t: np.ndarray) -> str:
     """What a run that begins long after zero may have failed for."""
-    latest = max(abs(t[0]), abs(t[-1]))
-    if latest < _LATE * (t[-1] - t[0]):
+    latest, length = max(abs(t[0]), abs(t[-1])), t[-1] - t[0]
+    if not 0 < _LATE * length <= latest:
         return ""
     return (
         f" Times near {latest:g} s are told apart by {np.spacing(latest):.1g} s, which may be too "

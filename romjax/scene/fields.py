@@ -13,6 +13,7 @@ __all__ = [
     "Converted",
     "check_choice",
     "check_finite",
+    "check_kind",
     "check_mass",
     "check_not_negative",
     "check_numbers",
@@ -30,6 +31,7 @@ _MASSLESS = (
     "inertia."
 )
 
+check_kind = functools.partial(checks.check_kind, error=SceneError)
 check_choice = functools.partial(checks.check_choice, error=SceneError)
 check_shape = functools.partial(checks.check_shape, error=SceneError)
 check_finite = functools.partial(checks.check_finite, error=SceneError)

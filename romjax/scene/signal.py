@@ -27,7 +27,6 @@ __all__ = [
     "signal_field",
 ]
 
-
 # Cycles of a vibration that a step may contain: of more, errors are not seen, and those of steps
 # that are all alike add up.
 _CYCLES = 0.25
@@ -46,6 +45,8 @@ class AbstractSignal(eqx.Module):
 
     # Whether it has two continuous derivatives, as a motion has that finite forces can follow.
     smooth: ClassVar[bool] = True
+    # Whether it has the same value at all times, whatever its numbers are.
+    is_constant: ClassVar[bool] = False
 
     def corners(self) -> Float[Array, " k"]:
         """Times [s] at which the signal or one of its derivatives jumps, in any order; infinite
@@ -121,6 +122,8 @@ def _as_signal(value: Any) -> AbstractSignal:
 
 class Constant(AbstractSignal):
     """The same `value` at all times."""
+
+    is_constant: ClassVar[bool] = True
 
     value: Converted[Float[Array, ""]] = number()
 
@@ -265,6 +268,10 @@ class Sum(AbstractSignal):
     @property
     def smooth(self) -> bool:  # type: ignore[override]
         return all(term.smooth for term in self.terms)
+
+    @property
+    def is_constant(self) -> bool:  # type: ignore[override]
+        return all(term.is_constant for term in self.terms)
 
     def __call__(self, t: Time) -> Float[Array, ""]:
         return jnp.sum(jnp.stack([term(t) for term in self.terms]))

@@ -55,6 +55,10 @@ class Paced(AbstractSignal):
         return self.signal.is_known
 
     @property
+    def is_constant(self) -> bool:  # type: ignore[override]
+        return self.signal.is_constant
+
+    @property
     def takes_start(self) -> bool:
         return self.signal.takes_start
 

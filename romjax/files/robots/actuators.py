@@ -13,6 +13,7 @@ from ...scene.effect.actuator import Actuator
 from ...scene.effect.joint_damper import ANY
 from ...scene.marker import Marker
 from ...scene.signal import AbstractSignal, Constant
+from .attributes import open_ends, start_within
 from .connections import tendon_ends
 from .joints import Measured
 from .model import Model
@@ -112,11 +113,13 @@ def _activation(model: Model, number: int, states: Any) -> Activation | None:
     if kind == _NO_STATE:
         return None
     least, largest = _range(arrays, "act", number)
+    start = float(states[arrays.actuator_actadr[number]])
     return Activation(
         None if kind == _INTEGRATOR else float(arrays.actuator_dynprm[number, 0]),
         least,
         largest,
-        float(states[arrays.actuator_actadr[number]]),
+        # MuJoCo brings one that begins beyond its range back.
+        start_within(start, least, largest),
     )
 
 
@@ -158,8 +161,7 @@ def _check_law(model: Model, number: int) -> None:
 def _range(arrays: Any, kind: str, number: int) -> tuple[float | None, float | None]:
     if not getattr(arrays, f"actuator_{kind}limited")[number]:
         return None, None
-    least, largest = getattr(arrays, f"actuator_{kind}range")[number]
-    return float(least), float(largest)
+    return open_ends(getattr(arrays, f"actuator_{kind}range")[number])
 
 
 def _joint_range(model: Model, joint: int, gear: float) -> tuple[float | None, float | None]:
@@ -176,8 +178,9 @@ def _joint_range(model: Model, joint: int, gear: float) -> tuple[float | None, f
         raise model.refuse(
             "joint", joint, "its actuatorfrcrange is for several actuators; give each a forcerange."
         )
-    ends = sorted(float(x) / gear for x in arrays.jnt_actfrcrange[joint])
-    return ends[0], ends[1]
+    ends = (None if x is None else x / gear for x in open_ends(arrays.jnt_actfrcrange[joint]))
+    least, largest = ends
+    return (least, largest) if gear > 0 else (largest, least)
 
 
 def _both(choose: Any, one: float | None, other: float | None) -> float | None:

@@ -53,7 +53,7 @@ def attributes(part: Any) -> str:
         case JointInertia():
             return f' armature="{words(part.inertia)}"'
         case JointStop():
-            # The angle of a ball joint begins at zero, and so must its range.
+            # The range of a ball joint begins at zero.
             return limits("", 0.0 if part.motion == TURN else part.lower, part.upper)
     return ""
 
@@ -66,7 +66,7 @@ def activated(part: Actuator) -> str:
     a = part.activation
     if a is None:
         return ""
-    if np.any(np.asarray(a.start)):
+    if float(a.start) != start_within(0.0, a.least, a.largest):
         raise SceneError(
             f"save: the activation of '{part.label()}' begins at {float(a.start):g}, and in MJCF "
             "without keyframes at zero; set start to zero, or save the scene as TOML."
@@ -83,6 +83,20 @@ def limits(kind: str, low: Any, high: Any) -> str:
         return ""
     ends = [-_OPEN if low is None else low, _OPEN if high is None else high]
     return f' {kind}limited="true" {kind}range="{words(ends)}"'
+
+
+def open_ends(values: Any) -> tuple[float | None, float | None]:
+    """The ends of a range of MuJoCo's, in order; None for one that is open, the inverse of
+    `limits`.
+    """
+    low, high = sorted(float(x) for x in values)
+    return None if low <= -_OPEN else low, None if high >= _OPEN else high
+
+
+def start_within(start: float, least: Any, largest: Any) -> float:
+    """The state of an actuator that would begin at `start`, within its limits where it has some."""
+    above = start if least is None else max(start, float(least))
+    return above if largest is None else min(above, float(largest))
 
 
 def words(numbers: Any) -> str:

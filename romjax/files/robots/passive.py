@@ -14,6 +14,7 @@ from ...scene.effect.joint_spring import JointSpring
 from ...scene.effect.joint_stop import JointStop
 from ...scene.marker import Marker
 from ...scene.motion import LENGTHS, TURN
+from .attributes import open_ends
 from .impedance import reference
 from .joints import Measured
 from .model import Model
@@ -67,8 +68,9 @@ def _of_joint(model: Model, number: int, joint: Measured, reflected: Reflected) 
     if inertia:
         yield JointInertia(a, b, inertia, motion)
     if arrays.jnt_limited[number]:
-        low, high = sorted(sign * float(x) for x in arrays.jnt_range[number])
-        yield stop(a, b, (low, high), motion, model, number)
+        ends = open_ends(sign * arrays.jnt_range[number])
+        if ends != (None, None):
+            yield stop(a, b, ends, motion, model, number)
 
 
 def _of_turns(
@@ -84,7 +86,9 @@ def _of_turns(
             yield Damper(a, b, damping)
     if model.arrays.jnt_limited[number]:
         largest = float(model.arrays.jnt_range[number, 1])
-        yield stop(a, b, (None, largest), TURN, model, number)
+        # No turn is larger than π.
+        if largest <= np.pi:
+            yield stop(a, b, (None, largest), TURN, model, number)
 
 
 def rubbing(model: Model, friction: float, motion: str) -> Friction | None:
@@ -105,7 +109,7 @@ def _size(model: Model, motion: str) -> float:
 def stop(
     a: Marker,
     b: Marker,
-    ends: tuple[float | None, float],
+    ends: tuple[float | None, float | None],
     motion: str,
     model: Model,
     number: int,

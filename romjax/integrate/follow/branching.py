@@ -100,4 +100,5 @@ def _least_but(
         return pivots.at[jnp.argmin(pivots)].set(jnp.inf)
 
     left = jax.lax.fori_loop(0, count, without_least, pivots)
-    return jnp.min(left * shares)
+    # No number is infinity times the share of a row that vanishes.
+    return jnp.min(jnp.where(jnp.isinf(left), left, left * shares))

@@ -7,8 +7,8 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ...common.arrays import Time, concatenate
-from ..fields import Converted, check_numbers, number
-from ..limits import cut_off
+from ..fields import Converted, check_kind, check_numbers, number
+from ..limits import check_limits, cut_off
 from ..marker import Marker, Poses, Twists, Wrenches
 from ..motion import check_motion
 from ..signal import AbstractSignal, signal_field
@@ -97,6 +97,9 @@ class Actuator(AbstractMotionEffect, AbstractStateEffect):
         check_motion(owner, self.motion, self.a.dimension)
         self.signal.check(owner)
         check_numbers(owner, self, "gear", "gain", "offset", "proportional", "derivative")
-        check_numbers(owner, self, "least", "largest", "least_signal", "largest_signal")
+        check_limits(owner, self)
+        check_limits(owner, self, "least_signal", "largest_signal")
         if self.activation is not None:
+            remedy = "one, such as romjax.Activation(time_constant=0.1)"
+            check_kind(owner, "activation", self.activation, Activation, remedy)
             self.activation.check(owner)

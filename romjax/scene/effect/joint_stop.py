@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 from ...common.arrays import Time, concrete
 from ...common.errors import SceneError
 from ..fields import Converted, check_numbers, number
+from ..limits import check_limits
 from ..marker import Marker, Pose, Poses, Twists, Wrenches
 from ..motion import TURN, check_motion, moved
 from .along_motion import AbstractMotionEffect
@@ -27,13 +28,15 @@ class JointStop(AbstractMotionEffect):
     **Arguments:**
 
     - `a`, `b`: the two ends.
-    - `lower`, `upper`: the least and the largest s [rad], [m]; none unless given.
+    - `lower`, `upper`: the least and the largest s [rad], [m]; none unless given. An angle of the
+      whole rotation has an upper one alone, between 0 and π.
     - `stiffness`: k [N m/rad], or [N/m] of a length.
     - `dissipation`: D [s/rad], [s/m]; none unless given.
     - `motion`: what s is, as in `JointSpring`; or "turn" of a ball joint, the angle of the whole
       rotation in space, from 0 to π.
 
-    Raises SceneError if `lower` is not below `upper`, or if neither is given.
+    Raises SceneError if `lower` is not below `upper`, if neither is given, or if the angle of the
+    whole rotation has a `lower` one or cannot reach the `upper` one.
     """
 
     a: Marker
@@ -100,15 +103,27 @@ class JointStop(AbstractMotionEffect):
         if self.motion != TURN or self.a.dimension == 2:
             check_motion(owner, self.motion, self.a.dimension)
         check_numbers(owner, self, "stiffness", "dissipation", sign="not negative")
-        check_numbers(owner, self, "lower", "upper")
+        check_limits(owner, self, "lower", "upper", apart=True)
         if self.lower is None and self.upper is None:
             raise SceneError(f"{owner}: it has no stop; give lower, upper or both.")
-        if self.lower is None or self.upper is None:
-            return
-        lower, upper = concrete(self.lower), concrete(self.upper)
-        if lower is not None and upper is not None and not np.all(lower < upper):
+        if self.motion == TURN:
+            self._check_turn(owner)
+
+    def _check_turn(self, owner: str) -> None:
+        """Check the stops of an angle from 0 to π, whose slope jumps at both."""
+        if self.lower is not None:
+            lower = concrete(self.lower)
+            value = "" if lower is None else f" is {lower:g}, but it"
             raise SceneError(
-                f"{owner}: lower is {lower:g} and upper {upper:g}; give a lower stop below the "
-                "upper one.",
+                f"{owner}: lower{value} has no meaning for the angle of a whole rotation, which "
+                "has no direction at zero; leave it out, or give a stop about each axis.",
                 field="lower",
+            )
+        upper = concrete(self.upper)
+        # π of single precision, which is a little more.
+        if upper is not None and not np.all((upper >= 0) & (upper <= np.float32(np.pi))):
+            raise SceneError(
+                f"{owner}: upper is {upper:g}, but the angle of a whole rotation goes from 0 to π "
+                "[rad]; give a value between, or no stop.",
+                field="upper",
             )

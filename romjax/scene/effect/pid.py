@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Time, concatenate
 from ..fields import Converted, check_numbers, number
-from ..limits import cut_off
+from ..limits import check_limits, cut_off
 from ..marker import Marker, Poses, Twists, Wrenches
 from ..motion import check_motion
 from ..signal import AbstractSignal, signal_field
@@ -97,5 +97,5 @@ class PID(AbstractMotionEffect, AbstractStateEffect):
         check_motion(owner, self.motion, self.a.dimension)
         self.target.check(owner)
         check_numbers(owner, self, "proportional", "integral", "derivative", "start")
-        check_numbers(owner, self, "least", "largest")
+        check_limits(owner, self)
         check_numbers(owner, self, "tracking", "lag", sign="positive")

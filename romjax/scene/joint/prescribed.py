@@ -6,9 +6,10 @@ from typing import ClassVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from ...common.arrays import Time
+from ...common.arrays import Time, concrete
 from ...common.errors import SceneError
 from ..drawing import arrow, on_axis, placed, turning_arrow
 from ..fields import UNIT
@@ -122,7 +123,11 @@ class PrescribedDistance(AbstractPrescribed):
     both bodies may turn, and the multiplier is the force along the line.
 
     A `Ramp` without an offset begins at the distance at which the bodies are placed, as in
-    `PrescribedAngle`. The signal stays positive: at zero the line has no direction.
+    `PrescribedAngle`. The signal stays positive: at zero the line has no direction, and a run that
+    comes there fails.
+
+    Raises SceneError for a constant signal that is not positive; to assemble raises it where a
+    signal is to begin at the distance of markers that are in one place.
     """
 
     a: Marker
@@ -136,6 +141,28 @@ class PrescribedDistance(AbstractPrescribed):
     @jax.jit
     def value(a: Pose, b: Pose) -> Float[Array, ""]:
         return moved("distance", a, b)
+
+    def starting_at(self, *poses: Pose) -> "AbstractPrescribed":
+        ends = [concrete(pose.position) for pose in poses]
+        if ends[0] is not None and ends[1] is not None:
+            self._check_positive(
+                np.asarray(np.linalg.norm(ends[0] - ends[1])), "its markers are apart by"
+            )
+        return super().starting_at(*poses)
+
+    def check(self) -> None:
+        super().check()
+        value = concrete(self.signal(0.0)) if self.signal.is_constant else None
+        if value is not None:
+            self._check_positive(value, "its signal is")
+
+    def _check_positive(self, distance: np.ndarray, words: str) -> None:
+        if not np.all(distance > 0):
+            raise SceneError(
+                f"{self.owner()}: {words} {distance:g} m, where the line between them has no "
+                "direction; keep the distance positive, or hold them together by a Revolute.",
+                field="signal",
+            )
 
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         return (moved("distance", a, b) - self.signal(t))[None]
