@@ -325,6 +325,28 @@ def test_keyframes_are_starts(arm):
     assert float(servo.signal.value) == 0.5
 
 
+def test_a_keyframe_that_opens_a_loop_is_told(tmp_path):
+    """Of a crank that is turned by 0.1 rad, where its rod, as long, hangs on a rocker."""
+    bar = '<body name="{0}" pos="{1}"><joint axis="0 1 0"/><geom size=".1" pos="{2}" mass="1"/>'
+    bodies = bar.format("crank", "0 0 0", "0 0 1") + bar.format("rod", "0 0 1", "1 0 0")
+    bodies += "</body></body>" + bar.format("rocker", "1 0 0", "0 0 1") + "</body>"
+    loop = '<equality><connect body1="rod" body2="rocker" anchor="1 0 0"/></equality>'
+    keys = (
+        '<keyframe><key name="open" qpos="0.1 0 0"/><key name="near" qpos="1e-5 0 0"/></keyframe>'
+    )
+    flag = '<option><flag contact="disable"/></option>'
+    text = f"<mujoco>{flag}<worldbody>{bodies}</worldbody>{loop}{keys}</mujoco>"
+    path = written(tmp_path, text)
+    rj.load_scene(path, start="near")
+    placed, words = rj.scene_file(path, start="open").placed(), "bodies have moved: rod: .* m, "
+    with pytest.warns(UserWarning, match=words) as said:
+        scene = rj.load_scene(path, start="open")
+    for before, after in zip(placed.bodies, scene.bodies, strict=True):
+        one, other = (np.asarray(body.start()[0])[:3] for body in (before, after))
+        way = np.linalg.norm(other - one)
+        assert f"{before.name}: {way:.3g} m" in str(said[0].message)
+
+
 @pytest.mark.instant
 def test_signals_drive_by_name():
     """An actuator of the file, and a joint of a file without actuators, with its largest effort."""

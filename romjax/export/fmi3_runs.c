@@ -121,7 +121,8 @@ API fmi3Status fmi3DoStep(fmi3Instance pointer, fmi3Float64 time, fmi3Float64 le
   if (!(isfinite(length) && length > 0)) FAIL("the length of a step is not positive");
   if (!(fabs(time - c->now.t) <= 1e-6 * length + NEAR_END * EPS * fabs(c->now.t)))
     FAIL("the step does not begin where the last one has ended");
-  if (c->now.has_stop && end > c->now.stop + 1e-6 * length) FAIL("the step ends after the stop time");
+  if (c->now.has_stop && end > c->now.stop + 1e-6 * length)
+    FAIL("the step ends after the stop time");
   if (!(end > c->now.t)) FAIL("the step is shorter than what rounding leaves of the time");
   status = advance(&c->now, end);
   *last = c->now.t;

@@ -3,7 +3,8 @@
  * Further numbers are FULL physical coordinates, FULL_KIND: 1 of positions of bodies, and further
  * functions model_output, model_start and, where it is needed, model_flags.
  */
-/* How much each stage of Dopri8 counts at a share of a step; of Rodas5P they are used as they are. */
+/* How much each stage of Dopri8 counts at a share of a step; those of Rodas5P are used as they are.
+ */
 static void weigh(const settings *s, double share, double *weight) {
   for (int l = 0; l < D_STAGES; l++) weight[l] = 0;
   if (s->method == RODAS5P) return;
@@ -125,16 +126,17 @@ static void begin_run(const double *x0, const settings *s, int own, double *y) {
 
 /* One run. `given`: alpha, beta, parameters; `numbers`: rtol, atol, dt (0: step size control);
  * `counts`: method, whether tolerances follow the motion, most steps, and whether the positions (1)
- * and velocities (2) at the start are those of the parameters; `told`: steps, accepted ones, status,
- * flags. Rows that the run does not get to are infinite. A library with derivatives has always
- * directions `along` which they are, and others have none. */
+ * and velocities (2) at the start are those of the parameters; `told`: steps, accepted ones,
+ * status, flags. Rows that the run does not get to are infinite. Libraries with derivatives always
+ * get directions; others get NULL. */
 void model_run(const double *x0, const double *given, const double *ts, int64_t rows,
                const double *numbers, const int64_t *counts, double *q, double *v, double *x,
                double *violation, int64_t *told, const directions *along) {
   double corner[CORNERS + 1], t = ts[0], next, good[2];
   int controlled = numbers[2] == 0, status = SUCCESS;
   settings s = {numbers[0], numbers[1], numbers[2], ts[rows - 1], 0, (int)counts[0],
-                (int)counts[1], controlled ? CORNERS : 0, counts[2], corner, given, along ? along->room : NULL};
+                (int)counts[1], controlled ? CORNERS : 0, counts[2], corner, given,
+                along ? along->room : NULL};
   outputs out = {q, v, x, violation, {0}, {0}, {0}, 0, 1, 1};
   state m;
   int64_t steps = 0, accepted = 0, row = 0;

@@ -16,6 +16,7 @@ from .parameters import check_given, free_parameters, resolve_parameters
 from .problems import Problems
 from .schema import validate
 from .settings import Settings
+from .starts import moves
 from .toml import read_tables
 from .versions import check_version
 
@@ -54,13 +55,14 @@ class SceneFile:
         contacts: bool = False,
     ):
         self.path, self.left_out = Path(path), ()
+        self._size: float | None = None
         if self.path.suffix.lower() in SUFFIXES:
             # Here, since few scenes are robots.
             from .robots.robot import read_robot
 
             robot = read_robot(self.path, start, signals, contacts)
             self._tables: dict[str, Any] = {"title": robot.title, "consistent": not robot.closed}
-            self._scene, self.text = robot.scene, ""
+            self._scene, self._size, self.text = robot.scene, robot.size, ""
             self.left_out = robot.left_out
         elif start or signals or contacts:
             raise InputError(
@@ -78,11 +80,26 @@ class SceneFile:
     def __call__(self, **parameters: Any) -> Scene:
         """The scene of some parameters, those of the file unless given; they may be traced.
 
+        Of a robot whose loops do not hold where it begins, a warning tells what moves.
+
         Raises InputError for a parameter that the file does not have or of another shape, and
         SceneFileError for values that make no scene.
         """
-        scene = self.placed(**parameters)
-        return self.closed(scene) if self.consistent else scene
+        return self._made(**parameters)
+
+    def _made(self, **parameters: Any) -> Scene:
+        placed = self.placed(**parameters)
+        if not self.consistent:
+            return placed
+        scene = self.closed(placed)
+        # A scene file says itself that bodies may move.
+        if self._size is not None and (told := moves(placed, scene, self._size)):
+            warnings.warn(
+                f"{self.path}: its loops do not hold where it begins, so that bodies have moved: "
+                f"{told}. Give a start at which they hold, unless this is the one that you mean.",
+                stacklevel=3,
+            )
+        return scene
 
     @property
     def consistent(self) -> bool:
@@ -170,7 +187,7 @@ def load_scene(
 
     - `path`: of the file.
     - `start`: the name of a keyframe of a robot, at which it begins; as the file places it unless
-      given.
+      given. Where loops do not hold there, a warning tells what moves to close them.
     - `signals`: of a robot, by the names of its actuators, or of joints without one, which then
       have a motor; constant at the control of the start, or at zero, unless given.
     - `contacts`: whether spheres and capsules of a robot touch planes and spheres, where the file
@@ -182,7 +199,7 @@ def load_scene(
     file = SceneFile(path, start=start, signals=signals, contacts=contacts)
     if file.left_out:
         _warn_of(file)
-    return file()
+    return file._made()
 
 
 def _warn_of(file: SceneFile) -> None:

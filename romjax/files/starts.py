@@ -8,6 +8,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..assembly.assemble import assemble
 from ..common import precision
+from ..common.compat import is_traced
 from ..compiling.program import program_once
 from ..scene.scene import Scene
 from ..system.base import AbstractSystem
@@ -18,6 +19,8 @@ from ..system.start import Start, length_of
 _FAR, _TURNED = 0.1, 10.0
 # Motions of less are not told, as shares of the same.
 _NONE = 1e-8
+# Of robots, whose files do not say that bodies may move, motions of more are told.
+_MUCH = 0.01
 # So many bodies are told of, those that move most.
 _MOST = 6
 
@@ -34,19 +37,37 @@ def start_rows(placed: Scene, closed: Scene, closes: bool) -> list[list[str]]:
         return [["start", "all joints hold"]]
     words = "all joints hold, once bodies have moved" if closes else "joints do not hold yet"
     rows = [["start", words if closes else f"{words}; add consistent = true at the top"]]
-    every = [
-        _Move.of(*pair, float(length)) for pair in zip(placed.bodies, closed.bodies, strict=True)
-    ]
-    moves = sorted((m for m in every if m.share > _NONE), key=lambda m: -m.share)
-    rows += [["moved" if closes else "to move", move.words()] for move in moves[:_MOST]]
-    if len(moves) > _MOST:
-        rows.append(["", f"and {len(moves) - _MOST} bodies less than these"])
+    every, moved = _moves(placed, closed, float(length), _NONE)
+    rows += [["moved" if closes else "to move", move.words()] for move in moved[:_MOST]]
+    if len(moved) > _MOST:
+        rows.append(["", f"and {len(moved) - _MOST} bodies less than these"])
     if following := [m.name for m in every if m.follows]:
         rows.append(["speeds", f"of {', '.join(following)} follow"])
-    if far := [m.name for m in moves if m.share > 1]:
+    if far := [m.name for m in moved if m.share > 1]:
         rows.append(["warning", f"{', '.join(far)}: further than {_FAR:.0%} of {length:.3g} m, or"])
         rows.append(["", f"{_TURNED:g} degrees; see that this is the start that you mean"])
     return rows
+
+
+def moves(placed: Scene, closed: Scene, length: float) -> str:
+    """What moves, in words, where a scene that is `placed` is `closed`, and by how much; "" for
+    less than a thousandth of a `length` [m] and a tenth of a degree, and while JAX traces.
+    """
+    if any(is_traced(x) for body in closed.bodies for x in body.start()):
+        return ""
+    _, moved = _moves(placed, closed, length, _MUCH)
+    told = [move.words() for move in moved[:_MOST]]
+    more = len(moved) - len(told)
+    return "; ".join(told) + (f"; and {more} bodies less than these" if more else "")
+
+
+def _moves(
+    placed: Scene, closed: Scene, length: float, least: float
+) -> tuple[list["_Move"], list["_Move"]]:
+    """The changes of all bodies, and those of more than a share, the largest first."""
+    pairs = zip(placed.bodies, closed.bodies, strict=True)
+    every = [_Move.of(*pair, length) for pair in pairs]
+    return every, sorted((m for m in every if m.share > least), key=lambda m: -m.share)
 
 
 class _Move(NamedTuple):

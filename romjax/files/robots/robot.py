@@ -30,12 +30,14 @@ class Robot(NamedTuple):
 
     - `scene`, `title`: as the file places it, and what it is called.
     - `closed`: whether the constraints besides its joints hold there.
+    - `size`: of its largest link [m].
     - `left_out`: what the scene has not, in words.
     """
 
     scene: Scene
     title: str
     closed: bool
+    size: float
     left_out: tuple[str, ...]
 
 
@@ -87,7 +89,7 @@ def _read(path: Path, start: str, signals: Mapping[str, AbstractSignal], touchin
         model.left_out.extend(contacts_left_out(model, asked=False))
     scene = Scene(tree.bodies, joined, effects)
     title = model.root.attributes.get("model") or model.root.attributes.get("name") or path.stem
-    return Robot(scene, title, _holds(model, data), tuple(model.left_out))
+    return Robot(scene, title, _holds(model, data), model.size, tuple(model.left_out))
 
 
 def _started(model: Model, start: str) -> Any:
