@@ -176,8 +176,8 @@ def test_contacts_that_hold_nothing(tmp_path):
 
 @pytest.mark.slow
 def test_what_falls_comes_to_rest_as_in_mujoco(tmp_path):
-    """A ball to the digits of both; a rod, of which each end carries half of the weight, within a
-    tenth of how deep it lies, since one law is Hertz's and the other is not.
+    """A ball to the digits of both; a rod, of which each end carries half of the weight, within
+    12 % of how deep it lies, since one law is Hertz's and the other is not.
     """
     path = written(tmp_path, lying(0.15))
     model = mujoco.MjModel.from_xml_path(str(path))

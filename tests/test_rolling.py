@@ -105,7 +105,8 @@ def test_wheel_turns_by_the_length_that_it_rolls():
         assert abs(WHEEL * (angle - ground) + arc) <= EXACT
 
 
-def test_disc_rolls_in_a_circle():
+@pytest.mark.parametrize("audit", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_disc_rolls_in_a_circle(audit):
     """Steadily, at a lean α: Ω² (C ρ / R + A sin α + m R ρ) cos α = m g R sin α."""
     radius, lean, way, gravity = 0.5, 0.4, 1.2, 9.81
     across, axial = MASS * radius**2 / 4, MASS * radius**2 / 2
@@ -129,10 +130,12 @@ def test_disc_rolls_in_a_circle():
     rolling = r.RollingDisc(disc.at((0.0, 0.0, 0.0)), rj.ground.at((0.0, 0.0, 0.0)), radius)
     system = rj.assemble(rj.Scene([disc], [rolling], [rj.Gravity((0.0, 0.0, -gravity))]))
     times = np.linspace(0.0, 2 * np.pi / yaw, 9)
-    moved = run(system, times)
+    moved = run(system, times, audit=audit)
     assert np.max(np.abs(moved["disc.x"] - way * np.cos(yaw * times))) <= EXACT
     assert np.max(np.abs(moved["disc.y"] - way * np.sin(yaw * times))) <= EXACT
     assert np.max(np.abs(moved["disc.z"] - radius * c)) <= EXACT
+    if audit:
+        assert np.max(np.abs(moved.imbalance)) <= 1e-9
 
 
 @pytest.mark.slow

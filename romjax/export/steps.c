@@ -129,7 +129,7 @@ static void dopri8(double t, double h, const settings *s, state *m, double *erro
 }
 
 #ifdef STIFF
-/* W = I/(h g) - da/dv - h g da/dq in two triangles, with pivots and the inverses of the diagonal. */
+/* W = I/(h g) - da/dv - h g da/dq in two triangles, with pivots and inverses of the diagonal. */
 static void factor(double step, state *m) {
   double *w = m->w;
   for (int i = 0; i < N * N; i++) w[i] = -m->by_v[i] - step * m->by_q[i];

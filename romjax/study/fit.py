@@ -243,9 +243,9 @@ class _Point(NamedTuple):
     the free numbers (p,).
     """
 
-    residuals: Any
-    jacobian: Any
-    growth: Any
+    residuals: Float[np.ndarray, " k"]
+    jacobian: Float[np.ndarray, "k p"]
+    growth: Float[np.ndarray, " p"]
 
 
 class _Points:
@@ -272,7 +272,8 @@ class _Points:
 
 
 @filter_jit
-def _linearize(misfit: _Misfit, free: Vector) -> _Point:
+def _linearize(misfit: _Misfit, free: Vector) -> tuple[Array, Array, Array]:
+    """What a `_Point` holds."""
     natural, growth = jax.jvp(misfit.bounds.natural, (free,), (jnp.ones_like(free),))
 
     def twice(natural: Vector) -> tuple[Array, Array]:
@@ -280,7 +281,7 @@ def _linearize(misfit: _Misfit, free: Vector) -> _Point:
         return residuals, residuals
 
     jacobian, residuals = jax.jacfwd(twice, has_aux=True)(natural)
-    return _Point(residuals, jacobian, growth)
+    return residuals, jacobian, growth
 
 
 @filter_jit
