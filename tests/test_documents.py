@@ -15,6 +15,7 @@ import romjax as rj
 
 PATH = re.compile(r"(?<![\w/-])(?:notebooks|benchmarks|romjax|tests)/(?:[\w./-]*\w)?")
 NAME = re.compile(r"\b(?:rj|romjax)(?:\.[A-Za-z]\w*)+")
+LINK = re.compile(r"\]\(([^):#]+\.md)[)#]")
 EXTRA = re.compile(r"extra `(\w+)`")
 
 
@@ -102,6 +103,21 @@ def test_paths():
     named = {path for text in DOCUMENTS.values() for path in PATH.findall(BLOCK.sub("", text))}
     assert len(named) > 10
     assert [path for path in sorted(named) if not (ROOT / path).exists()] == []
+
+
+@pytest.mark.instant
+def test_notebooks_link_to_pages():
+    """From where the site has them."""
+    folder = ROOT / "docs" / "tutorials" / "notebooks"
+    linked = [
+        (path.name, page)
+        for path in sorted((ROOT / "notebooks").glob("*.ipynb"))
+        for cell in nbformat.read(path, 4).cells
+        if cell.cell_type == "markdown"
+        for page in LINK.findall(cell.source)
+    ]
+    assert linked
+    assert [link for link in linked if not (folder / link[1]).resolve().exists()] == []
 
 
 @pytest.mark.instant
