@@ -8,7 +8,18 @@ import tomllib
 import nbformat
 import numpy as np
 import pytest
-from documents import BLOCK, DOCSTRINGS, DOCUMENTS, INDENTED, PAGES, ROOT, blocks, marked, spans
+from documents import (
+    BLOCK,
+    DOCSTRINGS,
+    DOCUMENTS,
+    INDENTED,
+    NOTEBOOKS,
+    PAGES,
+    ROOT,
+    blocks,
+    marked,
+    spans,
+)
 from names import mistakes
 
 import romjax as rj
@@ -111,7 +122,7 @@ def test_notebooks_link_to_pages():
     folder = ROOT / "docs" / "tutorials" / "notebooks"
     linked = [
         (path.name, page)
-        for path in sorted((ROOT / "notebooks").glob("*.ipynb"))
+        for path in NOTEBOOKS
         for cell in nbformat.read(path, 4).cells
         if cell.cell_type == "markdown"
         for page in LINK.findall(cell.source)
