@@ -45,6 +45,13 @@ def link(signal) -> rj.Scene:
     return rj.Scene([body], [rj.PrescribedDistance(body.at(), rj.ground.at(), signal)])
 
 
+@pytest.mark.slow
+def test_a_distance_that_comes_to_zero_fails():
+    """It has no direction there, and nothing below zero."""
+    with pytest.raises(rj.SimulationError, match="CONSTRAINTS_VIOLATED: not all joints hold"):
+        zoo.run(rj.assemble(rj.consistent_scene(link(rj.Ramp(-1.0)))), [0.0, 0.5, 1.0])
+
+
 def begin(scene) -> list[float]:
     """The offsets of the drives, once the scene is assembled."""
     joints = [group.joints for group in rj.assemble(scene).joints]

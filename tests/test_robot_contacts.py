@@ -92,6 +92,21 @@ def test_contacts_that_are_not_asked_for_are_listed(tmp_path):
         ":2: contact of sphere and box: 'm' and 'k'",
     ]
     assert len(scene().effects) == 2
+    # A mesh of a link that has its inertia by numbers is not read, and may touch all the same.
+    mesh = '<worldbody><body><joint/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    mesh += '<geom type="mesh" mesh="m"/></body></worldbody>'
+    asset = '<asset><mesh name="m" file="m.stl"/></asset>'
+    flag = '<option><flag contact="disable"/></option>'
+    told = {
+        (True, ""): ["contacts of 1 meshes"],
+        (False, ""): ["contacts of 1 meshes; say contacts=True for those"],
+        (True, flag): ['contacts, which <flag contact="disable"/> switches off'],
+        (False, flag): [],
+    }
+    for (asked, more), lines in told.items():
+        path.write_text(f"<mujoco>{more}{asset}{mesh}</mujoco>")
+        said = rj.scene_file(path, contacts=asked).left_out
+        assert [str(x).partition("robot.xml: ")[2][:47] for x in said] == [x[:47] for x in lines]
     off = rj.scene_file(GALLERY / "leg.xml", contacts=True).left_out
     assert [str(x).partition("leg.xml")[2][:12] for x in off] == [": contacts, "]
 

@@ -262,6 +262,12 @@ def test_open_ranges_go_in_and_out(tmp_path):
     assert found.largest_signal == 0.5
     assert (found.activation.least, found.activation.largest) == (0.5, None)
     assert found.activation.start == 0.5
+    # The force of an actuator beyond what its joint lets pass.
+    link = LINK.replace('name="h"', 'name="h" actuatorfrcrange="-3 3"')
+    strong = '<actuator><motor joint="h" forcerange="5 9"/></actuator>'
+    text = f"<mujoco><worldbody>{link}</worldbody>{strong}</mujoco>"
+    (motor,) = rj.load_scene(written(tmp_path, text)).effects[1:]
+    assert (motor.least, motor.largest) == (3.0, 3.0)
     turn = f'<body><joint type="ball" range="0 200"/>{BALL}</body>'
     free = rj.load_scene(written(tmp_path, f"<mujoco><worldbody>{turn}</worldbody></mujoco>"))
     assert not any(isinstance(x, rj.JointStop) for x in free.effects)

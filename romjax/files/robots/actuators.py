@@ -1,6 +1,5 @@
 """The actuators of a robot, which signals of their names drive."""
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -13,7 +12,7 @@ from ...scene.effect.actuator import Actuator
 from ...scene.effect.joint_damper import ANY
 from ...scene.marker import Marker
 from ...scene.signal import AbstractSignal, Constant
-from .attributes import open_ends, start_within
+from .attributes import open_ends, within
 from .connections import tendon_ends
 from .joints import Measured
 from .model import Model
@@ -83,7 +82,9 @@ def _actuator(
     least, largest = _range(arrays, "force", number)
     if joint is not None:
         lower, upper = _joint_range(model, joint, gear)
-        least, largest = _both(max, least, lower), _both(min, largest, upper)
+        # The joint cuts off what is left of the force by then.
+        least = lower if least is None else within(least, lower, upper)
+        largest = upper if largest is None else within(largest, lower, upper)
     lowest, highest = _range(arrays, "ctrl", number)
     biased = int(arrays.actuator_biastype[number]) != 0
     offset, proportional, derivative = (float(x) if biased else 0.0 for x in bias[:3])
@@ -119,7 +120,7 @@ def _activation(model: Model, number: int, states: Any) -> Activation | None:
         least,
         largest,
         # MuJoCo brings one that begins beyond its range back.
-        start_within(start, least, largest),
+        within(start, least, largest),
     )
 
 
@@ -181,8 +182,3 @@ def _joint_range(model: Model, joint: int, gear: float) -> tuple[float | None, f
     ends = (None if x is None else x / gear for x in open_ends(arrays.jnt_actfrcrange[joint]))
     least, largest = ends
     return (least, largest) if gear > 0 else (largest, least)
-
-
-def _both(choose: Any, one: float | None, other: float | None) -> float | None:
-    given = [x for x in (one, other) if x is not None and math.isfinite(x)]
-    return choose(given) if given else None

@@ -66,7 +66,7 @@ def activated(part: Actuator) -> str:
     a = part.activation
     if a is None:
         return ""
-    if float(a.start) != start_within(0.0, a.least, a.largest):
+    if float(a.start) != within(0.0, a.least, a.largest):
         raise SceneError(
             f"save: the activation of '{part.label()}' begins at {float(a.start):g}, and in MJCF "
             "without keyframes at zero; set start to zero, or save the scene as TOML."
@@ -93,9 +93,9 @@ def open_ends(values: Any) -> tuple[float | None, float | None]:
     return None if low <= -_OPEN else low, None if high >= _OPEN else high
 
 
-def start_within(start: float, least: Any, largest: Any) -> float:
-    """The state of an actuator that would begin at `start`, within its limits where it has some."""
-    above = start if least is None else max(start, float(least))
+def within(x: float, least: Any, largest: Any) -> float:
+    """A number cut off at two values, where they are given."""
+    above = x if least is None else max(x, float(least))
     return above if largest is None else min(above, float(largest))
 
 

@@ -17,6 +17,7 @@ from ...scene.joint.weld import Weld
 from ...scene.marker import Marker
 from ...scene.placement import Placement
 from ...scene.signal import Constant
+from .attributes import open_ends
 from .joints import Measured
 from .model import Model
 from .passive import dissipation, rubbing
@@ -138,12 +139,12 @@ def _line(model: Model, tree: Tree, i: int) -> Iterator[Any]:
     if stiffness and shortest == longest:
         yield JointSpring(a, b, stiffness, longest, "distance")
     elif stiffness:
-        yield JointStop(a, b, shortest, longest, stiffness, motion="distance")
+        yield JointStop(a, b, *open_ends((shortest, longest)), stiffness, motion="distance")
     if damping or friction:
         yield JointDamper(a, b, damping, rubbing(model, friction, "distance"), "distance")
-    if arrays.tendon_limited[i]:
-        ends = [float(x) for x in arrays.tendon_range[i]]
-        yield JointStop(a, b, ends[0], ends[1], _STOP, dissipation(model, "distance"), "distance")
+    ends = open_ends(arrays.tendon_range[i])
+    if arrays.tendon_limited[i] and ends != (None, None):
+        yield JointStop(a, b, *ends, _STOP, dissipation(model, "distance"), "distance")
 
 
 def _ropes(model: Model, tree: Tree, i: int) -> Iterator[Any]:
