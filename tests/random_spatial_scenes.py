@@ -83,6 +83,11 @@ def smooth(lot: Lot) -> rj.AbstractSignal:
     return random_signal(lot, 0.3, smooth=True)
 
 
+def way(lot: Lot) -> rj.AbstractSignal:
+    """Of a distance, which stays positive."""
+    return rj.Sum((rj.Constant(1.0), smooth(lot)))
+
+
 def curve(lot: Lot) -> Any:
     return lot.one_of([r.Helix(0.5, 0.3), r.SpacePolynomial(lot.around(0.5, (3, 2)))])
 
@@ -122,7 +127,7 @@ JOINTS = (
     lambda lot, a, b: rj.FixedAngle(*ends(lot, a, b), value=lot.around(1.0)),
     lambda lot, a, b: rj.PrescribedAngle(*ends(lot, a, b), smooth(lot)),
     lambda lot, a, b: rj.PrescribedTravel(*ends(lot, a, b), smooth(lot)),
-    lambda lot, a, b: rj.PrescribedDistance(*ends(lot, a, b), smooth(lot)),
+    lambda lot, a, b: rj.PrescribedDistance(*ends(lot, a, b), way(lot)),
 )
 
 EFFECTS = (
