@@ -258,4 +258,4 @@ def measure() -> Iterator[record.Section]:
 
 
 if __name__ == "__main__":
-    record.main(measure)
+    record.main(measure, setup=record.begin_as_users)
