@@ -179,7 +179,7 @@ def test_a_run_in_a_foreign_jit_is_told_of_once(untold):
 
 
 def test_many_derivatives_outside_of_a_program_are_told_of(untold):
-    """One by one they are taken without the options, and ten times as slowly."""
+    """One by one they are taken without the options, and in many times the time."""
 
     def swung(x):
         xla.tell_of_jit()

@@ -65,9 +65,10 @@ def tell_of_jit() -> None:
     _told.append(True)
     warnings.warn(
         "simulate: this run is part of a function that jax.jit or another transformation of JAX "
-        "compiles without the options for small mechanisms, so that it takes several times as long "
-        "on a CPU: compile it by romjax.jit instead, around all transformations; or, where the "
-        "call of jax.jit is not yours, call romjax.speed_up_xla() right after importing romjax.",
+        "compiles without the options for small mechanisms, so that it takes at least twice as "
+        "long on a CPU: compile it by romjax.jit instead, around all transformations; or, where "
+        "the call of jax.jit is not yours, call romjax.speed_up_xla() right after importing "
+        "romjax.",
         stacklevel=3,
     )
 
