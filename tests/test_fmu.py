@@ -374,7 +374,6 @@ def test_sources_alone_need_no_compiler(tmp_path, monkeypatch):
     assert made.path.stat().st_size > 1000
 
 
-@pytest.mark.instant
 def test_names_are_told_apart(tmp_path):
     given = {"inputs": {"bar1.x": lambda t, q, v: q}, "stabilization": rj.Baumgarte(1.0, 1.0)}
     with pytest.raises(rj.InputError, match=r"several variables of the name 'bar1\.x'"):
