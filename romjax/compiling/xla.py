@@ -110,15 +110,15 @@ class Jitted:
         # Forms of arguments for which a call failed although XLA compiles their program.
         self._compiled = set[Any]()
 
-    @functools.cached_property
-    def _options(self) -> dict[str, Any]:
+    def _with_options(self, function: Callable[..., Any]) -> Any:
         # Asking for the options sets JAX up, which the first call may do, but no decorator.
         given = self._settings.get("compiler_options") or {}
-        return {"compiler_options": {**(known_options() or {}), **given}}
+        options = {**(known_options() or {}), **given}
+        return self._how(function, **{**self._settings, "compiler_options": options})
 
     @functools.cached_property
     def _plain(self) -> Any:
-        return self._how(self._function, **{**self._settings, **self._options})
+        return self._with_options(self._function)
 
     @functools.cached_property
     def _outermost(self) -> Any:
@@ -126,7 +126,7 @@ class Jitted:
         several = jax.local_device_count() > 1
         if known_options() is None or several or not compat.compiles_functions():
             return self._plain
-        return self._how(_split(self._function), **{**self._settings, **self._options})
+        return self._with_options(_split(self._function))
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         config: Any = jax.config
@@ -180,8 +180,8 @@ class Jitted:
 
     def clear_cache(self) -> None:
         """Forget the compiled programs, as `jax.jit` does."""
-        self._inside.clear_cache()
-        self._outermost.clear_cache()
+        for program in (self._inside, self._plain, self._outermost):
+            program.clear_cache()
 
 
 @overload
