@@ -21,6 +21,10 @@ _TOUCHING = (PLANE, SPHERE), (PLANE, CAPSULE), (SPHERE, SPHERE), (SPHERE, CAPSUL
 # a contact by MuJoCo's defaults holds a weight on Earth, of a robot of 1 m.
 _DEPTH = 4e-4
 
+_REMEDY = (
+    '; say contacts=True for those of planes, spheres and capsules, or <flag contact="disable"/>'
+)
+
 
 class Pair(NamedTuple):
     """Two geoms that may touch, the simpler shape first, and MuJoCo's numbers of their contact.
@@ -67,21 +71,10 @@ def contacts_left_out(model: Model, asked: bool) -> Iterator[str]:
         if asked:
             yield f'{model.root.path}: contacts, which <flag contact="disable"/> switches off'
         return
-    meshes = f"{model.meshes} meshes" if model.meshes else ""
-    touching = {i for pair in _pairs(model) for i in (pair.first, pair.second)}
-    geoms = f"{len(touching)} geoms" if touching and not asked else ""
-    if not (geoms or meshes):
-        return
-    remedy = (
-        ""
-        if asked
-        else (
-            "; say contacts=True for those of planes, spheres and capsules, or "
-            '<flag contact="disable"/>'
-        )
-    )
-    both = " and ".join(words for words in (geoms, meshes) if words)
-    yield f"{model.root.path}: contacts of {both}{remedy}"
+    geoms = set() if asked else {i for pair in _pairs(model) for i in (pair.first, pair.second)}
+    counts = {"geoms": len(geoms), "meshes": model.meshes}
+    if parts := [f"{count} {what}" for what, count in counts.items() if count]:
+        yield f"{model.root.path}: contacts of {' and '.join(parts)}{'' if asked else _REMEDY}"
 
 
 def _is_rigid(model: Model, pair: Pair) -> bool:
