@@ -19,8 +19,8 @@ from zoo import bar
 
 import romjax as rj
 from romjax.common import writing
+from romjax.common.files import write_dataset
 from romjax.files.begin import write_start
-from romjax.files.results import store
 from romjax.pages import csv_table, report
 
 PACKAGE = Path(rj.__file__).parent
@@ -65,7 +65,7 @@ WRITERS = {
     "text.toml": lambda: lambda path: writing.write(path, 1000 * "text"),
     "scene.toml": lambda: bars().save,
     "table.csv": lambda: lambda path: csv_table.write(path, ["a"], [[x] for x in range(1000)]),
-    "run.nc": lambda: functools.partial(store.write, dataset()),
+    "run.nc": lambda: functools.partial(write_dataset, dataset()),
 }
 COMPILING = {"plate.toml": lambda: plate(0).save, "moving.html": film, "moving.gif": film}
 

@@ -1,4 +1,4 @@
-"""Imports at run time: packages that only an extra brings, and functions of later folders."""
+"""Imports at run time: packages that only an extra brings."""
 
 import importlib
 from types import ModuleType
@@ -24,12 +24,3 @@ def extra(owner: str, module: str, name: str, instead: str = "") -> ModuleType:
 def data_frame(owner: str, rows: Any, instead: str) -> Any:
     """Return a data frame of pandas (extra `study`); `owner` and `instead` as in `extra`."""
     return extra(owner, "pandas", "study", instead).DataFrame(rows)
-
-
-def lazy_import(module: str, function: str) -> Any:
-    """Return a function of a module that the caller must not import, loading it now.
-
-    Folders import those below them only, but some methods, such as `Trajectory.save`, need code
-    from above.
-    """
-    return getattr(importlib.import_module(f"romjax.{module}"), function)

@@ -1,22 +1,16 @@
-"""Pictures of runs and scenes, whose code is imported when somebody asks for one."""
+"""Pictures of runs and scenes: a generic function, which the folder of pictures defines."""
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
 from .errors import InputError
-from .extras import lazy_import
-
-_ANIMATE = "plot.motion.animate"
 
 
-def animated(run: Any, *others: Any, **options: Any) -> Any:
-    """The moving picture of a run, and of `others` over it."""
-    return lazy_import(_ANIMATE, "animate_run")(run, *others, **options)
-
-
-def still(scene: Any) -> Any:
-    """The picture of a scene at its start."""
-    return lazy_import(_ANIMATE, "animate")(scene)
+@functools.singledispatch
+def picture_of(shown: Any, *others: Any, **options: Any) -> Any:
+    """The picture of a scene at its start, or the moving one of a run, and of `others` over it."""
+    raise TypeError(f"No picture shows a {type(shown).__name__}, {others}, {options}.")
 
 
 def inline(make: Callable[[], Any]) -> str | None:

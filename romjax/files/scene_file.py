@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..assembly.closing import consistent_scene
+from ..common import files
 from ..common.errors import InputError, SceneFileError
 from ..scene.scene import Scene
 from ..scene.signal import AbstractSignal
@@ -26,6 +27,16 @@ __all__ = ["SceneFile", "load_scene", "scene_file"]
 SUFFIXES = (".xml", ".mjcf", ".urdf")
 # Of a warning: more lines hide what comes before.
 _LISTED = 8
+
+
+@files.save.register(Scene)
+def _save_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
+    # Here, since most runs load nothing that writes TOML or MJCF.
+    from .robots.export import save_mjcf
+    from .write import save
+
+    is_robot = Path(path).suffix.lower() in (".xml", ".mjcf")
+    (save_mjcf if is_robot else save)(scene, path)
 
 
 class SceneFile:

@@ -143,16 +143,6 @@ def _allowed(xp: Any, rtol: Any, measured: float) -> Any:
     return xp.maximum(_ALLOWED * xp.maximum(rtol, measured), _LEAST)
 
 
-def describe(run: Trajectory) -> str:
-    """Say for a flag how much a model errs on the motions that it was made of."""
-    training = None if run.derived.parts is None else training_of(run.system)
-    if training is None or not training.errors:
-        return "more modes help"
-    error = max(one.after(np.asarray(run.t[-1] - run.t[0])) for one in training.errors)
-    much = f"{error:.1e} of the longest way of a body" if np.isfinite(error) else "it fails there"
-    return f"{much}; take more modes, as romjax.reduce_to finds them for a tolerance"
-
-
 def _errors(system: AbstractSystem, simulate: Simulate) -> tuple[TrainingError, ...]:
     """The errors of a model, measured if nobody has; none of what is no model."""
     training = training_of(system)

@@ -10,17 +10,22 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from ..assembly.conditioning import conditioning_warning
+from ..assembly.disassemble import disassemble
+from ..assembly.linear_bodies import linear_warning
+from ..assembly.locate import assembled
 from ..common.arrays import Vector, as_number
 from ..common.checks import unknown_name
 from ..common.errors import InputError
-from ..common.extras import lazy_import
+from ..common.files import dataset_of, write_dataset
 from ..common.partition import Partitioned
-from ..common.pictures import animated, inline
+from ..common.pictures import inline, picture_of
 from ..events.record import Events
 from ..scene.coordinate import Coordinate, find, quaternions_of
 from ..scene.scene import Scene
 from ..system.base import AbstractSystem
 from ..system.flags import WORDS, Flag
+from ..system.training import describe_errors, training_of
 from .allowed_errors import allowed_errors
 from .dense import DenseOutput
 from .derived import EagerQuantities, LazyQuantities
@@ -126,8 +131,7 @@ class Trajectory(eqx.Module):
         Raises InputError where the run does not know it, as `Trajectory.system`, or where it is no
         mechanism of bodies.
         """
-        scene: Scene = lazy_import("files.results.scenes", "scene_of")(self)
-        return scene
+        return disassemble(assembled("Trajectory.scene", self.system))
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -183,18 +187,19 @@ class Trajectory(eqx.Module):
             words[Flag.ENERGY] += f" ({self.balance.describe()})"
         if Flag.BRANCH in flags and self.branching is not None:
             words[Flag.BRANCH] += f" ({self.branching.describe()})"
-        if Flag.LEFT_OUT in flags:
-            words[Flag.LEFT_OUT] += f" ({lazy_import('integrate.left_out', 'describe')(self)})"
         failure = [] if self.success else [self.summary()]
         parts = self.derived.parts
+        if Flag.LEFT_OUT in flags:
+            training = None if parts is None else training_of(self.system)
+            span = float(self.t[-1] - self.t[0])
+            words[Flag.LEFT_OUT] += f" ({describe_errors(training, span)})"
         others = []
         if parts is not None:
             system = parts.combine()
             states = system.full, self.t, self.q, self.v
-            others.append(lazy_import("assembly.linear_bodies", "linear_warning")(*states))
+            others.append(linear_warning(*states))
             if system.m and self.stats.rtol is not None:
-                of_masses = lazy_import("assembly.conditioning", "conditioning_warning")
-                others.append(of_masses(*states, float(self.stats.rtol)))
+                others.append(conditioning_warning(*states, float(self.stats.rtol)))
         return "; ".join([*failure, *words.values(), *filter(None, others)])
 
     def summary(self) -> str:
@@ -253,7 +258,7 @@ class Trajectory(eqx.Module):
         Raises ImportError, with what to install, without the extra; InputError for a measured array
         that has not one row for each output, and a scene with other coordinates than the run.
         """
-        return lazy_import("files.results.dataset", "dataset_of")(self, scene, measured, error)
+        return dataset_of(self, scene, measured, error)
 
     def save(
         self, path: str | os.PathLike[str], scene: Scene | None = None, **measured: Any
@@ -264,7 +269,7 @@ class Trajectory(eqx.Module):
 
         - `path`: of the file, such as "run.nc". `scene`, `measured`: as `to_xarray`.
         """
-        lazy_import("files.results.store", "write")(self.to_xarray(scene, **measured), path)
+        write_dataset(self.to_xarray(scene, **measured), path)
 
     def noise(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Return the errors of positions and velocities that tolerances allow, in the energy norm.
@@ -288,7 +293,7 @@ class Trajectory(eqx.Module):
         Raises InputError for a run that does not know its mechanism, as one that is part of a
         transformation of JAX; `romjax.animate` is told which it is.
         """
-        return animated(self, *others, **options)
+        return picture_of(self, *others, **options)
 
     def _repr_html_(self) -> str | None:
         """Return the moving picture of the run; None where that needs more than the run."""

@@ -9,9 +9,9 @@ from ..assembly.kinematics import Markers
 from ..assembly.locate import Located, locate
 from ..common.arrays import Vector
 from ..common.errors import InputError
-from ..common.extras import lazy_import
 from ..integrate.trajectory import Trajectory
 from ..scene.marker import Marker, Pose
+from ..study.corrected import corrected_with
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
 from .states import Rest, accelerations, along_run, run_or_rest
@@ -182,7 +182,7 @@ def measure(
         return Measurement(system, moved, located)
     if isinstance(moved, Rest):
         raise InputError("measure: error=True is of a run, not of a mechanism at rest.")
-    other, richer = lazy_import("study.corrected", "corrected_with")(system, moved)
+    other, richer = corrected_with(system, moved)
     return Measurement(system, moved, located, Measurement(richer, other, located))
 
 

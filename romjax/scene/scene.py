@@ -6,10 +6,10 @@ from typing import Any
 
 import equinox as eqx
 
+from ..common import files
 from ..common.checks import unknown_name
 from ..common.errors import SceneError
-from ..common.extras import lazy_import
-from ..common.pictures import inline, still
+from ..common.pictures import inline, picture_of
 from .body.base import AbstractBody
 from .body.sections import AbstractSection
 from .editing import carried_over, find_body, moved_markers
@@ -47,9 +47,7 @@ class Scene(eqx.Module):
         Raises SceneError for a part of one's own that has what no file can hold, and for each part
         that MJCF does not hold, by name.
         """
-        robot = os.fspath(path).lower().endswith((".xml", ".mjcf"))
-        module = ("files.robots.export", "save_mjcf") if robot else ("files.write", "save")
-        lazy_import(*module)(self, path)
+        files.save(self, path)
 
     def replace(self, name: str, body: AbstractBody) -> "Scene":
         """The scene with a `body` in the place of that of a `name`: markers are, at the start,
@@ -198,7 +196,7 @@ class Scene(eqx.Module):
 
     def _repr_html_(self) -> str | None:
         """Return the picture of the scene at the start, which notebooks show."""
-        return inline(lambda: still(self))
+        return inline(lambda: picture_of(self))
 
 
 def _check_kinds(field: str, parts: Sequence[Any], kind: type) -> None:

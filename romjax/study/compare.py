@@ -14,7 +14,7 @@ from ..common.arrays import concrete
 from ..common.checks import check_kind
 from ..common.extras import data_frame
 from ..common.identity_cache import IdentityCache
-from ..common.pictures import animated, inline
+from ..common.pictures import inline, picture_of
 from ..compiling.program import program
 from ..integrate.trajectory import Trajectory
 from ..linalg.quaternions import columns as quaternion_columns
@@ -60,7 +60,7 @@ class Comparison(eqx.Module):
         if not motions or any(motion is None for motion in motions):
             return None
         labels = ["truth", f"error {float(self.error):.1e}"]
-        return inline(lambda: animated(*motions, labels=labels))
+        return inline(lambda: picture_of(*motions, labels=labels))
 
 
 # Not to hold motions that nobody else needs any more.

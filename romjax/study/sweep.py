@@ -14,7 +14,7 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from tqdm import tqdm
 
-from ..common.extras import lazy_import
+from ..common.files import dataset_of, write_dataset
 from ..compiling.program import program
 from ..compiling.xla import tracing_with_options
 from ..integrate.doubt import DOUBTS
@@ -78,7 +78,7 @@ class Sweep:
 
         Raises InputError where lanes hold several runs.
         """
-        return lazy_import("files.results.sweeps", "dataset_of")(self)
+        return dataset_of(self)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the sweep to a netCDF file, as `to_xarray` has it; `xarray.open_dataset` reads it.
@@ -87,7 +87,7 @@ class Sweep:
 
         - `path`: of the file, such as "sweep.nc".
         """
-        lazy_import("files.results.store", "write")(self.to_xarray(), path)
+        write_dataset(self.to_xarray(), path)
 
 
 def sweep(

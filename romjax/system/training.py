@@ -73,6 +73,15 @@ def training_of(system: AbstractSystem) -> Training | None:
     return training
 
 
+def describe_errors(training: Training | None, span: float) -> str:
+    """Say how much a model errs on the motions that it was made of, in a time `span` [s]."""
+    if training is None or not training.errors:
+        return "more modes help"
+    error = max(one.after(np.asarray(span)) for one in training.errors)
+    much = f"{error:.1e} of the longest way of a body" if np.isfinite(error) else "it fails there"
+    return f"{much}; take more modes, as romjax.reduce_to finds them for a tolerance"
+
+
 def forget_training(rom: AbstractSystem) -> None:
     """Drop the known error of a model on its training, for callers that measure it anew."""
     training = training_of(rom)

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ...common.extras import extra, lazy_import
+from ...common.extras import extra
 from ...integrate.trajectory import Trajectory
 from ...scene.scene import Scene
+from ...study.corrected import corrected
 from .measured import measured
 from .scenes import scene_words
 from .variables import names_of, variables_of
@@ -19,7 +20,7 @@ from .variables import names_of, variables_of
 VERSION = 1
 
 
-def dataset_of(
+def dataset_of_run(
     run: Trajectory, scene: Scene | None, extras: Mapping[str, Any], error: bool = False
 ) -> Any:
     """The dataset that `Trajectory.to_xarray` describes."""
@@ -34,12 +35,12 @@ def dataset_of(
                 names["axis"] = (("axis",), np.array(["x", "y"], object), {"long_name": "axis"})
     attributes = attributes_of(run, scene) | origin("run")
     if error:
-        corrected = lazy_import("study.corrected", "corrected")(run.system, run)
-        attributes["error_words"] = corrected.summary()
+        richer = corrected(run.system, run)
+        attributes["error_words"] = richer.summary()
         for name in ("q", "v"):
             dimensions, values, words = variables[name]
             words = {**words, "long_name": f"{words['long_name']}, estimated error"}
-            apart = np.abs(np.asarray(getattr(corrected, name)) - values)
+            apart = np.abs(np.asarray(getattr(richer, name)) - values)
             variables[f"{name}_error"] = (dimensions, apart, words)
     return xarray.Dataset(variables, names, attributes)
 

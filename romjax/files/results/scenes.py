@@ -6,19 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from ...assembly.assemble import assemble
-from ...assembly.disassemble import disassemble
-from ...assembly.locate import assembled
 from ...common.errors import InputError
 from ...integrate.trajectory import Trajectory
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem
 from ..scene_file import load_scene
 from .fitting import listed
-
-
-def scene_of(run: Trajectory) -> Scene:
-    """The scene of the system that moved."""
-    return disassemble(assembled("Trajectory.scene", run.system))
 
 
 def scene_words(run: Trajectory, given: Scene | None) -> dict[str, str]:
@@ -29,7 +22,7 @@ def scene_words(run: Trajectory, given: Scene | None) -> dict[str, str]:
     from ..write import text_of
 
     try:
-        scene = scene_of(run) if given is None else given
+        scene = run.scene if given is None else given
         labels = run.labels if given is None else assemble(given).structure.labels
         text = text_of(scene)
     except InputError as error:

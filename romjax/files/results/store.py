@@ -7,29 +7,19 @@ import diffrax
 import jax
 import numpy as np
 
-from ...common import writing
 from ...common.errors import InputError
 from ...common.extras import extra
+from ...common.files import check_netcdf, dataset_of
 from ...integrate.trajectory import Trajectory
-from .dataset import VERSION
+from ...study.sweep import Sweep
+from .dataset import VERSION, dataset_of_run
 from .fitting import check_arrays, check_scene
 from .restore import solver_of, trajectory_of
+from .sweeps import dataset_of_sweep
 
-_PACKAGES = ("h5netcdf", "h5py")
-
-
-def write(dataset: Any, path: str | os.PathLike[str]) -> None:
-    """Write a dataset to a netCDF file."""
-    for package in _PACKAGES:
-        extra("save", package, "files")
-    for name, variable in dataset.variables.items():
-        if np.iscomplexobj(variable):
-            raise InputError(
-                f"save: '{name}' is complex, but netCDF has real numbers only; save its real and "
-                "its imaginary part."
-            )
-    # In memory, since HDF5 ends the process where the disk is full.
-    writing.write(path, dataset.to_netcdf(None, engine="h5netcdf"))
+# How runs and sweeps save themselves.
+dataset_of.register(Trajectory, dataset_of_run)
+dataset_of.register(Sweep, dataset_of_sweep)
 
 
 def load(
@@ -54,8 +44,7 @@ def load(
     `solver` than that of the run.
     """
     xarray = extra("load", "xarray", "files")
-    for package in _PACKAGES:
-        extra("load", package, "files")
+    check_netcdf("load")
     try:
         dataset = xarray.load_dataset(path)
     except FileNotFoundError as error:

@@ -15,7 +15,7 @@ from .dataset import origin
 from .variables import Variable, meanings_of_flags, meanings_of_status, names_of, variables_of
 
 
-def dataset_of(sweep: Sweep) -> Any:
+def dataset_of_sweep(sweep: Sweep) -> Any:
     """The dataset that `Sweep.to_xarray` describes."""
     xarray = extra("Sweep.to_xarray", "xarray", "files")
     lanes = np.arange(len(sweep.status))

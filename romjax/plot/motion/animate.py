@@ -12,6 +12,7 @@ from ...assembly.disassemble import disassemble
 from ...assembly.locate import assembled
 from ...basis.basis import Basis
 from ...common.errors import InputError
+from ...common.pictures import picture_of
 from ...integrate.trajectory import Trajectory
 from ...scene.marker import Marker
 from ...scene.scene import Scene
@@ -104,6 +105,7 @@ def animate(
     return Animation(t, drawn, clock, scale, outputs=plotted, title=title, view=view)
 
 
+@picture_of.register(Trajectory)
 def animate_run(run: Trajectory, *others: Trajectory, **options: Any) -> Animation:
     """A run, and `others` over it, by the mechanism that it carries; `options` of `animate`.
 
@@ -118,6 +120,11 @@ def animate_run(run: Trajectory, *others: Trajectory, **options: Any) -> Animati
             "that is implicit, does not know its mechanism; call romjax.animate(scene, run)."
         )
     return animate(full, run, *others, **options)
+
+
+@picture_of.register(Scene)
+def _still(scene: Scene) -> Animation:
+    return animate(scene)
 
 
 def _scene_of(mechanism: Scene | AbstractSystem) -> Scene:
