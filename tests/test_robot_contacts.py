@@ -122,6 +122,10 @@ def lying(z: float, more: str = "") -> str:
     )
 
 
+OVERRIDE = (
+    '<flag override="enable"/></option><option o_solref="0.05 0.7" o_solimp="0.8 0.9 0.01" '
+    'o_friction="0.4 {} 0 0 0" {}>'
+)
 # What a contact yields by, and the options of the file.
 YIELDING = {
     "default": ("", ""),
@@ -135,6 +139,7 @@ YIELDING = {
     "no damping ratio": ('solref="0.02 0"', ""),
     "half of each form": ('solref="-9000 5"', ""),
     "by stiffness": ('solref="-9000 -50"', ""),
+    "by the options": ('solref="0.1 1"', OVERRIDE.format("0.4", "")),
 }
 
 
@@ -162,6 +167,23 @@ def test_contacts_yield_as_mujoco_says(case, tmp_path):
     np.testing.assert_allclose(depth * stiffness * d**2 / (1 - d), weight, rtol=SOLVED)
     expected = damping / np.sqrt(stiffness) * np.sqrt(1.5 / (weight * depth))
     np.testing.assert_allclose(contact.dissipation, expected, rtol=SOLVED)
+
+
+@pytest.mark.instant
+def test_options_that_override_contacts(tmp_path):
+    """Their friction is taken, in place of that of geoms and pairs; what has no counterpart here is
+    listed, and what they replace is not.
+    """
+    bodies = '<geom name="f" type="plane" size="1 1 1"/>\n<body pos="0 0 1"><freejoint/>'
+    bodies += '<geom name="b" size="0.1"/><geom name="c" size="0.1" margin="1"/></body>'
+    pair = '<contact><pair geom1="f" geom2="b" friction="1 0.5 0 0 0"/></contact>'
+    two = ["margin of a contact", "friction that differs by direction"]
+    for across, margin, left_out in (("0.3", 'o_margin="0.01"', two), ("0.4", "", [])):
+        option = f"<option>{OVERRIDE.format(across, margin)}</option>"
+        scene = rj.scene_file(written(tmp_path, bodies, option + pair), contacts=True)
+        words = [f":2: {what}: 'f' and 'b' and 1 more" for what in left_out]
+        assert [str(x).partition("robot.xml")[2] for x in scene.left_out] == words
+        assert [float(x.friction.coefficient) for x in scene().effects[1:]] == [0.4, 0.4]
 
 
 @pytest.mark.instant

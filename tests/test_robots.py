@@ -213,6 +213,26 @@ def test_a_tendon_over_sites_is_a_rope(tmp_path):
     refused(tmp_path, text.replace("{low}", "0.3"), ":2: tendon 'r': it runs over several sites")
 
 
+@pytest.mark.instant
+def test_the_ends_of_a_tendon_are_as_stiff_as_the_file_says(tmp_path):
+    """For the inertia that a tendon moves, a quarter of the mass where it runs there and back; for
+    the robot's mass where it is across the way of what it holds.
+    """
+    for along, mass in (("1 0 0", 0.5), ("0 0 1", 2.0)):
+        text = (
+            '<mujoco><worldbody><site name="a"/><site name="b" pos="0 3 0"/><body pos="1 0 0">'
+            f'<joint type="slide" axis="{along}"/><geom size="0.1" mass="2"/><site name="c"/>'
+            '</body></worldbody><tendon><spatial range="0 1.5" solreflimit="0.1 0.5">'
+            '<site site="a"/><site site="c"/></spatial><spatial range="0 9" solreflimit="-30 -1">'
+            '<site site="b"/><site site="a"/><site site="c"/><site site="a"/></spatial></tendon>'
+            "</mujoco>"
+        )
+        line, rope = rj.load_scene(written(tmp_path, text)).effects[1:]
+        assert isinstance(line, rj.JointStop)
+        np.testing.assert_allclose(line.stiffness, 400 * 2.0, rtol=IDENTITY)
+        np.testing.assert_allclose(rope.stiffness, 30 * mass, rtol=IDENTITY)
+
+
 def test_actuators_filter_and_integrate(tmp_path):
     """Their states have the rates that they have in MuJoCo, and their hinges the accelerations."""
     path = written(tmp_path, with_states())

@@ -18,6 +18,7 @@ from ...scene.marker import Marker
 from ...scene.placement import Placement
 from ...scene.signal import Constant
 from .attributes import open_ends
+from .impedance import reference
 from .joints import Measured
 from .model import Model
 from .passive import dissipation, rubbing
@@ -25,8 +26,8 @@ from .tree import Tree
 
 _UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
 _CONNECT, _WELD = 0, 1
-# Of a tendon, which has no inertia of its own [N/m].
-_STOP = 1e5
+# A tendon that needs so many robots' masses to be moved is not moved at first.
+_UNMOVED = 1e6
 _SITE = 3  # MuJoCo's number of what a tendon passes
 
 
@@ -144,7 +145,8 @@ def _line(model: Model, tree: Tree, i: int) -> Iterator[Any]:
         yield JointDamper(a, b, damping, rubbing(model, friction, "distance"), "distance")
     ends = open_ends(arrays.tendon_range[i])
     if arrays.tendon_limited[i] and ends != (None, None):
-        yield JointStop(a, b, *ends, _STOP, dissipation(model, "distance"), "distance")
+        loss = dissipation(model, "distance")
+        yield JointStop(a, b, *ends, _held(model, i), loss, "distance")
 
 
 def _ropes(model: Model, tree: Tree, i: int) -> Iterator[Any]:
@@ -164,4 +166,14 @@ def _ropes(model: Model, tree: Tree, i: int) -> Iterator[Any]:
     if limited:
         stop = f"{name}: range" if stiffness else name
         loss = dissipation(model, "distance")
-        yield Rope(a, b, float(most), _STOP, via=via, dissipation=loss, name=stop)
+        yield Rope(a, b, float(most), _held(model, i), via=via, dissipation=loss, name=stop)
+
+
+def _held(model: Model, number: int) -> float:
+    """The stiffness [N/m] of a tendon at the ends of its range: that of MuJoCo's for the inertia
+    that it moves at first; of the robot's mass where it moves nothing then.
+    """
+    arrays = model.arrays
+    stiffness, _ = reference(model, arrays.tendon_solref_lim[number])
+    total, mobility = float(np.sum(arrays.body_mass)), float(arrays.tendon_invweight0[number])
+    return stiffness / mobility if mobility * total * _UNMOVED > 1 else stiffness * total

@@ -103,18 +103,13 @@ def _pairs(model: Model) -> Iterator[Pair]:
     for i in range(arrays.npair):
         first, second = _ordered(arrays, int(arrays.pair_geom1[i]), int(arrays.pair_geom2[i]))
         named.add((first, second))
-        margin = arrays.pair_margin[i] - arrays.pair_gap[i]
-        other = _other(arrays, (first, second), margin, arrays.pair_adhesion[i])
-        sliding = arrays.pair_friction[i]
-        if arrays.pair_dim[i] > 1 and sliding[0] != sliding[1]:
-            other = (*other, "friction that differs by direction")
-        numbers = (sliding, arrays.pair_solref[i], arrays.pair_solimp[i])
-        dimension = int(arrays.pair_dim[i])
-        yield Pair(first, second, dimension, *numbers, (*other, *_turning(dimension)))
+        numbers = arrays.pair_friction[i], arrays.pair_solref[i], arrays.pair_solimp[i]
+        margin, adhesion = arrays.pair_margin[i] - arrays.pair_gap[i], arrays.pair_adhesion[i]
+        yield _pair(model, (first, second), int(arrays.pair_dim[i]), *numbers, margin, adhesion)
     for i, j in zip(*np.nonzero(np.triu(_meeting(model))), strict=True):
         first, second = _ordered(arrays, int(i), int(j))
         if (first, second) not in named:
-            yield _combined(arrays, first, second)
+            yield _combined(model, first, second)
 
 
 def _switched_off(model: Model) -> bool:
@@ -146,13 +141,13 @@ def _meeting(model: Model) -> np.ndarray:
     return np.array(meets & ~np.isin((low << 16) + high, arrays.exclude_signature))
 
 
-def _combined(arrays: Any, first: int, second: int) -> Pair:
+def _combined(model: Model, first: int, second: int) -> Pair:
     """A pair with the numbers of the geom of higher priority, or those of both combined: the larger
     friction, and the mean of the others by their weights.
     """
-    geoms = [first, second]
+    arrays, geoms = model.arrays, [first, second]
     margin = np.sum(arrays.geom_margin[geoms]) - np.sum(arrays.geom_gap[geoms])
-    other = _other(arrays, geoms, margin, np.sum(arrays.geom_adhesion[geoms]))
+    adhesion = np.sum(arrays.geom_adhesion[geoms])
     priority = arrays.geom_priority[geoms]
     if priority[0] != priority[1]:
         geoms = [geoms[int(np.argmax(priority))]]
@@ -161,27 +156,45 @@ def _combined(arrays: Any, first: int, second: int) -> Pair:
     solref = arrays.geom_solref[geoms]
     given = np.all(solref[:, 0] > 0)
     friction = np.max(arrays.geom_friction[geoms], axis=0)
-    dimension = int(np.max(arrays.geom_condim[geoms]))
-    return Pair(
-        first,
-        second,
-        dimension,
+    return _pair(
+        model,
+        (first, second),
+        int(np.max(arrays.geom_condim[geoms])),
         friction[[0, 0, 1, 2, 2]],
         weights @ solref if given else np.min(solref, axis=0),
         weights @ arrays.geom_solimp[geoms],
-        (*other, *_turning(dimension)),
+        margin,
+        adhesion,
     )
 
 
-def _turning(dimension: int) -> tuple[str, ...]:
-    return ("friction of a contact against pivoting and rolling",) if dimension > 3 else ()
-
-
-def _other(arrays: Any, geoms: Any, margin: float, adhesion: float) -> tuple[str, ...]:
-    """What two geoms have that changes their contact and has no counterpart here."""
-    moving = np.any(arrays.geom_surfacevel[list(geoms)])
-    named = {"margin": margin, "adhesion": adhesion, "surfacevel": moving}
-    return tuple(f"{name} of a contact" for name, value in named.items() if value)
+def _pair(
+    model: Model,
+    geoms: tuple[int, int],
+    dimension: int,
+    friction: np.ndarray,
+    solref: np.ndarray,
+    solimp: np.ndarray,
+    margin: float,
+    adhesion: float,
+) -> Pair:
+    """A pair with its numbers, or those of the options where <flag override="enable"/> says so, and
+    what it has that changes its contact and has no counterpart here.
+    """
+    option = model.arrays.opt
+    if option.enableflags & int(model.mujoco.mjtEnableBit.mjENBL_OVERRIDE):
+        friction, solref, solimp = option.o_friction, option.o_solref, option.o_solimp
+        margin = option.o_margin
+    named = {
+        "margin of a contact": margin,
+        "adhesion of a contact": adhesion,
+        "surfacevel of a contact": np.any(model.arrays.geom_surfacevel[list(geoms)]),
+        "friction that differs by direction": dimension > 1 and friction[0] != friction[1],
+        "friction of a contact against pivoting and rolling": dimension > 3,
+    }
+    other = tuple(words for words, has in named.items() if has)
+    numbers = np.array(friction), np.array(solref), np.array(solimp)
+    return Pair(*geoms, dimension, *numbers, other)
 
 
 # The force of a contact.

@@ -56,18 +56,17 @@ MJCF: dict[str, Words] = {
     "compiler": _TAKEN,
     "compiler/lengthrange": _IGNORED,
     "option": Words(
-        "gravity timestep",
+        "gravity o_friction o_margin o_solimp o_solref timestep",
         "actuatorgroupdisable ccd_iterations ccd_tolerance cone impratio integrator iterations "
         "jacobian ls_iterations ls_tolerance magnetic noslip_iterations noslip_tolerance "
-        "o_friction o_margin o_solimp o_solref sdf_initpoints sdf_iterations sleep_tolerance "
-        "solver tolerance wind",
+        "sdf_initpoints sdf_iterations sleep_tolerance solver tolerance wind",
         refused="density viscosity",
         remedy="take the fluid out, and add romjax.Drag to the scene",
     ),
     "option/flag": Words(
-        "contact filterparent gravity refsafe",
+        "contact filterparent gravity override refsafe",
         "autoreset clampctrl diagexact energy eulerdamp fwdinv invdiscrete ipc island "
-        "midphase multiccd nativeccd override sensor sleep speculative warmstart",
+        "midphase multiccd nativeccd sensor sleep speculative warmstart",
         refused="actuation constraint damper equality frictionloss limit spring",
         remedy="take out the elements that are switched off",
     ),
