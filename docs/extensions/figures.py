@@ -24,7 +24,8 @@ def _role(
     name: str, rawtext: str, text: str, lineno: int, inliner: "Inliner", **_: Any
 ) -> tuple[list[nodes.Node], list[nodes.Node]]:
     try:
-        return [nodes.Text(figure(text))], []
+        # A class, so that the style keeps a number such as 7.5e-05 on one line.
+        return [nodes.inline("", figure(text), classes=["figure"])], []
     except ValueError as error:
         message = inliner.reporter.error(f"figure: {error}", line=lineno)
         return [inliner.problematic(rawtext, rawtext, message)], [message]
