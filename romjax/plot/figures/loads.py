@@ -146,7 +146,10 @@ def _drawn(
     outlines = [o for o in shown if o.style not in ("trace", "load")]
     box = framed(bounds(outlines))
     width, height = box[1] - box[0]
-    figure = DisplayedFigure(figsize=(8.0, float(np.clip(6.5 * height / width, 2.6, 7.0)) + 0.9))
+    tall = float(np.clip(6.5 * height / width, 2.6, 7.0))
+    # As slim as the mechanism, with room for the scale of colours; the title asks for the least.
+    across = float(np.clip(tall * width / height + 1.5, 4.2, 8.0))
+    figure = DisplayedFigure(figsize=(across, tall + 0.9))
     figure.set_layout_engine("constrained")
     axes = figure.add_subplot()
     stage(axes, box)
