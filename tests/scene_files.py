@@ -122,6 +122,11 @@ MISTAKES: dict[str, tuple[str, str, tuple[str, ...]]] = {
     ),
     "upper case": ("inertia = 0.01", "Inertia = 0.01", ("[bodies.slider] Inertia", "'inertia'")),
     "key of another type": ("inertia = 0.01", "inertia = 0.01\nmodes = 2", ("no key 'modes'",)),
+    "material of a beam": (
+        "EI = 100.0",
+        "E = 2e11",
+        ("no key 'E'", 'The type "Beam.of_section" has section, density, modulus.'),
+    ),
     "unknown key in a table": ('point = "middle"', 'pont = "middle"', ("at.pont", "'point'")),
     "unknown key of a signal": ("frequency", "frequenz", ("signal.frequenz", "'frequency'")),
     "unknown key of the run": ("rate = 100.0", "rtal = 1e-6", (":53: [run] rtal", "'rtol'")),

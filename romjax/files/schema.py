@@ -185,11 +185,27 @@ def _wrong_part(base: type, place: Place, value: Any) -> Iterator[tuple[Place, s
         return
     kind = value.get(TYPE, base.__name__)
     if isinstance(kind, str) and kind in known:
-        yield from _wrong_keys(_part(known[kind], base).keys, place, value)
+        keys, ways = _part(known[kind], base).keys, _other_ways(kind, base)
+        for at, words in _wrong_keys(keys, place, value):
+            # A key that it does not have may be meant for another way to make the part.
+            if at[len(place)] not in keys:
+                words, ways = words + ways, ""
+            yield at, words
     elif TYPE in value:
         yield place, unknown("type", kind, list(known))
     else:
         yield place, f"The key `{TYPE}` is missing; one of {', '.join(known)}."
+
+
+def _other_ways(kind: str, base: type) -> str:
+    """The other ways to make a part, such as by a section, and the keys that only they have."""
+    known = _readable(base)
+    own, ways = _part(known[kind], base).keys, ""
+    for name, maker in known.items():
+        if name.startswith(f"{kind}."):
+            more = [key for key in _part(maker, base).keys if key not in own]
+            ways += f' The type "{name}" has {", ".join(more)}.'
+    return ways
 
 
 def _wrong_keys(keys: Mapping[str, Key], place: Place, table: Any) -> Iterator[tuple[Place, str]]:
