@@ -2,9 +2,10 @@
 
 Each comparison runs in a process of its own and writes NAME.txt, and NAME.json for the site;
 `python benchmarks/NAME.py` runs one by itself. The ratios of all, the versions and the machine go
-to summary.txt. Needs the extra `bench`; MuJoCo and Exudyn are left out where they are not
-installed. Takes about two and a half hours on two cores with nothing else to do, most of it for
-`trust`; Ctrl-C keeps what has been measured.
+to summary.txt, those of comparisons that are not run as their records have them. Needs the extra
+`bench`; MuJoCo and Exudyn are left out where they are not installed. Takes about two and a half
+hours on two cores with nothing else to do, most of it for `trust`; Ctrl-C keeps what has been
+measured.
 
 The exit status is 1 if a ratio is below its floor in floors.toml, if one that has a floor was not
 measured, or if a comparison did not run to its end; 130 after Ctrl-C; otherwise 0.
@@ -20,12 +21,14 @@ import signal
 import subprocess
 import sys
 import tempfile
+import textwrap
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import record
+import texts
 
 HERE = Path(__file__).parent
 # In the order of the table; each a file beside this one.
@@ -96,10 +99,21 @@ def run(script: Path, out: Path) -> tuple[dict[str, Any], bool]:
     return {"ratios": {}, "absent": [], "failure": why}, going
 
 
+def recorded(folder: Path, name: str) -> tuple[dict[str, Any], str]:
+    """What `run` gives, from the record of a comparison, and when that was measured."""
+    made = texts.latest(folder, name)
+    known = {key: one["value"] for key, one in made["ratios"].items()}
+    ratios = {key: value for key, value in known.items() if value is not None}
+    return {"ratios": ratios, "absent": made.get("absent", []), "failure": ""}, made["made"]
+
+
 def summary(
-    found: Mapping[str, dict[str, Any]], floors: Mapping[str, Mapping[str, float]], left: str
+    found: Mapping[str, dict[str, Any]],
+    floors: Mapping[str, Mapping[str, float]],
+    older: str,
+    left: str,
 ) -> tuple[str, bool]:
-    """The table of all ratios, and whether all is well."""
+    """The table of all ratios, and whether all is well; which ones are `older`, and are `left`."""
     judged = [
         verdict
         for name, one in found.items()
@@ -108,7 +122,8 @@ def summary(
     failures = {name: one["failure"] for name, one in found.items() if one["failure"]}
     wrong = record.fallen(judged, failures)
     parts = [record.machine(), record.MEANING, record.verdicts(judged)]
-    parts += [f"Not run: {left}."] if left else []
+    for words in (older and f"From their records: {older}.", left and f"Not run: {left}."):
+        parts += [textwrap.fill(words, 80)] if words else []
     return "\n\n".join([*parts, wrong or "All floors hold."]) + "\n", not wrong
 
 
@@ -126,7 +141,12 @@ def main(
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
-        "--only", nargs="+", choices=names, default=names, metavar="NAME", help="run only these"
+        "--only",
+        nargs="*",
+        choices=names,
+        default=names,
+        metavar="NAME",
+        help="run only these; without a name, write what the records have",
     )
     parser.add_argument("--list", action="store_true", help="list the comparisons and end")
     parser.add_argument(
@@ -148,7 +168,16 @@ def main(
         print(f"{name}: {taken:.0f} s, {end}", file=sys.stderr, flush=True)
         if not going:
             break
-    text, well = summary(found, floors, ", ".join(name for name in names if name not in found))
+    older = {}
+    for name in names:
+        with contextlib.suppress(FileNotFoundError):
+            if name not in found:
+                found[name], older[name] = recorded(options.out, name)
+    dates = ", ".join(f"{name} of {made}" for name, made in older.items())
+    left = ", ".join(name for name in names if name not in found)
+    text, well = summary(
+        {name: found[name] for name in names if name in found}, floors, dates, left
+    )
     options.out.mkdir(parents=True, exist_ok=True)
     (options.out / "summary.txt").write_text(text)
     print(text)

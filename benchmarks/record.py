@@ -124,7 +124,9 @@ def commit() -> str:
 
 
 def as_json(heading: str, at: str, sections: Sequence[Section], judged: Sequence[Verdict]) -> str:
-    """A record for programs: `tables` of what the text shows, `ratios`, and `data`."""
+    """A record for programs: `tables` of what the text shows, `ratios`, words of ratios that are
+    `absent`, and `data`.
+    """
     tables = [
         {"text": one.text, "columns": one.rows[0], "rows": one.rows[1:]}
         for one in sections
@@ -133,8 +135,10 @@ def as_json(heading: str, at: str, sections: Sequence[Section], judged: Sequence
     tables = [{**one, "rows": [[str(x) for x in row] for row in one["rows"]]} for one in tables]
     ratios = {one.ratio: {"value": one.value, "floor": one.floor} for one in judged}
     data = {name: value for one in sections for name, value in one.data.items()}
+    absent = [word for one in sections for word in one.absent]
     found = {"made": heading[:10], "commit": at, "on": heading[12:], "tables": tables}
-    return written(found | {"ratios": ratios} | ({"data": data} if data else {}))
+    found |= {"ratios": ratios} | ({"absent": absent} if absent else {})
+    return written(found | ({"data": data} if data else {}))
 
 
 def written(found: Mapping[str, Any]) -> str:

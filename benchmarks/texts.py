@@ -4,6 +4,7 @@ Records that are measured from now on come with their JSON. The commit of one th
 that which put its text into the repository, the parent of which it was measured at.
 """
 
+import json
 import re
 import subprocess
 import sys
@@ -83,6 +84,15 @@ def record_of(path: Path) -> dict:
     """As JSON has it, of a text."""
     made = read(path.read_text())
     return {"made": made.pop("made"), "commit": commit(path), **made}
+
+
+def latest(folder: Path, name: str) -> dict:
+    """What a comparison measured last; from text where that was before records came as JSON.
+
+    Raises FileNotFoundError without a record.
+    """
+    path = folder / f"{name}.json"
+    return json.loads(path.read_text()) if path.exists() else record_of(path.with_suffix(".txt"))
 
 
 def main(names: Sequence[str], folder: Path = record.HERE) -> None:

@@ -131,6 +131,10 @@ def test_only_some(command, scripts, capsys):
     status, summary = ran(command, scripts, ["raising", "steady"], floors, "--only", "steady")
     assert status == 0
     assert "Not run: raising." in summary
+    status, summary = ran(command, scripts, ["raising", "steady"], floors, "--only")
+    assert status == 0
+    assert "From their records: steady of 2" in summary
+    assert "one / two" in summary
     with pytest.raises(SystemExit):
         command.main(["--only", "nothing"], scripts, ["steady"], {})
     assert "nothing" in capsys.readouterr().err

@@ -6,7 +6,6 @@ between a comment that names it and an empty one.
 
 import datetime
 import functools
-import json
 import re
 import sys
 from collections.abc import Sequence
@@ -25,14 +24,10 @@ import texts  # noqa: E402
 @functools.cache
 def record(name: str) -> dict[str, Any]:
     """What a comparison measured last."""
-    path = RECORDS / f"{name}.json"
-    if path.exists():
-        return json.loads(path.read_text())
-    # Measured before records came as JSON.
-    text = path.with_suffix(".txt")
-    if not text.exists():
-        raise ValueError(f"there is no record benchmarks/{name}.json")
-    return texts.record_of(text)
+    try:
+        return texts.latest(RECORDS, name)
+    except FileNotFoundError:
+        raise ValueError(f"there is no record benchmarks/{name}.json") from None
 
 
 def _one(kind: str, words: str, choices: Sequence[Any], names: Sequence[str]) -> Any:
