@@ -98,6 +98,12 @@ def test_the_error_of_a_run_from_another_start(spin):
     assert bool(corrected.flags & rj.Flag.ESTIMATE) == (error > 0.05)
     assert ("not to be used" in corrected.summary()) == (error > 0.05)
     assert "(local, 3 modes)" in corrected.summary()
+    # What is kept of one start serves no other one.
+    slower = zoo.run(own, ts, v0=0.5 * own.v0, rtol=1e-8)
+    told = rj.corrected(own, slower)
+    apart = np.linalg.norm(slower.v[0] - run.v[0])
+    assert np.linalg.norm(told.v[0] - slower.v[0]) <= 0.1 * apart
+    assert np.array_equal(rj.corrected(own, run).q, corrected.q)
     tip = zoo.falling_beams().bodies[-1].at((0.5, 0.0))
     measured = rj.measure(own, run, tip, error=True)
     right = rj.measure(system, truth, tip).position[-1]

@@ -2,7 +2,7 @@
 
 import functools
 import warnings
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import diffrax
 import jax
@@ -58,7 +58,7 @@ def start_frequencies(
     q: Float[Array, " n"],
     v: Float[Array, " n"],
 ) -> Frequencies:
-    """Return the frequencies at the first of some times; those of the own start are remembered."""
+    """Return the frequencies at the first of some times, which are remembered as by `at_start`."""
     return at_start(system, ts, q, v).frequencies
 
 
@@ -68,18 +68,22 @@ def at_start(
     q: Float[Array, " n"],
     v: Float[Array, " n"],
 ) -> AtStart:
-    """Return what is known of the first of some times; of the own start it is remembered."""
+    """Return what is known of the first of some times, remembered for the own start and the latest
+    other one.
+    """
     t = ts[0] if is_traced(ts) else np.asarray(ts, q.dtype)[0, ...]
     # What is a part of the user's program is a tracer.
-    if not is_outermost() or q is not system.q0 or v is not system.v0:
+    if not is_outermost():
         asks = system.structure.contacts and _is_known((q, system, t, v))
         return _at_start(system, t, q, v, asks)
-    now = np.asarray(t)
-    at, found = _known.get(system) or (None, None)
-    if found is None or at != now:
+    is_own = q is system.q0 and v is system.v0
+    key = tuple([np.asarray(x).tobytes() for x in ((t,) if is_own else (t, q, v))])
+    known: dict[bool, Any] = _known.get(system) or _known.put(system, {})
+    at, found = known.get(is_own, (None, None))
+    if at != key:
         found = _at_start(system, t, q, v, system.structure.contacts)
-        _known.put(system, (now, found))
-    return found
+        known[is_own] = key, found
+    return cast(AtStart, found)
 
 
 @program_once

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..common.compat import is_traced
+from ..common.identity_cache import IdentityCache
 from ..common.partition import Partitioned
 from ..compiling.program import program, program_once
 from ..linalg import quaternions
@@ -85,8 +86,11 @@ class LazyQuantities(eqx.Module):
         if self.t.ndim > 1:
             stacked: Float[Array, "runs n n"] = jax.vmap(lambda run: run.metric)(self)
             return stacked
-        metric: Float[Array, "n n"] = _metric(self.system)
-        return metric
+        if any(is_traced(x) for x in self.parts.arrays):
+            traced: Float[Array, "n n"] = _metric(self.system)
+            return traced
+        known: Float[Array, "n n"] | None = _metrics.get(self.parts)
+        return _metrics.put(self.parts, _metric(self.system)) if known is None else known
 
     def every(self, stride: int) -> "LazyQuantities":
         """Return the object for every `stride`-th output time only."""
@@ -144,6 +148,10 @@ def multipliers_along(
         lambda t, q, v, chart: multipliers_at(system, t, q, v, chart, stabilization)
     )(t, q, v, chart)
     return rows
+
+
+# Of runs of one system, which are compared again and again.
+_metrics = IdentityCache()
 
 
 @program_once

@@ -107,21 +107,39 @@ def _compare(
 ) -> Comparison:
     difference, motion = apart(q, approx, quaternions), apart(q, q[:1], quaternions)
     own, moved = (_single(x, quaternions) for x in (difference, motion))
-    root = jnp.linalg.cholesky(metric)
     # What moves by less than this is at rest: rounding of a coordinate of order one is as large.
     scale = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=0))
     reach = jnp.max(jnp.abs(moved), axis=0)
     moving = reach > 100 * jnp.finfo(motion.dtype).eps * scale
-    size = _norm(motion @ root)
     history = own / jnp.where(moving, reach, 1)[None]
     return Comparison(
-        error=_norm(difference @ root) / jnp.where(size > 0, size, 1),
+        error=_relative(difference, motion, metric),
         history=history,
         per_coordinate=jnp.max(jnp.abs(history), axis=0),
         moving=moving,
         drift=jnp.max(violation),
         steps=steps,
     )
+
+
+def error_between(
+    q: Float[Array, "k n"],
+    approx: Float[Array, "k n"],
+    metric: Float[Array, "n n"],
+    quaternions: Sequence[int],
+) -> Float[Array, ""]:
+    """`Comparison.error` alone, of a motion `approx` against the true one, as part of a program."""
+    difference, motion = apart(q, approx, quaternions), apart(q, q[:1], quaternions)
+    return _relative(difference, motion, metric)
+
+
+def _relative(
+    difference: Float[Array, "k n"], motion: Float[Array, "k n"], metric: Float[Array, "n n"]
+) -> Float[Array, ""]:
+    """The norm of a difference over that of the motion; the absolute one of a motion that rests."""
+    root = jnp.linalg.cholesky(metric)
+    size = _norm(motion @ root)
+    return _norm(difference @ root) / jnp.where(size > 0, size, 1)
 
 
 def apart(

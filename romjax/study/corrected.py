@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.arrays import concrete
+from ..common.arrays import concrete, pick
 from ..common.checks import check_kind, unknown_name
 from ..common.compat import is_outermost
 from ..common.errors import InputError, ReductionError
@@ -21,7 +21,7 @@ from ..integrate.trajectory import Trajectory
 from ..system.base import AbstractSystem, check_system
 from ..system.reduced import AbstractReducedSystem
 from ..system.structure import without_names
-from .compare import compare
+from .compare import error_between
 from .residual import by_residual
 from .richer import Finer, finer_of, twice_capped
 
@@ -90,7 +90,7 @@ def corrected_with(
         return told(run, simulated(full, run), "the full model"), full
     if concrete(run.q) is None or concrete(q) is None:
         given = given[-1:]
-    models = [one.model.starting_at(q, v, run.t[0]) for one in given]
+    models = [_started(one.model, q, v, pick(run.t, 0)) for one in given]
     pairs = [
         (told(run, simulated(model, run), one.name), model)
         for one, model in zip(given, models, strict=True)
@@ -132,6 +132,26 @@ def _finer_alike(rom: AbstractReducedSystem) -> list[Finer]:
 _alike = IdentityCache()
 
 
+def _started(
+    model: AbstractReducedSystem, q: Physical, v: Physical, t: Float[Array, ""]
+) -> AbstractReducedSystem:
+    """A model that starts at (q, v, t): the one last asked for, if that starts there, since what is
+    known of a start, frequencies and metric, takes as long as a reduced run.
+    """
+    numbers = [concrete(x) for x in (q, v, t)]
+    if not is_outermost() or any(x is None for x in numbers):
+        return model.starting_at(q, v, t)
+    key = tuple([np.asarray(x).tobytes() for x in numbers])
+    at, found = _latest.get(model) or (None, model)
+    if at != key:
+        found = model.starting_at(q, v, t)
+        _latest.put(model, (key, found))
+    return cast(AbstractReducedSystem, found)
+
+
+_latest = IdentityCache()  # by a model, its last start and the model that begins there
+
+
 @program
 def _own_or_true(
     model: AbstractReducedSystem,
@@ -150,8 +170,18 @@ def _own_or_true(
 
 
 @program
-def _judged(error: Array, statuses: tuple[Array, Array], flags: Array) -> tuple[Array, Array]:
-    """An error and the flags of the run that tells it, infinite where one of both has failed."""
+def _judged(
+    other: Float[Array, "k n"],
+    own: Float[Array, "k n"],
+    metric: Float[Array, "n n"],
+    statuses: tuple[Array, Array],
+    flags: Array,
+    quaternions: tuple[int, ...],
+) -> tuple[Array, Array]:
+    """The error of a motion and the flags of the other one, which tells it; infinite where one of
+    both has failed.
+    """
+    error = error_between(other, own, metric, quaternions)
     ended = (statuses[0] == Status.SUCCESS) & (statuses[1] == Status.SUCCESS)
     error = jnp.where(ended, error, jnp.inf)
     return error, flags | ErrorBar(error, "").flags
@@ -198,13 +228,13 @@ def true_start(rom: AbstractReducedSystem, run: Trajectory) -> tuple[Physical, P
     """The start (q, v) that a run stands for: that of the full system if the model starts as near
     to it as it can, else that of the run itself.
     """
-    full, own = rom.full, (run.q[0], run.v[0])
+    full, t, own = rom.full, pick(run.t, 0), (pick(run.q, 0), pick(run.v, 0))
     try:
-        nearest = rom.starting_at(full.q0, full.v0, run.t[0])
+        nearest = _started(rom, full.q0, full.v0, t)
     except ReductionError:
         return own
     nearest, true = without_names(nearest), (full.q0, full.v0)
-    return _own_or_true(nearest, run.t[0], (nearest.q0, nearest.v0), own, true)
+    return _own_or_true(nearest, t, (nearest.q0, nearest.v0), own, true)
 
 
 def simulated(model: AbstractSystem, run: Trajectory) -> Trajectory:
@@ -217,7 +247,8 @@ def simulated(model: AbstractSystem, run: Trajectory) -> Trajectory:
 def told(run: Trajectory, other: Trajectory, name: str) -> Trajectory:
     """The other run, and what it tells of the first one."""
     statuses = run.status, other.status
-    error, flags = _judged(compare(other, run).error, statuses, jnp.asarray(other.flags))
+    motions = other.q, run.q, other.metric
+    error, flags = _judged(*motions, statuses, other.flags, other.quaternions)
     return dataclasses.replace(other, bar=ErrorBar(error, name), flags=flags)
 
 
