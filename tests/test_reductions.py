@@ -126,6 +126,14 @@ def test_why_nothing_pays(facts, full, why):
 
 
 @pytest.mark.instant
+@pytest.mark.parametrize(("unseen", "why"), [(0.4, "impacts set"), (6e-3, "err by 6e-03")])
+def test_impacts_are_no_reason_where_steps_can_be_left_out(unseen, why):
+    """As by a model that is twice as fast and nearly right, not by one that is wrong."""
+    facts = dataclasses.replace(RIGID, modes=2, contacts=True)
+    assert why in advice([row(speed_up=2.0, unseen=unseen)], FULL, facts, 1e-3)
+
+
+@pytest.mark.instant
 @pytest.mark.parametrize(
     ("errors", "word"),
     [
@@ -228,7 +236,6 @@ def test_labels_cover_neither_each_other_nor_points():
         assert axes.bbox.count_contains(box.corners()) == 4
 
 
-@pytest.mark.instant
 @pytest.mark.parametrize("wrong", [{"tol": 0.0}, {"rtol": 2.0}, {"budget": 0.0}])
 def test_numbers_without_meaning(wrong):
     with pytest.raises(rj.InputError, match="reductions: tol="):

@@ -10,7 +10,6 @@ from tolerances import IDENTITY
 from zoo import run
 
 import romjax as rj
-from romjax.study.timing import Spent
 from romjax.system.schedule import Schedule
 from romjax.trials import search
 from romjax.trials.attempt import Settings, Truth
@@ -128,7 +127,7 @@ def test_what_moves_alike_or_fails_judges_nothing(monkeypatch):
         settings=Settings(1e-3, 1e-8, None),
         progress=Progress(False),
         full=motion,
-        once=Spent(0.1, 0.1),
+        once=0.1,
         compiled=1.0,
         training=[truth("alike")],
         facts=Facts(bodies=3, modes=0, freedoms=1, loops=True),

@@ -68,7 +68,8 @@ def write(
         written.append(moving.save(folder / "animation.gif", fps=20, progress=False))
     for name, trajectory in {"full": truth, **approx}.items():
         words = name.replace("=", " ").replace(",", "").replace(" ", "_").lower()
-        written.append(_write_csv(folder / f"trajectory_{words}.csv", trajectory))
+        path = folder / f"trajectory_{words}.csv"
+        written.append(_write_csv(path, trajectory, trajectory is truth))
     return written
 
 
@@ -118,10 +119,14 @@ def _page(
     return document.document(example.name, *body)
 
 
-def _write_csv(path: Path, trajectory: Trajectory) -> Path:
-    """Time, coordinates, velocities and multipliers as comma-separated columns with a header."""
+def _write_csv(path: Path, trajectory: Trajectory, with_multipliers: bool) -> Path:
+    """Time, coordinates and velocities as comma-separated columns with a header; and multipliers,
+    which are a program for each model that takes longer to compile than all figures to draw.
+    """
     labels = ["t", *trajectory.labels, *(f"d/dt {label}" for label in trajectory.labels)]
-    labels += [f"lambda{i + 1}" for i in range(trajectory.multipliers.shape[1])]
-    columns = [trajectory.t[:, None], trajectory.q, trajectory.v, trajectory.multipliers]
+    columns = [trajectory.t[:, None], trajectory.q, trajectory.v]
+    if with_multipliers:
+        labels += [f"lambda{i + 1}" for i in range(trajectory.multipliers.shape[1])]
+        columns.append(trajectory.multipliers)
     csv_table.write(path, labels, np.concatenate(columns, axis=1).tolist())
     return path

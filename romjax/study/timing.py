@@ -21,18 +21,11 @@ def timed(call: Callable[[], T]) -> tuple[T, float]:
     return result, time.perf_counter() - begin
 
 
-class Spent(NamedTuple):
-    """The time of a call [s], and how long the processor works on it, whatever else it does."""
-
-    time: float
-    work: float
-
-
-def spent(call: Callable[[], Any]) -> Spent:
-    """Measure the times that a call takes until all its arrays are there."""
+def worked(call: Callable[[], T]) -> tuple[T, float]:
+    """Return what `call` does, and how long the processor works on it [s]."""
     begin = time.process_time()
-    _, taken = timed(call)
-    return Spent(taken, time.process_time() - begin)
+    result = jax.block_until_ready(call())
+    return result, time.process_time() - begin
 
 
 class Alternating(NamedTuple):

@@ -107,7 +107,7 @@ def _reason(rows: Sequence[ReductionRow], full: ReductionRow, facts: Facts, tol:
             "the motion is chaotic, so that no model predicts it for long: the full one itself "
             f"errs by {full.error:.0e} at this tolerance."
         )
-    if facts.contacts:
+    if facts.contacts and not any(row.error <= WRONG for row in faster):
         return (
             "impacts set the steps of every model alike, and what they excite is the motion that "
             "is wanted."

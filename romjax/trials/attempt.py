@@ -16,7 +16,7 @@ from ..integrate.trajectory import Trajectory
 from ..reduction.reduce import reduce
 from ..study.accuracy.model import Model, Reduction
 from ..study.compare import compare
-from ..study.timing import Spent, spent, timed
+from ..study.timing import worked
 from ..system.base import AbstractSystem, check_reducible
 from .candidates import Candidate
 
@@ -36,19 +36,19 @@ class Settings(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """A system with an accurate run of it, which took `time` [s]."""
+    """A system with an accurate run of it, and the `work` [s] of the processor on that."""
 
     system: AbstractSystem
     run: Trajectory
-    time: float
+    work: float
 
 
 @dataclasses.dataclass(frozen=True)
 class Attempt:
     """A model with its run from the start of the scene.
 
-    - `runs`: how many it was trained with. `made`, `compiled` [s]: to train and make it, and to
-      compile; `work` [s]: of the processor on one run.
+    - `runs`: how many it was trained with. `made`, `compiled`, `work` [s]: of the processor, to
+      train and make it, to compile, and on one run.
     - `trained`, `unseen`: the largest errors of the runs that it was made of, and of others.
     """
 
@@ -77,8 +77,8 @@ def simulated(
     **limits: int,
 ) -> Trajectory:
     """A run, by the method that suits the system unless one is given, within `limits` such as
-    `max_steps`; what speaks against it goes to the table. Without the balance of energy, which
-    doubles the time to compile: errors are measured.
+    `max_steps`; what speaks against it goes to the table. Without the balance of energy unless
+    `audit`, which is a program more: errors are measured.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -87,7 +87,7 @@ def simulated(
 
 
 def made(full: AssembledSystem, candidate: Candidate, training: list[Truth]) -> tuple[Model, float]:
-    """The model of a candidate, and how long that took [s].
+    """The model of a candidate, and the work that it took [s].
 
     Raises ReductionError, RankError or InputError where there is none.
     """
@@ -109,7 +109,7 @@ def made(full: AssembledSystem, candidate: Candidate, training: list[Truth]) -> 
         rom = candidate.formulation.reduce(full, basis)
         return Model(full, Reduction(rom, basis, candidate.formulation, 0.0))
 
-    return timed(make)
+    return worked(make)
 
 
 def named(model: Model, runs: int) -> str:
@@ -125,20 +125,20 @@ def attempt(
     making: float,
     training: list[Truth],
     unseen: list[Truth],
-    full: Spent,
+    full: float,
     settings: Settings,
 ) -> Attempt:
-    """The model run and judged; `full`: what a run of the full one takes."""
+    """The model run and judged; `full`: the work of a run of the full one [s]."""
     first, *others = training
     method = settings.rtol, settings.solver
-    run, with_compiling = timed(lambda: simulated(model.system, first.run.t, *method))
-    again = spent(lambda: simulated(model.system, first.run.t, *method))
+    run, with_compiling = worked(lambda: simulated(model.system, first.run.t, *method))
+    _, work = worked(lambda: simulated(model.system, first.run.t, *method))
     trained = max([error(first.run, run), *(error_of(model, x, settings) for x in others)])
     # Long runs are not worth their time for a model that is wrong on its training, or slow.
-    paying = trained <= settings.tol and again.work < full.work
-    if not paying and len(unseen) * again.work > _LONG:
+    paying = trained <= settings.tol and work < full
+    if not paying and len(unseen) * work > _LONG:
         unseen = []
-    needs = 0.0 if model.cap is not None else sum(truth.time for truth in training)
+    needs = 0.0 if model.cap is not None else sum(truth.work for truth in training)
     beyond = [error_of(model, truth, settings) for truth in unseen]
     return Attempt(
         name=named(model, len(training)),
@@ -146,8 +146,8 @@ def attempt(
         run=run,
         runs=0 if model.cap is not None else len(training),
         made=making + needs,
-        compiled=max(0.0, with_compiling - again.time),
-        work=again.work,
+        compiled=max(0.0, with_compiling - work),
+        work=work,
         trained=trained,
         unseen=max(beyond, default=np.nan),
     )

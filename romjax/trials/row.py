@@ -13,8 +13,8 @@ class ReductionRow(NamedTuple):
       full model it was.
     - `trained`: error on the runs it was made of; `unseen`: the largest on starts or speeds that it
       was not. Infinite where a run fails, NaN where none could be made.
-    - `made`, `compiled` [s]: how long it took, training runs included. `pays_after`: runs until
-      both are paid for; infinite where it is not faster.
+    - `made`, `compiled` [s]: the time of the processor that it took, training runs included.
+      `pays_after`: runs until both are paid for; infinite where it is not faster.
     - `remark`: what speaks against it, in words.
     """
 

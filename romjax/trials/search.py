@@ -16,7 +16,7 @@ from ..integrate.rodas5p import Rodas5P
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..scene.scene import Scene
-from ..study.timing import Spent, spent, timed
+from ..study.timing import worked
 from .attempt import Attempt, Settings, Truth, attempt, error, made, named, simulated
 from .candidates import Candidate, Family, families
 from .facts import Facts
@@ -27,8 +27,9 @@ NO_TIME = "no time left in the budget"
 # The tolerance of the runs that errors are measured against, relative to that of the models; and
 # the least that double precision allows.
 _SHARPER, _SHARPEST = 1e-2, 1e-12
-# [s] If a run takes longer, those from other starts have the tolerance of the models.
-_LONG = 1.0
+# [s] If a run takes longer, those from other starts have the tolerance of the models; and if the
+# full model takes longer to compile, its energy is not audited, which is a program more.
+_LONG, _LONG_TO_COMPILE = 1.0, 10.0
 # A run from another start that takes so many times as many steps follows vibrations of its own.
 _MOST_STEPS = 5
 # A run that differs from the first by less than so many times the error that models may have shows
@@ -80,7 +81,7 @@ class Try:
 class Search:
     """A mechanism with its accurate runs, and the models that were tried.
 
-    - `full`: its run at the tolerance of the models, what it takes `once`, and `compiled` [s] to
+    - `full`: its run at the tolerance of the models, the work on it `once`, and `compiled` [s] to
       compile.
     - `progress`: what is told meanwhile.
     """
@@ -91,7 +92,7 @@ class Search:
     settings: Settings
     progress: Progress
     full: Trajectory
-    once: Spent
+    once: float
     compiled: float
     training: list[Truth]
     facts: Facts
@@ -114,11 +115,10 @@ class Search:
         def call() -> Trajectory:
             return simulate(system, times, rtol=rtol, solver=solver, audit=False)
 
-        full, first = timed(call)
-        once = spent(call)
-        progress.tell(
-            f"full: {system.n} coordinates, {_steps(full)} steps in {1e3 * once.work:.1f} ms"
-        )
+        full, first = worked(call)
+        _, once = worked(call)
+        steps = f"{_steps(full)} steps in {1e3 * once:.1f} ms"
+        progress.tell(f"full: {system.n} coordinates, {steps}")
         progress.doing("accurate run")
         truth = _truth(system, full, _sharp(rtol))
         facts = Facts.of(scene, system, full, isinstance(full.solver, Rodas5P))
@@ -130,18 +130,25 @@ class Search:
             progress=progress,
             full=full,
             once=once,
-            compiled=max(0.0, first - once.time),
-            training=[truth or Truth(system, full, once.time)],
+            compiled=max(0.0, first - once),
+            training=[truth or Truth(system, full, once)],
             facts=facts,
         )
 
     def own(self) -> tuple[float, float]:
         """The errors of the full model on the training and unseen, NaN where runs take long."""
         method, beyond = (self.settings.rtol, self.full.solver), list[float]()
-        if self.once.work < _LONG:
+        if self.once < _LONG:
             runs = [simulated(truth.system, self.ts, *method) for truth in self.unseen]
             beyond = [error(x.run, run) for x, run in zip(self.unseen, runs, strict=True)]
         return error(self.training[0].run, self.full), max(beyond, default=np.nan)
+
+    def audit(self) -> None:
+        """Draw up the balance of energy of the full model's run, unless it compiles for long."""
+        if self.compiled < _LONG_TO_COMPILE:
+            self.progress.doing("balance of energy")
+            method = self.settings.rtol, self.full.solver
+            self.full = simulated(self.system, self.ts, *method, audit=True)
 
     def try_all(self, spend: float) -> None:
         """Try kinds of models, the most promising first, each until it is right or hopeless, while
@@ -204,7 +211,7 @@ class Search:
         self.refused.pop(family.name, None)
         one.models += 1
         self.attempts.append(tried)
-        self.progress.tell(_line(tried, self.once.work), models=1)
+        self.progress.tell(_line(tried, self.once), models=1)
         self.judge(one, tried)
 
     def judge(self, one: Try, tried: Attempt) -> None:
@@ -218,7 +225,7 @@ class Search:
             one.wrong = candidate
         if excess <= 1:
             one.right, one.candidate = (candidate, tried), None
-        elif tried.work > slow * self.once.work or one.models >= most:
+        elif tried.work > slow * self.once or one.models >= most:
             one.candidate = None
         elif one.family.trained and one.runs == 1 and repeats:
             one.runs = 1 + len(TRAINING)
@@ -229,7 +236,7 @@ class Search:
         """Accurate runs of other starts or speeds, of those that can be simulated."""
         self.progress.doing("other starts or speeds")
         first, rtol = self.training[0].run, self.settings.rtol
-        like, rtol = (self.full, rtol) if self.once.work > _LONG else (first, _sharp(rtol))
+        like, rtol = (self.full, rtol) if self.once > _LONG else (first, _sharp(rtol))
         least, truths = _DIFFERENT * self.settings.tol, list[Truth]()
         for change in changes:
             for system in variants(self.scene, self.system, first, change):
@@ -264,10 +271,10 @@ class _Clock:
 def _truth(system: AssembledSystem, like: Trajectory, rtol: float, **limits: int) -> Truth | None:
     """A run by the method of another one, unless it fails, beyond its `limits` too."""
     try:
-        run, taken = timed(lambda: simulated(system, like.t, rtol, like.solver, True, **limits))
+        run, work = worked(lambda: simulated(system, like.t, rtol, like.solver, False, **limits))
     except InputError:  # no start
         return None
-    return Truth(system, run, taken) if bool(run.success) else None
+    return Truth(system, run, work) if bool(run.success) else None
 
 
 def _sharp(rtol: float) -> float:
