@@ -48,7 +48,7 @@ def refuse_speeds(
     nearest = _nearest(system, q, np.asarray(given), held)
     structure = system.structure
     fields, count = fields_of(structure)
-    words = []
+    words, parts = list[str](), list[tuple[str, str]]()
     for field in range(count - 1):
         own = np.flatnonzero(fields == field)
         if not own.size or not held[own[0]]:
@@ -57,12 +57,16 @@ def refuse_speeds(
             _as_given(structure, np.asarray(q), x, own) for x in (np.asarray(given), nearest)
         )
         if np.max(np.abs(new - old)) > _SAME * np.max(np.abs(old)):
-            owner = structure.coordinates[own[0]].owner
+            part = f"body '{structure.coordinates[own[0]].owner}'"
             name = _NAMES[field % len(_NAMES)]
-            words.append(f"{name} of body '{owner}' is {_told(old)}, the nearest {_told(new)}")
+            words.append(f"{name} of {part} is {_told(old)}, the nearest {_told(new)}")
+            parts.append((part, name))
+    part, name = parts[0] if parts else ("", "")
     raise InputError(
         "consistent_scene: speeds that are set contradict the joints, or each other: "
-        f"{'; '.join(words)}. Set those that you know, and leave out (at zero) what shall follow."
+        f"{'; '.join(words)}. Set those that you know, and leave out (at zero) what shall follow.",
+        part=part,
+        field=name,
     )
 
 

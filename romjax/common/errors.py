@@ -7,11 +7,13 @@ class InputError(ValueError):
     - `message`: what, where, the value and the remedy.
     - `field`: name of the argument or field at fault, empty where there is more than one; files
       find the key that it came from by it.
+    - `part`: what has the field, as messages have it, such as "joint 'hinge'"; empty where that is
+      known to whoever asks.
     """
 
-    def __init__(self, message: str, *, field: str = ""):
+    def __init__(self, message: str, *, field: str = "", part: str = ""):
         super().__init__(message)
-        self.field = field
+        self.field, self.part = field, part
 
 
 class SceneError(InputError):

@@ -1,7 +1,6 @@
 """Scene files: read once, they make scenes of any values of their parameters; and robot files."""
 
 import os
-import re
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -140,13 +139,10 @@ class SceneFile:
 
     def wrong(self, error: InputError) -> SceneFileError:
         """The error of joints or speeds that do not fit each other, with the line of one."""
-        place: tuple[str, ...] = ("joints",)
-        if joint := re.search(r"joint '(.*?)' is still", str(error)):
-            place = ("joints", joint[1])
-        elif speed := re.search(r"(\w+) of body '(.*?)' is", str(error)):
-            place = ("bodies", speed[2], speed[1])
+        kind, _, name = error.part.removesuffix("'").partition(" '")
+        place = {"joint": ("joints", name), "body": ("bodies", name, error.field)}.get(kind)
         problems = Problems(self.path, self.text)
-        problems.add(place, str(error))
+        problems.add(place or ("joints",), str(error))
         return SceneFileError("\n".join(problems.lines()))
 
     def __repr__(self) -> str:

@@ -17,6 +17,7 @@ from .base import AbstractSystem, check_system
 from .dynamics import constraint_state
 from .start import Start
 
+# A start that is guessed gets to the constraints in fewer, quadratically, or not at all.
 START_SWEEPS = 10
 
 
@@ -53,10 +54,12 @@ def check_closed(owner: str, system: AbstractSystem, start: Start) -> None:
     """Raise InputError, beginning with `owner`, if a constraint is violated after all sweeps."""
     worst, _ = start.worst()
     if not start.closed:
+        part = system.structure.constraints[worst]
         raise InputError(
-            f"{owner}: after {START_SWEEPS} sweeps {system.structure.constraints[worst]} is "
-            f"still violated by {start.violation[worst]:.3g}; the joints cannot all hold, or the "
-            "given start is too far from any configuration where they do."
+            f"{owner}: after {START_SWEEPS} sweeps {part} is still violated by "
+            f"{start.violation[worst]:.3g}; the joints cannot all hold, or the given start is too "
+            "far from any configuration where they do.",
+            part=part,
         )
 
 
@@ -64,10 +67,12 @@ def check_rates(owner: str, system: AbstractSystem, start: Start) -> None:
     """Raise InputError, beginning with `owner`, if no velocity was found that suits all joints."""
     _, worst = start.worst()
     if not start.fits:
+        part = system.structure.constraints[worst]
         raise InputError(
-            f"{owner}: {system.structure.constraints[worst]} is still violated by a rate of "
-            f"{start.rate[worst]:.3g} /s; no velocity suits all joints: motions that are "
-            "prescribed contradict each other, or a joint that stands still."
+            f"{owner}: {part} is still violated by a rate of {start.rate[worst]:.3g} /s; no "
+            "velocity suits all joints: motions that are prescribed contradict each other, or a "
+            "joint that stands still.",
+            part=part,
         )
 
 
