@@ -14,7 +14,7 @@ from ..common.checks import check_finite, check_shape
 from ..common.errors import InputError
 from ..common.partition import Partitioned
 from ..compiling.program import program
-from ..march.pieces import Pieces
+from ..march.interpolations import Interpolations
 from ..reduction.system import has_charts
 from ..system.base import AbstractSystem
 from ..system.consistent import project
@@ -62,7 +62,7 @@ class DenseOutput(eqx.Module):
     parts: Partitioned
     stabilization: Stabilization
     start: Float[Array, ""]
-    pieces: Pieces
+    interpolations: Interpolations
 
     def at(self, times: Vector) -> tuple[Float[Array, " k"], Output, LazyQuantities]:
         """The `times` as an array, the outputs there, and what follows from them.
@@ -77,7 +77,7 @@ class DenseOutput(eqx.Module):
                 "Trajectory.at: this is a batch of runs; map over it, as in "
                 "jax.vmap(lambda run: run.at(times))(runs)."
             )
-        end = self.pieces.ends[self.pieces.number - 1]
+        end = self.interpolations.ends[self.interpolations.number - 1]
         outside = (ts < self.start) | (ts > end)
         known = concrete(outside)
         if known is None:
@@ -92,7 +92,7 @@ class DenseOutput(eqx.Module):
         projection = self.stabilization if isinstance(self.stabilization, Projection) else None
         size = capacity(count, 2 * system.full.n, ts.dtype)
         rows = ts if size == count or known is None else padded(ts, size)
-        outputs = cut(_evaluated(system, projection, self.pieces, rows), count)
+        outputs = cut(_evaluated(system, projection, self.interpolations, rows), count)
         own = outputs.in_system()
         used = self.stabilization if isinstance(self.stabilization, Baumgarte) else None
         return ts, outputs, LazyQuantities(self.parts, ts, own.q, own.v, own.chart, used)
@@ -102,16 +102,16 @@ class DenseOutput(eqx.Module):
 def _evaluated(
     system: AbstractSystem,
     projection: Projection | None,
-    pieces: Pieces,
+    interpolations: Interpolations,
     ts: Float[Array | np.ndarray, " k"],
 ) -> Output:
     output = output_of(system, projection)
 
     def at(t: Array) -> Output:
         # At the end of a step, its own state: that before an impact.
-        i = jnp.searchsorted(pieces.ends, t)
-        piece = jax.tree.map(lambda x: x[i], pieces.between)
-        return output(t, piece.evaluate(t))
+        i = jnp.searchsorted(interpolations.ends, t)
+        within = jax.tree.map(lambda x: x[i], interpolations.between)
+        return output(t, within.evaluate(t))
 
     outputs: Output = jax.lax.map(at, jnp.asarray(ts))
     return outputs

@@ -1,7 +1,7 @@
 """The integration of the equations of motion."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import diffrax
@@ -10,16 +10,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..events.check import check_quantities
 from ..events.passage import Passage
 from ..events.record import Events
 from ..events.watch import Watch
 from ..march.follower import AbstractFollower
-from ..march.march import DENSE, EVENTS, Ended, March
-from ..march.outputs import Outputs
-from ..march.pieces import PieceFollower
+from ..march.interpolations import InterpolationFollower
+from ..march.march import DENSE, EVENTS, OUTPUTS, March
+from ..march.outputs import Outputs, Saved
 from ..march.progress_bar import ProgressBar
 from ..march.record import RecordFollower
 from ..march.reverse import differentiable_run
@@ -47,12 +47,12 @@ AUDIT, MONITORS, PROGRESS, STATES = "audit", "monitors", "progress", "states"
 class Integrated(NamedTuple):
     """An integration, whether it got to its end or not.
 
-    - `march`: how it ended, and what its followers have seen.
+    - `seen`: what its followers have seen, by names.
     - `ts`, `outputs`, `imbalance`: those that were asked for, after a stop as they are there.
     - `events`: what happened, in words of the mechanism.
     """
 
-    march: Ended
+    seen: dict[str, Any]
     ts: Float[Array, " k"]
     outputs: Output
     imbalance: Float[Array, " k"] | None
@@ -61,7 +61,7 @@ class Integrated(NamedTuple):
     @property
     def findings(self) -> Findings | None:
         """The findings of the audit; None for a run without one."""
-        return self.march.seen.get(AUDIT)
+        return self.seen.get(AUDIT)
 
 
 def integrate(
@@ -71,12 +71,13 @@ def integrate(
     q0: Float[Array, " n"],
     v0: Float[Array, " n"],
     settings: Settings,
-) -> Integrated:
-    """Integrate the equations of motion from the first to the last of `ts`, all as it is set.
+) -> tuple[Integrated, Progress]:
+    """Integrate the equations of motion from the first to the last of `ts`, all as it is set, and
+    tell how far that got.
 
     `count`: how many of `ts` are asked for; None for all.
 
-    Never raises: how it went is in `march`.
+    Never raises: its progress says how it ended.
     """
     post_step = post_step_of(system, settings.projection)
     term, solver, y0 = _problem(system, q0, v0, post_step, settings)
@@ -117,14 +118,16 @@ def integrate(
     outputs = Outputs(output, ts, asked, _imbalance if settings.audit else None)
     march = March(steps, steps.trial, outputs, others)
     if known is None:
-        run = march.run(start, march.before(start))[1]
+        end, seen = march.run(start, march.before(start))
     else:
-        run = differentiable_run(march, start, known)
-    rows, imbalance, events = run.outputs.rows, run.outputs.beside, None
-    if watch is not None and run.watching is not None:
-        rows, imbalance, ts = _hold_after_stop(run, outputs)
-        events = watch.describe(run.seen[EVENTS], run.watching)
-    return Integrated(run, ts, rows, imbalance, events)
+        end, seen = differentiable_run(march, start, known)
+    saved: Saved = seen[OUTPUTS]
+    run = Integrated(seen, ts, saved.rows, saved.beside, None)
+    if watch is None or end.watching is None:
+        return run, end
+    held = end.watching.stopped & (jnp.arange(len(ts)) >= saved.number)
+    events = watch.describe(seen[EVENTS], end.watching)
+    return _hold_after_stop(run._replace(events=events), held, output), end
 
 
 def _followers(
@@ -150,7 +153,7 @@ def _followers(
     if settings.dense:
         step = start.y, start.solver_state, start.watching, start.t, start.next_t
         between = eqx.filter_eval_shape(steps.trial, *step).between
-        followers[DENSE] = PieceFollower(settings.dense, between)
+        followers[DENSE] = InterpolationFollower(settings.dense, between)
     if settings.states and steps.passage is not None:
         followers[STATES] = StateFollower(settings.states)
     if settings.monitors:
@@ -190,24 +193,22 @@ def _watch(
 
 
 def _hold_after_stop(
-    run: Ended, asked: Outputs
-) -> tuple[Output, Float[Array, " size"] | None, Float[Array, " size"]]:
-    """Return outputs, imbalances and times, with those after a stop as they are at the stop."""
-    record, saved = run.seen[EVENTS], run.outputs
-    assert run.watching is not None
+    run: Integrated,
+    held: Bool[Array, " k"],
+    output: Callable[[Float[Array, ""], PyTree], Output],
+) -> Integrated:
+    """Return a run with the times, outputs and imbalances that are `held` as they are at a stop."""
+    record = run.seen[EVENTS]
     last = jnp.maximum(record.number - 1, 0)
     t, y = jax.tree.map(lambda x: x[last], (record.time, record.after))
-    held = run.watching.stopped & (jnp.arange(len(asked.ts)) >= saved.number)
 
     def hold(rows: Array, row: Array) -> Array:
         chosen: Array = jnp.where(held.reshape(-1, *[1] * row.ndim), row, rows)
         return chosen
 
-    outputs: Output = jax.tree.map(hold, saved.rows, asked.output(t, y))
-    imbalance = saved.beside
-    if imbalance is not None:
-        imbalance = hold(imbalance, _imbalance(run.seen))
-    return outputs, imbalance, hold(asked.ts, t)
+    outputs = jax.tree.map(hold, run.outputs, output(t, y))
+    imbalance = None if run.imbalance is None else hold(run.imbalance, _imbalance(run.seen))
+    return run._replace(ts=hold(run.ts, t), outputs=outputs, imbalance=imbalance)
 
 
 def _problem(

@@ -1,4 +1,6 @@
-"""The status of a run, decided from its states and outputs."""
+"""The status and the flags of a run, decided from its states and outputs."""
+
+from typing import NamedTuple
 
 import diffrax
 import jax
@@ -6,8 +8,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from ..common import precision
-from ..system.base import AbstractSystem
+from ..march.steps import Progress
+from ..march.tolerances import Extent
+from ..system.base import AbstractSystem, Run
+from ..system.flags import Flag
+from ..system.stabilization import Stabilization
+from ..system.start import Start
 from .integration import Integrated
+from .resolution import is_resolved
 from .settings import Settings
 from .status import Status
 
@@ -17,15 +25,55 @@ _APART = 1e-2
 _DRIFT = 10.0
 
 
-def judge_run(
+class Judgement(NamedTuple):
+    """What is thought of a run.
+
+    - `steps`: how many it took; `accepted`: of these.
+    - `start`: the constraints there. `status`, `flags`: as `Trajectory` has them.
+    - `atol`: the absolute tolerance of velocities. `stabilization`: that was used.
+    """
+
+    steps: Int[Array, ""]
+    accepted: Int[Array, ""]
+    start: Start
+    status: Int[Array, ""]
+    flags: Int[Array, ""]
+    atol: Float[Array, ""]
+    stabilization: Stabilization
+
+
+def judge(
     system: AbstractSystem,
     run: Integrated,
+    end: Progress,
+    q0: Float[Array, " n"],
+    v0: Float[Array, " n"],
+    settings: Settings,
+) -> Judgement:
+    """The judgement of a run from the start (q0, v0), and of how it ended."""
+    if known := settings.known_start(system):
+        start = known.constraints
+    else:
+        start = Start.of(system, run.ts[0], q0, v0, precision.of(q0.dtype).start_tolerance)
+    status = _status(system, run, end.result, q0, start.closed & start.fits, settings)
+    extent = Extent.of(run.outputs.q, run.outputs.v)
+    flags = _flags(system, run, end.accepted, extent, settings)
+    if run.findings is not None:
+        flags |= run.findings.flags
+    used = settings.baumgarte or settings.projection
+    atol = _absolute(extent, settings)
+    return Judgement(end.steps, end.accepted, start, status, flags, atol, used)
+
+
+def _status(
+    system: AbstractSystem,
+    run: Integrated,
+    result: diffrax.RESULTS,
     q0: Float[Array, " n"],
     fits: Bool[Array, ""],
     settings: Settings,
 ) -> Int[Array, ""]:
     """The status of a run, by its outputs and whether its start `fits` the constraints."""
-    result = run.march.result
     own = run.outputs.in_system()
     # The constraints may overflow where the drifted coordinates themselves are still finite.
     numbers = (own.q, own.v, run.outputs.violation)
@@ -47,7 +95,7 @@ def judge_run(
         ladder.insert(1, (run.events.count > len(run.events.time), Status.MAX_EVENTS))
     limits = precision.of(q0.dtype).dependent_rows
     if limits is not None:
-        unresolved = ~_is_resolved(system, run.ts[0], q0, limits)
+        unresolved = ~_resolves_rows(system, run.ts[0], q0, limits)
         ladder.insert(0, (unresolved, Status.PRECISION))
     places = system.structure.without_states(own.q)
     violated = ~_constraints_hold(places, own.violation, settings)
@@ -80,7 +128,38 @@ def drift_of(q: Float[Array, "k n"], rtol: ArrayLike) -> Float[Array, " k"]:
     return jnp.asarray(rtol) * size
 
 
-def _is_resolved(
+def _flags(
+    system: AbstractSystem,
+    run: Integrated,
+    steps: Int[Array, ""],
+    extent: Extent,
+    settings: Settings,
+) -> Int[Array, ""]:
+    """Return the system's flags for its motion, and that of tolerances too coarse for it."""
+    ts, outputs = run.ts, run.outputs
+    flags, drift = jnp.zeros((), int), jnp.zeros_like(ts)
+    if settings.dt is None:
+        drift = drift_of(system.full.structure.without_states(outputs.q), settings.rtol)
+        resolved = is_resolved(system, settings, outputs.q[0], extent, steps)
+        flags = jnp.where(resolved, 0, int(Flag.RESOLUTION))
+    full = system.full
+    if full.validity is not None:
+        motion = Run(ts, outputs.q, outputs.v, outputs.q, outputs.violation, drift)
+        flags |= full.validity.flags(full, motion)
+    if system is not full and system.validity is not None:
+        own = outputs.in_system()
+        motion = Run(ts, own.q, own.v, outputs.q, outputs.violation, drift)
+        flags |= system.validity.flags(system, motion)
+    return flags
+
+
+def _absolute(extent: Extent, settings: Settings) -> Float[Array, ""]:
+    """The absolute tolerance of velocities, which follows them unless it is given."""
+    fastest = settings.rtol * jnp.minimum(jnp.max(extent.speed), 1)
+    return jnp.where(settings.follow, jnp.minimum(fastest, settings.atol), settings.atol)
+
+
+def _resolves_rows(
     system: AbstractSystem,
     t: Float[Array, ""],
     q: Float[Array, " n"],

@@ -1,21 +1,19 @@
 """The run of a simulation: one compiled program, and the trajectory that its numbers are."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..common import compat, precision
+from ..common import compat
 from ..common.partition import Partitioned
 from ..compiling.program import program
 from ..compiling.xla import filter_jit
 from ..march.march import DENSE
-from ..march.tolerances import Extent
-from ..system.base import AbstractSystem, Run
+from ..system.base import AbstractSystem
 from ..system.consistent import project_start
-from ..system.flags import Flag
 from ..system.stabilization import Baumgarte, Projection, Stabilization
 from ..system.start import Start
 from .adjoint import has_root_finder
@@ -23,9 +21,8 @@ from .default import default_stabilization
 from .dense import DenseOutput
 from .derived import EagerQuantities, LazyQuantities, metric_of, multipliers_along
 from .integration import AUDIT, MONITORS, STATES, Integrated, integrate
-from .judge import drift_of, judge_run
-from .outputs import Output, capacity, cut, with_room
-from .resolution import is_resolved
+from .judge import Judgement, judge
+from .outputs import capacity, cut, with_room
 from .settings import Settings
 from .statistics import Statistics
 from .step_states import StepStates
@@ -42,24 +39,13 @@ def run(
     settings: Settings,
 ) -> tuple[Trajectory, Start]:
     """The trajectory of a system that is `bare` of names, and the constraints at its start."""
-    result, derived = _run(system, bare, ts, q0, v0, settings)
-    dense, pieces = None, result.run.march.seen.get(DENSE)
-    if pieces is not None:
-        dense = DenseOutput(
-            Partitioned.of(system), result.stabilization, jnp.asarray(ts[0]), pieces
-        )
-    return _trajectory(system, result, derived, dense, settings), result.start
-
-
-class _Result(NamedTuple):
-    """The result of a run without names."""
-
-    run: Integrated
-    start: Start
-    status: Int[Array, ""]
-    flags: Int[Array, ""]
-    atol: Float[Array, ""]
-    stabilization: Stabilization
+    integrated, judgement, derived = _run(system, bare, ts, q0, v0, settings)
+    dense, interpolations = None, integrated.seen.get(DENSE)
+    if interpolations is not None:
+        parts = Partitioned.of(system)
+        dense = DenseOutput(parts, judgement.stabilization, jnp.asarray(ts[0]), interpolations)
+    trajectory = _trajectory(system, integrated, judgement, derived, dense, settings)
+    return trajectory, judgement.start
 
 
 def _run(
@@ -69,7 +55,7 @@ def _run(
     q0: Float[Array, " n"],
     v0: Float[Array, " n"],
     settings: Settings,
-) -> tuple[_Result, EagerQuantities | LazyQuantities]:
+) -> tuple[Integrated, Judgement, EagerQuantities | LazyQuantities]:
     """The run, by a program of its own that others share, or as a part of the user's."""
     traced = not compat.is_outermost()
     settings = settings.limited(traced)
@@ -80,14 +66,16 @@ def _run(
         settings = settings._replace(max_steps=steps, forward=False, states=states)
     # A root finder contains functions, which are no part of a stored program.
     if traced or has_root_finder(settings.solver):
-        result, derived = _differentiable(bare, ts, q0, v0, settings)
-        return result, derived if traced else derived._replace(parts=Partitioned.of(system))
+        run, judgement, derived = _differentiable(bare, ts, q0, v0, settings)
+        if not traced:
+            derived = derived._replace(parts=Partitioned.of(system))
+        return run, judgement, derived
     count = len(ts)
     size = capacity(count, 2 * bare.full.n, q0.dtype)
     times = ts if size == count else with_room(ts, size)
-    result = _plain(bare, times, np.asarray(count), q0, v0, settings)
+    run, judgement = _plain(bare, times, np.asarray(count), q0, v0, settings)
     # After a stop only, times are others than those that were asked for.
-    run, stopped = result.run, None if result.run.events is None else result.run.ts
+    stopped = None if run.events is None else run.ts
     outputs, imbalance, stopped = cut((run.outputs, run.imbalance, stopped), count)
     ts = ts if stopped is None else stopped
     own = outputs.in_system()
@@ -98,10 +86,9 @@ def _run(
         q=own.q,
         v=own.v,
         chart=own.chart,
-        stabilization=_baumgarte(result.stabilization),
+        stabilization=_baumgarte(judgement.stabilization),
     )
-    run = run._replace(ts=ts, outputs=outputs, imbalance=imbalance)
-    return result._replace(run=run), demand
+    return run._replace(ts=ts, outputs=outputs, imbalance=imbalance), judgement, demand
 
 
 @filter_jit
@@ -111,13 +98,13 @@ def _differentiable(
     q0: Float[Array, " n"],
     v0: Float[Array, " n"],
     settings: Settings,
-) -> tuple[_Result, EagerQuantities]:
-    result = _integrated(system, ts, None, q0, v0, settings)
-    run, used = result.run, _baumgarte(result.stabilization)
+) -> tuple[Integrated, Judgement, EagerQuantities]:
+    run, judgement = _integrated(system, ts, None, q0, v0, settings)
+    used = _baumgarte(judgement.stabilization)
     own = run.outputs.in_system()
     # XLA leaves out what nobody uses.
     multipliers = multipliers_along(system, run.ts, own.q, own.v, own.chart, used)
-    return result, EagerQuantities(multipliers, metric_of(system))
+    return run, judgement, EagerQuantities(multipliers, metric_of(system))
 
 
 def _integrated(
@@ -127,35 +114,25 @@ def _integrated(
     q0: Float[Array, " n"],
     v0: Float[Array, " n"],
     settings: Settings,
-) -> _Result:
+) -> tuple[Integrated, Judgement]:
     settings = settings._replace(stabilization=_stabilization(system, ts, settings))
     if settings.projection is not None and settings.projects_start:
         q0, v0 = project_start(system, ts[0], q0, v0)
     q0, v0 = ticked(system, ts[0], q0, v0)
-    run = integrate(system, ts, count, q0, v0, settings)
+    run, end = integrate(system, ts, count, q0, v0, settings)
     if count is not None:
         # Padding rows repeat the last one, so that they do not change what is judged here.
         rows = jnp.minimum(jnp.arange(len(ts)), count - 1)
         held = (run.ts, run.outputs, run.imbalance)
         ts, outputs, imbalance = jax.tree.map(lambda x: x[rows], held)
         run = run._replace(ts=ts, outputs=outputs, imbalance=imbalance)
-    if known := settings.known_start(system):
-        start = known.constraints
-    else:
-        start = Start.of(system, ts[0], q0, v0, precision.of(q0.dtype).start_tolerance)
-    status = judge_run(system, run, q0, start.closed & start.fits, settings)
-    extent = Extent.of(run.outputs.q, run.outputs.v)
-    flags = _flags(system, run.ts, run.outputs, extent, run.march.accepted, settings)
-    if run.findings is not None:
-        flags |= run.findings.flags
+    judgement = judge(system, run, end, q0, v0, settings)
     # Only some findings become results of the program; the others are in the run in another form.
-    seen = {name: each for name, each in run.march.seen.items() if name in _RESULTS}
+    seen = {name: each for name, each in run.seen.items() if name in _RESULTS}
     if AUDIT in seen:
         seen[AUDIT] = jax.lax.stop_gradient(seen[AUDIT])
-    march = run.march._replace(result=None, watching=None, seen=seen)
-    run = run._replace(march=march, imbalance=jax.lax.stop_gradient(run.imbalance))
-    atol, stabilization = _absolute(extent, settings), settings.baumgarte
-    return _Result(run, start, status, flags, atol, stabilization or settings.projection)
+    imbalance = jax.lax.stop_gradient(run.imbalance)
+    return run._replace(seen=seen, imbalance=imbalance), judgement
 
 
 def _stabilization(
@@ -183,23 +160,23 @@ def _baumgarte(stabilization: Stabilization) -> Baumgarte | None:
 
 def _trajectory(
     system: AbstractSystem,
-    result: _Result,
+    run: Integrated,
+    judgement: Judgement,
     derived: EagerQuantities | LazyQuantities,
     dense: DenseOutput | None,
     settings: Settings,
 ) -> Trajectory:
     controlled, frequencies = settings.dt is None, settings.frequencies
-    run, march, findings = result.run, result.run.march, result.run.findings
-    states = march.seen.get(STATES)
+    findings, states = run.findings, run.seen.get(STATES)
     statistics = compat.make_module(
         Statistics,
-        num_steps=march.steps,
-        num_accepted_steps=march.accepted,
-        num_rejected_steps=march.steps - march.accepted,
+        num_steps=judgement.steps,
+        num_accepted_steps=judgement.accepted,
+        num_rejected_steps=judgement.steps - judgement.accepted,
         rtol=settings.rtol if controlled else None,
-        atol=result.atol if controlled else None,
+        atol=judgement.atol if controlled else None,
         fastest_frequency=None if frequencies is None else frequencies.fastest,
-        stabilization=result.stabilization,
+        stabilization=judgement.stabilization,
     )
     return compat.make_module(
         Trajectory,
@@ -209,46 +186,15 @@ def _trajectory(
         violation=run.outputs.violation,
         derived=derived,
         stats=statistics,
-        status=result.status,
-        flags=result.flags,
+        status=judgement.status,
+        flags=judgement.flags,
         balance=None if findings is None else findings.balance,
         branching=None if findings is None else findings.branching,
         imbalance=run.imbalance,
         events=run.events,
         dense=dense,
         states=None if states is None else StepStates(states.t, *states.y),
-        followed=march.seen.get(MONITORS, ()),
+        followed=run.seen.get(MONITORS, ()),
         coordinates=system.full.structure.coordinates,
         solver_parts=Partitioned.of(settings.solver),
     )
-
-
-def _absolute(extent: Extent, settings: Settings) -> Float[Array, ""]:
-    """The absolute tolerance of velocities, which follows them unless it is given."""
-    fastest = settings.rtol * jnp.minimum(jnp.max(extent.speed), 1)
-    return jnp.where(settings.follow, jnp.minimum(fastest, settings.atol), settings.atol)
-
-
-def _flags(
-    system: AbstractSystem,
-    ts: Float[Array, " k"],
-    outputs: Output,
-    extent: Extent,
-    steps: Int[Array, ""],
-    settings: Settings,
-) -> Int[Array, ""]:
-    """Return the system's flags for its motion, and that of tolerances too coarse for it."""
-    flags, drift = jnp.zeros((), int), jnp.zeros_like(ts)
-    if settings.dt is None:
-        drift = drift_of(system.full.structure.without_states(outputs.q), settings.rtol)
-        resolved = is_resolved(system, settings, outputs.q[0], extent, steps)
-        flags = jnp.where(resolved, 0, int(Flag.RESOLUTION))
-    full = system.full
-    if full.validity is not None:
-        run = Run(ts, outputs.q, outputs.v, outputs.q, outputs.violation, drift)
-        flags |= full.validity.flags(full, run)
-    if system is not full and system.validity is not None:
-        own = outputs.in_system()
-        run = Run(ts, own.q, own.v, outputs.q, outputs.violation, drift)
-        flags |= system.validity.flags(system, run)
-    return flags

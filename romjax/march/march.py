@@ -6,30 +6,14 @@ from typing import Any, NamedTuple
 import diffrax
 import jax
 from equinox.internal import unvmap_any
-from jaxtyping import Array, Int, PyTree
+from jaxtyping import Array, PyTree
 
-from .cuts import Watching
 from .follower import AbstractFollower, Step
-from .outputs import Outputs, Saved
+from .outputs import Outputs
 from .steps import Progress, Steps, Trial
 
 # Keys of `seen`: the outputs, and the other followers that derivatives pass through.
 OUTPUTS, EVENTS, DENSE = "outputs", "events", "dense"
-
-
-class Ended(NamedTuple):
-    """The outcome of a march, and what each of its followers has seen, by names."""
-
-    result: diffrax.RESULTS | None  # None once it is told in words
-    steps: Int[Array, ""]
-    accepted: Int[Array, ""]
-    watching: Watching | None
-    seen: dict[str, Any]
-
-    @property
-    def outputs(self) -> Saved:
-        saved: Saved = self.seen[OUTPUTS]
-        return saved
 
 
 class March(NamedTuple):
@@ -58,8 +42,10 @@ class March(NamedTuple):
             name: follower.start(start) for name, follower in self.others.items()
         }
 
-    def run(self, start: Progress, seen: dict[str, Any]) -> tuple[Progress, Ended]:
-        """Integrate from a start to the end, with what was `seen` before."""
+    def run(self, start: Progress, seen: dict[str, Any]) -> tuple[Progress, dict[str, Any]]:
+        """Integrate from a start to the end, with what was `seen` before: how far the run got, and
+        what each follower has seen. The last state is that of no output, and left out.
+        """
 
         def step(carry: tuple[Progress, dict[str, Any]]) -> tuple[Progress, dict[str, Any]]:
             before, seen = carry
@@ -77,4 +63,6 @@ class March(NamedTuple):
         result = diffrax.RESULTS.where(exhausted, diffrax.RESULTS.max_steps_reached, end.result)
         followers = {**self.others, OUTPUTS: self.outputs}
         seen = {name: f.end(end, stopped, seen[name]) for name, f in followers.items()}
-        return end, Ended(result, end.steps, end.accepted, end.watching, seen)
+        none: Any = None
+        end = end._replace(result=result, y=none, solver_state=none, controller_state=none)
+        return end, seen

@@ -23,7 +23,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from .checkpoints import CheckpointFollower
 from .follower import AbstractFollower, Step
-from .march import DENSE, EVENTS, OUTPUTS, Ended, March
+from .march import DENSE, EVENTS, OUTPUTS, March
 from .outputs import Outputs
 from .steps import Progress, Trial, chosen
 from .transpose import StepStart, Transposed, TransposedSteps
@@ -70,7 +70,10 @@ class Differentiated(NamedTuple):
     solver_state: PyTree
 
 
-def differentiable_run(march: March, start: Progress, most: int) -> Ended:
+Outcome = tuple[Progress, dict[str, Any]]
+
+
+def differentiable_run(march: March, start: Progress, most: int) -> Outcome:
     """`March.run` of at most `most` steps, differentiable in reverse mode."""
     slots = _power_of_two(max(min(_CHECKPOINTS, most), math.sqrt(most)))
     longest = _power_of_two(most / slots)
@@ -90,8 +93,8 @@ def differentiable_run(march: March, start: Progress, most: int) -> Ended:
     choice = rest, start._replace(y=None, solver_state=None), seen, asked
     arrays, static = eqx.partition(choice, eqx.is_array)
     choice = eqx.combine(jax.lax.stop_gradient(arrays), static)
-    run: Ended = _run(by, choice, slots, longest)
-    return run
+    outcome: Outcome = _run(by, choice, slots, longest)
+    return outcome
 
 
 def _power_of_two(least: int | float) -> int:
@@ -105,10 +108,10 @@ def _joined(by: Differentiated, choice: Any) -> tuple[March, Progress, dict[str,
 
 
 @eqx.filter_custom_vjp
-def _run(by: Differentiated, choice: Any, slots: int, longest: int) -> Ended:
+def _run(by: Differentiated, choice: Any, slots: int, longest: int) -> Outcome:
     del slots, longest
     march, start, seen = _joined(by, choice)
-    return march.run(start, seen)[1]
+    return march.run(start, seen)
 
 
 def _run_with_checkpoints(
@@ -118,17 +121,17 @@ def _run_with_checkpoints(
     march, start, seen = _joined(by, choice)
     checkpoints = CheckpointFollower(slots)
     march = march._replace(others={**march.others, _CHECKPOINTED: checkpoints})
-    end, ended = march.run(start, {**seen, _CHECKPOINTED: checkpoints.start(start)})
-    number, record = ended.outputs.number, ended.seen.get(EVENTS)
+    end, seen = march.run(start, {**seen, _CHECKPOINTED: checkpoints.start(start)})
+    number, record = seen[OUTPUTS].number, seen.get(EVENTS)
     missing = (number < march.outputs.asked) & ~march.steps.is_stopped(end)
     happened = jnp.zeros((), int) if record is None else record.number
-    kept = ended.seen.pop(_CHECKPOINTED)
-    return ended, (kept, end.accepted, end.t, number, happened, missing)
+    kept = seen.pop(_CHECKPOINTED)
+    return (end, seen), (kept, end.accepted, end.t, number, happened, missing)
 
 
 def _transpose(
     residuals: Any,
-    cotangents: Ended,
+    cotangents: Outcome,
     perturbed: Any,
     by: Differentiated,
     choice: Any,
@@ -138,7 +141,7 @@ def _transpose(
     del slots
     checkpoints, accepted, t, saved, happened, missing = residuals
     march, stride = _joined(by, choice)[0], checkpoints.stride
-    by_rows = _filled(cotangents.seen, choice[2])
+    by_rows = _filled(cotangents[1], choice[2])
     steps = TransposedSteps(*eqx.partition(by[:3], perturbed[:3]), *by_rows)
 
     def segment(carry: tuple[Array, Transposed]) -> tuple[Array, Transposed]:
@@ -162,7 +165,7 @@ def _transpose(
     _, first = jax.lax.while_loop(
         lambda carry: unvmap_any(carry[0] >= 0), segment, ((accepted - 1) // stride, end)
     )
-    unknown = missing & _uses_later(by_rows[0], saved) | _counts(cotangents.seen, choice[2])
+    unknown = missing & _uses_later(by_rows[0], saved) | _counts(cotangents[1], choice[2])
     nan = jnp.where(unknown, jnp.nan, 0.0)
     numbers, y, solver_state = jax.tree.map(lambda x: x + nan.astype(x.dtype), first[:3])
     trial, output, ts = numbers

@@ -40,7 +40,9 @@ class TransposedSteps(NamedTuple):
     constants: Any  # the others
     cotangents: PyTree  # of all outputs
     by_events: Any  # cotangents of the record of events, a `Record`; None where there is none
-    by_pieces: Any  # cotangents of dense output, as `Pieces`; None where there is none
+    by_interpolations: (
+        Any  # cotangents of dense output, as `Interpolations`; None where there is none
+    )
 
     def transpose(
         self, start: StepStart, number: Array, later: Transposed, active: Array
@@ -83,8 +85,10 @@ class TransposedSteps(NamedTuple):
         saved, (by_outputs, by_between) = jax.lax.while_loop(
             lambda carry: unvmap_any(is_due(carry)), output, (later.saved, zero)
         )
-        if self.by_pieces is not None:
-            own = eqx.filter(self.by_pieces.between, jax.tree.map(lambda _: True, by_between))
+        if self.by_interpolations is not None:
+            own = eqx.filter(
+                self.by_interpolations.between, jax.tree.map(lambda _: True, by_between)
+            )
             by_between = add(by_between, jax.tree.map(lambda x: x[number], own))
         happened, by_event = self.at_event(happens, later)
         by_trial, by_y, by_state, by_t = pull((later.y, later.solver_state, by_between, by_event))
