@@ -127,6 +127,7 @@ def test_the_name_of_a_body_is_no_number_but_no_program_either():
 
 BASE = {"common", "compiling"}
 BELOW = {
+    "compiling": set(),
     "linalg": set(),
     "scene": {"linalg"},
     "basis": set(),
@@ -147,6 +148,7 @@ BELOW = {
     | {"study", "events"},
     "gallery": {"linalg", "scene", "spatial"},
     "spatial": {"scene"},
+    "pages": {"scene", "basis", "integrate", "study", "trials", "gallery", "plot"},
     "plot": {"scene", "basis", "system", "assembly", "reduction", "integrate", "study"}
     | {"measure", "analysis", "trials"},
 }
@@ -176,6 +178,12 @@ def imports(path, parts):
                 yield from (([*base, *name, alias.name], True) for alias in node.names)
             else:
                 yield name, False
+
+
+@pytest.mark.instant
+def test_each_folder_is_a_layer():
+    folders = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
+    assert folders == (set(BELOW) - {"spatial"}) | {"common"}
 
 
 @pytest.mark.instant

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from ..assembly.assembled import controllers_of
 from ..common.arrays import Time, concrete
 from ..common.errors import InputError
 from ..compiling.program import program_once
@@ -66,7 +67,7 @@ def refuse_clocks(owner: str, system: AbstractSystem) -> None:
     """Raise InputError, beginning with `owner`, for controllers that act at their ticks alone: the
     equations of motion know what they hold, and not their laws.
     """
-    controllers = getattr(system.full, "controllers", ())
+    controllers = controllers_of(system)
     if controllers:
         name = controllers[0].sampled.name
         raise InputError(

@@ -222,3 +222,21 @@ class AssembledSystem(AbstractSystem):
 def _total(parts: Sequence[Array | None], zero: Array) -> Float[Array, ""]:
     """The sum over all parts of all groups, a vector for each group."""
     return functools.reduce(operator.add, [jnp.sum(x) for x in parts if x is not None], zero)
+
+
+def mechanism_of(system: AbstractSystem) -> AssembledSystem | None:
+    """The system of bodies that a full or reduced one stands for; None of one without bodies."""
+    full = system.full
+    return full if isinstance(full, AssembledSystem) else None
+
+
+def groups_of(system: AbstractSystem) -> tuple[BodyGroup, ...]:
+    """The bodies of a full or reduced system, in groups."""
+    mechanism = mechanism_of(system)
+    return () if mechanism is None else mechanism.bodies
+
+
+def controllers_of(system: AbstractSystem) -> tuple[Controller, ...]:
+    """The controllers with a clock of a full or reduced system."""
+    mechanism = mechanism_of(system)
+    return () if mechanism is None else mechanism.controllers

@@ -1,7 +1,7 @@
 """Loads along beams without stiffening, whose work on bending their model leaves out."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -19,12 +19,10 @@ from ..scene.marker import Wrench
 from ..system.base import AbstractSystem
 from ..system.dynamics import solve
 from ..system.structure import without_names
+from .assembled import AssembledSystem, groups_of, mechanism_of
 from .groups import BodyGroup
 from .kinematics import Markers
 from .wrenches import effect_wrenches, joint_wrenches
-
-if TYPE_CHECKING:
-    from .assembled import AssembledSystem
 
 # What is too much, in units of EI / L², and at how many states it is looked for.
 _LARGE, _STATES = 0.1, 16
@@ -45,8 +43,7 @@ def axial_warning(
     frequency is off by half of these shares, about what few modes err by. Beams that are given by
     frequencies have no EI to measure by.
     """
-    full: Any = system.full
-    if not is_outermost() or not any(True for _ in _beams(full)):
+    if not is_outermost() or not any(True for _ in _beams(system)):
         return ""
     states = spread(_STATES, t, q, v)
     # Of a run that failed, what it reached counts.
@@ -55,8 +52,8 @@ def axial_warning(
     load = loads[row, beam]
     if abs(load) <= _LARGE:
         return ""
-    firsts = [own[0] for beams in _beams(full) for own in beams.group.coordinates.rows]
-    name = full.structure.coordinates[firsts[beam]].owner
+    firsts = [own[0] for beams in _beams(system) for own in beams.group.coordinates.rows]
+    name = system.full.structure.coordinates[firsts[beam]].owner
     done, missing = ("pulled", "stiffen") if load > 0 else ("compressed", "soften")
     return (
         f"beam '{name}' is {done} by {abs(load):.2g} EI/L², which does not {missing} its bending "
@@ -79,8 +76,9 @@ def _loads(
     """Return the axial loads of all beams at states of a full or reduced system."""
 
     def at(now: tuple[Array, Array, Array]) -> Array:
-        state, full = system.state(*now), cast("AssembledSystem", system.full)
-        return axial_loads(full, now[0], state.q, state.v)
+        state, mechanism = system.state(*now), mechanism_of(system)
+        assert mechanism is not None
+        return axial_loads(mechanism, now[0], state.q, state.v)
 
     # A loop, not a batch, whose program is larger.
     loads: Array = jax.lax.map(at, (jnp.asarray(t), jnp.asarray(q), jnp.asarray(v)))
@@ -97,8 +95,8 @@ class _Beams(NamedTuple):
     axis: int  # of the frame, which they lie along
 
 
-def _beams(full: Any) -> Iterator[_Beams]:
-    for group in getattr(full, "bodies", ()):
+def _beams(system: AbstractSystem) -> Iterator[_Beams]:
+    for group in groups_of(system):
         body: Any = uncapped(group.bodies)
         if isinstance(body, Beam) and body.EI is not None and body.modes and not body.stiffening:
             yield _Beams(group, body.mass, body.length, body.EI, int(body.axis == "y"))
@@ -110,7 +108,7 @@ def _beams(full: Any) -> Iterator[_Beams]:
 
 
 def axial_loads(
-    full: "AssembledSystem", t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
+    full: AssembledSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
 ) -> Float[Array, " beams"]:
     """The mean force along each beam without stiffening, in units of EI / L², tension positive.
 
@@ -135,7 +133,9 @@ def axial_loads(
     return (total + mass * length**2 / 12 * spins) * length / stiffness
 
 
-def _wrenches(full: Any, t: Time, q: Array, v: Array) -> Iterator[tuple[Markers, Wrench]]:
+def _wrenches(
+    full: AssembledSystem, t: Time, q: Array, v: Array
+) -> Iterator[tuple[Markers, Wrench]]:
     if full.joint_markers is not None:
         multipliers = solve(full, t, q, v, None).multipliers
         own = full.joints, full.joint_markers

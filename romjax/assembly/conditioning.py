@@ -1,7 +1,5 @@
 """Masses so different that rounding in the equations of the joints shows in the motion."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +10,7 @@ from ..compiling.program import program_once
 from ..scene.body.capped import uncapped
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
+from .assembled import groups_of
 from .axial_loads import spread
 
 # Masses that differ by less never matter; and at how many states is looked.
@@ -37,9 +36,8 @@ def conditioning_warning(
     their digits. Rows that repeat others have tiny pivots too, and are told apart by the rank of
     C_q, which knows no masses. Singular positions pass; what counts is the best state.
     """
-    full: Any = system.full
-    masses = _masses(full) if is_outermost() else np.zeros(0)
-    if not masses.size or np.max(masses) < _DIFFERENT * np.min(masses) or not full.m:
+    masses = _masses(system) if is_outermost() else np.zeros(0)
+    if not masses.size or np.max(masses) < _DIFFERENT * np.min(masses) or not system.full.m:
         return ""
     states = [np.nan_to_num(x) for x in spread(_STATES, t, q, v)]
     pivots, jacobians = (np.asarray(x) for x in _equations(without_names(system), *states))
@@ -58,9 +56,8 @@ def conditioning_warning(
     )
 
 
-def _masses(full: Any) -> np.ndarray:
-    groups = getattr(full, "bodies", ())
-    masses = [getattr(uncapped(group.bodies), "mass", None) for group in groups]
+def _masses(system: AbstractSystem) -> np.ndarray:
+    masses = [getattr(uncapped(group.bodies), "mass", None) for group in groups_of(system)]
     known = [np.ravel(np.asarray(mass)) for mass in masses if isinstance(mass, jax.Array)]
     return np.concatenate(known) if known else np.zeros(0)
 

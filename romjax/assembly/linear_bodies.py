@@ -15,6 +15,7 @@ from ..scene.body.capped import uncapped
 from ..scene.body.modal import AbstractModalBody
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
+from .assembled import groups_of
 from .axial_loads import axial_warning, spread
 from .groups import BodyGroup
 
@@ -59,7 +60,7 @@ def turning_warning(
     """The mesh that turns the farthest against its frame at one of its points, if by more than 0.2
     rad, in words; "" if none does. Of many states it looks at 16 that are spread evenly.
     """
-    full: Any = system.full
+    full = system.full
     if not is_outermost() or not any(True for _ in _meshes(full)):
         return ""
     states = spread(_STATES, t, q, v)
@@ -76,14 +77,14 @@ def turning_warning(
     )
 
 
-def _meshes(full: Any) -> Iterator[tuple[BodyGroup, Any]]:
-    for group in getattr(full, "bodies", ()):
+def _meshes(full: AbstractSystem) -> Iterator[tuple[BodyGroup, Any]]:
+    for group in groups_of(full):
         body: Any = uncapped(group.bodies)
         if isinstance(body, AbstractModalBody) and body.modes:
             yield group, body
 
 
-def _turns(full: Any, q: np.ndarray) -> Iterator[tuple[float, str]]:
+def _turns(full: AbstractSystem, q: np.ndarray) -> Iterator[tuple[float, str]]:
     """The largest turn of each mesh at some states, and its name."""
     for group, body in _meshes(full):
         frame, motions = body.frame_size, slice(2, 3) if body.dimension == 2 else slice(3, 6)

@@ -1,7 +1,6 @@
 """Markers that are in no joint or effect: where they are in a system that is assembled already."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,11 +13,9 @@ from ..common.errors import InputError
 from ..scene.body.base import AbstractBody
 from ..scene.marker import GROUND, Marker, Pose, Twist, Wrench
 from ..system.base import AbstractSystem, check_system
+from .assembled import AssembledSystem, mechanism_of
 from .grouping import member, stack, with_name
 from .kinematics import Markers, prepare_points
-
-if TYPE_CHECKING:
-    from .assembled import AssembledSystem
 
 
 class Located(eqx.Module):
@@ -49,18 +46,19 @@ class Located(eqx.Module):
         return jnp.zeros_like(q).at[np.array(self.columns, int)].set(force)
 
 
-def assembled(owner: str, system: AbstractSystem) -> "AssembledSystem":
+def assembled(owner: str, system: AbstractSystem) -> AssembledSystem:
     """The system of bodies that a full or reduced `system` stands for.
 
     Raises InputError, beginning with `owner`, if there is none.
     """
     check_system(owner, system)
-    if not hasattr(system.full, "joint_markers"):
+    mechanism = mechanism_of(system)
+    if mechanism is None:
         raise InputError(
             f"{owner}: a {type(system.full).__name__} has coordinates, but no bodies that carry "
             "markers, joints or effects; assemble a Scene, or evaluate functions of q and v."
         )
-    return cast("AssembledSystem", system.full)
+    return mechanism
 
 
 def locate(owner: str, system: AbstractSystem, markers: Sequence[Marker]) -> Located:

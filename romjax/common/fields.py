@@ -25,18 +25,18 @@ if TYPE_CHECKING:
     from equinox import field as radians
     from typing_extensions import TypeVar
 
-    Held = TypeVar("Held")
+    Kept = TypeVar("Kept")
     Given = TypeVar("Given", default=Number)
 
-    class Converted(Generic[Held, Given]):
+    class Converted(Generic[Kept, Given]):
         """The type of a field that holds the first type and takes the second, by default numbers.
 
         To checkers it is a descriptor, whose `__set__` gives the type of the argument of a
         constructor (https://typing.python.org/en/latest/spec/dataclasses.html).
         """
 
-        def __get__(self, instance: object, owner: type) -> Held: ...
-        def __set__(self, instance: object, value: Held | Given) -> None: ...
+        def __get__(self, instance: object, owner: type) -> Kept: ...
+        def __set__(self, instance: object, value: Kept | Given) -> None: ...
 
 else:
 

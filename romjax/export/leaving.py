@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..analysis.linearization import Input, Output, force_of, value_of
+from ..assembly.assembled import controllers_of
 from ..common.checks import check_kind
 from ..common.errors import InputError
 from ..integrate.default import default_stabilization, start_frequencies
@@ -131,7 +132,7 @@ def model_of(
         )
     nominal = system(**parameters) if makes else system
     check_system(verb, nominal)
-    if getattr(nominal.full, "controllers", ()):
+    if controllers_of(nominal):
         refuse(
             "sampled controllers act between the steps, which equations of motion know nothing of",
             "export the scene without them, with what they drive as inputs",

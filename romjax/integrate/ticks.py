@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..assembly.assembled import controllers_of
 from ..common.arrays import Time
 from ..system.base import AbstractSystem
 from .post_step import Chart, PostStep
@@ -39,7 +40,7 @@ class Ticking(eqx.Module):
 
 def ticks(system: AbstractSystem) -> bool:
     """Whether a system has controllers with a clock."""
-    return bool(_controllers(system))
+    return bool(controllers_of(system))
 
 
 def ticked(
@@ -50,7 +51,7 @@ def ticked(
 
     The positions are as they were, but change with the time of a tick as the motion does.
     """
-    for controller in _controllers(system):
+    for controller in controllers_of(system):
         q, v = controller.ticked(system, t, q, v)
     return q, v
 
@@ -64,14 +65,9 @@ class UntilTick(eqx.Module):
     @classmethod
     def of(cls, system: AbstractSystem, other: Any) -> Any:
         """Return the function; `other` alone where nothing ticks."""
-        return cls(_controllers(system), other) if ticks(system) else other
+        return cls(controllers_of(system), other) if ticks(system) else other
 
     def __call__(self, t: Float[Array, ""]) -> Float[Array, ""]:
         each = [controller.sampled.until_tick(t) for controller in self.controllers]
         others = [] if self.other is None else [self.other(t)]
         return jnp.min(jnp.stack(each + others))
-
-
-def _controllers(system: AbstractSystem) -> tuple[Any, ...]:
-    controllers: tuple[Any, ...] = getattr(system.full, "controllers", ())
-    return controllers

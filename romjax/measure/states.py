@@ -19,7 +19,7 @@ from ..integrate.reactions import balancing_multipliers, lifted_acceleration
 from ..integrate.trajectory import Trajectory
 from ..system.base import AbstractSystem, check_system
 from ..system.dynamics import solve
-from ..system.reduced import AbstractReducedSystem
+from ..system.reduced import reduced_of
 from ..system.structure import without_names
 
 
@@ -114,7 +114,7 @@ def _check_mechanism(owner: str, system: AbstractSystem) -> AbstractSystem:
     follows.
     """
     full = assembled(owner, system)
-    rom = _reduced(system)
+    rom = reduced_of(system)
     if rom is not None and not rom.satisfies_dynamics:
         raise InputError(
             f"{owner}: a {type(system).__name__} follows no equations of motion of the mechanism; "
@@ -149,17 +149,12 @@ def solved(
     """Acceleration and multipliers of the mechanism at a physical state of a full or reduced
     `system`, without stabilisation.
     """
-    rom = _reduced(system)
+    rom = reduced_of(system)
     if rom is None or rom.is_exact:
         a, multipliers, _ = solve(system.full, t, q, v, None)
         return a, multipliers
     a = lifted_acceleration(rom, t, q, v)
     return a, balancing_multipliers(rom, t, q, v, a)
-
-
-def _reduced(system: AbstractSystem) -> AbstractReducedSystem | None:
-    """The system if it is reduced: one that stands for another."""
-    return None if system.full is system else cast(AbstractReducedSystem, system)
 
 
 def _acceleration(system: Any, t: Array, q: Array, v: Array) -> Array:

@@ -1,7 +1,7 @@
 """A reduced run with its error: the bar of every answer that it gives."""
 
 import dataclasses
-from typing import Any, Literal, cast
+from typing import Literal
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,8 +18,8 @@ from ..integrate.error_bar import ErrorBar
 from ..integrate.simulate import simulate
 from ..integrate.status import Status
 from ..integrate.trajectory import Trajectory
-from ..system.base import AbstractSystem, check_system
-from ..system.reduced import AbstractReducedSystem
+from ..system.base import AbstractSystem, beginning_at, check_system
+from ..system.reduced import AbstractReducedSystem, reduced_of
 from ..system.structure import without_names
 from .compare import error_between
 from .residual import by_residual
@@ -75,9 +75,9 @@ def corrected_with(
     check_system("corrected", rom)
     check_kind("corrected", "the run", run, Trajectory, "what romjax.simulate(rom, ts) returns")
     _check(rom, run)
-    if rom.full is rom:
+    reduced = reduced_of(rom)
+    if reduced is None:
         return _by_cap(rom, run)
-    reduced = cast(AbstractReducedSystem, rom)
     q, v = true_start(reduced, run)
     if isinstance(by, str):
         if by != "residual":
@@ -86,7 +86,7 @@ def corrected_with(
         return told(run, other, "linear"), full
     given = _finer_alike(reduced) if by is None else _by_model(reduced, by)
     if not given:
-        full = dataclasses.replace(cast(Any, rom.full), q0=q, v0=v)
+        full = beginning_at(rom.full, q, v)
         return told(run, simulated(full, run), "the full model"), full
     if concrete(run.q) is None or concrete(q) is None:
         given = given[-1:]
@@ -107,15 +107,15 @@ def _by_model(rom: AbstractReducedSystem, by: AbstractSystem) -> list[Finer]:
             f"corrected: by has the coordinates {', '.join(by.full.structure.labels)}, but the "
             f"model {', '.join(rom.full.structure.labels)}; give {remedy}."
         )
-    if by.full is by:
+    other = reduced_of(by)
+    if other is None:
         return []
-    by = cast(AbstractReducedSystem, by)
-    if type(by) is type(rom) and by.n - by.m <= rom.n - rom.m:
+    if type(other) is type(rom) and other.n - other.m <= rom.n - rom.m:
         raise InputError(
-            f"corrected: by has {by.n - by.m} freedoms, and the model that it is to judge "
+            f"corrected: by has {other.n - other.m} freedoms, and the model that it is to judge "
             f"{rom.n - rom.m} of the same kind; give one that knows more."
         )
-    return [Finer(by.with_full(rom.full), _name(by))]
+    return [Finer(other.with_full(rom.full), _name(other))]
 
 
 def _finer_alike(rom: AbstractReducedSystem) -> list[Finer]:

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -15,7 +15,7 @@ from ..integrate.derived import EagerQuantities, metric_of
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..reduction.system import has_charts
-from ..system.base import AbstractSystem
+from ..system.base import AbstractSystem, beginning_at
 from ..system.consistent import project
 from ..system.custom import CustomSystem
 from ..system.dynamics import constraint_state, gamma, solve
@@ -67,7 +67,7 @@ def by_residual(
     )
     rtol = _USUAL if run.stats.rtol is None else run.stats.rtol
     both = simulate(pair, run.t, rtol=rtol, throw=False, audit=False)
-    start: AbstractSystem = dataclasses.replace(cast(Any, full), q0=q, v0=v)
+    start = beginning_at(full, q, v)
     q, v = _lifted(without_names(own), unit, both.t, both.q, both.v)
     return with_motion(full, start, both, q, v), start
 

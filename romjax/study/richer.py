@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, cast
 from jaxtyping import Array, Float
 
 from ..assembly.assemble import assemble
+from ..assembly.assembled import groups_of, mechanism_of
 from ..assembly.disassemble import disassemble
-from ..assembly.locate import assembled
 from ..basis.decomposition.pod import POD
 from ..common.errors import InputError, RankError, ReductionError
 from ..common.outside import outside_of_traces
@@ -47,7 +47,7 @@ def finer_of(rom: AbstractSystem) -> tuple[Finer, ...]:
     if training is None or training.recipe is None:
         return ()
     if training.finer is None:
-        known = cast(AbstractReducedSystem, training.rom), training.recipe
+        known = training.rom, training.recipe
         training.finer = outside_of_traces(lambda: tuple(_finer(*known)))
     return training.finer
 
@@ -88,11 +88,9 @@ def _more_freedoms(rom: AbstractReducedSystem, sizes: list[int]) -> tuple[int, .
 
 def _modes(full: AbstractSystem) -> list[int]:
     """The numbers of modes of all bodies in the order of the scene; () of what has no bodies."""
-    if not hasattr(full, "joint_markers"):
-        return []
     rows = [
         (row[0], len(row) - group.bodies.frame_size)
-        for group in assembled("finer_of", full).bodies
+        for group in groups_of(full)
         for row in group.coordinates.rows
     ]
     # Counters of angles and states of effects come after the bodies.
@@ -130,9 +128,10 @@ def twice_capped(system: AbstractSystem) -> tuple[AbstractSystem, Float[Array, "
 
     Its error is a quarter of the other's, so that both differ by three quarters of that.
     """
-    if not hasattr(system, "joint_markers"):
+    mechanism = mechanism_of(system)
+    if mechanism is None:
         return None
-    scene = disassemble(assembled("corrected", system))
+    scene = disassemble(mechanism)
     faster, free = with_caps_times(scene, 2.0), with_caps_times(scene, _ENDLESS)
     if faster is None or free is None:
         return None

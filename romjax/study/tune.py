@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 import diffrax
 import jax
@@ -21,7 +21,7 @@ from ..integrate.status import Status
 from ..system.base import AbstractSystem
 from ..system.dynamics import constraint_state
 from ..system.frequencies import frequencies
-from ..system.reduced import AbstractReducedSystem
+from ..system.reduced import reduced_of
 from ..system.stabilization import Baumgarte
 
 # A step of the search that leaves what can be simulated is taken back, and later ones are shorter.
@@ -124,8 +124,9 @@ def tune_baumgarte(
             throw=False,
         )
         q, v = run.q, run.v
-        if system.full is not system:
-            q, v = jax.vmap(cast(AbstractReducedSystem, system).restrict)(q, v)
+        rom = reduced_of(system)
+        if rom is not None:
+            q, v = jax.vmap(rom.restrict)(q, v)
         states = jax.vmap(lambda t, q, v: constraint_state(system, t, q, v))(ts, q, v)
         loss = _log_mean(states.violation) + _log_mean(states.rate)
         if cost:

@@ -1,7 +1,8 @@
 """The system: how a mechanism moves. Full, user-made and reduced ones are all of this kind."""
 
 import abc
-from typing import TYPE_CHECKING, Any, NamedTuple
+import dataclasses
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 import equinox as eqx
 from jaxtyping import Array, Float, Int
@@ -13,6 +14,8 @@ from .constraints import right_hand_side
 from .stabilization import Baumgarte
 from .state import AbstractState
 from .structure import Structure
+
+S = TypeVar("S", bound="AbstractSystem")
 
 
 class Run(NamedTuple):
@@ -145,3 +148,9 @@ class AbstractSystem(eqx.Module):
         gamma = right_hand_side(self.constraint, self.m, t, q, v, stabilization, known)
         a, multipliers, _ = state.solve(gamma)
         return a, multipliers
+
+
+def beginning_at(system: S, q: Float[Array, " n"], v: Float[Array, " n"]) -> S:
+    """The system from another start, in its own coordinates."""
+    started: S = dataclasses.replace(cast(Any, system), q0=q, v0=v)
+    return started

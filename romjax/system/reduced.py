@@ -1,7 +1,7 @@
 """What a reduced system is: one that stands for another with more coordinates."""
 
 import abc
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, cast
 
 import equinox as eqx
 import jax
@@ -79,6 +79,11 @@ class AbstractReducedSystem(AbstractSystem):
 
         Raises ReductionError if the coordinates differ.
         """
+
+
+def reduced_of(system: AbstractSystem) -> AbstractReducedSystem | None:
+    """The system itself if it is reduced, one that stands for another; else None."""
+    return None if system.full is system else cast(AbstractReducedSystem, system)
 
 
 def follows(

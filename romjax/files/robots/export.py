@@ -32,6 +32,7 @@ _KINDS: dict[type, tuple[str, tuple[str, ...]]] = {
     Spherical: ("ball", (ANY, TURN)),
     Weld: ("", ()),
 }
+# Places [m] and components of axes that differ by less are the same but for rounding.
 _SAME = 1e-9
 
 

@@ -20,7 +20,7 @@ from ...system.base import AbstractSystem
 from ..palette import VIEW, View
 from .animation import Animation
 from .arrows import with_forces
-from .designs import course, mechanism_of, scenes_of
+from .designs import course, scenes_of
 from .frames import Clock, exaggeration, models, playing_rate
 from .outputs import Wanted, outputs_of
 from .swings import swinging
@@ -113,13 +113,12 @@ def animate_run(run: Trajectory, *others: Trajectory, **options: Any) -> Animati
     """
     if np.ndim(run.t) != 1:
         raise InputError(_batch("Trajectory.animate", run))
-    full = mechanism_of(run)
-    if full is None:
+    if run.derived.parts is None:
         raise InputError(
-            "Trajectory.animate: this run, of a transformation of JAX or by a method of diffrax "
-            "that is implicit, does not know its mechanism; call romjax.animate(scene, run)."
+            "Trajectory.animate: this run, of a transformation of JAX, does not know its "
+            "mechanism; call romjax.animate(scene, run)."
         )
-    return animate(full, run, *others, **options)
+    return animate(assembled("Trajectory.animate", run.system), run, *others, **options)
 
 
 @picture_of.register(Scene)

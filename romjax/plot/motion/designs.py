@@ -1,15 +1,13 @@
 """Runs of several designs in one picture: at the times of the first, each by its own numbers."""
 
-import dataclasses
 from collections.abc import Sequence
 
 import jax
 import numpy as np
 from jaxtyping import Float
 
-from ...assembly.assembled import AssembledSystem
+from ...assembly.assembled import mechanism_of
 from ...assembly.disassemble import disassemble
-from ...assembly.locate import assembled
 from ...integrate.trajectory import Trajectory
 from ...scene.scene import Scene
 
@@ -39,23 +37,12 @@ def course(run: Trajectory, t: Float[np.ndarray, " frames"]) -> Float[np.ndarray
     return np.where((t > own[-1] + slack)[:, None], np.nan, exact)
 
 
-def mechanism_of(run: Trajectory) -> AssembledSystem | None:
-    """The full system that a run carries, with the names that its coordinates have; or None."""
-    system = getattr(run.derived, "system", None)
-    if system is None:
-        return None
-    # A run's system has no names; they are in its coordinates.
-    nameless = assembled("Trajectory.animate", system)
-    structure = dataclasses.replace(nameless.structure, coordinates=run.coordinates)
-    return dataclasses.replace(nameless, structure=structure)
-
-
 def scenes_of(scene: Scene, runs: Sequence[Trajectory]) -> list[Scene]:
     """What each run is drawn by: `scene`, or where their numbers differ, such as those of two
     designs, the scene of each; of a run that does not know its own, `scene`.
     """
     # Systems of other makers, whose coordinates are those of the scene, have no scene.
-    known = [mechanism_of(run) if _has_bodies(run) else None for run in runs]
+    known = [None if run.derived.parts is None else mechanism_of(run.system) for run in runs]
     own = [scene if full is None else disassemble(full) for full in known]
     numbers = [
         [np.asarray(x) for x in jax.tree.leaves(one)]
@@ -66,8 +53,3 @@ def scenes_of(scene: Scene, runs: Sequence[Trajectory]) -> list[Scene]:
         len(x) == len(numbers[0]) and all(map(np.array_equal, x, numbers[0])) for x in numbers
     )
     return [scene] * len(runs) if same else own
-
-
-def _has_bodies(run: Trajectory) -> bool:
-    full = getattr(getattr(run.derived, "system", None), "full", None)
-    return hasattr(full, "joint_markers")

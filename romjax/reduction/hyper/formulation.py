@@ -1,7 +1,7 @@
 """Hyper-reduction: steps whose cost does not grow with the number of bodies."""
 
 import dataclasses
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -112,7 +112,7 @@ class HyperReduced(AbstractFormulation):
     def _sample(
         self, exact: ReducedSystem, lift: ClosedFormLift, z: np.ndarray, w: np.ndarray
     ) -> Sample:
-        full = cast(AssembledSystem, exact.full)
+        full = assembled("Hyper", exact)
         tables = [group.coordinates.array.astype(int) for group in full.bodies]
         linear = linear_effects(full, lift, jnp.asarray(z[:: len(z) // 3]))
         others = tuple(i for i in range(len(full.effects)) if i not in linear)

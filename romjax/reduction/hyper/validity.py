@@ -1,7 +1,5 @@
 """What speaks against the result of a hyper-reduced model."""
 
-from typing import Any, cast
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
@@ -9,7 +7,7 @@ from jaxtyping import Array, Float, Int
 from ...compiling.program import program_once
 from ...system.base import AbstractSystem, AbstractValidity, Run
 from ...system.flags import Flag
-from ...system.reduced import AbstractReducedSystem
+from ...system.reduced import AbstractReducedSystem, reduced_of
 from ...system.state import Energy
 from ...system.validity import TrainingBox
 
@@ -34,7 +32,7 @@ class SampledBox(AbstractValidity):
 
     @classmethod
     def of_training(
-        cls, box: TrainingBox, system: AbstractSystem, z: Array, w: Array
+        cls, box: TrainingBox, system: AbstractReducedSystem, z: Array, w: Array
     ) -> "SampledBox":
         """Make it from the `box` of the snapshots, and the states z, w (K, r) of the training."""
         return cls(box, _trained(system, z, w), box.error)
@@ -43,19 +41,20 @@ class SampledBox(AbstractValidity):
         return SampledBox(self.box.including(run), self.difference, self.error)
 
     def flags(self, system: AbstractSystem, run: Run) -> Int[Array, ""]:
-        worse = _difference(system, run.t, run.q, run.v) > _TIMES * self.difference
+        rom = reduced_of(system)
+        assert rom is not None
+        worse = _difference(rom, run.t, run.q, run.v) > _TIMES * self.difference
         return self.box.flags(system, run) + worse * int(Flag.WEIGHTS)
 
 
-def _difference(system: AbstractSystem, t: Array, z: Array, w: Array) -> Array:
+def _difference(system: AbstractReducedSystem, t: Array, z: Array, w: Array) -> Array:
     """Largest difference of the energies of the sampled bodies and of all at several states,
     relative to their extent: kinetic energies, and changes of potential ones.
     """
 
     def energies(t: Array, z: Array, w: Array) -> Array:
         sampled, own = system.state(t, z, w), system.full
-        physical = cast(AbstractReducedSystem, system).reconstruct(t, z, w)
-        every = own.state(t, *physical)
+        every = own.state(t, *system.reconstruct(t, z, w))
         return jnp.stack([_two(sampled.energy()), _two(every.energy())])
 
     sampled, every = jnp.moveaxis(jax.vmap(energies)(t, z, w), 1, 0)
@@ -72,5 +71,5 @@ def _two(energy: Energy) -> Float[Array, "2"]:
 
 
 @program_once
-def _trained(system: Any, z: Array, w: Array) -> Array:
-    return _difference(cast(AbstractSystem, system), jnp.full(len(z), system.time), z, w)
+def _trained(system: AbstractReducedSystem, z: Array, w: Array) -> Array:
+    return _difference(system, jnp.full(len(z), system.time), z, w)

@@ -2,14 +2,14 @@
 
 import dataclasses
 import math
-from typing import Any, Protocol, cast, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from ...common.errors import InputError
 from ...integrate.trajectory import Trajectory
-from ...system.base import AbstractSystem
-from ...system.reduced import AbstractReducedSystem
+from ...system.base import AbstractSystem, beginning_at
+from ...system.reduced import AbstractReducedSystem, reduced_of
 from ..corrected import corrected, told, true_start
 from ..flow import Flows
 from ..residual import with_motion
@@ -104,11 +104,11 @@ class ReducedBox:
         Raises InputError for the run of another model, and with a flow for a run at other times
         than those of the training.
         """
-        rom = cast(AbstractReducedSystem, run.system)
-        if rom.full is rom or rom.n != self.rom.n:
+        rom = reduced_of(run.system)
+        if rom is None or rom.n != self.rom.n:
             raise InputError(
-                f"ReducedBox.corrected: the run is one of {rom.n} coordinates, but the model of "
-                f"the box has {self.rom.n}; simulate ReducedBox.at(…)."
+                f"ReducedBox.corrected: the run is one of {run.system.n} coordinates, but the "
+                f"model of the box has {self.rom.n}; simulate ReducedBox.at(…)."
             )
         if self.flows is None:
             return corrected(rom, run)
@@ -120,7 +120,7 @@ class ReducedBox:
             )
         q, v = true_start(rom, run)
         change, rate = self.flows.error(rom, run, q, v)
-        start: Any = dataclasses.replace(cast(Any, rom.full), q0=q, v0=v)
+        start = beginning_at(rom.full, q, v)
         other = with_motion(rom.full, start, run, run.q + change, run.v + rate)
         return told(run, other, "flow along a training run")
 
