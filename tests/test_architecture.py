@@ -77,8 +77,6 @@ ASKING = {
     "system/reduced.py": "a reduced system stands for another: all others ask here",
     "system/base.py": "type checkers do not know which fields a system has",
     "plot/motion/animate.py": "users may give anything there",
-    "files/results/dataset.py": "a summary for people, of kinds that have one",
-    "study/corrected.py": "a summary for people, of kinds that have one",
     "study/richer.py": "the ranks of a local model, whose formulation is known",
 }
 

@@ -119,12 +119,11 @@ def flag_left_out(
     return dataclasses.replace(run, flags=as_jax(flags | int(flag))) if flag else run
 
 
-def _is_predictive(system: AbstractSystem) -> bool:
+def _is_predictive(system: AbstractSystem) -> Any:
     """Whether a model is of a kind that errs elsewhere as on its training."""
     training = training_of(system)
-    if training is None or training.recipe is None:
-        return False
-    return bool(getattr(training.recipe.formulation, "is_predictive", False))
+    recipe = None if training is None else training.recipe
+    return recipe is not None and recipe.formulation.is_predictive
 
 
 def _numbers(system: AbstractSystem) -> tuple[Any, ...]:

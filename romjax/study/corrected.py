@@ -220,8 +220,7 @@ def _by_cap(system: AbstractSystem, run: Trajectory) -> tuple[Trajectory, Abstra
 
 
 def _name(model: AbstractReducedSystem) -> str:
-    summary = getattr(model, "summary", "")
-    return summary.split(";")[0].split(",")[0] or type(model).__name__
+    return model.summary.split(";")[0].split(",")[0] or type(model).__name__
 
 
 def true_start(rom: AbstractReducedSystem, run: Trajectory) -> tuple[Physical, Physical]:

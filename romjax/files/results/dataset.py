@@ -12,6 +12,8 @@ from ...common.extras import extra
 from ...integrate.trajectory import Trajectory
 from ...scene.scene import Scene
 from ...study.corrected import corrected
+from ...system.base import AbstractSystem
+from ...system.reduced import reduced_of
 from .measured import measured
 from .scenes import scene_words
 from .variables import names_of, variables_of
@@ -70,7 +72,7 @@ def attributes_of(run: Trajectory, scene: Scene | None) -> dict[str, Any]:
         "solver_settings": " ".join(repr(run.solver).split()),
         "stabilization": "none" if held is None else type(held).__name__,
         "warnings": run.warnings() or "none",
-        "model": "full" if system is None or system.full is system else _reduced(system),
+        "model": _kind(system),
         **scene_words(run, scene),
     }
     if run.t.ndim == 1:
@@ -79,6 +81,6 @@ def attributes_of(run: Trajectory, scene: Scene | None) -> dict[str, Any]:
     return {name: text for name, text in words.items() if text}
 
 
-def _reduced(system: Any) -> str:
-    summary = getattr(system, "summary", "") or type(system).__name__
-    return f"reduced: {summary}"
+def _kind(system: AbstractSystem | None) -> str:
+    rom = None if system is None else reduced_of(system)
+    return "full" if rom is None else f"reduced: {rom.summary or type(rom).__name__}"

@@ -23,6 +23,8 @@ class AbstractFormulation(eqx.Module):
     in_subspace: ClassVar[bool] = True
     # Whether it takes mechanisms of many kinds, so that refusals of others name it.
     is_general: ClassVar[bool] = False
+    # Whether its models err on other motions as on their training, which then confines none.
+    is_predictive: ClassVar[bool] = False
     keeps_states: ClassVar[bool] = False  # first-order ones, of effects
     # Whether it is there to be compared with, not to be used.
     for_reference: ClassVar[bool] = False

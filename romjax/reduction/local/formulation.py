@@ -53,7 +53,6 @@ class Local(AbstractFormulation):
     name: ClassVar[str] = "local"
     in_subspace: ClassVar[bool] = False
     is_general: ClassVar[bool] = True
-    # It errs on other motions as on its training, which is not what confines its motions.
     is_predictive: ClassVar[bool] = True
     keeps_states: ClassVar[bool] = True
 

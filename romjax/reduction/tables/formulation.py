@@ -60,7 +60,6 @@ class Tabulated(AbstractFormulation):
 
     name: ClassVar[str] = "table"
     in_subspace: ClassVar[bool] = False
-    # It errs on other motions as on its training, which is not what confines its motions.
     is_predictive: ClassVar[bool] = True
 
     tol: float | None = eqx.field(static=True, default=None)
