@@ -142,11 +142,12 @@ def _started(
     if not is_outermost() or any(x is None for x in numbers):
         return model.starting_at(q, v, t)
     key = tuple([np.asarray(x).tobytes() for x in numbers])
+    found: AbstractReducedSystem
     at, found = _latest.get(model) or (None, model)
     if at != key:
         found = model.starting_at(q, v, t)
         _latest.put(model, (key, found))
-    return cast(AbstractReducedSystem, found)
+    return found
 
 
 _latest = IdentityCache()  # by a model, its last start and the model that begins there
