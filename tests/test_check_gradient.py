@@ -11,6 +11,7 @@ from verification_problems.slopes import SPRUNG, slider_crank
 from zoo import run, unit_mass
 
 import romjax as rj
+from romjax.study.gradient import _differences
 
 # Required of published gradients.
 SUNDIALS, SIMEON = 1e-6, 1e-5
@@ -104,6 +105,21 @@ def test_what_is_right():
     found = rj.check_gradient(jax.jit(lambda x: jnp.sum(jnp.sin(x)) + 1), place)
     assert found.error <= DIFFERENCED
     assert "[1]" in str(found)
+
+
+@pytest.mark.instant
+def test_differences_suit_the_function():
+    """One that bends within a few steps, one of which rounding hides the slope at the first, and
+    one that ends nearby.
+    """
+    functions = {
+        "bends": (lambda x: np.sin(100 * x), 0.0, 100.0),
+        "rounded": (lambda x: 9.0 + 3e-7 * x, 0.0, 3e-7),
+        "ends": (lambda x: x**2 if x > 0 else np.nan, 0.005, 0.01),
+    }
+    for f, x, slope in functions.values():
+        found = _differences(lambda x, f=f: f(x[0]), np.array([x]), np.array([1e-3]))
+        assert abs(found[0] - slope) <= 1e-5 * slope
 
 
 def test_what_has_no_gradient():

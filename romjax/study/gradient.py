@@ -14,9 +14,10 @@ from tabulate import tabulate
 from ..compiling.xla import jit
 from ..integrate.adjoint import forward_mode
 
-# Steps of central differences, relative to the size of the number. With the second,
-# twice as long, Richardson's extrapolation leaves an error of the fourth order.
-_STEP = 1e-3
+# The least step of central differences, relative to the size of the number, and how many there are,
+# each twice as long as the one before: a number that is zero changes by the step itself, too much
+# for a small mechanism, or by so little that only rounding of f is seen.
+_STEP, _COUNT = 1e-3, 4
 # What counts as zero: in itself, and beside larger entries of the same array.
 _ZERO, _SMALL = 1e-12, 1e-6
 # Rounding of f in units of eps, when it is the end of a hundred steps.
@@ -64,8 +65,9 @@ def check_gradient(f: Callable[[Any], Any], x: Any, *, step: float = _STEP) -> G
     - `f`: from a pytree to a number, such as a Scene to something of its run. Simulations in it
       need no `adjoint`: it is chosen for each mode.
     - `x`: where; its arrays of floats are the parameters.
-    - `step`: of the differences, relative to each number, or at zero to its neighbours. They see
-      the errors of step size control: simulate with a tight `rtol`.
+    - `step`: the least of four, relative to each number, or at zero to its neighbours, from which
+      differences are extrapolated. They see the errors of step size control: simulate with a tight
+      `rtol`.
 
     Raises ValueError if f(x) is no finite number.
     """
@@ -115,12 +117,30 @@ def _differences(
     slopes = np.zeros_like(start)
     for i, step in enumerate(steps):
         quotients = []
-        for h in (step, 2 * step):
+        for h in step * 2.0 ** np.arange(_COUNT):
             unit = (h * (np.arange(len(start)) == i)).astype(start.dtype)
             change = np.asarray(evaluate(start + unit)) - np.asarray(evaluate(start - unit))
             quotients.append(change / (2 * h))
-        slopes[i] = (4 * quotients[0] - quotients[1]) / 3
+        slopes[i] = _extrapolated(np.array(quotients))
     return slopes
+
+
+def _extrapolated(quotients: np.ndarray) -> Any:
+    """The limit of quotients for steps each twice as long as the one before: of all extrapolations
+    in h², the one that differs least from those that it is made of (Ridders 1982,
+    doi:10.1016/S0141-1195(82)80057-0). Of quotients that are not finite, NaN.
+    """
+    row, best, least = quotients, np.nan, np.inf
+    for order in range(1, len(quotients)):
+        finer, coarser = row[:-1], row[1:]
+        with np.errstate(invalid="ignore"):
+            row = finer + (finer - coarser) / (4**order - 1)
+            apart = np.maximum(np.abs(row - finer), np.abs(row - coarser))
+        apart = np.where(np.isfinite(apart), apart, np.inf)
+        k = int(np.argmin(apart))
+        if apart[k] < least:
+            best, least = row[k], apart[k]
+    return best
 
 
 def _leaves(*trees: Any) -> list[tuple[Any, ...]]:
