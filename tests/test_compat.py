@@ -235,7 +235,7 @@ def test_functions_of_a_program_carry_the_attribute():
     """It is one of the call alone, that of the loop; the compiler keeps that call."""
     whole = jax.make_jaxpr(nested)(jnp.ones(3))
 
-    def fits(jaxpr):
+    def fits(jaxpr, repeated):
         return all(map(jaxprs.is_written_out, jaxprs.equations(jaxpr)))
 
     closed = jaxprs.as_functions(whole, fits, 2)
@@ -283,13 +283,43 @@ def test_settings_that_change_what_is_traced():
         assert compat.trace_settings() != before
 
 
-def test_copies_are_of_arguments_that_loops_change():
-    def filled(x, y):
-        return jax.lax.fori_loop(0, 3, lambda i, z: z.at[i].set(y[i]), x)
+def filled(x, y):
+    return jax.lax.fori_loop(0, 3, lambda i, z: z.at[i].set(y[i]), x)
 
-    x, y = jnp.zeros(100), jnp.ones(50)
-    assert jaxprs.largest_copy(jax.make_jaxpr(filled)(x, y).jaxpr) == x.nbytes
-    assert jaxprs.largest_copy(jax.make_jaxpr(lambda x, y: x[:50] + y)(x, y).jaxpr) == 0
+
+def put(x, y):
+    return x.at[0].set(y[0])
+
+
+def put_or_not(x, y):
+    return jax.lax.cond(jnp.sum(y) > 0, put, lambda x, y: x, x, y)
+
+
+@pytest.mark.parametrize("function", [filled, put, put_or_not, jax.jit(put), jax.vmap(put)])
+def test_copies_are_of_arguments_that_are_changed(function):
+    x = y = jax.ShapeDtypeStruct((3, 100), float)
+    jaxpr = jax.make_jaxpr(function)(x, y).jaxpr
+    assert jaxprs.largest_copy(jaxpr) == x.size * x.dtype.itemsize
+    unchanged = jax.make_jaxpr(lambda x, y: function(2 * x, y))(x, y)
+    assert jaxprs.largest_copy(unchanged.jaxpr) == 0
+
+
+def test_loops_that_repeat_a_function_are_told():
+    """A batch stores outputs in a loop within a loop, which would copy all of them each time."""
+    told = []
+
+    def fits(jaxpr, repeated):
+        told.append((jaxprs.largest_copy(jaxpr) > 0, repeated))
+        return False
+
+    def repeat(x, y):
+        return jax.lax.fori_loop(0, 2, lambda i, z: filled(z, y), x)
+
+    shapes = [jax.ShapeDtypeStruct((9,), float)] * 2
+    jaxprs.as_functions(jax.make_jaxpr(repeat)(*shapes), fits, 1)
+    # The whole and the loop around it once, and again the loop inside.
+    assert told[:2] == [(True, False)] * 2
+    assert (True, True) in told[2:]
 
 
 class Pair(eqx.Module):

@@ -30,14 +30,18 @@ def split(flat: Callable[..., Any], most: int, *arrays: Any) -> Any:
     return jax.tree.unflatten(tree, typed)
 
 
-def _fits(most: int, jaxpr: Any) -> bool:
-    """Whether this can be one function: no calls of a library, no large products or copies."""
+def _fits(most: int, jaxpr: Any, repeated: bool) -> bool:
+    """Whether this can be one function: no calls of a library, no large products.
+
+    Nor large copies, which a loop that changes a few rows of an array would not make otherwise,
+    where a loop around it repeats them: a batch of long runs stores its outputs that way.
+    """
     # One more than a function may have says that it has too many.
     equations = list(itertools.islice(jaxprs.equations(jaxpr), most + 1))
     return (
         len(equations) <= most
         and jaxprs.is_of_real_numbers(jaxpr)
-        and jaxprs.largest_copy(jaxpr) <= _LARGEST
+        and not (repeated and jaxprs.largest_copy(jaxpr) > _LARGEST)
         and jaxprs.largest_work(equations) <= _LARGEST
         and all(
             jaxprs.is_written_out(equation) and jaxprs.product_terms(equation) <= _LARGEST_PRODUCT

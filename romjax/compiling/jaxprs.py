@@ -33,11 +33,11 @@ _NAMES = (
 )
 _WRITTEN_OUT = frozenset(_NAMES.split())
 # Loops, branches and calls, in which there is something to change.
-_WITH_INNER = frozenset(
-    ("while", "scan", "cond", "jit", "pjit", "custom_jvp_call", "custom_vjp_call")
-)
+_LOOPS = frozenset(("while", "scan"))
+_WITH_INNER = _LOOPS | {"cond", "jit", "pjit", "custom_jvp_call", "custom_vjp_call"}
 # What changes a part of an array, or fills one.
-_IN_PLACE = frozenset(("dynamic_update_slice", "broadcast_in_dim", "scatter", "scatter-add"))
+_CHANGES = frozenset(("dynamic_update_slice", "scatter", "scatter-add"))
+_IN_PLACE = _CHANGES | {"broadcast_in_dim"}
 
 
 def equations(jaxpr: Any) -> Iterator[Any]:
@@ -72,12 +72,25 @@ def product_terms(equation: Any) -> int:
 
 
 def largest_copy(jaxpr: Any) -> int:
-    """The bytes of the largest argument that a loop changes, and therefore copies."""
-    given = set(jaxpr.invars)
-    loops = (e for e in jaxpr.eqns if e.primitive.name in ("while", "scan"))
-    changed = (x for loop in loops for x in loop.invars[-len(loop.outvars) :])
-    copied = (x for x in changed if not isinstance(x, core.Literal) and x in given)
-    return max((_bytes(x) for x in copied), default=0)
+    """The bytes of the largest argument that a loop or an operation changes, and so copies."""
+    return max((_bytes(x) for x in _changed(jaxpr)), default=0)
+
+
+def _changed(jaxpr: Any) -> set[Any]:
+    """Those of a jaxpr's arguments that are changed in it, in its inner jaxprs too."""
+    changed: list[Any] = []
+    for equation in jaxpr.eqns:
+        arguments, name = equation.invars, equation.primitive.name
+        if name in _LOOPS:
+            changed += arguments[-len(equation.outvars) :]
+        elif name in _CHANGES:
+            changed += arguments[:1]
+        elif name in _WITH_INNER:
+            for inner in core.jaxprs_in_params(equation.params):
+                # A branch is chosen by the first argument, which is none of the branches' own.
+                pairs = list(zip(reversed(arguments), reversed(inner.invars), strict=False))
+                changed += [x for x, y in pairs if y in _changed(inner)]
+    return {x for x in changed if not isinstance(x, core.Literal)}.intersection(jaxpr.invars)
 
 
 def largest_work(equations: Iterable[Any]) -> int:
@@ -146,16 +159,19 @@ def _with_inner(equation: Any, change: Callable[[Any], Any]) -> Any:
     return equation.replace(params=params)
 
 
-def as_functions(closed: Any, fits: Callable[[Any], bool], few: int) -> Any:
+def as_functions(
+    closed: Any, fits: Callable[[Any, bool], bool], few: int, repeated: bool = False
+) -> Any:
     """A closed jaxpr, in which all that `fits` is a function of its own to XLA's CPU backend.
 
     All of it, else each loop or call in it, else what is inside of these; but for those of `few`
-    equations. Compiled with the older emitter of fusions only.
+    equations. Compiled with the older emitter of fusions only. `fits` is told whether a loop around
+    it repeats the function: `repeated` says so of all.
     """
     jaxpr = closed.jaxpr
     results: list[Any] = jaxpr.outvars
     live = [i for i, x in enumerate(results) if x.aval.size]
-    if live and fits(jaxpr):
+    if live and fits(jaxpr, repeated):
         return _one_function(closed, live)
 
     # Arrays of one number, which nothing else holds: a loop may change them without a copy.
@@ -182,10 +198,11 @@ def as_functions(closed: Any, fits: Callable[[Any], bool], few: int) -> Any:
             debug_info=jaxpr.debug_info.with_unknown_names(),
         )
         live = [i for i, x in enumerate(equation.outvars) if x in asked and x.aval.size]
-        if live and fits(alone):
+        if live and fits(alone, repeated):
             (call,) = _one_function(ClosedJaxpr(alone, ()), live).jaxpr.eqns
             return call.replace(invars=[x for x in read if x.aval.size], outvars=equation.outvars)
-        return _with_inner(equation, lambda inner: as_functions(inner, fits, few))
+        again = repeated or equation.primitive.name in _LOOPS
+        return _with_inner(equation, lambda inner: as_functions(inner, fits, few, again))
 
     split = jaxpr.replace(eqns=[replaced(equation) for equation in jaxpr.eqns])
     return ClosedJaxpr(split, closed.consts)
