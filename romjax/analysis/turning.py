@@ -73,5 +73,6 @@ def _counted(
         return v
     rows = dynamics.jacobian(system, t, q)
     own = rows[:, counters]
+    # Its row is zero where its rate makes up for all others in it.
     rates = -(own.T @ (rows @ v)) / jnp.sum(own**2, axis=0)
     return v.at[counters].set(rates)

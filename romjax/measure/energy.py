@@ -37,14 +37,13 @@ def energy(system: AbstractSystem, run: Trajectory) -> EnergyHistory:
 
     The balance is that at the end of the step before each output. Differentiable but for it.
 
-    Raises InputError for a run of another system, or without a balance (`audit=False`, or
-    integrated by diffrax).
+    Raises InputError for a run of another system, or without a balance (`audit=False`).
     """
     check_origin("energy", system, run)
     if run.imbalance is None:
         raise InputError(
-            "energy: the run has no balance of energy; simulate it with audit=True, without an "
-            "adjoint of diffrax, and where the model has no freedom the full system."
+            "energy: the run has no balance of energy; simulate it with audit=True, and where the "
+            "model has no freedom the full system."
         )
     kinetic, elastic, potential, total = _energies(system.full, run.t, run.q, run.v)
     return EnergyHistory(kinetic, elastic, potential, total, run.imbalance)

@@ -38,11 +38,13 @@ class Inertias(NamedTuple):
     def about(self, arms: Float[Array, "bodies d"]) -> "Inertias":
         """The same about points from which the frames are at `arms`: v of a frame is v + ω × a."""
         moved, turning = self.mass[:, None] * arms, self.turning
+        # ½ m |ω × a|² and (ω × a)·(ω × h) join ½ ωᵀ J ω, and m a joins h.
         if self.arm is not None:
             turning, moved = turning + _parallel(self.arm, arms), moved + self.arm
         turning = turning + _parallel(arms, moved)
         spinning = self.spinning
         if spinning.shape[1]:
+            # (ω × a)·S η = ω·(a × S η).
             spinning = spinning + twists.moment(arms[:, None], self.sliding)
         return self._replace(arm=moved, turning=turning, spinning=spinning)
 

@@ -48,6 +48,7 @@ def accelerations(
         """Join a body, with all that it holds, to its parent."""
         (own, outer, drift), inertia, bias, pad, force = at
         inertia, bias = inertia + held[0], bias + held[1]
+        # b + M c: what the body asks for while no rate changes and its port does not accelerate.
         bias = bias + multiply(inertia[:, :d], drift)
         moved = multiply(own, inertia[:d])
         forced = multiply(own, bias[:d])
@@ -64,6 +65,7 @@ def accelerations(
             square += pad[:, None] * unit
         inverse = 1 / square if len(square) == 1 else invert(square)
         follow, freely = multiply(inverse, moved[:, :d]), -multiply(inverse, forced)
+        # K and k: the Schur complement of the rates.
         stiff = inertia[:d, :d] - multiply(moved[:, :d].T, follow)
         rest = bias[:d] + multiply(moved[:, :d].T, freely)
         if tree.modes:

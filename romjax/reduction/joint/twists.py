@@ -73,6 +73,7 @@ def cross(twist: Vectors, other: Vectors) -> Vectors:
     """The rate of change of a twist vector that moves with a frame of the twist `twist`."""
     (omega, velocity), (turning, moving) = split(twist), split(other)
     change = about(omega, moving) - about(turning, velocity)
+    # In the plane all axes of turning are parallel.
     if omega.shape[-1] == 1:
         return joined(jnp.zeros_like(change[..., :1]), change)
     return joined(about(omega, turning), change)

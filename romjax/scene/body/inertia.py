@@ -58,6 +58,7 @@ class Inertia(eqx.Module):
         turning = self._turning(bent)
         if self.diagonal:
             return jnp.concatenate([jnp.stack([self.mass, self.mass, turning]), unit])
+        # A and dA/dφ, by which points have the velocities Ṙ + dA/dφ u φ̇ + A S q̇_f.
         c, s = jnp.cos(q[2]), jnp.sin(q[2])
         turn, across = jnp.array([[c, -s], [s, c]]), jnp.array([[-s, -c], [c, -s]])
         around = jnp.zeros_like(bent) if self.swing is None else self.swing

@@ -71,6 +71,7 @@ def slopes(line: Line, amplitudes: Any) -> Slopes:
 def columns(line: Line, at: Slopes) -> Any:
     """The derivatives of `slope` by the amplitudes, (2, points, modes)."""
     own, xp = line.strains, namespace(at.slope)
+    # θ turns all of r', so that ∂r'/∂θ is r' turned by a right angle; strains add along t and n.
     derivatives = perpendicular(at.slope)[:, :, None] * xp.asarray(own.turn)[None]
     for table, vector in ((own.stretch, at.tangent), (own.shear, at.normal)):
         if table is not None:
@@ -87,6 +88,7 @@ def jacobian(
     own, at = line.strains, slopes(line, q[3:])
     to = line.length * own.positions()
     position = line.origin()[:, None] + at.slope @ to.T
+    # x and y by the axes of the frame, φ with the arm; and the integrals of ∂r'/∂a.
     c, s = jnp.cos(q[2]), jnp.sin(q[2])
     frame = jnp.broadcast_to(jnp.stack([c, s, -s, c]).reshape(2, 1, 2), (2, own.points, 2))
     parts = [frame, perpendicular(position)[:, :, None], to @ columns(line, at)]
@@ -110,7 +112,9 @@ def acceleration(
         if table is not None:
             straining = straining + vector * (table @ rates)[None]
     rate = (perpendicular(at.slope) * spin + straining) @ to
+    # Of r' with ä = 0: while a section turns, its strains change, and r' itself is turned.
     second = (2 * perpendicular(straining) * spin - at.slope * spin**2) @ to
+    # And the frame turns: the terms of Coriolis and of Huygens.
     total: Array = second + 2 * v[2] * perpendicular(rate) - v[2] ** 2 * position
     return total
 
@@ -158,5 +162,6 @@ def gradient(line: Line, point: Material, amplitudes: Any) -> Any:
     own, amplitudes, weights, turn, bent, off = untraced(columns(line, at), amplitudes, *point)
     theta = turn @ amplitudes + bent
     xp = namespace(theta)
+    # The normal turns against the tangent: dn/dθ = −t.
     moved = weights @ own - off * xp.stack([xp.cos(theta), xp.sin(theta)])[:, None] * turn[None]
     return xp.concatenate([moved, turn[None]])

@@ -53,6 +53,7 @@ class Strains(eqx.Module):
             as_jax(table @ part) if len(part) else None
             for table, part in zip(tables, own, strict=True)
         )
+        # Legendre polynomials are orthogonal, ∫ P_k² dξ = 1 / (2k + 1).
         bending, pulling, shearing = (
             as_jax(part.T @ (part / (2 * np.arange(len(part)) + 1)[:, None])) if len(part) else None
             for part in own
@@ -110,6 +111,7 @@ def legendre(count: int, xi: Any, xp: Any = np) -> Any:
     """The first Legendre polynomials on 0 to 1, (..., count)."""
     x = 2 * xi - 1
     polynomials = [1 + 0 * x, x]
+    # Bonnet's recurrence.
     for k in range(1, count - 1):
         polynomials.append(((2 * k + 1) * x * polynomials[k] - k * polynomials[k - 1]) / (k + 1))
     return xp.stack(polynomials, -1)[..., :count]
@@ -120,6 +122,7 @@ def turning(count: int, xi: Any, anchor: float, xp: Any = np) -> Any:
 
     def from_start(xi: Any, xp: Any) -> Any:
         p = legendre(count + 1, xi, xp)
+        # (2k + 1) P_k = d(P_k+1 − P_k−1)/dx, both of which agree at the start; dx = 2 dξ.
         higher = [(p[..., k + 1] - p[..., k - 1]) / (2 * (2 * k + 1)) for k in range(1, count)]
         return xp.stack([xi, *higher], -1)
 
@@ -132,5 +135,6 @@ def weights_to(points: int, anchor: float, xi: Any, xp: Any = np) -> Any:
     Exact for polynomials of a degree below the number of points: the spectral integration matrix.
     """
     x, w = gauss(points)
+    # Coefficients by the quadrature itself, which is exact for products of these degrees.
     modal = (2 * np.arange(points) + 1)[:, None] * legendre(points, x).T * w
     return turning(points, xi, anchor, xp) @ modal

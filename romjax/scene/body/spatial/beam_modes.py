@@ -33,6 +33,7 @@ def motion(counts: Counts, xi: Any, xp: Any = jnp) -> tuple[Any, Any]:
         (along_y, none[1], none[2], none[3]),
         (none[0], along_z, none[2], none[3]),
     )
+    # By the right hand, a slope of y turns sections about z, one of z about −y.
     turned = (
         (none[0], none[1], twist, none[3]),
         (none[0], -slope_z, none[2], none[3]),
@@ -48,6 +49,7 @@ def foreshortening(counts: Counts) -> np.ndarray:
     """
     nodes, weights = quadrature(max(counts))
     degree = 2 * max(counts)
+    # Squares of polynomials have twice their degree, and their series ends there.
     projector = legendre.legvander(2 * nodes - 1, degree) * (2 * np.arange(degree + 1) + 1)
     tilts = [motion(counts, xi, np)[1][1:] for xi in nodes]
     squares = np.array([tilt.T @ tilt for tilt in tilts])

@@ -40,6 +40,7 @@ class ConstantVelocity(AbstractJoint):
         return Pose(jnp.zeros(3, z.dtype), turn / jnp.sqrt(quaternions.squared(turn)))
 
     def screws(self, z: Float[Array, "2"]) -> Float[Array, "2 6"]:
+        # By Rodrigues' parameters ρ = z/2, ω = 2 (ρ̇ + ρ × ρ̇) / (1 + ρ²).
         x, y = 0.5 * z
         none, one = jnp.zeros_like(x), jnp.ones_like(x)
         rows = jnp.stack([jnp.stack([one, none, -y]), jnp.stack([none, one, x])])

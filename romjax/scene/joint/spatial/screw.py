@@ -59,6 +59,7 @@ class Screw(AbstractJoint):
     def read(self, a: Pose, b: Pose) -> Float[Array, "1"]:
         """The number of full turns is that of the travel."""
         angle, turn = angle_about_z(a, b), 2 * np.pi
+        # Without a pitch the travel tells no turns.
         pitch = jnp.where(self.pitch == 0, jnp.inf, self.pitch)
         turns = (b.along(a.position) - self.offset) / pitch - angle / turn
         return (angle + turn * jax.lax.stop_gradient(jnp.round(turns)))[None]

@@ -41,6 +41,7 @@ class Universal(AbstractJoint):
         return Pose(jnp.zeros(3, z.dtype), quaternions.product(cross, about_z(z[1])))
 
     def screws(self, z: Float[Array, "2"]) -> Float[Array, "2 6"]:
+        # The z axis of the cross: −y of b, turned by the first angle.
         second = jnp.pad(jnp.stack([jnp.sin(z[0]), -jnp.cos(z[0])]), (0, 4))
         return jnp.stack([np.eye(6, dtype=z.dtype)[2], second])
 
