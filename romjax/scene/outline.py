@@ -57,7 +57,7 @@ def marks(poses: Poses, style: Style = "hinge") -> Outline:
     return Outline(jnp.stack([pose.position for pose in poses]), style)
 
 
-def linked(poses: Poses, style: Style = "link") -> Outlines:
+def linked(poses: Poses) -> Outlines:
     """Dots at the markers and a line from each to the next, the plain sign of any part."""
     points = jnp.stack([pose.position for pose in poses])
-    return Outline(points, style), Outline(points, "point")
+    return Outline(points, "link"), Outline(points, "point")

@@ -1,7 +1,5 @@
 """Modes above a frequency made slower: statics stay exact, and steps may be longer."""
 
-from collections.abc import Mapping
-
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -9,14 +7,14 @@ from jaxtyping import Array, Float
 from ...common.arrays import Number, as_array
 from ...common.checks import check_finite, check_positive, check_shape
 from ...common.errors import InputError, SceneError
-from ..marker import Marker
 from ..scene import Scene
 from .base import AbstractBody, nameless
+from .wrapped import AbstractWrappedBody
 
 __all__ = ["CappedBody", "uncapped", "with_caps", "with_caps_times"]
 
 
-class CappedBody(AbstractBody):
+class CappedBody(AbstractWrappedBody):
     """A flexible body whose modes above a `cap` have more mass, so that they vibrate at the cap.
 
     Of the motion within the frame only: T grows by ½ Σ (μ_i − 1) q̇_i² with μ_i = (ω_i/ω_cap)²
@@ -38,20 +36,8 @@ class CappedBody(AbstractBody):
         return self.body.mode_kind
 
     @property
-    def dimension(self) -> int:  # type: ignore[override]
-        return self.body.dimension
-
-    @property
     def constant_mass(self) -> bool:
         return self.body.constant_mass
-
-    @property
-    def damped(self) -> bool:
-        return self.body.damped
-
-    @property
-    def foreshortens(self) -> bool:
-        return self.body.foreshortens
 
     @property
     def excess(self) -> Float[Array, " modes"]:
@@ -94,15 +80,6 @@ class CappedBody(AbstractBody):
 
     def foreshortening(self, point: Float[Array, " d"]) -> Float[Array, "d modes modes"]:
         return self.body.foreshortening(point)
-
-    def named_points(self) -> Mapping[str, Float[Array, " d"]]:
-        return self.body.named_points()
-
-    def outline(self) -> Float[Array, "points d"]:
-        return self.body.outline()
-
-    def check_marker(self, owner: str, marker: Marker, turning: bool = False) -> None:
-        self.body.check_marker(owner, marker, turning)
 
     def check(self) -> None:
         owner = f"body '{self.name}'"

@@ -35,6 +35,11 @@ class AbstractModalBody(AbstractBody):
     ports: eqx.AbstractVar[tuple[str, ...]]
     unturned: eqx.AbstractVar[tuple[str, ...]]
 
+    def __post_init__(self) -> None:
+        self.stiffness = each(self.stiffness, 1)
+        self.modes = len(self.stiffness)
+        undeflected(self)
+
     @classmethod
     def of_mesh(
         cls: type[B],
@@ -222,11 +227,6 @@ class ModalBody(AbstractModalBody):
     ports: Converted[tuple[str, ...], Sequence[str]] = parts(static=True, default=())
     unturned: Converted[tuple[str, ...], Sequence[str]] = parts(static=True, default=())
     modes: int = eqx.field(static=True, init=False)
-
-    def __post_init__(self) -> None:
-        self.stiffness = each(self.stiffness, 1)
-        self.modes = len(self.stiffness)
-        undeflected(self)
 
     @property
     def constant_mass(self) -> bool:

@@ -1,7 +1,5 @@
 """A flexible body with fewer modes: those in the span of some combinations of its own."""
 
-from collections.abc import Mapping
-
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -10,15 +8,15 @@ from ...common.checks import check_shape
 from ...common.errors import SceneError
 from ...compiling.program import program_once
 from ...linalg.inverse_mass import AbstractBodyInverse
-from ..marker import Marker
 from .base import AbstractBody, nameless
 from .inertia import Inertia
 from .spatial.inertia import SpatialInertia
+from .wrapped import AbstractWrappedBody
 
 __all__ = ["ReducedBody"]
 
 
-class ReducedBody(AbstractBody):
+class ReducedBody(AbstractWrappedBody):
     """A body whose amplitudes are q_f = Φ z. Its frame, its points and its markers stay.
 
     The inertia invariants of a Beam or a ModalBody are polynomials in q_f, so those of z are made
@@ -52,24 +50,12 @@ class ReducedBody(AbstractBody):
         self.modes = basis.shape[1]
 
     @property
-    def dimension(self) -> int:  # type: ignore[override]
-        return self.body.dimension
-
-    @property
     def constant_mass(self) -> bool:
         return self.modes == 0 and isinstance(self.inertia, Inertia) and self.inertia.diagonal
 
     @property
     def inverts_mass(self) -> bool:
         return isinstance(self.inertia, SpatialInertia) and self.inertia.inverts
-
-    @property
-    def damped(self) -> bool:
-        return self.body.damped and self.modes > 0
-
-    @property
-    def foreshortens(self) -> bool:
-        return self.body.foreshortens and self.modes > 0
 
     def expand(self, q: Float[Array, " size"]) -> Float[Array, " full"]:
         """The coordinates of the body, or velocities, for its own here."""
@@ -126,15 +112,6 @@ class ReducedBody(AbstractBody):
 
     def foreshortening(self, point: Float[Array, " d"]) -> Float[Array, "d k k"]:
         return self.basis.T @ self.body.foreshortening(point) @ self.basis
-
-    def named_points(self) -> Mapping[str, Float[Array, " d"]]:
-        return self.body.named_points()
-
-    def outline(self) -> Float[Array, "points d"]:
-        return self.body.outline()
-
-    def check_marker(self, owner: str, marker: Marker, turning: bool = False) -> None:
-        self.body.check_marker(owner, marker, turning)
 
     def check(self) -> None:
         """Check nothing, since the body and the basis were checked before."""

@@ -7,10 +7,10 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ....common.arrays import Vector, each
+from ....common.arrays import Vector
 from ...fields import Converted, number, parts
 from ...orientation import orientation_field
-from ..base import ORIGIN, undeflected
+from ..base import ORIGIN
 from ..modal import AbstractModalBody
 from .flexible import AbstractFlexibleBody
 from .inertia import SpatialInertia
@@ -60,11 +60,6 @@ class ModalBody(AbstractFlexibleBody, AbstractModalBody):
     ports: Converted[tuple[str, ...], Sequence[str]] = parts(static=True, default=())
     unturned: Converted[tuple[str, ...], Sequence[str]] = parts(static=True, default=())
     modes: int = eqx.field(static=True, init=False)
-
-    def __post_init__(self) -> None:
-        self.stiffness = each(self.stiffness, 1)
-        self.modes = len(self.stiffness)
-        undeflected(self)
 
     def invariants(self) -> SpatialInertia:
         return self.inertia
