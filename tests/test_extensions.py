@@ -95,7 +95,8 @@ def test_they_are_drawn(scene, motion, basis):
 def test_the_run_is_saved(motion, tmp_path):
     """As comma-separated columns, and as a pickle that compares equal."""
     _, run = motion
-    columns = np.loadtxt(_write_csv(tmp_path / "run.csv", run), delimiter=",", skiprows=1)
+    path = _write_csv(tmp_path / "run.csv", run, with_multipliers=True)
+    columns = np.loadtxt(path, delimiter=",", skiprows=1)
     parts = [np.asarray(x) for x in (run.t, run.q, run.v, run.multipliers)]
     wanted = np.concatenate([parts[0][:, None], *parts[1:]], axis=1)
     assert_close(columns, wanted, 1e-15, 1 + np.abs(wanted))
