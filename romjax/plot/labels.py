@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
@@ -20,12 +21,16 @@ _DIRECTIONS = ((1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, 
 _MARK = 3.5  # half the size of a marker [pt]
 # Words that stand this far from their point have a line to it [pt].
 _FAR = 10.0
+# Small words need a darker colour than lines: this share of it.
+_INK = 0.65
 _ACROSS: dict[int, Literal["left", "center", "right"]] = {1: "left", 0: "center", -1: "right"}
 _UP: dict[int, Literal["bottom", "center", "top"]] = {1: "bottom", 0: "center", -1: "top"}
 
 
 class Label(NamedTuple):
-    """Words beside a point of the axes; without words, a point that others must not cover."""
+    """Words beside a point of the axes, in its colour; without words, a point that others must not
+    cover.
+    """
 
     x: float
     y: float
@@ -63,6 +68,7 @@ def _written(axes: Axes, label: Label, reach: float, direction: tuple[int, int])
         (reach * across, reach * up),
         textcoords="offset points",
         fontsize=SMALL,
+        color=[_INK * part for part in to_rgb(label.colour)],
         horizontalalignment=_ACROSS[across],
         verticalalignment=_UP[up],
         arrowprops=leader if reach > _FAR else None,
@@ -70,14 +76,15 @@ def _written(axes: Axes, label: Label, reach: float, direction: tuple[int, int])
 
 
 def _merged(axes: Axes, labels: Sequence[Label], same: float) -> list[Label]:
-    """One label for those whose points are on the same spot [px]."""
+    """One label for those whose points are on the same spot [px], black where colours differ."""
     kept = list[Label]()
     for label in labels:
         for number, other in enumerate(kept):
             pair = axes.transData.transform([(label.x, label.y), (other.x, other.y)])
             if np.linalg.norm(pair[0] - pair[1]) < same:
                 said = dict.fromkeys([*other.words.split("; "), label.words])
-                kept[number] = other._replace(words="; ".join(said))
+                colour = other.colour if other.colour == label.colour else "black"
+                kept[number] = other._replace(words="; ".join(said), colour=colour)
                 break
         else:
             kept.append(label)
