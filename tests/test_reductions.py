@@ -126,6 +126,23 @@ def test_why_nothing_pays(facts, full, why):
 
 
 @pytest.mark.instant
+def test_what_rests_has_nothing_to_reduce():
+    facts = dataclasses.replace(RIGID, rests=True)
+    assert advice([], FULL, facts, 1e-3).startswith("Nothing moves from this start")
+
+
+def test_rounding_is_no_motion():
+    """Errors of what rests are absolute, and it counts as resting."""
+    system, motion = zoo.system(zoo.bars), zoo.motion(zoo.bars)
+    noise = 1e-16 * np.sin(np.arange(motion.q.size)).reshape(motion.q.shape)
+    resting = dataclasses.replace(motion, q=motion.q[:1] + noise)
+    other = dataclasses.replace(motion, q=motion.q[:1] - noise)
+    assert rj.compare(resting, other).error < SOLVED
+    assert Facts.of(zoo.bars(), system, resting, False).rests
+    assert not Facts.of(zoo.bars(), system, motion, False).rests
+
+
+@pytest.mark.instant
 @pytest.mark.parametrize(("unseen", "why"), [(0.4, "impacts set"), (6e-3, "err by 6e-03")])
 def test_impacts_are_no_reason_where_steps_can_be_left_out(unseen, why):
     """As by a model that is twice as fast and nearly right, not by one that is wrong."""

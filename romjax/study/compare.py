@@ -107,13 +107,10 @@ def _compare(
 ) -> Comparison:
     difference, motion = apart(q, approx, quaternions), apart(q, q[:1], quaternions)
     own, moved = (_single(x, quaternions) for x in (difference, motion))
-    # What moves by less than this is at rest: rounding of a coordinate of order one is as large.
-    scale = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=0))
-    reach = jnp.max(jnp.abs(moved), axis=0)
-    moving = reach > 100 * jnp.finfo(motion.dtype).eps * scale
-    history = own / jnp.where(moving, reach, 1)[None]
+    moving = _moving(q, moved)
+    history = own / jnp.where(moving, jnp.max(jnp.abs(moved), axis=0), 1)[None]
     return Comparison(
-        error=_relative(difference, motion, metric),
+        error=_relative(difference, motion, metric, moving),
         history=history,
         per_coordinate=jnp.max(jnp.abs(history), axis=0),
         moving=moving,
@@ -130,16 +127,26 @@ def error_between(
 ) -> Float[Array, ""]:
     """`Comparison.error` alone, of a motion `approx` against the true one, as part of a program."""
     difference, motion = apart(q, approx, quaternions), apart(q, q[:1], quaternions)
-    return _relative(difference, motion, metric)
+    moving = _moving(q, _single(motion, quaternions))
+    return _relative(difference, motion, metric, moving)
+
+
+def _moving(q: Float[Array, "k n"], moved: Float[Array, "k n"]) -> Bool[Array, " n"]:
+    """Which coordinates move, by more than rounding of one of order one."""
+    scale = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=0))
+    return jnp.max(jnp.abs(moved), axis=0) > 100 * jnp.finfo(q.dtype).eps * scale
 
 
 def _relative(
-    difference: Float[Array, "k n"], motion: Float[Array, "k n"], metric: Float[Array, "n n"]
+    difference: Float[Array, "k n"],
+    motion: Float[Array, "k n"],
+    metric: Float[Array, "n n"],
+    moving: Bool[Array, " n"],
 ) -> Float[Array, ""]:
     """The norm of a difference over that of the motion; the absolute one of a motion that rests."""
     root = jnp.linalg.cholesky(metric)
     size = _norm(motion @ root)
-    return _norm(difference @ root) / jnp.where(size > 0, size, 1)
+    return _norm(difference @ root) / jnp.where(jnp.any(moving) & (size > 0), size, 1)
 
 
 def apart(

@@ -67,6 +67,11 @@ def advice(
     `skipped`: whether time was short for some; `judged`: whether there are runs that none has seen.
     """
     good = paying(rows, tol)
+    if facts.rests:
+        return (
+            "Nothing moves from this start, so that there is no motion to reduce: give the "
+            "mechanism a speed, a load or a drive."
+        )
     if not rows:
         return "No model was made: all that were tried are refused, as is said below."
     if not good:

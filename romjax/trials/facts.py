@@ -13,6 +13,7 @@ from ..integrate.trajectory import Trajectory
 from ..scene.joint.prescribed import AbstractPrescribed
 from ..scene.scene import Scene
 from ..study.accuracy.models import default_caps
+from ..study.compare import compare
 from ..system import unit_length
 from ..system.structure import without_names
 
@@ -33,7 +34,7 @@ class Facts:
     - `drives`: how many motions are prescribed.
     - `caps` [Hz]: of the modes, from below the lowest of their frequencies to the highest.
     - `explicit`: whether an explicit method is fast enough for the full model; `steps`: that its
-      run takes.
+      run takes; `rests`: whether nothing moves in it.
     """
 
     bodies: int
@@ -46,6 +47,7 @@ class Facts:
     caps: tuple[float, ...] = ()
     explicit: bool = True
     steps: int = 0
+    rests: bool = False
 
     @classmethod
     def of(cls, scene: Scene, system: AssembledSystem, run: Trajectory, implicit: bool) -> "Facts":
@@ -62,6 +64,7 @@ class Facts:
             caps=tuple(default_caps(system, _CAPS)),
             explicit=not implicit,
             steps=int(run.stats.num_steps),
+            rests=not np.any(compare(run, run).moving),
         )
 
     @property

@@ -153,8 +153,10 @@ class Search:
     def try_all(self, spend: float) -> None:
         """Try kinds of models, the most promising first, each until it is right or hopeless, while
         the processor's time is within what there is to spend [s]; then, of models that are far more
-        accurate than is asked, coarser ones.
+        accurate than is asked, coarser ones. None where nothing moves.
         """
+        if self.facts.rests:
+            return
         self.unseen = self.truths(UNSEEN)
         clock = _Clock(time.process_time() + spend)
         tries = [Try.of(family) for family in families(self.facts)]
