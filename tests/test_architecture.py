@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import jax
+import numpy as np
 import pytest
 import zoo
 from documents import FILES, PACKAGE, TREES
@@ -19,7 +20,7 @@ from romjax.system.base import AbstractSystem
 
 # Required: the largest sizes, in lines, and in members and calls.
 FILE, FUNCTION, REDUCTION = 300, 60, 1100
-MEMBERS, CALLS = 12, 20
+MEMBERS, CALLS, WALK = 12, 20, 16
 # The rooms of `reduction/` that are for one kind of model each.
 ROOMS = {"charts", "hyper", "joint", "local", "tables"}
 # Names of formulations and decompositions, which only the parser of names may compare with.
@@ -257,3 +258,24 @@ def test_the_walk_of_a_basis_is_short(swinging, formulation):
     different = list(dict.fromkeys(passed))
     assert different[:2] == ["reduce", "as_formulation"]
     assert len(different) <= CALLS, f"{len(different)} functions: {', '.join(different)}"
+
+
+def test_the_walk_of_output_times_is_short():
+    """Functions that a reader passes who follows `ts` from `simulate` to the compiled program."""
+    system, ts, passed = zoo.system(zoo.bars), jax.device_put(np.linspace(0.0, 0.2, 21)), []
+
+    def note(frame, event, _):
+        code, given = frame.f_code, frame.f_locals
+        names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+        if event == "call" and code.co_filename.startswith(str(PACKAGE) + "/"):
+            passed.extend(code.co_qualname for name in names if given.get(name) is ts)
+
+    sys.setprofile(note)
+    try:
+        zoo.run(system, ts)
+    finally:
+        sys.setprofile(None)
+    different = list(dict.fromkeys(passed))
+    assert different[0] == "simulate"
+    assert "_run" in different
+    assert len(different) <= WALK, f"{len(different)} functions: {', '.join(different)}"
