@@ -3,12 +3,13 @@
 import json
 import re
 
+import nbformat
 import pytest
 import record
 import records
 import texts
 import verified
-from documents import BLOCK, PAGES, ROOT
+from documents import BLOCK, NOTEBOOKS, PAGES, ROOT
 
 FOLDER = ROOT / "benchmarks"
 ROLE = re.compile(r"\{figure\}`([^`]+)`")
@@ -24,6 +25,8 @@ MEASURED = re.compile(
     rf"|{AMOUNT}\s(?:and a half\s)?(?:minutes?|hours?|times\s(?:as|less|more))\b"
     rf"|factor\sof\s{AMOUNT}"
 )
+# How many times as fast, in a sentence or in a cell of a table.
+RATIO = re.compile(rf"{AMOUNT}\stimes\s(?:as|less|more)\b|\d\stimes\s\|")
 EXCEPTIONS = {
     "README.md": ["save 12 % and 30 %"],  # numbers of the chapter, which it is quoted for
     "CONTRIBUTING.md": ["10 s of a processor"],  # a limit, which the tests hold
@@ -66,6 +69,14 @@ def typed(page: str) -> list[str]:
 @pytest.mark.parametrize("page", PAGES)
 def test_no_measured_number_is_typed(page):
     assert typed(page) == []
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_no_ratio_is_typed_in_a_notebook(path):
+    """Its cells measure what its text says, and pages have the records: none is typed between."""
+    cells = nbformat.read(path, as_version=4).cells
+    text = "\n".join(cell.source for cell in cells if cell.cell_type == "markdown")
+    assert RATIO.findall(re.sub(r"`[^`]*`", "", text)) == []
 
 
 def test_the_readme_has_the_numbers_of_the_records():
