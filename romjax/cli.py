@@ -1,7 +1,7 @@
 """The command line: the same verbs as the library."""
 
 import argparse
-import itertools
+import contextlib
 import json
 import os
 import sys
@@ -14,23 +14,22 @@ import diffrax
 import jax
 import numpy as np
 from tabulate import tabulate
-from tqdm import tqdm
 
 from . import plot
 from .assembly.assemble import assemble
 from .command_inputs import load, writable
 from .command_parser import parser
 from .common import writing
+from .common.beside import beside
 from .common.errors import InputError, SimulationError
 from .files.begin import write_start
 from .files.scene_file import scene_file
 from .files.summary import describe_file
-from .gallery.catalogue import EXAMPLES, Example
+from .gallery.catalogue import EXAMPLES
 from .pages import chapter, document, page, report
 from .study.accuracy.study import accuracy
 from .study.reduction import REFINEMENT, ReductionStudy, reduction_study
 from .study.tune import tune_baumgarte
-from .system.base import AbstractSystem
 from .trials.reductions import reductions
 
 
@@ -74,48 +73,41 @@ def _run(options: argparse.Namespace) -> int:
     ranks = options.pod_rank, options.sod_rank, example.pod_rank, example.sod_rank
     asked = any(rank is not None for rank in ranks)
     of_chapter = bool(example.published_savings) or options.all or asked
-    # One program for both studies.
-    count = (REFINEMENT if of_chapter else 1) * round(end * rate)
-    result = reductions(
-        scene,
-        np.linspace(0.0, end, count + 1),
-        rtol=_given(options.rtol, example.rtol),
-        solver=example.solver,
-        budget=options.budget,
-        progress=True,
-    )
-    print(result.summary(options.all), flush=True)
-    study = _of_chapter(options, example, system, end, rate) if of_chapter else None
-    if study is not None:
-        print(f"\n{chapter.summary(study, example)}")
+    study = None
+    # Most of both studies is compiling, on one core each.
+    with beside(_of_chapter, options) if of_chapter else contextlib.nullcontext() as studied:
+        result = reductions(
+            scene,
+            # The figures draw both over each other.
+            np.linspace(0.0, end, (REFINEMENT if of_chapter else 1) * round(end * rate) + 1),
+            rtol=_given(options.rtol, example.rtol),
+            solver=example.solver,
+            budget=options.budget,
+            progress=True,
+        )
+        print(result.summary(options.all), flush=True)
+        if studied is not None:
+            study = studied()
+            print(f"\n{chapter.summary(study, example)}")
     files = report.write(result, study, scene, example, folder, not options.no_animation)
     print(f"\nWrote {files[0]}, a page with all of it, and beside it:")
     print(textwrap.fill(", ".join(file.name for file in files[1:]), 80))
     return 0
 
 
-def _of_chapter(
-    options: argparse.Namespace, example: Example, system: AbstractSystem, end: float, rate: float
-) -> ReductionStudy:
-    """POD and SOD in all formulations of the chapter."""
-    layout, stages = "{desc:32} {bar:24} {elapsed}", itertools.count()
-    with tqdm(total=7, bar_format=layout, file=sys.stderr, disable=None) as bar:
-
-        def advance(stage: str) -> None:
-            bar.update(min(1, next(stages)))  # the stage before is done
-            bar.set_description_str(stage)
-
-        return reduction_study(
-            system,
-            end,
-            rate,
-            pod_rank=_given(options.pod_rank, example.pod_rank),
-            sod_rank=_given(options.sod_rank, example.sod_rank),
-            rtol=_given(options.rtol, example.rtol),
-            solver=example.solver,
-            report=advance,
-            report_run=lambda run: bar.write(chapter.line(run), file=sys.stderr),
-        )
+def _of_chapter(options: argparse.Namespace) -> ReductionStudy:
+    """POD and SOD in all formulations of the chapter, in a process of its own."""
+    jax.config.update("jax_enable_x64", True)
+    example = load(options.scene)
+    return reduction_study(
+        assemble(example.make()),
+        _given(options.end, example.end),
+        _given(options.rate, example.rate),
+        pod_rank=_given(options.pod_rank, example.pod_rank),
+        sod_rank=_given(options.sod_rank, example.sod_rank),
+        rtol=_given(options.rtol, example.rtol),
+        solver=example.solver,
+    )
 
 
 def _accuracy(options: argparse.Namespace) -> int:

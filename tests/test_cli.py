@@ -1,8 +1,10 @@
 """The command line: what a newcomer types and sees."""
 
 import csv
+import math
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from PIL import Image
 
 import romjax
 from romjax.cli import main
+from romjax.common.beside import beside
 from romjax.gallery import EXAMPLES
 
 WIDTH = 80  # columns of a terminal
@@ -122,3 +125,14 @@ def test_tune(tmp_path, capsys):
     assert [line.split()[0] for line in text.splitlines()[1:3]] == ["start", "best"]
     with Image.open(tmp_path / "tuning.png") as picture:
         assert picture.width > 1000
+
+
+@pytest.mark.instant
+def test_work_on_another_core():
+    """Gives what the function returns; what fails meanwhile ends it."""
+    with beside(math.hypot, 3.0, 4.0) as result:
+        assert result() == 5.0
+    begin = time.monotonic()
+    with pytest.raises(KeyError, match="meanwhile"), beside(time.sleep, 1000.0):
+        raise KeyError("meanwhile")
+    assert time.monotonic() - begin < 500.0

@@ -15,15 +15,6 @@ from . import document
 _RANKS = ["rank at", "naive SOD", "POD", "SOD"]
 
 
-def line(run: Run) -> str:
-    """Return a line about a model that has run."""
-    steps = int(run.trajectory.stats.num_steps)
-    text = f"{run.name}: {run.system.n} coordinates, {steps} steps in {1e3 * run.run_time:.1f} ms"
-    if not bool(run.trajectory.success):
-        return f"{text}, failed"
-    return text if run.basis is None else f"{text}, error {float(run.comparison.error):.1e}"
-
-
 def summary(study: ReductionStudy, example: Example) -> str:
     """The table of the models, at most 80 columns wide, and the ranks at both sample rates; beside
     them what is published of the `example`.

@@ -1,7 +1,7 @@
 """The chapter's study: one full model, its reduced models, what they save and what they cost."""
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, Literal
 
 import diffrax
@@ -25,7 +25,7 @@ from ..system.base import AbstractSystem
 from ..system.stabilization import Baumgarte, Stabilization
 from .compare import Comparison, compare
 from .projected import Projected
-from .timing import timed
+from .timing import worked
 
 # The chapter samples at 100 Hz, then at 300 Hz to see whether the ranks move.
 REFINEMENT = 3
@@ -38,8 +38,8 @@ class Run:
     name: str
     system: AbstractSystem
     trajectory: Trajectory
-    compile_time: float  # [s] first call less a later one
-    run_time: float  # [s] least of the later calls
+    compile_time: float  # [s] of the processor, first call less a later one
+    run_time: float  # [s] of the processor, least of the later calls
     comparison: Comparison
     basis: Basis | None = None  # None for the full model, as is the formulation
     formulation: AbstractFormulation | None = None
@@ -94,8 +94,6 @@ def reduction_study(
     rtol: float = 1e-8,
     solver: diffrax.AbstractSolver[Any] | None = None,
     repeats: int = 2,
-    report: Callable[[str], None] = lambda stage: None,
-    report_run: Callable[[Run], None] = lambda run: None,
 ) -> ReductionStudy:
     """Simulate, reduce by POD and SOD, each in all formulations, and compare.
 
@@ -107,8 +105,6 @@ def reduction_study(
     - `rtol`: of all runs; a basis cannot be better than its snapshots.
     - `solver`: of all runs; for each the one that suits it unless given.
     - `repeats`: how many times each run is timed.
-    - `report`: called with a few words before each stage; `report_run`: with each model's run,
-      as soon as it is there.
 
     Raises InputError for an end or a rate that make no time grid, SimulationError if the full run
     fails. A reduced model that is refused or fails is reported, not raised.
@@ -116,18 +112,13 @@ def reduction_study(
     if not (end > 0 and rate > 0 and end * rate >= 1):
         raise InputError(f"study: end={end} s at rate={rate} Hz is no sample; make both larger.")
     ts = jnp.linspace(0.0, end, REFINEMENT * round(end * rate) + 1)
-    report("full model")
     runner = _Runner(ts, rtol, solver, repeats)
     full = runner.run("full", system, "default", None)
-    report_run(full)
     fine = full.trajectory
     coarse = fine.every(REFINEMENT)
     bases = {made.name: made(coarse) for made in (POD(pod_rank), SOD(sod_rank))}
     refused: dict[str, str] = {}
-    runs = [full]
-    for run in _reduced_runs(full, bases, runner, refused, report):
-        report_run(run)
-        runs.append(run)
+    runs = [full, *_reduced_runs(full, bases, runner, refused)]
     ranks = [Ranks.of(rate, coarse), Ranks.of(REFINEMENT * rate, fine)]
     return ReductionStudy(runs, bases, ranks, refused)
 
@@ -165,8 +156,8 @@ class _Runner:
                 audit=truth is None,
             )
 
-        trajectory, first = timed(simulated)
-        least = min(timed(simulated)[1] for _ in range(self.repeats))
+        trajectory, first = worked(simulated)
+        least = min(worked(simulated)[1] for _ in range(self.repeats))
         comparison = compare(trajectory if truth is None else truth, trajectory)
         return Run(name, system, trajectory, first - least, least, comparison)
 
@@ -176,7 +167,6 @@ def _reduced_runs(
     bases: dict[str, Basis],
     runner: _Runner,
     refused: dict[str, str],
-    report: Callable[[str], None],
 ) -> Iterator[Run]:
     """Each basis in each formulation; the reasons of refusals go into `refused`."""
     # One stabilisation for all: that of the full run.
@@ -185,7 +175,6 @@ def _reduced_runs(
     for formulation in (Galerkin(), Minimal(), Projected(baumgarte)):
         for basis in bases.values():
             name = f"{basis.name} {formulation.name}"
-            report(f"{name}, r = {basis.rank}")
             try:
                 rom = reduce(full.system, basis, formulation)
             except ReductionError as error:
