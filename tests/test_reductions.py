@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,9 +15,12 @@ from zoo import run
 import romjax as rj
 from romjax.plot.labels import Label, place
 from romjax.trials.advice import advice, in_order, remark
+from romjax.trials.attempt import Settings
 from romjax.trials.candidates import families
+from romjax.trials.clock import Clock
 from romjax.trials.facts import Facts, freedoms
 from romjax.trials.row import ReductionRow
+from romjax.trials.search import Search
 
 RIGID = Facts(bodies=3, modes=0, freedoms=1, loops=True)
 
@@ -251,6 +255,24 @@ def test_labels_cover_neither_each_other_nor_points():
         assert not box.count_overlaps(boxes[:number])
         assert not box.count_contains(points)
         assert axes.bbox.count_contains(box.corners()) == 4
+
+
+@pytest.mark.instant
+def test_a_model_that_gains_much_leaves_others_half_of_the_time():
+    settings = Settings(1e-3, 1e-8, None)
+
+    def gains(error, work):
+        tried = [SimpleNamespace(error=error, work=work)]
+        return Search.gains.fget(SimpleNamespace(attempts=tried, settings=settings, once=1.0))
+
+    assert gains(1e-4, 0.1)
+    assert not gains(1e-4, 0.11)
+    assert not gains(1e-2, 0.01)
+    clock = Clock(2e6)
+    clock.taken.append(1.5e6)
+    assert clock.has_time(known=False)
+    assert not clock.has_time(known=False, share=0.5)
+    assert clock.has_time(known=True, share=0.5)
 
 
 @pytest.mark.parametrize("wrong", [{"tol": 0.0}, {"rtol": 2.0}, {"budget": 0.0}])

@@ -1,7 +1,6 @@
 """The search for models that pay, within a time."""
 
 import dataclasses
-import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -19,11 +18,15 @@ from ..scene.scene import Scene
 from ..study.timing import worked
 from .attempt import Attempt, Settings, Truth, attempt, error, made, named, simulated
 from .candidates import Candidate, Family, families
+from .clock import Clock
 from .facts import Facts
 from .progress import Progress
 from .variants import TRAINING, UNSEEN, Change, variants
 
 NO_TIME = "no time left in the budget"
+GAINED = "a model gains ten times already, and half of the budget is spent"
+# So many times as fast is a gain that other kinds add little to, which have half of the time then.
+_GAIN, _SHARE = 10.0, 0.5
 # The tolerance of the runs that errors are measured against, relative to that of the models; and
 # the least that double precision allows.
 _SHARPER, _SHARPEST = 1e-2, 1e-12
@@ -158,14 +161,14 @@ class Search:
         if self.facts.rests:
             return
         self.unseen = self.truths(UNSEEN)
-        clock = _Clock(time.process_time() + spend)
+        clock = Clock(spend)
         tries = [Try.of(family) for family in families(self.facts)]
         for number, one in enumerate(tries):
             while one.candidate is not None:
                 # At least one model is tried, whatever the time.
-                if self.attempts and not clock.has_time(one):
+                if self.attempts and not self.has_time(one, clock):
                     names = [x.family.name for x in tries[number:] if not (x.models or x.refused)]
-                    self.skipped.update(dict.fromkeys(names, NO_TIME))
+                    self.skipped.update(dict.fromkeys(names, GAINED if self.gains else NO_TIME))
                     return
                 with clock:
                     self.step(one)
@@ -173,14 +176,25 @@ class Search:
         for _, one in sorted(right, key=lambda pair: pair[0]):
             self.coarsen(one, clock)
 
-    def coarsen(self, one: Try, clock: "_Clock") -> None:
+    @property
+    def gains(self) -> bool:
+        """Whether a model is right and far faster than the full one."""
+        right = [tried.work for tried in self.attempts if tried.error <= self.settings.tol]
+        return self.once >= _GAIN * min(right, default=np.inf)
+
+    def has_time(self, one: Try, clock: Clock) -> bool:
+        """Whether there is time for another step in a kind of models."""
+        known = one.models > 0 and not one.family.compiles
+        return clock.has_time(known, _SHARE if self.gains else 1.0)
+
+    def coarsen(self, one: Try, clock: Clock) -> None:
         """Try models between the coarsest of a kind that is right and the finest that is wrong."""
         for _ in range(_BETWEEN):
             assert one.right is not None
             candidate, tried = one.right
             excess = tried.error / self.settings.tol
             one.candidate = one.family.coarser(candidate, excess, one.wrong)
-            if one.candidate is None or not clock.has_time(one):
+            if one.candidate is None or not self.has_time(one, clock):
                 return
             count = len(self.attempts)
             with clock:
@@ -247,27 +261,6 @@ class Search:
                     truths.append(truth)
                     break
         return truths
-
-
-class _Clock:
-    """The processor's time, up to a deadline [s]; within it, `with clock:` measures a step."""
-
-    def __init__(self, deadline: float) -> None:
-        self.deadline, self.begin, self.taken = deadline, 0.0, list[float]()
-
-    def __enter__(self) -> None:
-        self.begin = time.process_time()
-
-    def __exit__(self, *_: Any) -> None:
-        self.taken.append(time.process_time() - self.begin)
-
-    def has_time(self, one: Try) -> bool:
-        """Whether another step in a kind of models is likely to come to its end: it takes as long
-        as others did, or hardly anything where a program is there already.
-        """
-        known = one.models > 0 and not one.family.compiles
-        expected = 0.0 if known else float(np.mean(self.taken or [0.0]))
-        return time.process_time() + expected <= self.deadline
 
 
 def _truth(system: AssembledSystem, like: Trajectory, rtol: float, **limits: int) -> Truth | None:
