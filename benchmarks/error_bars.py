@@ -2,7 +2,8 @@
 
 Starts, and numbers of the mechanism, are drawn by a seed, and no snapshot is from them. The ratio
 of both is one where the estimate is right. What the bar costs is counted in runs of the full and of
-the reduced model, all at one tolerance, by the time of a processor. Writes `error_bars.txt` beside this file.
+the reduced model, all at one tolerance, by the time of a processor. Writes `error_bars.txt` beside
+this file.
 """
 
 import dataclasses
@@ -158,7 +159,7 @@ def share(ratios: Sequence[float]) -> str:
 
 
 def cost(full: rj.AbstractSystem, model: rj.AbstractSystem, ts: Any) -> tuple[float, float]:
-    """What the bar of one run takes of a processor, in runs of the full and of the reduced model."""
+    """What the bar of a run takes of a processor, in runs of the full and of the reduced model."""
     run = rj.simulate(model, ts, rtol=RTOL, audit=False)
     calls = [
         lambda: rj.corrected(model, run),

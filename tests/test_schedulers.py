@@ -41,6 +41,7 @@ found = joblib.Parallel(n_jobs=2)(joblib.delayed(shared)() for _ in range(2))
 """,
     "distributed": """
 import dask.distributed
+dask.config.set({"distributed.worker.profile.enabled": False})
 client = dask.distributed.Client(n_workers=2, threads_per_worker=1, dashboard_address=None)
 found = client.gather([client.submit(shared, pure=False) for _ in range(2)])
 client.shutdown()

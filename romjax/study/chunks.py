@@ -33,36 +33,44 @@ class Chunks:
         self.latest = 0.0
 
     @classmethod
-    def open(cls, path: Any, parameters: Any, lanes: int, chunk: int, shapes: Any) -> "Chunks":
+    def open(
+        cls, path: Any, parameters: Any, lanes: int, chunk: int, form: Callable[[], Any]
+    ) -> tuple["Chunks", Any]:
+        """The chunks of a sweep, and the structure of its results, None without a folder.
+
+        `form`: the shapes of the results of some lanes, asked for where all else fits.
+        """
         if path is None:
-            return cls(None)
+            return cls(None), None
         folder = Path(path)
         folder.mkdir(parents=True, exist_ok=True)
-        results = [str(jax.tree.structure(shapes))]
-        results += [f"{x.dtype}{list(x.shape[1:])}" for x in jax.tree.leaves(shapes)]
         wanted = {
             "lanes": lanes,
             "chunk": chunk,
             "parameters": _digest(str(jax.tree.structure(parameters)), jax.tree.leaves(parameters)),
-            "results": results,
         }
         file = folder / "sweep.json"
         if file.exists():
-            stored = _identity(file)
-            other = [key for key, value in wanted.items() if stored.get(key) != value]
-            if other:
-                raise ValueError(
-                    f"sweep: {folder} holds another sweep, which differs in its {other[0]}; "
-                    "choose another folder, or remove this one."
-                )
+            _refuse_others(folder, wanted, _identity(file))
+        shapes, tree = jax.tree.flatten(form())
+        results = [str(tree), *(f"{x.dtype}{list(x.shape[1:])}" for x in shapes)]
+        identity = wanted | {"results": results}
+        # What other processes have begun meanwhile is there now.
+        if file.exists():
+            _refuse_others(folder, identity, _identity(file))
         else:
-            writing.write(file, json.dumps(wanted, indent=1))
+            writing.write(file, json.dumps(identity, indent=1))
         writing.forget_parts(folder)
-        return cls(folder, json.dumps(wanted))
+        return cls(folder, json.dumps(identity)), tree
+
+    @staticmethod
+    def are_there(path: Any, count: int) -> bool:
+        """Whether a folder has files of so many chunks."""
+        return all((Path(path) / _name(number)).exists() for number in range(count))
 
     def _file(self, number: int) -> Path:
         assert self.folder is not None
-        return self.folder / f"chunk-{number:06d}.npz"
+        return self.folder / _name(number)
 
     def has(self, number: int) -> bool:
         if number not in self.done and self.folder is not None:
@@ -133,6 +141,20 @@ class Chunks:
         except Exception:  # there is none, or a damaged one, which raises whatever its bytes say
             return None
         return leaves if is_own else None
+
+
+def _name(number: int) -> str:
+    return f"chunk-{number:06d}.npz"
+
+
+def _refuse_others(folder: Path, wanted: dict[str, Any], stored: dict[str, Any]) -> None:
+    """Raise ValueError where a folder holds another sweep than the wanted one."""
+    other = [key for key, value in wanted.items() if stored.get(key) != value]
+    if other:
+        raise ValueError(
+            f"sweep: {folder} holds another sweep, which differs in its {other[0]}; "
+            "choose another folder, or remove this one."
+        )
 
 
 def _identity(file: Path) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from jax.sharding import Mesh, PartitionSpec
 from tqdm import tqdm
 
 from ..common.files import dataset_of, write_dataset
-from ..compiling.program import program
+from ..compiling.program import Program
 from ..compiling.xla import tracing_with_options
 from ..integrate.doubt import DOUBTS
 from ..integrate.status import REMEDIES, Status
@@ -139,19 +139,27 @@ def sweep(
     used = tuple(devices[: math.gcd(chunk, len(devices))])
     if path is None and jax.process_count() > 1:
         raise ValueError("sweep: several processes need a `path` to exchange their results.")
-    # Of what is kept in a folder, the form is asked for before anything is computed; tracing takes
-    # as long as compiling.
-    form = None if path is None else _form(function, parameters)
+    own = [min(chunk, lanes - first) for first in range(0, lanes, chunk)]
+
+    def lanes_of(number: int) -> Any:
+        # The last chunk is filled up with its last lane, for the same program.
+        here = np.minimum(np.arange(number * chunk, (number + 1) * chunk), lanes - 1)
+        return jax.tree.map(lambda x: x[here], parameters)
+
+    def form() -> Any:
+        # Tracing takes as long as compiling, and only where nothing is left to compute it is done
+        # for the form alone.
+        if Chunks.are_there(path, len(own)):
+            return _form(function, parameters)
+        return _run.compiled(function, used, lanes_of(0)).out_info
+
     held = [np.asarray(x) for x in jax.tree.leaves(function) if isinstance(x, _ARRAYS)]
     given = (parameters, held) if held else parameters
-    store, tree = Chunks.open(path, given, lanes, chunk, form), jax.tree.structure(form)
-    own = [min(chunk, lanes - first) for first in range(0, lanes, chunk)]
+    store, tree = Chunks.open(path, given, lanes, chunk, form)
 
     def compute(number: int) -> list[np.ndarray]:
         nonlocal tree
-        # The last chunk is filled up with its last lane, for the same program.
-        here = np.minimum(np.arange(number * chunk, (number + 1) * chunk), lanes - 1)
-        results = _run(function, used, jax.tree.map(lambda x: x[here], parameters))
+        results = _run(function, used, lanes_of(number))
         arrays, tree = jax.tree.flatten(results)
         return [np.asarray(x)[: own[number]] for x in arrays]
 
@@ -174,8 +182,9 @@ def _chunk(devices: Sequence[jax.Device], lanes: int) -> int:
     return len(devices) * -(-min(own * len(devices), lanes) // len(devices))
 
 
-@program
-def _run(function: Callable[[Any], Any], devices: tuple[jax.Device, ...], chunk: Any) -> Any:
+def _chunk_of_lanes(
+    function: Callable[[Any], Any], devices: tuple[jax.Device, ...], chunk: Any
+) -> Any:
     """A chunk of lanes, split over devices; a loop on one device ends without the others."""
     lanes = PartitionSpec("lanes")
 
@@ -194,6 +203,9 @@ def _run(function: Callable[[Any], Any], devices: tuple[jax.Device, ...], chunk:
     return jax.shard_map(
         jax.vmap(one), mesh=mesh, in_specs=lanes, out_specs=lanes, check_vma=False
     )(chunk)
+
+
+_run = Program(_chunk_of_lanes)
 
 
 class _Outcome(NamedTuple):
