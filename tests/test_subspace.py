@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
-from romjax.basis.subspace import leading
+from romjax.basis.subspace import leading, singular_values
 
 # Singular values: repeated, clustered, zero, and all of these.
 SPECTRA = {
@@ -69,6 +69,13 @@ def test_orthonormal_and_optimal(shape, spectrum, method):
         missed = np.linalg.norm(a - vectors @ (vectors.T @ a))
         least = np.linalg.norm(np.sort(SPECTRA[spectrum])[::-1][rank:])
         assert abs(missed - least) <= IDENTITY * np.linalg.norm(a)
+
+
+def test_many_snapshots_need_no_square_of_their_number():
+    """Memory is that of some copies of the snapshots; their number squared would be 80 GB."""
+    many = np.zeros((3, 100_000))
+    memory = singular_values.compiled(many).memory_analysis()
+    assert memory.temp_size_in_bytes < 10 * many.nbytes
 
 
 @pytest.mark.parametrize("method", ["svd", "gram"])

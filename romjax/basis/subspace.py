@@ -83,7 +83,7 @@ def singular_values(matrix: Float[Array, "n h"], method: Method = "svd") -> Floa
     """All singular values, largest first, as numbers to decide by: they carry no derivative."""
     matrix = jax.lax.stop_gradient(matrix)
     if method == "svd":
-        return jnp.linalg.svd(matrix, compute_uv=False)
+        return jnp.linalg.svd(matrix, full_matrices=False, compute_uv=False)
     return jnp.sqrt(jnp.maximum(jnp.linalg.eigvalsh(_gram(matrix))[::-1], 0))
 
 
