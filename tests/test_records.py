@@ -87,6 +87,10 @@ def test_the_readme_has_the_numbers_of_the_records():
     assert records.written(readme) == readme
 
 
+def test_a_commit_that_git_does_not_know_has_no_age():
+    assert records.changes("nothing") == "unknown"
+
+
 @pytest.mark.parametrize(
     "words",
     [

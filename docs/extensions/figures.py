@@ -52,7 +52,7 @@ class Records(Directive):
     """A table of the records, and how old they are when the site is built."""
 
     def run(self) -> list[nodes.Node]:
-        head = ("record", "measured on", "days before this site", "at the commit")
+        head = ("record", "measured on", "days before this site", "at the commit", "changes since")
         return [_table(head, ages(datetime.datetime.now(tz=datetime.UTC).date()), left=4)]
 
 

@@ -7,6 +7,7 @@ between a comment that names it and an empty one.
 import datetime
 import functools
 import re
+import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -68,14 +69,35 @@ def figure(path: str) -> str:
     return row[_one("column", parts[2], range(len(row)), table["columns"])]
 
 
-def ages(today: datetime.date) -> list[tuple[str, str, str, str]]:
-    """Of all records: name, date, age in days and commit."""
+def changes(commit: str) -> str:
+    """How often the package has changed since a commit, where git knows."""
+    command = [
+        "git",
+        "-C",
+        str(RECORDS),
+        "rev-list",
+        "--count",
+        f"{commit}..HEAD",
+        "--",
+        "../romjax",
+    ]
+    try:
+        found = subprocess.run(command, capture_output=True, text=True)
+    except OSError:
+        return "unknown"
+    return found.stdout.strip() or "unknown"
+
+
+def ages(today: datetime.date) -> list[tuple[str, str, str, str, str]]:
+    """Of all records: name, date, age in days, commit and changes of the package since."""
     found = []
     names = {path.stem for kind in ("txt", "json") for path in RECORDS.glob(f"*.{kind}")}
     for name in sorted(names - {"summary"}):
         one = record(name)
         days = (today - datetime.date.fromisoformat(one["made"])).days
-        found.append((name, one["made"], str(max(days, 0)), one["commit"] or "unknown"))
+        commit = one["commit"] or "unknown"
+        since = changes(commit.removesuffix("+"))
+        found.append((name, one["made"], str(max(days, 0)), commit, since))
     return found
 
 
