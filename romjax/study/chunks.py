@@ -13,7 +13,7 @@ import jax
 import numpy as np
 
 from ..common import writing
-from .claims import Claims
+from .claims import BEAT, Claims
 
 # [s] Between two looks at the chunks of other processes.
 _SHORTEST, _LONGEST = 0.01, 0.5
@@ -91,14 +91,15 @@ class Chunks:
     ) -> list[np.ndarray]:
         """The arrays of all chunks, one after the other.
 
-        This process computes those that no other one has claimed, and waits for the others. If
-        none comes in the time that one takes here, their processes may have been stopped, and it
-        computes one of theirs: better twice than idle.
+        This process computes those that no other one has claimed, and waits for the others. Once it
+        has waited for as long as one takes here, or for a heartbeat if it has computed none, their
+        processes may have been stopped, and it computes theirs: better twice than idle.
         `tell` is called with the number of each chunk that is there.
         """
         missing, pause, waited = list(range(count)), _SHORTEST, 0.0
         while missing:
-            waiting, twice = [], 0.0 < self.latest < waited
+            patience = self.latest or BEAT
+            waiting, twice = [], waited >= patience
             for number in missing:
                 if self._made(number, compute, twice):
                     twice = False
@@ -106,11 +107,13 @@ class Chunks:
                 else:
                     waiting.append(number)
             if len(waiting) < len(missing):
-                pause, waited = _SHORTEST, 0.0
+                pause = _SHORTEST
             missing = waiting
             if missing:
-                time.sleep(pause)
-                waited, pause = waited + pause, min(2 * pause, _LONGEST)
+                began = time.monotonic()
+                time.sleep(min(pause, max(patience - waited, _SHORTEST)))
+                waited += time.monotonic() - began
+                pause = min(2 * pause, _LONGEST)
         if self.claims is not None:
             self.claims.clear()
         parts = [self.done[number] for number in range(count)]
