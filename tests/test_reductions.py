@@ -258,7 +258,7 @@ def test_labels_cover_neither_each_other_nor_points():
 
 
 @pytest.mark.instant
-def test_a_model_that_gains_much_leaves_others_half_of_the_time():
+def test_what_gains_much():
     settings = Settings(1e-3, 1e-8, None)
 
     def gains(error, work):
@@ -269,10 +269,31 @@ def test_a_model_that_gains_much_leaves_others_half_of_the_time():
     assert not gains(1e-4, 0.11)
     assert not gains(1e-2, 0.01)
     clock = Clock(2e6)
-    clock.taken.append(1.5e6)
-    assert clock.has_time(known=False)
-    assert not clock.has_time(known=False, share=0.5)
-    assert clock.has_time(known=True, share=0.5)
+    clock.taken.append(3e6)
+    assert clock.has_time(known=True)
+    assert not clock.has_time(known=False)
+
+
+@pytest.mark.instant
+@pytest.mark.parametrize(("work", "tried"), [(0.1, 4), (0.2, 6)])
+def test_a_model_that_gains_much_leaves_three_kinds(monkeypatch, work, tried):
+    """Whatever the time, so that a second run repeats the first."""
+    kinds = [SimpleNamespace(name=f"kind {i}", candidates=[i], compiles=True) for i in range(6)]
+    monkeypatch.setattr("romjax.trials.search.families", lambda facts: kinds)
+    seen = SimpleNamespace(facts=SimpleNamespace(rests=False), attempts=[], skipped={})
+    seen.settings, seen.once, seen.truths = Settings(1e-3, 1e-8, None), 1.0, lambda changes: []
+
+    class Trying(SimpleNamespace):
+        gains, leave, try_all = Search.gains, Search.leave, Search.try_all
+
+        def step(self, one):
+            self.attempts.append(SimpleNamespace(error=1e-4, work=work))
+            one.candidate, one.models = None, 1
+
+    search = Trying(**vars(seen))
+    search.try_all(1e6)
+    assert len(search.attempts) == tried
+    assert [*search.skipped] == [one.name for one in kinds[tried:]]
 
 
 @pytest.mark.parametrize("wrong", [{"tol": 0.0}, {"rtol": 2.0}, {"budget": 0.0}])

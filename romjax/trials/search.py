@@ -24,9 +24,10 @@ from .progress import Progress
 from .variants import TRAINING, UNSEEN, Change, variants
 
 NO_TIME = "no time left in the budget"
-GAINED = "a model gains ten times already, and half of the budget is spent"
-# So many times as fast is a gain that other kinds add little to, which have half of the time then.
-_GAIN, _SHARE = 10.0, 0.5
+GAINED = "a model is ten times as fast already"
+# So many times as fast is a gain that other kinds add little to: so many more are tried. Time would
+# be no measure of how many, since another run finds the programs of the first, and tries others.
+_GAIN, _MORE = 10.0, 3
 # The tolerance of the runs that errors are measured against, relative to that of the models; and
 # the least that double precision allows.
 _SHARPER, _SHARPEST = 1e-2, 1e-12
@@ -163,12 +164,17 @@ class Search:
         self.unseen = self.truths(UNSEEN)
         clock = Clock(spend)
         tries = [Try.of(family) for family in families(self.facts)]
+        more = _MORE
         for number, one in enumerate(tries):
+            if self.gains:
+                if not more:
+                    self.leave(tries[number:], GAINED)
+                    return
+                more -= 1
             while one.candidate is not None:
                 # At least one model is tried, whatever the time.
-                if self.attempts and not self.has_time(one, clock):
-                    names = [x.family.name for x in tries[number:] if not (x.models or x.refused)]
-                    self.skipped.update(dict.fromkeys(names, GAINED if self.gains else NO_TIME))
+                if self.attempts and not clock.has_time(one.models > 0 and not one.family.compiles):
+                    self.leave(tries[number:], NO_TIME)
                     return
                 with clock:
                     self.step(one)
@@ -182,10 +188,10 @@ class Search:
         right = [tried.work for tried in self.attempts if tried.error <= self.settings.tol]
         return self.once >= _GAIN * min(right, default=np.inf)
 
-    def has_time(self, one: Try, clock: Clock) -> bool:
-        """Whether there is time for another step in a kind of models."""
-        known = one.models > 0 and not one.family.compiles
-        return clock.has_time(known, _SHARE if self.gains else 1.0)
+    def leave(self, tries: Sequence[Try], why: str) -> None:
+        """Name the kinds that are not tried."""
+        names = [one.family.name for one in tries if not (one.models or one.refused)]
+        self.skipped.update(dict.fromkeys(names, why))
 
     def coarsen(self, one: Try, clock: Clock) -> None:
         """Try models between the coarsest of a kind that is right and the finest that is wrong."""
@@ -194,7 +200,8 @@ class Search:
             candidate, tried = one.right
             excess = tried.error / self.settings.tol
             one.candidate = one.family.coarser(candidate, excess, one.wrong)
-            if one.candidate is None or not self.has_time(one, clock):
+            known = one.models > 0 and not one.family.compiles
+            if one.candidate is None or not clock.has_time(known):
                 return
             count = len(self.attempts)
             with clock:
