@@ -440,7 +440,7 @@ def test_runs_refuse(scene, run, hanging, falling):
     for given in ((scene, 3), (3, run)):
         with pytest.raises((rj.InputError, TypeError)):
             rj.animate(*given)
-    with pytest.raises(rj.InputError, match=r"call romjax.animate\(scene, run\)"):
+    with pytest.raises(rj.InputError, match=r"does not know.* by romjax.animate\(scene, run\)"):
         run.animate()
     assert run._repr_html_() is None
     with pytest.raises(rj.InputError, match="labels are .* for 1 runs"):

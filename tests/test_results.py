@@ -116,8 +116,11 @@ def test_a_scene_that_cannot_be_made_leaves_the_numbers(run, tmp_path):
     with pytest.warns(UserWarning, match=r"no scene here.*\n?.*Boulder"):
         found = rj.load(tmp_path / "run.nc")
     check_same_run(found, run)
-    with pytest.raises(rj.InputError, match="does not know its system"):
-        _ = found.scene
+    for ask in (lambda: found.scene, found.animate):
+        with pytest.raises(
+            rj.InputError, match="transformation of JAX, or saved without its scene"
+        ):
+            ask()
 
 
 def test_a_file_says_what_it_is_without_romjax(run, tmp_path):

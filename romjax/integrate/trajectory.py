@@ -119,7 +119,8 @@ class Trajectory(eqx.Module):
         if self.derived.parts is None:
             raise InputError(
                 "Trajectory.system: the run does not know its system, since it was made within a "
-                "transformation of JAX, or saved without its scene; use the one that you simulated."
+                "transformation of JAX, or saved without its scene; use the one that you simulated"
+                ", in pictures by romjax.animate(scene, run)."
             )
         system: AbstractSystem = self.derived.parts.combine()
         return system
@@ -290,8 +291,7 @@ class Trajectory(eqx.Module):
         """The mechanism as it moves in this run, and in `others` over it: notebooks show it, and
         `.save` writes a page, a GIF or a film. The `options` are those of `romjax.animate`.
 
-        Raises InputError for a run that does not know its mechanism, as one that is part of a
-        transformation of JAX; `romjax.animate` is told which it is.
+        Raises InputError as `Trajectory.system`; `romjax.animate` is told which it is.
         """
         return picture_of(self, *others, **options)
 

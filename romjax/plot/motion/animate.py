@@ -113,11 +113,6 @@ def animate_run(run: Trajectory, *others: Trajectory, **options: Any) -> Animati
     """
     if np.ndim(run.t) != 1:
         raise InputError(_batch("Trajectory.animate", run))
-    if run.derived.parts is None:
-        raise InputError(
-            "Trajectory.animate: this run, of a transformation of JAX, does not know its "
-            "mechanism; call romjax.animate(scene, run)."
-        )
     return animate(assembled("Trajectory.animate", run.system), run, *others, **options)
 
 
