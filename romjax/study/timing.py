@@ -22,10 +22,11 @@ def timed(call: Callable[[], T]) -> tuple[T, float]:
 
 
 def worked(call: Callable[[], T]) -> tuple[T, float]:
-    """Return what `call` does, and how long the processor works on it [s]."""
-    begin = time.process_time()
+    """Return what `call` does, and how long is worked on it, as `_clock` tells [s]."""
+    clock = _clock()
+    begin = clock()
     result = jax.block_until_ready(call())
-    return result, time.process_time() - begin
+    return result, clock() - begin
 
 
 class Alternating(NamedTuple):
@@ -56,9 +57,16 @@ def alternating(calls: Sequence[Callable[[], Any]], spend: float) -> Alternating
     return Alternating(np.median(times, axis=0), np.median(times[:, :1] / times, axis=0))
 
 
+def _clock() -> Callable[[], float]:
+    """The time of the processor, without other work of the machine [s]; with another device than
+    the CPU that would leave out what the device does, and it is the time that passes.
+    """
+    return time.process_time if jax.default_backend() == "cpu" else time.perf_counter
+
+
 def _own_time(call: Callable[[], Any], count: int) -> float:
     """The time of a call [s], on average over `count` of them."""
-    clock = time.process_time if jax.default_backend() == "cpu" else time.perf_counter
+    clock = _clock()
     begin = clock()
     for _ in range(count):
         jax.block_until_ready(call())

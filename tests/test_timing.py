@@ -1,0 +1,58 @@
+"""What the time of calls is: that of the processor, or of the device that works."""
+
+import time
+import types
+
+import jax
+import numpy as np
+import pytest
+from comparison import assert_close
+from tolerances import IDENTITY
+
+from romjax.study import timing
+
+pytestmark = pytest.mark.instant
+
+
+class Machine:
+    """Clocks of a machine that gives a `share` of itself, and go on while it works."""
+
+    def __init__(self, share):
+        self.share, self.work, self.passed = share, 0.0, 0.0
+
+    def call(self, work):
+        """A function that works so long [s], and counts its calls."""
+
+        def function():
+            function.count += 1
+            self.work += work
+            self.passed += work / self.share
+
+        function.count = 0
+        return function
+
+    def clocks(self):
+        return types.SimpleNamespace(
+            process_time=lambda: self.work, perf_counter=lambda: self.passed
+        )
+
+
+@pytest.mark.parametrize("share", [1.0, 0.1])
+def test_as_many_rounds_on_a_busy_machine(share, monkeypatch):
+    """What is spent is work: two calls for the least of once, and ten rounds of equal turns."""
+    machine = Machine(share)
+    monkeypatch.setattr(timing, "time", machine.clocks())
+    calls = [machine.call(0.1), machine.call(0.001)]
+    found = timing.alternating(calls, 1.25)
+    assert [call.count for call in calls] == [2 + 10, 2 + 10 * 20]
+    assert_close(found.times, np.array([0.1, 0.001]), IDENTITY)
+    assert_close(found.speed_ups, np.array([1.0, 100.0]), IDENTITY)
+
+
+@pytest.mark.parametrize("backend", ["cpu", "gpu"])
+def test_the_work_of_a_device_is_counted(backend, monkeypatch):
+    """Of a device the processor sees nothing, but that time passes."""
+    monkeypatch.setattr(jax, "default_backend", lambda: backend)
+    begin = time.process_time()
+    _, found = timing.worked(lambda: time.sleep(0.05))
+    assert (found >= 0.05) if backend == "gpu" else (found <= time.process_time() - begin)
