@@ -70,6 +70,13 @@ def swung(pendulum):
     return swing(pendulum)
 
 
+def test_what_a_run_remembers_is_of_no_program():
+    """Asked for while JAX traces, the metric belongs to that program; the run outlives it."""
+    alone = zoo.run(rj.assemble(zoo.bar(mass=1.5)), np.linspace(0.0, 1.0, 5))
+    inside = jax.jit(lambda factor: factor * alone.metric)(1.0)
+    np.testing.assert_array_equal(alone.metric, inside)
+
+
 def test_a_run_is_the_same_to_the_bit(run, tmp_path):
     run.save(tmp_path / "run.nc")
     found = rj.load(tmp_path / "run.nc")

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..common.compat import is_traced
+from ..common.compat import is_outermost, is_traced
 from ..common.identity_cache import IdentityCache
 from ..common.partition import Partitioned
 from ..compiling.program import program, program_once
@@ -86,7 +86,7 @@ class LazyQuantities(eqx.Module):
         if self.t.ndim > 1:
             stacked: Float[Array, "runs n n"] = jax.vmap(lambda run: run.metric)(self)
             return stacked
-        if any(is_traced(x) for x in self.parts.arrays):
+        if not is_outermost() or any(is_traced(x) for x in self.parts.arrays):
             traced: Float[Array, "n n"] = _metric(self.system)
             return traced
         known: Float[Array, "n n"] | None = _metrics.get(self.parts)
