@@ -295,7 +295,13 @@ def put_or_not(x, y):
     return jax.lax.cond(jnp.sum(y) > 0, put, lambda x, y: x, x, y)
 
 
-@pytest.mark.parametrize("function", [filled, put, put_or_not, jax.jit(put), jax.vmap(put)])
+def scanned(x, y):
+    return jax.lax.scan(lambda z, row: (z.at[0].set(row), None), x, y)[0]
+
+
+@pytest.mark.parametrize(
+    "function", [filled, scanned, put, put_or_not, jax.jit(put), jax.vmap(put)]
+)
 def test_copies_are_of_arguments_that_are_changed(function):
     x = y = jax.ShapeDtypeStruct((3, 100), float)
     jaxpr = jax.make_jaxpr(function)(x, y).jaxpr

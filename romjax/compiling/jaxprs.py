@@ -81,15 +81,19 @@ def _changed(jaxpr: Any) -> set[Any]:
     changed: list[Any] = []
     for equation in jaxpr.eqns:
         arguments, name = equation.invars, equation.primitive.name
-        if name in _LOOPS:
+        if name == "scan":
+            first, count = equation.params["num_consts"], equation.params["num_carry"]
+            changed += arguments[first : first + count]
+        elif name == "while":
             changed += arguments[-len(equation.outvars) :]
         elif name in _CHANGES:
             changed += arguments[:1]
         elif name in _WITH_INNER:
             for inner in core.jaxprs_in_params(equation.params):
+                inside = _changed(inner)
                 # A branch is chosen by the first argument, which is none of the branches' own.
-                pairs = list(zip(reversed(arguments), reversed(inner.invars), strict=False))
-                changed += [x for x, y in pairs if y in _changed(inner)]
+                pairs = zip(reversed(arguments), reversed(inner.invars), strict=False)
+                changed += [x for x, y in pairs if y in inside]
     return {x for x in changed if not isinstance(x, core.Literal)}.intersection(jaxpr.invars)
 
 
