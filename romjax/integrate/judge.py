@@ -26,7 +26,7 @@ _DRIFT = 10.0
 
 
 class Judgement(NamedTuple):
-    """What is thought of a run.
+    """The verdict on a run.
 
     - `steps`: how many it took; `accepted`: of these.
     - `start`: the constraints there. `status`, `flags`: as `Trajectory` has them.

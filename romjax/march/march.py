@@ -43,8 +43,10 @@ class March(NamedTuple):
         }
 
     def run(self, start: Progress, seen: dict[str, Any]) -> tuple[Progress, dict[str, Any]]:
-        """Integrate from a start to the end, with what was `seen` before: how far the run got, and
-        what each follower has seen. The last state is that of no output, and left out.
+        """Integrate from a start to the end, with what was `seen` before.
+
+        Returns how far the run got, without its last state, since no output is there; and what each
+        follower has seen.
         """
 
         def step(carry: tuple[Progress, dict[str, Any]]) -> tuple[Progress, dict[str, Any]]:

@@ -40,9 +40,7 @@ class TransposedSteps(NamedTuple):
     constants: Any  # the others
     cotangents: PyTree  # of all outputs
     by_events: Any  # cotangents of the record of events, a `Record`; None where there is none
-    by_interpolations: (
-        Any  # cotangents of dense output, as `Interpolations`; None where there is none
-    )
+    by_interpolations: Any  # cotangents of dense output, `Interpolations`; None without it
 
     def transpose(
         self, start: StepStart, number: Array, later: Transposed, active: Array
