@@ -1,5 +1,6 @@
 """Many lanes: chunks, devices, failures, and interruptions at any moment."""
 
+import contextlib
 import errno
 import json
 import os
@@ -14,11 +15,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
+from numpy.testing import assert_equal
 from tolerances import IDENTITY
 from zoo import Stiffness, run, unit_circle, unit_mass
 
 import romjax as rj
 from romjax.study import claims
+from romjax.study.chunks import Chunks
 from romjax.study.sweep import _chunk
 
 TS = np.linspace(0.0, 0.5, 11)
@@ -276,6 +279,59 @@ def test_a_sweep_computes_rather_than_be_idle(tmp_path):
     found = rj.sweep(double, numbers(), chunk=8, path=tmp_path)
     assert time.monotonic() - began < claims.VOID / 2
     assert np.array_equal(found.values["y"], whole.values["y"])
+
+
+def numbered(computed):
+    """A function that computes a chunk, and keeps its number."""
+
+    def compute(number):
+        computed.append(number)
+        return [np.array([number])]
+
+    return compute
+
+
+def test_a_process_that_comes_late_leaves_the_living_their_chunks(tmp_path, monkeypatch):
+    """It cannot know how long one takes, but that its claim is renewed; a stopped one's is not."""
+    monkeypatch.setattr(claims, "BEAT", 0.2)
+    living, late, computed = Chunks(tmp_path), Chunks(tmp_path), []
+
+    def slowly(number):
+        time.sleep(8 * claims.BEAT)
+        return [np.array([number])]
+
+    other = threading.Thread(target=living.complete, args=(1, slowly, id))
+    other.start()
+    while not (tmp_path / "claim-000000.json").exists():
+        time.sleep(0.01)
+    assert_equal(late.complete(1, numbered(computed), id), [np.array([0])])
+    other.join()
+    assert not computed
+    (tmp_path / "claim-000001.json").write_text('{"host": "elsewhere", "pid": 1, "key": ""}')
+    began = time.monotonic()
+    assert_equal(Chunks(tmp_path).complete(2, numbered(computed), id), [np.array([0, 1])])
+    assert 2 * claims.BEAT < time.monotonic() - began < claims.VOID / 2
+    assert computed == [1]
+
+
+def test_processes_that_are_idle_begin_at_different_chunks(tmp_path):
+    """Of those that others hold for longer than one took here."""
+    begun = []
+
+    def compute(number):
+        begun.append(number)
+        raise KeyboardInterrupt
+
+    holder = claims.Claims(tmp_path)
+    with contextlib.ExitStack() as stack:
+        assert all(stack.enter_context(holder.held(number)) for number in range(8))
+        for _ in range(8):
+            idle = Chunks(tmp_path)
+            idle.latest = 1e-3
+            with pytest.raises(KeyboardInterrupt):
+                idle.complete(8, compute, id)
+    assert len(begun) == 8
+    assert len(set(begun)) > 1
 
 
 @pytest.mark.instant

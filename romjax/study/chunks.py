@@ -3,6 +3,8 @@
 import hashlib
 import io
 import json
+import math
+import secrets
 import time
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
@@ -13,7 +15,7 @@ import jax
 import numpy as np
 
 from ..common import writing
-from .claims import BEAT, Claims
+from .claims import Claims
 
 # [s] Between two looks at the chunks of other processes.
 _SHORTEST, _LONGEST = 0.01, 0.5
@@ -92,21 +94,27 @@ class Chunks:
         """The arrays of all chunks, one after the other.
 
         This process computes those that no other one has claimed, and waits for the others. Once it
-        has waited for as long as one takes here, or for a heartbeat if it has computed none, their
-        processes may have been stopped, and it computes theirs: better twice than idle.
+        has waited for as long as one takes here, their processes may have been stopped, and it
+        computes theirs: better twice than idle. Before it has computed one it cannot know how long
+        that is, and takes those that nobody renews.
         `tell` is called with the number of each chunk that is there.
         """
-        missing, pause, waited = list(range(count)), _SHORTEST, 0.0
+        missing, pause, waited, idle = list(range(count)), _SHORTEST, 0.0, False
         while missing:
-            patience = self.latest or BEAT
-            waiting, twice = [], waited >= patience
+            waiting = []
             for number in missing:
-                if self._made(number, compute, twice):
-                    twice = False
+                if self._made(number, compute, idle):
                     tell(number)
                 else:
                     waiting.append(number)
-            if len(waiting) < len(missing):
+            idle, patience = len(waiting) == len(missing), self.latest or math.inf
+            if idle and waited >= patience:
+                # Others who are idle take another one, most likely.
+                number = secrets.choice(waiting)
+                self._compute(number, compute)
+                tell(number)
+                waiting.remove(number)
+            elif not idle:
                 pause = _SHORTEST
             missing = waiting
             if missing:
@@ -119,17 +127,21 @@ class Chunks:
         parts = [self.done[number] for number in range(count)]
         return [np.concatenate(x) for x in zip(*parts, strict=True)]
 
-    def _made(self, number: int, compute: Callable[[int], list[np.ndarray]], twice: bool) -> bool:
-        """Whether a chunk is there, computed here if nobody else has claimed it, or `twice`."""
+    def _made(self, number: int, compute: Callable[[int], list[np.ndarray]], idle: bool) -> bool:
+        """Whether a chunk is there, computed here if nobody else works on it."""
         if self.has(number):
             return True
-        with nullcontext(True) if self.claims is None else self.claims.held(number) as own:
+        held = nullcontext(True) if self.claims is None else self.claims.held(number, idle)
+        with held as own:
             # Another process may have put it there just before it gave up its claim.
-            if (own or twice) and not self.has(number):
-                began = time.monotonic()
-                self.put(number, compute(number))
-                self.latest = time.monotonic() - began
-        return own or twice
+            if own and not self.has(number):
+                self._compute(number, compute)
+        return own
+
+    def _compute(self, number: int, compute: Callable[[int], list[np.ndarray]]) -> None:
+        began = time.monotonic()
+        self.put(number, compute(number))
+        self.latest = time.monotonic() - began
 
     def _checksum(self, number: int, leaves: Sequence[np.ndarray]) -> str:
         return _digest(f"{self.identity} {number}", leaves)

@@ -12,6 +12,8 @@ from typing import Any
 
 # [s] A claim is renewed so often as long as its process runs, and void when it is older than that.
 BEAT, VOID = 5.0, 60.0
+# Beats that may be missing, as a network folder tells of them late, for who has nothing else to do.
+_MISSED = 4
 
 
 class Claims:
@@ -30,10 +32,11 @@ class Claims:
         return self.folder / f"claim-{number:06d}.json"
 
     @contextlib.contextmanager
-    def held(self, number: int) -> Iterator[bool]:
-        """Whether a part is this process's own within the context."""
+    def held(self, number: int, idle: bool = False) -> Iterator[bool]:
+        """Whether a part is this process's own within the context; sooner if this one is `idle`."""
         file = self._file(number)
-        if not (self._created(file) or (self._is_void(file) and self._taken_over(file))):
+        limit = min(VOID, _MISSED * BEAT) if idle else VOID
+        if not (self._created(file) or (self._is_void(file, limit) and self._taken_over(file))):
             yield False
             return
         done = threading.Event()
@@ -61,7 +64,7 @@ class Claims:
             return False
         return True
 
-    def _is_void(self, file: Path) -> bool:
+    def _is_void(self, file: Path, limit: float) -> bool:
         """Whether nobody works on a claim any more: nobody renews it, or its process has ended."""
         try:
             age = self._now() - file.stat().st_mtime
@@ -69,7 +72,7 @@ class Claims:
             return True
         owner = _owner(file)
         here = owner.get("host") == self.owner["host"]
-        return age > VOID or (here and not _runs(owner.get("pid")))
+        return age > limit or (here and not _runs(owner.get("pid")))
 
     def _taken_over(self, file: Path) -> bool:
         """Whether the claim in the place of a void one is this process's."""
