@@ -6,9 +6,9 @@ import json
 import os
 import sys
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import diffrax
 import jax
@@ -32,20 +32,27 @@ from .study.reduction import REFINEMENT, ReductionStudy, reduction_study
 from .study.tune import tune_baumgarte
 from .trials.reductions import reductions
 
+T = TypeVar("T")
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     options = parser().parse_args(arguments)
     jax.config.update("jax_enable_x64", True)
+    status, failed = _told(lambda: _VERBS[options.verb](options))
+    return failed if status is None else status
+
+
+def _told(call: Callable[[], T]) -> tuple[T | None, int]:
+    """What a call returns, and 0; None and an exit status where it fails, after saying why."""
     try:
-        status = _VERBS[options.verb](options)
-        return status
+        return call(), 0
     except (SimulationError, ValueError, OSError) as error:
         print(f"romjax: {error}", file=sys.stderr)
-        return 2
+        return None, 2
     except KeyboardInterrupt:
         print("romjax: interrupted", file=sys.stderr)
-        return 130
+        return None, 130
 
 
 def _scenes(options: argparse.Namespace) -> int:
@@ -73,7 +80,7 @@ def _run(options: argparse.Namespace) -> int:
     ranks = options.pod_rank, options.sod_rank, example.pod_rank, example.sod_rank
     asked = any(rank is not None for rank in ranks)
     of_chapter = bool(example.published_savings) or options.all or asked
-    study = None
+    study, status = None, 0
     # Most of both studies is compiling, on one core each.
     with beside(_of_chapter, options) if of_chapter else contextlib.nullcontext() as studied:
         result = reductions(
@@ -87,12 +94,16 @@ def _run(options: argparse.Namespace) -> int:
         )
         print(result.summary(options.all), flush=True)
         if studied is not None:
-            study = studied()
-            print(f"\n{chapter.summary(study, example)}")
+            print(
+                "POD and SOD, in the formulations of the chapter ...", file=sys.stderr, flush=True
+            )
+            study, status = _told(studied)
+    if study is not None:
+        print(f"\n{chapter.summary(study, example)}")
     files = report.write(result, study, scene, example, folder, not options.no_animation)
     print(f"\nWrote {files[0]}, a page with all of it, and beside it:")
     print(textwrap.fill(", ".join(file.name for file in files[1:]), 80))
-    return 0
+    return status
 
 
 def _of_chapter(options: argparse.Namespace) -> ReductionStudy:

@@ -1,16 +1,23 @@
 """The command line: what a newcomer types and sees."""
 
+import contextlib
 import csv
 import math
+import multiprocessing
+import os
+import signal
 import subprocess
 import sys
 import time
+import types
 
+import jax
 import numpy as np
 import pytest
 from PIL import Image
 
 import romjax
+from romjax import cli
 from romjax.cli import main
 from romjax.common.beside import beside
 from romjax.gallery import EXAMPLES
@@ -127,12 +134,62 @@ def test_tune(tmp_path, capsys):
         assert picture.width > 1000
 
 
-@pytest.mark.instant
 def test_work_on_another_core():
-    """Gives what the function returns; what fails meanwhile ends it."""
+    """Gives what the function returns, whatever Ctrl-C does; what fails meanwhile ends it."""
+    others = {*multiprocessing.active_children()}
     with beside(math.hypot, 3.0, 4.0) as result:
+        (child,) = {*multiprocessing.active_children()} - others
+        os.kill(child.pid, signal.SIGINT)
         assert result() == 5.0
     begin = time.monotonic()
     with pytest.raises(KeyError, match="meanwhile"), beside(time.sleep, 1000.0):
         raise KeyError("meanwhile")
+    with beside(time.sleep, 1000.0):
+        pass
     assert time.monotonic() - begin < 500.0
+    with (
+        beside(os._exit, 3) as result,
+        pytest.raises(ChildProcessError, match="if memory is short"),
+    ):
+        result()
+
+
+@pytest.mark.instant
+def test_work_is_not_beside_that_of_a_gpu(monkeypatch):
+    """Two processes of JAX do not share its memory."""
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    with beside(os.getpid) as result:
+        assert result() == os.getpid()
+
+
+@pytest.mark.parametrize(
+    ("fault", "status", "words"),
+    [(ChildProcessError("ended"), 2, "ended"), (KeyboardInterrupt(), 130, "interrupted")],
+)
+def test_what_is_measured_is_kept_without_the_study(
+    fault, status, words, tmp_path, capsys, monkeypatch
+):
+    """As where its process dies, or Ctrl-C ends the wait for it."""
+
+    @contextlib.contextmanager
+    def beside(*_):
+        def result():
+            raise fault
+
+        yield result
+
+    def write(result, study, *_):
+        assert (result, study) == (measured, None)
+        return [tmp_path / "report.html"]
+
+    measured = types.SimpleNamespace(summary=lambda every: "what pays")
+    monkeypatch.setattr(cli, "beside", beside)
+    monkeypatch.setattr(cli, "reductions", lambda *_, **__: measured)
+    monkeypatch.setattr(cli.report, "write", write)
+    assert main(["run", "cart-pendulum", "--out", str(tmp_path)]) == status
+    told = capsys.readouterr()
+    assert "what pays" in told.out
+    assert "Wrote" in told.out
+    waiting, why = told.err.splitlines()
+    assert waiting.startswith("POD and SOD")
+    assert why == f"romjax: {words}"
