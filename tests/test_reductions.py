@@ -277,23 +277,29 @@ def test_what_gains_much():
 @pytest.mark.instant
 @pytest.mark.parametrize(("work", "tried"), [(0.1, 4), (0.2, 6)])
 def test_a_model_that_gains_much_leaves_three_kinds(monkeypatch, work, tried):
-    """Whatever the time, so that a second run repeats the first."""
+    """Whatever the time, so that a second run repeats the first. Coarser ones are looked for among
+    those that were tried.
+    """
     kinds = [SimpleNamespace(name=f"kind {i}", candidates=[i], compiles=True) for i in range(6)]
     monkeypatch.setattr("romjax.trials.search.families", lambda facts: kinds)
     seen = SimpleNamespace(facts=SimpleNamespace(rests=False), attempts=[], skipped={})
     seen.settings, seen.once, seen.truths = Settings(1e-3, 1e-8, None), 1.0, lambda changes: []
+    coarsened = []
+    seen.coarsen = lambda one, clock: coarsened.append(one.family.name)
 
     class Trying(SimpleNamespace):
         gains, leave, try_all = Search.gains, Search.leave, Search.try_all
 
         def step(self, one):
-            self.attempts.append(SimpleNamespace(error=1e-4, work=work))
-            one.candidate, one.models = None, 1
+            model = SimpleNamespace(error=1e-4, work=work)
+            self.attempts.append(model)
+            one.right, one.candidate, one.models = (one.candidate, model), None, 1
 
     search = Trying(**vars(seen))
     search.try_all(1e6)
     assert len(search.attempts) == tried
     assert [*search.skipped] == [one.name for one in kinds[tried:]]
+    assert coarsened == [one.name for one in kinds[:tried]]
 
 
 @pytest.mark.instant

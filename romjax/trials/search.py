@@ -169,7 +169,7 @@ class Search:
             if self.gains:
                 if not more:
                     self.leave(tries[number:], GAINED)
-                    return
+                    break
                 more -= 1
             while one.candidate is not None:
                 # At least one model is tried, whatever the time.
