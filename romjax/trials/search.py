@@ -74,6 +74,11 @@ class Try:
         """The first candidate of a kind."""
         return cls(family, family.candidates[0])
 
+    @property
+    def is_compiled(self) -> bool:
+        """Whether the programs of another model of this kind are compiled already."""
+        return self.models > 0 and not self.family.compiles
+
     def next(self, excess: float) -> None:
         """Go on to a model that may do where the last one errs by `excess` times what is asked."""
         assert self.candidate is not None
@@ -173,7 +178,7 @@ class Search:
                 more -= 1
             while one.candidate is not None:
                 # At least one model is tried, whatever the time.
-                if self.attempts and not clock.has_time(one.models > 0 and not one.family.compiles):
+                if self.attempts and not clock.has_time(one.is_compiled):
                     self.leave(tries[number:], NO_TIME)
                     return
                 with clock:
@@ -200,8 +205,7 @@ class Search:
             candidate, tried = one.right
             excess = tried.error / self.settings.tol
             one.candidate = one.family.coarser(candidate, excess, one.wrong)
-            known = one.models > 0 and not one.family.compiles
-            if one.candidate is None or not clock.has_time(known):
+            if one.candidate is None or not clock.has_time(one.is_compiled):
                 return
             count = len(self.attempts)
             with clock:
