@@ -119,11 +119,11 @@ def flag_left_out(
     return dataclasses.replace(run, flags=as_jax(flags | int(flag))) if flag else run
 
 
-def _is_predictive(system: AbstractSystem) -> Any:
+def _is_predictive(system: AbstractSystem) -> bool:
     """Whether a model is of a kind that errs elsewhere as on its training."""
     training = training_of(system)
     recipe = None if training is None else training.recipe
-    return recipe is not None and recipe.formulation.is_predictive
+    return recipe is not None and bool(recipe.formulation.is_predictive)
 
 
 def _numbers(system: AbstractSystem) -> tuple[Any, ...]:
