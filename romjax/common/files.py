@@ -6,6 +6,8 @@ register what they do, and neither imports what imports it.
 
 import functools
 import os
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -24,9 +26,17 @@ def save(thing: Any, path: str | os.PathLike[str]) -> None:
 
 
 @functools.singledispatch
-def dataset_of(result: Any, *details: Any) -> Any:
-    """The dataset of xarray that `Trajectory.to_xarray`, or that of a sweep, describes."""
-    raise TypeError(f"No dataset holds a {type(result).__name__} with {details}.")
+def dataset_of(
+    result: Any,
+    scene: Any = None,
+    extras: Mapping[str, Any] = MappingProxyType({}),
+    error: bool = False,
+) -> Any:
+    """The dataset of xarray that `Trajectory.to_xarray` describes, with `extras` that were
+    measured, by name; or that of a sweep, which is asked for alone.
+    """
+    del scene, extras, error
+    raise TypeError(f"No dataset holds a {type(result).__name__}.")
 
 
 def check_netcdf(verb: str) -> None:

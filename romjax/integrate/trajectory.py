@@ -259,7 +259,7 @@ class Trajectory(eqx.Module):
         Raises ImportError, with what to install, without the extra; InputError for a measured array
         that has not one row for each output, and a scene with other coordinates than the run.
         """
-        return dataset_of(self, scene, measured, error)
+        return dataset_of(self, scene, extras=measured, error=error)
 
     def save(
         self, path: str | os.PathLike[str], scene: Scene | None = None, **measured: Any
