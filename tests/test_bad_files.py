@@ -50,6 +50,17 @@ def test_a_mistake(mistake, path):
     assert [word for word in words if word not in said] == [], said
 
 
+def test_a_typo_does_not_lead_to_other_ways_to_make_a_part(path):
+    """Though what follows it does."""
+    text = CRANK.replace('length = "=length"\nEI', 'lenght = "=length"\nE')
+    path.write_text(text)
+    (typo,) = [line for line in refused(path) if "no key 'lenght'" in line]
+    (material,) = [line for line in refused(path) if "no key 'E'" in line]
+    assert "mean 'length'" in typo
+    assert "Beam.of_section" not in typo
+    assert "Beam.of_section" in material
+
+
 @pytest.mark.parametrize("mistake", WRONG_ROTATIONS)
 def test_a_wrong_rotation(mistake, path):
     """In a file that turns nothing else."""

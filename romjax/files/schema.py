@@ -1,8 +1,9 @@
 """What may stand in a scene file, by the parts: what is wrong in one, and its JSON schema."""
 
 import dataclasses
+import difflib
 import inspect
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ..scene.body.base import AbstractBody
@@ -38,6 +39,8 @@ SECTIONS: dict[str, type] = {
 }
 # Of whole numbers, which count modes and the like: more would not fit into memory.
 _LARGEST = 10_000
+# Keys as alike as this differ by a typo, as "lenght" from "length"; "E" and "EI" are less.
+_TYPO = 0.7
 # What messages and editors call a value.
 _KINDS = {
     str: ("a text in quotes", "string"),
@@ -186,10 +189,12 @@ def _wrong_part(base: type, place: Place, value: Any) -> Iterator[tuple[Place, s
     kind = value.get(TYPE, base.__name__)
     if isinstance(kind, str) and kind in known:
         keys, ways = _part(known[kind], base).keys, _other_ways(kind, base)
+        hint = "".join(f' The type "{way}" has {", ".join(more)}.' for way, more in ways.items())
         for at, words in _wrong_keys(keys, place, value):
             # A key that it does not have may be meant for another way to make the part.
-            if at[len(place)] not in keys:
-                words, ways = words + ways, ""
+            key = str(at[len(place)])
+            if key not in keys and not _is_typo(key, keys, ways):
+                words, hint = words + hint, ""
             yield at, words
     elif TYPE in value:
         yield place, unknown("type", kind, list(known))
@@ -197,15 +202,22 @@ def _wrong_part(base: type, place: Place, value: Any) -> Iterator[tuple[Place, s
         yield place, f"The key `{TYPE}` is missing; one of {', '.join(known)}."
 
 
-def _other_ways(kind: str, base: type) -> str:
-    """The other ways to make a part, such as by a section, and the keys that only they have."""
+def _other_ways(kind: str, base: type) -> dict[str, list[str]]:
+    """The other ways to make a part, such as by a section, with the keys that only they have."""
     known = _readable(base)
-    own, ways = _part(known[kind], base).keys, ""
+    own, ways = _part(known[kind], base).keys, dict[str, list[str]]()
     for name, maker in known.items():
-        if name.startswith(f"{kind}."):
-            more = [key for key in _part(maker, base).keys if key not in own]
-            ways += f' The type "{name}" has {", ".join(more)}.'
+        more = [key for key in _part(maker, base).keys if key not in own]
+        if more and name.startswith(f"{kind}."):
+            ways[name] = more
     return ways
+
+
+def _is_typo(key: str, keys: Mapping[str, Key], ways: Mapping[str, Sequence[str]]) -> bool:
+    """Whether a key is nearly one of a part's own, and none of another way to make it."""
+    if any(key in more for more in ways.values()):
+        return False
+    return bool(difflib.get_close_matches(key, keys, n=1, cutoff=_TYPO))
 
 
 def _wrong_keys(keys: Mapping[str, Key], place: Place, table: Any) -> Iterator[tuple[Place, str]]:
