@@ -146,6 +146,22 @@ def test_rounding_is_no_motion():
     assert not Facts.of(zoo.bars(), system, motion, False).rests
 
 
+def test_a_small_motion_in_single_precision():
+    """One of ten micrometres about zero has relative errors; rounding of one that rests has not."""
+    motion = zoo.motion(zoo.bars)
+    start, metric = (np.asarray(x, np.float32) for x in (motion.q[:1], motion.metric))
+    wave = np.float32(np.sin(np.arange(motion.q.size)).reshape(motion.q.shape))
+    wave -= wave[:1]
+
+    def error(q, other):
+        truth, approx = (dataclasses.replace(motion, q=x) for x in (q, other))
+        return rj.compare(truth, approx, metric).error
+
+    small, rounding = np.float32(5e-6) * wave, np.finfo(np.float32).eps
+    assert_close(error(small, 2 * small), 1.0, IDENTITY)
+    assert error(start + rounding * wave, start - rounding * wave) < 100 * rounding
+
+
 @pytest.mark.instant
 @pytest.mark.parametrize(("unseen", "why"), [(0.4, "impacts set"), (6e-3, "err by 6e-03")])
 def test_impacts_are_no_reason_where_steps_can_be_left_out(unseen, why):

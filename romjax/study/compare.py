@@ -24,9 +24,9 @@ class Comparison(eqx.Module):
     """The errors of one motion against another.
 
     - `error`: ‖M₀^½ (q̃ − q)‖ / ‖M₀^½ (q − q₀)‖ over all output times, M₀ the mass matrix at the
-      start: one number without units. Of a motion that rests, the absolute ‖M₀^½ (q̃ − q)‖; if
-      one of both failed, NaN. In space, quaternions have unit length and that sign which makes the
-      difference smallest.
+      start: one number without units. Of a motion that rests, which differs from its start by
+      rounding only, the absolute ‖M₀^½ (q̃ − q)‖; if one of both failed, NaN. In space,
+      quaternions have unit length and that sign which makes the difference smallest.
     - `history` (k, n): the chapter's equation 39.17, Δq_i(t) / max |q_i − q_i(0)|. All four of a
       quaternion hold the angle between the two turns, over the largest angle from the start.
     - `per_coordinate` (n,): its largest magnitude in time.
@@ -63,6 +63,8 @@ class Comparison(eqx.Module):
         return inline(lambda: picture_of(*motions, labels=labels))
 
 
+# Coordinates about zero round as the deflections, of some centimetres, that balance the forces.
+_BALANCED = 0.01
 # Not to hold motions that nobody else needs any more.
 _motions = IdentityCache()
 
@@ -110,7 +112,7 @@ def _compare(
     moving = _moving(q, moved)
     history = own / jnp.where(moving, jnp.max(jnp.abs(moved), axis=0), 1)[None]
     return Comparison(
-        error=_relative(difference, motion, metric, moving),
+        error=_relative(q, difference, motion, metric, moving),
         history=history,
         per_coordinate=jnp.max(jnp.abs(history), axis=0),
         moving=moving,
@@ -128,25 +130,36 @@ def error_between(
     """`Comparison.error` alone, of a motion `approx` against the true one, as part of a program."""
     difference, motion = apart(q, approx, quaternions), apart(q, q[:1], quaternions)
     moving = _moving(q, _single(motion, quaternions))
-    return _relative(difference, motion, metric, moving)
+    return _relative(q, difference, motion, metric, moving)
 
 
 def _moving(q: Float[Array, "k n"], moved: Float[Array, "k n"]) -> Bool[Array, " n"]:
     """Which coordinates move, by more than rounding of one of order one."""
     scale = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=0))
-    return jnp.max(jnp.abs(moved), axis=0) > 100 * jnp.finfo(q.dtype).eps * scale
+    return jnp.max(jnp.abs(moved), axis=0) > _rounding(q) * scale
+
+
+def _rounding(q: Float[Array, "k n"]) -> float:
+    """What a coordinate may move by in the run of a mechanism at rest, relative to its size."""
+    return 100 * float(jnp.finfo(q.dtype).eps)
 
 
 def _relative(
+    q: Float[Array, "k n"],
     difference: Float[Array, "k n"],
     motion: Float[Array, "k n"],
     metric: Float[Array, "n n"],
     moving: Bool[Array, " n"],
 ) -> Float[Array, ""]:
-    """The norm of a difference over that of the motion; the absolute one of a motion that rests."""
+    """The norm of a difference over that of the motion; the absolute one of a motion that rests,
+    whose coordinates, and whose norm, do not differ from the start by more than rounding.
+    """
     root = jnp.linalg.cholesky(metric)
     size = _norm(motion @ root)
-    return _norm(difference @ root) / jnp.where(jnp.any(moving) & (size > 0), size, 1)
+    # In single precision small motions are less than rounding of order one, but not of their own.
+    own = jnp.maximum(_BALANCED, jnp.abs(q)) * jnp.sqrt(jnp.diagonal(metric))[None]
+    moves = jnp.any(moving) | (size > _rounding(q) * _norm(own))
+    return _norm(difference @ root) / jnp.where(moves & (size > 0), size, 1)
 
 
 def apart(
