@@ -314,6 +314,22 @@ def test_a_process_that_comes_late_leaves_the_living_their_chunks(tmp_path, monk
     assert computed == [1]
 
 
+def test_all_waits_together_take_no_longer_than_a_chunk(tmp_path):
+    """Of chunks that a stopped process holds; it does not wait for each anew."""
+    takes, count = 0.3, 4
+
+    def compute(number):
+        time.sleep(takes)
+        return [np.array([number])]
+
+    for number in range(1, count):
+        held = tmp_path / f"claim-00000{number}.json"
+        held.write_text('{"host": "elsewhere", "pid": 1, "key": ""}')
+    began = time.monotonic()
+    Chunks(tmp_path).complete(count, compute, id)
+    assert time.monotonic() - began < (count + 3) * takes
+
+
 def test_processes_that_are_idle_begin_at_different_chunks(tmp_path):
     """Of those that others hold for longer than one took here."""
     begun = []
