@@ -15,10 +15,11 @@ from zoo import run
 import romjax as rj
 from romjax.plot.labels import Label, place
 from romjax.trials.advice import advice, in_order, remark
-from romjax.trials.attempt import Settings
+from romjax.trials.attempt import Settings, Truth
 from romjax.trials.candidates import families
 from romjax.trials.clock import Clock
 from romjax.trials.facts import Facts, freedoms
+from romjax.trials.progress import Progress
 from romjax.trials.row import ReductionRow
 from romjax.trials.search import Search
 
@@ -319,6 +320,26 @@ def test_a_model_that_gains_much_leaves_three_kinds(monkeypatch, work, tried):
 
 
 @pytest.mark.instant
+@pytest.mark.parametrize(("compiled", "audited"), [(1.0, True), (100.0, False)])
+def test_the_truth_has_its_balance_of_energy(monkeypatch, compiled, audited):
+    """At its own tolerance, unless the full model compiles for long."""
+
+    def simulated(system, ts, rtol, solver, audit):
+        return SimpleNamespace(rtol=rtol, solver=solver, audited=audit)
+
+    monkeypatch.setattr("romjax.trials.search.simulated", simulated)
+    rough, sharp = (simulated(None, None, rtol, "method", False) for rtol in (1e-8, 1e-10))
+    given = {"scene": None, "system": None, "ts": None, "facts": RIGID, "once": 0.1}
+    given |= {"settings": Settings(1e-3, 1e-8, None), "progress": Progress(False)}
+    search = Search(full=rough, compiled=compiled, training=[Truth(None, sharp, 0.2)], **given)
+    search.audit()
+    for now, before in ((search.full, rough), (search.training[0].run, sharp)):
+        assert_close(now.rtol, before.rtol, IDENTITY, scale=before.rtol)
+        assert now.solver == "method"
+        assert now.audited == audited
+
+
+@pytest.mark.instant
 @pytest.mark.parametrize("wrong", [{"tol": 0.0}, {"rtol": 2.0}, {"budget": 0.0}])
 def test_numbers_without_meaning(wrong):
     scene = rj.Scene([rj.RigidBody("body", 1.0, 1.0)])
@@ -342,5 +363,7 @@ def test_a_whole_table():
     figure = rj.plot.reductions(found)
     assert "recommended" in [text.get_text() for text in figure.legends[0].get_texts()]
     rom = found.model()
+    energies = rj.energy(found.system, found.truth)
+    assert_close(energies.balance, 0.0, SOLVED, scale=np.max(energies.kinetic))
     again = run(rom, found.truth.t, rtol=1e-8)
     assert_close(rj.compare(found.truth, again).error, best.trained, SOLVED, scale=1.0)

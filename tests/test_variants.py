@@ -119,7 +119,7 @@ def test_what_moves_alike_or_fails_judges_nothing(monkeypatch):
         seen.append(name)
         return None if runs[name] is None else Truth(zoo.system(zoo.bars), runs[name], 0.1)
 
-    monkeypatch.setattr(search, "_truth", truth)
+    monkeypatch.setattr(Truth, "of", truth)
     begun = search.Search(
         scene=zoo.bars(),
         system=zoo.system(zoo.bars),

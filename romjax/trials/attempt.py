@@ -42,6 +42,19 @@ class Truth(NamedTuple):
     run: Trajectory
     work: float
 
+    @classmethod
+    def of(
+        cls, system: AbstractSystem, like: Trajectory, rtol: float, **limits: int
+    ) -> "Truth | None":
+        """A run by the method of another one, unless it fails, beyond its `limits` too."""
+        try:
+            run, work = worked(
+                lambda: simulated(system, like.t, rtol, like.solver, False, **limits)
+            )
+        except InputError:  # no start
+            return None
+        return cls(system, run, work) if bool(run.success) else None
+
 
 @dataclasses.dataclass(frozen=True)
 class Attempt:

@@ -43,8 +43,8 @@ def reductions(
     three runs that no model has seen: at other speeds of drives and loads, else from other starts.
     All models run by the method that suits them, at one tolerance, and are timed in turns with the
     full one, on a CPU by the time of the processor, so that what else the machine does changes
-    little. They are without the audit of energy, which one run of the full model has, where that
-    takes less than 10 s to compile.
+    little. They are without the audit of energy, which the two runs of the full model from the
+    start of the scene have, where that takes less than 10 s to compile.
 
     **Arguments:**
 

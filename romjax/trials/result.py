@@ -23,7 +23,8 @@ class Reductions:
     - `rows`: one for each model, the recommended one first, then by how much faster they are;
       `models`: the systems in the same order; `runs`: their motions from the start of the scene.
     - `tol`: the error that a model may have. `full`: the row of the full model; `system` and
-      `truth`: its system, and an accurate run of it, which errors are measured against.
+      `truth`: its system, and an accurate run of it, which errors are measured against; with its
+      balance of energy, but for a model that takes long to compile and an interrupted study.
     - `advice`: which model to take and why, or why none pays, in words.
     - `refused`: what cannot reduce this mechanism, and `skipped`: what was not tried, by name, with
       the reason. `pays`: whether any is worth making. `unseen`: how many runs that no model has

@@ -129,7 +129,7 @@ class Search:
         steps = f"{_steps(full)} steps in {1e3 * once:.1f} ms"
         progress.tell(f"full: {system.n} coordinates, {steps}")
         progress.doing("accurate run")
-        truth = _truth(system, full, _sharp(rtol))
+        truth = Truth.of(system, full, _sharp(rtol))
         facts = Facts.of(scene, system, full, isinstance(full.solver, Rodas5P))
         return cls(
             scene=scene,
@@ -153,11 +153,18 @@ class Search:
         return error(self.training[0].run, self.full), max(beyond, default=np.nan)
 
     def audit(self) -> None:
-        """Draw up the balance of energy of the full model's run, unless it compiles for long."""
-        if self.compiled < _LONG_TO_COMPILE:
-            self.progress.doing("balance of energy")
-            method = self.settings.rtol, self.full.solver
-            self.full = simulated(self.system, self.ts, *method, audit=True)
+        """Draw up the balance of energy of the full model's run and of the accurate one, which stay
+        the same motions, unless it compiles for long.
+        """
+        if self.compiled >= _LONG_TO_COMPILE:
+            return
+        self.progress.doing("balance of energy")
+        rough, truth, rtol = self.full, self.training[0], self.settings.rtol
+        self.full = simulated(self.system, self.ts, rtol, rough.solver, audit=True)
+        run = self.full  # of both where the accurate one failed
+        if truth.run is not rough:
+            run = simulated(self.system, self.ts, _sharp(rtol), rough.solver, audit=True)
+        self.training[0] = truth._replace(run=run)
 
     def try_all(self, spend: float) -> None:
         """Try kinds of models, the most promising first, each until it is right or hopeless, while
@@ -267,20 +274,11 @@ class Search:
         least, truths = _DIFFERENT * self.settings.tol, list[Truth]()
         for change in changes:
             for system in variants(self.scene, self.system, first, change):
-                truth = _truth(system, like, rtol, max_steps=_MOST_STEPS * _steps(like))
+                truth = Truth.of(system, like, rtol, max_steps=_MOST_STEPS * _steps(like))
                 if truth is not None and error(first, truth.run) > least:
                     truths.append(truth)
                     break
         return truths
-
-
-def _truth(system: AssembledSystem, like: Trajectory, rtol: float, **limits: int) -> Truth | None:
-    """A run by the method of another one, unless it fails, beyond its `limits` too."""
-    try:
-        run, work = worked(lambda: simulated(system, like.t, rtol, like.solver, False, **limits))
-    except InputError:  # no start
-        return None
-    return Truth(system, run, work) if bool(run.success) else None
 
 
 def _sharp(rtol: float) -> float:
