@@ -255,6 +255,21 @@ def test_a_model_that_fails_unseen_is_a_hollow_point(found):
     assert axes.get_ylim() == pytest.approx((1e-4, 1e-2))
 
 
+def test_a_model_that_was_not_run_unseen_is_a_hollow_point(found):
+    """Filled points are errors of runs that were held out."""
+    rows = (row(time=1e-3), row("local r=4", time=2e-3, trained=2e-3, unseen=math.nan))
+    (axes,) = rj.plot.reductions(dataclasses.replace(found, rows=rows)).axes
+    spots = {True: set(), False: set()}
+    for line in axes.lines:
+        if line.get_marker() == "o" and line.get_markersize() == 6:
+            every = line.get_markevery()
+            points = np.reshape(line.get_xydata(), (-1, 2))
+            kept = points if every is None else points[every]
+            spots[line.get_markerfacecolor() == "white"] |= {tuple(map(float, x)) for x in kept}
+    assert spots[False] == {(1.0, 2e-5)}
+    assert spots[True] == {(1.0, 1e-5), (2.0, 2e-3)}
+
+
 @pytest.mark.instant
 def test_labels_cover_neither_each_other_nor_points():
     """Those of points on one spot are one."""

@@ -38,12 +38,15 @@ def reduction(study: RankStudy) -> DisplayedFigure:
 
 
 class Point(NamedTuple):
-    """A model: the time of a run [s], its errors, and what stands beside it."""
+    """A model: the time of a run [s], its errors, what stands beside it, and whether runs that were
+    held out have judged it.
+    """
 
     time: float
     trained: float
     error: float
     words: str
+    judged: bool = True
 
 
 def blank() -> tuple[DisplayedFigure, Axes]:
@@ -58,7 +61,8 @@ def blank() -> tuple[DisplayedFigure, Axes]:
 def draw(axes: Axes, index: int, name: str, points: Sequence[Point], apart: bool) -> list[Label]:
     """Draw the models of one kind, and return the labels that go beside them once all is drawn.
 
-    `index`: of its colour; `apart`: whether errors on the training are drawn too.
+    `index`: of its colour; `apart`: whether errors on the training are drawn too. Models that no
+    run has judged that was held out have a hollow point only.
     """
     style = _style(index)
     colour = style["color"]
@@ -69,7 +73,11 @@ def draw(axes: Axes, index: int, name: str, points: Sequence[Point], apart: bool
     if apart:
         axes.plot(times, trained, linestyle="", markerfacecolor="white", **style)
         hidden = [Label(*spot, "", colour) for spot in zip(times, trained, strict=True)]
-    axes.plot(times, errors, linewidth=1.2, label=name, **style)
+    filled = [i for i, point in enumerate(points) if point.judged]
+    axes.plot(times, errors, linewidth=1.2, label=name, markevery=filled, **style)
+    alone = [i for i, point in enumerate(points) if not point.judged]
+    spots = [times[i] for i in alone], [trained[i] for i in alone]
+    axes.plot(*spots, linestyle="", markerfacecolor="white", **style)
     pairs = zip(points, times, strict=True)
     return [Label(time, point.error, point.words, colour) for point, time in pairs] + hidden
 

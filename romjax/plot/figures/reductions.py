@@ -23,8 +23,8 @@ def reductions(result: Reductions) -> DisplayedFigure:
     that of its training; a vertical line joins the two, a long one of a model that only repeats
     what it has seen. The ring is around the recommended one, squares are around the drop points:
     the models of least rank of each kind whose error is below the one that was asked for, the
-    dotted line. The dashed line is the time of the full model. Models that fail unseen have a
-    hollow point only, and those that fail on their training none.
+    dotted line. The dashed line is the time of the full model. Models that fail unseen, or were not
+    run from there, have a hollow point only, and those that fail on their training none.
 
     **Arguments:** `result`: what `romjax.reductions` has found.
     """
@@ -37,9 +37,7 @@ def reductions(result: Reductions) -> DisplayedFigure:
         own = [r for r in result.rows if r.formulation == kind and np.isfinite(r.trained)]
         own.sort(key=lambda row: row.time)
         rows = [row for row in own if np.isfinite(row.error)]
-        points = [
-            Point(r.time, r.trained, r.error, r.name.removeprefix(kind).strip()) for r in rows
-        ]
+        points = [_point(row, result.unseen) for row in rows]
         if points:
             labels += draw(axes, index, kind, points, apart=True)
         failed = [row for row in own if row not in rows]
@@ -61,6 +59,12 @@ def reductions(result: Reductions) -> DisplayedFigure:
     explain(figure, axes, result.full.time, result.unseen, "recommended")
     place(figure, axes, labels)
     return figure
+
+
+def _point(row: ReductionRow, unseen: int) -> Point:
+    """A model by its time; where there are no `unseen` runs, all are judged by their training."""
+    words = row.name.removeprefix(row.formulation).strip()
+    return Point(row.time, row.trained, row.error, words, not (unseen and np.isnan(row.unseen)))
 
 
 def _drop(rows: Sequence[ReductionRow], tol: float) -> ReductionRow | None:
