@@ -20,8 +20,9 @@ from romjax.trials.candidates import families
 from romjax.trials.clock import Clock
 from romjax.trials.facts import Facts, freedoms
 from romjax.trials.progress import Progress
+from romjax.trials.reductions import INTERRUPTED, _untried
 from romjax.trials.row import ReductionRow
-from romjax.trials.search import Search
+from romjax.trials.search import GAINED, NO_TIME, Search
 
 RIGID = Facts(bodies=3, modes=0, freedoms=1, loops=True)
 
@@ -131,6 +132,26 @@ def test_why_nothing_pays(facts, full, why):
 
 
 @pytest.mark.instant
+def test_no_verdict_where_kinds_are_left():
+    """Nor a cause, unless it holds whatever is tried; errors are of the runs that there were."""
+    left = _untried({"local": NO_TIME, "joint": NO_TIME, "minimal": GAINED})
+    facts = dataclasses.replace(RIGID, modes=2)
+    rows = [row(trained=2e-3, unseen=math.nan)]
+    words = advice(rows, FULL, facts, 1e-3, left)
+    assert words.startswith("No verdict: ")
+    assert "2 kinds were not tried for lack of time; give a larger `--budget`." in words
+    assert "seen" not in words
+    chaos = advice(rows, FULL._replace(trained=0.3), facts, 1e-3, left)
+    assert chaos.startswith("Nothing pays here: the motion is chaotic")
+    assert _untried({"the rest": INTERRUPTED}) == "the study was interrupted"
+    assert not _untried({"minimal": GAINED})
+    for speed_up, said in ((4.0, "the best errs by 2e-03 on its training"), (0.5, "errs by 2e-03")):
+        words = advice([rows[0]._replace(speed_up=speed_up)], FULL, facts, 1e-3)
+        assert said in words
+        assert "seen" not in words
+
+
+@pytest.mark.instant
 def test_what_rests_has_nothing_to_reduce():
     facts = dataclasses.replace(RIGID, rests=True)
     assert advice([], FULL, facts, 1e-3).startswith("Nothing moves from this start")
@@ -164,7 +185,9 @@ def test_a_small_motion_in_single_precision():
 
 
 @pytest.mark.instant
-@pytest.mark.parametrize(("unseen", "why"), [(0.4, "impacts set"), (6e-3, "err by 6e-03")])
+@pytest.mark.parametrize(
+    ("unseen", "why"), [(0.4, "impacts set"), (6e-3, "errs by 6e-03 on starts")]
+)
 def test_impacts_are_no_reason_where_steps_can_be_left_out(unseen, why):
     """As by a model that is twice as fast and nearly right, not by one that is wrong."""
     facts = dataclasses.replace(RIGID, modes=2, contacts=True)
@@ -228,6 +251,13 @@ def test_a_summary_has_all_in_80_columns(found):
         "Not tried: galerkin, hyper; no time left in the budget.",
     ):
         assert said in lines
+
+
+def test_a_summary_of_models_that_were_not_run_unseen(found):
+    """Says nothing of other starts."""
+    rows = (row(trained=2e-3, unseen=math.nan),)
+    words = dataclasses.replace(found, rows=rows, advice="", refused={}, skipped={}).summary()
+    assert "errors on the training; made" in " ".join(words.split())
 
 
 def test_the_figure_rings_the_recommended_model(found):

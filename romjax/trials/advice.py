@@ -59,12 +59,13 @@ def advice(
     full: ReductionRow,
     facts: Facts,
     tol: float,
-    skipped: bool = False,
+    untried: str = "",
     judged: bool = True,
 ) -> str:
     """Say which model to take, or why none pays.
 
-    `skipped`: whether time was short for some; `judged`: whether there are runs that none has seen.
+    `untried`: what was not tried, and what to do about it, in words; `judged`: whether there are
+    runs that none has seen.
     """
     good = paying(rows, tol)
     if facts.rests:
@@ -75,8 +76,13 @@ def advice(
     if not rows:
         return "No model was made: all that were tried are refused, as is said below."
     if not good:
-        which = "Nothing that was tried pays" if skipped else "Nothing pays here"
-        return f"{which}: {_reason(rows, full, facts, tol)}"
+        why = _known(full, facts, tol)
+        if untried and not why:
+            return (
+                "No verdict: none of the models that were tried is both right and faster, but "
+                f"{untried}."
+            )
+        return f"Nothing pays here: {why or _reason(rows, full, facts, tol)}"
     best = good[0]
     kind = _KINDS.get(best.formulation, "") if best.rank else _KINEMATICS
     pays = f"{best.pays_after:.0f} runs" if best.pays_after >= 1.5 else "one run"
@@ -104,21 +110,26 @@ _KINDS = {
 }
 
 
-def _reason(rows: Sequence[ReductionRow], full: ReductionRow, facts: Facts, tol: float) -> str:
-    """Give the reason for the advice, in a sentence of mechanics."""
-    faster = [row for row in rows if row.speed_up >= _FASTER]
+def _known(full: ReductionRow, facts: Facts, tol: float) -> str:
+    """Give the reason why no model pays, whatever is tried; "" where only trials can tell."""
     if full.error > tol:
         return (
             "the motion is chaotic, so that no model predicts it for long: the full one itself "
             f"errs by {full.error:.0e} at this tolerance."
         )
+    if not facts.modes and facts.freedoms == 0:
+        return "the drives prescribe all of the motion; no equation of motion is left to solve."
+    return ""
+
+
+def _reason(rows: Sequence[ReductionRow], full: ReductionRow, facts: Facts, tol: float) -> str:
+    """Give the reason for the advice, in a sentence of mechanics, once all kinds are tried."""
+    faster = [row for row in rows if row.speed_up >= _FASTER]
     if facts.contacts and not any(row.error <= WRONG for row in faster):
         return (
             "impacts set the steps of every model alike, and what they excite is the motion that "
             "is wanted."
         )
-    if not facts.modes and facts.freedoms == 0:
-        return "the drives prescribe all of the motion; no equation of motion is left to solve."
     if facts.quick:
         return (
             f"a rigid mechanism that is not stiff has nothing to leave out; its {full.steps} steps "
@@ -127,15 +138,23 @@ def _reason(rows: Sequence[ReductionRow], full: ReductionRow, facts: Facts, tol:
     if faster:
         best = min(faster, key=lambda row: row.error)
         return (
-            "what is fast here is part of the motion; the models that are faster err by "
-            f"{best.error:.0e} or more on starts that they have not seen."
+            "what is fast here is part of the motion; of the models that are faster the best "
+            f"errs by {best.error:.0e} {_where(best)}."
         )
     if all(row.error > tol for row in rows):
-        least = min(row.error for row in rows)
-        failed = "all of them fail" if math.isinf(least) else f"the best errs by {least:.0e}"
-        return f"no model that was tried is right on starts that it has not seen; {failed}."
+        best = min(rows, key=lambda row: row.error)
+        if math.isinf(best.error):
+            return "no model that was tried is right; all of them fail."
+        return (
+            f"no model that was tried is right; the best errs by {best.error:.0e} {_where(best)}."
+        )
     count = "one freedom takes" if facts.freedoms == 1 else f"{facts.freedoms} freedoms all take"
     return (
         f"its {count} part in the motion, and models that are right take as long as the full one, "
         f"whose {full.steps} steps follow it."
     )
+
+
+def _where(row: ReductionRow) -> str:
+    """The runs that a model errs most on, of those that it was run on."""
+    return "on starts that it has not seen" if row.unseen >= row.trained else "on its training"

@@ -1,6 +1,6 @@
 """What reduction gains for a mechanism: the models that its structure suggests, tried."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import diffrax
@@ -18,7 +18,7 @@ from .attempt import Attempt, Settings, error, simulated
 from .progress import Progress
 from .result import Reductions
 from .row import ReductionRow
-from .search import Search
+from .search import NO_TIME, Search
 
 INTERRUPTED = "interrupted"
 # Shares of the budget for trying models and for timing them.
@@ -122,13 +122,22 @@ def _result(search: Search, spend: float) -> Reductions:
         full=full,
         system=search.system,
         truth=search.training[0].run,
-        advice=advice(rows, full, search.facts, tol, bool(search.skipped), bool(search.unseen)),
+        advice=advice(rows, full, search.facts, tol, _untried(search.skipped), bool(search.unseen)),
         refused=search.refused,
         skipped=search.skipped,
         pays=bool(paying(rows, tol)),
         unseen=len(search.unseen),
         bar=_bar(picked[0], search) if paying(rows, tol) else "",
     )
+
+
+def _untried(skipped: Mapping[str, str]) -> str:
+    """Say what may pay, for all that is known, and how to try it."""
+    if INTERRUPTED in skipped.values():
+        return "the study was interrupted"
+    count = sum(why == NO_TIME for why in skipped.values())
+    which = "one kind was" if count == 1 else f"{count} kinds were"
+    return f"{which} not tried for lack of time; give a larger `--budget`" if count else ""
 
 
 def _bar(tried: Attempt, search: Search) -> str:

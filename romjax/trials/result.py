@@ -14,6 +14,8 @@ from .row import ReductionRow
 # Rows that a summary shows unless all are asked for.
 _SHOWN = 6
 _WIDTH = 80
+# What judges a model, by how many there are of them.
+_COUNTS = ("no", "one", "two", "three")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,12 +81,15 @@ class Reductions:
 
     def notes(self, every: bool = False) -> list[str]:
         """Return notes on what the table means, what speaks against rows, and what is not in it."""
+        rows = [self.full, *self.shown(every)]
+        errors = "errors on the training"
+        if any(row.unseen == row.unseen for row in rows):
+            errors += f" and the largest on {_COUNTS[self.unseen]} unseen starts or speeds"
         notes = [
-            "times: as fast as the full model; errors on the training and the largest on three "
-            "unseen starts or speeds; made: with training and compiling; pays after: runs."
+            f"times: as fast as the full model; {errors}; made: with training and compiling; "
+            "pays after: runs."
         ]
         notes += [self.bar] * bool(self.bar)
-        rows = [self.full, *self.shown(every)]
         notes += [f"{row.name}: {row.remark}" for row in rows if row.remark]
         if every:
             notes += [f"{name}: refused. {why}" for name, why in self.refused.items()]
