@@ -14,6 +14,7 @@ from zoo import run
 
 import romjax as rj
 from romjax.plot.labels import Label, place
+from romjax.reduction.joint.formulation import faster_size
 from romjax.trials.advice import advice, in_order, remark
 from romjax.trials.attempt import Settings, Truth
 from romjax.trials.candidates import families
@@ -37,17 +38,39 @@ def test_models_are_chosen_by_structure():
     for trees of many; subspaces come first where a drive repeats itself.
     """
     assert kinds() == ["table", "minimal", "galerkin"]
-    assert kinds(space=True) == ["joint", "minimal", "galerkin"]
-    assert kinds(bodies=8, freedoms=8, loops=False)[0] == "hyper"
-    assert "hyper" not in kinds(bodies=8, freedoms=8, loops=False, space=True)
+    assert kinds(space=True, jointed=True) == ["joint", "minimal", "galerkin"]
+    assert kinds(space=True) == ["minimal", "galerkin"]
+    chain = {"bodies": 8, "freedoms": 8, "loops": False, "tree": True, "jointed": True}
+    assert kinds(**chain) == ["joint", "hyper", "minimal", "galerkin"]
+    assert "hyper" not in kinds(**chain, space=True)
     bent = {"modes": 4, "freedoms": 5, "caps": (40.0, 80.0)}
     assert kinds(**bent)[:2] == ["capped", "local"]
-    assert kinds(**bent, space=True)[:2] == ["joint", "capped"]
-    assert kinds(bodies=8, freedoms=8, loops=False, steps=5000)[:2] == ["minimal", "hyper"]
-    assert kinds(**bent, drives=1)[0] == "galerkin"
+    in_space = {"space": True, "tree": True, "jointed": True}
+    assert kinds(**bent, **in_space)[:2] == ["joint", "capped"]
+    assert kinds(**chain, steps=5000)[:2] == ["minimal", "hyper"]
     assert "local" not in kinds()
-    assert kinds(loops=False, space=True)[0] == "joint"
     assert "capped" not in kinds(modes=4, freedoms=5)
+
+
+@pytest.mark.instant
+def test_a_subspace_of_all_comes_first_where_drives_close_loops_alone():
+    """A drive that leaves freedoms does not repeat itself, and trees are for their joints."""
+    driven = {"modes": 4, "caps": (40.0, 80.0), "drives": 1}
+    assert kinds(**driven, freedoms=4)[:2] == ["galerkin", "capped"]
+    assert kinds(**driven, freedoms=6)[-1] == "galerkin"
+    assert kinds(**driven, freedoms=4, tree=True)[-1] == "galerkin"
+    assert kinds(**driven, freedoms=4, space=True, tree=True, jointed=True)[0] == "joint"
+    assert kinds(drives=1, space=True, jointed=True)[0] == "joint"
+
+
+def test_facts_know_where_joint_coordinates_are_faster():
+    """Trees, also where a drive closes one for itself; in the plane only those without."""
+    four_bar, bars = (zoo.system(make) for make in (zoo.four_bar, zoo.bars))
+    facts = Facts.of(zoo.bars(), bars, zoo.motion(zoo.bars), False)
+    assert facts.tree
+    assert facts.jointed
+    assert faster_size(four_bar) is None
+    assert faster_size(bars) == (2, 0)
 
 
 @pytest.mark.instant

@@ -12,7 +12,7 @@ from ..assembly.assembled import AssembledSystem
 from ..common.errors import InputError
 from ..compiling.program import program_once
 from ..integrate.default import default_method, start_frequencies
-from ..reduction.joint.formulation import size_in_joint_coordinates
+from ..reduction.joint.formulation import faster_size
 from ..scene.scene import Scene
 from ..system.base import AbstractSystem
 from ..system.dynamics import jacobian
@@ -50,7 +50,7 @@ def describe_file(file: SceneFile) -> str:
         ["effects", _counted([type(effect).__name__ for effect in scene.effects])],
         *start_rows(placed, scene, file.consistent),
         *_speed(system, file.settings, q, v),
-        *_in_joint_coordinates(scene, system),
+        *_in_joint_coordinates(system),
         *[["left out" if i == 0 else "", words] for i, words in enumerate(file.left_out)],
     ]
     table = tabulate(rows, tablefmt="plain", disable_numparse=True)
@@ -111,12 +111,10 @@ def _matrices(
     return system.mass(q), jacobian(system, 0.0, q)
 
 
-def _in_joint_coordinates(scene: Scene, system: AssembledSystem) -> list[list[str]]:
-    """The size of the exact model of fewer coordinates, where it is known to be faster: of trees,
-    and of all in space.
-    """
-    size = size_in_joint_coordinates(system)
-    if size is None or size[0] >= system.n or (size[1] and scene.dimension == 2):
+def _in_joint_coordinates(system: AssembledSystem) -> list[list[str]]:
+    """The size of the exact model of fewer coordinates, where it is known to be faster."""
+    size = faster_size(system)
+    if size is None:
         return []
     words = f'formulation="joint", exact: {size[0]} coordinates, {size[1]} constraints'
     return [["faster", words]]

@@ -110,11 +110,11 @@ def families(facts: Facts) -> list[Family]:
     bases of amplitudes in joint coordinates, and local bases keep the joints as they are. A cap
     needs neither a training nor a program, so it comes first. In space joint coordinates come
     before it, since their steps take half the time of those with quaternions. One or two freedoms
-    of rigid bodies in the plane are looked up. Trees of many hinged bodies are sampled. Minimal
-    coordinates are for motions that stiffness confines, or for what is left when loops are closed;
-    a subspace of all coordinates suits motions that turn little, and driven ones, which go the same
-    way again. Joint coordinates of rigid bodies are exact, and faster than what holds constraints:
-    of trees, and in space of loops too, where most joints hold without a row.
+    of rigid bodies in the plane are looked up. Trees of many hinged bodies with stiff springs are
+    sampled. Minimal coordinates are for motions that stiffness confines, or for what is left when
+    loops are closed; a subspace of all coordinates suits motions that turn little, and loops whose
+    drives leave no other freedom, since they go the same way again. Joint coordinates of rigid
+    bodies are exact, and come first wherever they are known to be faster.
     """
     local, hyper = _by_share("local", _local), _by_share("hyper", _sampled)
     joint = _by_share("joint", _jointed)
@@ -127,23 +127,21 @@ def families(facts: Facts) -> list[Family]:
     table = Family(
         "table", tuple(Candidate(Tabulated(_TABLE), POD(rank)) for rank in _table(facts))
     )
-    tree = not (facts.modes or facts.loops or facts.drives)
-    chain = tree and not facts.space
+    chain = facts.jointed and not (facts.space or facts.loops or facts.drives)
     if facts.modes:
         order = [capped, local, joint, minimal, galerkin]
-        if facts.space:
+        if facts.space and facts.jointed:
             order = [joint, capped, local, minimal, galerkin]
-        if facts.drives:
+        elif facts.drives and facts.rigid == 0 and not facts.tree:
             order = [galerkin, capped, local, joint, minimal]
         order += [table] if facts.drives == 0 else []
-    elif facts.drives or facts.rigid == 0:
-        order = [minimal, table, galerkin]
     elif chain and facts.bodies >= _MANY_BODIES:
-        first = [minimal, hyper] if facts.stiff else [hyper, minimal]
-        order = [*first, exact, galerkin]
+        order = [minimal, hyper, exact] if facts.stiff else [exact, hyper, minimal]
+        order += [galerkin]
     else:
-        order = [exact] if tree or facts.space else []
-        order += [table, minimal, galerkin]
+        order = [exact] if facts.jointed else []
+        order += [minimal, table] if facts.drives or facts.rigid == 0 else [table, minimal]
+        order += [galerkin]
     return [family for family in order if family.candidates]
 
 

@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 from ..assembly.assembled import AssembledSystem
 from ..compiling.program import program_once
 from ..integrate.trajectory import Trajectory
+from ..reduction.joint.formulation import faster_size, size_in_joint_coordinates
 from ..scene.joint.prescribed import AbstractPrescribed
 from ..scene.scene import Scene
 from ..study.accuracy.models import default_caps
@@ -31,7 +32,8 @@ class Facts:
     - `bodies`, `modes`: how many there are, the modes of all flexible bodies together.
     - `freedoms`: of rigid and elastic motion, as the joints leave them at the start.
     - `space`, `loops`, `contacts`: whether bodies move in space, joints close loops, points touch.
-    - `drives`: how many motions are prescribed.
+    - `drives`: how many motions are prescribed. `tree`: whether joints close no loop, drives apart;
+      `jointed`: whether joint coordinates are known to be faster.
     - `caps` [Hz]: of the modes, from below the lowest of their frequencies to the highest.
     - `explicit`: whether an explicit method is fast enough for the full model; `steps`: that its
       run takes; `rests`: whether nothing moves in it.
@@ -44,6 +46,8 @@ class Facts:
     loops: bool = False
     contacts: bool = False
     drives: int = 0
+    tree: bool = False
+    jointed: bool = False
     caps: tuple[float, ...] = ()
     explicit: bool = True
     steps: int = 0
@@ -52,7 +56,9 @@ class Facts:
     @classmethod
     def of(cls, scene: Scene, system: AssembledSystem, run: Trajectory, implicit: bool) -> "Facts":
         """Collect the facts of a scene, its system, and a run that was or was not `implicit`."""
-        structure = system.structure
+        structure, driven = system.structure, drives(scene)
+        size = size_in_joint_coordinates(system)
+        cut = np.inf if size is None else size[1]
         return cls(
             bodies=len(scene.bodies),
             modes=sum(body.modes for body in scene.bodies),
@@ -60,7 +66,9 @@ class Facts:
             space=bool(structure.quaternions),
             loops=structure.loops,
             contacts=structure.contacts,
-            drives=len(drives(scene)),
+            drives=len(driven),
+            tree=bool(cut <= sum(scene.joints[i].rows for i in driven)),
+            jointed=faster_size(system) is not None,
             caps=tuple(default_caps(system, _CAPS)),
             explicit=not implicit,
             steps=int(run.stats.num_steps),

@@ -121,6 +121,14 @@ def size_in_joint_coordinates(full: AssembledSystem) -> tuple[int, int] | None:
     return (tree.n, len(list(_cut_rows(full, spanning)))) if tree.n else None
 
 
+def faster_size(full: AssembledSystem) -> tuple[int, int] | None:
+    """The size in joint coordinates where the exact model is known to be faster: of trees, and of
+    all in space; None elsewhere.
+    """
+    size, space = size_in_joint_coordinates(full), bool(full.structure.quaternions)
+    return size if size and size[0] < full.n and (space or not size[1]) else None
+
+
 def _check_start(full: AssembledSystem) -> None:
     """Raise ReductionError unless the joints hold at the start, as joint coordinates always do."""
     if full.m == 0:
