@@ -103,6 +103,11 @@ MISTAKES: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "no version": ("format = 1", "", ("`format` is missing",)),
     "version as text": ("format = 1", 'format = "1"', ("the text '1'; write format = 1",)),
     "space": ("format = 1", "format = 1\ndimension = 3", (":2: dimension", "write dimension = 2")),
+    "bodies of the plane in space": (
+        "format = 1",
+        "format = 1\ndimension = 3\n[bodies.box]\ntype = 'RigidBody'\nmass = 1\ninertia = [1, 1]",
+        (":3: [bodies.box]", "dimension = 3", 'write type = "spatial.RigidBody"'),
+    ),
     "four dimensions": ("format = 1", "format = 1\ndimension = 4", ("write dimension = 2",)),
     "open bracket": ("[bodies.rod]", "[bodies.rod", ("no TOML, line 20", "Expected ']'")),
     "no quotes": ('type = "Gravity"', "type = Gravity", ("no TOML, line 43", "Texts need quotes")),
@@ -182,6 +187,7 @@ MISTAKES: dict[str, tuple[str, str, tuple[str, ...]]] = {
     ),
     "unknown ground point": ('ground.bearing" }\n\n', 'ground.berring" }\n\n', ("'bearing'",)),
     "joint with itself": ('b = "rod.start"', 'b = "crank.start"', ("Both markers are on 'crank'",)),
+    "formula": ('"=speed"', '"=2*speed"', ("no parameter '2*speed'", "There are no formulas")),
     "unknown parameter": ('"=speed"', '"=sped"', ("[bodies.crank] angular_velocity", "'speed'")),
     "cyclic parameters": ("speed = 5.0", 'speed = "=v"\nv = "=speed"', ("speed = v = speed",)),
     "parameter of a parameter": (

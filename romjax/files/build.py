@@ -20,7 +20,7 @@ from .arrays import read_array
 from .forms import VECTOR, Form, ListOf, MarkerForm, Numbers, PartOf, RotationForm, TableOf, is_body
 from .markers import TURNS, split_marker
 from .numbers import PARAMETER, ROTATION_NUMBERS, is_turning
-from .parameters import is_reference
+from .parameters import is_reference, no_parameter
 from .parts import DEGREES, EMPTY, TYPE, Maker, makers, turn_within
 from .problems import Place, Problems, owner_of, unknown
 
@@ -275,7 +275,7 @@ class Builder:
             return value
         name = value[len(PARAMETER) :]
         if name not in self.tables.get("parameters", {}):
-            self._fail(place, unknown("parameter", name, list(self.tables.get("parameters", {}))))
+            self._fail(place, no_parameter(name, self.tables.get("parameters", {})))
         if name not in self.values:
             raise _FailedError
         return self.values[name]

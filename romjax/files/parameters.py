@@ -47,8 +47,7 @@ def resolve_parameters(
                 problems.add(("parameters", name), words)
                 failed.add(at)
             elif following not in table:
-                words = unknown("parameter", following, list(table))
-                problems.add(("parameters", at), words)
+                problems.add(("parameters", at), no_parameter(following, table))
                 failed.add(at)
             else:
                 at = following
@@ -57,6 +56,12 @@ def resolve_parameters(
         else:
             values |= dict.fromkeys([*way, at], values.get(at, given.get(at)))
     return values
+
+
+def no_parameter(name: str, known: Mapping[str, Any]) -> str:
+    """Return the message that there is no parameter of this name, which may be a formula."""
+    formula = " There are no formulas: = takes the name of one." if set(name) & set("+-*/(") else ""
+    return unknown("parameter", name, list(known)) + formula
 
 
 def check_given(owner: str, given: Mapping[str, Any], free: Mapping[str, Any]) -> str:

@@ -27,7 +27,7 @@ from .forms import (
 )
 from .markers import TURNS
 from .numbers import ROTATION_NUMBERS, is_turning, number_schema, wrong_numbers
-from .parts import DEGREES, TYPE, Maker, makers
+from .parts import DEGREES, SPATIAL, TYPE, Maker, makers
 from .problems import Place, Problems, shown, unknown
 from .settings import Settings
 from .versions import DIMENSIONS, FORMAT
@@ -118,10 +118,34 @@ def _label(name: str, base: type) -> str:
 
 def validate(tables: dict[str, Any], problems: Problems) -> None:
     """Add all that tables have wrong in themselves."""
+    planar = _planar_bodies(tables)
+    told = set[str]()
     for place, words in _mistakes(_DOCUMENT, (), tables):
-        problems.add(place, words)
+        name = str(place[1]) if place[:1] == ("bodies",) and len(place) > 1 else ""
+        if name in planar:
+            # Each key would be told to be one of the plane.
+            if name not in told:
+                kind = planar[name]
+                words = f'It is a {kind} in the plane; in a scene with dimension = 3 write type = "'
+                problems.add(("bodies", name), f'{words}{SPATIAL}{kind}".')
+            told.add(name)
+        else:
+            problems.add(place, words)
         if problems.full:
             return
+
+
+def _planar_bodies(tables: Mapping[str, Any]) -> dict[str, str]:
+    """The types of the bodies in a file of three dimensions that are of the plane, by names."""
+    bodies, known = tables.get("bodies"), _readable(AbstractBody)
+    if tables.get("dimension") != 3 or not isinstance(bodies, dict):
+        return {}
+    return {
+        name: kind
+        for name, x in bodies.items()
+        if isinstance(x, dict) and isinstance(kind := x.get(TYPE), str)
+        if {kind, SPATIAL + kind} <= known.keys()
+    }
 
 
 def _mistakes(form: Form, place: Place, value: Any) -> Iterator[tuple[Place, str]]:

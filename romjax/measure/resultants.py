@@ -82,7 +82,11 @@ def resultants(
     system: AbstractSystem, run: Trajectory, beam: Beam | Rod | SpatialRod | str, positions: Vector
 ) -> Resultants:
     """Axial force, shear force and bending moment of a beam or a rod along a run, and the torque
-    that twists a rod in space; see `Resultants` for what they are and for their signs.
+    that twists a rod in space.
+
+    They are what the part at larger positions does to the part before the cut. Tension is positive;
+    the shear force is along a quarter turn from the tangent, the moment counter-clockwise. In space
+    shear and moment are by the axes of the section, of which x is along the rod.
 
     By the equilibrium of the part beyond each cut in the deformed configuration: forces of joints
     and effects on it, weight, and inertia from the accelerations of its points. In a motion without
@@ -123,7 +127,10 @@ def _prepared(
         kind = "the ground" if body is None else f"a {type(body).__name__}"
         kind += " in space" if body is not None and body.dimension == 3 else ""
         known = "an rj.Beam, an rj.Rod or an rj.spatial.Rod"
-        raise InputError(f"{owner}: '{name}' is {kind}, but only {known} has them.")
+        raise InputError(
+            f"{owner}: '{name}' is {kind}, but only {known} has them. At a joint, the moment is "
+            "that of romjax.joint_forces with the torques of romjax.effect_forces there."
+        )
     cuts = as_array(positions)
     check_shape(owner, "positions", cuts, (None,))
     check_finite(owner, "positions", cuts)
