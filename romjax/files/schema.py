@@ -119,16 +119,14 @@ def _label(name: str, base: type) -> str:
 def validate(tables: dict[str, Any], problems: Problems) -> None:
     """Add all that tables have wrong in themselves."""
     planar = _planar_bodies(tables)
-    told = set[str]()
     for place, words in _mistakes(_DOCUMENT, (), tables):
         name = str(place[1]) if place[:1] == ("bodies",) and len(place) > 1 else ""
         if name in planar:
-            # Each key would be told to be one of the plane.
-            if name not in told:
-                kind = planar[name]
+            # Told once, instead of each key that a body of space has otherwise.
+            if kind := planar[name]:
                 words = f'It is a {kind} in the plane; in a scene with dimension = 3 write type = "'
                 problems.add(("bodies", name), f'{words}{SPATIAL}{kind}".')
-            told.add(name)
+            planar[name] = ""
         else:
             problems.add(place, words)
         if problems.full:
