@@ -23,7 +23,7 @@ from romjax.trials.facts import Facts, freedoms
 from romjax.trials.progress import Progress
 from romjax.trials.reductions import INTERRUPTED, _untried
 from romjax.trials.row import ReductionRow
-from romjax.trials.search import GAINED, NO_TIME, Search
+from romjax.trials.search import GAINED, NO_TIME, Search, Try
 
 RIGID = Facts(bodies=3, modes=0, freedoms=1, loops=True)
 
@@ -168,6 +168,7 @@ def test_no_verdict_where_kinds_are_left():
     assert chaos.startswith("Nothing pays here: the motion is chaotic")
     assert _untried({"the rest": INTERRUPTED}) == "the study was interrupted"
     assert not _untried({"minimal": GAINED})
+    assert _untried({"finer galerkin": NO_TIME}).startswith("finer ones were not tried")
     for speed_up, said in ((4.0, "the best errs by 2e-03 on its training"), (0.5, "errs by 2e-03")):
         words = advice([rows[0]._replace(speed_up=speed_up)], FULL, facts, 1e-3)
         assert said in words
@@ -385,6 +386,17 @@ def test_a_model_that_gains_much_leaves_three_kinds(monkeypatch, work, tried):
     assert len(search.attempts) == tried
     assert [*search.skipped] == [one.name for one in kinds[tried:]]
     assert coarsened == [one.name for one in kinds[:tried]]
+
+
+@pytest.mark.instant
+def test_a_kind_that_there_was_no_time_to_refine_is_named():
+    """Its first model may be wrong only for its few modes."""
+    kinds = [SimpleNamespace(name=name, candidates=[1]) for name in ("galerkin", "local", "table")]
+    tries = [Try.of(kind) for kind in kinds]
+    tries[0].models, tries[2].refused = 1, 1
+    search = SimpleNamespace(skipped={})
+    Search.leave(search, tries, NO_TIME)
+    assert search.skipped == {"local": NO_TIME, "finer galerkin": NO_TIME}
 
 
 @pytest.mark.instant

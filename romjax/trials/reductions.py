@@ -135,9 +135,12 @@ def _untried(skipped: Mapping[str, str]) -> str:
     """Say what may pay, for all that is known, and how to try it."""
     if INTERRUPTED in skipped.values():
         return "the study was interrupted"
-    count = sum(why == NO_TIME for why in skipped.values())
-    which = "one kind was" if count == 1 else f"{count} kinds were"
-    return f"{which} not tried for lack of time; give a larger `--budget`" if count else ""
+    left = [name for name, why in skipped.items() if why == NO_TIME]
+    if not left:
+        return ""
+    count = sum(not name.startswith("finer ") for name in left)
+    which = {0: "finer ones were", 1: "one kind was"}.get(count, f"{count} kinds were")
+    return f"{which} not tried for lack of time; give a larger `--budget`"
 
 
 def _bar(tried: Attempt, search: Search) -> str:

@@ -201,8 +201,9 @@ class Search:
         return self.once >= _GAIN * min(right, default=np.inf)
 
     def leave(self, tries: Sequence[Try], why: str) -> None:
-        """Name the kinds that are not tried."""
+        """Name the kinds that are not tried, and the one that was being refined."""
         names = [one.family.name for one in tries if not (one.models or one.refused)]
+        names += [f"finer {one.family.name}" for one in tries if one.models and one.candidate]
         self.skipped.update(dict.fromkeys(names, why))
 
     def coarsen(self, one: Try, clock: Clock) -> None:
