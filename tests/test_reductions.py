@@ -45,8 +45,9 @@ def test_models_are_chosen_by_structure():
     assert "hyper" not in kinds(**chain, space=True)
     bent = {"modes": 4, "freedoms": 5, "caps": (40.0, 80.0)}
     assert kinds(**bent)[:2] == ["capped", "local"]
-    in_space = {"space": True, "tree": True, "jointed": True}
-    assert kinds(**bent, **in_space)[:2] == ["joint", "capped"]
+    assert kinds(**bent, space=True)[:2] == ["capped", "local"]
+    for space in (True, False):
+        assert kinds(**bent, space=space, tree=True, jointed=True)[:2] == ["joint", "capped"]
     assert kinds(**chain, steps=5000)[:2] == ["minimal", "hyper"]
     assert "local" not in kinds()
     assert "capped" not in kinds(modes=4, freedoms=5)

@@ -108,13 +108,13 @@ def families(facts: Facts) -> list[Family]:
 
     Where bodies bend, their few slow shapes are all that a motion excites, whatever it is: caps,
     bases of amplitudes in joint coordinates, and local bases keep the joints as they are. A cap
-    needs neither a training nor a program, so it comes first. In space joint coordinates come
-    before it, since their steps take half the time of those with quaternions. One or two freedoms
-    of rigid bodies in the plane are looked up. Trees of many hinged bodies with stiff springs are
-    sampled. Minimal coordinates are for motions that stiffness confines, or for what is left when
-    loops are closed; a subspace of all coordinates suits motions that turn little, and loops whose
-    drives leave no other freedom, since they go the same way again. Joint coordinates of rigid
-    bodies are exact, and come first wherever they are known to be faster.
+    needs neither a training nor a program, so it comes first. One or two freedoms of rigid bodies
+    in the plane are looked up. Trees of many hinged bodies with stiff springs are sampled. Minimal
+    coordinates are for motions that stiffness confines, or for what is left when loops are closed;
+    a subspace of all coordinates suits motions that turn little, and loops whose drives leave no
+    other freedom, since they go the same way again. Where joint coordinates are known to be faster,
+    they come first, but for such stiff trees: where bodies bend with few amplitudes, of rigid ones
+    as the exact model.
     """
     local, hyper = _by_share("local", _local), _by_share("hyper", _sampled)
     joint = _by_share("joint", _jointed)
@@ -130,7 +130,7 @@ def families(facts: Facts) -> list[Family]:
     chain = facts.jointed and not (facts.space or facts.loops or facts.drives)
     if facts.modes:
         order = [capped, local, joint, minimal, galerkin]
-        if facts.space and facts.jointed:
+        if facts.jointed:
             order = [joint, capped, local, minimal, galerkin]
         elif facts.drives and facts.rigid == 0 and not facts.tree:
             order = [galerkin, capped, local, joint, minimal]
