@@ -8,7 +8,9 @@ from comparison import assert_close
 from groups import in_groups
 from jaxtyping import Array, Float
 from motions import through
+from numpy.polynomial import legendre as polynomials
 from programs import kept
+from scipy.optimize import brentq
 from test_rods import ALIKE
 from tolerances import IDENTITY, SOLVED
 
@@ -43,7 +45,7 @@ def tip(length, stiffness, curvature, force, torque, axis) -> tuple[np.ndarray, 
     has moved, and how it is turned: in one call from the undeformed rod.
     """
     EI, EA, GA = stiffness
-    options = {"EA": EA, "GA": GA, "curvature": (0.0, 0.0, curvature)}
+    options = {"EA": EA, "GA": GA, "curvature": np.outer([0.0, 0.0, 1.0], curvature)}
     blade = r.Rod("blade", length, length, EI, EI, (2.0, 1.0, 1.0), 48, **options)
     first = blade.placed("start", ORIGIN)
     axes = np.asarray(first.pose("start").rotation)
@@ -75,6 +77,29 @@ def test_rods_roll_up_and_bend_out_of_their_plane():
     _, moved, _ = tip(25 * np.pi, stiffness, 0.01, 600.0, 0.0, np.eye(3)[0])
     along, radial, aside = moved
     assert_close(np.array([radial, aside, along]), exact, 1e-7)
+
+
+@pytest.mark.exhaustive
+def test_a_parabola_bends_out_of_its_plane():
+    """What some codes take for 45 degrees of a circle (Wang, Sprague, Jonkman, Johnson and Jonkman
+    2017, Wind Energy 20, 1439–1462): x and y = a x + b x², by the arc length, to their digits.
+    """
+    x, y = np.array([(38.2683, -7.61205), (70.7107, -29.2893)]).T
+    a, b = np.linalg.solve(np.stack([x, x**2], axis=1), y)
+    nodes, weights = polynomials.leggauss(40)
+
+    def arc(x):
+        return x / 2 * weights @ np.sqrt(1 + (a + b * x * (nodes + 1)) ** 2)
+
+    length = arc(x[1])
+    at = [brentq(lambda x, s=s: arc(x) - s * length, 0, x[1], xtol=1e-13) for s in (nodes + 1) / 2]
+    bent = 2 * b / (1 + (a + 2 * b * np.array(at)) ** 2) ** 1.5
+    curvature = polynomials.legfit(nodes, bent, 11)
+    _, moved, _ = tip(length, (8.333e5, 1e7, 41.6667e5), curvature, 600.0, 0.0, np.eye(3)[0])
+    c, s = 1 / np.hypot(1, a), a / np.hypot(1, a)
+    turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ moved
+    exact = np.array([-23.6459716009, 13.7208006040, 53.5776450627])
+    assert_close(turned, exact, 1e-7)
 
 
 # Sections by forces along, then torques about x, y and z.
