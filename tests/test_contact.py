@@ -170,7 +170,7 @@ def test_steps_end_where_contacts_begin_and_end():
     touches = [rj.Contact(one.at(), rj.ground.at(), rj.Line(), STIFFNESS) for one in (left, right)]
     system = rj.assemble(rj.Scene([left, right], [], [rj.Gravity(), *touches]))
     run = rj.simulate(system, np.linspace(0.0, 1.0, 3), dense=256, audit=False)
-    ends = np.asarray(run.dense.pieces.ends)
+    ends = np.asarray(run.dense.interpolations.ends)
     heights = np.asarray(run.at(ends[np.isfinite(ends)]).q)[:, [1, 4]]
     passed = (heights[:-1] * heights[1:] < 0) & (
         np.minimum(*np.abs([heights[:-1], heights[1:]])) > 1e-8

@@ -230,7 +230,7 @@ def test_names_keep_their_columns_and_make_no_formulas(tmp_path):
 
 def test_trajectories_have_a_column_for_each_name(tmp_path):
     run = motion(rj.Scene([rj.RigidBody("a,b", 1.0, 1.0), rj.RigidBody("=c", 1.0, 1.0)]), count=3)
-    path = report._write_csv(tmp_path / "run.csv", run)
+    path = report._write_csv(tmp_path / "run.csv", run, with_multipliers=True)
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
     assert header[1:7] == ["a,b.x", "a,b.y", "a,b.phi", "'=c.x", "'=c.y", "'=c.phi"]

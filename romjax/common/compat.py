@@ -6,7 +6,7 @@ The upper bound of jax in pyproject.toml stands for the newest version these tes
 
 import contextlib
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NoReturn, TypeVar
 
 import diffrax
@@ -192,6 +192,24 @@ def parts_of_term(term: Any) -> tuple[Any, ...]:
     if isinstance(term, WrapTerm | AdjointTerm):
         return (term.term,)
     return tuple(term.terms) if isinstance(term, diffrax.MultiTerm) else ()
+
+
+def scan_counts(params: Mapping[str, Any]) -> tuple[int, int]:
+    """How many arguments of a scan never change, and how many it carries: of its parameters."""
+    if "num_consts" in params:
+        return params["num_consts"], params["num_carry"]
+    fixed, carried, _ = params["ft_in"].unpack()  # since JAX 0.12
+    return len(fixed), len(carried)
+
+
+def of_plain_operations(closed: Any) -> Any:
+    """A closed jaxpr without primitives that stand for functions, such as that of a search.
+
+    Since JAX 0.12 some stay in what is traced until JAX compiles it.
+    """
+    if not getattr(closed.jaxpr, "is_high", False):
+        return closed
+    return partial_eval.lower_jaxpr2(closed)
 
 
 def scan_kind(solver: Any) -> Any:

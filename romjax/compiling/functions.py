@@ -7,6 +7,7 @@ from typing import Any
 
 import jax
 
+from ..common import compat
 from . import jaxprs
 
 # Of a function, in equations: LLVM's passes need more than linear time for a long one, which only
@@ -22,7 +23,8 @@ def split(flat: Callable[..., Any], most: int, *arrays: Any) -> Any:
     """The results of `flat`, all that can be as functions of the program."""
     closed, shapes = jax.make_jaxpr(flat, return_shape=True)(*arrays)
     fits = functools.partial(_fits, most)
-    closed = jaxprs.as_functions(jaxprs.merged(closed), fits, _FEWEST)
+    closed = jaxprs.merged(compat.of_plain_operations(closed))
+    closed = jaxprs.as_functions(closed, fits, _FEWEST)
     forms, tree = jax.tree.flatten(shapes)
     results = jaxprs.evaluate(closed, arrays)
     # Functions take arrays, and forget that a number of Python has the type of what it meets.

@@ -16,6 +16,8 @@ from jax._src.lax import lax
 from jax.experimental.xla_metadata import set_xla_metadata
 from jax.extend.core import ClosedJaxpr
 
+from ..common import compat
+
 # Primitives that XLA's CPU backend writes out itself, without calls of a library or of Python.
 _NAMES = (
     "abs acos acosh add add_any and argmax argmin asin asinh atan atan2 atanh "
@@ -25,8 +27,9 @@ _NAMES = (
     "erf erf_inv erfc exp exp2 expm1 floor gather ge gt integer_pow iota is_finite jit le log "
     "log1p logistic lt max maybe_set min mul name ne neg nextafter nonbatchable "
     "nondifferentiable nondifferentiable_backward not optimization_barrier or pad pjit "
-    "population_count pow reduce_and reduce_max reduce_min reduce_or reduce_prod reduce_sum rem "
-    "remat reshape rev round rsqrt scan scatter scatter-add select_if_vmap select_n shift_left "
+    "polynomial population_count pow reduce_and reduce_max reduce_min reduce_or reduce_prod "
+    "reduce_sum rem remat reshape rev round rsqrt scan scatter scatter-add select_if_vmap "
+    "select_n shift_left "
     "shift_right_arithmetic shift_right_logical sign sin sinh slice split sqrt square squeeze "
     "stack stop_gradient sub tan tanh tile transpose unstack unvmap_all unvmap_any unvmap_max "
     "while xor "
@@ -82,7 +85,7 @@ def _changed(jaxpr: Any) -> set[Any]:
     for equation in jaxpr.eqns:
         arguments, name = equation.invars, equation.primitive.name
         if name == "scan":
-            first, count = equation.params["num_consts"], equation.params["num_carry"]
+            first, count = compat.scan_counts(equation.params)
             changed += arguments[first : first + count]
         elif name == "while":
             changed += arguments[-len(equation.outvars) :]

@@ -63,6 +63,7 @@ class Arrays:
             "stop_gradient": lambda x, p, _: x[0],
             "optimization_barrier": lambda x, p, _: list(x),
             "round": lambda x, p, _: over(self.arithmetic.rounded[int(p["rounding_method"])], x),
+            "polynomial": lambda x, p, _: self._polynomial(*x),
             "gather": self._gather,
             "dynamic_slice": self._dynamic_slice,
             "dynamic_update_slice": self._dynamic_update_slice,
@@ -72,6 +73,14 @@ class Arrays:
             "argmax": lambda x, p, k: self._first(x[0], p, k[0], "gt"),
             "argmin": lambda x, p, k: self._first(x[0], p, k[0], "lt"),
         }
+
+    def _polynomial(self, x: Cells, *coefficients: Cells) -> Cells:
+        """Horner's rule, of coefficients from the lowest on."""
+        times, plus = (self.arithmetic.elementwise[name] for name in ("mul", "add"))
+        *lower, total = coefficients
+        for coefficient in reversed(lower):
+            total = over(lambda a, b, c: plus(times(a, b, "f"), c, "f"), [total, x, coefficient])
+        return total
 
     def _first(self, x: Cells, p: Any, kind: str, better: str) -> Cells:
         """The place of the first largest or least number along one axis."""

@@ -8,6 +8,7 @@ import jax
 import numpy as np
 from jax.extend import core
 
+from ..common import compat
 from .arithmetic import Arithmetic
 from .arrays import Arrays, Cells, cells, over
 from .factors import Factors
@@ -159,7 +160,7 @@ class Control:
 
     def _scan(self, x: list[Cells], p: Any, kinds: list[str]) -> list[Cells]:
         del kinds
-        fixed, carried = p["num_consts"], p["num_carry"]
+        fixed, carried = compat.scan_counts(p)
         consts, carry, rows = x[:fixed], x[fixed : fixed + carried], x[fixed + carried :]
         length, inner = p["length"], p["jaxpr"]
         if not self.writer.unrolled:
@@ -188,8 +189,8 @@ class Control:
         self, p: Any, consts: list[Cells], start: list[Cells], rows: list[Cells]
     ) -> list[Cells]:
         """A scan as a loop of C, whose rows are in arrays."""
-        inner, length, carried = p["jaxpr"], p["length"], p["num_carry"]
-        atoms = inner.jaxpr.invars[p["num_consts"] :]
+        inner, length, (fixed, carried) = p["jaxpr"], p["length"], compat.scan_counts(p)
+        atoms = inner.jaxpr.invars[fixed:]
         types = [kind_of(v.aval) for v in atoms]
         names = [
             self.writer.array(k, list(row.flat))

@@ -132,7 +132,7 @@ def _written(
         names[:] = results
         return [jnp.asarray(x, jnp.float64) for x in results.values()]
 
-    closed = jax.make_jaxpr(traced)(*shapes)
+    closed = compat.of_plain_operations(jax.make_jaxpr(traced)(*shapes))
     writer = Writer(name, most, unrolled)
     arithmetic = Arithmetic(writer)
     program = Control(writer, arithmetic, Arrays(arithmetic))

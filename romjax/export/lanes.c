@@ -82,9 +82,10 @@ static XLA_FFI_Error *error(const XLA_FFI_CallFrame *frame, const char *words) {
 }
 
 XLA_FFI_Error *model_handler(XLA_FFI_CallFrame *frame) {
-  XLA_FFI_Extension_Base *extension = frame->extension_start;
-  if (extension && extension->type == XLA_FFI_Extension_Metadata) {
-    XLA_FFI_Metadata *told = ((XLA_FFI_Metadata_Extension *)extension)->metadata;
+  // Its first part has another name in each version of XLA.
+  XLA_FFI_Metadata_Extension *extension = (XLA_FFI_Metadata_Extension *)frame->extension_start;
+  if (extension && extension->extension_base.type == XLA_FFI_Extension_Metadata) {
+    XLA_FFI_Metadata *told = extension->metadata;
     told->api_version.major_version = XLA_FFI_API_MAJOR;
     told->api_version.minor_version = XLA_FFI_API_MINOR;
     return NULL;
