@@ -76,7 +76,7 @@ def advice(
     if not rows:
         return "No model was made: all that were tried are refused, as is said below."
     if not good:
-        why = _known(full, facts, tol)
+        why = _reason_beforehand(full, facts, tol)
         if untried and not why:
             return (
                 "No verdict: none of the models that were tried is both right and faster, but "
@@ -110,7 +110,7 @@ _KINDS = {
 }
 
 
-def _known(full: ReductionRow, facts: Facts, tol: float) -> str:
+def _reason_beforehand(full: ReductionRow, facts: Facts, tol: float) -> str:
     """Give the reason why no model pays, whatever is tried; "" where only trials can tell."""
     if full.error > tol:
         return (
