@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import romjax as rj
 
 from .events import ball, numbers
-from .kind import EVERY, Kind, Numbers, moved, times
+from .kind import Kind, Numbers, moved, times
 from .minimal import ATOL, GRAVITY, RTOL
 from .planar import log
 
@@ -126,5 +126,5 @@ def motion(p: Numbers, nudge: float = 0.0) -> np.ndarray:
 
 KINDS = {
     "bounces on a plane": Kind(draw_bounces, moved(bounces_scene), motion),
-    "friction": Kind(draw_slide, moved(slide_scene), motion, EVERY),
+    "friction": Kind(draw_slide, moved(slide_scene), motion),
 }

@@ -12,7 +12,7 @@ import numpy as np
 
 import romjax as rj
 
-from .kind import EVERY, Kind, Numbers, moved, times
+from .kind import Kind, Numbers, moved, times
 from .minimal import Minimal
 from .planar import (
     along,
@@ -134,5 +134,5 @@ KINDS = {
         moved(lambda p: driven(parallelogram_scene(p), p)),
         PARALLELOGRAM.motion,
     ),
-    "driven cart": Kind(draw_cart, moved(cart_scene), CART.motion, EVERY),
+    "driven cart": Kind(draw_cart, moved(cart_scene), CART.motion),
 }

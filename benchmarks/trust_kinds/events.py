@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 import romjax as rj
 
-from .kind import EVERY, Kind, Numbers, moved, places, times
+from .kind import Kind, Numbers, moved, places, times
 from .minimal import ATOL, GRAVITY, RTOL
 from .planar import log
 
@@ -236,7 +236,7 @@ def stop_motion(p: Numbers, nudge: float = 0.0) -> np.ndarray:
 KINDS = {
     "thin post": Kind(draw_post, watched(alone, posts), post_motion),
     "soft circle": Kind(draw_post, moved(circle_scene), circle_motion),
-    "bounces": Kind(draw_bounces, watched(falling, floor), bounces_motion, EVERY),
+    "bounces": Kind(draw_bounces, watched(falling, floor), bounces_motion),
     "crossings": Kind(draw_throw, watched(falling, crossings, seen_passages), true_passages),
     "stop": Kind(draw_throw, watched(falling, stops), stop_motion),
 }

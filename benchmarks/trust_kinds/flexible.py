@@ -11,7 +11,7 @@ import numpy as np
 
 import romjax as rj
 
-from .kind import EVERY, Kind, Numbers, moved
+from .kind import Kind, Numbers, moved
 from .minimal import GRAVITY, Minimal
 from .planar import along, log
 
@@ -178,6 +178,6 @@ def slider_crank_scene(p: Numbers) -> rj.Scene:
 
 
 KINDS = {
-    "beam": Kind(draw_pendulum, moved(pendulum_scene), PENDULUM.motion, EVERY),
+    "beam": Kind(draw_pendulum, moved(pendulum_scene), PENDULUM.motion),
     "flexible rod": Kind(draw_slider_crank, moved(slider_crank_scene), SLIDER_CRANK.motion),
 }

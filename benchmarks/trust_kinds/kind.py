@@ -21,7 +21,7 @@ SENSITIVE = 1e3  # times so much apart at the end
 OF_THE_SCENE = "stiffening"
 
 Numbers = dict[str, Any]
-SWEPT, EVERY = ("alone", "sweep"), ("alone", "jit", "sweep")
+EVERY = ("alone", "jit", "sweep")
 
 
 class Kind(NamedTuple):
@@ -31,14 +31,13 @@ class Kind(NamedTuple):
     - `move`: what romjax makes of them with nothing set, (k, c) in one unit, and the run, or None
       where nothing is simulated. Settings are those that a batch needs.
     - `truth`: the same values by other means, of a start that is moved by a share of the motion.
-    - `ways`: of those in which `move` can be called, the ones that count. Compiling for `jit` takes
-      as long as for a sweep, of which it is a part, and is tried with one kind of each family.
+    - `ways`: those in which `move` can be called.
     """
 
     draw: Callable[[np.random.Generator], Numbers]
     move: Callable[..., tuple[Any, rj.Trajectory | None]]
     truth: Callable[[Numbers, float], np.ndarray]
-    ways: tuple[str, ...] = SWEPT
+    ways: tuple[str, ...] = EVERY
 
 
 class Outcome(NamedTuple):

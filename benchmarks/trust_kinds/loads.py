@@ -12,7 +12,7 @@ import numpy as np
 
 import romjax as rj
 
-from .kind import EVERY, Kind, Numbers, moved
+from .kind import Kind, Numbers, moved
 from .minimal import Minimal
 from .planar import along, bars, ends, log, solid
 
@@ -199,7 +199,7 @@ def bell(p: Numbers) -> rj.AbstractSignal:
 
 
 KINDS = {
-    "pulse": Kind(draw_pulse, moved(scene_of(table)), PULSE.motion, EVERY),
+    "pulse": Kind(draw_pulse, moved(scene_of(table)), PULSE.motion),
     "table": Kind(draw_table, moved(scene_of(table)), TABLE.motion),
     "step": Kind(draw_step, moved(scene_of(step)), STEP.motion),
     "vibration": Kind(draw_sine, moved(scene_of(sine)), SINE.motion),

@@ -10,7 +10,7 @@ import numpy as np
 
 import romjax as rj
 
-from .kind import EVERY, Kind, Numbers, moved
+from .kind import Kind, Numbers, moved
 from .minimal import Minimal
 
 
@@ -94,9 +94,7 @@ def chain_scene(p: Numbers) -> rj.Scene:
 
 
 def chain(count: int) -> Kind:
-    return Kind(
-        lambda chance: draw_chain(chance, count), moved(chain_scene), CHAINS[count].motion, EVERY
-    )
+    return Kind(lambda chance: draw_chain(chance, count), moved(chain_scene), CHAINS[count].motion)
 
 
 # Four bars, whose crank may go round.

@@ -12,7 +12,7 @@ import scipy.linalg
 
 import romjax as rj
 
-from .kind import EVERY, Kind, Numbers, moved, times
+from .kind import Kind, Numbers, moved, times
 from .minimal import GRAVITY, integrated
 from .planar import CHAINS, chain_scene, log, solid
 
@@ -148,7 +148,7 @@ def row_modes(p: Numbers, nudge: float = 0.0) -> np.ndarray:
 
 KINDS = {
     "masses on springs": Kind(draw_row, move_row, row_motion),
-    "small swing": Kind(draw_swing, move_swing, swing_motion, EVERY),
+    "small swing": Kind(draw_swing, move_swing, swing_motion),
     "sag": Kind(draw_hanging, move_hanging, sag, ways=("alone",)),
     "natural frequencies": Kind(draw_row, move_modes, row_modes, ways=("alone",)),
 }

@@ -13,7 +13,7 @@ import numpy as np
 
 import romjax as rj
 
-from .kind import EVERY, Kind, Numbers, moved, times
+from .kind import Kind, Numbers, moved, times
 from .minimal import Minimal, integrated, planar_energy, weight
 from .planar import (
     along,
@@ -282,7 +282,7 @@ def clock_scene(p: Numbers) -> rj.Scene:
 
 
 KINDS = {
-    "PID": Kind(draw_pid, moved(pid_scene), PID.motion, EVERY),
+    "PID": Kind(draw_pid, moved(pid_scene), PID.motion),
     "crane": Kind(draw_crane, moved(crane_scene), CYLINDER.motion),
     "clock": Kind(draw_clock, moved(clock_scene), CLOCK.motion),
 }

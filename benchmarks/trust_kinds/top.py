@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import romjax as rj
 
-from .kind import EVERY, Kind, Numbers, moved, times
+from .kind import Kind, Numbers, moved, times
 from .minimal import integrated
 from .planar import log
 from .spatial import DOWN, axes, bodies, moments
@@ -75,4 +75,4 @@ def top_scene(p: Numbers) -> rj.Scene:
     return rj.Scene([body], [joint], [rj.Gravity(DOWN)])
 
 
-KINDS = {"top": Kind(draw_top, moved(top_scene), top_motion, EVERY)}
+KINDS = {"top": Kind(draw_top, moved(top_scene), top_motion)}
