@@ -1,5 +1,6 @@
 """What the time of calls is: that of the processor, or of the device that works."""
 
+import itertools
 import time
 import types
 
@@ -15,18 +16,22 @@ pytestmark = pytest.mark.instant
 
 
 class Machine:
-    """Clocks of a machine that gives a `share` of itself, and go on while it works."""
+    """Clocks of a machine that gives a `share` of itself, and go on while it works; by each call in
+    turn for one of `paces` as long.
+    """
 
-    def __init__(self, share):
+    def __init__(self, share, paces=(1.0,)):
         self.share, self.work, self.passed = share, 0.0, 0.0
+        self.paces = itertools.cycle(paces)
 
     def call(self, work):
         """A function that works so long [s], and counts its calls."""
 
         def function():
             function.count += 1
-            self.work += work
-            self.passed += work / self.share
+            taken = work * next(self.paces)
+            self.work += taken
+            self.passed += taken / self.share
 
         function.count = 0
         return function
@@ -38,13 +43,29 @@ class Machine:
 
 
 @pytest.mark.parametrize("share", [1.0, 0.1])
-def test_as_many_rounds_on_a_busy_machine(share, monkeypatch):
-    """What is spent is work: two calls for the least of once, and ten rounds of equal turns."""
-    machine = Machine(share)
+@pytest.mark.parametrize(
+    ("paces", "rounds"), [((1.0,), 5), ((1.0, 1.0, 2.0, 1.0, 1.0, 0.5, 2.0), 8)]
+)
+def test_as_many_rounds_on_a_busy_machine(share, paces, rounds, monkeypatch):
+    """What is spent is work: two calls for the least of once, and rounds of turns, eight by their
+    least times, or as many as agree.
+    """
+    machine = Machine(share, paces)
+    monkeypatch.setattr(timing, "time", machine.clocks())
+    calls = [machine.call(0.1), machine.call(0.1)]
+    found = timing.alternating(calls, 1.6)
+    assert [call.count for call in calls] == [2 + rounds, 2 + rounds]
+    if len(paces) == 1:
+        assert_close(found.times, np.array([0.1, 0.1]), IDENTITY)
+        assert_close(found.speed_ups, np.array([1.0, 1.0]), IDENTITY)
+
+
+def test_short_calls_are_repeated(monkeypatch):
+    machine = Machine(1.0)
     monkeypatch.setattr(timing, "time", machine.clocks())
     calls = [machine.call(0.1), machine.call(0.001)]
     found = timing.alternating(calls, 1.25)
-    assert [call.count for call in calls] == [2 + 10, 2 + 10 * 20]
+    assert [call.count for call in calls] == [2 + 5, 2 + 5 * 20]
     assert_close(found.times, np.array([0.1, 0.001]), IDENTITY)
     assert_close(found.speed_ups, np.array([1.0, 100.0]), IDENTITY)
 

@@ -12,6 +12,9 @@ T = TypeVar("T")
 # machine blur less; more rounds of short turns tell more than longer turns.
 _SHORTEST = 0.02
 _ROUNDS = 3, 40
+# No more rounds are needed after so many, once the standard errors of the medians are at most this
+# share of them.
+_ENOUGH, _KNOWN = 5, 0.02
 
 
 def timed(call: Callable[[], T]) -> tuple[T, float]:
@@ -42,19 +45,31 @@ def alternating(calls: Sequence[Callable[[], Any]], spend: float) -> Alternating
     A busy machine slows down a whole round, and not the ratios within it. On a CPU the time is that
     of the processor, since what else it does may take it away for longer than a short call lasts;
     `spend` is too, so that there are as many rounds when it is busy. With ten other programs on
-    two cores, medians of 30 rounds come again within a tenth on average, and least times do not.
+    two cores, medians of 30 rounds come again within a tenth on average, and least times do not. A
+    quiet machine needs a few rounds for as much: less is spent where they agree.
     """
     once = [min(_own_time(call, 1), _own_time(call, 1)) for call in calls]
     counts = [max(1, round(_SHORTEST / taken)) for taken in once]
     total = sum(count * taken for count, taken in zip(counts, once, strict=True))
-    rounds = int(np.clip(spend / total, *_ROUNDS))
-    times = np.array(
-        [
-            [_own_time(call, count) for call, count in zip(calls, counts, strict=True)]
-            for _ in range(rounds)
-        ]
-    )
+    times = np.empty((0, len(calls)))
+    for _ in range(int(np.clip(spend / total, *_ROUNDS))):
+        turns = [_own_time(call, count) for call, count in zip(calls, counts, strict=True)]
+        times = np.append(times, [turns], axis=0)
+        if len(times) >= _ENOUGH and _are_known(times) and _are_known(times[:, :1] / times):
+            break
     return Alternating(np.median(times, axis=0), np.median(times[:, :1] / times, axis=0))
+
+
+def _are_known(values: np.ndarray) -> bool:
+    """Whether the medians of `values` (rounds, calls) have small standard errors.
+
+    They are those of normally distributed values, whose spread their quartiles tell, so that one
+    round that was disturbed counts little.
+    """
+    low, median, high = np.percentile(values, [25, 50, 75], axis=0)
+    deviation = (high - low) / 1.349
+    errors = np.sqrt(np.pi / 2 / len(values)) * deviation
+    return bool(np.all(errors <= _KNOWN * median))
 
 
 def _clock() -> Callable[[], float]:
