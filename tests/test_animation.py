@@ -219,6 +219,27 @@ def test_forces_of_joints_are_arrows(hanging, falling):
     assert apart(decoded(data(shown.html()), 0), shown.models[0].actual) <= PIXELS
 
 
+def test_resultants_are_colours(tmp_path):
+    """Of beams at even distances, to a pixel, on one scale for all frames."""
+    beams = zoo.system(zoo.falling_beams)
+    falling = zoo.run(beams, np.linspace(0.0, 0.3, 31))
+    name, half = "beam1", float(zoo.falling_beams().bodies[0].length) / 2
+    shown = rj.animate(beams, falling, resultant="moment", deformation=2.0)
+    (line,) = (o for o in shown.models[0].actual if (o.part, o.style) == (name, "body"))
+    wanted = rj.resultants(beams, falling, name, np.linspace(-half, half, 41)).moment
+    np.testing.assert_array_equal(line.values, wanted)
+    told = data(shown.html())
+    (part,) = (x for x in told["models"][0]["parts"] if x["name"] == name)
+    size = told["colours"]["largest"]
+    assert size >= np.max(np.abs(wanted)) > 0
+    np.testing.assert_allclose(decode(part["values"], 31), wanted, atol=size / 500)
+    assert [o["coloured"] for o in part["outlines"]] == [True]
+    assert apart(decoded(told, 0, 2.0), shown.models[0].deformed(2.0)) <= PIXELS
+    with Image.open(shown.save(tmp_path / "x.gif", fps=10, seconds=0.1)) as picture:
+        colours = np.asarray(picture.convert("RGB")).reshape(-1, 3).astype(int)
+    assert np.max(np.ptp(colours, axis=1)) > 100  # not all grey
+
+
 @pytest.mark.instant
 def test_arrows_have_heads_in_space():
     """Of the same length on both sides, and across."""
@@ -445,6 +466,10 @@ def test_runs_refuse(scene, run, hanging, falling):
     assert run._repr_html_() is None
     with pytest.raises(rj.InputError, match="labels are .* for 1 runs"):
         rj.animate(scene, run, labels=["a", "b"])
+    with pytest.raises(rj.InputError, match="resultant is 'torque', but in the plane must be one"):
+        rj.animate(hanging, falling, resultant="torque")
+    with pytest.raises(rj.InputError, match="resultants are those of runs"):
+        rj.animate(hanging, rj.modes(hanging), resultant="moment")
     with pytest.raises(rj.InputError, match="deformation is -1"):
         rj.animate(scene, run, deformation=-1)
     with pytest.raises(rj.InputError, match=r"no body 'bar1'. .*cart, beam"):

@@ -276,5 +276,7 @@ def test_loads_of_a_clamped_beam():
 
 @pytest.mark.instant
 def test_loads_refuses_other_quantities():
-    with pytest.raises(rj.InputError, match="quantity is 'torque', but must be one of"):
+    with pytest.raises(
+        rj.InputError, match="quantity is 'torque', but in the plane must be one of"
+    ):
         plot.loads(None, None, quantity="torque")

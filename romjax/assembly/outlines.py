@@ -36,12 +36,14 @@ class MovingOutline(NamedTuple):
       what is hatched.
     - `points`: in the inertial frame [m], (frames, points, d).
     - `style`, `endless`: as of `romjax.Outline`.
+    - `values`: numbers at the points that are shown in colour, (frames, points), if there are any.
     """
 
     part: str
     points: Float[np.ndarray, "frames points d"]
     style: Style
     endless: bool
+    values: Float[np.ndarray, "frames points"] | None = None
 
 
 def outlines(

@@ -28,6 +28,8 @@ from ..system.base import AbstractSystem
 from ..system.structure import without_names
 from .states import along, check_run, solved
 
+# Bodies that have stress resultants.
+Slender = Beam | Rod | SpatialRod
 # A load at a cut is recognised up to this share of the length.
 _SAME = 1e-9
 
@@ -79,7 +81,7 @@ class _Cut(eqx.Module):
 
 
 def resultants(
-    system: AbstractSystem, run: Trajectory, beam: Beam | Rod | SpatialRod | str, positions: Vector
+    system: AbstractSystem, run: Trajectory, beam: Slender | str, positions: Vector
 ) -> Resultants:
     """Axial force, shear force and bending moment of a beam or a rod along a run, and the torque
     that twists a rod in space.
@@ -117,13 +119,11 @@ def resultants(
     return loads
 
 
-def _prepared(
-    owner: str, system: AbstractSystem, beam: Beam | Rod | SpatialRod | str, positions: Vector
-) -> _Cut:
+def _prepared(owner: str, system: AbstractSystem, beam: Slender | str, positions: Vector) -> _Cut:
     name = beam if isinstance(beam, str) else beam.name
     columns, bodies = bodies_of(owner, system, [name])
     body = bodies.get(name)
-    if not isinstance(body, Beam | Rod | SpatialRod):
+    if not isinstance(body, Slender):
         kind = "the ground" if body is None else f"a {type(body).__name__}"
         kind += " in space" if body is not None and body.dimension == 3 else ""
         known = "an rj.Beam, an rj.Rod or an rj.spatial.Rod"

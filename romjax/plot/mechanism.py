@@ -4,7 +4,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 
 from ..assembly.outlines import MovingOutline
@@ -32,7 +34,8 @@ class Picture:
     """One mechanism in one pair of axes; `show` moves it to another configuration.
 
     There is one line in the axes for each style of outline, whatever their number. `body` is the
-    style of the bodies; without `details` only these and the marks of joints are drawn.
+    style of the bodies; without `details` only these and the marks of joints are drawn. Bodies with
+    values have them in colour over it, by `colours`.
     """
 
     def __init__(
@@ -49,6 +52,12 @@ class Picture:
                 **own,
             }
         settings["trace"] = {"color": body.get("color"), **TRACE}
+        self.coloured = [o for o in outlines if o.values is not None]
+        self.colours: LineCollection | None = None
+        if self.coloured:
+            self.colours = LineCollection([], cmap="coolwarm", linewidths=5.0, zorder=2.2)
+            self.colours.set_capstyle("round")  # without seams between the pieces
+            axes.add_collection(self.colours)
         self.points: dict[Style, np.ndarray] = {}
         self.lines: dict[Style, Line2D] = {}
         for style, own in settings.items():
@@ -62,6 +71,18 @@ class Picture:
         """Draw the configuration number `index`."""
         for style, line in self.lines.items():
             line.set_data(*self.points[style][index].T)
+        if self.colours is not None:
+            paths = [o.points[index] for o in self.coloured]
+            values = [o.values[index] for o in self.coloured if o.values is not None]
+            self.colours.set_segments(
+                [*np.concatenate([np.stack([x[:-1], x[1:]], axis=1) for x in paths])]
+            )
+            self.colours.set_array(np.concatenate([(x[:-1] + x[1:]) / 2 for x in values]))
+
+    @property
+    def artists(self) -> list[Artist]:
+        """All that moves."""
+        return [*self.lines.values(), *([] if self.colours is None else [self.colours])]
 
 
 def _shown(outline: MovingOutline) -> np.ndarray:

@@ -4,7 +4,6 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from ...assembly.disassemble import disassemble
@@ -12,23 +11,15 @@ from ...assembly.locate import assembled
 from ...common.errors import InputError
 from ...integrate.trajectory import Trajectory
 from ...measure.forces import joint_forces
-from ...measure.resultants import resultants
-from ...scene.body.beam import Beam
-from ...scene.body.rod import Rod
 from ...scene.marker import GROUND, Marker
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem
 from ..mechanism import Picture, bounds, framed, stage
 from ..motion.frames import Model, exaggeration, models
 from ..panels import check_motion
+from ..resultants import along_bodies, at_cuts, largest, name_of
 from ..style import SMALL, DisplayedFigure
 
-_NAMES = {
-    "moment": "bending moment [N m]",
-    "axial": "axial force [N]",
-    "shear": "shear force [N]",
-}
-CUTS = 41  # of each beam
 LONGEST = 0.15  # of an arrow, as a share of the picture's diagonal
 
 
@@ -67,20 +58,15 @@ def loads(
 
     Raises InputError for a mechanism in space, or another quantity.
     """
-    if quantity not in _NAMES:
-        raise InputError(f"loads: quantity is '{quantity}', but must be one of {[*_NAMES]}.")
+    name = name_of("loads: quantity", quantity, 2)
     check_motion("loads: the run", run)
     scene = disassemble(assembled("loads", system))
     if scene.dimension != 2:
         raise InputError(
-            "loads: the mechanism is in space, but loads are drawn in the plane; draw "
-            "romjax.joint_forces and romjax.resultants over time."
+            "loads: the mechanism is in space, but loads are drawn in the plane; "
+            f"animate(system, run, resultant='{quantity}', forces=True) shows them in space."
         )
-    values = {
-        body.name: np.asarray(getattr(resultants(system, run, body, _cuts(body)), quantity))
-        for body in scene.bodies
-        if isinstance(body, Beam | Rod)
-    }
+    values = along_bodies(system, run, scene, quantity)
     arrows = _arrows(system, scene, run) if forces or not values else []
     index = _index(run, t, values, arrows)
     (model,) = models(
@@ -92,13 +78,9 @@ def loads(
     scale = exaggeration([model]) if deformation is None else float(deformation)
     title = f"t = {float(run.t[index]):.4g} s"
     title += "" if scale == 1 else f", deformation × {scale:g}"
-    at = {name: rows[index] for name, rows in values.items()}
+    at = {body: np.nan_to_num(rows[[index]]) for body, rows in values.items()}
     shown = [a._replace(force=a.force[index]) for a in arrows] if forces else []
-    return _drawn(scene, model, scale, at, shown, _NAMES[quantity], title)
-
-
-def _cuts(beam: Beam | Rod) -> np.ndarray:
-    return float(beam.length) * np.linspace(-0.5, 0.5, CUTS)
+    return _drawn(model, scale, at, shown, name, title)
 
 
 def _arrows(system: AbstractSystem, scene: Scene, run: Trajectory) -> list[_Arrow]:
@@ -128,12 +110,11 @@ def _index(
     sizes = sizes or [np.linalg.norm(arrow.force, axis=1) for arrow in arrows]
     if not sizes:
         return 0
-    largest = np.max(sizes, axis=0)
-    return int(np.argmax(np.where(np.isfinite(largest), largest, -1.0)))
+    most = np.max(sizes, axis=0)
+    return int(np.argmax(np.where(np.isfinite(most), most, -1.0)))
 
 
 def _drawn(
-    scene: Scene,
     model: Model,
     scale: float,
     values: dict[str, np.ndarray],
@@ -156,16 +137,16 @@ def _drawn(
     if scale != 1:
         straight = [o for o in model.deformed(0.0) if o.style == "body"]
         Picture(axes, straight, details=False, color="0.7", linewidth=1.4, zorder=1)
-    Picture(axes, outlines, color="0.25", linewidth=2.0)
-    if values:
-        _colour(
-            figure,
-            axes,
-            scene,
-            {o.part: o.points[0] for o in outlines if o.style == "body"},
-            values,
-            name,
-        )
+    coloured = [
+        o._replace(points=at_cuts(o.points), values=values[o.part])
+        if o.style == "body" and o.part in values
+        else o
+        for o in outlines
+    ]
+    colours = Picture(axes, coloured, color="0.25", linewidth=2.0).colours
+    if colours is not None:
+        colours.set_clim(-largest(values), largest(values))
+        figure.colorbar(colours, ax=axes, label=name, shrink=0.8)
     if arrows:
         _draw_forces(axes, arrows, np.array(traces), LONGEST * float(np.hypot(width, height)))
     axes.set(xlabel="$x$ [m]", ylabel="$y$ [m]")
@@ -173,39 +154,13 @@ def _drawn(
     return figure
 
 
-def _colour(
-    figure: Figure,
-    axes: Axes,
-    scene: Scene,
-    lines: dict[str, np.ndarray],
-    values: dict[str, np.ndarray],
-    name: str,
-) -> None:
-    """Beams as pieces between their cuts, on one scale that is symmetric about zero."""
-    pieces, numbers = [], []
-    for body in scene.bodies:
-        if isinstance(body, Beam | Rod) and body.name in values:
-            own = lines[body.name]
-            places = np.linspace(0.0, 1.0, len(own)), np.linspace(0.0, 1.0, CUTS)
-            path = np.stack([np.interp(places[1], places[0], x) for x in own.T], axis=1)
-            pieces += [*np.stack([path[:-1], path[1:]], axis=1)]
-            numbers.append((values[body.name][:-1] + values[body.name][1:]) / 2)
-    coloured = LineCollection(pieces, cmap="coolwarm", linewidths=5.0, zorder=2.2)
-    coloured.set_array(np.concatenate(numbers))
-    largest = max(float(np.max(np.abs(x))) for x in values.values()) or 1.0
-    coloured.set_clim(-largest, largest)
-    coloured.set_capstyle("round")  # without seams between the pieces
-    axes.add_collection(coloured)
-    figure.colorbar(coloured, ax=axes, label=name, shrink=0.8)
-
-
 def _draw_forces(axes: Axes, arrows: list[_Arrow], feet: np.ndarray, longest: float) -> None:
     forces = np.array([arrow.force for arrow in arrows])
     sizes = np.linalg.norm(forces, axis=1)
-    largest = float(np.max(sizes)) or 1.0
-    tips = feet + forces * longest / largest
+    most = float(np.max(sizes)) or 1.0
+    tips = feet + forces * longest / most
     for foot, tip, size in zip(feet, tips, sizes, strict=True):
-        if size > 1e-3 * largest:
+        if size > 1e-3 * most:
             style = {
                 "arrowstyle": "-|>",
                 "color": "#009E73",
@@ -214,8 +169,7 @@ def _draw_forces(axes: Axes, arrows: list[_Arrow], feet: np.ndarray, longest: fl
                 "shrinkB": 0,
             }
             axes.annotate("", tip, foot, arrowprops=style, zorder=4, annotation_clip=False)
-    most = int(np.argmax(sizes))
-    text = np.format_float_positional(largest, 3, fractional=False, trim="-")
+    text = np.format_float_positional(most, 3, fractional=False, trim="-")
     place: dict[str, Any] = {
         "xytext": (0, 7),
         "textcoords": "offset points",
@@ -223,7 +177,14 @@ def _draw_forces(axes: Axes, arrows: list[_Arrow], feet: np.ndarray, longest: fl
         "zorder": 5,
     }
     paper = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.0}
-    axes.annotate(f"{text} N", tips[most], color="#006B4F", fontsize=SMALL + 1, bbox=paper, **place)
+    axes.annotate(
+        f"{text} N",
+        tips[np.argmax(sizes)],
+        color="#006B4F",
+        fontsize=SMALL + 1,
+        bbox=paper,
+        **place,
+    )
     # Where an arrow leaves the box, the box grows.
     low, high = np.min([*tips, *feet], axis=0), np.max([*tips, *feet], axis=0)
     margin = 0.25 * longest

@@ -18,8 +18,10 @@ from ...scene.marker import Marker
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem
 from ..palette import VIEW, View
+from ..resultants import Quantity
 from .animation import Animation
 from .arrows import with_forces
+from .colours import with_resultants
 from .designs import course, scenes_of
 from .frames import Clock, exaggeration, models, playing_rate
 from .outputs import Wanted, outputs_of
@@ -35,6 +37,7 @@ def animate(
     trace: Marker | Sequence[Marker] = (),
     deformation: int | float | None = None,
     forces: bool = False,
+    resultant: Quantity | None = None,
     outputs: Wanted = (),
     frames: int = FRAMES,
     title: str = "romjax",
@@ -55,6 +58,9 @@ def animate(
       them. Unless given, once where they are seen, and else as many times as shows them.
     - `forces`: whether the forces of the joints of the first run, on the bodies of their first
       markers, are drawn as arrows.
+    - `resultant`: a stress resultant of the first run that is shown in colour along beams and rods:
+      "moment", "axial", "shear", or in space "torque", which twists; as `rj.resultants` has it, of
+      the moment and the shear force in space the size.
     - `outputs`: what the page plots under the motion, with a cursor at the time that is shown:
       labels of coordinates; how many coordinates, those that move most in the mass metric; or a
       dictionary of values by their names, an array (outputs,) of the first run or a list of one for
@@ -75,8 +81,9 @@ def animate(
         )
     scene = _scene_of(mechanism)
     if any(isinstance(motion, Modes | Basis) for motion in motions):
-        if outputs:
-            raise InputError("animate: outputs are those of runs; modes have none.")
+        if outputs or resultant:
+            what = "outputs" if outputs else "resultants"
+            raise InputError(f"animate: {what} are those of runs; modes have none.")
         return swinging(mechanism, scene, motions, traced, given, title, view)
     runs: Any = motions
     names = _names(len(runs), labels)
@@ -99,10 +106,15 @@ def animate(
         pairs = zip(scenes, q.items(), strict=True)
         drawn = [models(own, t, {name: values}, traced)[0] for own, (name, values) in pairs]
     scale = exaggeration(drawn) if deformation is None else given
+    colours = None
+    if resultant is not None and runs:
+        drawn[0], colours = with_resultants(drawn[0], scenes[0], runs[0], chosen, resultant)
     if forces and runs:
         drawn[0] = with_forces(drawn[0], runs[0], chosen)
     plotted = outputs_of(outputs, runs, list(q.values()), chosen)
-    return Animation(t, drawn, clock, scale, outputs=plotted, title=title, view=view)
+    return Animation(
+        t, drawn, clock, scale, outputs=plotted, colours=colours, title=title, view=view
+    )
 
 
 @picture_of.register(Trajectory)

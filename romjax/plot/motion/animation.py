@@ -12,6 +12,7 @@ from jaxtyping import Float
 from ...common import writing
 from ...common.errors import InputError
 from ..palette import VIEW, View
+from .colours import Colours
 from .frames import Clock, Model
 from .outputs import Output
 from .page import height, page
@@ -34,6 +35,7 @@ class Animation:
     - `deformation`: modal deformations are drawn as many times as large; a slider changes it.
     - `alternatives`: whether one model is shown at a time.
     - `outputs`: what the page plots under the motion.
+    - `colours`: what colours along bodies stand for, if there are any.
     - `title`: of the page.
     - `view`: azimuth against the x axis and elevation of the view of space at first [rad].
     """
@@ -44,6 +46,7 @@ class Animation:
     deformation: float = 1.0
     alternatives: bool = False
     outputs: Sequence[Output] = ()
+    colours: Colours | None = None
     title: str = "romjax"
     view: View = VIEW
 
@@ -57,6 +60,7 @@ class Animation:
             self.deformation,
             self.view,
             outputs=self.outputs,
+            colours=self.colours,
             alternatives=self.alternatives,
             playing=playing,
         )

@@ -18,11 +18,7 @@ def with_forces(model: Model, run: Trajectory, chosen: Int[np.ndarray, " frames"
 
     Raises InputError for a run that does not know its mechanism.
     """
-    if getattr(run.derived, "system", None) is None:
-        raise InputError(
-            "animate: forces are those of a run that knows its mechanism, but this one is of a "
-            "transformation of JAX; simulate it outside."
-        )
+    check_mechanism("forces", run)
     table = joint_forces(run.system, run)
     feet = {key: np.asarray(own.poses[0].position)[chosen] for key, own in table.items()}
     forces = {key: np.asarray(own.force)[chosen] for key, own in table.items()}
@@ -41,6 +37,15 @@ def with_forces(model: Model, run: Trajectory, chosen: Int[np.ndarray, " frames"
     ]
     undeformed = [*model.undeformed, *arrows] if model.undeformed else []
     return model._replace(actual=[*model.actual, *arrows], undeformed=undeformed)
+
+
+def check_mechanism(what: str, run: Trajectory) -> None:
+    """Raise InputError for a run that does not know its mechanism."""
+    if getattr(run.derived, "system", None) is None:
+        raise InputError(
+            f"animate: {what} are those of a run that knows its mechanism, but this one is of a "
+            "transformation of JAX; simulate it outside."
+        )
 
 
 def arrow(

@@ -22,10 +22,11 @@ from ...common.writing import replacing
 from ..mechanism import Picture, bounds, framed, projected, stage
 from ..palette import View
 from ..style import GREY, SMALL, line
+from .colours import Colours
 from .frames import Clock, Model
 
 DPI = 160
-COLOURS = 64  # of a GIF
+COLOURS = 128  # of a GIF
 
 
 @runtime_checkable
@@ -42,6 +43,8 @@ class Filmed(Protocol):
     def deformation(self) -> float: ...
     @property
     def alternatives(self) -> bool: ...
+    @property
+    def colours(self) -> Colours | None: ...
     @property
     def view(self) -> View: ...
 
@@ -133,27 +136,27 @@ def _frames(
     """The chosen frames; of alternatives, the first is drawn."""
     models = animation.models[:1] if animation.alternatives else animation.models
     view = animation.view if models[0].actual[0].points.shape[2] == 3 else None
-    moving = [projected(model.deformed(animation.deformation), animation.view) for model in models]
+    drawn = [projected(model.deformed(animation.deformation), animation.view) for model in models]
     figure = Figure(dpi=DPI)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     # Beneath exaggerated deformations, the shape of the first model without them.
     bare = models[0].deformed(0.0) if animation.deformation > 1 else []
     still = projected([o for o in bare if o.style == "body"], animation.view) if bare else []
     pictures = [
-        Picture(axes, parts, details=index == 0, **line(index))
-        for index, parts in enumerate(moving)
+        Picture(axes, parts, details=index == 0, **line(index)) for index, parts in enumerate(drawn)
     ]
     beneath = [Picture(axes, still, color=GREY, linewidth=1.2, zorder=1)] if still else []
-    box = framed(bounds([part for parts in moving for part in parts]))
+    box = framed(bounds([part for parts in drawn for part in parts]))
     stage(axes, box, view)
-    _lay_out(figure, axes, box, pictures, [model.name for model in models])
+    _lay_out(figure, axes, box, pictures, [model.name for model in models], animation.colours)
     # A fixed height, since matplotlib would search free space above all ticks at each frame.
     title = axes.set_title("", y=1.01)
     clock, span = animation.clock, float(np.ptp(animation.t)) or 1.0
     digits = max(0, int(np.ceil(-np.log10(span / len(chosen)))))
     times = "" if animation.deformation == 1 else f", deformation × {animation.deformation:g}"
     shown = [*beneath, *pictures]
-    artists = [title, *(line for picture in shown for line in picture.lines.values())]
+    moving = sorted((x for picture in shown for x in picture.artists), key=Artist.get_zorder)
+    artists = [title, *moving]
     background = _Background(figure, artists)
     for index in chosen:
         for picture in shown:
@@ -183,9 +186,14 @@ class _Background:
 
 
 def _lay_out(
-    figure: Figure, axes: Axes, box: np.ndarray, pictures: list[Picture], names: list[str]
+    figure: Figure,
+    axes: Axes,
+    box: np.ndarray,
+    pictures: list[Picture],
+    names: list[str],
+    colours: Colours | None,
 ) -> None:
-    """A figure as slim as the mechanism, with the legend below; in inches.
+    """A figure as slim as the mechanism, with the legend and the scale of colours below; in inches.
 
     Made once: an engine would lay out each frame anew, in twice the time.
     """
@@ -193,7 +201,8 @@ def _lay_out(
     wide = max(width + 1.1, 3.6)
     columns = int(np.clip(13 * wide / (max(map(len, names)) + 8), 1, len(names)))
     rows = -(-len(names) // columns) if any(names) else 0
-    foot = 0.55 + 0.2 * (rows + (rows > 0))
+    below = 0.2 * (rows + (rows > 0))
+    foot = 0.55 + below + 0.5 * (colours is not None)
     tall = foot + height + 0.4
     figure.set_size_inches(wide, tall)
     left = 0.8 + 0.5 * (wide - 1.1 - width)
@@ -201,6 +210,13 @@ def _lay_out(
     axes.locator_params(nbins=5)
     axes.set_xlabel("$x$ [m]")
     axes.set_ylabel("$y$ [m]")
+    scale = pictures[0].colours
+    if colours is not None and scale is not None:
+        scale.set_clim(-colours.largest, colours.largest)
+        beneath = figure.add_axes((0.3, (0.3 + below) / tall, 0.4, 0.08 / tall))
+        figure.colorbar(scale, cax=beneath, orientation="horizontal")
+        beneath.tick_params(labelsize=SMALL)
+        beneath.set_title(colours.name, fontsize=SMALL, pad=3)
     if rows:
         handles = [picture.lines["body"] for picture in pictures]
         figure.legend(handles, names, loc="lower center", ncols=columns, fontsize=SMALL + 1)

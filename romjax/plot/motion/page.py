@@ -13,6 +13,7 @@ from jaxtyping import Float
 from ...assembly.outlines import MovingOutline
 from ..palette import COLOURS, STROKES, WIDTHS, View
 from .coding import encode
+from .colours import Colours
 from .frames import Clock, Model
 from .hulls import faces
 from .outputs import Output
@@ -26,7 +27,18 @@ EXAGGERATED = 0.3
 # diagonal, to the path; else the picture shows nothing but its frames.
 STRAIGHT = 0.01
 # Of the script, in this order, since each uses what those before it name. [px] of one output.
-PIECES = ("decode", "view", "solids", "draw", "axes", "outputs", "gif", "saving", "controls")
+PIECES = (
+    "decode",
+    "view",
+    "colours",
+    "solids",
+    "draw",
+    "axes",
+    "outputs",
+    "gif",
+    "saving",
+    "controls",
+)
 CHART = 84
 
 
@@ -39,6 +51,7 @@ def page(
     view: View,
     *,
     outputs: Sequence[Output] = (),
+    colours: Colours | None = None,
     alternatives: bool,
     playing: bool,
 ) -> str:
@@ -49,12 +62,13 @@ def page(
     - `title`: of the document.
     - `t`, `models`, `clock`: what it shows.
     - `deformation`, `view`: at first.
-    - `outputs`: what is plotted under the motion.
+    - `outputs`: what is plotted under the motion. `colours`: what they stand for.
     - `alternatives`: whether one model is shown at a time, not all over each other.
     - `playing`: whether it begins by itself.
     """
     data = _data(t, models, clock, deformation)
     data |= {"alternatives": alternatives, "playing": playing, "outputs": [*map(_output, outputs)]}
+    data["colours"] = None if colours is None else colours._asdict()
     if data["dimension"] == 3:
         data["view"] = view
     return player("page.html").format(
@@ -131,9 +145,11 @@ def _parts(model: Model, bend: float, move: float) -> list[dict[str, Any]]:
             np.concatenate([o.points.reshape(len(o.points), -1) for o in side], axis=1)
             for side in zip(*own, strict=True)
         )
+        values = [o.values for o, _ in own if o.values is not None]
         parts.append(
             {
                 "name": name,
+                "values": _coded(np.concatenate(values, axis=1)) if values else None,
                 "outlines": [_outline(o) for o, _ in own],
                 "move": encode(base, move),
                 "bend": encode(actual - base, bend) if np.any(actual != base) else None,
@@ -150,19 +166,22 @@ def _outline(outline: MovingOutline) -> dict[str, Any]:
         "points": points.shape[1],
         "closed": bool(closed),
         "endless": outline.endless,
+        "coloured": outline.values is not None,
     }
     solid = points.shape[2] == 3 and outline.style == "body"
     return told | {"faces": faces(points[0]) or None} if solid else told
 
 
 def _output(output: Output) -> dict[str, Any]:
-    values = output.values
-    quantum = RESOLUTION * float(np.ptp(values)) or 1.0
     return {
         "name": output.name,
-        "curves": values.shape[1],
-        "values": encode(values, quantum),
+        "curves": output.values.shape[1],
+        "values": _coded(output.values),
     }
+
+
+def _coded(values: Float[np.ndarray, "frames columns"]) -> dict[str, Any]:
+    return encode(values, RESOLUTION * float(np.ptp(values)) or 1.0)
 
 
 def _scales(models: list[Model], diagonal: float, deformation: float) -> list[float]:

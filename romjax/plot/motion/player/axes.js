@@ -30,6 +30,7 @@ const drawAxes = () => {
   grid.replaceChildren();
   Object.entries({x: left, y: top, width: Math.max(0, width - left - right), height: Math.max(0, height - top - bottom)})
     .forEach(([key, value]) => clip.setAttribute(key, value));
+  drawColours();
   const step = nice(80 / pixels);
   if (solid) {  // no axis is in the plane of the picture: a length, and where x, y and z point
     drawFloor(nice(0.2 * box.radius || 1));

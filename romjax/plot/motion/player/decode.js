@@ -56,12 +56,17 @@ const times = allFrames(data.times).map(([t]) => t);
 const [start, end] = [times[0], times[times.length - 1]];
 const models = data.models.map((model, index) => ({
   ...model, index, shown: !data.alternatives || index === 0, traces: [],
-  parts: model.parts.map(part => ({...part, move: decode(part.move), bend: part.bend && decode(part.bend)})),
+  parts: model.parts.map(part => ({...part, move: decode(part.move), bend: part.bend && decode(part.bend),
+    values: part.values && decode(part.values)})),
 }));
 
+const valuesOf = (block, frame) => {
+  const values = new Float64Array(block.base.length);
+  add(values, block, frame, 1);
+  return values;
+};
 const pointsOf = (part, frame, scale = state.scale) => {
-  const values = new Float64Array(part.move.base.length);
-  add(values, part.move, frame, 1);
+  const values = valuesOf(part.move, frame);
   if (part.bend) add(values, part.bend, frame, scale);
   return values;
 };

@@ -24,6 +24,8 @@ const paths = new Map(STYLES.flatMap(style => models.map(model => {
   return [`${style} ${model.index}`, path];
 })));
 scenery.insertBefore(solids, paths.get("fill 0"));
+const coloured = make("g", {}, scenery);
+scenery.insertBefore(coloured, paths.get("load 0"));
 
 const mark = {
   hinge: ([x, y], r) => `M${x - r} ${y}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0`,
@@ -34,23 +36,25 @@ mark.point = mark.hinge;
 const line = list => list.length ? "M" + list.map(p => p.join(" ")).join("L") : "";
 
 const drawModel = (model, frame, details, at) => {
-  const strings = Object.fromEntries(STYLES.map(style => [style, ""]));
+  const strings = Object.fromEntries(STYLES.map(style => [style, ""])), strokes = [];
   if (model.shown) for (const part of model.parts) {
-    const values = pointsOf(part, frame);
-    let j = 0;
+    const values = pointsOf(part, frame), numbers = part.values && valuesOf(part.values, frame);
+    let j = 0, k = 0;
     for (const o of part.outlines) {
-      const list = [], first = j;
+      const list = [], first = j, colours = o.coloured && numbers.subarray(k, k += o.points);
       for (let i = 0; i < o.points; i++, j += data.dimension) list.push(at(values, j));
       if (o.style === "trace") strings.point += mark.point(list[0], SIGNS.point);
       else if (mark[o.style]) for (const p of list) strings[o.style] += mark[o.style](p, SIGNS[o.style]);
-      else if (solid && details && o.style === "body") addSolid(o, list, values.subarray(first, j));
+      else if (solid && details && o.style === "body") addSolid(o, list, values.subarray(first, j), colours);
       else if (details || !DETAILS.has(o.style)) {
         const d = line(list) + (o.closed ? "Z" : "");
         strings[o.style] += d;
         if (o.closed && o.style === "body") strings.fill += d;
+        if (colours) inColours(list, colours).forEach(([d, colour]) => strokes.push([d, "coloured", colour]));
       }
     }
   }
+  if (details) paint(coloured, strokes, model);
   // Beneath exaggerated deformations, the shape without them.
   if (model.shown && details && state.scale > 1) for (const part of model.parts.filter(part => part.bend)) {
     const values = pointsOf(part, frame, 0);

@@ -1,6 +1,6 @@
 // The picture as a file: one frame as PNG, or all of them as GIF.
 
-const COLOURS = ["ink", "page", "soft", "grid", "edge", "lit", "shade"].map(name => `--${name}`);
+const COLOURS = ["ink", "page", "soft", "grid", "edge", "lit", "shade", "pull", "push", "none"].map(name => `--${name}`);
 const FILM = {rate: 20, most: 240};  // frames per second, and at most
 
 // The picture, its outputs and the time, as they are now, on a canvas.

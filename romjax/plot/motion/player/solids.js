@@ -4,14 +4,14 @@ const LIGHT = [-0.37, 0.56, 0.74];  // towards it, in the directions of the pict
 const TUBE = ["edge", "side", "lit"];  // strokes over each other
 
 let collected = [];
-const addSolid = (outline, list, values) => {  // its points in the picture, and in space
+const addSolid = (outline, list, values, colours) => {  // its points in the picture and in space, its colours
   const toward = axes()[2], d = data.dimension;
   const depth = dot(toward, Array.from({length: d}, (_, i) => {
     let sum = 0;
     for (let j = i; j < values.length; j += d) sum += values[j];
     return sum / outline.points;
   }));
-  collected.push({outline, list, values, depth});
+  collected.push({outline, list, values, depth, colours});
 };
 
 // How much light a face has, from 0 to 1; nothing of one that is turned away.
@@ -26,20 +26,15 @@ const lightOn = (face, values, ways) => {
 const drawSolids = model => {
   const ways = axes(), strokes = [];
   collected.sort((one, other) => one.depth - other.depth);
-  for (const {outline, list, values} of collected) {
-    if (!outline.faces) TUBE.forEach(name => strokes.push([line(list) + (outline.closed ? "Z" : ""), `tube ${name}`, ""]));
-    else for (const face of outline.faces) {
+  for (const {outline, list, values, colours} of collected) {
+    if (!outline.faces) {
+      TUBE.forEach(name => strokes.push([line(list) + (outline.closed ? "Z" : ""), `tube ${name}`, ""]));
+      if (colours) inColours(list, colours).forEach(([d, colour]) => strokes.push([d, "coloured", colour]));
+    } else for (const face of outline.faces) {
       const light = lightOn(face, values, ways);
-      if (light !== null) strokes.push([`${line(face.map(k => list[k]))}Z`, "face", `${Math.round(100 * light)}%`]);
+      if (light !== null) strokes.push([`${line(face.map(k => list[k]))}Z`, "face", `--light: ${Math.round(100 * light)}%`]);
     }
   }
   collected = [];
-  while (solids.children.length < strokes.length) make("path", {}, solids);
-  while (solids.children.length > strokes.length) solids.lastChild.remove();
-  strokes.forEach(([d, name, light], i) => {
-    const path = solids.children[i];
-    path.setAttribute("d", d);
-    path.setAttribute("class", name);
-    path.setAttribute("style", `--model: ${model.colour}; --light: ${light}`);
-  });
+  paint(solids, strokes, model);
 };

@@ -1,7 +1,7 @@
 // The state, and the view: what is in the middle, how large, and in space from which side.
 
 const picture = element("picture");
-const MARGIN = solid ? {left: 12, right: 12, top: 12, bottom: 12} : {left: 62, right: 14, top: 10, bottom: 44};
+const MARGIN = solid ? {left: 12, right: 12, top: 12, bottom: 12} : {left: 62, right: 14, top: data.colours ? 36 : 10, bottom: 44};
 const state = {t: start, playing: false, rate: data.clock.rate, scale: data.scale};
 const [azimuth, elevation] = data.view ?? [0, 0];
 const view = {middle: [0, 0], zoom: 1, pixels: 1, azimuth, elevation, width: 0, height: 0};

@@ -1,0 +1,46 @@
+"""Stress resultants as colours of a moving picture."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Int
+
+from ...assembly.outlines import MovingOutline
+from ...integrate.trajectory import Trajectory
+from ...scene.scene import Scene
+from ..resultants import Quantity, along_bodies, at_cuts, largest, name_of
+from .arrows import check_mechanism
+from .frames import Model
+
+
+class Colours(NamedTuple):
+    """What colours stand for: the `name` of a quantity with its unit, and its `largest` size."""
+
+    name: str
+    largest: float
+
+
+def with_resultants(
+    model: Model,
+    scene: Scene,
+    run: Trajectory,
+    chosen: Int[np.ndarray, " frames"],
+    quantity: Quantity,
+) -> tuple[Model, Colours]:
+    """A model whose beams and rods have a stress resultant at their points, at the outputs `chosen`
+    of its run; and what the colours stand for.
+
+    Raises InputError for a quantity that is not known, or a run that does not know its mechanism.
+    """
+    name = name_of("animate: resultant", quantity, scene.dimension)
+    check_mechanism("resultants", run)
+    values = along_bodies(run.system, run, scene, quantity)
+    shown = {body: np.nan_to_num(rows[chosen]) for body, rows in values.items()}
+
+    def coloured(outline: MovingOutline) -> MovingOutline:
+        if outline.style != "body" or outline.part not in shown:
+            return outline
+        return outline._replace(points=at_cuts(outline.points), values=shown[outline.part])
+
+    actual, undeformed = ([*map(coloured, side)] for side in (model.actual, model.undeformed))
+    return model._replace(actual=actual, undeformed=undeformed), Colours(name, largest(shown))
