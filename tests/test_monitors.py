@@ -52,6 +52,19 @@ class Last(rj.AbstractMonitor):
         return step.after
 
 
+class Halvings(rj.AbstractMonitor):
+    """The speed, halved by a loop until it is small."""
+
+    is_transposed = False
+
+    def start(self, system, start):
+        return start.t
+
+    def follow(self, step, seen):
+        speed = jnp.abs(step.after.v[0])
+        return jax.lax.while_loop(lambda x: x > 0.1, lambda x: 0.5 * x, speed)
+
+
 class Growing(rj.AbstractMonitor):
     """One whose memory grows, which no compiled loop can have."""
 
@@ -92,35 +105,48 @@ def test_under_jit_and_vmap():
 
 
 def test_derivatives():
-    """Of the motion beside it by both modes; its own by forward mode, and no numbers by reverse."""
+    """Of the motion and of what a monitor has seen, by both modes, with a loop beside it that
+    reverse mode does not transpose.
+    """
 
-    def end(x):
-        return swing(x).q[-1, 0]
+    def motion(x):
+        run = swing(x, Action(), Halvings(), dt=1e-3, audit=False)
+        return jnp.stack([run.q[-1, 0], run.followed[0]["action"]])
 
-    def action(x):
-        return swing(x).followed[0]["action"]
-
-    one = jnp.ones(())
-    assert_close(jax.jit(jax.grad(end))(one), np.cos(2 * END), SOLVED)
-    assert np.isnan(jax.jit(jax.grad(action))(one))
+    one, exact = jnp.ones(()), [np.cos(2 * END), 2 * ACTION]
+    assert_close(rj.jit(jax.jacrev(motion))(one), exact, SOLVED)
     with rj.forward_mode():
-        assert_close(jax.jit(jax.jacfwd(action))(one), 2 * ACTION, DIFFERENCED)
+        assert_close(rj.jit(jax.jacfwd(motion))(one), exact, SOLVED)
+
+
+def test_refused_derivatives():
+    halvings = rj.jit(jax.grad(lambda x: swing(x, Halvings()).followed[0]))
+    with pytest.raises(Exception, match=r"does not pass through what follow\[0\] \(Halvings\)"):
+        halvings(jnp.ones(()))
 
 
 def test_with_events():
-    """Of a step to an impact, the end is after it."""
+    """Of a step to an impact, the end is after it; derivatives by where the wall is."""
 
     class Rebounds(rj.AbstractMonitor):
         def start(self, system, start):
-            return jnp.zeros((), int)
+            return jnp.zeros((), int), start.t
 
         def follow(self, step, seen):
+            count, speed = seen
             turned = (step.at(step.after.t).v[0] < -0.1) & (step.after.v[0] > 0.1)
-            return seen + jnp.where(turned, 1, 0)
+            return count + jnp.where(turned, 1, 0), speed + jnp.where(turned, step.after.v[0], 0.0)
 
-    wall = rj.Impact(lambda system, t, q, v: q[0], restitution=0.5)
-    run = swing(jnp.ones(()), Rebounds(), events=[wall], solver=zoo.DOPRI8)
-    assert run.followed[0] == run.events.count == 1
+    def rebounds(place):
+        wall = rj.Impact(lambda system, t, q, v: q[0] - place, restitution=0.5)
+        run = swing(jnp.ones(()), Rebounds(), events=[wall], solver=METHODS["Tsit5"], audit=False)
+        return run.followed[0][1], run
+
+    at = jnp.asarray(-0.6)
+    (speed, run), slope = rj.jit(jax.value_and_grad(rebounds, has_aux=True))(at)
+    # Half of √(4 − 4 x²), where x is the place of the wall.
+    assert_close([speed, slope], [0.8, 0.75], SOLVED)
+    assert run.followed[0][0] == run.events.count == 1
 
 
 def test_of_reduced_systems_the_physical_state_is_seen():

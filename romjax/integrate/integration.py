@@ -32,7 +32,7 @@ from ..system.schedule import Schedule
 from .amplitudes import amplitude_shares
 from .dense import output_of, post_step_of
 from .follow.audit import Audit, Findings
-from .follow.monitor import Monitors
+from .follow.monitor import AbstractMonitor, MonitorFollower
 from .outputs import Output
 from .post_step import PostStep, PostStepSolver
 from .settings import Settings
@@ -121,6 +121,7 @@ def integrate(
         end, seen = march.run(start, march.before(start))
     else:
         end, seen = differentiable_run(march, start, known)
+    seen[MONITORS] = tuple(seen[name] for name in _names_of(settings.monitors))
     saved: Saved = seen[OUTPUTS]
     run = Integrated(seen, ts, saved.rows, saved.beside, None)
     if watch is None or end.watching is None:
@@ -156,11 +157,16 @@ def _followers(
         followers[DENSE] = InterpolationFollower(settings.dense, between)
     if settings.states and steps.passage is not None:
         followers[STATES] = StateFollower(settings.states)
-    if settings.monitors:
-        followers[MONITORS] = Monitors(system, post_step, settings.monitors)
+    for name, monitor in _names_of(settings.monitors).items():
+        followers[name] = MonitorFollower(system, post_step, monitor)
     if not isinstance(settings.meter, diffrax.NoProgressMeter):
         followers[PROGRESS] = ProgressBar(settings.meter, steps.t0, steps.t1)
     return followers
+
+
+def _names_of(monitors: tuple[AbstractMonitor, ...]) -> dict[str, AbstractMonitor]:
+    """Return the monitors by the names that messages give them."""
+    return {f"follow[{i}] ({type(each).__name__})": each for i, each in enumerate(monitors)}
 
 
 def _imbalance(seen: Mapping[str, Any]) -> Float[Array, ""]:

@@ -14,7 +14,8 @@ class Step(NamedTuple):
     """A step of a march, as its followers see it.
 
     - `before`, `after`: how far the run is. `tried`: what was computed for the step.
-    - `seen`: what other followers, by their names, have seen with it; only the outputs know.
+    - `seen`: what the followers, by their names, had seen before it; to the outputs, what the
+      others have seen with it.
     """
 
     before: Progress
@@ -31,14 +32,23 @@ class Step(NamedTuple):
 class AbstractFollower(eqx.Module):
     """One that follows the steps of a march; what it has seen comes out at the end.
 
-    That is a pytree of arrays whose shapes never change. In reverse mode it is a constant, but for
-    the rows of outputs, of events and of dense output.
+    That is a pytree of arrays whose shapes never change. Derivatives in forward mode pass through
+    all of them; in reverse mode the rows of outputs, of events and of dense output have some.
 
     - `calls_users`: whether `follow` calls functions of users, which may close over numbers that
       are differentiated.
     """
 
     calls_users: ClassVar[bool] = False
+
+    @property
+    def is_transposed(self) -> bool:
+        """Whether reverse mode passes through `follow`, which then looks at nothing but the states
+        and times at both ends of a step, and at the motion between them.
+
+        Elsewhere what was seen is a constant, whose derivatives are refused.
+        """
+        return False
 
     @abc.abstractmethod
     def start(self, start: Progress) -> PyTree:

@@ -52,7 +52,7 @@ class March(NamedTuple):
         def step(carry: tuple[Progress, dict[str, Any]]) -> tuple[Progress, dict[str, Any]]:
             before, seen = carry
             after, tried = self.steps.attempt(before, self.trial)
-            made = Step(before, after, tried, {})
+            made = Step(before, after, tried, seen)
             others = {name: f.follow(made, seen[name]) for name, f in self.others.items()}
             outputs = self.outputs.follow(made._replace(seen=others), seen[OUTPUTS])
             return after, others | {OUTPUTS: outputs}

@@ -12,7 +12,7 @@ two checkpoints, and with its transpose. Nested checkpoints, as those of
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -21,8 +21,9 @@ import jax.numpy as jnp
 from equinox.internal import unvmap_any
 from jaxtyping import Array, Float, Int, PyTree
 
-from .checkpoints import CheckpointFollower
-from .follower import AbstractFollower, Step
+from .checkpoints import Checkpoint, CheckpointFollower
+from .closed import Closed, ClosedWatch, Transposable
+from .follower import Step
 from .march import DENSE, EVENTS, OUTPUTS, March
 from .outputs import Outputs
 from .steps import Progress, Trial, chosen
@@ -36,38 +37,25 @@ _CHECKPOINTS = 512
 # A key of `seen`.
 _CHECKPOINTED = "checkpoints"
 
-
-class Closed(AbstractFollower):
-    """A follower whose `function` has all that it closes over as numbers of its own."""
-
-    follower: AbstractFollower
-    function: Callable[[Step, PyTree], PyTree]
-
-    @classmethod
-    def of(cls, follower: AbstractFollower, step: Step, seen: PyTree) -> AbstractFollower:
-        """The follower itself, if it calls no functions of users."""
-        if not follower.calls_users:
-            return follower
-        return cls(follower, eqx.filter_closure_convert(follower.follow, step, seen))
-
-    def start(self, start: Progress) -> PyTree:
-        return self.follower.start(start)
-
-    def follow(self, step: Step, seen: PyTree) -> PyTree:
-        return self.function(step, seen)
-
-    def end(self, end: Progress, stopped: Array, seen: PyTree) -> PyTree:
-        return self.follower.end(end, stopped, seen)
+_REFUSED = (
+    "Reverse mode does not pass through what {} has seen: take its derivatives in forward mode, "
+    "with adjoint=diffrax.ForwardMode(), or inside of romjax.forward_mode()."
+)
 
 
 class Differentiated(NamedTuple):
-    """The arguments by which a march is differentiated: numbers of its steps, and its start."""
+    """The arguments by which a march is differentiated: numbers of its steps, and its start.
+
+    - `followers`: those that reverse mode passes through, and `seen`: what they see at the start.
+    """
 
     trial: Callable[[PyTree, PyTree, Any, Array, Array], Trial]
     output: Callable[[Float[Array, ""], PyTree], PyTree]
     ts: Float[Array, " size"]
+    followers: dict[str, Transposable]
     y: PyTree
     solver_state: PyTree
+    seen: dict[str, PyTree]
 
 
 Outcome = tuple[Progress, dict[str, Any]]
@@ -84,11 +72,26 @@ def differentiable_run(march: March, start: Progress, most: int) -> Outcome:
     step = Step(start, start, tried, {})
     trial = eqx.filter_closure_convert(march.trial, *state)
     output = eqx.filter_closure_convert(march.outputs.output, start.t, start.y)
-    others = {name: Closed.of(f, step, seen[name]) for name, f in march.others.items()}
-    by = Differentiated(trial, output, march.outputs.ts, start.y, start.solver_state)
+    others: dict[str, Any] = {}
+    transposed: dict[str, Transposable] = {}
+    for name, follower in march.others.items():
+        if follower.is_transposed:
+            transposed[name] = Transposable.of(follower, step, seen[name])
+        else:
+            others[name] = Closed.of(follower, step, seen[name])
+    by = Differentiated(
+        trial=trial,
+        output=output,
+        ts=march.outputs.ts,
+        followers=transposed,
+        y=start.y,
+        solver_state=start.solver_state,
+        seen={name: seen.pop(name) for name in transposed},
+    )
     # The rest chooses the steps or only follows them: it is not differentiated.
     nothing: Any = None
-    rest = march._replace(trial=nothing, outputs=nothing, others=others)
+    steps = march.steps._replace(watch=ClosedWatch.of(march.steps.watch, step))
+    rest = March(steps, nothing, nothing, others)
     asked = march.outputs.asked, march.outputs.beside
     choice = rest, start._replace(y=None, solver_state=None), seen, asked
     arrays, static = eqx.partition(choice, eqx.is_array)
@@ -103,8 +106,12 @@ def _power_of_two(least: int | float) -> int:
 
 def _joined(by: Differentiated, choice: Any) -> tuple[March, Progress, dict[str, Any]]:
     march, start, seen, asked = choice
-    march = march._replace(trial=by.trial, outputs=Outputs(by.output, by.ts, *asked))
-    return march, start._replace(y=by.y, solver_state=by.solver_state), seen
+    march = march._replace(
+        trial=by.trial,
+        outputs=Outputs(by.output, by.ts, *asked),
+        others={**march.others, **by.followers},
+    )
+    return march, start._replace(y=by.y, solver_state=by.solver_state), {**seen, **by.seen}
 
 
 @eqx.filter_custom_vjp
@@ -119,7 +126,7 @@ def _run_with_checkpoints(
 ) -> Any:
     del perturbed, longest
     march, start, seen = _joined(by, choice)
-    checkpoints = CheckpointFollower(slots)
+    checkpoints = CheckpointFollower(slots, by.seen)
     march = march._replace(others={**march.others, _CHECKPOINTED: checkpoints})
     end, seen = march.run(start, {**seen, _CHECKPOINTED: checkpoints.start(start)})
     number, record = seen[OUTPUTS].number, seen.get(EVENTS)
@@ -142,12 +149,17 @@ def _transpose(
     checkpoints, accepted, t, saved, happened, missing = residuals
     march, stride = _joined(by, choice)[0], checkpoints.stride
     by_rows = _filled(cotangents[1], choice[2])
-    steps = TransposedSteps(*eqx.partition(by[:3], perturbed[:3]), *by_rows)
+    by_seen = _counting(cotangents[1], by.seen)
+    # Followers that nothing depends on are no part of the transposed program.
+    used, is_perturbed = (
+        (*each[:3], {name: each.followers[name] for name in by_seen}) for each in (by, perturbed)
+    )
+    steps = TransposedSteps(*eqx.partition(used, is_perturbed), *by_rows)
 
     def segment(carry: tuple[Array, Transposed]) -> tuple[Array, Transposed]:
         index, later = carry
         size = jnp.where(index >= 0, jnp.minimum(stride, accepted - index * stride), 0)
-        starts = _starts(march, checkpoints.get(index * stride), size, longest)
+        starts = _starts(march, by_seen, checkpoints.get(index * stride), size, longest)
 
         def step(carry: tuple[Array, Transposed]) -> tuple[Array, Transposed]:
             i, later = carry
@@ -161,15 +173,20 @@ def _transpose(
 
     state = eqx.filter((by.y, by.solver_state), eqx.is_inexact_array)
     numbers, y, solver_state = jax.tree.map(jnp.zeros_like, (steps.numbers, *state))
-    end = Transposed(numbers, y, solver_state, t, jnp.zeros_like(t), saved, happened)
+    end = Transposed(numbers, y, solver_state, by_seen, t, jnp.zeros_like(t), saved, happened)
     _, first = jax.lax.while_loop(
         lambda carry: unvmap_any(carry[0] >= 0), segment, ((accepted - 1) // stride, end)
     )
-    unknown = missing & _uses_later(by_rows[0], saved) | _counts(cotangents[1], choice[2])
-    nan = jnp.where(unknown, jnp.nan, 0.0)
-    numbers, y, solver_state = jax.tree.map(lambda x: x + nan.astype(x.dtype), first[:3])
-    trial, output, ts = numbers
-    return Differentiated(trial, output, ts, y, solver_state)
+    nan = jnp.where(missing & _uses_later(by_rows[0], saved), jnp.nan, 0.0)
+    for name in choice[2].keys() - {OUTPUTS, EVENTS, DENSE}:
+        if _differentiable(cotangents[1][name]):
+            nan = eqx.error_if(nan, _counts(cotangents[1][name]), _REFUSED.format(name))
+    numbers, y, solver_state, at_start = jax.tree.map(lambda x: x + nan.astype(x.dtype), first[:4])
+    trial, output, ts, followers = numbers
+    none = jax.tree.map(lambda _: None, (by.followers, by.seen))
+    return Differentiated(
+        trial, output, ts, none[0] | followers, y, solver_state, none[1] | at_start
+    )
 
 
 def _uses_later(cotangents: PyTree, number: Int[Array, ""]) -> Array:
@@ -185,11 +202,28 @@ def _uses_later(cotangents: PyTree, number: Int[Array, ""]) -> Array:
     return jnp.any(jnp.array([counts(x) for x in leaves], bool))
 
 
-def _counts(cotangents: dict[str, Any], seen: dict[str, Any]) -> Array:
-    """Whether something depends on what followers have seen that are constants here."""
-    others = [cotangents[name] for name in seen if name not in (OUTPUTS, EVENTS, DENSE)]
-    leaves = jax.tree.leaves(eqx.filter(others, eqx.is_inexact_array))
-    return jnp.any(jnp.array([jnp.any(x != 0) for x in leaves], bool))
+def _counts(cotangents: PyTree) -> Array:
+    """Whether something depends on what has these cotangents."""
+    return jnp.any(jnp.array([jnp.any(x != 0) for x in _differentiable(cotangents)]))
+
+
+def _differentiable(tree: PyTree) -> list[Array]:
+    leaves: list[Array] = jax.tree.leaves(eqx.filter(tree, eqx.is_inexact_array))
+    return leaves
+
+
+def _counting(cotangents: dict[str, Any], seen: dict[str, PyTree]) -> dict[str, PyTree]:
+    """Return the cotangents of what followers have `seen` whom something depends on; zeros where
+    they are missing.
+    """
+    moving = {name: eqx.filter(each, eqx.is_inexact_array) for name, each in seen.items()}
+    return {
+        name: jax.tree.map(
+            lambda x, bar: jnp.zeros_like(x) if bar is None else bar, each, cotangents[name]
+        )
+        for name, each in moving.items()
+        if _differentiable(cotangents[name])
+    }
 
 
 _run.def_fwd(_run_with_checkpoints)  # type: ignore[no-untyped-call]
@@ -211,26 +245,42 @@ def _filled(cotangents: dict[str, Any], seen: dict[str, Any]) -> tuple[PyTree, P
     return filled(OUTPUTS, lambda saved: saved.rows), filled(EVENTS), filled(DENSE)
 
 
-def _starts(march: March, first: Progress, size: Int[Array, ""], longest: int) -> StepStart:
-    """Return the starts of `size` accepted steps, the `first` of which is given."""
+def _starts(
+    march: March,
+    names: Collection[str],
+    checkpoint: Checkpoint,
+    size: Int[Array, ""],
+    longest: int,
+) -> StepStart:
+    """Return the starts of `size` accepted steps, the first of which is at a checkpoint, with what
+    the followers of these `names` have seen before each.
+    """
+    first = checkpoint.progress
+    known = {name: checkpoint.seen[name] for name in names}
 
     def unfinished(now: Progress) -> Array:
         return (now.accepted - first.accepted < size - 1) & march.steps.unfinished(now)
 
-    def again(carry: tuple[Progress, PyTree]) -> tuple[Progress, PyTree]:
-        now, rows = carry
-        after = chosen(unfinished(now), march.steps.attempt(now, march.trial)[0], now)
-        number = after.accepted - first.accepted
-        rows = jax.tree.map(lambda all_, x: all_.at[number].set(x), rows, StepStart(*after[:4]))
-        return after, rows
+    def row_of(now: Progress, seen: dict[str, PyTree]) -> StepStart:
+        return StepStart(now.y, now.solver_state, now.watching, now.t, seen)
 
-    def row(x: Array) -> Array:
+    def again(carry: tuple[Progress, Any, PyTree]) -> tuple[Progress, Any, PyTree]:
+        now, seen, rows = carry
+        after, tried = march.steps.attempt(now, march.trial)
+        after = chosen(unfinished(now), after, now)
+        step = Step(now, after, tried, seen)
+        seen = {name: march.others[name].follow(step, seen[name]) for name in names}
+        number = after.accepted - first.accepted
+        row = row_of(after, seen)
+        return after, seen, jax.tree.map(lambda all_, x: all_.at[number].set(x), rows, row)
+
+    def room(x: Array) -> Array:
         return jnp.zeros((longest, *x.shape), x.dtype).at[0].set(x)
 
-    _, rows = jax.lax.while_loop(
+    _, _, rows = jax.lax.while_loop(
         lambda carry: unvmap_any(unfinished(carry[0])),
         again,
-        (first, jax.tree.map(row, StepStart(*first[:4]))),
+        (first, known, jax.tree.map(room, row_of(first, known))),
     )
     starts: StepStart = rows
     return starts

@@ -1,5 +1,6 @@
 """The transposes of single steps of a march, from the last to the first."""
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -13,20 +14,22 @@ from .steps import chosen
 
 
 class StepStart(NamedTuple):
-    """The state at which a step starts."""
+    """The state at which a step starts, and what followers had `seen` by then, by their names."""
 
     y: PyTree
     solver_state: PyTree
     watching: Watching | None
     t: Float[Array, ""]
+    seen: dict[str, PyTree]
 
 
 class Transposed(NamedTuple):
     """The cotangents that the transposes of all later steps leave for the earlier ones."""
 
-    numbers: Any  # derivatives by trial, output and ts
+    numbers: Any  # derivatives by trial, output, ts and followers
     y: PyTree  # by the state where the next step starts
     solver_state: PyTree
+    seen: dict[str, PyTree]  # by what followers had seen there
     t: Float[Array, ""]  # when it starts
     by_t: Float[Array, ""]  # derivative by that
     saved: Int[Array, ""]  # outputs before
@@ -36,7 +39,8 @@ class Transposed(NamedTuple):
 class TransposedSteps(NamedTuple):
     """The steps of a march, as functions that are transposed one by one."""
 
-    numbers: Any  # of trial, output and ts: those by which it is differentiated, else None
+    # Of trial, output, ts and followers: those by which it is differentiated, else None.
+    numbers: Any
     constants: Any  # the others
     cotangents: PyTree  # of all outputs
     by_events: Any  # cotangents of the record of events, a `Record`; None where there is none
@@ -49,17 +53,14 @@ class TransposedSteps(NamedTuple):
         is_first = number == 0
         t0, t1, ts = start.t, later.t, eqx.combine(self.numbers, self.constants)[2]
 
-        def advance(numbers: Any, y: PyTree, solver_state: PyTree, t0: Array) -> Any:
-            trial, _, _ = eqx.combine(numbers, self.constants)
-            tried = trial(y, solver_state, start.watching, t0, t1)
-            arrival = tried.arrival
-            if arrival is None:
-                return (tried.y, tried.solver_state, tried.between, None), None
-            happens = (arrival.t, arrival.impulse, arrival.before, arrival.after)
-            return (tried.y, tried.solver_state, tried.between, happens), arrival.happens
-
-        (_, _, between, _), pull, happens = eqx.filter_vjp(
-            advance, self.numbers, start.y, start.solver_state, t0, has_aux=True
+        (_, _, between, _, _), pull, happens = eqx.filter_vjp(
+            partial(self.advance, start.watching, t1),
+            self.numbers,
+            start.y,
+            start.solver_state,
+            t0,
+            start.seen,
+            has_aux=True,
         )
 
         def is_due(carry: Any) -> Array:
@@ -71,7 +72,7 @@ class TransposedSteps(NamedTuple):
             (number, total), due = carry, is_due(carry)
 
             def row(numbers: Any, between: Any) -> Any:
-                _, output, ts = eqx.combine(numbers, self.constants)
+                _, output, ts, _ = eqx.combine(numbers, self.constants)
                 return output(ts[number - 1], between.evaluate(ts[number - 1]))
 
             _, pull = eqx.filter_vjp(row, self.numbers, between)
@@ -89,16 +90,43 @@ class TransposedSteps(NamedTuple):
             )
             by_between = add(by_between, jax.tree.map(lambda x: x[number], own))
         happened, by_event = self.at_event(happens, later)
-        by_trial, by_y, by_state, by_t = pull((later.y, later.solver_state, by_between, by_event))
+        by_trial, by_y, by_state, by_t, by_seen = pull(
+            (later.y, later.solver_state, by_between, by_event, later.seen)
+        )
         numbers = add(add(later.numbers, by_outputs), by_trial)
         if numbers[2] is not None:
             # The first step starts at a number of the user, the first time. Later starts are chosen
             # by the step size control, which is not differentiated.
             by_start = numbers[2].at[0].add(jnp.where(is_first, by_t, 0.0))
-            numbers = (*numbers[:2], by_start)
-        earlier = Transposed(numbers, by_y, by_state, t0, by_t, saved, happened)
+            numbers = (*numbers[:2], by_start, numbers[3])
+        earlier = Transposed(numbers, by_y, by_state, by_seen, t0, by_t, saved, happened)
         result: Transposed = chosen(active, earlier, later)
         return result
+
+    def advance(
+        self,
+        watching: Watching | None,
+        t1: Array,
+        numbers: Any,
+        y: PyTree,
+        solver_state: PyTree,
+        t0: Array,
+        seen: dict[str, PyTree],
+    ) -> tuple[Any, Array | None]:
+        """What a step to t1 brings that has derivatives, and whether an event is at its end."""
+        trial, _, _, followers = eqx.combine(numbers, self.constants)
+        tried = trial(y, solver_state, watching, t0, t1)
+        arrival, end, event, happens = tried.arrival, t1, None, None
+        if arrival is not None:
+            happens = arrival.happens
+            end = jnp.where(happens, arrival.t, t1)
+            event = (arrival.t, arrival.impulse, arrival.before, arrival.after)
+        new = {
+            name: each.function(t0, y, end, tried.y, tried.between, seen[name])
+            for name, each in followers.items()
+        }
+        new = eqx.filter(new, eqx.is_inexact_array)
+        return (tried.y, tried.solver_state, tried.between, event, new), happens
 
     def at_event(self, happens: Array | None, later: Transposed) -> tuple[Array, Any]:
         """Return the number of events before a step, and the cotangents of the event at its end."""

@@ -48,8 +48,12 @@ class AbstractMonitor(eqx.Module):
 
     A subclass has two methods, traced with the run. What they return is a pytree of arrays, whose
     shapes and types stay as `start` has them. It is in `Trajectory.followed` at the end.
-    It has derivatives in forward mode; in reverse mode they are NaN.
+    It has derivatives in both modes, with the lengths of steps as constants. In reverse mode each
+    step is transposed; where `follow` has what JAX does not transpose, as a `while_loop`, say
+    `is_transposed = False` in the class: then derivatives of its findings are refused in that mode.
     """
+
+    is_transposed: ClassVar[bool] = True
 
     @abc.abstractmethod
     def start(self, system: AbstractSystem, start: Moment) -> PyTree:
@@ -60,23 +64,24 @@ class AbstractMonitor(eqx.Module):
         """The same with an accepted step, from what was `seen` before it."""
 
 
-class Monitors(AbstractFollower):
-    """The monitors of a run of a system, whose states are those of the integration."""
+class MonitorFollower(AbstractFollower):
+    """A monitor in a run of a system, whose states are those of the integration."""
 
     system: AbstractSystem
     post_step: PostStep | None
-    monitors: tuple[AbstractMonitor, ...]
+    monitor: AbstractMonitor
 
     calls_users: ClassVar[bool] = True
 
-    def start(self, start: Progress) -> tuple[PyTree, ...]:
-        moment = self._moment(start.t, start.y)
-        return tuple(
-            jax.tree.map(jnp.asarray, each.start(self.system.full, moment))
-            for each in self.monitors
-        )
+    @property
+    def is_transposed(self) -> bool:
+        return self.monitor.is_transposed
 
-    def follow(self, step: Step, seen: tuple[PyTree, ...]) -> tuple[PyTree, ...]:
+    def start(self, start: Progress) -> PyTree:
+        moment = self._moment(start.t, start.y)
+        return jax.tree.map(jnp.asarray, self.monitor.start(self.system.full, moment))
+
+    def follow(self, step: Step, seen: PyTree) -> PyTree:
         before, after, between = step.before, step.after, step.tried.between
         monitored = MonitoredStep(
             system=self.system.full,
@@ -84,12 +89,8 @@ class Monitors(AbstractFollower):
             after=self._moment(after.t, after.y),
             at=lambda t: self._moment(t, between.evaluate(t)),
         )
-        new = tuple(
-            _alike(each, each.follow(monitored, old), old)
-            for each, old in zip(self.monitors, seen, strict=True)
-        )
-        followed: tuple[PyTree, ...] = chosen(step.kept, new, seen)
-        return followed
+        new = _alike(self.monitor, self.monitor.follow(monitored, seen), seen)
+        return chosen(step.kept, new, seen)
 
     def _moment(self, t: Float[Array, ""], y: Any) -> Moment:
         q, v = y[:2]

@@ -1,0 +1,107 @@
+"""Followers and watches that close over nothing: the numbers of functions of users become their
+own, so that they are arguments of a march that is differentiated.
+"""
+
+from collections.abc import Callable
+from typing import Any, Self
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, PyTree
+
+from .cuts import AbstractWatch, Arrival, Cut, Watching
+from .follower import AbstractFollower, Step
+from .steps import Progress, Trial, chosen
+
+
+class Closed(AbstractFollower):
+    """A follower whose derivatives in reverse mode nobody may ask for."""
+
+    follower: AbstractFollower
+    function: Callable[[Step, PyTree], PyTree]
+
+    @classmethod
+    def of(cls, follower: AbstractFollower, step: Step, seen: PyTree) -> AbstractFollower:
+        """The follower itself, if it calls no functions of users."""
+        if not follower.calls_users:
+            return follower
+        return cls(follower, eqx.filter_closure_convert(follower.follow, step, seen))
+
+    def start(self, start: Progress) -> PyTree:
+        return self.follower.start(start)
+
+    def follow(self, step: Step, seen: PyTree) -> PyTree:
+        return self.function(step._replace(seen={}), seen)
+
+    def end(self, end: Progress, stopped: Array, seen: PyTree) -> PyTree:
+        return self.follower.end(end, stopped, seen)
+
+
+class Transposable(AbstractFollower):
+    """A follower that reverse mode passes through.
+
+    - `function`: of the times and states at both ends of an accepted step, of the motion between
+      them, and of what was seen before.
+    """
+
+    follower: AbstractFollower
+    function: Callable[[Array, PyTree, Array, PyTree, Any, PyTree], PyTree]
+
+    @classmethod
+    def of(cls, follower: AbstractFollower, step: Step, seen: PyTree) -> Self:
+        """The follower, for steps and findings of these shapes."""
+
+        def function(t0: Array, y0: PyTree, t1: Array, y1: PyTree, between: Any, seen: Any) -> Any:
+            none: Any = None
+            zero, one = jnp.zeros((), int), jnp.ones((), int)
+            before = Progress(y0, none, none, t0, none, none, none, zero, zero)
+            after = before._replace(y=y1, t=t1, steps=one, accepted=one)
+            tried = Trial(y1, none, between, none, none, none)
+            return follower.follow(Step(before, after, tried, {}), seen)
+
+        ends = step.before.t, step.before.y, step.after.t, step.after.y
+        return cls(follower, eqx.filter_closure_convert(function, *ends, step.tried.between, seen))
+
+    def start(self, start: Progress) -> PyTree:
+        return self.follower.start(start)
+
+    def follow(self, step: Step, seen: PyTree) -> PyTree:
+        before, after, between = step.before, step.after, step.tried.between
+        new = self.function(before.t, before.y, after.t, after.y, between, seen)
+        return chosen(step.kept, new, seen)
+
+    def end(self, end: Progress, stopped: Array, seen: PyTree) -> PyTree:
+        return self.follower.end(end, stopped, seen)
+
+
+class ClosedWatch(AbstractWatch):
+    """A watch whose `function` finds the cuts. How long steps are is not differentiated."""
+
+    watch: AbstractWatch
+    function: Callable[[Watching, Array, Any, Arrival], Cut]
+
+    @classmethod
+    def of(cls, watch: AbstractWatch | None, step: Step) -> AbstractWatch | None:
+        """The watch for steps of this shape."""
+        if watch is None:
+            return None
+        before, tried = step.before, step.tried
+        by = before.watching, before.t, tried.between, tried.arrival
+        return cls(watch, eqx.filter_closure_convert(watch.cut, *by))
+
+    def start(self, t: Float[Array, ""], y: Any) -> Watching:
+        return self.watch.start(t, y)
+
+    def arrive(self, watching: Watching, t0: Array, t1: Array, y: Any) -> Arrival:
+        return self.watch.arrive(watching, t0, t1, y)
+
+    def cut(self, watching: Watching, t0: Array, between: Any, arrival: Arrival) -> Cut:
+        return self.function(watching, t0, between, arrival)
+
+    def follow(
+        self, watching: Watching, keep: Array, cut: Cut, y0: Any, end: Array, arrival: Arrival
+    ) -> Watching:
+        return self.watch.follow(watching, keep, cut, y0, end, arrival)
+
+    def is_stopped(self, watching: Watching) -> Bool[Array, ""]:
+        return self.watch.is_stopped(watching)
