@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _told(call: Callable[[], T]) -> tuple[T | None, int]:
-    """What a call returns, and 0; None and an exit status where it fails, after saying why."""
+    """Return the result of a call, and 0; None and an exit status if it fails, after saying why."""
     try:
         return call(), 0
     except (SimulationError, ValueError, OSError) as error:

@@ -1,4 +1,4 @@
-"""What commands are given: scenes by name or file, and folders to write to."""
+"""Inputs of commands: scenes by name or file, and folders to write to."""
 
 import runpy
 import tempfile

@@ -1,4 +1,4 @@
-"""What the command line takes: verbs and their options."""
+"""Parser of the command line: verbs and their options."""
 
 import argparse
 from pathlib import Path

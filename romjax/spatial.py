@@ -1,4 +1,4 @@
-"""What is different in space: `romjax.spatial`, for short r = rj.spatial.
+"""Classes that differ in space: `romjax.spatial`, for short r = rj.spatial.
 
 Parts that the plane has too are one class: Gravity, Spring, Damper, TorsionSpring, TorsionDamper,
 Motor, Drag, Force, Bushing, Revolute, Prismatic, Weld, Gear, Distance, PointOnLine, PointOnCurve,

@@ -1,4 +1,4 @@
-"""What is a large displacement of each coordinate: the metric of statics."""
+"""The size of a large displacement of each coordinate: the metric of statics."""
 
 import jax.numpy as jnp
 import numpy as np

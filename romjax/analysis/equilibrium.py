@@ -147,7 +147,7 @@ def _solve(system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]) 
 def _unbalanced(
     system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"], reached: _Reached
 ) -> Float[Array, " n"]:
-    """What is left of the forces where the continuation ended."""
+    """Return the residual forces where the continuation ended."""
     return Statics(system, t, q0).residual(reached.q, reached.multipliers)[: system.n]
 
 

@@ -1,4 +1,4 @@
-"""From a scene to its system."""
+"""Assembly of the system of a scene."""
 
 import itertools
 from collections.abc import Sequence
@@ -131,7 +131,7 @@ def _controllers(
 
 
 def _is_rigid(body: AbstractBody) -> list[bool]:
-    """Which coordinates of a body are those of rigid motion; none of a state."""
+    """Mark the coordinates of a body that describe its rigid motion; a state has none."""
     frame = 0 if isinstance(body, StateCarrier) else body.frame_size
     return [i < frame for i in range(body.size)]
 

@@ -177,7 +177,7 @@ class AssembledSystem(AbstractSystem):
         return spread([force for _, force in acting], columns, (self.n,))
 
     def acting(self, without: Collection[int] = ()) -> list[bool]:
-        """Which groups of effects have wrenches, those `without` not counted."""
+        """Return the groups of effects that have wrenches, but for those `without`."""
         return [group.effects.acts and i not in without for i, group in enumerate(self.effects)]
 
     def effect_force(

@@ -1,4 +1,4 @@
-"""Which angles of a system count full turns, and how their counters start."""
+"""The angles of a system that count full turns, and the start of their counters."""
 
 import dataclasses
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""From a system back to its scene."""
+"""The scene that a system was assembled from, with the numbers of the system."""
 
 import itertools
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Where linear bodies leave what they are right for: axially loaded beams, meshes that bend far."""
+"""Warnings of linear bodies beyond their validity: axially loaded beams, meshes that bend far."""
 
 import warnings
 from collections.abc import Iterator
@@ -31,7 +31,7 @@ def linear_warning(
     q: Float[Array, "k n"],
     v: Float[Array, "k n"],
 ) -> str:
-    """What linear bodies leave out at states of a full or reduced `system`, in words; "" if that is
+    """Say what linear bodies leave out at states of a full or reduced `system`; "" if that is
     little, or while JAX traces.
     """
     found = axial_warning(system, t, q, v), turning_warning(system, t, q, v)

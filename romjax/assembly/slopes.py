@@ -44,8 +44,8 @@ class _Blocks(NamedTuple):
 
 
 class _Action(NamedTuple):
-    """What equal parts do to the poses on their sides, as forces in the equation of motion's M a
-    side, and the derivatives by poses and by rates of poses.
+    """The action of equal parts on the poses on their sides, as forces in the equation of motion's
+    M a side, and the derivatives by poses and by rates of poses.
     """
 
     force: Float[Array, "count sides numbers"]
@@ -101,7 +101,7 @@ def slopes(
 def _of_bodies(
     system: Any, q: Float[Array, " n"], v: Float[Array, " n"], a: Float[Array, " n"]
 ) -> _Blocks:
-    """What bodies do by themselves: inertia, elasticity, damping and fields."""
+    """Return the action of bodies on themselves: inertia, elasticity, damping and fields."""
     size, each = system.pattern.coordinates.width, []
     for group in system.bodies:
         shape = (len(group.coordinates.rows), size, size)
@@ -168,7 +168,7 @@ def _of_parts(
     q: Float[Array, " n"],
     v: Float[Array, " n"],
 ) -> list[_Blocks]:
-    """What joints or effects do to bodies, by what they do to the poses of their markers."""
+    """Return the action of joints or effects on bodies, from that on the poses of their markers."""
     table, size = markers.coordinates(), pattern.coordinates.width
     bodies, exists = pattern.bodies_at(table[:, 0]), (table < pattern.n).astype(q.dtype)
 

@@ -1,4 +1,4 @@
-"""What speaks against the result of a scene with capped modes."""
+"""Flags of runs of scenes with capped modes."""
 
 from typing import Any
 

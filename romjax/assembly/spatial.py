@@ -36,8 +36,8 @@ def turned(own: Float[Array, "count 4"], turns: Float[Array, "count 4"]) -> Floa
 def about(
     turns: Float[Array, "count 4"], local: Float[Array, "count 4"], rows: Sequence[tuple[int, ...]]
 ) -> Float[Array, "count 4"]:
-    """What small turns of points turn: the markers' `turns`, or the `local` ones on bodies that
-    bend far, whose markers are in `rows`.
+    """Select what small turns of points turn: the markers' `turns`, or the `local` ones on bodies
+    that bend far, whose markers are in `rows`.
     """
     for own in rows:
         turns = turns.at[np.array(own)].set(local[np.array(own)])

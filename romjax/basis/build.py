@@ -1,4 +1,4 @@
-"""From orthonormal vectors in weighted coordinates to modes, and what they miss."""
+"""Modes from orthonormal vectors in weighted coordinates, and the residual that they leave."""
 
 import jax.numpy as jnp
 import jax.scipy.linalg as jsl

@@ -1,4 +1,4 @@
-"""What users may write for numbers, and how it becomes an array."""
+"""Types of numbers that users may give, and their conversion to arrays."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any

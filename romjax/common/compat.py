@@ -1,4 +1,4 @@
-"""What romjax uses of JAX, diffrax and equinox that is not public, one function for each.
+"""Private interfaces of JAX, diffrax and equinox that romjax uses, one function for each.
 
 Every function has a test in tests/test_compat.py that fails when the interface behind it changes.
 The upper bound of jax in pyproject.toml stands for the newest version these tests have passed with.

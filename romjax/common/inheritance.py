@@ -1,4 +1,4 @@
-"""What a class may take over from those that it inherits from."""
+"""Methods and properties that a class takes over from those that it inherits from."""
 
 from typing import Any
 

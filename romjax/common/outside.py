@@ -13,7 +13,7 @@ T = TypeVar("T")
 
 
 def outside_of_traces(call: Callable[[], T]) -> T:
-    """What a function without traced numbers returns, computed now also where JAX traces."""
+    """Evaluate a function without traced numbers at once, also where JAX traces."""
     if is_outermost():
         return call()
     double = jnp.result_type(float) == jnp.float64

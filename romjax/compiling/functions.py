@@ -1,4 +1,4 @@
-"""Which parts of a program XLA compiles as functions of their own, instead of as kernels."""
+"""Parts of a program that XLA compiles as functions of their own, instead of as kernels."""
 
 import functools
 import itertools

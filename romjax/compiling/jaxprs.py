@@ -80,7 +80,7 @@ def largest_copy(jaxpr: Any) -> int:
 
 
 def _changed(jaxpr: Any) -> set[Any]:
-    """Those of a jaxpr's arguments that are changed in it, in its inner jaxprs too."""
+    """Return the arguments of a jaxpr that are changed in it, in its inner jaxprs too."""
     changed: list[Any] = []
     for equation in jaxpr.eqns:
         arguments, name = equation.invars, equation.primitive.name

@@ -21,7 +21,7 @@ _MOST = 4
 
 @runtime_checkable
 class Forgets(Protocol):
-    """What remembers compiled programs."""
+    """A cache of compiled programs that can be cleared."""
 
     def forget(self) -> None:
         """Forget them."""
@@ -29,7 +29,7 @@ class Forgets(Protocol):
 
 @dataclasses.dataclass
 class Count:
-    """When the pieces are counted again.
+    """The next count of the pieces.
 
     The system writes out all of them then, which for some ten thousand takes longer than a small
     program.

@@ -1,4 +1,4 @@
-"""Where events lie in the steps of a run, and what happens there."""
+"""Location of events in the steps of a run, and the change of the state at them."""
 
 from typing import Any
 

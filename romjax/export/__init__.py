@@ -1,4 +1,4 @@
-"""What leaves to run elsewhere: `romjax.export`."""
+"""Exports of systems that run elsewhere: `romjax.export`."""
 
 from .exported import Exported as Exported
 from .exported import c as c

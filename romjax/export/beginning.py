@@ -1,4 +1,4 @@
-"""What a system is at its start, by C: a program of XLA takes several times as long to compile."""
+"""The start of a system, computed by C: XLA takes several times as long to compile it."""
 
 import ctypes
 from collections.abc import Mapping

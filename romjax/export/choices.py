@@ -1,4 +1,4 @@
-"""With which method and stabilization a compiled model runs."""
+"""Choice of the method and the stabilization of a compiled model."""
 
 from typing import Any, NamedTuple
 
@@ -18,7 +18,7 @@ from .refuse import refuse
 
 
 class Choice(NamedTuple):
-    """What a run is made with where nothing else is asked for."""
+    """The settings of a run for which nothing else is asked."""
 
     solver: diffrax.AbstractSolver[Any]
     stabilization: Baumgarte | None

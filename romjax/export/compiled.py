@@ -177,7 +177,7 @@ class CompiledModel:
     def _trajectory(
         self, system: AbstractSystem, ts: Any, told: Told, choice: Choice, asked: Asked
     ) -> Trajectory:
-        """What the rows of a run are."""
+        """Return the rows of a run as a trajectory."""
         n, controlled = told.x.shape[1] // 2, asked.dt is None
         atol: Any = np.asarray(asked.atol)
         if asked.follow:

@@ -1,4 +1,4 @@
-"""What an FMU says of itself, by the schema of FMI 3.0."""
+"""The model description of an FMU, by the schema of FMI 3.0."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -131,7 +131,8 @@ def model_description(variables: Variables, token: str) -> str:
 
 
 def _structure(variables: Variables) -> Iterator[tuple[str, int, list[int]]]:
-    """What the unknowns depend on; in the run, where parameters are no unknowns, and at the start.
+    """List what the unknowns depend on; in the run, where parameters are no unknowns, and at the
+    start.
 
     The rates of positions are the velocities, and no output depends on an input: so importers
     find no loops where there are none. All is said, since some importers read no default.

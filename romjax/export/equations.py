@@ -60,7 +60,7 @@ def start(system: AbstractSystem, t: Array, x: State) -> Mapping[str, Array]:
 
 
 def flags(system: AbstractSystem, t: Array, x: State, rtol: Array) -> Mapping[str, Array]:
-    """What speaks against one state of a reduced system: its flags."""
+    """Return the flags of one state of a reduced system."""
     q, v = x[: system.n], x[system.n :]
     assert system.validity is not None
     output = physical_output(system, t, x)
@@ -86,7 +86,7 @@ def longest(schedule: Schedule, t: Array) -> Mapping[str, Array]:
 
 
 def words(system: Any) -> dict[str, list[str]]:
-    """What the entries of a state are, for comments."""
+    """Name the entries of a state, for comments."""
     labels = [coordinate.label for coordinate in system.structure.coordinates]
     full = [coordinate.label for coordinate in system.full.structure.coordinates]
     return {

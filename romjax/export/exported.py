@@ -23,7 +23,8 @@ _TEMPLATES = ("main.c", "casadi.c", "Makefile", "CMakeLists.txt")
 
 
 class Exported(NamedTuple):
-    """What was written: the files in their `folder`, and how many `operations` each function has.
+    """An exported model: the files in their `folder`, and the number of `operations` of each
+    function.
 
     `states`, `inputs`, `outputs`, `parameters`: names of the entries of x, u, y and p, in order.
     """

@@ -36,7 +36,7 @@ _ENDS = {"linux": ".so", "darwin": ".dylib", "windows": ".dll"}
 
 
 class ExportedFMU(NamedTuple):
-    """What was written: the file at `path`, and how many `operations` each function has.
+    """An exported FMU: the file at `path`, and the number of `operations` of each function.
 
     `states`, `inputs`, `outputs`, `parameters`: names of variables. `platform`: that of the
     binary, as "x86_64-linux"; None where there are sources alone.

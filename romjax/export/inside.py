@@ -26,7 +26,7 @@ _FORWARD = (
 
 
 class Rows(NamedTuple):
-    """What a run returns: rows at the output times, and numbers as `model_run` tells them."""
+    """The result of a run: rows at the output times, and numbers as `model_run` returns them."""
 
     q: Array
     v: Array

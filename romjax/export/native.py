@@ -51,7 +51,7 @@ class Asked(NamedTuple):
 
 
 class Told(NamedTuple):
-    """What a run tells: numbers of steps, its status and flags, and rows at the output times."""
+    """The result of a run: numbers of steps, its status and flags, and rows at the output times."""
 
     steps: Any
     accepted: Any
@@ -106,7 +106,7 @@ class NativeRuns:
     def judged(
         self, system: AbstractSystem, ts: Any, q: Any, v: Any, x: Any, violation: Any, asked: Asked
     ) -> Any:
-        """What of the region of validity of a system C has not judged."""
+        """Return the part of the region of validity of a system that C has not judged."""
         if self._judged:
             return 0
         drift = np.asarray(0.0 if asked.dt is not None else asked.rtol)
@@ -140,7 +140,7 @@ def _flags(
     violation: Any,
     rtol: Float[Array | np.ndarray, ""],
 ) -> Int[Array, ""]:
-    """What the region of validity of a system says of a whole motion."""
+    """Return the flags that the region of validity of a system gives a whole motion."""
     flags, drift, full = jnp.zeros((), int), drift_of(q, rtol), system.full
     if full.validity is not None:
         flags |= full.validity.flags(full, Run(jnp.asarray(ts), q, v, q, violation, drift))

@@ -1,4 +1,4 @@
-"""What cannot leave, in words."""
+"""The error about a system that cannot be exported."""
 
 from typing import NoReturn
 

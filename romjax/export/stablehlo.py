@@ -28,7 +28,7 @@ _VERB = "export.stablehlo"
 
 
 class ExportedRun(NamedTuple):
-    """What was written: the file at `path`, and what is fixed in it, the method and the
+    """An exported run: the file at `path`, and what is fixed in it, the method and the
     stabilization.
     """
 

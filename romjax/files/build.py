@@ -1,4 +1,4 @@
-"""From the tables of a file to a scene."""
+"""Construction of a scene from the tables of a file."""
 
 import contextlib
 import math

@@ -1,4 +1,4 @@
-"""What the argument of a part looks like in a file, from its annotation: one source for schema,
+"""Forms of arguments of parts in files, from their annotations: one source for schema,
 reading and writing.
 """
 
@@ -97,7 +97,7 @@ class TableOf:
 
 
 class Key(NamedTuple):
-    """What stands under a key of a table."""
+    """The form of the value under a key of a table."""
 
     form: "Form"
     required: bool = False

@@ -1,4 +1,4 @@
-"""What is wrong with a file: every mistake with its line, table, key, cause and remedy."""
+"""Mistakes in files, each with its line, table, key, cause and remedy."""
 
 import dataclasses
 import re
@@ -91,7 +91,7 @@ def written(place: Place) -> str:
 
 
 def owner_of(place: Place) -> str:
-    """What messages about the part at a place begin with."""
+    """Return the words with which messages about the part at a place begin."""
     kind = {"bodies": "body", "joints": "joint", "effects": "effect"}.get(str(place[0]), "")
     return f"{kind} '{place[1]}': " if kind else ""
 

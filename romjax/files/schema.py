@@ -1,4 +1,4 @@
-"""What may stand in a scene file, by the parts: what is wrong in one, and its JSON schema."""
+"""The form of scene files, from the classes of parts: mistakes in one, and its JSON schema."""
 
 import dataclasses
 import difflib
@@ -107,7 +107,7 @@ def _part(maker: Maker, base: type) -> Table:
 
 
 def _label(name: str, base: type) -> str:
-    """What the table of a part is called: its type, unless a body, joint or effect has it too."""
+    """Name the table of a part: its type, unless a body, joint or effect has it too."""
     bases = SECTIONS.values()
     taken = base not in bases and any(name in makers(other) for other in bases)
     return f"{base.__name__.removeprefix('Abstract')}-{name}" if taken else name

@@ -1,4 +1,4 @@
-"""What the `[run]` table of a scene file says."""
+"""The `[run]` table of a scene file."""
 
 import dataclasses
 import math

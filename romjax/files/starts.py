@@ -50,7 +50,7 @@ def start_rows(placed: Scene, closed: Scene, closes: bool) -> list[list[str]]:
 
 
 def moves(placed: Scene, closed: Scene, length: float) -> str:
-    """What moves, in words, where a scene that is `placed` is `closed`, and by how much; "" for
+    """Say what moves where a scene that is `placed` is `closed`, and by how much; "" for
     less than a thousandth of a `length` [m] and a tenth of a degree, and while JAX traces.
     """
     if any(is_traced(x) for body in closed.bodies for x in body.start()):

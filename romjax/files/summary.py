@@ -1,4 +1,4 @@
-"""What a scene is, in words and without running it."""
+"""Descriptions of scenes in words, without running them."""
 
 from collections import Counter
 

@@ -1,4 +1,4 @@
-"""From a file to its tables."""
+"""Reading of the tables of a file."""
 
 import re
 import tomllib

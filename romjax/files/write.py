@@ -1,4 +1,4 @@
-"""From a scene to a file."""
+"""Writing of a scene to a file."""
 
 import hashlib
 import os

@@ -1,4 +1,4 @@
-"""What tolerances allow as errors of a run, in the energy norm."""
+"""Errors of a run that its tolerances allow, in the energy norm."""
 
 from typing import Any
 

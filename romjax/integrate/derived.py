@@ -1,4 +1,4 @@
-"""What follows from a run and its system: evaluated with the run, or when somebody asks for it."""
+"""Quantities that follow from a run and its system, evaluated with the run or on demand."""
 
 import dataclasses
 from typing import NamedTuple

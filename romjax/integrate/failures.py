@@ -52,7 +52,7 @@ def raise_failure(system: AbstractSystem, trajectory: Trajectory, start: Start) 
 
 
 def _describe_times(t: np.ndarray) -> str:
-    """What a run that begins long after zero may have failed for."""
+    """Say why a run that begins long after zero may have failed."""
     latest, length = max(abs(t[0]), abs(t[-1])), t[-1] - t[0]
     if not 0 < _LATE * length <= latest:
         return ""

@@ -1,4 +1,4 @@
-"""What the modes of a reduced model leave out, on the motions that it was made of."""
+"""The error of leaving modes out, on the motions that a reduced model was made of."""
 
 import dataclasses
 import functools

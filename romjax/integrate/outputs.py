@@ -1,4 +1,4 @@
-"""What is saved at the output times, and room for it."""
+"""Rows that are saved at the output times, and room for them."""
 
 import functools
 import itertools

@@ -28,7 +28,7 @@ _NUMBERS = int, float, jax.Array, np.ndarray, np.number
 
 
 class AtStart(NamedTuple):
-    """What choices, and the judgement of a run, need of the state that it starts from.
+    """Facts about the state that a run starts from, which choices and its judgement need.
 
     `energy`: of all [J]; zero without coordinates.
     """
@@ -77,8 +77,8 @@ class Settings(NamedTuple):
     states: int = 0
 
     def known_start(self, system: AbstractSystem) -> AtStart | None:
-        """What is known of the state in which the run begins: nothing if it is projected first, or
-        if controllers have set something in it.
+        """Return what is known of the state in which the run begins: nothing if it is projected
+        first, or if controllers have set something in it.
         """
         projects = self.projection is not None and self.projects_start
         return None if projects or ticks(system) else self.at_start

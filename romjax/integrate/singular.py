@@ -1,4 +1,4 @@
-"""Where a motion comes to a position at which its constraints lose rank."""
+"""Detection of positions at which the constraints of a motion lose rank."""
 
 from typing import NamedTuple
 

@@ -91,7 +91,7 @@ class BlockLU(eqx.Module):
         right: Float[Array, "nodes b k"],
         scaled: bool = False,
     ) -> Float[Array, "nodes b k"]:
-        """From the first step to the last, y_j loses A_ji Δ_i⁻¹ y_i; then, from the last to the
+        """Solve forwards, where y_j loses A_ji Δ_i⁻¹ y_i; then backwards, from the last to the
         first, x_i = Δ_i⁻¹ y_i − Δ_i⁻¹ A_ij x_j. `scaled`: the columns are A_ji Δ_i⁻¹.
         """
         schedule = order(len(right), self.edges, self.after)

@@ -85,7 +85,7 @@ class ImplicitKKT(eqx.Module):
 
     @property
     def pattern(self) -> Pattern:
-        """Where the blocks sit."""
+        """The places of the blocks."""
         return self.kkt.pattern
 
     def stage(self, b: Float[Array, " n"], c: Float[Array, " n"]) -> Float[Array, " n"]:
@@ -212,8 +212,8 @@ def _change_of_solution(primals: Any, tangents: Any) -> Any:
 
 @functools.lru_cache(maxsize=64)
 def _places(pattern: Pattern, pairs: tuple[Edge, ...]) -> tuple[np.ndarray, ...]:
-    """Where the entries of the blocks, of the proximal term and of padding are among those of the
-    blocks of the supernodes; −1 where there is none.
+    """Return the places of the entries of the blocks, of the proximal term and of padding among
+    those of the blocks of the supernodes; −1 where there is none.
     """
     layout, none = supernodes(pattern, pairs), pattern.n + pattern.m
     count, width = layout.unknowns.shape

@@ -1,4 +1,4 @@
-"""Which bodies each joint connects: the static pattern of M and C_q."""
+"""The static pattern of M and C_q, by the bodies that each joint connects."""
 
 import dataclasses
 import functools

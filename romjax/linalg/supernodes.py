@@ -1,4 +1,4 @@
-"""Which coordinates and constraints are eliminated at once, as static tables."""
+"""Coordinates and constraints that are eliminated at once, as static tables."""
 
 import functools
 from typing import NamedTuple

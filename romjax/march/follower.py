@@ -1,4 +1,4 @@
-"""What is seen on the way of a march: followers of its steps."""
+"""Followers of the steps of a march, which see what happens on its way."""
 
 import abc
 from collections.abc import Mapping

@@ -113,7 +113,7 @@ class TransposedSteps(NamedTuple):
         t0: Array,
         seen: dict[str, PyTree],
     ) -> tuple[Any, Array | None]:
-        """What a step to t1 brings that has derivatives, and whether an event is at its end."""
+        """Return what a step to t1 gives that has derivatives, and whether an event ends it."""
         trial, _, _, followers = eqx.combine(numbers, self.constants)
         tried = trial(y, solver_state, watching, t0, t1)
         arrival, end, event, happens = tried.arrival, t1, None, None

@@ -1,4 +1,4 @@
-"""What is evaluated at each output of a run: accelerations, and any other function."""
+"""Evaluation at each output of a run: of accelerations, and of any other function."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple, cast

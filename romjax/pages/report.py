@@ -1,4 +1,4 @@
-"""What reduction gains for a scene, in words and in files: one page, and what it is made of."""
+"""Report on the gain of reduction for a scene: one page, and the files that it is made of."""
 
 import contextlib
 from pathlib import Path

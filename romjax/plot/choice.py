@@ -1,4 +1,4 @@
-"""Which coordinates of a motion are shown."""
+"""Choice of the coordinates of a motion that are shown."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""From a system and a basis to a reduced system."""
+"""Reduction: the system of few coordinates for a system and a basis."""
 
 from typing import Literal, overload
 

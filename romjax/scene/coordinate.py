@@ -1,4 +1,4 @@
-"""What a generalized coordinate is: how pictures and reports name it."""
+"""Generalized coordinates, as pictures and reports name them."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""What becomes of the markers of a body in whose place another one is put."""
+"""Transfer of the markers of a body to another one that takes its place."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -32,7 +32,8 @@ def moved_markers(part: Any, name: str, change: Callable[[Marker], Marker]) -> A
 
 
 def carried_over(old: AbstractBody, new: AbstractBody) -> Callable[[Marker], Marker]:
-    """What moves a marker from one body to another, so that at the start it is where it was.
+    """Return a function that moves markers from one body to another, so that at the start they
+    stay.
 
     The old one is as it is there, bent if it bends, the new one undeformed.
     """

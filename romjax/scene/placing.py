@@ -1,4 +1,4 @@
-"""Where a body is that one of its points is brought to, and where its points are."""
+"""Placing of bodies: by one of their points, and the positions of their points."""
 
 from collections.abc import Mapping
 from typing import Any, TypeVar

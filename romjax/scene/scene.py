@@ -1,4 +1,4 @@
-"""What is there: bodies, joints and effects."""
+"""Scenes: bodies, joints and effects."""
 
 import os
 from collections.abc import Callable, Iterable, Sequence

@@ -69,7 +69,7 @@ def simulate_all(
 
 
 class _Lane(eqx.Module):
-    """From the numbers of a system to its run."""
+    """A function of the numbers of a system that returns its run."""
 
     structure: Any
     t: Float[Array, " k"]

@@ -103,7 +103,7 @@ class Claims:
 
 
 def _owner(file: Path) -> dict[str, Any]:
-    """What a claim says of its process; empty if it is gone or not yet written."""
+    """Read what a claim says of its process; empty if it is gone or not yet written."""
     try:
         content = json.loads(file.read_bytes())
     except (OSError, ValueError):

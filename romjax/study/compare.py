@@ -134,13 +134,13 @@ def error_between(
 
 
 def _moving(q: Float[Array, "k n"], moved: Float[Array, "k n"]) -> Bool[Array, " n"]:
-    """Which coordinates move, by more than rounding of one of order one."""
+    """Mark the coordinates that move, by more than rounding of one of order one."""
     scale = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=0))
     return jnp.max(jnp.abs(moved), axis=0) > _rounding(q) * scale
 
 
 def _rounding(q: Float[Array, "k n"]) -> float:
-    """What a coordinate may move by in the run of a mechanism at rest, relative to its size."""
+    """Return the motion that rounding makes of a coordinate at rest, relative to its size."""
     return 100 * float(jnp.finfo(q.dtype).eps)
 
 

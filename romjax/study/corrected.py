@@ -71,7 +71,7 @@ def corrected_with(
     run: Trajectory,
     by: AbstractSystem | Literal["residual"] | None = None,
 ) -> tuple[Trajectory, AbstractSystem]:
-    """What `corrected` returns, and the model that has moved so."""
+    """Return what `corrected` returns, and the model that has moved so."""
     check_system("corrected", rom)
     check_kind("corrected", "the run", run, Trajectory, "what romjax.simulate(rom, ts) returns")
     _check(rom, run)

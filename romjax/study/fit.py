@@ -273,7 +273,7 @@ class _Points:
 
 @filter_jit
 def _linearize(misfit: _Misfit, free: Vector) -> tuple[Array, Array, Array]:
-    """What a `_Point` holds."""
+    """Return the arrays of a `_Point`."""
     natural, growth = jax.jvp(misfit.bounds.natural, (free,), (jnp.ones_like(free),))
 
     def twice(natural: Vector) -> tuple[Array, Array]:

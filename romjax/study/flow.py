@@ -85,8 +85,8 @@ class Flows(eqx.Module):
         q: Float[Array, " n"],
         v: Float[Array, " n"],
     ) -> tuple[Float[Array, "k n"], Float[Array, "k n"]]:
-        """What the motion from (q, v) has more than a run of a model, in physical coordinates, by
-        the flow along the nearest of the motions.
+        """Return the difference of the motion from (q, v) to a run of a model, in physical
+        coordinates, by the flow along the nearest of the motions.
         """
         apart = run.q[None] - self.q
         nearest = jnp.argmin(jnp.einsum("rki,ij,rkj->r", apart, self.metric, apart))

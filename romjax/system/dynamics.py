@@ -1,4 +1,4 @@
-"""What follows from the equations of motion of any system, in the order of the theory."""
+"""Consequences of the equations of motion of any system, in the order of the theory."""
 
 from collections.abc import Callable
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""What speaks against the result of a simulation, as numbers that JAX can carry."""
+"""Flags: reasons to doubt the result of a simulation, as numbers that JAX can carry."""
 
 import enum
 

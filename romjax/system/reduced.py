@@ -1,4 +1,4 @@
-"""What a reduced system is: one that stands for another with more coordinates."""
+"""The base of reduced systems, which stand for another one with more coordinates."""
 
 import abc
 from typing import TYPE_CHECKING, ClassVar, cast

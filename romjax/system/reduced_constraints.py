@@ -1,4 +1,4 @@
-"""Which constraints a reduced model still needs, and which freedom the snapshots use."""
+"""The constraints that a reduced model still needs, and the freedom that the snapshots use."""
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple

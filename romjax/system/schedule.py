@@ -1,4 +1,4 @@
-"""When the loads of a system change, so that the steps of a run see it."""
+"""Times at which the loads of a system change, so that the steps of a run see it."""
 
 import abc
 

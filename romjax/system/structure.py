@@ -1,4 +1,4 @@
-"""What is static about a system: names, and which coordinates are of what kind."""
+"""The static structure of a system: names, and the kinds of its coordinates."""
 
 import dataclasses
 import functools

@@ -19,8 +19,8 @@ S = TypeVar("S", bound=AbstractSystem)
 
 
 class Recipe(NamedTuple):
-    """What other models are made of that tell how wrong a reduced one is: the `formulation` and the
-    `snapshots` of that one.
+    """The ingredients of other models that tell how wrong a reduced one is: the `formulation` and
+    the `snapshots` of that one.
     """
 
     formulation: Any

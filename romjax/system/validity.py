@@ -1,4 +1,4 @@
-"""What speaks against the result of a reduced model."""
+"""Flags of the result of a reduced model."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Which reduction to take, and why, in words."""
+"""Advice on the reduction to take, with the reason in words."""
 
 import math
 from collections.abc import Sequence

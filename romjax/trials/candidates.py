@@ -1,4 +1,4 @@
-"""Which reductions are worth trying for a mechanism, by its structure."""
+"""Candidates: the reductions that the structure of a mechanism makes worth trying."""
 
 import dataclasses
 import math

@@ -1,4 +1,4 @@
-"""What a mechanism is like, as far as it decides which reductions are worth trying."""
+"""Facts about a mechanism that decide which reductions are worth trying."""
 
 import dataclasses
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""What a study tells while it goes on."""
+"""Progress messages of a study."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""What reduction gains for a mechanism: the models that its structure suggests, tried."""
+"""The gain of reduction for a mechanism: the models that its structure suggests, tried."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -144,7 +144,7 @@ def _untried(skipped: Mapping[str, str]) -> str:
 
 
 def _bar(tried: Attempt, search: Search) -> str:
-    """What a user is told of the error of a model where no truth is known, beside the truth."""
+    """Return the error of a model that a user sees where no truth is known, beside the truth."""
     if not search.unseen:
         return ""
     truth, (_, rtol, solver) = search.unseen[0], search.settings

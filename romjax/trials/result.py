@@ -1,4 +1,4 @@
-"""What reductions of a mechanism cost and gain."""
+"""The cost and the gain of reductions of a mechanism."""
 
 import dataclasses
 import textwrap

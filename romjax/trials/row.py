@@ -1,4 +1,4 @@
-"""What was measured of one model."""
+"""Measurements of one model."""
 
 from typing import NamedTuple
 

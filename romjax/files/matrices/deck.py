@@ -1,4 +1,4 @@
-"""What else than nodes an input deck of CalculiX says of the rows of matrices."""
+"""Cards of an input deck of CalculiX, other than nodes, that decide on the rows of matrices."""
 
 from pathlib import Path
 from typing import NamedTuple

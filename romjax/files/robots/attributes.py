@@ -1,4 +1,4 @@
-"""What elements of MJCF say of the parts of a scene."""
+"""Attributes of elements of MJCF that become arguments of parts of a scene."""
 
 from typing import Any
 
@@ -38,7 +38,7 @@ def motion_of(part: Any) -> str:
 
 
 def attributes(part: Any) -> str:
-    """What a joint has instead of an effect; "" if it can have nothing of the kind."""
+    """Name what a joint has instead of an effect; "" if it can have nothing of the kind."""
     match part:
         case JointSpring():
             return f' stiffness="{words(part.stiffness)}" springref="{words(part.rest)}"'

@@ -150,7 +150,7 @@ def _line(model: Model, tree: Tree, i: int) -> Iterator[Any]:
 
 
 def _ropes(model: Model, tree: Tree, i: int) -> Iterator[Any]:
-    """What a tendon over several sites does, if that is to pull where it is too long."""
+    """Return the ropes of a tendon over several sites that pulls where it is too long."""
     arrays, (a, *via, b) = model.arrays, tendon_sites(model, tree, i)
     stiffness, (shortest, longest) = (
         float(arrays.tendon_stiffness[i]),

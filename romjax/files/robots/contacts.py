@@ -66,7 +66,7 @@ def contacts(model: Model, tree: Tree) -> Iterator[Contact]:
 
 
 def contacts_left_out(model: Model, asked: bool) -> Iterator[str]:
-    """What is left out besides single pairs, in words, where contacts are asked for or not."""
+    """Say what is left out besides single pairs, where contacts are asked for or not."""
     if _switched_off(model):
         if asked:
             yield f'{model.root.path}: contacts, which <flag contact="disable"/> switches off'
@@ -123,8 +123,9 @@ def _ordered(arrays: Any, i: int, j: int) -> tuple[int, int]:
 
 
 def _meeting(model: Model) -> np.ndarray:
-    """Which geoms may touch: by their bits, not of one body, and not of bodies that a joint
-    connects, unless one of them is the ground; and those of bodies that are excluded do not.
+    """Return the pairs of geoms that may touch: by their bits, not of one body, and not of bodies
+    that a joint connects, unless one of them is the ground; and those of bodies that are excluded
+    do not.
     """
     arrays, disabled = model.arrays, model.mujoco.mjtDisableBit
     kinds, others = arrays.geom_contype, arrays.geom_conaffinity

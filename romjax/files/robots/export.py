@@ -1,4 +1,4 @@
-"""From a scene in space to MJCF, of what that can hold."""
+"""Export of scenes in space to MJCF, of what that can hold."""
 
 import os
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""What of a file is not understood: refused with its line, or listed as left out."""
+"""Parts of a file that are not understood: refused with their lines, or listed as left out."""
 
 import math
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ _ENDS = ("range", "effort", "velocity", "lower", "upper")
 
 
 def inspect(root: Element, table: Mapping[str, Words], extensible: bool) -> list[str]:
-    """What is left out of a file, in words with lines; `extensible`: whether others may add
+    """List what is left out of a file, in words with lines; `extensible`: whether others may add
     elements, as to URDF, which are then listed.
 
     Raises SceneFileError, with a line for each element and attribute that is refused.
@@ -27,7 +27,7 @@ def inspect(root: Element, table: Mapping[str, Words], extensible: bool) -> list
 
 
 class _Inspector:
-    """What has been found so far on the way through a file."""
+    """The findings so far on the way through a file."""
 
     def __init__(self, table: Mapping[str, Words], extensible: bool):
         self.table, self.extensible = table, extensible
@@ -74,7 +74,7 @@ class _Inspector:
 
 
 def _wrong(name: str, value: str) -> str:
-    """What is wrong with the numbers of an attribute, with a remedy; "" if nothing is."""
+    """Say what is wrong with the numbers of an attribute, with a remedy; "" if nothing is."""
     numbers = _numbers(value)
     if any(math.isnan(x) for x in numbers):
         return "a number is none; give a finite one"

@@ -1,4 +1,4 @@
-"""What acts in the joints of a robot by itself: springs, damping, friction, inertia and stops."""
+"""Passive effects in the joints of a robot: springs, damping, friction, inertia and stops."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -76,7 +76,7 @@ def _of_joint(model: Model, number: int, joint: Measured, reflected: Reflected) 
 def _of_turns(
     model: Model, number: int, joint: Measured, stiffness: float, damping: float
 ) -> Iterator[Any]:
-    """What acts in a ball joint, or between a free body and the ground."""
+    """Return the effects in a ball joint, or between a free body and the ground."""
     a, b, free = joint.a, joint.b, joint.motion == ""
     if stiffness:
         yield Bushing(a, b, [stiffness if free else 0.0] * 3 + [stiffness] * 3)
@@ -102,7 +102,7 @@ def dissipation(model: Model, motion: str) -> float:
 
 
 def _size(model: Model, motion: str) -> float:
-    """What is large for a motion: the size of the robot, or 1 rad."""
+    """Return the size of a large motion: the size of the robot, or 1 rad."""
     return model.size if motion in LENGTHS else 1.0
 
 

@@ -1,4 +1,4 @@
-"""What the bodies of a robot are drawn as."""
+"""Outlines that the bodies of a robot are drawn by."""
 
 from typing import Any
 
@@ -39,7 +39,9 @@ def outline_of(arrays: Any, links: list[int], within: Any) -> Any:
 
 
 def _points(arrays: Any, links: list[int], within: Any) -> Any:
-    """Where a body begins, and where its sites, its links, and the bodies that it carries are."""
+    """Return the points at which a body begins, and at which its sites, links, and carried bodies
+    are.
+    """
     points = [within[link].position for link in links]
     for positions, owners in (
         (arrays.site_pos, arrays.site_bodyid),

@@ -1,4 +1,4 @@
-"""What a URDF file must be before it is read: links that its joints make one tree."""
+"""Checks of a URDF file before it is read: its joints must make one tree of its links."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping

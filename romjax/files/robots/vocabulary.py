@@ -1,4 +1,4 @@
-"""What becomes of each element and attribute of MJCF and URDF: one table for readers and tests."""
+"""The treatment of each element and attribute of MJCF and URDF: one table for readers and tests."""
 
 from typing import NamedTuple
 
@@ -27,7 +27,7 @@ class Words(NamedTuple):
     remedy: str = ""
 
     def kind(self, attribute: str) -> str | None:
-        """Which of the lists has an attribute; None if it is in none."""
+        """Return the name of the list that has an attribute; None if it is in none."""
         kinds = ("taken", "ignored", "left_out", "refused")
         lists = {kind: getattr(self, kind).split() for kind in kinds}
         exact = next((kind for kind in kinds if attribute in lists[kind]), None)

@@ -1,4 +1,4 @@
-"""What users follow in a run: monitors of their own."""
+"""Followers of a run that users write: monitors."""
 
 import abc
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""What accuracy costs in time."""
+"""Figure of the time that accuracy costs."""
 
 from typing import TypedDict
 

@@ -1,4 +1,4 @@
-"""What beams and joints carry at one time of a run, as a picture of the mechanism."""
+"""Figure of the loads of beams and joints at one time of a run."""
 
 from typing import Any, Literal, NamedTuple
 

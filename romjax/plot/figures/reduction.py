@@ -1,4 +1,4 @@
-"""What each mode of a reduced model buys."""
+"""Figure of the gain by each mode of a reduced model."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple

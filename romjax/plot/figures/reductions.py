@@ -1,4 +1,4 @@
-"""What reductions of a mechanism pay."""
+"""Figure of the gain by reductions of a mechanism."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""From runs and modes to a moving picture."""
+"""Moving pictures of runs and modes."""
 
 from collections.abc import Sequence
 from typing import Any

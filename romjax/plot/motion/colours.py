@@ -14,7 +14,7 @@ from .frames import Model
 
 
 class Colours(NamedTuple):
-    """What colours stand for: the `name` of a quantity with its unit, and its `largest` size."""
+    """The meaning of colours: the `name` of a quantity with its unit, and its `largest` size."""
 
     name: str
     largest: float

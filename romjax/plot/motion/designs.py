@@ -38,8 +38,8 @@ def course(run: Trajectory, t: Float[np.ndarray, " frames"]) -> Float[np.ndarray
 
 
 def scenes_of(scene: Scene, runs: Sequence[Trajectory]) -> list[Scene]:
-    """What each run is drawn by: `scene`, or where their numbers differ, such as those of two
-    designs, the scene of each; of a run that does not know its own, `scene`.
+    """Return the scene that each run is drawn by: `scene`, or where their numbers differ, such as
+    those of two designs, the scene of each; of a run that does not know its own, `scene`.
     """
     # Systems of other makers, whose coordinates are those of the scene, have no scene.
     known = [None if run.derived.parts is None else mechanism_of(run.system) for run in runs]

@@ -31,7 +31,7 @@ COLOURS = 128  # of a GIF
 
 @runtime_checkable
 class Filmed(Protocol):
-    """What a film shows, as `Animation` has it."""
+    """The contents of a film, as `Animation` has them."""
 
     @property
     def t(self) -> Float[np.ndarray, " frames"]: ...

@@ -1,4 +1,4 @@
-"""What a moving picture shows: the outlines of one or several models at the times of its frames."""
+"""Frames of moving pictures: the outlines of one or several models at their times."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -40,7 +40,7 @@ INVISIBLE, SHOWN, ROUNDING = 0.01, 0.04, 1e-7
 
 
 def exaggeration(shown: Sequence[Model]) -> float:
-    """What deformations have to be multiplied by to be seen: 1, 2, 5 times a power of ten; 1 where
+    """Return the factor by which deformations are seen: 1, 2, 5 times a power of ten; 1 where
     they are seen as they are, or there are none.
     """
     bodies = [

@@ -33,7 +33,7 @@ def outputs_of(
     courses: Sequence[Float[np.ndarray, "frames n"]],
     chosen: Int[np.ndarray, " frames"],
 ) -> list[Output]:
-    """What is `wanted` of runs whose coordinates at the frames are `courses`.
+    """Return what is `wanted` of runs whose coordinates at the frames are `courses`.
 
     The frames are the outputs `chosen` of the first run. Raises InputError for what the runs do not
     have.
@@ -85,7 +85,7 @@ def _given(
 
 
 def _held(values: Float[np.ndarray, "frames curves"]) -> Float[np.ndarray, "frames curves"]:
-    """Where a run has ended, or has no number, its last one stays; before, its first."""
+    """Repeat the last row where a run has ended, or has no number; before its start, the first."""
     known = np.isfinite(values)
     if not np.all(np.any(known, axis=0)):
         raise InputError("animate: an output has no finite number.")

@@ -1,4 +1,4 @@
-"""What a formulation is: a way from a system and a basis to a reduced system."""
+"""The base of formulations: ways from a system and a basis to a reduced system."""
 
 import abc
 from typing import ClassVar

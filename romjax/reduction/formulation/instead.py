@@ -1,4 +1,4 @@
-"""What reduces a mechanism that a formulation cannot take."""
+"""Remedies for mechanisms that a formulation cannot take."""
 
 import numpy as np
 

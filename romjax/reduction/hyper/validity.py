@@ -1,4 +1,4 @@
-"""What speaks against the result of a hyper-reduced model."""
+"""Flags of the result of a hyper-reduced model."""
 
 import jax
 import jax.numpy as jnp

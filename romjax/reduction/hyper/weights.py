@@ -1,4 +1,4 @@
-"""Which bodies stand for all, and with which weights."""
+"""Sampling of bodies: those that stand for all, and their weights."""
 
 from typing import Any
 
@@ -15,8 +15,8 @@ from ..system import ReducedSystem
 def body_terms(
     exact: ReducedSystem, z: Float[Array, "K r"], w: Float[Array, "K r"]
 ) -> tuple[Float[Array, "K bodies r"], Float[Array, "K bodies rr"]]:
-    """What each body adds to the equations at states of the model that is not sampled, in the order
-    of the groups: G_bᵀ(M_b q̈_b − Q_b), and the entries of G_bᵀM_bG_b.
+    """Return the terms of each body in the equations at states of the model that is not sampled, in
+    the order of the groups: G_bᵀ(M_b q̈_b − Q_b), and the entries of G_bᵀM_bG_b.
     """
     full: Any = exact.full
 

@@ -163,8 +163,8 @@ def _rows(group: EffectGroup) -> list[list[int]]:
 
 
 def _keys(markers: Markers, rows: list[int]) -> list[Any]:
-    """What tells markers apart; None of those whose numbers are unknown, or on bodies with poses of
-    their own.
+    """Return keys that tell markers apart; None of those whose numbers are unknown, or on bodies
+    with poses of their own.
     """
     given = markers.points, markers.turns, markers.shapes, markers.foreshortening
     known = [concrete(x) for x in given if x is not None]

@@ -1,4 +1,4 @@
-"""Which joints of a tree move the counters: angles with full turns, and rotors."""
+"""The joints of a tree that move the counters: angles with full turns, and rotors."""
 
 from collections.abc import Iterator
 from typing import Any

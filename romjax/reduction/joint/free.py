@@ -1,4 +1,4 @@
-"""What holds a body that no joint holds: its coordinates are those of its frame."""
+"""The free joint of a body that no joint holds: its coordinates are those of its frame."""
 
 from typing import ClassVar
 

@@ -79,7 +79,7 @@ def _columns(arm: Float[Array, "bodies d"]) -> Float[Array, "bodies spins d"]:
 
 
 def _parallel(first: Array, second: Array) -> Float[Array, "bodies spins spins"]:
-    """What a moment of inertia has of ω × `first` and ω × `second`."""
+    """Return the share of a moment of inertia that ω × `first` and ω × `second` have."""
     dot = jnp.sum(first * second, axis=1)[:, None, None]
     if first.shape[1] == 2:
         return dot

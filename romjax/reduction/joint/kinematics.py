@@ -20,7 +20,7 @@ from .tree import Links, Tree
 
 
 class Edges(NamedTuple):
-    """What is between the frames of each body and of its parent, by the axes of each.
+    """The relative motion of the frames of each body and of its parent, by the axes of each.
 
     - `outer`, `inner`: the ports on the parent and on the body. `joint`: the pose of the body's
       port in the parent's. `turn`: that of the body's frame in the parent's.

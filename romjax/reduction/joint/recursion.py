@@ -93,7 +93,7 @@ def accelerations(
 
 
 def _modal_rows(freedoms: int, modes: int, dtype: np.dtype) -> np.ndarray:
-    """Which of the rates w are those of amplitudes."""
+    """Mark the rates w that are those of amplitudes."""
     return np.eye(freedoms + modes, modes, -freedoms, dtype=dtype)
 
 

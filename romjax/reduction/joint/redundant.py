@@ -27,7 +27,7 @@ _PREFERRED = 0.1
 
 
 def independent_rows(rows: Float[Array, "m r"], rank: int) -> Bool[Array, " m"]:
-    """Which `rank` rows span most, by Gram–Schmidt with pivots; of equal ones the first."""
+    """Return the `rank` rows that span most, by Gram–Schmidt with pivots; of equals the first."""
     lengths = jnp.sqrt(jnp.sum(rows**2, axis=1, keepdims=True))
     left = jax.lax.stop_gradient(rows / jnp.where(lengths > 0, lengths, 1))
     favour = np.linspace(1, 1 - _PREFERRED, len(rows)).astype(rows.dtype)

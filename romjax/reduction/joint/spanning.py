@@ -30,7 +30,7 @@ class Link(NamedTuple):
 
 
 class Branch(NamedTuple):
-    """What holds a body in the tree: its parent, and the joint, None of a body that is free."""
+    """An edge of the tree: the parent of a body, and the joint, None of a body that is free."""
 
     body: int
     parent: int

@@ -33,7 +33,7 @@ from .tree import Tree
 
 @runtime_checkable
 class TreeSystem(Protocol):
-    """What a state asks of its system, a `JointSystem`."""
+    """The methods of a `JointSystem` that its states call."""
 
     @property
     def full(self) -> AssembledSystem: ...
@@ -144,7 +144,7 @@ class JointState(AbstractState):
 
     @functools.cached_property
     def _diagonal(self) -> Float[Array, " r"] | None:
-        """What M has on its diagonal beside the bodies: the inertias of rotors, and ones of states;
+        """Return the diagonal of M beside the bodies: the inertias of rotors, and ones of states;
         None where there are neither.
         """
         count, (_, states, _) = self.system.lift.counters, self.system.tree.states.array

@@ -1,4 +1,4 @@
-"""What a lift is: physical coordinates as a function of few others."""
+"""The base of lifts: physical coordinates as a function of few others."""
 
 import abc
 from collections.abc import Callable

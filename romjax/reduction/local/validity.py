@@ -1,4 +1,4 @@
-"""What speaks against a run of a system with local bases."""
+"""Flags of runs of systems with local bases."""
 
 import jax
 import jax.numpy as jnp

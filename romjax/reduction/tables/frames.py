@@ -1,4 +1,4 @@
-"""Where the frames of a mechanism with one or two freedoms can move, its bodies undeformed."""
+"""Paths of the frames of a mechanism with one or two freedoms, its bodies undeformed."""
 
 import functools
 from typing import NamedTuple

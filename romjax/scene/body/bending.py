@@ -27,7 +27,7 @@ class AbstractBendingBody(AbstractBody):
 
     @abc.abstractmethod
     def prepare(self, point: Float[Array, " d"]) -> Any:
-        """What the pose of a material point needs, made once: a pytree."""
+        """Return what the pose of a material point needs, computed once: a pytree."""
 
     @abc.abstractmethod
     def local_pose(self, prepared: Any, amplitudes: Float[Array, " modes"]) -> tuple[Any, Any]:

@@ -1,4 +1,4 @@
-"""From a mesh with its matrices to modes, inertia invariants and shapes at ports."""
+"""Modes, inertia invariants and shapes at ports of a mesh with its matrices."""
 
 import warnings
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Which rows of the matrices of a mesh belong to which node, and how rigid motion moves them."""
+"""The nodes of the rows of the matrices of a mesh, and their rigid motions."""
 
 import numpy as np
 

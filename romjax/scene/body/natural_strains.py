@@ -16,8 +16,9 @@ _MORE, _MORE_NATURAL, _FEWEST = 2, 6, 12
 
 
 class Ratios(NamedTuple):
-    """What a rod's modes depend on: `stretch` EA L²/EI and `shear` GA L²/EI, None where infinite,
-    `rotary` ρI/(ρA L²), and the coefficients (k,) of its initial `curvature` times length, or None.
+    """The numbers that a rod's modes depend on: `stretch` EA L²/EI and `shear` GA L²/EI, None where
+    infinite, `rotary` ρI/(ρA L²), and the coefficients (k,) of its initial `curvature` times
+    length, or None.
     """
 
     stretch: Any

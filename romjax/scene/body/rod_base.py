@@ -1,4 +1,4 @@
-"""What rods in the plane and in space have in common."""
+"""The base of rods in the plane and in space."""
 
 import abc
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Where the points of a rod are and how they move: one discrete map, and its derivatives by hand.
+"""Kinematics of the points of a rod: one discrete map, and its derivatives by hand.
 
 Positions are integrals of r' = (1 + ε) t + γ n at the Gauss points. Derivatives by the amplitudes
 and rates are integrals of those of r' by the same weights, so they are the derivatives of the
@@ -42,7 +42,7 @@ class Line(NamedTuple):
 
 
 class Slopes(NamedTuple):
-    """What is at the Gauss points.
+    """Slopes and their derivatives at the Gauss points.
 
     - `tangent`, `normal` (2, points): unit vectors in the frame. `slope` (2, points): dr/dξ per
       length.
@@ -120,7 +120,7 @@ def acceleration(
 
 
 class Material(NamedTuple):
-    """What the pose of a material point needs, made once.
+    """Data of a material point that its pose needs, computed once.
 
     - `weights` (points,): of its position as an integral [m]. `turn` (modes,): the turning of its
       section per unit amplitude. `bent`: that of the undeformed rod. `off`: how far it is from the

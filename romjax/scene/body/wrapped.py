@@ -1,4 +1,4 @@
-"""What bodies that stand for another one take over from it."""
+"""The base of bodies that stand for another one."""
 
 from collections.abc import Mapping
 

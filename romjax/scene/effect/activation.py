@@ -43,7 +43,7 @@ class Activation(eqx.Module):
         return rate
 
     def value(self, state: Float[Array, ""]) -> Float[Array, ""]:
-        """What stands for the signal: a, of which a step may have gone beyond a limit."""
+        """Return the activation a in place of the signal; a step may have gone beyond a limit."""
         return cut_off(state, self.least, self.largest)
 
     def check(self, owner: str) -> None:

@@ -1,4 +1,4 @@
-"""What the effects in joints share: a motion of one marker against another that they act along."""
+"""The base of effects in joints, which act along a motion of one marker against another."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar

@@ -1,4 +1,4 @@
-"""What an effect is: one scalar or one set of forces, given the motion of its markers."""
+"""The base of effects: one scalar or one set of forces, given the motion of their markers."""
 
 import abc
 import dataclasses

@@ -46,7 +46,7 @@ def _number(x: Any) -> Any:
 
 
 class Labelled(eqx.Module):
-    """What is measured by the `label` of a coordinate, a rate or a state."""
+    """A measurement of a coordinate, a rate or a state by its `label`."""
 
     label: str = eqx.field(static=True)
 

@@ -1,4 +1,4 @@
-"""What a joint is: one residual of the poses of its markers."""
+"""The base of joints: one residual of the poses of their markers."""
 
 import abc
 from collections.abc import Sequence

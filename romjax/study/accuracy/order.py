@@ -1,4 +1,4 @@
-"""In which order a study of accuracy tries models and methods."""
+"""The order in which a study of accuracy tries models and methods."""
 
 import collections
 import itertools

@@ -1,4 +1,4 @@
-"""What a run was like: its errors, its steps, or why it failed."""
+"""The outcome of a run: its errors, its steps, or why it failed."""
 
 from typing import Any, NamedTuple
 

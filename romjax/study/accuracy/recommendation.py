@@ -1,4 +1,4 @@
-"""What to use for an error."""
+"""Recommendation of a model and a method for an error."""
 
 import dataclasses
 from typing import Any

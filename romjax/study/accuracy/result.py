@@ -1,4 +1,4 @@
-"""What a study of accuracy and time has measured."""
+"""The result of a study of accuracy and time."""
 
 import dataclasses
 from typing import Any

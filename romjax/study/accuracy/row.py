@@ -1,4 +1,4 @@
-"""What was measured of one configuration at one tolerance or step, and which are the best."""
+"""Measurements of one configuration at one tolerance or step, and the best of them."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""What a study of accuracy is asked to try, checked."""
+"""Settings of a study of accuracy, and their checks."""
 
 import dataclasses
 import itertools

@@ -1,4 +1,4 @@
-"""Which model, method and tolerance give the accuracy one needs in the least time."""
+"""Study of the model, method and tolerance that reach an accuracy in the least time."""
 
 import time
 from collections.abc import Sequence

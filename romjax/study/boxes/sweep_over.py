@@ -146,7 +146,7 @@ class _Lanes:
 
 
 class _ByModel(eqx.Module):
-    """From parameters to what is seen of a reduced run, and how large its error is estimated."""
+    """A function of parameters: what is seen of a reduced run, and the estimate of its error."""
 
     box: Box = eqx.field(static=True)
     see: Callable[[Trajectory], Any]
@@ -166,7 +166,7 @@ class _ByModel(eqx.Module):
 
 
 class _ByFull(eqx.Module):
-    """From parameters to what is seen of a full run."""
+    """A function of parameters: what is seen of a full run."""
 
     box: Box = eqx.field(static=True)
     see: Callable[[Trajectory], Any]
@@ -181,8 +181,8 @@ class _ByFull(eqx.Module):
 def _together(
     lanes: int, parts: list[tuple[np.ndarray, Sweep]]
 ) -> tuple[Any, np.ndarray, np.ndarray]:
-    """What was seen, the status and the flags of all lanes; of a lane in two parts, those of the
-    later one.
+    """Return what was seen, the status and the flags of all lanes; of a lane in two parts, those of
+    the later one.
     """
     status, flags = np.zeros(lanes, int), np.zeros(lanes, int)
     seen, tree = jax.tree.flatten(parts[0][1].values["seen"])

@@ -108,7 +108,9 @@ class RankSearch:
         return Candidate(rom, basis, runs)
 
     def tail(self, basis: Basis) -> float:
-        """What the basis misses of the snapshots; it says nothing where q is not in its span."""
+        """Return what the basis misses of the snapshots; it says nothing where q is not in its
+        span.
+        """
         return float(basis.projection_error) if self.formulation.in_subspace else 0.0
 
 

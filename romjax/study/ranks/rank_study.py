@@ -1,4 +1,4 @@
-"""What each mode buys: error on the training and beyond it, against steps and time."""
+"""Study of ranks: error on the training and beyond it, against steps and time."""
 
 import dataclasses
 from collections.abc import Iterable, Sequence

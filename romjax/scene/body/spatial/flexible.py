@@ -1,4 +1,4 @@
-"""What bodies in space with inertia invariants have in common."""
+"""The base of bodies in space with inertia invariants."""
 
 import abc
 

@@ -1,4 +1,4 @@
-"""Where the points of a rod in space are and how they turn: one discrete map, and its derivatives.
+"""Kinematics of the points of a rod in space: one discrete map, and its derivatives.
 
 Sections turn by steps of `magnus` from Gauss point to Gauss point, and positions are integrals of
 r' = R (1 + ε, γ) by the weights of the rod in the plane. Turns per unit amplitude are sums of those
@@ -49,7 +49,7 @@ class Line(NamedTuple):
 
 
 class Material(NamedTuple):
-    """What the pose of a material point needs, made once.
+    """Data of a material point that its pose needs, computed once.
 
     - `weights` (points,): of its position as an integral [m]. `near` (points + 1,): one for the
       Gauss point, or the anchor, that is nearest. `step` (12, modes): the moments of curvature from
@@ -65,7 +65,7 @@ class Material(NamedTuple):
 
 
 class Sections(NamedTuple):
-    """What is at the Gauss points, and at a material point beside them, by the axes of the frame.
+    """Sections at the Gauss points, and at a material point beside them, by the axes of the frame.
 
     - `moments` (steps, 4, 3): of curvature in the steps to them. `turns` (steps + 1, 4): unit
       quaternions of the anchor, and of sections. `axes` (steps + 1, 3, 3): their matrices.

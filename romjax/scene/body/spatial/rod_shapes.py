@@ -20,9 +20,9 @@ _MORE, _FEWEST = 6, 16
 
 
 class Ratios(NamedTuple):
-    """What a rod's modes depend on: the `law` (kinds, kinds) of its sections by EI_z, with lengths
-    as its unit, `rotary` ρI/(ρA L²) (3,), and the coefficients (3, k) of its initial `curvature`
-    times length, or None.
+    """The numbers that a rod's modes depend on: the `law` (kinds, kinds) of its sections by EI_z,
+    with lengths as its unit, `rotary` ρI/(ρA L²) (3,), and the coefficients (3, k) of its initial
+    `curvature` times length, or None.
     """
 
     law: Any
@@ -90,7 +90,7 @@ def _turning(axes: Any, own: Any, xp: Any) -> Any:
 
 
 def _held(line: Line, shapes: str, xp: Any) -> Any:
-    """What the supports hold, as rows on the rigid motion and on all strains."""
+    """Return the conditions of the supports, as rows on the rigid motion and on all strains."""
     ends = ("free", "free") if shapes == STATIC else shapes.split("-")
     size = line.strains.steps.shape[2]
     none, rows = np.zeros(size), list[Any]()
