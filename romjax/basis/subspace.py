@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from ..common import compat
+from ..common.arrays import pick
 from ..compiling.program import program
 
 Method = Literal["svd", "gram"]
@@ -37,7 +38,11 @@ def leading(
     first dropped value are too close. Equal ones, between which no derivative exists, give the
     finite part.
     """
-    return _program_of_leading(matrix, rank, method)
+    if method == "gram" or not compat.is_outermost():
+        return _program_of_leading(matrix, rank, method)
+    # All of them are computed in any case: one program does for every rank.
+    vectors, values = _program_of_leading(matrix, min(matrix.shape), method)
+    return pick(vectors, np.s_[:, :rank]), values
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1, 2))

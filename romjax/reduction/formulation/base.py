@@ -18,9 +18,10 @@ class AbstractFormulation(eqx.Module):
     """A way to reduce a system; one of one's own is a subclass with a `name` and `reduce`."""
 
     name: ClassVar[str]
-    # Whether q stays in the affine subspace of the basis; else what the basis misses of the
-    # snapshots says nothing of the model.
+    # Whether q stays in the affine subspace of the basis.
     in_subspace: ClassVar[bool] = True
+    # What a basis may miss of its snapshots, over the error asked for; inf where that says nothing.
+    most_missed: ClassVar[float] = 0.2
     # Whether it takes mechanisms of many kinds, so that refusals of others name it.
     is_general: ClassVar[bool] = False
     # Whether its models err on other motions as on their training, which then confines none.
@@ -55,8 +56,7 @@ def start(
     snapshots = basis.snapshots
     if basis.decomposition is None:
         return system.q0, system.v0, pick(snapshots.t, 0)
-    q, v = pick(snapshots.q, 0), pick(snapshots.v, 0)
+    q, v = snapshots.q, snapshots.v
     if snapshots.turns is not None:
-        rows, rates = by_turns(snapshots.turns.of_unit_length, snapshots.q, snapshots.v)
-        q, v = pick(rows, 0), pick(rates, 0)
-    return q, v, pick(snapshots.t, 0)
+        q, v = by_turns(snapshots.turns.of_unit_length, q, v)
+    return pick(q, 0), pick(v, 0), pick(snapshots.t, 0)

@@ -1,5 +1,6 @@
 """Local bases: few modes for each flexible body, from its own amplitudes."""
 
+import math
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -52,6 +53,7 @@ class Local(AbstractFormulation):
 
     name: ClassVar[str] = "local"
     in_subspace: ClassVar[bool] = False
+    most_missed: ClassVar[float] = math.inf
     is_general: ClassVar[bool] = True
     is_predictive: ClassVar[bool] = True
     keeps_states: ClassVar[bool] = True

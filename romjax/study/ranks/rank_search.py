@@ -22,8 +22,6 @@ from ..compare import apart, compare
 
 # The next rank shows the error of this one up to a factor of two.
 SAFETY = 2.0
-# The singular values that are left out may hold this share of the tolerance.
-_TAIL = 0.2
 # Runs are more accurate than what is asked of models by this factor.
 _SHARPER = 1e-4
 
@@ -71,7 +69,7 @@ class RankSearch:
             bar.update()
             try:
                 basis = self.formulation.basis(self.systems[0], snapshots, POD(r))
-                if self.tail(basis) > _TAIL * tol:
+                if float(basis.projection_error) > self.formulation.most_missed * tol:
                     continue
                 candidate = self.candidate(basis)
             except (RankError, ReductionError) as error:  # no more directions, or it would lock
@@ -106,12 +104,6 @@ class RankSearch:
         pairs = zip(self.systems, self.truths, strict=True)
         runs = [run_as(rom, system, truth, sharper(self.tol)) for system, truth in pairs]
         return Candidate(rom, basis, runs)
-
-    def tail(self, basis: Basis) -> float:
-        """Return what the basis misses of the snapshots; it says nothing where q is not in its
-        span.
-        """
-        return float(basis.projection_error) if self.formulation.in_subspace else 0.0
 
 
 def _change(truths: list[Trajectory], coarse: Candidate, fine: Candidate) -> float:
