@@ -38,6 +38,7 @@ def test_models_are_chosen_by_structure():
     for trees of many; subspaces come first where a drive repeats itself.
     """
     assert kinds() == ["table", "minimal", "galerkin"]
+    assert kinds(freedoms=0, drives=1) == ["minimal", "galerkin"]
     assert kinds(space=True, jointed=True) == ["joint", "minimal", "galerkin"]
     assert kinds(space=True) == ["minimal", "galerkin"]
     chain = {"bodies": 8, "freedoms": 8, "loops": False, "tree": True, "jointed": True}
@@ -67,7 +68,7 @@ def test_a_subspace_of_all_comes_first_where_drives_close_loops_alone():
 def test_facts_know_where_joint_coordinates_are_faster():
     """Trees, also where a drive closes one for itself; in the plane only those without."""
     four_bar, bars = (zoo.system(make) for make in (zoo.four_bar, zoo.bars))
-    facts = Facts.of(zoo.bars(), bars, zoo.motion(zoo.bars), False)
+    facts = Facts.of(zoo.bars(), bars)
     assert facts.tree
     assert facts.jointed
     assert faster_size(four_bar) is None
@@ -165,6 +166,9 @@ def test_no_verdict_where_kinds_are_left():
     assert words.startswith("No verdict: ")
     assert "2 kinds were not tried for lack of time; give a larger `--budget`." in words
     assert "seen" not in words
+    for speed_up in (1.5, 4.0):
+        good = [row(speed_up=speed_up)]
+        assert ("2 kinds were not tried" in advice(good, FULL, facts, 1e-3, left)) == (speed_up < 2)
     chaos = advice(rows, FULL._replace(trained=0.3), facts, 1e-3, left)
     assert chaos.startswith("Nothing pays here: the motion is chaotic")
     assert _untried({"the rest": INTERRUPTED}) == "the study was interrupted"
@@ -189,8 +193,9 @@ def test_rounding_is_no_motion():
     resting = dataclasses.replace(motion, q=motion.q[:1] + noise)
     other = dataclasses.replace(motion, q=motion.q[:1] - noise)
     assert rj.compare(resting, other).error < SOLVED
-    assert Facts.of(zoo.bars(), system, resting, False).rests
-    assert not Facts.of(zoo.bars(), system, motion, False).rests
+    facts = Facts.of(zoo.bars(), system)
+    assert facts.after(resting).rests
+    assert not facts.after(motion).rests
 
 
 def test_a_small_motion_in_single_precision():
@@ -242,7 +247,7 @@ def found() -> rj.Reductions:
     """Made-up rows of a real motion."""
     system, motion = zoo.system(zoo.bars), zoo.motion(zoo.bars)
     wrong = row("minimal r=3, 3 runs", unseen=0.4, formulation="minimal", remark="wrong elsewhere.")
-    rows = (row(), row("local r=8", speed_up=3.0, trained=1e-7, unseen=1e-6), wrong)
+    rows = (row(), row("local r=8", rank=8, speed_up=3.0, trained=1e-7, unseen=1e-6), wrong)
     return rj.Reductions(
         rows=rows,
         models=(system,) * 3,
@@ -293,6 +298,8 @@ def test_the_figure_rings_the_recommended_model(found):
     frames = [line for line in axes.lines if line.get_markersize() == 10 and len(line.get_xdata())]
     assert [tuple(map(float, np.ravel(one.get_data()))) for one in frames] == [(1.0, 2e-5)]
     assert any(list(line.get_ydata()) == [found.tol] * 2 for line in axes.lines)
+    (axes,) = rj.plot.reductions(dataclasses.replace(found, rows=found.rows[:1])).axes
+    assert not [line for line in axes.lines if line.get_markersize() == 10]
 
 
 @pytest.mark.filterwarnings("error")

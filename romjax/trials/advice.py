@@ -8,6 +8,8 @@ from .row import ReductionRow
 
 # A model counts as faster if its runs are so many times as fast as those of the full one.
 _FASTER = 1.25
+# So many times as fast is a little, beside what kinds that there was no time for may gain.
+_LITTLE = 2.0
 # The power of the error in the rank of a model, speed-up over that: a model that is ten times as
 # accurate may be slower by a quarter.
 _WORTH = 0.1
@@ -91,9 +93,10 @@ def advice(
         where = "on its training, since no other start or speed gives a run to judge it by"
     elif math.isnan(best.unseen):
         where = "on its training, the only run that it had time for"
+    more = f" Others may gain more: {untried}." if untried and best.speed_up < _LITTLE else ""
     return (
         f"Take {best.name}: {best.speed_up:.1f} times as fast as the full model, and right to "
-        f"{best.error:.0e} {where}; {kind} It pays after {pays}."
+        f"{best.error:.0e} {where}; {kind} It pays after {pays}.{more}"
     )
 
 

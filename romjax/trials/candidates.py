@@ -192,8 +192,10 @@ def _ranks(facts: Facts) -> list[int]:
 
 
 def _table(facts: Facts) -> Sequence[int]:
-    """Ranks of tables: the freedoms of the frames, and as many modes of the bodies."""
-    if facts.space or not 0 <= facts.rigid <= 2:
+    """Ranks of tables: the freedoms of the frames, and as many modes of the bodies. Without freedom
+    they would be the models in minimal coordinates.
+    """
+    if facts.space or not 0 <= facts.rigid <= 2 or not facts.freedoms:
         return []
     if not facts.modes:
         return [max(1, facts.rigid)]

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from ..assembly.assembled import AssembledSystem
 from ..compiling.program import program_once
+from ..integrate.rodas5p import Rodas5P
 from ..integrate.trajectory import Trajectory
 from ..reduction.joint.formulation import faster_size, size_in_joint_coordinates
 from ..scene.joint.prescribed import AbstractPrescribed
@@ -36,7 +37,7 @@ class Facts:
       `jointed`: whether joint coordinates are known to be faster.
     - `caps` [Hz]: of the modes, from below the lowest of their frequencies to the highest.
     - `explicit`: whether an explicit method is fast enough for the full model; `steps`: that its
-      run takes; `rests`: whether nothing moves in it.
+      run takes; `rests`: whether nothing moves in it. These are known once it has run.
     """
 
     bodies: int
@@ -54,8 +55,8 @@ class Facts:
     rests: bool = False
 
     @classmethod
-    def of(cls, scene: Scene, system: AssembledSystem, run: Trajectory, implicit: bool) -> "Facts":
-        """Collect the facts of a scene, its system, and a run that was or was not `implicit`."""
+    def of(cls, scene: Scene, system: AssembledSystem) -> "Facts":
+        """Collect the facts of a scene and its system, before any run."""
         structure, driven = system.structure, drives(scene)
         size = size_in_joint_coordinates(system)
         cut = np.inf if size is None else size[1]
@@ -70,10 +71,24 @@ class Facts:
             tree=bool(cut <= sum(scene.joints[i].rows for i in driven)),
             jointed=faster_size(system) is not None,
             caps=tuple(default_caps(system, _CAPS)),
-            explicit=not implicit,
+        )
+
+    def after(self, run: Trajectory) -> "Facts":
+        """The facts with those of a run of the full model."""
+        return dataclasses.replace(
+            self,
+            explicit=not isinstance(run.solver, Rodas5P),
             steps=int(run.stats.num_steps),
             rests=not np.any(compare(run, run).moving),
         )
+
+    def describe(self) -> str:
+        """The structure in a few words."""
+        words = [f"{self.freedoms} freedom{'s' * (self.freedoms != 1)}"]
+        words += [f"{self.modes} modes of flexible bodies"] * (self.modes > 0)
+        words += [f"{self.drives} drive{'s' * (self.drives != 1)}"] * (self.drives > 0)
+        words += ["closed loops"] * self.loops + ["contacts"] * self.contacts
+        return ", ".join(words)
 
     @property
     def quick(self) -> bool:

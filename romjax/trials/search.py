@@ -11,7 +11,6 @@ from ..assembly.assemble import assemble
 from ..assembly.assembled import AssembledSystem
 from ..common.arrays import as_array
 from ..common.errors import InputError, ReductionError
-from ..integrate.rodas5p import Rodas5P
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..scene.scene import Scene
@@ -118,6 +117,9 @@ class Search:
         """
         system = assemble(scene)
         times = as_array(ts).astype(system.q0.dtype)
+        facts = Facts.of(scene, system)
+        kinds = ", ".join(family.name for family in families(facts))
+        progress.tell(f"{facts.describe()}; models to try: {kinds}")
         progress.doing("full model")
         rtol, solver = settings.rtol, settings.solver
 
@@ -130,7 +132,6 @@ class Search:
         progress.tell(f"full: {system.n} coordinates, {steps}")
         progress.doing("accurate run")
         truth = Truth.of(system, full, _sharp(rtol))
-        facts = Facts.of(scene, system, full, isinstance(full.solver, Rodas5P))
         return cls(
             scene=scene,
             system=system,
@@ -141,7 +142,7 @@ class Search:
             once=once,
             compiled=max(0.0, first - once),
             training=[truth or Truth(system, full, once)],
-            facts=facts,
+            facts=facts.after(full),
         )
 
     def own(self) -> tuple[float, float]:

@@ -22,9 +22,10 @@ def reductions(result: Reductions) -> DisplayedFigure:
     Filled points are the largest error on starts or speeds that the model has not seen, hollow ones
     that of its training; a vertical line joins the two, a long one of a model that only repeats
     what it has seen. The ring is around the recommended one, squares are around the drop points:
-    the models of least rank of each kind whose error is below the one that was asked for, the
-    dotted line. The dashed line is the time of the full model. Models that fail unseen, or were not
-    run from there, have a hollow point only, and those that fail on their training none.
+    the models of least rank of each kind, if it was tried at several, whose error is below the one
+    that was asked for, the dotted line. The dashed line is the time of the full model. Models that
+    fail unseen, or were not run from there, have a hollow point only, and those that fail on their
+    training none.
 
     **Arguments:** `result`: what `romjax.reductions` has found.
     """
@@ -68,6 +69,8 @@ def _point(row: ReductionRow, unseen: int) -> Point:
 
 
 def _drop(rows: Sequence[ReductionRow], tol: float) -> ReductionRow | None:
-    """The model of least rank that is right, of equal ones the fastest."""
+    """The model of least rank that is right, of equal ones the fastest; None of one rank alone."""
+    if len({row.rank for row in rows}) < 2:
+        return None
     right = [row for row in rows if row.error <= tol]
     return min(right, key=lambda row: (row.rank, row.time), default=None)
