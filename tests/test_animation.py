@@ -381,10 +381,16 @@ def test_each_mode_of_a_basis_swings(hanging, falling):
     swinging = rj.animate(hanging, basis)
     names = [model.name for model in swinging.models]
     share = float(basis.values[1] / basis.values[0])
-    assert names == ["mode 1: 1 of the first", f"mode 2: {share:.2g} of the first"]
+    assert names == ["mode 1", f"mode 2: {share:.2g} of the first"]
     points = swinging.models[0].actual[1].points
     np.testing.assert_allclose(points[0], points[-1], atol=IDENTITY)
     assert np.ptp(points, axis=0).max() > 0.1
+    # Over the bars as they hang.
+    (still,) = (o for o in swinging.models[0].actual if o.style == "surface" and o.part == "bar2")
+    (bar,) = (
+        o for o in outlines(zoo.bars(), 0.0, np.asarray(basis.offset)[None]) if o.part == "bar2"
+    )
+    np.testing.assert_allclose(still.points, np.tile(bar.points, (61, 1, 1)), atol=IDENTITY)
     assert data(swinging.html())["alternatives"]
 
 

@@ -86,6 +86,7 @@ def _of_basis(scene: Scene, motions: Sequence[Any]) -> "_Swings":
         )
     shares = np.asarray(basis.values) / np.asarray(basis.values)[0]
     names = [f"mode {k + 1}: {shares[k]:.2g} of the first" for k in range(vectors.shape[1])]
+    names[0] = "mode 1"
     return _Swings(reference, vectors, np.zeros_like(vectors), names)
 
 
@@ -109,10 +110,14 @@ class _Swings(NamedTuple):
         motion = self.real * cosine - self.imaginary * sine
         motion = motion * np.where(np.isfinite(sizes), sizes, 0.0)
         named = {name: self.reference + motion[:, :, k] for k, name in enumerate(self.names)}
+        named[""] = np.tile(self.reference, (PERIOD, 1))
+        *moving, (_, at_rest, _) = models(scene, np.zeros(PERIOD), named, traced)
+        # Where the bodies swing about, in grey and beneath, as surfaces are.
+        beneath = [o._replace(style="surface") for o in at_rest if o.style == "body"]
         drawn = [
             # They know no time, and so no loads.
-            Model(name, *([o for o in side if o.style != "load"] for side in sides))
-            for name, *sides in models(scene, np.zeros(PERIOD), named, traced)
+            Model(name, *([o for o in x if o.style != "load"] + beneath * bool(x) for x in sides))
+            for name, *sides in moving
         ]
         clock, degrees = Clock("phase", "°", TURNING), np.rad2deg(phase)
         return Animation(
