@@ -83,6 +83,20 @@ def test_richer_kinds(make, formulation, rank, names):
     assert other.validity.error == 0.5
 
 
+# With another mode in each body, for joint forces.
+SPARE = [
+    (zoo.falling_beams, "minimal", 2, ["local, 6 modes"]),
+    (zoo.falling_beams, "local", 3, []),
+    (zoo.cart_pendulum, "minimal", 2, []),
+]
+
+
+@pytest.mark.parametrize(("make", "formulation", "rank", "names"), in_groups(SPARE, slow=SPARE[1:]))
+def test_richer_kinds_with_a_mode_to_spare(make, formulation, rank, names):
+    """None stands for the full system, where these are all modes."""
+    assert [one.name for one in finer_of(model(make, formulation, rank), spare=1)] == names
+
+
 @pytest.mark.parametrize("spin", in_groups([0.01, 0.1, 2.0], slow=[0.1, 2.0]))
 def test_the_error_of_a_run_from_another_start(spin):
     """Of the norm and of what is measured, at any size of error."""
@@ -97,7 +111,7 @@ def test_the_error_of_a_run_from_another_start(spin):
     assert LEAST <= float(rj.compare(corrected, run).error) / error <= MOST
     assert bool(corrected.flags & rj.Flag.ESTIMATE) == (error > 0.05)
     assert ("not to be used" in corrected.summary()) == (error > 0.05)
-    assert "(local, 3 modes)" in corrected.summary()
+    assert "(local, 6 modes)" in corrected.summary()
     # What is kept of one start serves no other one.
     slower = zoo.run(own, ts, v0=0.5 * own.v0, rtol=1e-8)
     told = rj.corrected(own, slower)
@@ -111,7 +125,7 @@ def test_the_error_of_a_run_from_another_start(spin):
     assert LEAST <= np.linalg.norm(estimated) / np.linalg.norm(true) <= MOST
     data = run.to_xarray(error=True)
     assert np.array_equal(data["q_error"], np.abs(corrected.q - run.q))
-    assert "(local, 3 modes)" in data.attrs["error_words"]
+    assert "(local, 6 modes)" in data.attrs["error_words"]
 
 
 @pytest.mark.slow
@@ -124,6 +138,46 @@ def test_the_error_of_a_cap():
     effectivity = float(corrected.bar.error / rj.compare(truth, run).error)
     assert CAPPED <= effectivity <= 1.0
     assert "(twice the cap)" in corrected.summary()
+    full = zoo.system(zoo.cart_pendulum)
+    exact = rj.corrected(system, run, by=full)
+    assert LEAST <= float(exact.bar.error / rj.compare(truth, run).error) <= MOST
+    assert near_in_force((full, truth), (system, run), (full, exact))
+    # Of the run itself, where it starts elsewhere than its system.
+    q, v = rj.consistent(system, run.q[50], run.v[50])
+    later = rj.corrected(system, zoo.run(system, ts, q0=q, v0=v, rtol=1e-8))
+    assert np.array_equal(later.q[0], q)
+    with pytest.raises(rj.InputError, match="has a cap, and 8; give the full system without"):
+        rj.corrected(system, run, by=zoo.system(zoo.bar))
+
+
+def largest_force(system, run):
+    forces = rj.joint_forces(system, run).stacked
+    return max(float(np.max(np.linalg.norm(one.force, axis=-1))) for one in forces)
+
+
+def near_in_force(true, own, told):
+    """Whether the error of the largest joint force is told within a factor of two."""
+    right, force, estimate = (largest_force(*pair) for pair in (true, own, told))
+    return 0.5 <= abs(estimate - force) / abs(right - force) <= 2.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("make", "formulation", "rank", "spin"),
+    [(zoo.falling_beams, "local", 3, 0.1), (zoo.cart_pendulum, "minimal", 3, 0.0)],
+)
+def test_the_error_of_the_largest_joint_force(make, formulation, rank, spin):
+    """Vibrations carry it that hardly move anything, of modes that are left out, or that an
+    implicit method steps over at the tolerance of the run.
+    """
+    rom = model(make, formulation, rank)
+    system = spun(rom.full, spin) if spin else rom.full
+    own = rom.with_full(system).starting_at(system.q0, system.v0)
+    ts = np.linspace(0.0, 1.0, 101)
+    truth, run = zoo.run(system, ts), rj.simulate(own, ts, rtol=1e-8, audit=False)
+    told = rj.corrected(own, run)
+    assert "(the full model)" in told.summary()
+    assert near_in_force((system, truth), (own, run), (system, told))
 
 
 @pytest.mark.slow

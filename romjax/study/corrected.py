@@ -1,7 +1,7 @@
 """A reduced run with its error: the bar of every answer that it gives."""
 
 import dataclasses
-from typing import Literal
+from typing import Any, Literal, TypeVar, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,23 +14,20 @@ from ..common.errors import InputError, ReductionError
 from ..common.identity_cache import IdentityCache
 from ..compiling.program import program
 from ..integrate.derived import EagerQuantities
-from ..integrate.error_bar import ErrorBar
-from ..integrate.simulate import simulate
-from ..integrate.status import Status
 from ..integrate.trajectory import Trajectory
 from ..system.base import AbstractSystem, beginning_at, check_system
 from ..system.reduced import AbstractReducedSystem, reduced_of
 from ..system.structure import without_names
-from .compare import error_between
 from .residual import by_residual
 from .richer import Finer, finer_of, twice_capped
+from .richer_run import simulated, told, told_by
 
 # A run starts where a model starts that is as near as rounding allows.
 _SAME = 1e-9
-# The tolerance of a richer run beside one in fixed steps.
-_USUAL = 1e-6
 
 Physical = Float[Array, " n"]
+Start = tuple[Physical, Physical]
+S = TypeVar("S", bound=AbstractSystem)
 
 
 def corrected(
@@ -50,11 +47,13 @@ def corrected(
     - `rom`: the model that was simulated, reduced or capped; `run`: at least one motion of it,
       from the start of its full system or from another one.
     - `by`: a model of the same mechanism that knows more; unless given, one of a richer kind: local
-      with a mode for each body, or more until it has more freedoms, beside a model of all
-      coordinates, another mode in each body beside a local one, twice the cap, else twice the rank;
-      beside it the next rank where it has no more freedoms, and the run that differs more is taken
-      (where JAX traces, that of the next rank). The full system, where the model has all freedoms,
-      or where it is given.
+      with the modes for each body that it takes to have more freedoms, and one to spare, beside a
+      model of all coordinates, two more modes in each body beside a local one, twice the cap, else
+      twice the rank; beside it the next rank where it has no more freedoms, and the run that
+      differs more is taken (where JAX traces, that of the next rank). The full system, where these
+      are all modes, where the model has all freedoms, or where it is given. (Joint forces show
+      vibrations that motions hardly do: hence the mode to spare. Twice the cap misses those that
+      it caps as well: give the full system for its joint forces.)
       "residual": the error that is linear in the residual of the full equations, integrated with
       the run. It costs more than a full run, serves to judge the other estimates, and says nothing
       of chaotic motions, whose errors soon exceed 5 %.
@@ -77,7 +76,7 @@ def corrected_with(
     _check(rom, run)
     reduced = reduced_of(rom)
     if reduced is None:
-        return _by_cap(rom, run)
+        return _by_cap(rom, run, by)
     q, v = true_start(reduced, run)
     if isinstance(by, str):
         if by != "residual":
@@ -86,14 +85,13 @@ def corrected_with(
         return told(run, other, "linear"), full
     given = _finer_alike(reduced) if by is None else _by_model(reduced, by)
     if not given:
-        full = beginning_at(rom.full, q, v)
-        return told(run, simulated(full, run), "the full model"), full
+        full = _started(rom.full, q, v, pick(run.t, 0))
+        return told_by(full, run, "the full model"), full
     if concrete(run.q) is None or concrete(q) is None:
         given = given[-1:]
     models = [_started(one.model, q, v, pick(run.t, 0)) for one in given]
     pairs = [
-        (told(run, simulated(model, run), one.name), model)
-        for one, model in zip(given, models, strict=True)
+        (told_by(model, run, one.name), model) for one, model in zip(given, models, strict=True)
     ]
     return pairs[0] if len(pairs) == 1 else max(pairs, key=lambda pair: _size(pair[0]))
 
@@ -122,7 +120,7 @@ def _finer_alike(rom: AbstractReducedSystem) -> list[Finer]:
     """The models that tell the errors of a reduced one, of its own mechanism."""
     finer: list[Finer] | None = _alike.get(rom)
     if finer is None:
-        finer = [Finer(x.model.with_full(rom.full), x.name) for x in finer_of(rom)]
+        finer = [Finer(x.model.with_full(rom.full), x.name) for x in finer_of(rom, spare=1)]
         if is_outermost():
             _alike.put(rom, finer)
     return finer
@@ -132,22 +130,26 @@ def _finer_alike(rom: AbstractReducedSystem) -> list[Finer]:
 _alike = IdentityCache()
 
 
-def _started(
-    model: AbstractReducedSystem, q: Physical, v: Physical, t: Float[Array, ""]
-) -> AbstractReducedSystem:
+def _started(model: S, q: Physical, v: Physical, t: Float[Array, ""]) -> S:
     """A model that starts at (q, v, t): the one last asked for, if that starts there, since what is
     known of a start, frequencies and metric, takes as long as a reduced run.
     """
     numbers = [concrete(x) for x in (q, v, t)]
     if not is_outermost() or any(x is None for x in numbers):
-        return model.starting_at(q, v, t)
+        return _from(model, q, v, t)
     key = tuple([np.asarray(x).tobytes() for x in numbers])
-    found: AbstractReducedSystem
+    found: S
     at, found = _latest.get(model) or (None, model)
     if at != key:
-        found = model.starting_at(q, v, t)
+        found = _from(model, q, v, t)
         _latest.put(model, (key, found))
     return found
+
+
+def _from(model: S, q: Physical, v: Physical, t: Float[Array, ""]) -> S:
+    """A reduced or full model from the start that is nearest to (q, v)."""
+    own = reduced_of(model)
+    return beginning_at(model, q, v) if own is None else cast(S, own.starting_at(q, v, t))
 
 
 _latest = IdentityCache()  # by a model, its last start and the model that begins there
@@ -158,34 +160,20 @@ def _own_or_true(
     model: AbstractReducedSystem,
     t: Float[Array | np.ndarray, ""],
     start: tuple[Array, Array],
-    own: tuple[Physical, Physical],
-    true: tuple[Physical, Physical],
-) -> tuple[Physical, Physical]:
+    own: Start,
+    true: Start,
+) -> Start:
     """The true start where a model that starts as near to it as it can starts like a run."""
-    lifted = model.reconstruct(t, *start)
+    return _true_if_alike(model.reconstruct(t, *start), own, true)
+
+
+def _true_if_alike(start: Start, own: Start, true: Start) -> Start:
+    """The true start where a run's own one is that which its model has for it, else the own one."""
     sizes = [1 + jnp.max(jnp.abs(x)) for x in own]
-    apart = [jnp.max(jnp.abs(x - y)) / size for x, y, size in zip(lifted, own, sizes, strict=True)]
+    apart = [jnp.max(jnp.abs(x - y)) / size for x, y, size in zip(start, own, sizes, strict=True)]
     same = jnp.maximum(*apart) <= _SAME
     q, v = (jnp.where(same, x, y) for x, y in zip(true, own, strict=True))
     return q, v
-
-
-@program
-def _judged(
-    other: Float[Array, "k n"],
-    own: Float[Array, "k n"],
-    metric: Float[Array, "n n"],
-    statuses: tuple[Array, Array],
-    flags: Array,
-    quaternions: tuple[int, ...],
-) -> tuple[Array, Array]:
-    """The error of a motion and the flags of the other one, which tells it; infinite where one of
-    both has failed.
-    """
-    error = error_between(other, own, metric, quaternions)
-    ended = (statuses[0] == Status.SUCCESS) & (statuses[1] == Status.SUCCESS)
-    error = jnp.where(ended, error, jnp.inf)
-    return error, flags | ErrorBar(error, "").flags
 
 
 def _check(rom: AbstractSystem, run: Trajectory) -> None:
@@ -206,18 +194,38 @@ def _check(rom: AbstractSystem, run: Trajectory) -> None:
         )
 
 
-def _by_cap(system: AbstractSystem, run: Trajectory) -> tuple[Trajectory, AbstractSystem]:
+def _by_cap(
+    system: AbstractSystem, run: Trajectory, by: AbstractSystem | str | None
+) -> tuple[Trajectory, AbstractSystem]:
     capped = twice_capped(system)
     if capped is None:
         raise InputError(
             "corrected: the system is a full one, which leaves nothing out; give the reduced or "
             "capped model that was simulated. Of errors of its steps a smaller rtol tells."
         )
-    model, metric = capped
+    if by is not None:
+        full = _without_cap(system, run, by)
+        return told_by(full, run, "the full model"), full
+    model, metric = beginning_at(capped[0], pick(run.q, 0), pick(run.v, 0)), capped[1]
     other = simulated(model, run)
     # Capped modes weigh more than those that errors are measured by.
     derived = EagerQuantities(other.multipliers, metric, other.derived.parts)
     return told(run, dataclasses.replace(other, derived=derived), "twice the cap"), model
+
+
+def _without_cap(system: AbstractSystem, run: Trajectory, by: Any) -> AbstractSystem:
+    """The full system that is to tell the errors of a capped one, at the start of its run."""
+    remedy = "the full system without the cap, with the same coordinates"
+    check_kind("corrected", "by", by, AbstractSystem, f"{remedy}, beside a capped one")
+    full: AbstractSystem = by
+    if reduced_of(full) is not None or full.structure.labels != system.structure.labels:
+        raise InputError(
+            f"corrected: by is a {type(by).__name__} of {full.n} coordinates, but what was "
+            f"simulated has a cap, and {system.n}; give {remedy}, or none."
+        )
+    # Slower modes have other velocities at the start.
+    own = pick(run.q, 0), pick(run.v, 0)
+    return beginning_at(full, *_true_if_alike((system.q0, system.v0), own, (full.q0, full.v0)))
 
 
 def _name(model: AbstractReducedSystem) -> str:
@@ -235,21 +243,6 @@ def true_start(rom: AbstractReducedSystem, run: Trajectory) -> tuple[Physical, P
         return own
     nearest, true = without_names(nearest), (full.q0, full.v0)
     return _own_or_true(nearest, t, (nearest.q0, nearest.v0), own, true)
-
-
-def simulated(model: AbstractSystem, run: Trajectory) -> Trajectory:
-    """A model at the times and the tolerance of a run, by the method that suits it."""
-    rtol = _USUAL if run.stats.rtol is None else run.stats.rtol
-    # With its balance of energy where the run has one, so that energies of both can be compared.
-    return simulate(model, run.t, rtol=rtol, throw=False, audit=run.balance is not None)
-
-
-def told(run: Trajectory, other: Trajectory, name: str) -> Trajectory:
-    """The other run, and what it tells of the first one."""
-    statuses = run.status, other.status
-    motions = other.q, run.q, other.metric
-    error, flags = _judged(*motions, statuses, other.flags, other.quaternions)
-    return dataclasses.replace(other, bar=ErrorBar(error, name), flags=flags)
 
 
 def _size(run: Trajectory) -> tuple[bool, float]:

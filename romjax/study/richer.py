@@ -32,7 +32,7 @@ class Finer(NamedTuple):
     name: str
 
 
-def finer_of(rom: AbstractSystem) -> tuple[Finer, ...]:
+def finer_of(rom: AbstractSystem, spare: int = 0) -> tuple[Finer, ...]:
     """The models that tell how wrong a reduced one is, the richest first; () where none is known.
 
     One of a richer kind, since what no snapshot shows is missed by models of the same kind alike:
@@ -41,19 +41,27 @@ def finer_of(rom: AbstractSystem) -> tuple[Finer, ...]:
     such bodies twice the rank. Where that has no more freedoms, the next rank stands beside it:
     whoever asks for the error takes the larger change.
 
+    `spare`: so many more modes in each body, of which joint forces need one: the vibrations that
+    both models leave out carry these as much as the first one that the model leaves out does. With
+    all modes in all bodies it is the full system that tells, (): it is compiled for others too.
+
     Models are made once, also where JAX traces, and kept with the reduced one as it was made.
     """
     training = training_of(rom)
     if training is None or training.recipe is None:
         return ()
-    if training.finer is None:
-        known = training.rom, training.recipe
-        training.finer = outside_of_traces(lambda: tuple(_finer(*known)))
-    return training.finer
+    if spare not in training.finer:
+        known = training.rom, training.recipe, spare
+        training.finer[spare] = outside_of_traces(lambda: tuple(_finer(*known)))
+    found: tuple[Finer, ...] = training.finer[spare]
+    return found
 
 
-def _finer(rom: AbstractReducedSystem, recipe: Recipe) -> Iterator[Finer]:
-    formulation, richer = recipe.formulation, _richer_kind(rom, recipe)
+def _finer(rom: AbstractReducedSystem, recipe: Recipe, spare: int) -> Iterator[Finer]:
+    ranks = _ranks(rom, recipe, spare)
+    if spare and ranks and ranks == tuple(_modes(rom.full)):
+        return
+    formulation, richer = recipe.formulation, _richer_kind(rom, recipe, ranks)
     if richer is not None:
         yield richer
     if richer is None or _freedoms(richer.model) <= _freedoms(rom):
@@ -62,28 +70,37 @@ def _finer(rom: AbstractReducedSystem, recipe: Recipe) -> Iterator[Finer]:
             yield next_rank
 
 
-def _richer_kind(rom: AbstractReducedSystem, recipe: Recipe) -> Finer | None:
-    formulation, sizes, r = recipe.formulation, _modes(rom.full), rom.n
-    if isinstance(formulation, Local):
-        ranks = cast(Any, rom).ranks
-        more = tuple(min(k + 1, most) for k, most in zip(ranks, sizes, strict=True))
-        return _of_rank(rom, recipe, Local(ranks=more), [sum(more)])
-    if any(sizes):
-        few = _more_freedoms(rom, sizes)
-        return _of_rank(rom, recipe, Local(ranks=few), [sum(few)])
+def _richer_kind(
+    rom: AbstractReducedSystem, recipe: Recipe, ranks: tuple[int, ...]
+) -> Finer | None:
+    formulation, r = recipe.formulation, rom.n
+    if ranks:
+        return _of_rank(rom, recipe, Local(ranks=ranks), [sum(ranks)])
     if formulation.is_general:
         return _of_rank(rom, recipe, formulation, dict.fromkeys([2 * r, r + (r + 1) // 2]))
     # What stands for minimal coordinates is judged by these themselves.
     return _of_rank(rom, recipe, Minimal(), [2 * r, r + 1, r])
 
 
-def _more_freedoms(rom: AbstractReducedSystem, sizes: list[int]) -> tuple[int, ...]:
+def _ranks(rom: AbstractReducedSystem, recipe: Recipe, spare: int) -> tuple[int, ...]:
+    """The numbers of modes of the local model that judges another one; () where no body bends."""
+    sizes = _modes(rom.full)
+    if not any(sizes):
+        return ()
+    if isinstance(recipe.formulation, Local):
+        ranks = [k + 1 for k in cast(Any, rom).ranks]
+    else:
+        ranks = [_more_freedoms(rom, sizes)] * len(sizes)
+    return tuple(min(k + spare, most) for k, most in zip(ranks, sizes, strict=True))
+
+
+def _more_freedoms(rom: AbstractReducedSystem, sizes: list[int]) -> int:
     """The fewest modes for each body, equally many, with more freedoms than a model; else all."""
     for k in range(1, max(sizes)):
         left_out = sum(max(0, most - k) for most in sizes)
         if rom.full.n - rom.full.m - left_out > _freedoms(rom):
-            return tuple(min(k, most) for most in sizes)
-    return tuple(sizes)
+            return k
+    return max(sizes)
 
 
 def _modes(full: AbstractSystem) -> list[int]:

@@ -38,7 +38,7 @@ class Training:
         self.motions = motions
         self.errors: tuple[Any, ...] | None = None if motions else ()
         self.recipe = recipe
-        self.finer: tuple[Any, ...] | None = None
+        self.finer: dict[int, tuple[Any, ...]] = {}
 
 
 # By the `error` of its validity, an array that a model keeps with other numbers and starts, also
