@@ -63,6 +63,7 @@ from .measure.energy import part_energies as part_energies
 from .measure.forces import effect_forces as effect_forces
 from .measure.forces import joint_forces as joint_forces
 from .measure.kinematics import measure as measure
+from .measure.resultants import Resultants as Resultants
 from .measure.resultants import resultants as resultants
 from .plot.motion.animate import animate as animate
 from .plot.motion.animation import Animation as Animation

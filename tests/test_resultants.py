@@ -291,7 +291,7 @@ def test_wrong_input():
     scene = eqx.tree_at(lambda s: s.bodies, scene, (*scene.bodies, rj.RigidBody("box", 1.0, 1.0)))
     system, run = at_start(scene)
     for wrong, message in (
-        (("box", [0.0]), "'box' is a RigidBody, but only an rj.Beam"),
+        (("box", [0.0]), "'box' is a RigidBody, but only a Beam or a Rod"),
         (("ground", [0.0]), "'ground' is the ground"),
         (("bean", [0.0]), "no body 'bean'. Did you mean 'beam'"),
         (("beam", [0.7]), "0.7 m from the middle of 'beam', which ends at 0.6 m"),

@@ -20,16 +20,18 @@ from ..scene.body.beam import Beam
 from ..scene.body.rigid import RigidBody
 from ..scene.body.rod import Rod
 from ..scene.body.rod_base import AbstractRod
+from ..scene.body.spatial.beam import Beam as SpatialBeam
 from ..scene.body.spatial.rigid import RigidBody as SpatialRigidBody
 from ..scene.body.spatial.rod import Rod as SpatialRod
 from ..scene.effect.base import AbstractField
 from ..scene.marker import Pose, Twist, Wrench
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
+from .section_inertia import by_amplitudes, by_poses
 from .states import along, check_run, solved
 
 # Bodies that have stress resultants.
-Slender = Beam | Rod | SpatialRod
+Slender = Beam | Rod | SpatialBeam | SpatialRod
 # A load at a cut is recognised up to this share of the length.
 _SAME = 1e-9
 
@@ -47,7 +49,7 @@ class Resultants(NamedTuple):
       slope increases with the position. Between loads, dM/ds = −V and dV/ds = −p for a load p per
       length along n, inertia included.
 
-    Of a rod in space they are by the axes of the section, of which x is along it: `shear`
+    In space they are by the axes of the section, of which x is along the beam: `shear`
     (k, positions, 2) along y and z, and `moment` (k, positions, 3), the torque about x, which
     twists, and about y and z.
     """
@@ -83,12 +85,12 @@ class _Cut(eqx.Module):
 def resultants(
     system: AbstractSystem, run: Trajectory, beam: Slender | str, positions: Vector
 ) -> Resultants:
-    """Axial force, shear force and bending moment of a beam or a rod along a run, and the torque
-    that twists a rod in space.
+    """Axial force, shear force and bending moment of a beam or a rod along a run, and in space the
+    torque that twists it.
 
     They are what the part at larger positions does to the part before the cut. Tension is positive;
     the shear force is along a quarter turn from the tangent, the moment counter-clockwise. In space
-    shear and moment are by the axes of the section, of which x is along the rod.
+    shear and moment are by the axes of the section, of which x is along the beam.
 
     By the equilibrium of the part beyond each cut in the deformed configuration: forces of joints
     and effects on it, weight, and inertia from the accelerations of its points. In a motion without
@@ -100,7 +102,7 @@ def resultants(
     **Arguments:**
 
     - `system`: full or reduced. `run`: simulated with it.
-    - `beam`: an `rj.Beam`, an `rj.Rod` or an `rj.spatial.Rod` of the scene, or its name.
+    - `beam`: a beam or a rod of the scene, in the plane or in space, or its name.
     - `positions`: of the cuts along the axis of the body frame, the arc length along a rod, from
       the middle [m], from −length / 2 to length / 2.
 
@@ -126,7 +128,7 @@ def _prepared(owner: str, system: AbstractSystem, beam: Slender | str, positions
     if not isinstance(body, Slender):
         kind = "the ground" if body is None else f"a {type(body).__name__}"
         kind += " in space" if body is not None and body.dimension == 3 else ""
-        known = "an rj.Beam, an rj.Rod or an rj.spatial.Rod"
+        known = "a Beam or a Rod, of romjax or of romjax.spatial,"
         raise InputError(
             f"{owner}: '{name}' is {kind}, but only {known} has them. At a joint, the moment is "
             "that of romjax.joint_forces with the torques of romjax.effect_forces there."
@@ -154,6 +156,7 @@ def _prepared(owner: str, system: AbstractSystem, beam: Slender | str, positions
         gyration = body.rotary * body.length / body.mass
     else:
         thin = body.mass * body.length**2 / 12
+        thin = thin * np.array([0.0, 1.0, 1.0]) if body.dimension == 3 else thin
         gyration = ((thin if body.inertia is None else body.inertia) - thin) / body.mass
     full, first = assembled(owner, system), columns[name][0]
     return _Cut(
@@ -165,7 +168,7 @@ def _prepared(owner: str, system: AbstractSystem, beam: Slender | str, positions
         axis=axis,
         of_joints=_markers_on(full.joint_markers, first),
         of_effects=_markers_on(full.effect_markers, first),
-        bends=body.bends,
+        bends=body.rotary if isinstance(body, SpatialBeam) else body.bends,
     )
 
 
@@ -193,7 +196,11 @@ def _at(fixed: tuple[Any, _Cut], t: Array, q: Array, v: Array) -> Resultants:
     arms = nodes(poses.position) - origin[:, None]
     force, torque = jnp.sum(forces, axis=1), jnp.sum(_cross(arms, forces), axis=1)
     if poses.dimension == 3:
-        spun = _spun(cut.gyration, poses, twists, accelerations)
+        markers = cut.points.markers
+        if markers.bending:
+            spun = by_poses(cut.gyration, poses, twists, accelerations)
+        else:  # turned by amplitudes, as those of beams are
+            spun = by_amplitudes(cut.gyration, markers.shapes[:, 3:], cut.bends, *own)
         torque -= jnp.sum(cut.shares[:, :, None] * nodes(spun), axis=1)
     else:
         turning = own[2][2] * jnp.ones_like(cut.shares)
@@ -222,16 +229,6 @@ def _at(fixed: tuple[Any, _Cut], t: Array, q: Array, v: Array) -> Resultants:
         shear=x * force[:, 1] - y * force[:, 0],
         moment=torque,
     )
-
-
-def _spun(gyration: Array, poses: Pose, twists: Twist, accelerations: Twist) -> Array:
-    """The rates of the angular momentum of sections per mass, (points, 3)."""
-    axes = quaternions.matrix(poses.turn)
-    spin, turning = (
-        quaternions.apply_transposed(axes, x.angular_velocity) for x in (twists, accelerations)
-    )
-    own = gyration[None] * turning + _cross(spin, gyration[None] * spin)
-    return quaternions.apply(axes, own)
 
 
 def _beyond(
