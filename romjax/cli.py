@@ -170,7 +170,7 @@ def _tune(options: argparse.Namespace) -> int:
 
 
 def _new(options: argparse.Namespace) -> int:
-    write_start(options.file)
+    write_start(options.file, options.space)
     print(f"Wrote {options.file}. Next: romjax check {options.file}, romjax run {options.file}")
     return 0
 

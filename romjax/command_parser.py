@@ -89,6 +89,7 @@ def _add_tune(verbs: Any) -> None:
 def _add_files(verbs: Any) -> None:
     """The verbs for scene files."""
     new = verbs.add_parser("new", help="write a scene file to begin with")
+    new.add_argument("--space", action="store_true", help="in three dimensions")
     check = verbs.add_parser(
         "check",
         help="say what a scene file is, without running it",

@@ -4,6 +4,7 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from documents import PAGES, blocks
 
@@ -48,6 +49,20 @@ def test_new_and_schema(new, capsys):
     schema = json.loads(capsys.readouterr().out)
     assert schema["$defs"]["Beam"]["required"] == ["type", "mass", "length"]
     assert "angle_deg" in schema["$defs"]["RigidBody"]["properties"]
+
+
+def test_new_in_space(tmp_path):
+    """As it is, and with all that it offers in comments."""
+    path = tmp_path / "arm.toml"
+    assert main(["new", str(path), "--space"]) == 0
+    scene = rj.load_scene(path)
+    assert [type(body) for body in scene.bodies] == [rj.spatial.RigidBody, rj.spatial.Beam]
+    assert [b.modes for b in scene.bodies] == [0, 0]
+    path.write_text(re.sub(r"^# (?=\[|\w+ = )", "", path.read_text(), flags=re.MULTILINE))
+    changed = rj.load_scene(path)
+    assert (changed.bodies[1].bending, len(changed.effects)) == ((2, 2), 2)
+    np.testing.assert_array_equal(changed.bodies[1].EI, [200.0, 200.0])
+    np.testing.assert_array_equal(changed.bodies[1].damping, 4 * [0.01])
 
 
 def test_check(tmp_path, capsys):

@@ -232,7 +232,7 @@ class Builder:
                 return self._rotation(place, value)
             case TableOf():
                 return self._table(place, form, value)
-            case ListOf(item):
+            case ListOf(item) if isinstance(value, list):
                 return tuple(self._value((*place, i), item, x, {}) for i, x in enumerate(value))
             case PartOf(base):
                 named = {"name": around.get("name", "")} if is_body(form) else {}

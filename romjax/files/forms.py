@@ -84,9 +84,10 @@ class PartOf:
 
 @dataclasses.dataclass(frozen=True)
 class ListOf:
-    """A list."""
+    """A list; or of a `single` one an item, which stands for all."""
 
     item: "Form"
+    single: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -192,6 +193,8 @@ def refined(given: Form | None, field: Form | None) -> Form | None:
         return given
     if isinstance(field, Numbers) and field.axes and not any(field.axes):
         return dataclasses.replace(field, loose=True)
+    if field == ListOf(Plain(int)) and given == ANY:
+        return dataclasses.replace(field, single=True)
     return field
 
 

@@ -154,12 +154,10 @@ def _mistakes(form: Form, place: Place, value: Any) -> Iterator[tuple[Place, str
         case Plain(kind):
             yield from _said(place, _wrong_plain(kind, value))
         case Choice(values):
-            right = not isinstance(value, bool) and value in values
-            names = [repr(x) for x in values]
-            wanted = " or ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
-            yield from _said(
-                place, "" if right else f"It is {shown(value)}, but it must be {wanted}."
-            )
+            if isinstance(value, bool) or value not in values:
+                names = [repr(x) for x in values]
+                wanted = " or ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+                yield place, f"It is {shown(value)}, but it must be {wanted}."
         case PointForm():
             if not isinstance(value, str):
                 yield from _mistakes(_POINT, place, value)
@@ -172,10 +170,11 @@ def _mistakes(form: Form, place: Place, value: Any) -> Iterator[tuple[Place, str
         case RotationForm():
             turned = is_turning(value) and (_EULER if "euler" in value else _AXIS)
             yield from _mistakes(turned or ROTATION_NUMBERS, place, value)
-        case ListOf(item):
-            yield from _said(place, "" if isinstance(value, list) else _needed(value, "a list"))
-            for i, x in enumerate(value if isinstance(value, list) else ()):
-                yield from _mistakes(item, (*place, i), x)
+        case ListOf(item, single):
+            several = isinstance(value, list)
+            yield from _said(place, "" if several or single else _needed(value, "a list"))
+            for i, x in enumerate(value if several else [value] * single):
+                yield from _mistakes(item, (*place, i) if several else place, x)
         case TableOf(item):
             yield from _said(place, "" if isinstance(value, dict) else _needed(value, "a table"))
             for key, x in value.items() if isinstance(value, dict) else ():
@@ -283,8 +282,9 @@ def _schema(form: Form, definitions: dict[str, dict[str, Any]]) -> dict[str, Any
             return {"oneOf": [_schema(x, definitions) for x in (_TEXT, _MARKER)]}
         case RotationForm():
             return {"oneOf": [_schema(x, definitions) for x in (ROTATION_NUMBERS, _AXIS, _EULER)]}
-        case ListOf(item):
-            return {"type": "array", "items": _schema(item, definitions)}
+        case ListOf(item, single):
+            many = {"type": "array", "items": (one := _schema(item, definitions))}
+            return {"oneOf": [one, many]} if single else many
         case TableOf(item):
             return {"type": "object", "additionalProperties": _schema(item, definitions)}
         case PartOf(base):

@@ -64,7 +64,7 @@ class Beam(AbstractFlexibleBody):
     length: Converted[Float[Array, ""]] = number()
     inertia: Converted[Float[Array, "3"], Vector] = number()
     _: dataclasses.KW_ONLY
-    EI: Converted[Float[Array, "2"] | None, Vector | None] = number(default=None)
+    EI: Converted[Float[Array, " planes"] | None, Vector | None] = number(default=None)
     GJ: Converted[Float[Array, ""] | None, Number | None] = number(default=None)
     EA: Converted[Float[Array, ""] | None, Number | None] = number(default=None)
     damping: Converted[Float[Array, " modes"] | None, Vector | None] = number(default=None)
