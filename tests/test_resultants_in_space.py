@@ -15,7 +15,7 @@ ACROSS = MASS * LENGTH**2 / 12
 
 
 def beam(thick=0.0, **options):
-    """With stiffness in all ways; sections of `thick` [kg m²] about y, and as much again about z."""
+    """With stiffness in all ways; sections of `thick` about y, twice that about z."""
     stiffness = {"EI": (2.0, 3.0), "GJ": 1.5, "EA": 40.0}
     inertia = (POLAR, ACROSS + thick, ACROSS + 2 * thick)
     counts = {"bending": 2, "torsion": 1, "extension": 1}
