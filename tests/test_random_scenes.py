@@ -265,13 +265,15 @@ def test_runs_or_is_refused_with_a_reason(structure):
         words = outcome(seed)
         statuses = [status.name for status in rj.Status]
         refused = "leave no motion" in words or "is still violated" in words
-        assert words == "success" or refused or words.split(":")[0] in statuses
+        assert words.startswith("success") or refused or words.split(":")[0] in statuses
 
 
 @pytest.mark.exhaustive
 def test_most_scenes_run():
     """And some are refused."""
-    ran = [outcome(seed) == "success" for structure in STRUCTURES for seed in seeds(structure)]
+    ran = [
+        outcome(seed).startswith("success") for structure in STRUCTURES for seed in seeds(structure)
+    ]
     assert RUNNING <= np.mean(ran) < 1
 
 

@@ -82,8 +82,20 @@ def test_a_run_is_the_same_to_the_bit(run, tmp_path):
     found = rj.load(tmp_path / "run.nc")
     check_same_run(found, run)
     assert found.solver == run.solver
-    assert found.summary() == "success"
+    assert found.summary() == run.summary()
     assert rj.compare(run, found).error == 0
+
+
+def test_a_summary_says_how_it_went(pendulum, swung):
+    """Steps, constraints, energy and flags; of several runs, which is the first that failed."""
+    words = swung.summary()
+    steps, method = int(swung.stats.num_steps), swung.solver_name
+    assert words.startswith(f"success: {steps} steps of {method} to t = 1 s; constraints hold to ")
+    assert f"{float(np.max(swung.violation)):.1e}; energy balances to " in words
+    doubtful = dataclasses.replace(swung, flags=np.asarray(int(rj.Flag.CAPPED)))
+    assert doubtful.summary().startswith(words + "; modes above the cap vibrate")
+    both = dataclasses.replace(swung, status=np.array([0, int(rj.Status.MAX_STEPS)]))
+    assert both.summary().startswith("1 of 2 runs succeeded; lane 1: MAX_STEPS: ")
 
 
 def test_a_run_that_stopped_is_kept_and_drawn(pendulum, tmp_path):
@@ -139,7 +151,8 @@ d = xarray.open_dataset("run.nc")
 print(d["q"].dims, d["q"].units, d["v"].units, d["time"].units, d["multipliers"].dims)
 print(d["coordinate"].values[:3].tolist(), d["coordinate_unit"].values[:3].tolist())
 print(d["constraint"].values.tolist())
-print(d.solver, d.status_words, d.warnings, d["status"].flag_meanings.split()[int(d["status"])])
+print(d.solver, d.status_words.partition(":")[0], d.warnings, end=" ")
+print(d["status"].flag_meanings.split()[int(d["status"])])
 print(d["tip"].dims, d["tip"].units, d.romjax_version)
 print("romjax" in sys.modules)
 """

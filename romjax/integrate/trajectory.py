@@ -33,8 +33,9 @@ from .error_bar import ErrorBar
 from .follow.branching import Branching
 from .follow.energy_balance import EnergyBalance
 from .statistics import Statistics
-from .status import REMEDIES, Status
+from .status import Status
 from .step_states import StepStates
+from .summary import summary
 
 
 class Trajectory(eqx.Module):
@@ -204,11 +205,10 @@ class Trajectory(eqx.Module):
         return "; ".join([*failure, *words.values(), *filter(None, others)])
 
     def summary(self) -> str:
-        """The status in words, with the remedy; of a corrected run with the error that it tells."""
-        status = Status(int(self.status))
-        if status is not Status.SUCCESS:
-            return f"{status.name}: {REMEDIES[status]}"
-        return "success" if self.bar is None else f"success; {self.bar.describe()}"
+        """The status in words, with the remedy; of success, its steps, how well constraints and
+        energy hold, what its flags say, and of a corrected run the error that it tells.
+        """
+        return summary(self)
 
     def every(self, stride: int) -> "Trajectory":
         """The same motion at every `stride`-th output time."""

@@ -1,4 +1,4 @@
-"""What the inertia of sections asks of the torques in a beam in space."""
+"""Torques that the inertia of sections asks for in beams in space."""
 
 import jax
 import jax.numpy as jnp
