@@ -1,8 +1,13 @@
 """The record of what happened in a run."""
 
+import dataclasses
+from typing import Any
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
+
+from ..common.described import Described
 
 
 class Events(eqx.Module):
@@ -24,6 +29,26 @@ class Events(eqx.Module):
     v_before: Float[Array, "most n"]
     v_after: Float[Array, "most n"]
     lasting: Bool[Array, ""]
+
+    @staticmethod
+    def arrays() -> dict[str, Described]:
+        """Return the descriptions of its arrays in files, by their names."""
+        return {
+            "time": Described(("occurrence",), "s", "when it happened"),
+            "happened": Described(("occurrence", "event"), "1", "which events did"),
+            "impulse": Described(("occurrence", "event"), "N s", "impulses of impacts"),
+            "q": Described(("occurrence", "coordinate"), "", "generalized coordinates then"),
+            "v_before": Described(("occurrence", "coordinate"), "", "their rates before"),
+            "v_after": Described(("occurrence", "coordinate"), "", "their rates after"),
+            "lasting": Described((), "", "whether the run ended since bodies stayed in contact"),
+        }
+
+    def without_unused(self) -> "Events":
+        """The record without unused rows; of one run, where JAX does not trace."""
+        count = int(self.count)
+        rows = {name: np.asarray(getattr(self, name)) for name in self.arrays()}
+        cut: dict[str, Any] = {name: x[:count] if x.ndim else x for name, x in rows.items()}
+        return dataclasses.replace(self, **cut)
 
     def times(self, event: int = 0) -> np.ndarray:
         """The times [s] at which one of the events happened, by its number in the list that was

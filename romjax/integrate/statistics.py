@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..common.described import Described
 from ..common.plain import plain
 from ..system.stabilization import Stabilization
 
@@ -38,6 +39,20 @@ class Statistics(eqx.Module):
     atol: Float[Array | np.ndarray, ""] | None = None
     fastest_frequency: Float[Array, ""] | None = None
     stabilization: Stabilization = None
+
+    @staticmethod
+    def arrays() -> dict[str, Described]:
+        """Return the descriptions of its arrays in files, by their names."""
+        return {
+            "num_steps": Described((), "1", "steps"),
+            "num_accepted_steps": Described((), "1", "steps that were accepted"),
+            "num_rejected_steps": Described((), "1", "steps that were rejected"),
+            "rtol": Described((), "1", "relative tolerance of the step size control"),
+            "atol": Described((), "1", "absolute tolerance of the step size control"),
+            "fastest_frequency": Described(
+                (), "rad/s", "fastest frequency of the system at its start"
+            ),
+        }
 
     def __repr__(self) -> str:
         return plain(self)

@@ -6,13 +6,11 @@ from typing import Any
 import numpy as np
 
 from ...common.errors import InputError
-from ...integrate.follow.branching import Branching
-from ...integrate.follow.energy_balance import EnergyBalance
 from ...integrate.status import Status
 from ...integrate.trajectory import Trajectory
 from ...scene.coordinate import Coordinate
 from ...system.flags import Flag
-from .variables import ARRAYS, EVENTS, STATES, STATISTICS
+from .variables import ARRAYS, RECORDS
 
 # Numbers that a run that went well knows at all times.
 _FINITE = ("time", "q", "v", "violation")
@@ -106,19 +104,16 @@ def _in_status(dataset: Any) -> Iterator[str]:
 
 def _dimensions(lanes: tuple[str, ...]) -> dict[str, list[tuple[str, ...]]]:
     """Return the dimensions that each variable of a file of results may have."""
-    scalars = [*STATISTICS, "status", "flags"]
-    for owner, kind in (("balance", EnergyBalance), ("branching", Branching)):
-        scalars += [f"{owner}_{field}" for field in kind._fields]
+    arrays = dict(ARRAYS)
+    for kind, prefix in RECORDS.values():
+        arrays |= {prefix + name: described for name, described in kind.arrays().items()}
     terms = ("baumgarte_alpha", "baumgarte_beta")
     return {
         "time": [("time",)],
-        **{name: [(*lanes, *dimensions)] for name, (dimensions, _, _) in ARRAYS.items()},
-        **{name: [lanes] for name in scalars},
+        **{name: [(*lanes, *described.axes)] for name, described in arrays.items()},
+        **{name: [lanes] for name in ("status", "flags")},
         **{f"coordinate_{field}": [("coordinate",)] for field in Coordinate._fields},
-        **{f"step_{name}": [(*lanes, *dimensions)] for name, (dimensions, _, _) in STATES.items()},
-        **{f"event_{name}": [dimensions] for name, (dimensions, _, _) in EVENTS.items()},
         **{name: [lanes, (*lanes, "constraint")] for name in terms},
-        "event_lasting": [()],
         "projection_sweeps": [()],
     }
 

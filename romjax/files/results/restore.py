@@ -10,17 +10,14 @@ from jaxtyping import Array
 
 from ...common.errors import InputError
 from ...common.partition import Partitioned
-from ...events.record import Events
 from ...integrate.derived import EagerQuantities
-from ...integrate.follow.branching import Branching
-from ...integrate.follow.energy_balance import EnergyBalance
 from ...integrate.rodas5p import Rodas5P
 from ...integrate.statistics import Statistics
-from ...integrate.step_states import StepStates
 from ...integrate.trajectory import Trajectory
 from ...scene.coordinate import Coordinate
 from ...system.stabilization import Baumgarte, Projection, Stabilization
 from .scenes import system_of
+from .variables import RECORDS
 
 
 def trajectory_of(dataset: Any, solver: diffrax.AbstractSolver[Any]) -> Trajectory:
@@ -32,10 +29,12 @@ def trajectory_of(dataset: Any, solver: diffrax.AbstractSolver[Any]) -> Trajecto
     def optional(name: str) -> Any:
         return array(name) if name in dataset else None
 
-    def record(kind: Any, owner: str) -> Any:
-        if f"{owner}_{kind._fields[0]}" not in dataset:
+    def record(field: str, **others: Any) -> Any:
+        kind, prefix = RECORDS[field]
+        first, *_ = kind.arrays()
+        if prefix + first not in dataset:
             return None
-        return kind(*(array(f"{owner}_{field}") for field in kind._fields))
+        return kind(**{name: array(prefix + name) for name in kind.arrays()}, **others)
 
     statistics = Statistics(
         num_steps=array("num_steps"),
@@ -65,11 +64,11 @@ def trajectory_of(dataset: Any, solver: diffrax.AbstractSolver[Any]) -> Trajecto
         coordinates=_coordinates(dataset),
         solver_parts=Partitioned.of(solver),
         flags=array("flags"),
-        balance=record(EnergyBalance, "balance"),
-        branching=record(Branching, "branching"),
+        balance=record("balance"),
+        branching=record("branching"),
         imbalance=optional("imbalance"),
-        states=_states(dataset),
-        events=_events(dataset),
+        states=record("states"),
+        events=record("events", count=jnp.asarray(np.int64(dataset.sizes.get("occurrence", 0)))),
     )
 
 
@@ -109,17 +108,3 @@ def solver_of(
             "xarray.open_dataset."
         )
     return given
-
-
-def _states(dataset: Any) -> StepStates | None:
-    if "step_t" not in dataset:
-        return None
-    return StepStates(*(jnp.asarray(dataset[f"step_{x}"].values) for x in StepStates._fields))
-
-
-def _events(dataset: Any) -> Events | None:
-    if "event_time" not in dataset:
-        return None
-    fields = ("time", "happened", "impulse", "q", "v_before", "v_after", "lasting")
-    arrays = {field: jnp.asarray(dataset[f"event_{field}"].values) for field in fields}
-    return Events(count=jnp.asarray(np.int64(len(arrays["time"]))), **arrays)

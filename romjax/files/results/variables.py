@@ -1,12 +1,19 @@
 """The numbers of a run as variables of a dataset: names, dimensions and units."""
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...assembly.names import unique
+from ...common.described import Described
 from ...common.errors import InputError
+from ...events.record import Events
+from ...integrate.follow.branching import Branching
+from ...integrate.follow.energy_balance import EnergyBalance
+from ...integrate.statistics import Statistics
 from ...integrate.status import Status
+from ...integrate.step_states import StepStates
 from ...integrate.trajectory import Trajectory
 from ...system.flags import Flag
 from ...system.stabilization import Baumgarte, Projection
@@ -14,39 +21,30 @@ from ...system.stabilization import Baumgarte, Projection
 # A variable: its dimensions, its values, its attributes.
 Variable = tuple[tuple[str, ...], Any, dict[str, Any]]
 
-# Dimensions after that of lanes, unit, and what it is, of each array of a run.
+# The arrays of a run itself, with the axes after that of lanes.
 ARRAYS = {
-    "q": (("time", "coordinate"), "", "generalized coordinates"),
-    "v": (("time", "coordinate"), "", "their rates"),
-    "violation": (("time",), "m or rad", "largest size of the constraints"),
-    "imbalance": (("time",), "J", "energy gained, and not by work, up to the step before"),
-    "multipliers": (("time", "constraint"), "N or N m", "Lagrange multipliers"),
-    "metric": (("coordinate", "column"), "", "mass matrix at the start"),
-}
-STATISTICS = {
-    "num_steps": ("1", "steps"),
-    "num_accepted_steps": ("1", "steps that were accepted"),
-    "num_rejected_steps": ("1", "steps that were rejected"),
-    "rtol": ("1", "relative tolerance of the step size control"),
-    "atol": ("1", "absolute tolerance of the step size control"),
-    "fastest_frequency": ("rad/s", "fastest frequency of the system at its start"),
-}
-# Of the balance of energy and the passage of singular positions; joules unless given.
-_UNITS = {"time": "s", "ambiguity": "1", "repeated": "1"}
-EVENTS = {
-    "time": (("occurrence",), "s", "when it happened"),
-    "happened": (("occurrence", "event"), "1", "which events did"),
-    "impulse": (("occurrence", "event"), "N s", "impulses of impacts"),
-    "q": (("occurrence", "coordinate"), "", "generalized coordinates then"),
-    "v_before": (("occurrence", "coordinate"), "", "their rates before"),
-    "v_after": (("occurrence", "coordinate"), "", "their rates after"),
+    "q": Described(("time", "coordinate"), "", "generalized coordinates"),
+    "v": Described(("time", "coordinate"), "", "their rates"),
+    "violation": Described(("time",), "m or rad", "largest size of the constraints"),
+    "imbalance": Described(("time",), "J", "energy gained, and not by work, up to the step before"),
+    "multipliers": Described(("time", "constraint"), "N or N m", "Lagrange multipliers"),
+    "metric": Described(("coordinate", "column"), "", "mass matrix at the start"),
 }
 
 
-STATES = {
-    "t": (("step",), "s", "when steps ended"),
-    "q": (("step", "coordinate"), "", "generalized coordinates then"),
-    "v": (("step", "coordinate"), "", "their rates then"),
+class Record(NamedTuple):
+    """A field of runs that is a record, or None: its class, and the `prefix` of names in files."""
+
+    kind: Any
+    prefix: str
+
+
+RECORDS = {
+    "stats": Record(Statistics, ""),
+    "balance": Record(EnergyBalance, "balance_"),
+    "branching": Record(Branching, "branching_"),
+    "states": Record(StepStates, "step_"),
+    "events": Record(Events, "event_"),
 }
 
 
@@ -55,25 +53,27 @@ def variables_of(run: Trajectory) -> dict[str, Variable]:
     lanes = ("lane",) * (run.t.ndim - 1)
     variables: dict[str, Variable] = {}
 
-    def put(name: str, dimensions: tuple[str, ...], value: Any, unit: str, words: str) -> None:
+    def put(name: str, axes: tuple[str, ...], value: Any, unit: str, meaning: str) -> None:
         if value is not None:
-            attributes = {"long_name": words} | ({"units": unit} if unit else {})
-            variables[name] = (lanes + dimensions, np.asarray(value), attributes)
+            attributes = {"long_name": meaning} | ({"units": unit} if unit else {})
+            variables[name] = (lanes + axes, np.asarray(value), attributes)
 
-    for name, (dimensions, unit, words) in ARRAYS.items():
-        put(name, dimensions, getattr(run, name), unit, words)
+    def put_record(owner: Any, arrays: Mapping[str, Described], prefix: str = "") -> None:
+        for name, (axes, unit, meaning) in arrays.items():
+            put(prefix + name, axes, getattr(owner, name), unit, meaning)
+
+    put_record(run, ARRAYS)
     variables["q"][2]["units"] = _together(run, "")
     variables["v"][2]["units"] = _together(run, "/s")
-    for name, (unit, words) in STATISTICS.items():
-        put(name, (), getattr(run.stats, name), unit, words)
     put("status", (), run.status, "1", "how the run ended")
     variables["status"][2].update(meanings_of_status())
     put("flags", (), run.flags, "1", "what speaks against it, as a sum")
     variables["flags"][2].update(meanings_of_flags())
-    for owner in ("balance", "branching"):
-        parts = getattr(run, owner)
-        for name, value in ({} if parts is None else parts._asdict()).items():
-            put(f"{owner}_{name}", (), value, _UNITS.get(name, "J"), f"{name}, of the {owner}")
+    for field, (kind, prefix) in RECORDS.items():
+        record = getattr(run, field)
+        if record is not None:
+            record = _of_one_run(record) if kind is Events else record
+            put_record(record, kind.arrays(), prefix)
     used = run.stats.stabilization
     if isinstance(used, Baumgarte):
         rows = ("constraint",) * (np.ndim(used.alpha) - len(lanes))
@@ -81,11 +81,6 @@ def variables_of(run: Trajectory) -> dict[str, Variable]:
         put("baumgarte_beta", rows, used.beta, "1/s^2", "of Baumgarte's stabilisation")
     elif isinstance(used, Projection):
         variables["projection_sweeps"] = ((), used.sweeps, {"long_name": "of each projection"})
-    if run.states is not None:
-        for name, (dimensions, unit, words) in STATES.items():
-            put(f"step_{name}", dimensions, getattr(run.states, name), unit, words)
-    if run.events is not None:
-        _put_events(run, variables)
     return variables
 
 
@@ -95,21 +90,13 @@ def _together(run: Trajectory, per: str) -> str:
     return " or ".join(f"{unit}{per}" for unit in units)
 
 
-def _put_events(run: Trajectory, variables: dict[str, Variable]) -> None:
-    if run.t.ndim > 1:
+def _of_one_run(events: Events) -> Events:
+    if events.count.ndim:
         raise InputError(
             "Trajectory.to_xarray: events of several runs at once are of different number; map "
             "over the runs, and save each by itself."
         )
-    assert run.events is not None
-    # Rows that nothing happened in are left out.
-    count = int(run.events.count)
-    for name, (dimensions, unit, words) in EVENTS.items():
-        attributes = {"long_name": words} | ({"units": unit} if unit else {})
-        values = np.asarray(getattr(run.events, name))[:count]
-        variables[f"event_{name}"] = (dimensions, values, attributes)
-    lasting = {"long_name": "whether the run ended since bodies stayed in contact"}
-    variables["event_lasting"] = ((), np.asarray(run.events.lasting), lasting)
+    return events.without_unused()
 
 
 def meanings_of_flags() -> dict[str, Any]:

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ...common import precision
+from ...common.described import Described
 from ...common.plain import plain
 from ...linalg.kkt import KKT
 from ...system.flags import Flag
@@ -35,6 +36,17 @@ class Branching(NamedTuple):
     ambiguity: Float[Array, ""]
     time: Float[Array, ""]
     repeated: Int[Array, ""]
+
+    @staticmethod
+    def arrays() -> dict[str, Described]:
+        """Return the descriptions of its arrays in files, by their names."""
+        return {
+            "ambiguity": Described(
+                (), "1", "largest violation by the square of the singular value"
+            ),
+            "time": Described((), "s", "when it was largest"),
+            "repeated": Described((), "1", "constraints that repeat others"),
+        }
 
     def __repr__(self) -> str:
         return plain(self)

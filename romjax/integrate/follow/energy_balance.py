@@ -5,6 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from ...common.described import Described
 from ...common.plain import plain
 from ...system.flags import Flag
 from ...system.state import Power
@@ -60,6 +61,23 @@ class EnergyBalance(NamedTuple):
     tolerated_sum: Float[Array, ""]
     tolerated_work: Float[Array, ""]
     rounding: Float[Array, ""]
+
+    @staticmethod
+    def arrays() -> dict[str, Described]:
+        """Return the descriptions of its arrays in files, by their names."""
+        return {
+            "energy": Described((), "J", "energy at the end"),
+            "imbalance": Described((), "J", "energy gained, and not by work"),
+            "largest": Described((), "J", "largest size of the imbalance"),
+            "jump": Described((), "J", "largest growth of it in one step"),
+            "time": Described((), "s", "when it grew most"),
+            "gained": Described((), "J", "energy that dampers gave"),
+            "extent": Described((), "J", "energy that moves"),
+            "tolerated": Described((), "J", "largest error of a step that was accepted"),
+            "tolerated_sum": Described((), "J", "sum of the errors that were accepted"),
+            "tolerated_work": Described((), "J", "tolerated error of all work"),
+            "rounding": Described((), "J", "rounding error of energies"),
+        }
 
     def __repr__(self) -> str:
         return plain(self)
