@@ -102,6 +102,25 @@ def test_parameters_by_few_full_runs(box, truth):
 
 
 @pytest.mark.slow
+def test_full_runs_of_a_fit_in_a_folder(box, truth, tmp_path):
+    """Another fit takes those at its points from there, and refuses those of other times."""
+    measured = angle_and_amplitudes(truth)
+    given = {"rank": 2, "solver": SOLVER, "runs": 2, "start": {"mass": 1.0, "f1": 21.0}}
+    first = rj.fit_over(box, TS, angle_and_amplitudes, measured, path=tmp_path, **given)
+    made = {file: file.stat().st_mtime_ns for file in tmp_path.glob("*/chunk-*.npz")}
+    assert len(made) == 2
+    again = rj.fit_over(box, TS, angle_and_amplitudes, measured, path=tmp_path, **given)
+    assert again.parameters == first.parameters
+    # Of other measurements the run at the start serves too.
+    rj.fit_over(
+        box, TS, angle_and_amplitudes, 1.01 * measured, path=tmp_path, **given | {"runs": 1}
+    )
+    assert made == {file: file.stat().st_mtime_ns for file in tmp_path.glob("*/chunk-*.npz")}
+    with pytest.raises(ValueError, match="holds another sweep, which differs in its parameters"):
+        rj.fit_over(box, 2 * TS, angle_and_amplitudes, measured, path=tmp_path, **given)
+
+
+@pytest.mark.slow
 def test_sensitivities_of_training_runs_join_the_snapshots(box):
     """Of each run by each parameter; what they add to the subspace is no motion."""
     settings = {"candidates": 4, "held_out": 0, "formulation": "local"}

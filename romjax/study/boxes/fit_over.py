@@ -1,20 +1,19 @@
 """Identification over a box: searches on reduced models, checked by full runs."""
 
 import dataclasses
+import os
 from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike
 
 from ...basis.decomposition.pod import POD
 from ...basis.snapshots import Motion, Sensitivity
 from ...common.arrays import as_array, as_number
 from ...common.errors import InputError, SimulationError
-from ...compiling.program import program
 from ...compiling.xla import filter_jit
 from ...integrate.adjoint import forward_mode
 from ...integrate.doubt import warn_of_outcome
@@ -27,9 +26,9 @@ from ...system.reduced import AbstractReducedSystem
 from ..fit import Fit, fit
 from ..least_squares import inverse_square
 from .box import Box
+from .full_runs import FullRuns, Numbers, moved, still
 from .reduced_box import reduced_as
 
-Numbers = dict[str, Any]
 # Shares of the predicted gain, below which the region shrinks and above which it grows.
 _POOR, _GOOD = 0.25, 0.75
 # Parameters stay off the ends of the search by this share of its width: `fit` takes logarithms.
@@ -60,6 +59,7 @@ def fit_over(
     rtol: float = 1e-8,
     solver: Any = None,
     tol: float = 1e-6,
+    path: str | os.PathLike[str] | None = None,
 ) -> BoxFit:
     """The parameters of a box whose full runs are nearest to measurements, by few full runs.
 
@@ -70,9 +70,6 @@ def fit_over(
     Farhat 2015, arXiv:1407.7618). `fit` searches on it within the region, which grows where the
     full run confirms what the model has promised, and shrinks where it does not.
 
-    Each full run follows from the one before, so that a fit is the work of one process, and has no
-    `path` as `sweep` has: processes fit other measurements, or from other starts.
-
     **Arguments:**
 
     - `box`: it must make scenes of traced numbers, as `jax.grad` asks. `ts` (k,): times [s].
@@ -82,13 +79,18 @@ def fit_over(
     - `rank`, `formulation`: of the reduced models.
     - `runs`: the most full runs. `rtol`, `solver`: of all runs, as of `simulate`.
     - `tol`: change of the parameters, in ranges of the box, that ends the search.
+    - `path`: a folder for the full runs, by which a fit that was interrupted goes on, and processes
+      that fit other measurements of the same times, or begin elsewhere, share those at the same
+      parameters, as of `sweep`. Each run follows from the one before: more processes make one fit
+      no faster.
 
     Warns if the full run at the best parameters is doubtful.
     Raises InputError for a start outside of the box, or a shape that differs; SimulationError if
-    the full run at the start fails.
+    the full run at the start fails; ValueError for a folder that holds other runs.
     """
     settings = {"rtol": as_number(rtol, float), "solver": solver}
-    search = _Search(box, as_array(ts), see, np.asarray(measured, float), noise, settings)
+    runner = FullRuns(box, as_array(ts), see, settings, path)
+    search = _Search(runner, np.asarray(measured, float), noise)
     box.system(**(start or {}))
     best = search.full(box.center | (start or {}))
     if not np.isfinite(best.misfit):
@@ -129,25 +131,24 @@ class _Point(eqx.Module):
 
 @dataclasses.dataclass(frozen=True)
 class _Search:
-    box: Box
-    times: Float[Array, " k"]
-    see: Callable[[Trajectory], Array]
+    runs: FullRuns
     measured: np.ndarray
     noise: ArrayLike | None
-    settings: dict[str, Any]
+
+    @property
+    def box(self) -> Box:
+        return self.runs.box
 
     def full(self, point: dict[str, float]) -> _Point:
         """The full run at a point, with its sensitivities."""
-        where = self._numbers(point)
-        with forward_mode():
-            made = _full(self.box, self.see, where, self.times, self.settings)
-        run, seen, (q, v, slope) = made
+        run, seen, (q, v, slope) = self.runs.at(point)
         if seen.shape != self.measured.shape:
             raise InputError(
                 f"fit_over: see returns the shape {seen.shape}, but measured has "
                 f"{self.measured.shape}."
             )
-        changes = [Sensitivity(self.times, q[name], v[name]) for name in self.box.ranges]
+        times = self.runs.times
+        changes = [Sensitivity(times, q[name], v[name]) for name in self.box.ranges]
         misfit = self._misfit(seen) if bool(run.success) else np.nan
         return _Point(point, run, seen, slope, changes, misfit)
 
@@ -169,8 +170,7 @@ class _Search:
         """The best point of the corrected model in the region, its misfit there, and how far away
         it is, in ranges of the box.
         """
-        model = _Model(rom, self.box, self.see, self.times, self.settings)
-        where = self._numbers(best.point)
+        model, where = _Model(rom, self.runs), self.runs.numbers(best.point)
         with forward_mode():
             seen, slope = _linearize(model, where)
         shift = best.seen - seen
@@ -209,9 +209,6 @@ class _Search:
         residual = float(np.sqrt(square / max(1, len(residuals))))
         return BoxFit(best.point, errors, covariance, residual, runs, success, rom)
 
-    def _numbers(self, point: dict[str, float]) -> Numbers:
-        return {name: as_number(x, self.times.dtype) for name, x in point.items()}
-
     def _spread(self) -> np.ndarray:
         given = 1.0 if self.noise is None else np.asarray(self.noise, float)
         return np.broadcast_to(given, self.measured.shape)
@@ -224,14 +221,12 @@ class _Model(eqx.Module):
     """Runs a reduced model at some parameters and returns what is seen of the run."""
 
     rom: AbstractReducedSystem
-    box: Box = eqx.field(static=True)
-    see: Callable[[Trajectory], Array] = eqx.field(static=True)
-    times: Float[Array, " k"]
-    settings: dict[str, Any]
+    runs: FullRuns
 
     def __call__(self, point: Numbers) -> Array:
-        rom = reduced_as(self.rom, self.box.system_anywhere(point))
-        return self.see(simulate(rom, self.times, throw=False, **self.settings))
+        runs = self.runs
+        rom = reduced_as(self.rom, runs.box.system_anywhere(point))
+        return runs.see(simulate(rom, runs.times, throw=False, **runs.settings))
 
 
 class _Corrected(eqx.Module):
@@ -245,40 +240,16 @@ class _Corrected(eqx.Module):
     def __call__(self, point: Numbers) -> Array:
         seen = self.model(point) + self.shift
         for name, x in self.turn.items():
-            share = self.model.box.ranges[name].share(point[name], self.point[name])
+            share = self.model.runs.box.ranges[name].share(point[name], self.point[name])
             seen = seen + share * x
         return seen
-
-
-@program
-def _full(
-    box: Box, see: Callable[[Trajectory], Array], point: Numbers, times: Array, settings: Any
-) -> tuple[Trajectory, Array, tuple[Numbers, Numbers, Numbers]]:
-    """A full run, what is seen of it, and the derivatives of q, v and that."""
-
-    def motion(shares: Numbers) -> tuple[tuple[Array, Array, Array], tuple[Trajectory, Array]]:
-        system = box.system_anywhere(_moved(box, point, shares))
-        run = simulate(system, times, throw=False, **settings)
-        seen = see(run)
-        return (run.q, run.v, seen), (run, seen)
-
-    derivatives, (run, seen) = jax.jacfwd(motion, has_aux=True)(_still(box))
-    return run, seen, derivatives
 
 
 @filter_jit
 def _linearize(model: _Model, point: Numbers) -> tuple[Array, Numbers]:
     def motion(shares: Numbers) -> tuple[Array, Array]:
-        seen = model(_moved(model.box, point, shares))
+        seen = model(moved(model.runs.box, point, shares))
         return seen, seen
 
-    slope, seen = jax.jacfwd(motion, has_aux=True)(_still(model.box))
+    slope, seen = jax.jacfwd(motion, has_aux=True)(still(model.runs.box))
     return seen, slope
-
-
-def _still(box: Box) -> Numbers:
-    return {name: jnp.zeros(()) for name in box.ranges}
-
-
-def _moved(box: Box, point: Numbers, shares: Numbers) -> Numbers:
-    return {name: box.ranges[name].moved(point[name], x) for name, x in shares.items()}
