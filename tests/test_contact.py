@@ -34,6 +34,18 @@ def test_restitution():
     assert abs(left - (1 - 2 / 3 * loss * speed)) < 0.05
 
 
+@pytest.mark.parametrize("hollow", [False, True])
+def test_depth_in_a_circle_is_a_distance(hollow):
+    """However deep, as in a sphere, so that the force has an energy."""
+    ends = rj.RigidBody("ball", MASS, 0.01).at(), rj.ground.at()
+    contact = rj.Contact(*ends, rj.Circle(0.5, hollow=hollow), stiffness=STIFFNESS)
+    away = 0.7 if hollow else 0.3
+    depth, inside, out = jax.jit(lambda point: contact.depth(point))(away * np.array([0.6, 0.8]))
+    assert inside
+    assert abs(depth - 0.2) <= IDENTITY
+    assert np.allclose(out, np.array([0.6, 0.8]) * (-1 if hollow else 1), rtol=0, atol=IDENTITY)
+
+
 def test_energy_comes_back_without_dissipation():
     """From any height, to within the tolerance of the steps: one that passes the surface on its way
     out, or a first one inside that does not know how stiff it is, misses up to eight times as much.

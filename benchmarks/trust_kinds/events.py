@@ -99,7 +99,7 @@ def posts(p: Numbers, scene: rj.Scene) -> list[rj.AbstractEvent]:
     return [rj.Impact(gap, p["bounce"], level=p["radius"])]
 
 
-# A soft circle in the place of the post, with the force k δ^(3/2) at the depth (R² − r²) / (2 r).
+# A soft circle in the place of the post, with the force k δ^(3/2) at the depth R − r.
 
 
 def stiffness(p: Numbers) -> Any:
@@ -122,7 +122,7 @@ def circle_motion(p: Numbers, nudge: float = 0.0) -> np.ndarray:
         del t
         way = y[:2] - centre
         r = np.sqrt(way @ way)
-        depth = max((p["radius"] ** 2 - r**2) / (2 * r), 0.0)
+        depth = max(p["radius"] - r, 0.0)
         return np.append(y[2:], k * depth**1.5 / p["mass"] * way / r)
 
     def leaves(t: float, y: np.ndarray) -> float:

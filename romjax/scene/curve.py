@@ -51,6 +51,12 @@ class AbstractCurve(AbstractTrack):
     def __call__(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         """Return zero on the curve [m], negative numbers inside; its gradient is not zero there."""
 
+    def distance(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        """How far a point is outside [m], negative inside: the residual, which `Contact` divides
+        by its slope, unless a kind has the distance in closed form.
+        """
+        return self(point)
+
     def foot(self, point: Float[Array, "2"]) -> Float[Array, "2"]:
         """The point of the curve nearest to a point [m]: p with f(p) = 0 and p + λ ∇f(p) = `point`,
         by Newton's method, unless a kind has it in closed form.
@@ -96,6 +102,9 @@ class Circle(AbstractCurve):
         outside = (point @ point - self.radius**2) / (2 * self.radius)
         return -outside if self.hollow else outside
 
+    def distance(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        return outside_of_round(point, self.radius, self.hollow)
+
     def foot(self, point: Float[Array, "2"]) -> Float[Array, "2"]:
         return self.radius / jnp.sqrt(point @ point) * point
 
@@ -117,6 +126,18 @@ class Polynomial(AbstractCurve):
 
     def check(self, owner: str) -> None:
         check_numbers(owner, self, "coefficients", shape=(None,), prefix="Polynomial.")
+
+
+def outside_of_round(
+    arm: Float[Array, " k"], radius: Float[Array, ""], hollow: bool
+) -> Float[Array, ""]:
+    """The distance from a round curve or surface, from the arm that its centre or axis has to a
+    point; negative inside of what is solid.
+    """
+    squared = jnp.sum(arm**2)
+    # The gradient of a length is NaN at zero; there is no way out, and no force.
+    length = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
+    return radius - length if hollow else length - radius
 
 
 def _nearer(

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .curve import outside_of_round
 from .drawing import arc, square
 from .fields import Converted, check_numbers, number
 
@@ -57,7 +58,7 @@ class Cylinder(AbstractSurface):
     hollow: bool = eqx.field(static=True, default=False)
 
     def __call__(self, point: Float[Array, "3"]) -> Float[Array, ""]:
-        return _outside(point[:2], self.radius, self.hollow)
+        return outside_of_round(point[:2], self.radius, self.hollow)
 
     def outline(
         self, point: Float[Array, "3"], size: Float[Array, ""]
@@ -77,7 +78,7 @@ class Sphere(AbstractSurface):
     hollow: bool = eqx.field(static=True, default=False)
 
     def __call__(self, point: Float[Array, "3"]) -> Float[Array, ""]:
-        return _outside(point, self.radius, self.hollow)
+        return outside_of_round(point, self.radius, self.hollow)
 
     def outline(
         self, point: Float[Array, "3"], size: Float[Array, ""]
@@ -100,7 +101,7 @@ class Capsule(AbstractSurface):
     def __call__(self, point: Float[Array, "3"]) -> Float[Array, ""]:
         half = 0.5 * self.length
         foot = jnp.clip(point[2], -half, half)
-        return _outside(point.at[2].add(-foot), self.radius, False)
+        return outside_of_round(point.at[2].add(-foot), self.radius, False)
 
     def outline(
         self, point: Float[Array, "3"], size: Float[Array, ""]
@@ -113,14 +114,6 @@ class Capsule(AbstractSurface):
 
     def check(self, owner: str) -> None:
         check_numbers(owner, self, "radius", "length", sign="positive", prefix="Capsule.")
-
-
-def _outside(arm: Float[Array, " k"], radius: Float[Array, ""], hollow: bool) -> Float[Array, ""]:
-    """The distance from a round surface, from the arm that its axis or centre has to a point."""
-    squared = jnp.sum(arm**2)
-    # The gradient of a length is NaN at zero; there is no way out, and no force.
-    length = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
-    return radius - length if hollow else length - radius
 
 
 def _circle(radius: Float[Array, ""], plane: tuple[int, int]) -> Float[Array, "points 3"]:

@@ -102,8 +102,8 @@ class AbstractContact(AbstractMarkerEffect):
         """How far `a`, at a point in the frame of `b`, is outside [m]; negative inside."""
 
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
-        """⅖ k δ^(5/2) of the depth: that of the normal force where δ is a distance, as for lines
-        and surfaces. On curved curves it is none, and what remains counts as power.
+        """⅖ k δ^(5/2) of the depth: that of the normal force where δ is a distance, as for lines,
+        circles and surfaces. On other curves it is none, and what remains counts as power.
         """
         del t
         depth, inside, _ = self.depth(local_point(*poses))
@@ -167,7 +167,7 @@ class Contact(AbstractContact):
     at_points: ClassVar[tuple[int, ...]] = (0,)
 
     def gap(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        return self.curve(point)
+        return self.curve.distance(point)
 
     def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         del t
