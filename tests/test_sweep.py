@@ -93,9 +93,10 @@ def test_impossible_lanes_leave_the_others_as_they_are(whole):
 
 
 def test_any_function_and_any_trajectory():
-    """Without a status, numbers that are not finite say it; a Trajectory brings its own."""
-    found = rj.sweep(jnp.log, np.array([1.0, -1.0, 2.0]))
+    """Without a status, NaNs say it, and not what never comes; a Trajectory brings its own."""
+    found = rj.sweep(jnp.log, np.array([1.0, -1.0, 0.0]))
     assert list(found.failures()) == [1]
+    assert np.array_equal(found.values, [0.0, np.nan, -np.inf], equal_nan=True)
 
     def motion(x):
         force = Stiffness(jnp.ones(1), jnp.zeros(1))

@@ -28,7 +28,7 @@ class Outputs(AbstractFollower):
     other followers have seen.
 
     The number of outputs is traced, so that others need no other program. Rows of outputs that the
-    run does not get to are infinite.
+    run does not get to are NaN, which no minimum of a motion and no bounded function hides.
     """
 
     output: Callable[[Float[Array, ""], PyTree], PyTree]
@@ -68,16 +68,16 @@ class Outputs(AbstractFollower):
         return saved
 
     def end(self, end: Progress, stopped: Bool[Array, ""], seen: Saved) -> Saved:
-        """Make the outputs infinite that the run does not get to.
+        """Make the outputs NaN that the run does not get to.
 
         So are their derivatives, which would be zero if the outputs were constants.
         """
         missing = (jnp.arange(len(self.ts)) >= seen.number) & ~stopped
         sizes = [jnp.sum(x**2) for x in jax.tree.leaves(end.y)]
-        infinite = jnp.inf * (1 + functools.reduce(operator.add, sizes))
+        unknown = jnp.nan * (1 + functools.reduce(operator.add, sizes))
 
         def put(rows: Array) -> Array:
             late = missing.reshape(-1, *[1] * (rows.ndim - 1))
-            return jnp.where(late, infinite.astype(rows.dtype), rows)
+            return jnp.where(late, unknown.astype(rows.dtype), rows)
 
         return seen._replace(rows=jax.tree.map(put, seen.rows))

@@ -110,7 +110,8 @@ def sweep(
 
     - `function`: from the parameters of one lane to a pytree of arrays. A Trajectory in it, or keys
       `status` and `flags`, say whether the lane failed and what speaks against it; without any, it
-      failed if a number is not finite. Simulate with `throw=False` in it.
+      failed if a number is NaN, as are outputs that a run has not got to. Infinite ones are
+      results, as the times of events that have not come. Simulate with `throw=False` in it.
     - `parameters`: a pytree of arrays with a leading axis of lanes.
     - `chunk`: lanes of a chunk; 256 for each device unless given, 16 384 on a GPU.
     - `path`: a folder for the results of each chunk. A sweep that was interrupted, at any moment,
@@ -228,8 +229,8 @@ def _with_outcome(result: Any) -> tuple[Any, _Outcome]:
         status = jnp.max(jnp.stack(statuses))  # success is zero
     else:
         floats = filter(_is_float, jax.tree.leaves(result))
-        finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in floats]))
-        status = jnp.where(finite, Status.SUCCESS, Status.NOT_FINITE)
+        unknown = jnp.any(jnp.array([jnp.any(jnp.isnan(x)) for x in floats]))
+        status = jnp.where(unknown, Status.NOT_FINITE, Status.SUCCESS)
     together = functools.reduce(operator.or_, flags, jnp.zeros((), int))
     return result, _Outcome(status, together)
 
