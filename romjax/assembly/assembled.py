@@ -55,6 +55,7 @@ class AssembledSystem(AbstractSystem):
 
     def state(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> FullState:
         now = self.now(v)
+        # Functions, each called once when something asks for it: what nobody uses is not traced.
         return FullState(
             q,
             v,
@@ -105,6 +106,8 @@ class AssembledSystem(AbstractSystem):
             poses, twists = self.effect_markers.motion(q, v)
             for group, acts in zip(self.now(v).effects, self.acting(without), strict=True):
                 if acts and group.works(poses):
+                    # What only takes energy is kept apart: dampers that gave some would be an error
+                    # of the run, and the audit looks for it.
                     only_taken = group.effects.dissipates and not group.effects.supplies
                     (taken if only_taken else given).append(group.power(t, poses, twists))
         if all(term is None for term in taken + given):
@@ -134,6 +137,8 @@ class AssembledSystem(AbstractSystem):
         """
         blocks = [group.mass(q) for group in self.bodies]
         size, dtype = self.pattern.coordinates.width, blocks[0].dtype
+        # Rigid bodies about their centres of mass have diagonal matrices, held as vectors: their
+        # inverse is then a division.
         diagonal = all(block.ndim == 2 for block in blocks)
         padded = []
         for block in blocks:
@@ -172,6 +177,7 @@ class AssembledSystem(AbstractSystem):
         """Q of the forces on the bodies of each group."""
         acting = [(g, x) for g, x in zip(self.bodies, own, strict=True) if x is not None]
         if not acting:
+            # Of the type and the batch of q.
             return 0 * q
         columns = [group.coordinates.array for group, _ in acting]
         return spread([force for _, force in acting], columns, (self.n,))
@@ -207,6 +213,7 @@ class AssembledSystem(AbstractSystem):
         shape = (len(pattern.nodes), pattern.rows.width, pattern.coordinates.width)
         if self.joint_markers is None:
             return jnp.zeros(shape, q.dtype)
+        # C_q = ∂C/∂(poses) · ∂(poses)/∂q: both factors are small and equal for equal joints.
         poses, motion = self.joint_markers.poses(q), self.joint_markers.jacobian(q)
         columns = self.joint_markers.coordinates()
         blocks, indices = [], []

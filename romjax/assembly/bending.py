@@ -46,6 +46,7 @@ class Bending(eqx.Module):
     def among(self, rows: np.ndarray) -> "Bending | None":
         """The markers whose rows are among the given ones, numbered by their places there."""
         places = {row: place for place, row in enumerate(rows.tolist())}
+        # The rest of a selection has other bodies.
         kept = np.array([i for i, row in enumerate(self.rows) if row in places], int)
         if not kept.size:
             return None

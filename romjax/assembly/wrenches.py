@@ -25,10 +25,12 @@ def effect_wrenches(
     """
     acting = [group.effects.acts for group in groups] if acting is None else acting
     twists, chosen = None, list(zip(groups, acting, strict=True))
+    # Twists cost the derivatives of all poses, which springs and loads do without.
     if any(group.effects.needs_twists for group, on in chosen if on):
         poses, twists = markers.motion(q, v)
     else:
         poses = markers.poses(q)
+    # Each marker has its row, so that the rows of effects that rest are zero.
     none = Wrench(jnp.zeros_like(poses.position), jnp.zeros_like(poses.position))
     if poses.position.shape[1] == 2:
         none = none._replace(torque=none.force[:, 0])

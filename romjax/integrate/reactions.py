@@ -58,6 +58,9 @@ def balancing_multipliers(
     full = rom.full
     rigid = jnp.array(full.structure.rigid)
     state = full.state(t, q, v)
+    # Rows of a rigid coordinate by the root of its mass: forces of heavy and of light bodies, and
+    # torques, then count by the accelerations that they would make.
     weight = jnp.where(rigid, 1 / jnp.sqrt(jnp.diagonal(full.mass(q))), 0)
+    # Of constraints that repeat each other, least squares gives the shares of least norm.
     rows = state.jacobian().T * weight[:, None]
     return jnp.linalg.lstsq(rows, -weight * state.residual(a))[0]

@@ -33,6 +33,7 @@ class Ticking(eqx.Module):
         q: Float[Array, " n"],
         v: Float[Array, " n"],
     ) -> tuple[Chart, Float[Array, " n"], Float[Array, " n"]]:
+        # Projection first: what controllers measure is on the constraints.
         if self.inner is not None:
             chart, q, v = self.inner.after_step(system, chart, t, q, v)
         return chart, *ticked(system, jnp.asarray(t, q.dtype), q, v)

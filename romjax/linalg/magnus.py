@@ -74,9 +74,13 @@ def slopes(moments: Float[Numbers, "... 4 3"]) -> Float[Numbers, "... 3 12"]:
     skews = skew(vectors)
     first, second, third, left, right, around = (skews[..., i, :, :] for i in range(6))
     products = first @ xp.concatenate([second, first], -1)
+    # The product rule on Ω = a₀ + left × right / 240, with the derivatives of both factors by a₁,
+    # a₂ and a₃ as 3 × 3 blocks.
     inner = [(products[..., :3] - third) / 60, one - products[..., 3:] / 60, first / 30]
     outer = xp.concatenate([20 * one - second, first, one + 0 * first], -1)
     scaled = (left @ xp.concatenate(inner, -1) - right @ outer) / 240
+    # The differential of the exponential: 1 + (1 − cos θ)/θ² Ω̃ + (θ − sin θ)/θ³ Ω̃², with ½ (sin
+    # ½θ / ½θ)² for the first quotient.
     onto = one + 0.5 * of_turn[..., 1:2, :] ** 2 * around + of_turn[..., 2:, :] * (around @ around)
     derivatives: Float[Numbers, "... 3 12"] = xp.concatenate([onto, onto @ scaled], -1)
     return derivatives
@@ -133,6 +137,7 @@ def _coefficients(omega: Float[Numbers, "... 3"]) -> Float[Numbers, "... 3"]:
     many = xp.where(small, 1, square)
     half = 0.5 * xp.sqrt(many)
     cosine, sine = xp.cos(half), xp.sin(half) / half
+    # Horner's rule on alternating series: one loop evaluates all three.
     total = 0 * few
     for terms in reversed(_SERIES):
         total = _broadcast(np.array(terms), omega.ndim) - few * total

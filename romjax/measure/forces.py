@@ -74,6 +74,7 @@ class Forces(eqx.Module):
         if frame == "inertial":
             return Wrench(force, torque)
         pose = self.poses[names.index(frame)]
+        # Rᵀ F: the components along the axes of the marker.
         if pose.dimension == 3:
             back = quaternions.conjugate(pose.turn)
             return Wrench(quaternions.rotate(back, force), quaternions.rotate(back, torque))
@@ -138,6 +139,8 @@ def _part(i: int, x: Any) -> Any:
     another vector in space.
     """
     vector, other = x
+    # The parts are on the last axis of numbers and on the last but one of vectors, whatever axes of
+    # outputs come before.
     return type(x)(
         vector[..., i, :], other[..., i, :] if other.ndim == vector.ndim else other[..., i]
     )

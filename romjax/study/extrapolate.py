@@ -40,6 +40,8 @@ def extrapolate(
         raise InputError(f"extrapolate: ratio = {float(known):g} must be above 1.")
     full = system.full
     difference = compare(fine, coarse, full.mass(full.q0))
+    # Errors of a cap are as the inverse square of its frequency: Richardson's extrapolation of
+    # second order.
     weight = 1 / (jnp.asarray(ratio) ** 2 - 1)
 
     def tend(fine: Array, coarse: Array) -> Array:

@@ -58,6 +58,7 @@ def by_residual(
     own = rom.starting_at(run.q[0], run.v[0], run.t[0])
     lifted = own.reconstruct(run.t[0], own.q0, own.v0)
     unit = jnp.asarray(_UNIT, run.q.dtype)
+    # The error at the start is what the basis misses of the true start.
     first, rate = ((x - y) / unit for x, y in zip((q, v), lifted, strict=True))
     pair = CustomSystem(
         mass=_unit_mass,
@@ -115,6 +116,8 @@ class _Pair(eqx.Module):
         rom, r = self.rom, self.rom.n
         stabilization = Baumgarte.critical(DECAY)
         state = rom.state(t, y[:r], rate[:r])
+        # The reduced model moves by its own equations; the error beside it sees that motion, not
+        # itself.
         own = state.solve(gamma(rom, t, y[:r], rate[:r], stabilization)).acceleration
         a = state.physical_acceleration(own)
         error = _error(rom.full, t, (state.q, state.v, a), (y[r:], rate[r:]), self.unit)
@@ -160,6 +163,8 @@ def _balance(full: AbstractSystem, t: Array, q: Array, v: Array, a: Array) -> Ar
     weight = jnp.where(rigid, 1 / jnp.sqrt(jnp.diagonal(full.mass(q))), 0)
     rows = state.jacobian().T * weight[:, None]
     gram = rows.T @ rows
+    # Redundant constraints make the matrix singular; shifted by a little more than rounding, it
+    # gives each of them a share.
     gram += _DEPENDENT * jnp.trace(gram) * jnp.eye(full.m, dtype=q.dtype)
     right = -rows.T @ (weight * state.residual(a))
     return jax.scipy.linalg.solve(gram, right, assume_a="pos")
@@ -187,6 +192,7 @@ def _on_constraints(
 
     def one(t: Array, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
         if full.m:
+            # The lifted error is linear, and leaves the constraints by its square.
             q, v = project(full, t, q, v, _SWEEPS)
         violation = jnp.max(jnp.abs(full.constraint(t, q)), initial=0.0)
         return q, v, violation, solve(full, t, q, v, None).multipliers

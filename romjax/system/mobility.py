@@ -28,12 +28,16 @@ def check_mobility(
     """
     structure = system.structure
     freedoms = system.n - len(structure.quaternions) - len(structure.states)
+    # Counting is enough for most mechanisms; only where constraints outnumber freedoms is their
+    # rank computed, since redundant ones may still leave a motion.
     if system.m <= freedoms:
         return
     rows, driven = (concrete(x) for x in _at_start(without_names(system)))
     if rows is None or driven is None or np.linalg.matrix_rank(rows) < freedoms:
         return
     moves = compat.depends_on_first(system.constraint, jnp.zeros((), system.q0.dtype), system.q0)
+    # Of full rank, a motion is left only if the constraints move with time and C_q q̇ = −C_t has a
+    # solution.
     locked = np.linalg.matrix_rank(np.column_stack([rows, driven])) > freedoms
     if locked or not moves:
         words = f"{system.m} constraints on {system.n} coordinates leave no motion. {remedy}"

@@ -73,6 +73,8 @@ def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstrai
         q = basis.offset + basis.modes @ z
         state = system.state(t, q, jnp.zeros_like(q))
         rows = state.jacobian()
+        # The length of a row in the metric of M⁻¹: the acceleration that its force makes, whatever
+        # its unit.
         squares = jnp.sum(rows.T * state.kkt().solve_mass(rows.T), axis=0)
         scale = 1 / jnp.sqrt(jnp.where(squares > 0, squares, 1))
         _, driven = jax.jvp(lambda t: system.constraint(t, q), (t,), (jnp.ones_like(t),))
@@ -81,6 +83,7 @@ def reduced_constraints(system: AbstractSystem, basis: Basis) -> ReducedConstrai
     rows, drives, scales = jax.vmap(reduced)(t, z)
     metric, velocities = basis.snapshots.metric, basis.snapshots.v[::stride]
     root, speeds = jnp.linalg.cholesky(metric), velocities @ metric @ basis.modes
+    # In the energy norm, |x|² = xᵀ M x, by the factor of M = L Lᵀ.
     missed = jnp.linalg.norm((velocities - speeds @ basis.modes.T) @ root)
     size = jnp.linalg.norm(velocities @ root)
     missed = missed / jnp.where(size > 0, size, 1)
@@ -145,6 +148,8 @@ def _splits(candidates: ReducedConstraints, count: int) -> Iterator[_Split]:
     scale = np.asarray(candidates.scale)
     kept = (np.asarray(candidates.combinations(count)) / scale[:, None]).T
     for jacobian in np.asarray(candidates.rows):
+        # Rows of `right` with singular values span what the kept constraints hold, the others what
+        # they leave free.
         left, values, right = np.linalg.svd(kept @ jacobian)
         rank = int(np.sum(values > _ZERO))
         to_rows = left[:, :rank].T / values[:rank, None]

@@ -29,6 +29,7 @@ def extended(system: AbstractSystem, t: Time, q: Float[Array, " n"]) -> Float[Ar
     own = system.constraint(t, q)
     if not system.structure.quaternions:
         return own
+    # Half of it, so that the Jacobian has the quaternion itself as its row.
     lengths = 0.5 * (jnp.sum(q[quaternions.columns(system.structure.quaternions)] ** 2, axis=1) - 1)
     return jnp.concatenate([own, lengths])
 
@@ -59,6 +60,7 @@ def with_lengths(
         return x
     table = quaternions.columns(system.structure.quaternions)
     p, own = q[table][:, :, None], x[table]
+    # Along p alone: the turn, which is across p, stays as it is.
     missing = -jnp.sum(p * own, axis=1, keepdims=True)
     if given is not None:
         missing += given[:, None]

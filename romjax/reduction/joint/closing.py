@@ -53,8 +53,11 @@ def some_joints(system: AssembledSystem, chosen: tuple[tuple[int, int], ...]) ->
             continue
         blocks, width = group.markers, group.rows.width
         start = len(taken)
+        # Markers are stored side after side of a group: all first ones, then all second ones.
         for side in range(blocks.sides):
             taken += (blocks.start + side * blocks.count + own).tolist()
+        # Numbers of the chosen joints alone; their structure is that of the group, which is traced
+        # once.
         joints = jax.tree.map(lambda x, own=own: pick(x, own), group.joints)
         rows = Index.of(
             np.arange(first, first + own.size * width).reshape(own.size, width).tolist()

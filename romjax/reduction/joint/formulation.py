@@ -55,9 +55,12 @@ class JointCoordinates(AbstractFormulation):
     ) -> Basis:
         """The decomposition of the amplitudes alone, since the joints are kept."""
         snapshots = SnapshotSet.of(motion)
+        # Snapshots with the other coordinates set to zero: their decomposition has modes of
+        # amplitudes alone.
         kept = np.zeros(system.n, np.asarray(snapshots.q).dtype)
         kept[_amplitudes(system)] = 1
         basis = decomposition(snapshots.mapped(as_jax(np.diag(kept))))
+        # The snapshots themselves stay whole: errors of models are measured on the entire motion.
         return dataclasses.replace(basis, snapshots=snapshots)
 
     def reduce(
@@ -115,6 +118,8 @@ def size_in_joint_coordinates(full: AssembledSystem) -> tuple[int, int] | None:
         spanning = spanning_tree(full)
         tree = plant(full, spanning)
         counters = counters_of(full, tree, spanning, None)
+        # Whether rotors turn with joints of the tree is known only from the residuals of their
+        # counters, so that the lift has to be made.
         if counters is not None and counters.rotors:
             joint = in_joint_coordinates(full)
             check_rotors(full, joint.lift, joint.q0)

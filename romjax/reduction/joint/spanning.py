@@ -84,6 +84,8 @@ def spanning_tree(system: AssembledSystem) -> Spanning:
     held_by = [sum(body in (link.a, link.b) for link in links) for body in range(len(bodies))]
     while waiting:
         reachable = [
+            # The smallest key wins: most constraints, then nearest to the ground, then the order of
+            # the scene, so that equal mechanisms have equal trees.
             (-link.rows, depth[near], number, near)
             for number, link in enumerate(links)
             for near in (link.a, link.b)
@@ -95,6 +97,8 @@ def spanning_tree(system: AssembledSystem) -> Spanning:
             body, held = link.other(parent), Branch(link.other(parent), parent, link)
             used.add((link.group, link.row))
         else:
+            # No joint reaches what is left. Six or three coordinates of a free body are spent where
+            # they serve most joints.
             body = max(waiting, key=lambda i: (held_by[i], -i))
             held, parent = Branch(body, GROUND, None), GROUND
         depth[body] = depth[parent] + 1
@@ -118,6 +122,7 @@ def _along_branches(branches: list[Branch]) -> tuple[Branch, ...]:
     ordered, waiting = list[Branch](), held.get(GROUND, [])[::-1]
     while waiting:
         branch = waiting.pop()
+        # Depth first: the branches of a chain get neighbouring numbers, and its coordinates too.
         ordered.append(branch)
         waiting += held.get(branch.body, [])[::-1]
     return tuple(ordered)

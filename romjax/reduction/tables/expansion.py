@@ -55,17 +55,21 @@ def tabulate(
             return q
         (correction, _), rows = frames.slice(system, q, along), np.array(frames.rows)
 
+        # By implicit differentiation of C(q(δ)) = 0: ∂q/∂δ is the mode, less what it violates of
+        # the constraints, by the correction C_q⁻¹ of the frames.
         def first(q: Array, direction: Array) -> Array:
             _, violated = jax.jvp(lambda q: frames.violation(system, q), (q,), (direction,))
             return direction - multiply(correction, violated)
 
         def second(direction: Array) -> Array:
+            # C_q q̈ = −(C_q q̇)_q q̇: the second derivative, with slopes in place of velocities.
             state = differentiate(system.constraint, frames.time, q, direction)
             return -multiply(correction, state.curvature[rows])
 
         slopes = jax.vmap(first, (None, 0))(q, modes.T)
         own = jax.vmap(second)(slopes)
         pairs = np.array([(a, b) for a, b in _pairs(k) if a < b], int).reshape(-1, 2)
+        # Polarization: the mixed derivative of a quadratic form is (f(a + b) − f(a) − f(b)) / 2.
         sums = jax.vmap(second)(slopes[pairs[:, 0]] + slopes[pairs[:, 1]])
         mixed = (sums - own[pairs[:, 0]] - own[pairs[:, 1]]) / 2
         numbers = {tuple(pair): number for number, pair in enumerate(pairs)}

@@ -69,5 +69,6 @@ def nearest(
     frame = body.frame_size
     read = combinations.T @ body.mass_matrix(q)[frame:, frame:]
     given = jnp.stack([q[frame:], v[frame:]], axis=1)
+    # The normal equations of least squares in the metric of M: Φᵀ M Φ z = Φᵀ M q_f.
     both = jnp.linalg.solve(read @ combinations, read @ given)
     return both[:, 0], both[:, 1]

@@ -34,6 +34,8 @@ def planar_inertia(
     radius, around = np.zeros(mass.shape[0]), turned_fields(2, rows, elastic)[:, 0]
     radius[rows[:, 0]], radius[rows[:, 1]] = positions.T
     total, moment = rigid[:, 0] @ (mass @ rigid[:, 0]), rigid[:, 2] @ (mass @ rigid[:, 2])
+    # Each invariant with its natural size: modes have modal mass one, so that one √(kg m²) is that
+    # of their products with the moment of inertia.
     terms = {
         "first_moment": (rigid[:, :2].T @ (mass @ radius), (total * moment) ** 0.5),
         "stretch": ((mass @ radius) @ elastic, moment**0.5),
@@ -55,6 +57,7 @@ def spatial_inertia(
     terms = products(lambda fields: mass @ fields, rigid, elastic, around)
     total, moment = terms.pop("mass"), terms.pop("moment")
     del terms["modal"]  # the identity
+    # The radius of gyration stands for the size of the body.
     length = (np.trace(moment) / total) ** 0.5
     sizes = {
         "first_moment": total * length,

@@ -77,6 +77,7 @@ class ReducedBody(AbstractWrappedBody):
         full = self.body.mass_matrix(self.expand(q))
         full = jnp.diag(full) if full.ndim == 1 else full
         frame = self.frame_size
+        # M of (x, z) with q_f = Φ z is Tᵀ M T, T = diag(1, Φ).
         coupling = full[:frame, frame:] @ self.basis
         modal = self.basis.T @ full[frame:, frame:] @ self.basis
         return jnp.block([[full[:frame, :frame], coupling], [coupling.T, modal]])
@@ -100,6 +101,8 @@ class ReducedBody(AbstractWrappedBody):
 
     def damping_force(self, v: Float[Array, " size"]) -> Float[Array, " size"]:
         full = self.body.damping_force(self.expand(v))
+        # The power of forces is the same in both coordinates, so that they are Φᵀ f_f on the
+        # amplitudes.
         return jnp.concatenate([full[: self.frame_size], full[self.frame_size :] @ self.basis])
 
     def first_moment(self, q: Float[Array, " size"]) -> Float[Array, " d"]:
@@ -127,6 +130,7 @@ def _in_span(
     """Coordinates and velocities whose deflections are the nearest in the modal mass."""
     mass, frame = body.mass_matrix(q), body.frame_size
     modal = jnp.diag(mass[frame:]) if mass.ndim == 1 else mass[frame:, frame:]
+    # Φ is orthonormal in M_ff, so that Φᵀ M_ff is its inverse from the left.
     read = basis.T @ modal
     z, w = (jnp.concatenate([x[:frame], read @ x[frame:]]) for x in (q, v))
     return z, w

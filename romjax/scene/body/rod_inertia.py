@@ -13,8 +13,10 @@ def mass_matrix(line: Line, mass: Any, rotary: Any, q: Float[Array, " size"]) ->
     """∫ρ JᵀJ of the points, and of the turning of the sections with the rotary inertia [kg m]."""
     own, (_, columns) = line.strains, jacobian(line, q)
     flat, weights = columns.reshape(-1, columns.shape[2]), own.weights()
+    # A section turns with the frame and by the sum of the curvatures before it.
     section = np.array([[0.0, 0.0, 1.0]]).repeat(own.points, axis=0)
     turned = jnp.concatenate([section, own.turn], axis=1)
+    # One product over both components and all points, in place of a loop over points.
     moved = (flat.T * np.tile(weights, 2)[None]) @ flat
     total: Array = mass * moved + rotary * line.length * ((turned.T * weights[None]) @ turned)
     return total

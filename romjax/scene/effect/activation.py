@@ -36,6 +36,7 @@ class Activation(eqx.Module):
     def rate(self, signal: Float[Array, ""], state: Float[Array, ""]) -> Float[Array, ""]:
         """The rate a' of the state a, per second; `signal` (), `state` ()."""
         rate = signal if self.time_constant is None else (signal - state) / self.time_constant
+        # At a limit only rates that lead back inside are left: the state does not wind up.
         if self.least is not None:
             rate = jnp.where(state <= self.least, jnp.maximum(rate, 0), rate)
         if self.largest is not None:

@@ -35,6 +35,7 @@ class Drag(AbstractDissipation):
         squared = jnp.sum(twists[0].velocity ** 2)
         # The second derivative of a cube of a length is NaN at zero, where there is no force.
         speed = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
+        # The force is −∂R/∂v = −½ ρ c A |v| v.
         return self.density * self.coefficient * self.area * squared * speed / 6
 
     def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:

@@ -79,12 +79,17 @@ class HydraulicCylinder(AbstractStateEffect):
         length, rate, _ = displacement(lambda *p: moved("distance", *p), poses, twists)
         out, speed, opening = length - self.retracted, rate(), self.signal(t)
         one, other = states
+        # A four-way valve: a positive opening joins the pump with chamber a and chamber b with the
+        # tank, a negative one crosses them.
         extending, retracting = jnp.maximum(opening, 0), jnp.minimum(opening, 0)
         into_a = extending * self._root(self.supply - one)
         into_a += retracting * self._root(one - self.tank)
         into_b = extending * self._root(self.tank - other)
         into_b += retracting * self._root(other - self.supply)
+        # Laminar, past the piston.
         leak = self.leakage * (one - other)
+        # Oil that flows in, less what the moving piston makes room for; by the volume it
+        # compresses.
         rate_a = self.flow * into_a - self.area * speed - leak
         rate_b = self.flow * into_b + self.rod_area * speed + leak
         volume_a = self.dead_volume + self.area * out
@@ -104,6 +109,7 @@ class HydraulicCylinder(AbstractStateEffect):
 
     def _root(self, difference: Float[Array, ""]) -> Float[Array, ""]:
         """Return g of a difference of pressures."""
+        # The square root of turbulent flow, with a finite slope at zero: Δp / (Δp² + Δp₀²)^¼.
         return difference / (difference**2 + self.transition**2) ** 0.25
 
     def check(self) -> None:

@@ -58,6 +58,7 @@ class LowPass(AbstractMotionEffect, AbstractStateEffect):
     ) -> Float[Array, " k"]:
         value, rate, _ = self.displacement(poses, twists)
         feedback = self.proportional * value + self.derivative * rate()
+        # τ f' = command − f.
         command = self.gain * self.signal(t) - feedback
         return (command - states) / self.time_constant
 

@@ -76,6 +76,7 @@ class Rope(AbstractMarkerEffect):
         length, rate, wrenches = displacement(_length, poses, twists)
         tension = self.stiffness * jnp.maximum(length - self.length, 0)
         if self.dissipation is not None:
+            # Never a push: a rope that shortens faster than the damping allows is slack.
             tension *= jnp.maximum(1 + self.dissipation * rate(), 0)
         return wrenches(-tension)
 

@@ -54,6 +54,7 @@ class Coupling(AbstractJoint):
     def residual(self, t: Time, a: Pose, b: Pose, *others: Pose) -> Float[Array, "1"]:
         del t
         bearing_a, bearing_b, *counters = others
+        # Only angles have counters of full turns, so that up to two of them follow the bearings.
         own = counters[:1] if self.motion_a == "angle" else []
         other = counters[-1:] if self.motion_b == "angle" else []
         led = moved(self.motion_a, a, bearing_a, *own)

@@ -71,6 +71,7 @@ class Gear(AbstractJoint):
             bearing_a, ratio = None, bearing_a
         self.a, self.b, self.name = a, b, name
         self.bearing_a, self.bearing_b = bearing_a, bearing_b
+        # In the plane one arm usually carries both wheels, so that one bearing is enough.
         if a.dimension == 2:
             self.bearing_a, self.bearing_b = bearing_a or bearing_b, bearing_b or bearing_a
         if ratio is None:
@@ -92,6 +93,7 @@ class Gear(AbstractJoint):
             angle_b = counted_angle(b, bearing_b, counter_b)
         else:
             angle_a, angle_b = a.angle, b.angle
+            # Against the arm that carries the wheels, as in a planetary gear.
             if others:
                 angle_a, angle_b = angle_a - others[0].angle, angle_b - others[1].angle
         return (angle_a - self.ratio * angle_b - self.offset)[None]
@@ -104,6 +106,8 @@ class Gear(AbstractJoint):
         a, b, *_ = poses
         apart = length_between(a.position, b.position)
         outside = (self.ratio < 0) | (a.dimension == 3)
+        # Radii are as the inverse of the speeds; they add up to the distance of the axes where
+        # wheels mesh outside.
         share = jnp.abs(self.ratio) / (1 + jnp.abs(self.ratio))
         total = jnp.where(apart > 0, jnp.where(outside, apart, 0.4 * apart), 2 * size)
         radii = total * (1 - share), total * share

@@ -41,6 +41,8 @@ class AbstractPrescribed(AbstractJoint):
         return self.signal.takes_start
 
     def starting_at(self, *poses: Pose) -> "AbstractPrescribed":
+        # The offset that was left out becomes what the poses have at the start, so that C = 0
+        # there.
         begun = self.signal.starting_at(self.value(*poses))
         joint: AbstractPrescribed = eqx.tree_at(lambda joint: joint.signal, self, begun)
         return joint
@@ -78,6 +80,7 @@ class PrescribedAngle(AbstractPrescribed):
     def value(a: Pose, b: Pose) -> Float[Array, ""]:
         return a.angle_against(b)
 
+    # The difference is taken near the signal: an angle between −π and π would jump at a half turn.
     def residual(self, t: Time, a: Pose, b: Pose) -> Float[Array, "1"]:
         return a.angle_against(b, self.signal(t))[None]
 
@@ -143,6 +146,8 @@ class PrescribedDistance(AbstractPrescribed):
         return moved("distance", a, b)
 
     def starting_at(self, *poses: Pose) -> "AbstractPrescribed":
+        # Where JAX traces, nobody knows the distance: a run that starts at zero ends with its
+        # status.
         ends = [concrete(pose.position) for pose in poses]
         if ends[0] is not None and ends[1] is not None:
             self._check_positive(

@@ -54,6 +54,7 @@ class RollingWheel(AbstractSlipJoint):
         foot, normal = self._foot(b.local(a.position))
         touching = b.position + b.turned(foot)
         along = b.turned(jnp.stack([normal[1], -normal[0]]))
+        # The velocities of both bodies at the point where they touch: v + ω × r.
         own, other = (
             twist.velocity + twist.angular_velocity * perpendicular(touching - pose.position)
             for pose, twist in ((a, of_a), (b, of_b))
@@ -79,5 +80,6 @@ class RollingWheel(AbstractSlipJoint):
     def _foot(self, centre: Float[Array, "2"]) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
         """The point of the curve nearest to a centre, and the direction there out of it."""
         foot = self.curve.foot(centre)
+        # The gradient of the function that is zero on the curve is normal to it.
         slope = jax.grad(self.curve)(foot)
         return foot, slope / jnp.sqrt(slope @ slope)
