@@ -44,7 +44,7 @@ class Maker:
     make: Callable[..., Any]
     arguments: Mapping[str, Argument]
 
-    @property
+    @functools.cached_property
     def readable(self) -> bool:
         """Whether files can hold it."""
         return TYPE not in self.arguments and all(

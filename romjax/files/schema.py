@@ -209,7 +209,8 @@ def _wrong_part(base: type, place: Place, value: Any) -> Iterator[tuple[Place, s
         return
     kind = value.get(TYPE, base.__name__)
     if isinstance(kind, str) and kind in known:
-        keys, ways = _part(known[kind], base).keys, _other_ways(kind, base)
+        keys = _part(known[kind], base).keys
+        ways = _other_ways(kind, keys, known, base)
         hint = "".join(f' The type "{way}" has {", ".join(more)}.' for way, more in ways.items())
         for at, words in _wrong_keys(keys, place, value):
             # A key that it does not have may be meant for another way to make the part.
@@ -223,15 +224,13 @@ def _wrong_part(base: type, place: Place, value: Any) -> Iterator[tuple[Place, s
         yield place, f"The key `{TYPE}` is missing; one of {', '.join(known)}."
 
 
-def _other_ways(kind: str, base: type) -> dict[str, list[str]]:
+def _other_ways(
+    kind: str, keys: Mapping[str, Key], known: Mapping[str, Maker], base: type
+) -> dict[str, list[str]]:
     """The other ways to make a part, such as by a section, with the keys that only they have."""
-    known = _readable(base)
-    own, ways = _part(known[kind], base).keys, dict[str, list[str]]()
-    for name, maker in known.items():
-        more = [key for key in _part(maker, base).keys if key not in own]
-        if more and name.startswith(f"{kind}."):
-            ways[name] = more
-    return ways
+    others = (x for x in known if x.startswith(f"{kind}."))
+    found = {x: [key for key in _part(known[x], base).keys if key not in keys] for x in others}
+    return {x: more for x, more in found.items() if more}
 
 
 def _is_typo(key: str, keys: Mapping[str, Key], ways: Mapping[str, Sequence[str]]) -> bool:
