@@ -159,6 +159,19 @@ def test_the_kind_of_loop_over_stages():
 
 
 @pytest.mark.instant
+def unused(t, y, args):
+    raise AssertionError("its shape is known")
+
+
+@pytest.mark.parametrize("solver", [diffrax.Dopri8(), diffrax.Kvaerno5()])
+def test_methods_start_without_the_vector_field(solver):
+    """As they do with one that is traced for its shape."""
+    start = 0.0, 0.1, (jnp.ones(2), jnp.ones(3)), None
+    wanted = solver.init(diffrax.ODETerm(lambda t, y, args: jax.tree.map(jnp.sin, y)), *start)
+    found = compat.state_of_method(solver, diffrax.ODETerm(unused), *start)
+    assert eqx.tree_equal(found, wanted, typematch=True)
+
+
 def test_what_solvers_pass_on_to_controls():
     """One dict for each term; empty, but for methods that need areas of Brownian motion."""
     assert compat.control_arguments(diffrax.Tsit5()) == {}

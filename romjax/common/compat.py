@@ -220,6 +220,21 @@ def scan_kind(solver: Any) -> Any:
     return solver.scan_kind
 
 
+def state_of_method(
+    solver: diffrax.AbstractSolver[Any], term: Any, t0: Any, t1: Any, y0: Any, args: Any
+) -> Any:
+    """What a method keeps between its steps, before the first one of an ordinary equation.
+
+    diffrax's Runge–Kutta methods ask the vector field for its shape, which is that of the state:
+    to trace it for that takes as long as for a step.
+    """
+    # A method around another one is of its kind to diffrax, but may ask for a term of its own.
+    wraps = isinstance(solver, diffrax.AbstractWrappedSolver)
+    if isinstance(solver, diffrax.AbstractRungeKutta) and not wraps and not parts_of_term(term):
+        term = diffrax.ODETerm(lambda t, y, args: y)
+    return solver.init(term, t0, t1, y0, args)
+
+
 def control_arguments(solver: diffrax.AbstractSolver[Any]) -> Any:
     """Return what a solver passes on to `contr` of its terms, as diffrax asks wrappers for it."""
     return solver.term_compatible_contr_kwargs

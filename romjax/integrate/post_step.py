@@ -130,7 +130,7 @@ class PostStepSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrappe
 
     def init(self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree) -> Any:
         motion, _, y0, _ = _split(terms, y0)
-        return self.solver.init(motion, t0, t1, y0, args)
+        return compat.state_of_method(self.solver, motion, t0, t1, y0, args)
 
     def func(self, terms: PyTree, t0: Any, y0: PyTree, args: PyTree) -> PyTree:
         motion, _, y0, chart = _split(terms, y0)

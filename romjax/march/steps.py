@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from ..common import compat
 from .cuts import AbstractPassage, AbstractWatch, Arrival, Cut, Watching
 
 # A step that ends this close to the end of the run, in units in the last place, ends there: the
@@ -76,7 +77,7 @@ class Steps(NamedTuple):
         next_t = jax.lax.stop_gradient(next_t)
         return Progress(
             y=y0,
-            solver_state=self.solver.init(self.term, t0, next_t, y0, None),
+            solver_state=compat.state_of_method(self.solver, self.term, t0, next_t, y0, None),
             watching=None if self.watch is None else self.watch.start(t0, y0),
             t=t0,
             next_t=next_t,
