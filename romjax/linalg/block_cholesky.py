@@ -48,11 +48,14 @@ class Factor(eqx.Module):
 
         def step(fronts: tuple[Blocks, Blocks], at: Any) -> tuple[tuple[Blocks, Blocks], Any]:
             (nodes, between), (node, edge, own, couplings) = fronts, at
+            # Δ_i = A_ii − what steps before it took from it.
             inverse = invert(own - read(nodes, node.own))
             coupled = [couplings[p] - read(between, edge.own[p]) for p in range(degree)]
             rows = [multiply(inverse, one) for one in coupled]
             for p in range(degree):
                 nodes = add(nodes, node, p, multiply_transposed(coupled[p], rows[p]))
+            # Neighbours of an eliminated node become neighbours of each other: A_jk loses A_ji
+            # Δ_i⁻¹ A_ik.
             for pair, (p, q) in enumerate(schedule.pairs):
                 between = add(between, edge, pair, multiply_transposed(coupled[p], rows[q]))
             return (nodes, between), (inverse, stacked(rows, inverse))
@@ -92,6 +95,7 @@ class Factor(eqx.Module):
 
         def backward(x: Blocks, at: Any) -> tuple[Blocks, Block]:
             node, inverse, rows, own = at
+            # x_i = Δ_i⁻¹ y_i − Σ Δ_i⁻¹ A_ij x_j, with the x_j of later steps.
             value = multiply(inverse, own)
             for p in range(degree):
                 value -= multiply(rows[p], read(x, node.onto[p]))
@@ -109,6 +113,7 @@ def _oriented(
     couplings: Float[Array, "edges b b"], edges: tuple[Edge, ...], schedule: Schedule
 ) -> Float[Array, "steps degree b b"]:
     """The blocks of the edges of each step to later ones; zero where there is none, or fill."""
+    # A coupling stands once, as A_ij; a step that eliminates j before i needs A_ji, its transpose.
     both = jnp.concatenate([couplings, jnp.swapaxes(couplings, 1, 2)])
     number = {edge: at for at, edge in enumerate(edges)}
     number |= {(j, i): len(edges) + at for at, (i, j) in enumerate(edges)}

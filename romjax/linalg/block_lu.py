@@ -48,6 +48,7 @@ class BlockLU(eqx.Module):
             (nodes, between), (node, edge, own, couplings) = fronts, at
             inverse = invert_any(own - read(nodes, node.own))
             coupled = [couplings[p] - read(between, edge.own[p]) for p in range(degree)]
+            # As for Cholesky's, but A_ji is no transpose of A_ij, so that both go along.
             rows = [multiply(inverse, one[0]) for one in coupled]
             for p in range(degree):
                 nodes = add(nodes, node, p, multiply(coupled[p][1], rows[p]))
@@ -78,6 +79,7 @@ class BlockLU(eqx.Module):
     def solve_transposed(self, right: Float[Array, "nodes b k"]) -> Float[Array, "nodes b k"]:
         """The solution x of Aᵀ x = `right`: the rows of Aᵀ are the columns of A."""
         inverses, columns = (jnp.swapaxes(x, -1, -2) for x in (self.inverses, self.columns))
+        # The factors of Aᵀ = (L U)ᵀ are those of A in the other order.
         before = multiply(inverses[:, None], columns)
         # A_ij = Δ_i times a row.
         after = jnp.swapaxes(self.rows, -1, -2)

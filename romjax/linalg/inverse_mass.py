@@ -94,9 +94,12 @@ class InverseMass(eqx.Module):
         bodies: np.ndarray,
     ) -> Blocks:
         """A function of the inverse of each body and its rows."""
+        # Groups are stored one after another, and bodies numbered so.
         ends = np.cumsum([0, *(len(jax.tree.leaves(group)[0]) for group in self.groups)])
         results, order = [], []
         for group, first, end in zip(self.groups, ends[:-1], ends[1:], strict=True):
+            # Which of the asked bodies are of this group is static, so that nothing is chosen while
+            # a program runs.
             own = np.flatnonzero((first <= bodies) & (bodies < end))
             if not own.size:
                 continue

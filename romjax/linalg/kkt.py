@@ -90,6 +90,7 @@ class KKT(eqx.Module):
             self.scale, self.scaled, self.factor = jnp.ones((0, 0), mass.dtype), sides, None
             return
         nodes, bodies, pairs = pattern.nodes, pattern.bodies, pattern.pairs
+        # S = C_q M⁻¹ C_qᵀ. Rows get unit length in M⁻¹, so that metres and radians count alike.
         sides = inverse_mass.to_rates(sides, bodies)
         weighed = inverse_mass.weigh(sides, bodies)
         lengths = jnp.sum(weighed * sides, axis=2)
@@ -104,6 +105,8 @@ class KKT(eqx.Module):
         products = multiply(take(self.scaled, pairs.left), right)
         products *= take(scale, pairs.right)[:, None]
         diagonal = jnp.sum(take(products, pairs.onto_nodes), axis=1)
+        # The proximal term keeps S regular where joints repeat each other; sweeps take out what it
+        # changes.
         unit = precision.of(mass.dtype).proximal * jnp.eye(diagonal.shape[1], dtype=mass.dtype)
         couplings = jnp.sum(take(products, pairs.onto_edges), axis=1)
         self.factor = Factor(diagonal + unit[None], couplings, pattern.edges)
@@ -194,6 +197,7 @@ class KKT(eqx.Module):
         gamma = self.scale[:, :, None] * gamma
         free = self._weighed(self._by_rows(self.inverse_mass.to_rates, force))
         rows = self._apply_jacobian(self.scaled, free)  # B M⁻¹ f
+        # S λ = C_q M⁻¹ f − γ by Schur's complement, then a = M⁻¹ (f − C_qᵀ λ).
         target = rows - gamma
         if project:
             target = self.without_null(target)
@@ -209,6 +213,8 @@ class KKT(eqx.Module):
 
         def sweep(carry: Carry) -> Carry:
             multipliers, _, residual, _, count = carry
+            # Iterative refinement, which is also the proximal point method on redundant rows: each
+            # sweep shrinks the error there by ε / (σ + ε).
             multipliers += factor.solve(residual)
             reaction = self._weighed(self._apply_jacobian_transpose(self.scaled, multipliers))
             remaining = target - self._apply_jacobian(self.scaled, reaction)
@@ -241,6 +247,7 @@ class KKT(eqx.Module):
         epsilon, factor = precision.of(x.dtype).proximal, self.factor
         assert factor is not None
 
+        # ε (S + ε)⁻¹ keeps what is in the null space of S, and takes ε/σ of all else.
         def damp(x: Blocks, _: None) -> tuple[Blocks, None]:
             return epsilon * factor.solve(x), None
 
@@ -276,6 +283,7 @@ def _change_of_solution(primals: Any, tangents: Any) -> Any:
     """K dx = db − dK x, by the factors that solve K x = b."""
     kkt, change = primals[0], tangents[0]
     solution = _solution(*primals)
+    # The equation differentiated: K dx = db − dK x.
     by_matrix = kkt._multiply(change.mass, change.sides, *solution)
     right = [
         -moved if isinstance(given, SymbolicZero) else given - moved

@@ -57,6 +57,8 @@ def order(nodes: int, edges: tuple[Edge, ...], after: tuple[Edge, ...] = ()) -> 
         neighbours[i].add(j)
         neighbours[j].add(i)
     sequence, adjacent = list[int](), list[set[int]]()
+    # Minimum degree, from a heap whose entries of changed degree are passed over: chains and trees
+    # then fill in nothing.
     waiting = [(len(own), i) for i, own in neighbours.items() if not missing[i]]
     heapq.heapify(waiting)
     while waiting:
@@ -64,6 +66,7 @@ def order(nodes: int, edges: tuple[Edge, ...], after: tuple[Edge, ...] = ()) -> 
         if i not in neighbours or degree != len(neighbours[i]):
             continue  # it is gone, or has other neighbours by now
         own = neighbours.pop(i)
+        # Eliminating a node couples all its neighbours.
         for j in own:
             neighbours[j] |= own
             neighbours[j] -= {i, j}
@@ -105,7 +108,10 @@ def _front(
     """The slots of what each step takes, at most `width`, and of what it gives to, and how many
     there are; a node is an edge from itself to itself.
     """
+    # A slot holds a block from the first addition to it until its own step takes it; then it is
+    # given to another one.
     slots, free, size = dict[Edge, int](), list[int](), 0
+    # −1 is padding, for nodes with fewer neighbours than the most.
     own = np.full((len(taken), width), -1)
     onto = np.full((len(given), max(map(len, given), default=0)), -1)
     first = np.zeros(onto.shape, bool)

@@ -51,6 +51,8 @@ class Counters(eqx.Module):
     def added(self, z: Float[Array, " n"], q: Float[Array, " N"]) -> Float[Array, " N"]:
         """`q` with the counters."""
         columns = np.array(self.columns)
+        # The residual of a counter is how far it is from its angle, between −π and π: near the
+        # angle it is exact, and one step of Newton's method is the solution.
         near = q.at[columns].set(jax.lax.stop_gradient(self.about(z)))
         return near.at[columns].add(self.joints.residual(jnp.zeros((), q.dtype), near))
 
@@ -60,6 +62,7 @@ class Counters(eqx.Module):
         """
         unit = jnp.zeros_like(z).at[np.array(self.followed)].set(1)
         _, slopes = jax.jvp(lambda z: self.residual(lift, z), (z,), (unit,))
+        # A counter turns with its joint or against it, by which marker came first.
         signs = jax.lax.stop_gradient(jnp.where(slopes < 0, -1.0, 1.0).astype(z.dtype))
         offsets = q[np.array(self.columns)] - signs * z[np.array(self.followed)]
         return dataclasses.replace(self, signs=signs, offsets=offsets)
@@ -128,6 +131,7 @@ class TreeLift(eqx.Module):
         omega, velocity = twists.split(motion.twists)
         turning, moving = twists.split(moved)
         velocity = velocity + twists.about(omega, motion.arms)
+        # a + ω̇ × arm + ω × v, since arms turn with their bodies.
         moving = moving + twists.about(turning, motion.arms) + twists.about(omega, velocity)
         rate, turns = turning, self.turns(motion.frames)
         if self.lengths is not None:

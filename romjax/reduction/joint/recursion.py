@@ -50,6 +50,7 @@ def accelerations(
         inertia, bias = inertia + held[0], bias + held[1]
         # b + M c: what the body asks for while no rate changes and its port does not accelerate.
         bias = bias + multiply(inertia[:, :d], drift)
+        # N M and N (b + M c): momenta and forces along the rates of the joint.
         moved = multiply(own, inertia[:d])
         forced = multiply(own, bias[:d])
         if force is not None:
@@ -59,15 +60,19 @@ def accelerations(
             k = tree.freedoms
             moved = jnp.concatenate([moved[:k], moved[k:] + inertia[d:]])
             forced = jnp.concatenate([forced[:k], forced[k:] + bias[d:]])
+            # Rates of amplitudes move the frame of the body by its inner port, and the body itself.
             inner = jnp.concatenate([own, _modal_rows(k, tree.modes, dtype)], axis=1)
         square = multiply(moved, inner.T)
         if pad is not None:
             square += pad[:, None] * unit
+        # The freedoms of one joint: one in most trees, and few elsewhere.
         inverse = 1 / square if len(square) == 1 else invert(square)
         follow, freely = multiply(inverse, moved[:, :d]), -multiply(inverse, forced)
         # K and k: the Schur complement of the rates.
         stiff = inertia[:d, :d] - multiply(moved[:, :d].T, follow)
         rest = bias[:d] + multiply(moved[:, :d].T, freely)
+        # What the subtree asks for acts on the outer port of the parent, which moves with its frame
+        # and its amplitudes.
         if tree.modes:
             across = jnp.concatenate([jnp.eye(d, dtype=dtype), outer])
             stiff, rest = multiply(multiply(across, stiff), across.T), multiply(across, rest)
@@ -83,6 +88,7 @@ def accelerations(
         before, bending = port
         if tree.modes:
             before = before + multiply(bending, outer)
+        # The joint gives way to what its subtree asks for, and follows the port that carries it.
         rates = freely - multiply(follow, before)
         after = before + multiply(rates, own) + drift
         return (after, rates[tree.freedoms :]), rates
@@ -103,6 +109,8 @@ def _added(
     """The `lumped` inertias of rates, and ones for those that bodies with fewer freedoms or modes
     than others have not; None where there are neither.
     """
+    # Joints have rows for the most freedoms of any; ones on the diagonal keep the matrices of
+    # others regular.
     unused = tree.motions.array == tree.rates
     ones = jnp.asarray(unused, dtype) if unused.any() else None
     if lumped is None:
@@ -116,6 +124,8 @@ def _to_ground(tree: Tree, fold: Any, none: Carry, rows: Any) -> Any:
     if tree.is_chain:
         return jax.lax.scan(fold, none, rows, reverse=True)[1]
 
+    # Of a tree with branches the parent is not the body before: it gathers from a table. The ground
+    # has the last row.
     def step(held: Carry, at: Any) -> tuple[Carry, Any]:
         i, parent, own = at
         given, result = fold(jax.tree.map(lambda x: x[i], held), own)

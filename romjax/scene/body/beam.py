@@ -161,6 +161,7 @@ class Beam(AbstractBody):
             return 2 * jnp.pi * self.frequencies
         if self.EI is None:
             return jnp.zeros(0)
+        # ω = (βL)² √(EI / (m L³)) with the roots of the shapes' frequency equation.
         root = jnp.asarray(bending_roots(self._shapes, self.modes), self.mass.dtype)
         return root**2 * jnp.sqrt(self.EI / (self.mass * self.length**3))
 
@@ -219,6 +220,7 @@ class Beam(AbstractBody):
         if self.modes and self._shapes not in FREE:
             mean, lever = bending_moments(self._shapes, self.modes)
             none, size = np.zeros_like(mean), jnp.sqrt(self.mass)
+            # Shapes that are not free move the centre of mass of their own, and turn about it.
             across, turn = ([none, mean], lever) if self.axis == "x" else ([mean, none], -lever)
             terms["shift"] = size * np.stack(across)
             terms["swing"] = size * self.length * turn

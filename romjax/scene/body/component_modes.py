@@ -47,10 +47,13 @@ def craig_bampton(stiffness: Matrix, mass: Matrix, interface: Vector, modes: int
     if not 0 <= modes <= len(inner):
         raise SceneError(f"craig_bampton: modes={modes}, but {len(inner)} rows are not held.")
     basis = np.zeros((n, len(held) + modes))
+    # Constraint modes: the static deflection for each unit displacement of the interface, all
+    # others held.
     basis[held, : len(held)] = np.eye(len(held))
     if len(inner):
         solve = _factor(k[inner][:, inner], "craig_bampton: K without the rows of the interface")
         basis[inner, : len(held)] = -solve(k[inner][:, held].toarray())
+        # Fixed-interface modes beside them, for the motion within.
         basis[inner, len(held) :] = _lowest(k[inner][:, inner], m[inner][:, inner], modes, solve)
     return ritz(k, m, basis)
 

@@ -139,10 +139,12 @@ class Inertia(eqx.Module):
         """Moment of inertia about the origin of the frame."""
         total = jnp.zeros((), bent.dtype) if self.moment is None else self.moment
         if bent.shape[0]:
+            # ∫ρ |u|², which is q_fᵀ M_ff q_f.
             total = total + multiply(
                 bent, bent if self.modal is None else multiply(self.modal, bent)
             )
         if self.stretch is not None:
+            # 2 ∫ρ x·u.
             total = total + 2 * multiply(self.stretch, bent)
         if self.spin is not None:
             total = total - multiply(bent, multiply(self.spin, bent))

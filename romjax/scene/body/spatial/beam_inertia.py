@@ -29,6 +29,7 @@ def beam_inertia(
     modes = sum(counts)
     if not modes:
         return SpatialInertia(mass, jnp.diag(moments))
+    # By NumPy: the integrals of polynomials are numbers of the scene, once and for all.
     nodes, weights = quadrature(max(counts))
     both = [motion(counts, xi, np) for xi in nodes]
     moved, turned = (np.stack(x) for x in zip(*both, strict=True))
@@ -49,7 +50,10 @@ def beam_inertia(
     if rotary:
         # The axis alone makes M_ff the identity, but for torsion, which is of the sections.
         terms["modal"] = np.diag(np.repeat([1.0, 1.0, 0.0, 1.0], counts))
+        # What the sections have beyond a thin rod of the same mass.
         own = moments - mass * length**2 / 12 * np.array([0.0, 1.0, 1.0])
+        # Modal mass one gives bending slopes the unit 1 / (√m L), and twists that of their own
+        # inertia.
         scale = rotations(mass, length, moments, counts)
         for name, term in _of_sections(own, scale, weights, turned).items():
             terms[name] = terms.get(name, 0) + term
@@ -98,6 +102,7 @@ def _of_sections(
     linear = each(lambda j: np.einsum("kiab,bc->iack", tilde, j))
 
     def square(j: np.ndarray) -> np.ndarray:
+        # Sections turn by R = 1 + θ̃ + ½ θ̃²: of R J Rᵀ this is what is of second order.
         outer = 0.5 * np.einsum("kiab,libc,cd->iadkl", tilde, tilde, j)
         total = outer + outer.transpose(0, 2, 1, 3, 4)
         total -= np.einsum("kiab,bc,licd->iadkl", tilde, j, tilde)

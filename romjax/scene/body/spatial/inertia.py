@@ -73,6 +73,8 @@ class SpatialInertia(eqx.Module):
         square = quaternions.squared(p)
         onto = 2 * quaternions.body_matrix(p) / square  # ω = onto ṗ
         around = multiply_transposed(onto, self.spinning(bent))
+        # Tᵀ J T in the rates of p, and an inertia along p, which has none by itself: M would be
+        # singular.
         turning = multiply_transposed(onto, multiply(self.turning(bent), onto))
         turning += length_inertia(self.moment) / square**2 * p[:, None] * p[None]
         moving = self.mass * jnp.eye(3, dtype=q.dtype)
@@ -100,6 +102,7 @@ class SpatialInertia(eqx.Module):
             moving = self.mass * jnp.eye(3, dtype=q.dtype)
             own, beside = _symmetric(moving, -arm, own), jnp.concatenate([slide, beside])
             turn = quaternions.matrix(p)
+        # With M_ff = 1, Schur's complement of the amplitudes is of the frame alone.
         core, length = invert(own - multiply(beside, beside.T)), length_inertia(self.moment)
         return FrameInverse(1 / self.mass, core, 1 / length, spin_of(p), turn, beside.T)
 
@@ -119,6 +122,7 @@ class SpatialInertia(eqx.Module):
         turning -= stretching * multiply(self.turning(bent), omega)
         modal -= stretching * multiply(omega, self.spinning(bent))
         force = -quaternions.apply_transposed(onto, turning)
+        # Of the inertia along p, whose length changes only by rounding and within iterations.
         force += length_inertia(self.moment) * (2 * r**2 / s - jnp.sum(rate**2)) / s**2 * p
         if self.centred:
             return jnp.concatenate([moving, force, -modal])
@@ -134,20 +138,24 @@ class SpatialInertia(eqx.Module):
         3), in which the velocity of the frame drops out.
         """
         tensor, spinning = self.turning(bent), self.spinning(bent)
+        # Euler's ω × (J ω + h), h that of the moving amplitudes.
         turning = quaternions.cross(omega, multiply(tensor, omega) + multiply(spinning, bending))
         modal = jnp.zeros_like(bent)
         slope = self._turning_slope(bent)  # ∂J/∂q_f
         if slope is not None:
             along = jnp.sum(slope * omega[None, :, None], axis=1)
+            # J̇ ω; and by Lagrange −½ ωᵀ ∂J/∂q_f ω on the amplitudes, the centrifugal force.
             turning += multiply(along, bending)
             modal -= 0.5 * multiply(omega, along)
         if self.gyration is not None:
             about = jnp.sum(self.gyration * omega[:, None, None], axis=0)
+            # Coriolis forces between the modes.
             modal += multiply(bending, about) - multiply(about, bending)
             turning += _square(self.gyration, bending)
         if self.centred:
             return jnp.zeros_like(omega), turning, modal
         sliding = multiply(self.sliding(bent), bending)
+        # Centripetal, and Coriolis' of the sliding centre of mass.
         moving = quaternions.cross(omega, quaternions.cross(omega, self.arm(bent)) + 2 * sliding)
         if self.foreshortening is not None:
             moving -= _square(self.foreshortening, bending)

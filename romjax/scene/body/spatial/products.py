@@ -33,11 +33,13 @@ def products(weigh: Callable[[Any], Any], rigid: Any, shapes: Any, around: Any) 
     weighted = weigh(rigid)
     turning, bending = weighted[:, 3:], weigh(shapes)
     around = around.reshape(rows, 3 * modes)
+    # ∫ρ (e_a × r)·(e_b × u): how the moments of inertia change with the amplitudes.
     linear = (turning.T @ around).reshape(3, 3, modes)
     # The kinetic energy has the sum of both orders of axes, and of both orders of modes.
     square = (around.T @ weigh(around)).reshape(3, modes, 3, modes)
     square = (square.transpose(0, 2, 1, 3) + square.transpose(0, 2, 3, 1)) / 2
     aside = weighted[:, :3].T @ rigid[:, 3:]  # e_i · (e_a × c)
+    # Skew but for rounding: its three entries are the first moment.
     aside = (aside - aside.T) / 2
     return {
         "mass": rigid[:, 0] @ weighted[:, 0],
