@@ -234,6 +234,7 @@ class JointGroup(AbstractStack):
         """
 
         def react(joint: AbstractJoint, own: Array, poses: Poses) -> Wrenches:
+            # −(∂C/∂x)ᵀ λ, by the virtual work of the constraint forces.
             _, transpose = jax.vjp(lambda *poses: joint.residual(t, *poses), *poses)
             return tuple(p.wrench(force) for p, force in zip(poses, transpose(-own), strict=True))
 

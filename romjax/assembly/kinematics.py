@@ -61,6 +61,7 @@ class Markers(eqx.Module):
         local, shapes = self._local(extended), self.shapes
         if self.foreshortening is not None:
             amplitudes = extended[self.amplitudes.array]
+            # ∂(½ q_fᵀ G q_f)/∂q_f = G q_f, G symmetric.
             slide = multiply(self.foreshortening, amplitudes[:, None, :, None])[..., 0]
             more = shapes.shape[1] - slide.shape[1]
             shapes = shapes - jnp.pad(slide, ((0, 0), (0, more), (0, 0)))
@@ -88,6 +89,7 @@ class Markers(eqx.Module):
         for direction, k in zip(directions, pushed, strict=True):
             direction[columns[columns[:, k] < q.size, k]] = 1
 
+        # ∂²x/∂q² contracted with forces: the derivative of fᵀ ∂x/∂q.
         def slope(q: Array) -> Array:
             return multiply(forces[:, None], self.jacobian(q).matrix())[:, 0]
 
@@ -96,6 +98,8 @@ class Markers(eqx.Module):
             return change
 
         own = jax.vmap(push, out_axes=2)(jnp.asarray(directions))[:, d:]
+        # Second derivatives are symmetric: those by amplitudes and then by the turn are known
+        # already, and those by amplitudes twice are zero.
         if straight:
             more = own.shape[1] - own.shape[2]
             rest = jnp.pad(jnp.swapaxes(own[:, frame - d :], 1, 2), ((0, 0), (0, more), (0, 0)))
@@ -108,6 +112,7 @@ class Markers(eqx.Module):
 
     def pull_back(self, q: Float[Array, " n"], wrenches: Wrench) -> Float[Array, " n"]:
         """Generalized forces of wrenches on all markers, stacked like the poses."""
+        # The virtual power of the wrenches: Q = (∂x/∂q)ᵀ F, without a Jacobian.
         poses, transpose = jax.vjp(self.poses, q)
         force: Float[Array, " n"]
         (force,) = transpose(poses.force(wrenches))
@@ -119,6 +124,8 @@ class Markers(eqx.Module):
 
     def _extend(self, q: Float[Array, " n"]) -> Float[Array, " extended"]:
         """q, then what stands in for the coordinates of the ground."""
+        # The pose of the ground stands behind the coordinates, where its markers find it as others
+        # find theirs.
         return jnp.concatenate([q, np.array(self._space.GROUND, q.dtype)])
 
     def _frame(self, extended: Float[Array, " extended"]) -> Pose:
@@ -144,6 +151,7 @@ class Markers(eqx.Module):
         points = self.points + displacement[:, :d]
         if self.foreshortening is not None:
             slide = multiply(self.foreshortening, column[:, None])[..., 0]
+            # Of second order: a beam that bends pulls its points in along its axis.
             points -= 0.5 * multiply(slide, column)[:, :, 0]
         turns = self._space.bend(self.turns, displacement[:, d:])
         for own in self.bending:

@@ -75,6 +75,7 @@ def slopes(
         actions = [_loads(group, t, poses, rates) for group in system.effects]
         parts += _of_parts(pattern, system.effect_markers, system.effects, actions, q, v)
     rows, columns = (np.concatenate([part[side] for part in parts]) for side in (0, 1))
+    # The ground has no coordinates, so that blocks with it are left out.
     apart = (rows != columns) & (np.minimum(rows, columns) >= 0)
     pairs = sorted({(int(i), int(j)) for i, j in zip(rows[apart], columns[apart], strict=True)})
     number = {pair: count + k for k, pair in enumerate(pairs)} | {(i, i): i for i in range(count)}

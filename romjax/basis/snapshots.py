@@ -119,6 +119,8 @@ class SnapshotSet(eqx.Module):
             )
         dtype = jnp.result_type(*(jnp.asarray(run.q) for run in runs), float)
         noises = [_noise(run, dtype) for run in runs]
+        # Where a run kept the ends of its steps, these: contacts may be shorter than the time
+        # between outputs.
         sampled = [getattr(run, "states", None) or run for run in runs]
         snapshots = cls(
             jnp.concatenate([jnp.asarray(run.t, dtype) for run in sampled]),
@@ -240,6 +242,7 @@ def _weigh(
         displacements = jnp.concatenate([displacements, changes.q])
         v = jnp.concatenate([v, changes.v])
         weights = jnp.concatenate([weights, changes.weights])
+    # M = SᵀS, so that |S x| is the energy norm of x and the decompositions are Euclidean.
     root = jnp.linalg.cholesky(metric).T
     positions = root @ displacements.T * weights[None]
     velocities = root @ v.T * weights[None]
@@ -249,6 +252,8 @@ def _weigh(
 @program
 def time_weights(t: Float[Array, " h"]) -> Float[Array, " h"]:
     """√w of the trapezoidal rule."""
+    # The square root of the trapezoidal rule: sums of squares of weighted snapshots are integrals
+    # over time.
     step, none = jnp.diff(t), jnp.zeros(1, t.dtype)
     return jnp.sqrt(0.5 * (jnp.append(step, none) + jnp.append(none, step)))
 
@@ -283,4 +288,5 @@ def _mapped(
 ) -> tuple[Float[Array, "h n"], Float[Array, "h n"], Changes | None]:
     if changes is not None:
         changes = Changes(changes.q @ matrix.T, changes.v @ matrix.T, changes.weights)
+    # Displacements are mapped, the start stays.
     return q[:1] + (q - q[:1]) @ matrix.T, v @ matrix.T, changes

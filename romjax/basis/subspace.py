@@ -69,6 +69,7 @@ def _leading_jvp(
         jax.debug.callback(_warn_if_close, kept[-1], dropped[0])
     # In the metric of all left and right vectors.
     inside = u.T @ change @ vt.T
+    # σ_k² − σ_d², as a product: the difference of squares would lose the digits of close values.
     gap = (kept[None] - dropped[:, None]) * (kept[None] + dropped[:, None])
     coupling = inside[rank:, :rank] * kept[None] + dropped[:, None] * inside[:rank, rank:].T
     # The kept vectors turn towards the dropped ones.
@@ -115,6 +116,8 @@ def _span(vectors: Float[Array, "n r"], metric: Float[Array, "n n"], rank: int) 
     weighted = root @ vectors
     orthonormal, _ = leading(weighted, rank)
     # How the span's vectors are mixed is no matter of its derivative.
+    # The orthonormal vectors nearest in order to the given ones, so that the same span has the same
+    # basis.
     turn, _ = jnp.linalg.qr(jax.lax.stop_gradient(orthonormal.T @ weighted)[:, :rank])
     return jsl.solve_triangular(root, orthonormal @ turn)
 

@@ -46,6 +46,7 @@ class ChartChange(eqx.Module):
         stretch = jnp.linalg.norm(self.atlas.root @ motion.tangent, axis=0)
         leave = jnp.max(stretch) > 1 / _LEAVE
         number = self.atlas.number(motion.q)
+        # The same physical state by the coordinates of the nearest chart.
         others = self.atlas.lift(number).restrict(system.full, motion.q, motion.v)
         new = (number.astype(chart.dtype), *others)
         chosen: tuple[Float[Array, ""], Reduced, Reduced] = jax.tree.map(

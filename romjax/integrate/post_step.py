@@ -76,6 +76,8 @@ class PostStepInterpolation(diffrax.AbstractLocalInterpolation):
     chart: Float[Array, ""]
 
     def evaluate(self, t0: Any, t1: Any | None = None, left: bool = True) -> PyTree:
+        # Within a step the motion is in the chart that it began in; a difference of two states has
+        # no chart.
         chart = self.chart if t1 is None else jnp.zeros_like(self.chart)
         return *self.motion.evaluate(t0, t1, left), chart
 
@@ -148,6 +150,8 @@ class PostStepSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrappe
     ) -> Any:
         del made_jump
         motion, system, y0, chart = _split(terms, y0)
+        # After the state was moved, slopes that methods keep from the step before are those of
+        # another state: they are computed anew.
         y1, error, dense, state, result = self.solver.step(
             motion, t0, t1, y0, args, solver_state, made_jump=jnp.array(True)
         )
@@ -156,6 +160,7 @@ class PostStepSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrappe
         after, *y1 = self.post_step.after_step(system, chart, time, *y1)
         if chart is not None:
             dense = {"motion": dense, "chart": chart}
+            # A chart is a number of its own kind, and has no error.
             error = None if error is None else _join(error, jnp.zeros_like(chart))
             after = jnp.asarray(after, chart.dtype)
         return _join(tuple(y1), after), error, dense, state, result

@@ -127,6 +127,7 @@ def _step(
     # Scanned: the vector field is compiled once, not eight times.
     rows = (jnp.arange(1, 8), *(jnp.asarray(x[1:], dtype) for x in (A, C, TIMES, SLOPES)))
     (stages, last), _ = jax.lax.scan(stage, (stages, start), rows)
+    # The last stage is the difference of the solutions of orders five and four.
     error = unravel(stages[7])
     y1 = unravel(last + stages[7])
     dense = {"y0": y0, "y1": y1, "k": jax.vmap(unravel)(stages)}
@@ -177,6 +178,8 @@ def _linearize_motion(term: MotionTerm, t: Any, y: PyTree, h: Float[Array, ""]) 
 
     def solve(r: Flat) -> Flat:
         rq, rv = r[:n], r[n:]
+        # (1/(hγ) − J) k = r with q̇ = v eliminated: k_q = hγ (r_q + k_v), so that one system for
+        # k_v is left, with M and C_q in the place of an inverse.
         kv = stage(rv, rq)
         return jnp.concatenate([step * (rq + kv), kv])
 

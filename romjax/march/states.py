@@ -27,6 +27,7 @@ class States(NamedTuple):
     def put(self, keep: Bool[Array, ""], t: Float[Array, ""], y: Any) -> "States":
         """Count a step, if it was accepted, and store where it ends, if it is its turn."""
         skipped = self.skipped + jnp.where(keep, 1, 0)
+        # Nothing is stored between two strides; the row is written with what it holds.
         takes = skipped == self.stride
         rows = len(self.t)
 
@@ -44,6 +45,7 @@ class States(NamedTuple):
         """Every second state, of an odd number of them: the first and the last one stay."""
 
         def every_second(rows: Array) -> Array:
+            # The second half keeps its old rows, which the next states overwrite: shapes stay.
             half = rows[::2]
             return jnp.concatenate([half, rows[len(half) :]])
 

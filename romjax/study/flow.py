@@ -70,6 +70,8 @@ class Flows(eqx.Module):
             run = simulate(model, ts, rtol=rtol, audit=False)
             bare = without_names(model)
             fastest = float(start_frequencies(bare, run.t, bare.q0, bare.v0).fastest)
+            # Steps of equal length between outputs, as many as the fastest mode needs in the
+            # longest interval.
             longest = float(np.max(np.diff(np.asarray(run.t))))
             steps = int(np.clip(np.ceil(longest * fastest / _LARGEST_ANGLE), 1, _MOST_STEPS))
             flows.append(_flow(bare, run.t, run.q, run.v, np.asarray(steps)))
@@ -89,6 +91,7 @@ class Flows(eqx.Module):
         coordinates, by the flow along the nearest of the motions.
         """
         apart = run.q[None] - self.q
+        # In the energy norm, over all outputs.
         nearest = jnp.argmin(jnp.einsum("rki,ij,rkj->r", apart, self.metric, apart))
         motion = run.t, run.q, run.v
         result: tuple[Array, Array] = _error(self, without_names(rom), motion, (q, v), nearest)

@@ -84,6 +84,8 @@ class Schedule(eqx.Module):
         stacked = [jax.vmap(lambda x: x.corners())(signal) for signal in self.stacked]
         times = [x.reshape(-1) for x in stacked] + [x.corners() for x in self.single]
         known = [x.astype(ts.dtype) for x in times if x.size]
+        # Where nobody tells when loads change, steps end at the outputs: what was looked at between
+        # two of them holds for one step.
         return jnp.concatenate([ts[:0] if self.is_known else ts, *known])
 
     def seeing(self, ts: Float[Array, " outputs"]) -> "Schedule":

@@ -58,6 +58,7 @@ class Start(NamedTuple):
             largest, fastest = (jnp.max(jnp.abs(x), initial=1) for x in (q, v))
             return cls(state.violation, state.rate, share * largest * one, rates * fastest * one)
         system = jax.lax.stop_gradient(system)
+        # How much a constraint changes where each coordinate changes by what is allowed of it.
         rows = jnp.abs(system.state(t, q, v).jacobian())
         units = _Units.of(system, t, q, rows)
         fastest = jnp.max(units.counts * jnp.abs(v) / units.sizes, initial=1)
@@ -85,6 +86,7 @@ class Start(NamedTuple):
 
 def _worst(values: Float[Array, " m"], allowed: Float[Array, " m"]) -> int:
     """The first of those that are largest but for rounding."""
+    # The first of those that are equally bad but for rounding, whatever the machine.
     share = np.abs(np.asarray(values)) / np.maximum(np.asarray(allowed), 1e-300)
     return int(np.argmax(~(share < (1 - 1e-6) * np.max(share))))
 
@@ -158,6 +160,7 @@ def _length(
     by_turns = jnp.max(jnp.where(turns[None], rows, 0), axis=1)
     by_positions = jnp.max(jnp.where(positions[None], rows, 0), axis=1)
     moved = by_positions > 0
+    # Metres of violation per radian: the distance of a joint from the frame of its body.
     arms = jnp.where(moved, by_turns / jnp.where(moved, by_positions, 1), 0)
     return jnp.maximum(jnp.max(arms, initial=apart), _gyration(system, t, q))
 
@@ -175,5 +178,6 @@ def _gyration(system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]
     else:
         turning = turning.at[structure.turns].set(1)
     both = jnp.stack([jnp.asarray(moving, q.dtype), turning], axis=1)
+    # Of all bodies together, moved by 1 m and turned by 1 rad each: their mean radius of gyration.
     mass, inertia = jnp.sum(both * system.state(t, q, 0 * q).apply_mass(both), axis=0)
     return jnp.sqrt(inertia / mass)

@@ -93,6 +93,7 @@ def with_loads(
     k, m = checked(stiffness, mass)
     if not len(held):
         moved = m @ rigid
+        # Of a free component: the inertia of its rigid acceleration balances each load.
         loads = loads - moved @ np.linalg.solve(rigid.T @ moved, rigid.T @ loads)
         # Any rows that keep it from moving: loads in balance pull at none of them.
         held = scipy.linalg.qr(rigid.T, mode="r", pivoting=True)[1][: rigid.shape[1]]
@@ -104,12 +105,14 @@ def with_loads(
     bent = bent / np.where(size > 0, size, 1)
     for _ in range(2):
         bent -= component.modes @ (component.modes.T @ (m @ bent))
+    # Principal directions of the deflections: of several loads that bend alike, one is kept.
     squares, turns = np.linalg.eigh(bent.T @ (m @ bent))
     return ritz(k, m, np.hstack([component.modes, bent @ turns[:, squares > DEPENDENT]]))
 
 
 def ritz(stiffness: Matrix, mass: Matrix, basis: np.ndarray) -> ComponentModes:
     """The natural modes in the span of the columns of `basis`."""
+    # Columns have units of their own; of one length, none is lost to rounding.
     basis = basis / np.linalg.norm(basis, axis=0)
     reduced = [basis.T @ (matrix @ basis) for matrix in (stiffness, mass)]
     squares, turned = scipy.linalg.eigh(*[(x + x.T) / 2 for x in reduced])

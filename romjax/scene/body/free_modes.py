@@ -24,9 +24,13 @@ def free_modes(order: int, count: int) -> FreeModes:
     """
     degrees = np.arange(order, order + count)
     series = np.zeros((order + count, count))
+    # Shifted Legendre polynomials, of norm 1 / √(2k + 1), from the degree on whose derivative is
+    # not zero: lower ones are rigid motion, to which all others are orthogonal.
     series[degrees, degrees - order] = np.sqrt(2 * degrees + 1)
     nodes, weights = quadrature(count)
     curved = np.array([derivative(series, xi, order) for xi in nodes])
+    # In an orthonormal basis the mass matrix is the identity, and the eigenvalues are those of the
+    # stiffness.
     squares, turned = np.linalg.eigh(np.einsum("i,ik,il->kl", weights, curved, curved))
     modes = series @ turned
     # Positive at the lower end.
