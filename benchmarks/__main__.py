@@ -1,11 +1,11 @@
 """All comparisons side by side: run each, compare its ratios with their floors, write summary.txt.
 
 Each comparison runs in a process of its own and writes NAME.txt, and NAME.json for the site;
-`python benchmarks/NAME.py` runs one by itself. The ratios of all, the versions and the machine go
-to summary.txt, those of comparisons that are not run as their records have them. Needs the extra
-`bench`; MuJoCo and Exudyn are left out where they are not installed. Takes about two and a half
-hours on two cores with nothing else to do, most of it for `trust`; Ctrl-C keeps what has been
-measured.
+`python benchmarks/NAME.py` runs one by itself and writes the summary anew. The ratios of all, the
+versions and the machine go to summary.txt, those of comparisons that are not run as their records
+have them. Needs the extra `bench`; MuJoCo and Exudyn are left out where they are not installed.
+Takes about two and a half hours on two cores with nothing else to do, most of it for `trust`;
+Ctrl-C keeps what has been measured.
 
 The exit status is 1 if a ratio is below its floor in floors.toml, if one that has a floor was not
 measured, or if a comparison did not run to its end; 130 after Ctrl-C; otherwise 0.

@@ -59,6 +59,17 @@ def command(monkeypatch):
         sys.modules.pop(name, None)
 
 
+def test_a_comparison_by_itself_writes_the_summary(scripts):
+    """Which would be older than its record; not where its record goes elsewhere."""
+    said = "import pathlib, sys; pathlib.Path(__file__).with_name('said').write_text(sys.argv[1])"
+    (scripts / "__main__.py").write_text(said)
+    run = [sys.executable, scripts / "steady.py"]
+    subprocess.run([*run, "--out", scripts / "other"], check=True, capture_output=True)
+    assert not (scripts / "said").exists()
+    subprocess.run(run, check=True, capture_output=True)
+    assert (scripts / "said").read_text() == "--only"
+
+
 def ran(command, scripts, names, floors, *arguments) -> tuple[int, str]:
     """Exit status and summary."""
     status = command.main([*arguments], scripts, names, floors)
