@@ -80,9 +80,10 @@ def _run(options: argparse.Namespace) -> int:
     ranks = options.pod_rank, options.sod_rank, example.pod_rank, example.sod_rank
     asked = any(rank is not None for rank in ranks)
     of_chapter = bool(example.published_savings) or options.all or asked
-    study, status = None, 0
+    study, bases, status = None, None, 0
     # Most of both studies is compiling, on one core each.
-    with beside(_of_chapter, options) if of_chapter else contextlib.nullcontext() as studied:
+    with beside() if of_chapter else contextlib.nullcontext() as begin:
+        studied = None if begin is None else begin(_of_chapter, options)
         result = reductions(
             scene,
             # The figures draw both over each other.
@@ -97,21 +98,28 @@ def _run(options: argparse.Namespace) -> int:
             print(
                 "POD and SOD, in the formulations of the chapter ...", file=sys.stderr, flush=True
             )
-            study, status = _told(studied)
-    if study is not None:
-        print(f"\n{chapter.summary(study, example)}")
-    files = report.write(result, study, scene, example, folder, not options.no_animation)
+            found, status = _told(studied)
+            if found is None:
+                begin = None  # that process may be no more
+            else:
+                study, bases = found
+                print(f"\n{chapter.summary(study, example)}")
+        moving = not options.no_animation
+        files = report.write(result, study, scene, example, folder, moving, bases, begin)
     print(f"\nWrote {files[0]}, a page with all of it, and beside it:")
     print(textwrap.fill(", ".join(file.name for file in files[1:]), 80))
     return status
 
 
-def _of_chapter(options: argparse.Namespace) -> ReductionStudy:
-    """POD and SOD in all formulations of the chapter, in a process of its own."""
+def _of_chapter(options: argparse.Namespace) -> tuple[ReductionStudy, dict[str, bytes]]:
+    """POD and SOD in all formulations of the chapter with pictures of the bases, in a process of
+    its own.
+    """
     jax.config.update("jax_enable_x64", True)
     example = load(options.scene)
-    return reduction_study(
-        assemble(example.make()),
+    scene = example.make()
+    study = reduction_study(
+        assemble(scene),
         _given(options.end, example.end),
         _given(options.rate, example.rate),
         pod_rank=_given(options.pod_rank, example.pod_rank),
@@ -119,6 +127,7 @@ def _of_chapter(options: argparse.Namespace) -> ReductionStudy:
         rtol=_given(options.rtol, example.rtol),
         solver=example.solver,
     )
+    return study, report.of_bases(scene, study.bases)
 
 
 def _accuracy(options: argparse.Namespace) -> int:

@@ -135,31 +135,33 @@ def test_tune(tmp_path, capsys):
 
 
 def test_work_on_another_core():
-    """Gives what the function returns, whatever Ctrl-C does; what fails meanwhile ends it."""
+    """Gives what functions return, whatever Ctrl-C does; what fails meanwhile ends them."""
     others = {*multiprocessing.active_children()}
-    with beside(math.hypot, 3.0, 4.0) as result:
+    with beside() as begin_there:
+        result = begin_there(math.hypot, 3.0, 4.0)
         (child,) = {*multiprocessing.active_children()} - others
         os.kill(child.pid, signal.SIGINT)
-        assert result() == 5.0
+        assert (result(), begin_there(os.getpid)()) == (5.0, child.pid)
     begin = time.monotonic()
-    with pytest.raises(KeyError, match="meanwhile"), beside(time.sleep, 1000.0):
+    with contextlib.suppress(KeyError), beside() as begin_there:
+        begin_there(time.sleep, 1000.0)
         raise KeyError("meanwhile")
-    with beside(time.sleep, 1000.0):
-        pass
+    with beside() as begin_there:
+        begin_there(time.sleep, 1000.0)
     assert time.monotonic() - begin < 500.0
-    with (
-        beside(os._exit, 3) as result,
-        pytest.raises(ChildProcessError, match="if memory is short"),
-    ):
-        result()
+    with beside() as begin_there:
+        result = begin_there(os._exit, 3)
+        for wait in (result, lambda: begin_there(os.getpid)):
+            with pytest.raises(ChildProcessError, match="if memory is short"):
+                wait()
 
 
 @pytest.mark.instant
 def test_work_is_not_beside_that_of_a_gpu(monkeypatch):
     """Two processes of JAX do not share its memory."""
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
-    with beside(os.getpid) as result:
-        assert result() == os.getpid()
+    with beside() as begin:
+        assert begin(os.getpid)() == os.getpid()
 
 
 @pytest.mark.parametrize(
@@ -172,14 +174,14 @@ def test_what_is_measured_is_kept_without_the_study(
     """As where its process dies, or Ctrl-C ends the wait for it."""
 
     @contextlib.contextmanager
-    def beside(*_):
+    def beside():
         def result():
             raise fault
 
-        yield result
+        yield lambda *_: result
 
-    def write(result, study, *_):
-        assert (result, study) == (measured, None)
+    def write(result, study, *rest):
+        assert (result, study, rest[-2:]) == (measured, None, (None, None))
         return [tmp_path / "report.html"]
 
     measured = types.SimpleNamespace(summary=lambda every: "what pays")

@@ -1,13 +1,14 @@
-"""Work on another core: a function in a process of its own."""
+"""Work on another core: functions in a process of their own."""
 
 import contextlib
+import functools
 import multiprocessing
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, Protocol, TypeVar
 
 import jax
 
@@ -15,43 +16,65 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
+class Begin(Protocol):
+    """Begins a function of a module elsewhere; returns what waits for its result."""
+
+    def __call__(
+        self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs
+    ) -> Callable[[], T]: ...
+
+
+def later(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Callable[[], T]:
+    """Begins a function in this process, when its result is waited for."""
+    return functools.partial(function, *args, **kwargs)
+
+
 @contextlib.contextmanager
-def beside(
-    function: Callable[P, T], *args: P.args, **kwargs: P.kwargs
-) -> Iterator[Callable[[], T]]:
-    """Begin a function of a module in another process; yields what waits for its result.
+def beside() -> Iterator[Begin]:
+    """Work in another process, one function after the other; yields what begins them.
 
     Ctrl-C is for this process alone; where the context is left, the other one ends. With another
-    device than the CPU the function is called here, when it is waited for, since each process of
+    device than the CPU functions are called here, when they are waited for, since each process of
     JAX takes most of the memory of a GPU.
 
     What waits raises ChildProcessError where the other process was ended, and else what the
     function does.
     """
     if jax.default_backend() != "cpu":
-        yield lambda: function(*args, **kwargs)
+        yield later
         return
-    others = {*multiprocessing.active_children()}
+    others, begun = {*multiprocessing.active_children()}, list[Future[Any]]()
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-        with _ignoring_interrupts():
-            begun = pool.submit(function, *args, **kwargs)
 
-        def result() -> T:
-            try:
-                return begun.result()
-            except BrokenProcessPool as error:
-                raise ChildProcessError(
-                    "the process beside this one was ended by the system, or by somebody; if "
-                    "memory is short, end other programs, and begin again."
-                ) from error
+        def begin(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Callable[[], T]:
+            with _ignoring_interrupts(), _told():
+                own = pool.submit(function, *args, **kwargs)
+            begun.append(own)
+
+            def result() -> T:
+                with _told():
+                    return own.result()
+
+            return result
 
         try:
-            yield result
+            yield begin
         finally:
             # It would go on to its end, and this process wait for it.
-            if not begun.done():
+            if not all(one.done() for one in begun):
                 for process in {*multiprocessing.active_children()} - others:
                     process.terminate()
+
+
+@contextlib.contextmanager
+def _told() -> Iterator[None]:
+    try:
+        yield
+    except BrokenProcessPool as error:
+        raise ChildProcessError(
+            "the process beside this one was ended by the system, or by somebody; if memory is "
+            "short, end other programs, and begin again."
+        ) from error
 
 
 @contextlib.contextmanager

@@ -1,6 +1,7 @@
 """Report on the gain of reduction for a scene: one page, and the files that it is made of."""
 
 import contextlib
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from ..basis.decomposition.pod import POD
 from ..basis.decomposition.sod import SOD
 from ..basis.describe import describe
 from ..common import writing
+from ..common.beside import Begin, later
 from ..common.errors import InputError
 from ..gallery.catalogue import Example
 from ..integrate.trajectory import Trajectory
@@ -25,6 +27,7 @@ from . import chapter, csv_table, document
 _SHOWN = 3
 # Coordinates that are plotted under the motion.
 _PLOTTED = 2
+_DPI = 100  # of figures
 
 
 def write(
@@ -34,29 +37,32 @@ def write(
     example: Example,
     folder: Path,
     animation: bool,
+    of_study: Mapping[str, bytes] | None = None,
+    begin: Begin | None = None,
 ) -> list[Path]:
     """Write the page, figures, the animation and the trajectories into `folder`; returns the files,
     the page first.
 
     The page holds all that can be looked at. The figures and the GIF are for papers and slides.
+    `of_study`: the pictures of the study's bases, where they are drawn already; `begin`: begins the
+    GIF in another process.
     """
     truth, approx = result.truth, best(result)
-    bases = _bases(result.truth) if study is None else study.bases
-    drawn = {
-        **({"reductions": plot.reductions(result)} if result.rows else {}),
-        "responses": plot.response(truth, *approx.values(), labels=["full", *approx]),
-        **({"errors": plot.errors(truth, approx)} if approx else {}),
-        **({"singular_values": plot.values(*bases.values())} if bases else {}),
-    }
-    for name, basis in bases.items():
-        drawn[f"modes_{name.lower()}"] = plot.modes(scene, basis)
-    pictures = {name: document.png(figure, dpi=100) for name, figure in drawn.items()}
     moving = None
     if animation:
         shown = {"full": truth} | approx
         moving = animate(
             scene, *shown.values(), labels=list(shown), outputs=_PLOTTED, title=example.name
         )
+        filmed = (begin or later)(moving.save, folder / "animation.gif", fps=20, progress=False)
+    bases = _bases(result.truth) if study is None else study.bases
+    drawn = {
+        **({"reductions": plot.reductions(result)} if result.rows else {}),
+        "responses": plot.response(truth, *approx.values(), labels=["full", *approx]),
+        **({"errors": plot.errors(truth, approx)} if approx else {}),
+    }
+    pictures = {name: document.png(figure, _DPI) for name, figure in drawn.items()}
+    pictures |= of_bases(scene, bases) if of_study is None else of_study
     swinging = animate(scene, next(iter(bases.values()))) if animation and bases else None
     page = folder / "report.html"
     writing.write(page, _page(result, study, example, bases, pictures, (moving, swinging)))
@@ -65,12 +71,20 @@ def write(
         written.append(folder / f"{name}.png")
         writing.write(written[-1], content)
     if moving is not None:
-        written.append(moving.save(folder / "animation.gif", fps=20, progress=False))
+        written.append(filmed())
     for name, trajectory in {"full": truth, **approx}.items():
         words = name.replace("=", " ").replace(",", "").replace(" ", "_").lower()
         path = folder / f"trajectory_{words}.csv"
         written.append(_write_csv(path, trajectory, trajectory is truth))
     return written
+
+
+def of_bases(scene: Scene, bases: Mapping[str, Basis]) -> dict[str, bytes]:
+    """The pictures of some bases: their singular values, and their modes."""
+    drawn = {"singular_values": plot.values(*bases.values())} if bases else {}
+    for name, basis in bases.items():
+        drawn[f"modes_{name.lower()}"] = plot.modes(scene, basis)
+    return {name: document.png(figure, _DPI) for name, figure in drawn.items()}
 
 
 def best(result: Reductions) -> dict[str, Trajectory]:
