@@ -80,7 +80,6 @@ class ReducedSystem(AbstractReducedSystem):
     def constraint(self, t: Time, q: Reduced) -> Float[Array, " m"]:
         if self.combinations is None:
             return jnp.zeros(0, q.dtype)
-        # The kept constraints are UᵀC of the lifted position.
         position = self.lift.position(self.full, t, q)
         return multiply(self.combinations.T, self.full.constraint(t, position))
 
@@ -116,8 +115,6 @@ class ReducedSystem(AbstractReducedSystem):
 
     def _starting_at(self, z: Reduced, w: Reduced, time: Float[Array, ""]) -> "ReducedSystem":
         rom = dataclasses.replace(self, q0=z, v0=w, time=jnp.asarray(time, z.dtype))
-        # The basis need not hold the start: it is moved to the nearest one that satisfies the kept
-        # constraints.
         q0, v0 = start_of(rom, z, w, rom.time)
         return dataclasses.replace(rom, q0=q0, v0=v0)
 
@@ -148,7 +145,6 @@ class ReducedState(AbstractState):
     def _pushed(self) -> Float[Array, "n columns"]:
         """M G, and M β as one more column where there is a bias."""
         _, _, tangent, bias = self.motion
-        # M G and M β at once: one pass over the blocks of M serves the mass matrix and the force.
         columns = tangent if bias is None else jnp.concatenate([tangent, bias[:, None]], axis=1)
         return self.inner.apply_mass(columns)
 
@@ -169,7 +165,6 @@ class ReducedState(AbstractState):
 
     def force(self) -> Reduced:
         force = self.inner.force()
-        # Q_r = Gᵀ (Q − M β), since q̈ = G z̈ + β.
         if self.motion.bias is not None:
             force -= self._pushed[:, -1]
         return multiply(self.motion.tangent.T, force)

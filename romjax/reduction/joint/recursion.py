@@ -50,7 +50,6 @@ def accelerations(
         inertia, bias = inertia + held[0], bias + held[1]
         # b + M c: what the body asks for while no rate changes and its port does not accelerate.
         bias = bias + multiply(inertia[:, :d], drift)
-        # N M and N (b + M c): momenta and forces along the rates of the joint.
         moved = multiply(own, inertia[:d])
         forced = multiply(own, bias[:d])
         if force is not None:
@@ -60,19 +59,15 @@ def accelerations(
             k = tree.freedoms
             moved = jnp.concatenate([moved[:k], moved[k:] + inertia[d:]])
             forced = jnp.concatenate([forced[:k], forced[k:] + bias[d:]])
-            # Rates of amplitudes move the frame of the body by its inner port, and the body itself.
             inner = jnp.concatenate([own, _modal_rows(k, tree.modes, dtype)], axis=1)
         square = multiply(moved, inner.T)
         if pad is not None:
             square += pad[:, None] * unit
-        # The freedoms of one joint: one in most trees, and few elsewhere.
         inverse = 1 / square if len(square) == 1 else invert(square)
         follow, freely = multiply(inverse, moved[:, :d]), -multiply(inverse, forced)
         # K and k: the Schur complement of the rates.
         stiff = inertia[:d, :d] - multiply(moved[:, :d].T, follow)
         rest = bias[:d] + multiply(moved[:, :d].T, freely)
-        # What the subtree asks for acts on the outer port of the parent, which moves with its frame
-        # and its amplitudes.
         if tree.modes:
             across = jnp.concatenate([jnp.eye(d, dtype=dtype), outer])
             stiff, rest = multiply(multiply(across, stiff), across.T), multiply(across, rest)
@@ -88,7 +83,6 @@ def accelerations(
         before, bending = port
         if tree.modes:
             before = before + multiply(bending, outer)
-        # The joint gives way to what its subtree asks for, and follows the port that carries it.
         rates = freely - multiply(follow, before)
         after = before + multiply(rates, own) + drift
         return (after, rates[tree.freedoms :]), rates

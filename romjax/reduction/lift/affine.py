@@ -30,16 +30,12 @@ class AffineLift(AbstractLift):
         if self.turns is None:
             return Motion(self.position(full, t, z), multiply(self.modes, w), self.modes, None)
         flat = self.offset + multiply(self.modes, z)
-        # Normalising quaternions is no linear map: its derivative takes the modes to the tangent
-        # and the velocity along.
         columns = jnp.concatenate([self.modes, multiply(self.modes, w)[:, None]], axis=1)
         q, changes, bias = self.turns.normalised_motion(flat, columns)
         return Motion(q, changes[:, -1], changes[:, :-1], bias)
 
     def restrict(self, full: AbstractSystem, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
         """The nearest in the mass metric: ΦᵀMΦ z = ΦᵀM (q − q̄), and w alike."""
-        # The orthogonal projection in the kinetic energy at this position, so that a velocity loses
-        # as little of it as possible.
         weighted = full.mass(q) @ self.modes
         right = weighted.T @ jnp.stack([q - self.offset, v], axis=1)
         z = jnp.linalg.solve(self.modes.T @ weighted, right)

@@ -60,8 +60,6 @@ class ImplicitLift(AbstractLift):
         q, inverse = self._solve(full, t, z)
         dependent = jnp.asarray(chart.dependent, z.dtype)
         rows = chart.jacobian(full, t, q)
-        # Differentiated by z and by time, C(t, q̄ + Φ z + W d) = 0 gives ∂d/∂z and ∂d/∂t, of one
-        # matrix.
         right = [multiply(rows, self.modes), chart.drives(full, t, q)[:, None]]
         matrix = multiply(rows, dependent)
         solve = solve_by_similar
@@ -74,7 +72,6 @@ class ImplicitLift(AbstractLift):
         tangent = self.modes + follow[:, :-1]
         v = multiply(tangent, w) + follow[:, -1]
         constraint = functools.partial(chart.constraint, full)
-        # Once more by time: C_q W d̈ = −(C_q q̇)_q q̇ − 2 C_qt q̇ − C_tt, and β = W d̈.
         curvature = differentiate(constraint, t, q, v).curvature
         bias = -multiply(dependent, solve(matrix, inverse, curvature))
         return Motion(q, v, tangent, bias)
@@ -102,8 +99,6 @@ class ImplicitLift(AbstractLift):
         def newton(_: Any, start: Array) -> tuple[Array, Array]:
             enough = limits.newton_converged * jnp.maximum(1, jnp.max(jnp.abs(origin)))
 
-            # Newton's method in two loops: the outer one renews the inverse, the inner one steps
-            # with it while that converges.
             def renew(carry: Any) -> Any:
                 d, size, inverse, count = carry
 
@@ -133,8 +128,6 @@ class ImplicitLift(AbstractLift):
                 more: Array = (carry[1] > enough) & (carry[-1] < _MATRICES)
                 return more
 
-            # The guess is that of the nearest snapshot, whose inverse is known: a run near its
-            # training needs no new matrix.
             first = (start, jnp.asarray(jnp.inf, start.dtype), inverse, 0)
             d, size, last, _ = jax.lax.while_loop(unfinished, renew, first)
             # The last step is the error before it.
@@ -167,8 +160,6 @@ def _of_another(lift: ImplicitLift, full: AbstractSystem) -> ImplicitLift:
     def configuration(z: Array, d: Array) -> Array:
         return offset + multiply(lift.modes, z) + multiply(dependent, d)
 
-    # The change of the guess at one snapshot is the first guess for that of the next one: motions
-    # are continuous.
     def follow(lead: Array, snapshot: Any) -> tuple[Array, Array]:
         own, t, z = snapshot
 
