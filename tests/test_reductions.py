@@ -76,6 +76,15 @@ def test_facts_know_where_joint_coordinates_are_faster():
 
 
 @pytest.mark.instant
+def test_the_structure_in_words():
+    """Known before any run; a drive beside its joint is no loop."""
+    driven = dataclasses.replace(RIGID, drives=1, contacts=True)
+    assert driven.describe() == "1 freedom, 1 drive, closed loops, contacts"
+    whip = Facts(bodies=1, modes=5, freedoms=5, loops=True, tree=True, drives=1)
+    assert whip.describe() == "5 freedoms, 5 modes of flexible bodies, 1 drive"
+
+
+@pytest.mark.instant
 def test_kinds_of_models_begin_with_the_coarsest():
     """Scales go on from there by errors, and between what is wrong and what is right."""
     facts = Facts(2, 4, 5, caps=(10.0, 20.0, 40.0, 80.0))

@@ -87,7 +87,8 @@ class Facts:
         words = [f"{self.freedoms} freedom{'s' * (self.freedoms != 1)}"]
         words += [f"{self.modes} modes of flexible bodies"] * (self.modes > 0)
         words += [f"{self.drives} drive{'s' * (self.drives != 1)}"] * (self.drives > 0)
-        words += ["closed loops"] * self.loops + ["contacts"] * self.contacts
+        # A drive beside its joint closes no loop to speak of.
+        words += ["closed loops"] * (self.loops and not self.tree) + ["contacts"] * self.contacts
         return ", ".join(words)
 
     @property
