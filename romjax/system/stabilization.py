@@ -6,6 +6,7 @@ from jaxtyping import Array, Float
 
 from ..common.arrays import Number, Vector
 from ..common.fields import Converted, number
+from ..common.plain import plain
 
 
 class Baumgarte(eqx.Module):
@@ -22,6 +23,9 @@ class Baumgarte(eqx.Module):
 
     alpha: Converted[Float[Array, "*m"], Vector] = number()
     beta: Converted[Float[Array, "*m"], Vector] = number()
+
+    def __repr__(self) -> str:
+        return plain(self)
 
     @classmethod
     def critical(cls, omega: Number) -> "Baumgarte":
