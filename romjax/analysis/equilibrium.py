@@ -128,6 +128,8 @@ def _solve(system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]) 
             jnp.where(good, q, now.q),
             jnp.where(good, multipliers, now.multipliers),
             jnp.where(good, load, now.load),
+            # Load steps double after each success, and are a quarter after a failure, from the last
+            # equilibrium.
             jnp.where(good, 2 * now.step, 0.25 * now.step),
             now.count + 1,
         )
@@ -159,6 +161,7 @@ def _balancing(
     """
     n, count = len(sizes), len(rows)
     none = jnp.zeros((count, count), rows.dtype)
+    # The least multipliers and forces, each by the displacement that is large for its coordinate.
     upper = jnp.concatenate([jnp.diag(sizes**-2), rows.T], axis=1)
     matrix = jnp.concatenate([upper, jnp.concatenate([rows, none], axis=1)])
     unbalanced = jnp.concatenate([given, jnp.zeros(count, given.dtype)])
@@ -178,6 +181,7 @@ def _differentiable(
     matrix, _ = fixed.linearized(position, held)
     linear = Linear.of(matrix, displacements(fixed.system, fixed.t, position))
     right = Statics(system, jnp.asarray(t), position).residual(position, held)
+    # Zero in value, with the derivative −K⁻¹ ∂r of the implicit function theorem in both modes.
     change = linear.solve(right - jax.lax.stop_gradient(right))
     corrected: Float[Array, " n"] = position - change[: system.n]
     return corrected

@@ -114,6 +114,7 @@ def _modes(
     values, right = eigenvalues(tangent.matrix)
     frequencies, damping, chosen = _pairs(values)
     d = tangent.basis.shape[1]
+    # Coordinates are N z: amplitudes of unit length in the kinetic energy.
     shapes = tangent.basis.astype(right.dtype) @ right[:d, chosen]
     sizes = jnp.sqrt(jnp.sum(jnp.abs(right[:d, chosen]) ** 2, axis=0))
     shapes = shapes / jnp.where(sizes > 0, sizes, 1)[None]
@@ -136,6 +137,8 @@ def eigenvalues(
     largest = jnp.max(jnp.abs(squares), initial=0.0)
     floor = jnp.where(largest > 0, 1e-12 * largest, 1.0)
     scale = jnp.sqrt(jnp.maximum(jnp.abs(squares), floor))
+    # In the modes of the undamped part, scaled by their frequencies, the matrix is nearly skew: its
+    # eigenvalues are then well conditioned.
     forth = jax.scipy.linalg.block_diag(scale[:, None] * directions.T, directions.T)
     back = jax.scipy.linalg.block_diag(directions / scale[None], directions)
     values, right = jnp.linalg.eig(forth @ constant @ back)

@@ -124,6 +124,7 @@ def tangent_of(
     kkt = state.kkt()
     # The projection of a fixed basis onto the null space depends smoothly on all numbers, where
     # the vectors of a singular value decomposition do not.
+    # KKT with the force M N₀ and γ = 0 projects N₀ orthogonally in the metric of M.
     zero = jnp.zeros((system.m, start.shape[1]), q.dtype)
     basis = unit_length.with_lengths(system, q, kkt.solve(state.apply_mass(start), zero)[0])
 
@@ -131,6 +132,7 @@ def tangent_of(
         return differentiate(system.constraint, t, q, v).rate
 
     change = jax.vmap(lambda x: jax.jvp(rate, (q,), (x,))[1], 1, 1)(basis)
+    # A change of position by N z turns the directions that velocities may have: C_q P = −∂Ċ/∂q N.
     correction = kkt.solve(jnp.zeros_like(basis), -change)[0]
     correction = unit_length.with_lengths(system, q, correction, _along(system, v, basis))
     weighted = state.apply_mass(basis).T
@@ -192,6 +194,8 @@ def _null_space(
     system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"], independent: int
 ) -> Float[Array, "n d"]:
     """A basis of what C_q and lengths leave free, orthonormal in the metric of M; a constant."""
+    # Of the rows C_q L⁻ᵀ with M = L Lᵀ: vectors that are orthonormal there are so in the kinetic
+    # energy.
     rows, half = jax.lax.stop_gradient(_scaled_rows(system, t, q))
     structure = system.structure
     moving = np.flatnonzero(~structure.is_state)

@@ -67,6 +67,7 @@ def cross(a: Triple, b: Triple) -> Triple:
 
 def rotate(p: Quaternion, x: Triple) -> Triple:
     """A(p) x = E Gᵀ x / s, which takes half as many operations as cross products with the axis."""
+    # A = E Gᵀ / |p|²: two thin products take half of the operations of the matrix.
     turned = apply(space_matrix(p), apply_transposed(body_matrix(p), x))
     return turned / squared(p)[..., None]
 
@@ -113,6 +114,7 @@ def body_angular_velocity(p: Quaternion, rate: Quaternion) -> Triple:
 
 def derivative(p: Quaternion, angular_velocity: Triple) -> Quaternion:
     """ṗ = ½ Eᵀ ω of an angular velocity by the axes of space [rad/s]; it keeps the length."""
+    # ṗ = ½ Eᵀ ω keeps |p|, since E p = 0.
     return 0.5 * apply_transposed(space_matrix(p), angular_velocity)
 
 
@@ -127,6 +129,8 @@ def angle(a: Quaternion, b: Quaternion, less: Any = None) -> Float[Numbers, "...
     w, z = (b * a).sum(axis=-1), (b * a[..., ::-1] * _constant([1, -1, 1, -1], a)).sum(axis=-1)
     xp = namespace(less if isinstance(less, jax.Array) else b * a)
     if less is not None:
+        # The quaternion is turned back by `less` first, so that the arctangent stays away from the
+        # half turn where its branch ends.
         c, s = xp.cos(0.5 * less), xp.sin(0.5 * less)
         w, z = c * w + s * z, c * z - s * w
     # At a half turn w is zero; the arctangent of the infinite quotient is right.

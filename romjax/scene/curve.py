@@ -65,7 +65,11 @@ class AbstractCurve(AbstractTrack):
         foot does not depend.
         """
         value, slope = jax.value_and_grad(self)(point)
+        # Unknowns are the foot and the multiplier of f = 0: the point is the foot plus a multiple
+        # of the normal there.
         start = jnp.append(point, value / (slope @ slope))
+        # At the solution each of Newton's steps has the derivatives of the solution, of a higher
+        # order each.
         curve, still, x = jax.lax.stop_gradient((self, point, start))
         free = _STEPS - _DIFFERENTIATED
         x, _ = jax.lax.scan(lambda x, _: (_nearer(curve, still, x), None), x, None, length=free)

@@ -110,6 +110,8 @@ def _compare(
     difference, motion = apart(q, approx, quaternions), apart(q, q[:1], quaternions)
     own, moved = (_single(x, quaternions) for x in (difference, motion))
     moving = _moving(q, moved)
+    # Equation 39.17 of the chapter: relative to the largest displacement of each coordinate; of one
+    # that rests, absolute.
     history = own / jnp.where(moving, jnp.max(jnp.abs(moved), axis=0), 1)[None]
     return Comparison(
         error=_relative(q, difference, motion, metric, moving),
@@ -155,6 +157,7 @@ def _relative(
     whose coordinates, and whose norm, do not differ from the start by more than rounding.
     """
     root = jnp.linalg.cholesky(metric)
+    # |x|² = xᵀ M x of all rows together, by the factor of M.
     size = _norm(motion @ root)
     # In single precision small motions are less than rounding of order one, but not of their own.
     own = jnp.maximum(_BALANCED, jnp.abs(q)) * jnp.sqrt(jnp.diagonal(metric))[None]
@@ -175,6 +178,7 @@ def apart(
     p, opposed = (
         x / jnp.sqrt(jnp.sum(x**2, axis=2, keepdims=True)) for x in (q[:, table], other[:, table])
     )
+    # p and −p are the same turn: the nearer one is compared.
     turned = jnp.sum(p * opposed, axis=2, keepdims=True) < 0
     return difference.at[:, table].set(p - jnp.where(turned, -opposed, opposed))
 

@@ -88,11 +88,13 @@ def corrected_with(
         full = _started(rom.full, q, v, pick(run.t, 0))
         return told_by(full, run, "the full model"), full
     if concrete(run.q) is None or concrete(q) is None:
+        # Where JAX traces, each model would be a part of the program: the closest one is enough.
         given = given[-1:]
     models = [_started(one.model, q, v, pick(run.t, 0)) for one in given]
     pairs = [
         (told_by(model, run, one.name), model) for one, model in zip(given, models, strict=True)
     ]
+    # Two models may agree by accident: the larger of the errors that they tell is the cautious one.
     return pairs[0] if len(pairs) == 1 else max(pairs, key=lambda pair: _size(pair[0]))
 
 
@@ -169,6 +171,7 @@ def _own_or_true(
 
 def _true_if_alike(start: Start, own: Start, true: Start) -> Start:
     """The true start where a run's own one is that which its model has for it, else the own one."""
+    # Relative for large motions, absolute for small ones.
     sizes = [1 + jnp.max(jnp.abs(x)) for x in own]
     apart = [jnp.max(jnp.abs(x - y)) / size for x, y, size in zip(start, own, sizes, strict=True)]
     same = jnp.maximum(*apart) <= _SAME

@@ -88,6 +88,7 @@ def _ranks(rom: AbstractReducedSystem, recipe: Recipe, spare: int) -> tuple[int,
     if not any(sizes):
         return ()
     if isinstance(recipe.formulation, Local):
+        # One more mode for each body.
         ranks = [k + 1 for k in cast(Any, rom).ranks]
     else:
         ranks = [_more_freedoms(rom, sizes)] * len(sizes)

@@ -87,6 +87,7 @@ def _actuator(
         largest = upper if largest is None else within(largest, lower, upper)
     lowest, highest = _range(arrays, "ctrl", number)
     biased = int(arrays.actuator_biastype[number]) != 0
+    # MuJoCo's bias b₀ + b₁ s + b₂ s' is added; here feedback is subtracted.
     offset, proportional, derivative = (float(x) if biased else 0.0 for x in bias[:3])
     return Actuator(
         a,

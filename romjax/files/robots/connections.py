@@ -55,6 +55,7 @@ def _markers(
     if int(arrays.eq_objtype[number]) == int(model.mujoco.mjtObj.mjOBJ_SITE):
         first, second = (site_marker(arrays, tree, i) for i in ids)
         return first, second
+    # MuJoCo stores the points of a weld in the other order, and the turn of the second body.
     points = (data[0:3], data[3:6]) if kind == _CONNECT else (data[3:6], data[0:3])
     turns = (_UNTURNED if kind == _CONNECT else data[6:10], _UNTURNED)
     pairs = zip(ids, points, turns, strict=True)
@@ -85,8 +86,11 @@ def _coupling(
     leading = measured[int(arrays.eq_obj2id[number])]
     if led.link == leading.link:
         raise model.refuse("equality", number, "both joints are of one body; give it two.")
+    # MuJoCo's polynomial is of displacements from the reference positions; here it is of the
+    # positions themselves.
     shift = np.polynomial.Polynomial([-_reference(arrays, int(arrays.eq_obj2id[number])), 1.0])
     polynomial: Any = np.polynomial.Polynomial(data[:5])(shift) + zero
+    # A motion that is counted the other way changes the sign of odd powers.
     powers = led.sign * polynomial.coef * leading.sign ** np.arange(len(polynomial.coef))
     used = np.flatnonzero(powers)
     powers = powers[: used[-1] + 1] if used.size else powers[:1]
@@ -176,4 +180,6 @@ def _held(model: Model, number: int) -> float:
     arrays = model.arrays
     stiffness, _ = reference(model, arrays.tendon_solref_lim[number])
     total, mobility = float(np.sum(arrays.body_mass)), float(arrays.tendon_invweight0[number])
+    # The effective mass is the inverse of the mobility at the start; of what does not move there,
+    # that of the robot.
     return stiffness / mobility if mobility * total * _UNMOVED > 1 else stiffness * total

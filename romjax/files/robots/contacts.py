@@ -129,6 +129,7 @@ def _meeting(model: Model) -> np.ndarray:
     """
     arrays, disabled = model.arrays, model.mujoco.mjtDisableBit
     kinds, others = arrays.geom_contype, arrays.geom_conaffinity
+    # A pair meets if the type of either is in the affinity of the other.
     meets = (kinds[:, None] & others[None, :]) != 0
     meets |= meets.T
     own = arrays.geom_bodyid
@@ -149,6 +150,8 @@ def _combined(model: Model, first: int, second: int) -> Pair:
     arrays, geoms = model.arrays, [first, second]
     margin = np.sum(arrays.geom_margin[geoms]) - np.sum(arrays.geom_gap[geoms])
     adhesion = np.sum(arrays.geom_adhesion[geoms])
+    # By MuJoCo's rules: of different priority the higher one decides alone; else friction is the
+    # larger one, and the rest is mixed by weights.
     priority = arrays.geom_priority[geoms]
     if priority[0] != priority[1]:
         geoms = [geoms[int(np.argmax(priority))]]
@@ -207,6 +210,7 @@ def _of_pair(model: Model, tree: Tree, pair: Pair) -> Iterator[Contact]:
     radius, half = (float(x) for x in model.arrays.geom_size[pair.second][:2])
     kinds = tuple(int(model.arrays.geom_type[i]) for i in (pair.first, pair.second))
     if kinds[0] == PLANE:
+        # A capsule on a plane rests on both ends of its axis, each a ball.
         ends = (half, -half) if kinds[1] == CAPSULE else (0.0,)
         for height in ends:
             end = _marker(model, tree, pair.second, height)
@@ -232,6 +236,7 @@ def _of_ball(
     oscillations about that have the damping ratio of the file.
     """
     bodies = model.arrays.geom_bodyid[[pair.first, pair.second]]
+    # The mass that a unit force at the contact moves, by the mobilities of both bodies.
     mass = 1 / float(np.sum(model.arrays.body_invweight0[bodies, 0]))
     stiffness, ratio = reference(model, pair.solref)
     if not stiffness:
@@ -243,6 +248,8 @@ def _of_ball(
     else:
         depth = _DEPTH * model.size
         weight = held(stiffness, pair.solimp, depth)
+    # Hertz's law k δ^(3/2) is made to hold the weight at the same depth as MuJoCo's, and to be
+    # damped alike there.
     friction = float(pair.friction[0]) if pair.dimension > 1 else 0.0
     return Contact(
         ball,

@@ -159,6 +159,8 @@ class Joints:
                 self._name(turns[0]), link, *pair, self._angle(turns[0])
             )
             return pair
+        # Of several hinges the axes stay at right angles in pairs: the markers have them for x, y
+        # and z.
         third = np.cross(axes[0], axes[1])
         frame = np.asarray(quaternion_of("joint", given=np.stack([axes[0], axes[1], third], 1)))
         pair = self._pair(link, point, frame)
@@ -234,6 +236,7 @@ def _joined(
     if (slides, turns) == (2, 1) and _parallel(_z(where[0]), _z(turned[0])):
         yield Planar(*where, name=name)
         return
+    # Any other joint is one of positions and one of directions, each by what it leaves free.
     positions: dict[int, Any] = {0: Spherical, 1: PointOnLine, 2: PointOnPlane}
     directions: dict[int, Any] = {0: Untwisted, 1: ParallelAxes, 2: RightAngle}
     position, direction = positions.get(slides), directions.get(turns)
