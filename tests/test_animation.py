@@ -232,6 +232,7 @@ def test_resultants_are_colours(tmp_path):
     (part,) = (x for x in told["models"][0]["parts"] if x["name"] == name)
     size = told["colours"]["largest"]
     assert size >= np.max(np.abs(wanted)) > 0
+    assert told["colours"]["least"] == -size
     np.testing.assert_allclose(decode(part["values"], 31), wanted, atol=size / 500)
     assert [o["coloured"] for o in part["outlines"]] == [True]
     assert apart(decoded(told, 0, 2.0), shown.models[0].deformed(2.0)) <= PIXELS

@@ -14,9 +14,12 @@ from .frames import Model
 
 
 class Colours(NamedTuple):
-    """The meaning of colours: the `name` of a quantity with its unit, and its `largest` size."""
+    """The meaning of colours: the `name` of a quantity with its unit, its `least` and its `largest`
+    value on the scale.
+    """
 
     name: str
+    least: float
     largest: float
 
 
@@ -43,4 +46,7 @@ def with_resultants(
         return outline._replace(points=at_cuts(outline.points), values=shown[outline.part])
 
     actual, undeformed = ([*map(coloured, side)] for side in (model.actual, model.undeformed))
-    return model._replace(actual=actual, undeformed=undeformed), Colours(name, largest(shown))
+    most = largest(shown)
+    signed = any(np.min(x) < 0 for x in shown.values())
+    colours = Colours(name, -most if signed else 0.0, most)
+    return model._replace(actual=actual, undeformed=undeformed), colours

@@ -215,6 +215,7 @@ def _lay_out(
         scale.set_clim(-colours.largest, colours.largest)
         beneath = figure.add_axes((0.3, (0.3 + below) / tall, 0.4, 0.08 / tall))
         figure.colorbar(scale, cax=beneath, orientation="horizontal")
+        beneath.set_xlim(colours.least, colours.largest)
         beneath.tick_params(labelsize=SMALL)
         beneath.set_title(colours.name, fontsize=SMALL, pad=3)
     if rows:

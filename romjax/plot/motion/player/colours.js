@@ -26,14 +26,13 @@ const paint = (group, strokes, model) => {
 
 const drawColours = () => {  // what they stand for
   if (!data.colours) return;
-  const {name, largest} = data.colours, [wide, tall] = [140, 8], x = view.width - MARGIN.right - wide - 40, y = 24;
-  for (let level = -LEVELS; level < LEVELS; level++) {
-    const at = x + wide * (level + LEVELS) / (2 * LEVELS);
-    make("path", {class: "coloured", style: `stroke-width: ${tall}px; ${paintOf(level + 0.5)}`,
-      d: `M${at} ${y}h${wide / (2 * LEVELS) + 0.5}`}, grid);
-  }
+  const {name, least, largest} = data.colours, wide = 140, x = view.width - MARGIN.right - wide - 40, y = 24;
+  const first = Math.round(LEVELS * least / largest), each = wide / (LEVELS - first);
+  for (let level = first; level < LEVELS; level++)
+    make("path", {class: "coloured", style: `stroke-width: 8px; ${paintOf(level + 0.5)}`,
+      d: `M${x + each * (level - first)} ${y}h${each + 0.5}`}, grid);
   make("text", {x: x + wide / 2, y: 14, "text-anchor": "middle"}, grid, name);
-  const text = Number(largest.toPrecision(3)).toString();
-  make("text", {x: x - 5, y: y + 4, "text-anchor": "end"}, grid, `\u2212${text}`);
-  make("text", {x: x + wide + 5, y: y + 4}, grid, text);
+  const [low, high] = [least, largest].map(value => Number(value.toPrecision(3)).toString().replace("-", "\u2212"));
+  make("text", {x: x - 5, y: y + 4, "text-anchor": "end"}, grid, low);
+  make("text", {x: x + wide + 5, y: y + 4}, grid, high);
 };
