@@ -33,6 +33,10 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 # Pieces of memory that a process may have mapped before programs are forgotten, and how much of it
 # may be in use [bytes].
 MOST_MAPS, MOST_MEMORY = 30_000, 3e9
+# Memory that has come since the pieces were counted, from which on they are counted again [bytes]:
+# to list some ten thousand takes as long as a small program.
+ADDED_MEMORY = 1e8
+_counted_at = [0.0]
 
 # Required of a fast test with its fixtures: programs that it compiles, operations of JAX outside of
 # them, of which the first test of a process has most, and seconds of a processor. What compiles
@@ -169,9 +173,14 @@ def room_for_programs():
     if not maps.exists():
         return
     used = int(sizes.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    added, _counted_at[0] = used - _counted_at[0], min(used, _counted_at[0])
+    if added < ADDED_MEMORY:
+        return
+    _counted_at[0] = used
     if used > MOST_MEMORY or len(maps.read_text().splitlines()) > MOST_MAPS:
         jax.clear_caches()
         room.forget_all()
+        _counted_at[0] = 0.0
         with contextlib.suppress(AttributeError):  # of another C library
             ctypes.CDLL(None).malloc_trim(0)
 
