@@ -40,6 +40,7 @@ def test_between_the_outputs(system, settings):
         assert_close(position, np.asarray(between.q)[:, :2], IDENTITY)
 
 
+@pytest.mark.slow
 def test_of_a_reduced_model_with_charts():
     """Times in several charts, between changes of the chart."""
     ts = np.linspace(0.0, 2.0, 41)

@@ -108,7 +108,6 @@ def watched(level, stop):
         rj.Crossing(speed, direction="falling"),
         rj.Crossing(height, level=2.0),
         rj.Stop(height, level=stop),
-        audit=True,
     )
 
 

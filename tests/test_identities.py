@@ -173,6 +173,7 @@ def accelerated(system, states):
     return jax.vmap(at)(states)
 
 
+@pytest.mark.slow
 def test_linearization_is_the_derivative_of_the_acceleration(cart_pendulum):
     """a, ∂a/∂q, ∂a/∂v and ∂a/∂t off the constraints, against differences of the acceleration in
     each direction.

@@ -72,7 +72,7 @@ def test_a_rod_falls_on_its_end():
     end = rod.at((length / 2, 0.0))
     gap = rj.quantity.Travel(end, rj.ground.at(angle=np.pi / 2))
     impact = rj.Impact(gap, restitution=restitution)
-    run = moved(system, np.linspace(0.0, 0.33, 31), events=[impact], audit=True)
+    run = moved(system, np.linspace(0.0, 0.33, 31), events=[impact])
     speed = np.sqrt(2 * G * height)
     impulse = (1 + restitution) * speed * mass / (1 + mass * length**2 / (4 * inertia))
     assert int(run.events.count) == 1

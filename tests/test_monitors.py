@@ -82,7 +82,9 @@ def swing(start, *monitors, **settings):
     return zoo.run(system, TS, q0=start[None], v0=jnp.zeros(1), follow=follow, **settings)
 
 
-@pytest.mark.parametrize("method", in_groups(METHODS, fast=["of two terms"], slow=["Rodas5P"]))
+@pytest.mark.parametrize(
+    "method", in_groups(METHODS, fast=["Tsit5"], slow=["Rodas5P", "of two terms"])
+)
 def test_each_accepted_step_is_seen_once(method):
     """With events, dense output and the balance of energy beside, by methods of all kinds."""
     beside = {"events": [rj.Crossing(place)], "dense": True, "audit": True}

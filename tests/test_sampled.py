@@ -158,6 +158,7 @@ def test_gradients_by_what_a_function_holds():
     assert np.allclose(many, [late(gains), late(1.1 * gains)], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_derivatives_by_the_period():
     """The ticks move with it, and the jumps of the force with them."""
 
