@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .dense import invert, multiply, multiply_transposed
-from .fronts import Block, Blocks, add, each, empty, read, stacked, write
+from .fronts import Block, Blocks, add, each, empty, oriented, read, stacked, write
 from .indexing import take
-from .ordering import Edge, Schedule, order
+from .ordering import Edge, order
 
 
 class Factor(eqx.Module):
@@ -69,7 +69,7 @@ class Factor(eqx.Module):
             schedule.node_front,
             schedule.edge_front,
             take(diagonal, np.array(schedule.nodes)),
-            _oriented(couplings, edges, schedule),
+            oriented(jnp.concatenate([couplings, jnp.swapaxes(couplings, 1, 2)]), edges, schedule),
         )
 
     def pivots(self) -> Float[Array, " rows"]:
@@ -107,18 +107,3 @@ class Factor(eqx.Module):
         # Where a node gathers what earlier steps give to it, these find it on the way back.
         _, x = each(backward, start, front, self.inverses, self.rows, own, reverse=True)
         return take(x, np.argsort(schedule.nodes))
-
-
-def _oriented(
-    couplings: Float[Array, "edges b b"], edges: tuple[Edge, ...], schedule: Schedule
-) -> Float[Array, "steps degree b b"]:
-    """The blocks of the edges of each step to later ones; zero where there is none, or fill."""
-    # A coupling stands once, as A_ij; a step that eliminates j before i needs A_ji, its transpose.
-    both = jnp.concatenate([couplings, jnp.swapaxes(couplings, 1, 2)])
-    number = {edge: at for at, edge in enumerate(edges)}
-    number |= {(j, i): len(edges) + at for at, (i, j) in enumerate(edges)}
-    nodes, none = schedule.nodes, len(both)
-    table = np.full((len(nodes), schedule.degree), none, np.uint32)
-    for i, row, own in zip(nodes, table, schedule.later, strict=True):
-        row[: len(own)] = [number.get((i, nodes[j]), none) for j in own]
-    return take(both, table)

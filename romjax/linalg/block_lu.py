@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .dense import invert_any, multiply
-from .fronts import Block, Blocks, add, each, empty, read, stacked, write
+from .fronts import Block, Blocks, add, each, empty, oriented, read, stacked, write
 from .indexing import take
-from .ordering import Edge, Schedule, order
+from .ordering import Edge, order
 
 
 class BlockLU(eqx.Module):
@@ -69,7 +69,7 @@ class BlockLU(eqx.Module):
             schedule.node_front,
             schedule.edge_front,
             take(diagonal, np.array(schedule.nodes)),
-            _oriented(couplings, edges, schedule),
+            oriented(jnp.concatenate([couplings, couplings[:, ::-1]]), edges, schedule),
         )
 
     def solve(self, right: Float[Array, "nodes b k"]) -> Float[Array, "nodes b k"]:
@@ -119,17 +119,3 @@ class BlockLU(eqx.Module):
         # Where a node gathers what earlier steps give to it, these find it on the way back.
         _, x = each(backward, start, front, rows, own, reverse=True)
         return take(x, np.argsort(schedule.nodes))
-
-
-def _oriented(
-    couplings: Float[Array, "edges 2 b b"], edges: tuple[Edge, ...], schedule: Schedule
-) -> Float[Array, "steps degree 2 b b"]:
-    """The blocks of each step and later ones, both ways; zero where there is none, or fill."""
-    both = jnp.concatenate([couplings, couplings[:, ::-1]])
-    number = {edge: at for at, edge in enumerate(edges)}
-    number |= {(j, i): len(edges) + at for at, (i, j) in enumerate(edges)}
-    nodes, none = schedule.nodes, len(both)
-    table = np.full((len(nodes), schedule.degree), none, np.uint32)
-    for i, row, own in zip(nodes, table, schedule.later, strict=True):
-        row[: len(own)] = [number.get((i, nodes[j]), none) for j in own]
-    return take(both, table)

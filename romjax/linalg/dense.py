@@ -261,3 +261,9 @@ def solve_by_similar(
         lambda _, right: refined(matrix.T, inverse.T, right),
     )
     return solution
+
+
+def length(x: Float[Array, " k"]) -> Float[Array, ""]:
+    """|x|, with the derivative zero at zero, where it has none, in place of NaN."""
+    squared = jnp.sum(x**2)
+    return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)

@@ -5,9 +5,11 @@ from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from .ordering import Front, Schedule
+from .indexing import take
+from .ordering import Edge, Front, Schedule
 
 Carry = TypeVar("Carry")
 Block = Float[Array, "..."]
@@ -60,3 +62,20 @@ def add(x: Blocks, front: Front, p: int, change: Block) -> Blocks:
     if isinstance(x, tuple):
         return write(x, i, change if first else read(x, i) + change)
     return write(x, i, jnp.where(first, change, read(x, i) + change))
+
+
+def oriented(
+    both: Float[Array, "twice *block"], edges: tuple[Edge, ...], schedule: Schedule
+) -> Float[Array, "steps degree *block"]:
+    """The blocks of each step and later ones; zero where there is none, or fill.
+
+    `both`: the blocks of all edges (i, j), and after them those of (j, i), which are needed where
+    j is eliminated before i.
+    """
+    number = {edge: at for at, edge in enumerate(edges)}
+    number |= {(j, i): len(edges) + at for at, (i, j) in enumerate(edges)}
+    nodes, none = schedule.nodes, len(both)
+    table = np.full((len(nodes), schedule.degree), none, np.uint32)
+    for i, row, own in zip(nodes, table, schedule.later, strict=True):
+        row[: len(own)] = [number.get((i, nodes[j]), none) for j in own]
+    return take(both, table)

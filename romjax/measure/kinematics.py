@@ -10,6 +10,7 @@ from ..assembly.locate import Located, locate
 from ..common.arrays import Vector
 from ..common.errors import InputError
 from ..integrate.trajectory import Trajectory
+from ..linalg.dense import length
 from ..scene.marker import Marker, Pose
 from ..study.corrected import corrected_with
 from ..system.base import AbstractSystem
@@ -209,13 +210,6 @@ def relative_second_rate(
     rate: Pose
     _, rate = jax.jvp(lambda q, v: relative_rate(markers, q, v), (q, v), (v, a))
     return rate
-
-
-def length(vector: Float[Array, "2"]) -> Float[Array, ""]:
-    """|vector|, whose derivative at zero, where it has none, is zero."""
-    squared = vector @ vector
-    apart = squared > 0
-    return jnp.where(apart, jnp.sqrt(jnp.where(apart, squared, 1.0)), 0.0)
 
 
 def _distance(markers: Markers, q: Array) -> Array:

@@ -16,10 +16,11 @@ from ..assembly.locate import locate
 from ..common.arrays import Time
 from ..common.checks import unknown_name
 from ..common.errors import InputError
+from ..linalg.dense import length
 from ..scene.coordinate import find
 from ..scene.marker import Marker, Pose
 from ..system.base import AbstractSystem
-from .kinematics import length, relative
+from .kinematics import relative
 
 __all__ = ["AbstractQuantity", "Coordinate", "Gap", "Rate", "Travel", "Turn"]
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.arrays import Vector
-from ..linalg.dense import invert, multiply
+from ..linalg.dense import invert, length, multiply
 from .drawing import REACH, arc, follow
 from .fields import Converted, check_numbers, number
 
@@ -138,10 +138,8 @@ def outside_of_round(
     """The distance from a round curve or surface, from the arm that its centre or axis has to a
     point; negative inside of what is solid.
     """
-    squared = jnp.sum(arm**2)
-    # The gradient of a length is NaN at zero; there is no way out, and no force.
-    length = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
-    return radius - length if hollow else length - radius
+    # In the centre there is no way out, and no force.
+    return radius - length(arm) if hollow else length(arm) - radius
 
 
 def _nearer(

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..linalg import quaternions
+from ..linalg.dense import length
 from .counted_angle import counted_angle
 from .fields import check_choice
 from .marker import Pose
@@ -50,9 +51,7 @@ def moved(motion: str, *poses: Pose) -> Float[Array, ""]:
     if motion == "travel":
         return b.along(a.position)
     if motion == "distance":
-        squared = jnp.sum((a.position - b.position) ** 2)
-        # The gradient of a length is NaN at zero, where it has no direction.
-        return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
+        return length(a.position - b.position)
     relative = quaternions.product(quaternions.conjugate(b.turn), a.turn)
     if motion == TURN:
         # A little more than nothing keeps the square of the angle smooth at zero.

@@ -153,6 +153,9 @@ def _search(
 
     Raises ValueError if there is no loss at the start.
     """
+    # A search by optimistix finds the same parameters, in 6.4 s of a processor for 5.6 with what it
+    # compiles (two bars, 20 steps), but it tells its end alone. The path, and steps that are taken
+    # back where a run fails, would be callbacks to the host, with which no program is stored.
     optimizer = optax.inject_hyperparams(optax.adam)(learning_rate=rate)
 
     @program_often

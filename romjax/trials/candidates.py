@@ -116,12 +116,12 @@ def families(facts: Facts) -> list[Family]:
     they come first, but for such stiff trees: where bodies bend with few amplitudes, of rigid ones
     as the exact model.
     """
-    local, hyper = _by_share("local", _local), _by_share("hyper", _sampled)
-    joint = _by_share("joint", _jointed)
+    local, hyper = _by_share("local", _local), _of_modes("hyper", HyperReduced())
+    joint = _of_modes("joint", JointCoordinates())
     exact = Family("joint", (Candidate(JointCoordinates()),), trained=False)
-    galerkin = _by_share("galerkin", _subspace)
+    galerkin = _of_modes("galerkin", Galerkin())
     capped = _by_cap(facts.caps)
-    minimal = _by_share("minimal", _independent)
+    minimal = _of_modes("minimal", Minimal())
     if ranks := _ranks(facts):
         minimal = Family("minimal", tuple(Candidate(Minimal(), POD(rank)) for rank in ranks))
     table = Family(
@@ -151,20 +151,8 @@ def _by_share(name: str, make: Callable[[float], Candidate]) -> Family:
     return Family(name, (make(first),), scale=Scale(make, least, most))
 
 
-def _subspace(share: float) -> Candidate:
-    return Candidate(Galerkin(), POD(tol=share), level=share)
-
-
-def _independent(share: float) -> Candidate:
-    return Candidate(Minimal(), POD(tol=share), level=share)
-
-
-def _sampled(share: float) -> Candidate:
-    return Candidate(HyperReduced(), POD(tol=share), level=share)
-
-
-def _jointed(share: float) -> Candidate:
-    return Candidate(JointCoordinates(), POD(tol=share), level=share)
+def _of_modes(name: str, formulation: AbstractFormulation) -> Family:
+    return _by_share(name, lambda share: Candidate(formulation, POD(tol=share), level=share))
 
 
 def _local(share: float) -> Candidate:

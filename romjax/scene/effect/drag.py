@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...common.arrays import Time
+from ...linalg.dense import length
 from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Poses, Twists
 from ..outline import Outline, Outlines
@@ -32,11 +33,16 @@ class Drag(AbstractDissipation):
 
     def rayleigh(self, t: Time, poses: Poses, twists: Twists) -> Float[Array, ""]:
         del t, poses
-        squared = jnp.sum(twists[0].velocity ** 2)
-        # The second derivative of a cube of a length is NaN at zero, where there is no force.
-        speed = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
+        velocity = twists[0].velocity
         # The force is −∂R/∂v = −½ ρ c A |v| v.
-        return self.density * self.coefficient * self.area * squared * speed / 6
+        return (
+            self.density
+            * self.coefficient
+            * self.area
+            * jnp.sum(velocity**2)
+            * length(velocity)
+            / 6
+        )
 
     def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         del t, size
