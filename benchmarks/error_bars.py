@@ -151,11 +151,16 @@ def judged(
     )
 
 
-def share(ratios: Sequence[float]) -> str:
-    """Of those that are near one, in words; "-" where none is known."""
+def share(ratios: Sequence[float]) -> float:
+    """Of those that are near one; NaN where none is known."""
     known = np.array([x for x in ratios if np.isfinite(x)])
     near = (known <= WITHIN) & (known >= 1 / WITHIN)
-    return f"{np.mean(near):.0%}" if len(known) else "-"
+    return float(np.mean(near)) if len(known) else np.nan
+
+
+def percent(share: float) -> str:
+    """In words; "-" where none is known."""
+    return f"{share:.0%}" if np.isfinite(share) else "-"
 
 
 def cost(full: rj.AbstractSystem, model: rj.AbstractSystem, ts: Any) -> tuple[float, float]:
@@ -217,14 +222,20 @@ def section(name: str, judging: Judging) -> record.Section:
                 f"{np.min(error):.0e} to {np.max(error):.0e}",
                 f"{np.min(ratio):.3f} to {np.max(ratio):.3f}",
                 "-" if flows is None else f"{np.min(flow):.2f} to {np.max(flow):.2f}",
-                near,
-                forces,
+                percent(near),
+                percent(forces),
                 f"{sum(x.refused for x in found)} of {np.sum(error > USABLE)}",
                 *(f"{x:.2f}" for x in taken),
             ]
         )
         ratios[f"{name}, {model}: least ratio"] = float(np.min(ratio))
         ratios[f"{name}, {model}: 1 / largest"] = float(1 / np.max(ratio))
+        shares = {"outputs": near, "joint forces": forces}
+        ratios |= {
+            f"{name}, {model}: {what} within {WITHIN:g} times": x
+            for what, x in shares.items()
+            if np.isfinite(x)
+        }
         if (name, model) == TRAPPED:
             ratios[f"{name}, {model}: 1 / by the residual"] = 1 / by_residual(case, rom, ts)
         if flows is not None:
