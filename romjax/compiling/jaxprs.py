@@ -123,6 +123,7 @@ def _merged(closed: Any, done: dict[int, tuple[Any, Any]]) -> Any:
     """`done`: jaxprs before and after, by identity, so that what is called twice stays one."""
     if id(closed) in done:
         return done[id(closed)][1]
+    # What nobody uses first: it may be all that tells two equations apart.
     jaxpr, _ = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(closed.out_avals), True)
     equal, first, different = dict[Any, Any](), dict[Any, Any](), []
 
@@ -135,6 +136,7 @@ def _merged(closed: Any, done: dict[int, tuple[Any, Any]]) -> Any:
         operands = (_literal(x) if isinstance(x, core.Literal) else x for x in equation.invars)
         try:
             key = (equation.primitive, *operands, frozenset(equation.params.items()))
+            # Equations with effects are not merged: each of them happens.
             same = equation if equation.effects else first.setdefault(key, equation)
         except TypeError:  # of parameters that cannot be compared
             same = equation
@@ -195,6 +197,7 @@ def as_functions(
         if len(list(itertools.islice(inside, few))) < few:
             return equation
         read = {x: None for x in equation.invars if not isinstance(x, core.Literal)}
+        # Filled within the function, they are its own, and changed in place.
         fills = [filled[x] for x in read if x in filled]
         read = {x: None for x in read if x not in filled}
         alone = jaxpr.replace(

@@ -102,7 +102,9 @@ def _with_derivatives(
     def both(*args: Array) -> tuple[Mapping[str, Array], Mapping[str, Array]]:
         *given, s = args[: len(arguments)]
         *vx, vp = args[len(arguments) :]
+        # The stabilization is no parameter.
         vs = jnp.concatenate([jnp.zeros(2), vp])
+        # The time is not differentiated.
         head, rest = (given[:1], given[1:]) if vx else ([], given)
         # In the order of the results, which JAX sorts by their names.
         names: list[str] = []

@@ -106,6 +106,7 @@ def _tangent(
     if chart.rows:
         dependent = jnp.asarray(chart.dependent, q.dtype)
         rows = chart.jacobian(system, t, q)
+        # C_q (Y + W X) = 0 solved for X: how the dependent coordinates follow.
         tangent -= dependent @ jnp.linalg.solve(rows @ dependent, rows @ tangent)
     return tangent
 

@@ -125,6 +125,8 @@ def _resolved(seen: Survey) -> bool:
     before, after = seen.null_spaces[:-1], seen.null_spaces[1:]
     if not seen.null_spaces.shape[2]:
         return True
+    # The smallest singular value of the product is the cosine of the largest angle between the
+    # subspaces.
     cosines = np.linalg.svd(np.swapaxes(before, 1, 2) @ after, compute_uv=False)[:, -1]
     return bool(np.min(cosines, initial=1.0) >= _RESOLVED)
 
@@ -142,6 +144,8 @@ def _closed_form(
     """
     varied = _varied(system, t, q, held)[:, rows]
     steady = np.ptp(varied, axis=0).max(axis=0) <= _CONSTANT * np.abs(varied).max()
+    # Columns that vary are no candidates; the pivots of the others are the dependent coordinates of
+    # best condition, by QR with pivots.
     scaled, rank = varied[0] * steady / sizes, len(rows)
     r, pivots = scipy.linalg.qr(scaled, mode="r", pivoting=True)
     if abs(r[-1, rank - 1]) <= abs(r[0, 0]) / WORST_CONDITION:
@@ -158,6 +162,7 @@ def _varied(
     which columns are constant.
     """
     first = np.asarray(q)[:1]
+    # Fixed configurations without any order, so that the same mechanism has the same chart.
     anywhere = first + np.cos(np.arange(_VARIED * system.n).reshape(_VARIED, -1) ** 1.5)
     anywhere[:, held] = first[:, held]
     times = np.asarray(t)[0] + np.arange(float(_VARIED))
@@ -219,6 +224,7 @@ def _coordinates(null_spaces: np.ndarray) -> np.ndarray:
     _, n, d = null_spaces.shape
     left, chosen = null_spaces.copy(), list[int]()
     for _ in range(d):
+        # How much of a coordinate the allowed motions move, in the worst snapshot.
         reach = np.min(np.linalg.norm(left, axis=2), axis=0)
         reach[chosen] = -1
         best = int(np.argmax(reach))
@@ -236,6 +242,7 @@ def _means(null_spaces: np.ndarray) -> Iterator[np.ndarray]:
         _, vectors = np.linalg.eigh(np.einsum("k,kna,kma->nm", weights, null_spaces, null_spaces))
         yield vectors
         fit = np.linalg.svd(vectors[:, -d:].T @ null_spaces, compute_uv=False)[:, -1]
+        # Snapshots that the mean fits worst count more in the next sweep.
         weights = weights / np.maximum(fit, 1e-3)
         weights /= np.mean(weights)
 
@@ -248,5 +255,6 @@ def _worst_condition(dependent: np.ndarray, seen: Survey) -> float:
 def _crossed(independent: np.ndarray, seen: Survey) -> bool:
     """Whether the sign of the determinant changes, so that a singular position lies in between."""
     signs = np.linalg.det(independent.T @ seen.null_spaces)
+    # Bases of null spaces have signs of their own, which the turn from one to the next takes out.
     turns = [np.linalg.det(a.T @ b) for a, b in itertools.pairwise(seen.null_spaces)]
     return bool(np.any(signs[:-1] * signs[1:] * np.array(turns) < 0))

@@ -167,6 +167,7 @@ class HyperReducedState(AbstractState):
         energy, loads = self.inner.energy(), self.system.loads
         if loads is None:
             return energy
+        # The slope of the potential is minus the force at rest.
         slope = energy.slope - loads.at(self.z, jnp.zeros_like(self.w))
         potential = energy.potential + loads.stored(self.z)
         return energy._replace(potential=potential, slope=slope)

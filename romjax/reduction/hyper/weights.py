@@ -25,11 +25,14 @@ def body_terms(
         now = exact.state(exact.time, z, w)
         q, v, tangent, _ = now.motion
         a = now.physical_acceleration(exact.acceleration(exact.time, z, w)[0])
+        # The symmetric part of each matrix once.
         upper = np.triu_indices(z.size)
         virtual, inertia = list[Array](), list[Array]()
         for group in full.bodies:
             mass, table = group.mass(q), group.coordinates.array
             mass = jax.vmap(jnp.diag)(mass) if mass.ndim == 2 else mass
+            # Of each body its own rows of G: the terms Gᵀ (M a − Q) and GᵀMG are sums over the
+            # bodies.
             own = tangent[table]
             force = jnp.einsum("bij,bj->bi", mass, a[table])
             acting = group.force(full.fields, q, v)
@@ -60,8 +63,11 @@ def sparse_weights(terms: tuple[np.ndarray, ...], tol: float) -> np.ndarray:
         own = np.moveaxis(y, 1, 2).reshape(-1, y.shape[1])
         size = np.linalg.norm(np.sum(np.abs(own), axis=1))
         if size > 0:
+            # Of one size, so that neither sort of terms drowns the other.
             rows.append(own / size)
     _, values, right = np.linalg.svd(np.concatenate(rows), full_matrices=False)
+    # Weights are found in the few directions that the terms vary in: the fewer rows, the fewer
+    # weights that non-negative least squares leaves.
     count = int(np.sum(values > tol * values[0]))
     matrix = values[:count, None] * right[:count]
     weights, _ = nnls(matrix, np.sum(matrix, axis=1), maxiter=100 * len(right[0]))

@@ -87,9 +87,12 @@ def curvature_errors(
     ways = jnp.asarray([[1]] if d == 1 else [[1, 0], [0, 1], [1, 1]], dtype)
 
     def one(coefficients: Array, way: Array) -> Array:
+        # Between the nodes, where interpolation errs most: at the middle of each cell.
         q, slopes, bends = evaluate(coefficients, jnp.full(d, 0.5, dtype))
         rates = way / grid.steps
         v = multiply(rates, slopes)
+        # At unit speed in the kinetic energy, so that errors are accelerations at a speed that is
+        # the same everywhere.
         energy = multiply(v, multiply(frames.metric, v))
         a = jnp.einsum("i,j,ijn->n", rates, rates, bends)
         v, a = v / jnp.sqrt(energy), a / energy
@@ -130,6 +133,7 @@ def refined(
         doubled, tried = count >= 2 * tried > 0, count
         if doubled and error > last / 2:
             break
+        # As many more nodes as the order of the error asks for, and a tenth to spare.
         more = min(2.0, 1.1 * (error / goal.tol) ** (1 / _ORDER))
         count = multiple * math.ceil(more * count / multiple)
     if best is not None and least <= goal.enough:

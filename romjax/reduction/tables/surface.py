@@ -51,10 +51,12 @@ def trace_surface(
             "mechanism passes a singular position of each pair."
         )
     along = np.zeros((system.n, 2))
+    # Directions were chosen in coordinates of unit kinetic energy.
     along[free] = np.linalg.inv(seen.root) @ directions.independent
     read, begins = along.T @ np.asarray(frames.metric), np.asarray(snapshots)
     reached = begins @ read.T
     width = np.ptp(reached, axis=0)
+    # A motion along a line needs a strip that is wide enough for other starts.
     width = np.maximum(width, _NARROW * np.max(width))
     middle = (np.max(reached, axis=0) + np.min(reached, axis=0)) / 2
     low, high = (middle + sign * (0.5 + _MARGIN) * width for sign in (-1, 1))
