@@ -87,13 +87,28 @@ def test_deformations_are_multiplied(scene, run, moving):
     told = data(rj.animate(scene, run, deformation=3.0).html())
     assert told["scale"] == 3.0
     assert {0.0, 1.0, 3.0} <= set(told["scales"])
-    straight = np.asarray(run.q) * (np.arange(8) < 6)
-    rigid = outlines(scene, run.t, straight)[1]
-    actual = outlines(scene, run.t, run.q)[1]
+    (model,) = rj.animate(scene, run).models
+    rigid, actual = model.undeformed[1], outlines(scene, run.t, run.q)[1]
+    ways = np.diff(rigid.points, axis=1)
+    np.testing.assert_allclose(ways, np.broadcast_to(ways[:, :1], ways.shape), atol=IDENTITY)
     for scale in (0.0, 1.0, 3.0):
         beam = rigid._replace(points=rigid.points + scale * (actual.points - rigid.points))
         assert apart(decoded(told, 0, scale)[1:2], [beam]) <= PIXELS
     assert moving.models[0].deformed(0.0)[1].points == pytest.approx(rigid.points)
+
+
+def test_exaggerated_bodies_stay_in_their_joints():
+    """The end of a beam stays in the hinge of the next, whatever its deflections are multiplied by:
+    to the second order of these, which a straight line between two positions leaves out.
+    """
+    beams = zoo.system(zoo.falling_beams)
+    (model,) = zoo.run(beams, np.linspace(0.0, 0.3, 31)).animate().models
+    for scale in (0.0, 1.0, 10.0):
+        first, second, *_ = model.deformed(scale)
+        gaps = np.linalg.norm(first.points[:, -1] - second.points[:, 0], axis=1)
+        bends = np.max(np.abs(first.points - model.undeformed[0].points))
+        assert np.max(gaps) <= IDENTITY + bends**2
+        assert np.max(np.abs(first.points[:, 0])) <= IDENTITY + bends**2
 
 
 def test_what_does_not_bend_has_no_deformation(falling):

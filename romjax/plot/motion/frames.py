@@ -11,13 +11,14 @@ from ...assembly.outlines import MovingOutline, outlines
 from ...common.errors import InputError
 from ...scene.marker import Marker
 from ...scene.scene import Scene
+from .undeformed import undeformed
 
 
 class Model(NamedTuple):
     """One model in all frames.
 
     - `name`: in the legend. `actual`: its outlines. `undeformed`: those of the same motion without
-      modal amplitudes, in the same order; none where nothing bends.
+      modal amplitudes, moved so that joints hold, in the same order; none where nothing bends.
     """
 
     name: str
@@ -81,8 +82,7 @@ def models(
     actual = np.concatenate(shown)
     kinds = [actual]
     if modal and np.any(actual[:, modal]):
-        kinds.append(actual.copy())
-        kinds[1][:, modal] = 0
+        kinds.append(undeformed(scene, np.tile(t, len(names)), actual, modal))
     drawn = outlines(scene, np.tile(t, len(kinds) * len(names)), np.concatenate(kinds), traced)
     drawn = [o for o in map(_finite, drawn) if o.points.shape[1]]
     made = []
