@@ -50,6 +50,7 @@ class AssembledSystem(AbstractSystem):
 
     @property
     def validity(self) -> SlowModes | None:
+        # A run is doubtful where capped modes are excited, which only the scene's bodies know.
         capped = any(isinstance(group.bodies, CappedBody) for group in self.bodies)
         return SlowModes() if capped else None
 

@@ -45,6 +45,7 @@ class Events(eqx.Module):
 
     def without_unused(self) -> "Events":
         """The record without unused rows; of one run, where JAX does not trace."""
+        # Shapes are those of `max_events` while JAX traces.
         count = int(self.count)
         rows = {name: np.asarray(getattr(self, name)) for name in self.arrays()}
         cut: dict[str, Any] = {name: x[:count] if x.ndim else x for name, x in rows.items()}

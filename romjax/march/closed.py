@@ -53,6 +53,7 @@ class Transposable(AbstractFollower):
 
         def function(t0: Array, y0: PyTree, t1: Array, y1: PyTree, between: Any, seen: Any) -> Any:
             none: Any = None
+            # Reverse mode visits accepted steps alone.
             zero, one = jnp.zeros((), int), jnp.ones((), int)
             before = Progress(y0, none, none, t0, none, none, none, zero, zero)
             after = before._replace(y=y1, t=t1, steps=one, accepted=one)
@@ -67,6 +68,7 @@ class Transposable(AbstractFollower):
 
     def follow(self, step: Step, seen: PyTree) -> PyTree:
         before, after, between = step.before, step.after, step.tried.between
+        # The same function as in reverse mode, so that both see the same step.
         new = self.function(before.t, before.y, after.t, after.y, between, seen)
         return chosen(step.kept, new, seen)
 

@@ -72,6 +72,7 @@ class StateFollower(AbstractFollower):
     def end(self, end: Progress, stopped: Bool[Array, ""], seen: States) -> States:
         """Return the record with the state at the end in all rows that are left."""
         del stopped
+        # The state at the end belongs to the motion, whatever the stride.
         used = jnp.arange(self.rows) < seen.number
 
         def filled(rows: Array, last: Array) -> Array:

@@ -119,6 +119,7 @@ class TransposedSteps(NamedTuple):
         arrival, end, event, happens = tried.arrival, t1, None, None
         if arrival is not None:
             happens = arrival.happens
+            # The time of an event has derivatives; that of other steps is a constant.
             end = jnp.where(happens, arrival.t, t1)
             event = (arrival.t, arrival.impulse, arrival.before, arrival.after)
         new = {

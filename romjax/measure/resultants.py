@@ -155,6 +155,7 @@ def _prepared(owner: str, system: AbstractSystem, beam: Slender | str, positions
     if isinstance(body, AbstractRod):
         gyration = body.rotary * body.length / body.mass
     else:
+        # Of the given inertia, what a thin rod does not have is that of the sections.
         thin = body.mass * body.length**2 / 12
         thin = thin * np.array([0.0, 1.0, 1.0]) if body.dimension == 3 else thin
         gyration = ((thin if body.inertia is None else body.inertia) - thin) / body.mass
@@ -192,7 +193,10 @@ def _at(fixed: tuple[Any, _Cut], t: Array, q: Array, v: Array) -> Resultants:
         return x[count:].reshape(*cut.shares.shape, *x.shape[1:])
 
     weight = _per_mass(full.fields, poses.position)
+    # By d'Alembert: what is beyond the cut is in balance with its weight, its inertia, its loads,
+    # and the force at the cut.
     forces = cut.shares[:, :, None] * (nodes(weight) - nodes(accelerations.velocity))
+    # Moments about the point of the cut as it is deformed.
     arms = nodes(poses.position) - origin[:, None]
     force, torque = jnp.sum(forces, axis=1), jnp.sum(_cross(arms, forces), axis=1)
     if poses.dimension == 3:
@@ -223,6 +227,7 @@ def _at(fixed: tuple[Any, _Cut], t: Array, q: Array, v: Array) -> Resultants:
         return Resultants(axial=force[:, 0], shear=force[:, 1:], moment=torque)
     angle = poses.angle[:count]
     c, s = jnp.cos(angle), jnp.sin(angle)
+    # Along the tangent of the deformed axis, and across it.
     x, y = (c, s) if cut.axis == 0 else (-s, c)
     return Resultants(
         axial=x * force[:, 0] + y * force[:, 1],

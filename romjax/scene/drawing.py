@@ -53,6 +53,8 @@ def normals(along: Float[Array, " d"]) -> Float[Array, "less d"]:
     """
     if along.shape[0] == 2:
         return jnp.stack([-along[1], along[0]])[None]
+    # Turned by the rotation that takes the oblique axis to the line: it fails only for the opposite
+    # of that axis.
     oblique, *others = jnp.array(_OBLIQUE, along.dtype) / 7
     units, cosine = jnp.stack(others), 1 + oblique @ along
     share = units @ along / jnp.where(cosine > 0, cosine, 1.0)
@@ -216,6 +218,7 @@ def follow(
 
     def step(point: Array, side: Array) -> tuple[Array, Array]:
         slope = jax.jacfwd(residual)(point)
+        # Across the gradient in the plane; in space along the line in which two surfaces meet.
         tangent = jnp.flip(slope[0]) * np.array([1.0, -1.0]) if len(slope) == 1 else cross(*slope)
         steep = jnp.sqrt(jnp.maximum(tangent @ tangent, 1e-30))
         point, _ = jax.lax.scan(newton, point + side * size / steep * tangent, None, length=2)

@@ -137,6 +137,7 @@ def sweep(
     if chunk is not None and chunk < 1:
         raise ValueError(f"sweep: chunk={chunk}, but a chunk has at least one lane.")
     chunk = chunk or _chunk(devices, lanes)
+    # As many devices as divide a chunk into equal parts.
     used = tuple(devices[: math.gcd(chunk, len(devices))])
     if path is None and jax.process_count() > 1:
         raise ValueError("sweep: several processes need a `path` to exchange their results.")
@@ -194,6 +195,7 @@ def _chunk_of_lanes(
         ended = outcome.status == Status.SUCCESS
 
         def hide(x: jax.Array) -> jax.Array:
+            # Of a lane that failed, no number is passed on as if it were one.
             return jnp.where(ended, x, jnp.nan) if _is_float(x) else x
 
         return jax.tree.map(hide, values), outcome

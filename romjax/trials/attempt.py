@@ -145,12 +145,14 @@ def attempt(
     first, *others = training
     method = settings.rtol, settings.solver
     run, with_compiling = worked(lambda: simulated(model.system, first.run.t, *method))
+    # The second run, since the first compiles: what it takes more is the price of compiling.
     _, work = worked(lambda: simulated(model.system, first.run.t, *method))
     trained = max([error(first.run, run), *(error_of(model, x, settings) for x in others)])
     # Long runs are not worth their time for a model that is wrong on its training, or slow.
     paying = trained <= settings.tol and work < full
     if not paying and len(unseen) * work > _LONG:
         unseen = []
+    # A cap needs no training; all other models need its full runs.
     needs = 0.0 if model.cap is not None else sum(truth.work for truth in training)
     beyond = [error_of(model, truth, settings) for truth in unseen]
     return Attempt(

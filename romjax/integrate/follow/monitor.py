@@ -89,6 +89,8 @@ class MonitorFollower(AbstractFollower):
             after=self._moment(after.t, after.y),
             at=lambda t: self._moment(t, between.evaluate(t)),
         )
+        # Computed for steps that were rejected too, and then not taken: lanes of a batch differ in
+        # which these are.
         new = _alike(self.monitor, self.monitor.follow(monitored, seen), seen)
         return chosen(step.kept, new, seen)
 

@@ -55,8 +55,10 @@ def exaggeration(shown: Sequence[Model]) -> float:
     places = np.concatenate([a.reshape(-1, a.shape[2]) for a, _ in bodies])
     diagonal = float(np.linalg.norm(np.ptp(places, axis=0)))
     largest = max(float(np.max(np.linalg.norm(a - b, axis=2))) for a, b in bodies)
+    # What is seen is drawn as it is, and what is rounding is not made visible.
     if not ROUNDING * diagonal < largest < INVISIBLE * diagonal:
         return 1.0
+    # A round factor, since it is told beside the picture.
     wanted = SHOWN * diagonal / largest
     return max(m * 10.0**k for k in range(8) for m in (1, 2, 5) if m * 10.0**k <= wanted)
 
@@ -83,6 +85,7 @@ def models(
     kinds = [actual]
     if modal and np.any(actual[:, modal]):
         kinds.append(undeformed(scene, np.tile(t, len(names)), actual, modal))
+    # All models, deformed and not, in one call: one program, and outlines of equal shapes.
     drawn = outlines(scene, np.tile(t, len(kinds) * len(names)), np.concatenate(kinds), traced)
     drawn = [o for o in map(_finite, drawn) if o.points.shape[1]]
     made = []
@@ -139,4 +142,5 @@ def playing_rate(span: float) -> float:
     if not span > 0 or SHORTEST <= span <= LONGEST:
         return 1.0
     powers = [m * 10.0**k for k in range(-12, 13) for m in (1, 2, 5)]
+    # About six seconds, between the shortest and the longest.
     return min(powers, key=lambda rate: abs(np.log(span / rate / 6.0)))

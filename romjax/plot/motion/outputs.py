@@ -91,5 +91,6 @@ def _held(values: Float[np.ndarray, "frames curves"]) -> Float[np.ndarray, "fram
         raise InputError("animate: an output has no finite number.")
     first = np.argmax(known, axis=0)
     count = np.arange(len(values))[:, None]
+    # The number of the last row up to each that has a number.
     last = np.maximum.accumulate(np.where(known, count, first), axis=0)
     return np.take_along_axis(values, last, axis=0)

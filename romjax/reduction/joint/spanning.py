@@ -133,6 +133,7 @@ def _links(system: AssembledSystem) -> list[Link]:
     if system.joint_markers is None:
         return []
     numbers = {first: number for first, (number, _, _) in frames_of(system).items()}
+    # The first coordinate of the frame that carries a marker tells its body.
     firsts, links = system.joint_markers.frames.array[:, 0], list[Link]()
     for g, group in enumerate(system.joints):
         joint: AbstractJoint = group.joints

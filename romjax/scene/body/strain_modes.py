@@ -58,6 +58,7 @@ class Vibrations(NamedTuple):
             ]
         )
         held = self.held @ wide
+        # Columns beyond the first span what the supports leave free.
         full, _ = xp.linalg.qr(held.T, mode="complete")
         wide = wide @ full[:, len(held) :]
         mass, stiffness = (wide.T @ x @ wide for x in (self.mass, self.stiffness))
@@ -67,6 +68,7 @@ class Vibrations(NamedTuple):
         free = max(rigid - len(held), 0)
         chosen = np.arange(len(mass))[::-1][free : free + count]
         inverse, vectors = inverse[chosen], vectors[:, chosen]
+        # Of modal mass one: the eigenvalues are 1 / (ω² + 1).
         strains = (wide @ half.T @ vectors)[rigid:] / xp.sqrt(inverse)[None]
         largest = xp.argmax(xp.abs(strains), 0)
         return strains * xp.sign(strains[largest, np.arange(count)])[None], 1 / inverse - 1

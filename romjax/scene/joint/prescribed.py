@@ -157,6 +157,7 @@ class PrescribedDistance(AbstractPrescribed):
 
     def check(self) -> None:
         super().check()
+        # Other signals are judged by the run.
         value = concrete(self.signal(0.0)) if self.signal.is_constant else None
         if value is not None:
             self._check_positive(value, "its signal is")

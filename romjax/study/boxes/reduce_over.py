@@ -76,6 +76,8 @@ def reduce_over(
     greedy = Greedy(box, points, candidates, as_array(ts), tol, chosen, gradients, flow, sharing)
     with tqdm(disable=not progress, unit=" models", desc="reduce_over") as bar:
         accepted = greedy.search.smallest(1, bar)
+        # Greedy sampling: the box is searched by the model's own estimate, and the full system is
+        # run only where that is worst.
         while (worst := greedy.worst(accepted)) is not None:
             count = len(greedy.search.systems)
             if count == runs:
@@ -94,6 +96,7 @@ def _points(box: Box, candidates: int, held_out: int, seed: int) -> dict[str, np
     Errors are largest, and motions reach farthest, in corners of the box as a rule: these come
     first, unless they are more than half of the candidates.
     """
+    # Extremes of a box are often its corners, as long as these are few.
     corners = 2 ** len(box.ranges)
     corners = corners if 2 * corners <= candidates else 0
     within = box.sample(candidates - corners + held_out, seed)
