@@ -93,7 +93,10 @@ def collide(
     def one(carry: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], None]:
         rates, impulses = carry
         closing = closed & (rates < -least)
+        # The fastest closing gap first, one at a time: Newton's law of impact for each, so that a
+        # row of bodies hands an impulse on.
         i = jnp.argmin(jnp.where(closing, rates, jnp.inf))
+        # ṡ⁺ = −e ṡ⁻, by the compliance of the gap to its own impulse.
         impulse = -(1 + restitution[i]) * rates[i] / compliance[i, i]
         impulse = jnp.where(jnp.any(closing), impulse, 0.0)
         return (rates + impulse * compliance[:, i], impulses.at[i].add(impulse)), None

@@ -75,6 +75,8 @@ class Passage(AbstractPassage):
             return self._gaps(t, between.evaluate(t))
 
         one, yes = jnp.ones_like(t0), jnp.ones(1, bool)
+        # A contact that is closed at the start opens by a crossing too: each gap counts by the side
+        # that it starts on.
         side = jnp.sign(gaps(_START * one))
 
         def nearest(share: Array) -> Array:
@@ -84,6 +86,7 @@ class Passage(AbstractPassage):
         noise = self._noise[None]
         crossing = first_crossing(nearest, one[None], nearest(one), noise, yes, ~yes)
         shortest = _SHORTEST * jnp.finfo(t0.dtype).eps * jnp.maximum(jnp.abs(t0), jnp.abs(t1))
+        # A cut at either end would leave a step of nothing but rounding.
         is_within = (crossing.share > _START) & (crossing.share < 1 - _END)
         is_within &= (crossing.share * span > shortest) & ((1 - crossing.share) * span > shortest)
         return crossing.exists & is_within, t0 + crossing.share * span
@@ -133,10 +136,13 @@ class Passage(AbstractPassage):
         begins = (jnp.abs(gap) <= noise - _NOW * h * rate) & (-rate * h > noise)
 
         tried = 2 * _NOW * h
+        # The acceleration a little later, when the point is inside by then: what it has more than
+        # now is the push of the contact.
         there = solve(system, t + tried, q + tried * v, v, self.stabilization).acceleration
         _, push = jax.jvp(lambda q: self._gaps(t, (q, v, *chart)), (q,), (there - a,))
         begins &= push > 0
         speed, depth = jnp.where(begins, -rate, 1), jnp.where(begins, -rate * tried - gap, 1)
+        # Hertz's law in accelerations, δ'' = −k δ^(3/2): its time is (k √v)^(−2/5).
         stiffness = jnp.where(begins, push, 1) / depth**1.5
         turns = (stiffness * jnp.sqrt(speed)) ** -0.4
         first = jnp.where(begins, _FIRST * self.rtol**0.2 * turns, jnp.inf)

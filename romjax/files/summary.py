@@ -66,6 +66,7 @@ def _freedoms(scene: Scene, system: AbstractSystem, q: Array) -> str:
     rank = system.m - sum(_repeats(scene, system, q).values())
     modes = sum(body.modes for body in scene.bodies)
     words = f", {modes} of them modes" if modes else ""
+    # The length of a quaternion is no freedom, and neither is a state of an effect.
     others = len(system.structure.quaternions) + len(system.structure.states)
     return f"{system.n - others - rank}{words}"
 
@@ -86,6 +87,7 @@ def _repeats(scene: Scene, system: AbstractSystem, q: Array) -> dict[str, int]:
     if not system.m:
         return {}
     mass, jacobian = (np.asarray(x, float) for x in _matrices(without_names(system), q))
+    # C_q M⁻¹ C_qᵀ = R Rᵀ for R = C_q L⁻ᵀ: independent accelerations are independent rows.
     half: np.ndarray = np.linalg.inv(np.linalg.cholesky(mass))
     rows = jacobian @ half.T
     basis, counts, row = np.zeros((0, system.n)), Counter[str](), 0

@@ -93,6 +93,8 @@ def integrate(
         longest = schedule.longest_step if schedule.limits_steps else None
         passage = Passage.of(system, post_step, settings.baumgarte, settings.rtol)
     most = jnp.asarray(settings.max_steps)
+    # The end of the run is a constant: outputs there have derivatives by its time through the
+    # motion within the last step.
     steps = Steps(
         term=term,
         solver=solver,

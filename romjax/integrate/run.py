@@ -57,6 +57,7 @@ def _run(
     settings: Settings,
 ) -> tuple[Integrated, Judgement, EagerQuantities | LazyQuantities]:
     """The run, by a program of its own that others share, or as a part of the user's."""
+    # Within a transformation of JAX the run is a part of the user's program.
     traced = not compat.is_outermost()
     settings = settings.limited(traced)
     # Within a transformation bases are of a given rank, and lanes would need much room.
@@ -71,6 +72,7 @@ def _run(
             derived = derived._replace(parts=Partitioned.of(system))
         return run, judgement, derived
     count = len(ts)
+    # Rows for the next power of two, so that other numbers of outputs need no other program.
     size = capacity(count, 2 * bare.full.n, q0.dtype)
     times = ts if size == count else with_room(ts, size)
     run, judgement = _plain(bare, times, np.asarray(count), q0, v0, settings)

@@ -39,6 +39,7 @@ class Checkpoints(NamedTuple):
         `accepted`: how many accepted steps there are after it.
         """
         number = before.progress.accepted
+        # With the stride doubled, every second checkpoint is free again.
         full = ~jnp.any(self._free(self.stride))
         stride = jnp.where(full, 2 * self.stride, self.stride)
         due = (accepted > number) & (number % stride == 0)

@@ -37,6 +37,7 @@ class Interpolations(NamedTuple):
         """Store the interpolation of a step, if it was accepted."""
 
         def put(rows: Array, row: Array) -> Array:
+            # The last row takes what has no room; such a run fails.
             at = jnp.minimum(self.number, len(rows) - 1)
             return rows.at[at].set(jnp.where(keep, row, rows[at]))
 

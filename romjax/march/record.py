@@ -32,6 +32,7 @@ class Record(NamedTuple):
         """Store what happened at the end of a step, if it was kept."""
         happens = keep & arrival.happens
         number = self.number
+        # Beyond the room, events are counted still, by which the run knows that it has failed.
         fits = happens & (number < len(self.time))
 
         def put(rows: Array, row: Array) -> Array:

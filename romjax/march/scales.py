@@ -47,6 +47,8 @@ class Scales(NamedTuple):
         q_errors, v_errors = (
             _FLOOR * x for x in tolerances.errors(reach, y[0][None], y[1][None], _STEP * span)
         )
+        # By the slopes of the quantity, errors of the state are errors of its value, and those of
+        # velocities, of its rate.
         floor, least = by_q @ q_errors + by_v @ v_errors, by_q @ v_errors
         unit = _ROUNDING * jnp.finfo(floor.dtype).eps
         return cls(

@@ -59,10 +59,13 @@ class StepSizeControl(diffrax.AbstractAdaptiveStepSizeController[Any, Any]):
         longer = self.tolerances.extended(reach, end)
         q, v = (jnp.stack(pair) for pair in zip(y0[:2], end[:2], strict=True))
         by_q, by_v = self.tolerances.errors(longer, q, v, t1 - t0)
+        # Each error in units of what is allowed of it, so that one control of a single number with
+        # the tolerance one does.
         error = optimistix.rms_norm((y_error[0] / by_q, y_error[1] / by_v))
         none = jnp.zeros_like(error)
         keep, *others, state, result = self.steps.adapt_step_size(
             t0, t1, none, none, args, error, error_order, state
         )
+        # How far the motion got counts only for steps that are kept.
         after = longer._replace(origin=next_origin(longer, y0, y1))
         return keep, *others, (state, chosen(jnp.asarray(keep), after, reach)), result

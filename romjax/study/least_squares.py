@@ -40,6 +40,7 @@ def least_squares(
     # SciPy asks for derivatives where it has asked for residuals last.
     @functools.lru_cache(maxsize=1)
     def at(x: bytes) -> tuple[np.ndarray, np.ndarray]:
+        # Both from one run: its derivatives are forward sensitivities that are integrated with it.
         residuals, slopes = evaluate(np.frombuffer(x))
         # A step to where no derivative is known is not taken, as one to where the run fails.
         known = np.all(np.isfinite(slopes))
@@ -68,7 +69,9 @@ def inverse_square(jacobian: np.ndarray) -> np.ndarray:
     size = np.where(size > 0, size, 1.0)
     _, values, right = np.linalg.svd(np.linalg.qr(jacobian / size, mode="r"))
     values = np.pad(values, (0, count - len(values)))
+    # Below rounding, a combination of parameters changes nothing that was measured.
     determined = values > np.finfo(float).eps * max(jacobian.shape) * values[0]
+    # With J = U Σ Vᵀ the inverse is V Σ⁻² Vᵀ, as the square of V Σ⁻¹.
     half = (right[determined] / values[determined, None]).T / size[:, None]
     undetermined = np.any(np.abs(right[~determined]) > np.sqrt(np.finfo(float).eps), axis=0)
     inverse: np.ndarray = half @ half.T + np.diag(np.where(undetermined, np.inf, 0.0))

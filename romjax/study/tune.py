@@ -106,6 +106,7 @@ def tune_baumgarte(
         raise ValueError("tune_baumgarte: the system has no constraints, so nothing drifts.")
     ts = jnp.asarray(ts)
     frequency = float(frequencies(system, ts[0], system.q0, system.v0).rigid)
+    # A mechanism without forces is slow: the length of the run is then its time.
     omega = max(frequency, 2 * np.pi / float(ts[-1] - ts[0]))
     first = Baumgarte.critical(jnp.asarray(omega)) if start is None else start
     if steps < 1:
@@ -124,6 +125,8 @@ def tune_baumgarte(
             throw=False,
         )
         q, v = run.q, run.v
+        # Drift is that of the constraints that the stabilization acts on: of a reduced system its
+        # own.
         rom = reduced_of(system)
         if rom is not None:
             q, v = jax.vmap(rom.restrict)(q, v)
@@ -212,6 +215,8 @@ def _log_mean(x: Float[Array, "k m"]) -> Array:
 def _root(stabilization: Baumgarte) -> Any:
     """|s| of the faster root of s² + α s + β."""
     alpha, beta = stabilization.alpha, stabilization.beta
+    # Overdamped, both roots are real and α/2 + √ the larger; else they are conjugate, of the size
+    # √β.
     discriminant = alpha**2 / 4 - beta
     # The square root is taken of one where it is not used: its derivative there would be NaN.
     positive = jnp.where(discriminant > 0, discriminant, 1)

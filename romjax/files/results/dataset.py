@@ -37,6 +37,7 @@ def dataset_of_run(
                 names["axis"] = (("axis",), np.array(["x", "y"], object), {"long_name": "axis"})
     attributes = attributes_of(run, scene) | origin("run")
     if error:
+        # The estimated error is the distance to the corrected run, in each coordinate.
         richer = corrected(run.system, run)
         attributes["error_words"] = richer.summary()
         for name in ("q", "v"):

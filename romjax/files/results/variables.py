@@ -74,6 +74,7 @@ def variables_of(run: Trajectory) -> dict[str, Variable]:
         if record is not None:
             record = _of_one_run(record) if kind is Events else record
             put_record(record, kind.arrays(), prefix)
+    # One number for all constraints, or one for each.
     used = run.stats.stabilization
     if isinstance(used, Baumgarte):
         rows = ("constraint",) * (np.ndim(used.alpha) - len(lanes))
@@ -86,6 +87,7 @@ def variables_of(run: Trajectory) -> dict[str, Variable]:
 
 def _together(run: Trajectory, per: str) -> str:
     """The units of all coordinates; which has which is in `coordinate_unit`."""
+    # Metres and radians stand in one array.
     units = dict.fromkeys(column.unit or "unknown" for column in run.coordinates)
     return " or ".join(f"{unit}{per}" for unit in units)
 

@@ -169,6 +169,8 @@ class JointState(AbstractState):
         if x.ndim == 2:
             return jax.vmap(self.apply_mass, in_axes=1, out_axes=1)(x)
         tree = self.system.tree
+        # M x = Nᵀ M_b N x: twists of all bodies by the rates, their momenta, and back by the
+        # transpose of the same map.
         moved, back = jax.vjp(self.moved, rates.rates_of(tree, self.z, x))
         (forces,) = back(multiply(self._inertia, moved[:, :, None])[:, :, 0])
         momenta = rates.pull_back(tree, self.z, forces)
@@ -224,6 +226,8 @@ class JointState(AbstractState):
         less what that motion asks for.
         """
         tree = self.system.tree
+        # At rates w whose derivatives are zero, bodies accelerate by centripetal and Coriolis'
+        # terms alone.
         still = rates.second_derivative(tree, self.z, self.w, jnp.zeros(tree.rates, self.z.dtype))
         d = self.motion.twists.shape[1]
         lifted = multiply(self._inertia[:, :, :d], along(tree, self.motion.bias)[:, :, None])
@@ -276,6 +280,7 @@ class JointState(AbstractState):
         return KKT.dense(self.jacobian(), self.mass())
 
     def solve(self, gamma: Float[Array, " m"]) -> Solved:
+        # Trees alone are solved by the recursion, in a time that grows with the number of bodies.
         if self.system.m:
             return super().solve(gamma)
         tree = self.system.tree
