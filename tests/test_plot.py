@@ -274,6 +274,9 @@ def test_loads_of_a_clamped_beam():
     bare = plot.loads(system, run, quantity="shear", forces=False, deformation=1.0)
     assert bare.axes[0].get_title() == "t = 0 s"
     assert not bare.axes[0].texts
+    assert not plot.loads(system, run, bodies=[]).axes[0].collections
+    with pytest.raises(rj.InputError, match="no beam or rod 'bean'. Did you mean 'beam'"):
+        plot.loads(system, run, bodies="bean")
 
 
 @pytest.mark.instant

@@ -1,5 +1,6 @@
 """Figure of the loads of beams and joints at one time of a run."""
 
+from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -8,6 +9,7 @@ from matplotlib.figure import Figure
 
 from ...assembly.disassemble import disassemble
 from ...assembly.locate import assembled
+from ...common.checks import unknown_name
 from ...common.errors import InputError
 from ...integrate.trajectory import Trajectory
 from ...measure.forces import joint_forces
@@ -36,6 +38,7 @@ def loads(
     run: Trajectory,
     *,
     quantity: Literal["moment", "axial", "shear"] = "moment",
+    bodies: str | Sequence[str] | None = None,
     t: float | None = None,
     forces: bool = True,
     deformation: float | None = None,
@@ -50,13 +53,14 @@ def loads(
     - `system`, `run`: full or reduced, of a mechanism in the plane.
     - `quantity`: "moment" [N m], "axial" or "shear" [N], of beams and rods, with the signs of
       `romjax.resultants`.
+    - `bodies`: names of beams and rods that are coloured, by a scale of theirs; all unless given.
     - `t`: the output next to this time is shown [s]; unless given, the one at which the quantity is
       largest, or the largest force of a joint where there is no beam.
     - `forces`: whether the forces of joints are drawn.
     - `deformation`: what deformations are multiplied by; unless given, as many times as shows them
       where they are below a hundredth of the picture, and once where they are not.
 
-    Raises InputError for a mechanism in space, or another quantity.
+    Raises InputError for a mechanism in space, another quantity, or a body that has none.
     """
     name = name_of("loads: quantity", quantity, 2)
     check_motion("loads: the run", run)
@@ -66,7 +70,7 @@ def loads(
             "loads: the mechanism is in space, but loads are drawn in the plane; "
             f"animate(system, run, resultant='{quantity}', forces=True) shows them in space."
         )
-    values = along_bodies(system, run, scene, quantity)
+    values = _of_bodies(along_bodies(system, run, scene, quantity), bodies)
     arrows = _arrows(system, scene, run) if forces or not values else []
     index = _index(run, t, values, arrows)
     (model,) = models(
@@ -81,6 +85,18 @@ def loads(
     at = {body: np.nan_to_num(rows[[index]]) for body, rows in values.items()}
     shown = [a._replace(force=a.force[index]) for a in arrows] if forces else []
     return _drawn(model, scale, at, shown, name, title)
+
+
+def _of_bodies(
+    values: dict[str, np.ndarray], bodies: str | Sequence[str] | None
+) -> dict[str, np.ndarray]:
+    if bodies is None:
+        return values
+    names = [bodies] if isinstance(bodies, str) else [*bodies]
+    for name in names:
+        if name not in values:
+            raise unknown_name("loads: bodies", "beam or rod", name, values)
+    return {name: values[name] for name in names}
 
 
 def _arrows(system: AbstractSystem, scene: Scene, run: Trajectory) -> list[_Arrow]:
