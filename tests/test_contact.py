@@ -34,16 +34,23 @@ def test_restitution():
     assert abs(left - (1 - 2 / 3 * loss * speed)) < 0.05
 
 
-@pytest.mark.parametrize("hollow", [False, True])
-def test_depth_in_a_circle_is_a_distance(hollow):
-    """However deep, as in a sphere, so that the force has an energy."""
+@pytest.mark.parametrize(
+    ("curve", "foot", "out"),
+    [
+        (rj.Circle(0.5), (0.3, 0.4), (0.6, 0.8)),
+        (rj.Circle(0.5, hollow=True), (0.3, 0.4), (-0.6, -0.8)),
+        (rj.Polynomial([0.1, 0.0, 1.0]), (0.375, 0.240625), (-0.6, 0.8)),
+        (rj.Polynomial([0.1, 0.0, -1.0]), (0.375, -0.040625), (0.6, 0.8)),
+    ],
+)
+def test_depths_are_distances(curve, foot, out):
+    """However deep, as in spheres and cylinders, so that the force has an energy."""
     ends = rj.RigidBody("ball", MASS, 0.01).at(), rj.ground.at()
-    contact = rj.Contact(*ends, rj.Circle(0.5, hollow=hollow), stiffness=STIFFNESS)
-    away = 0.7 if hollow else 0.3
-    depth, inside, out = jax.jit(lambda point: contact.depth(point))(away * np.array([0.6, 0.8]))
+    contact = rj.Contact(*ends, curve, stiffness=STIFFNESS)
+    depth, inside, way = jax.jit(lambda x: contact.depth(x))(np.array(foot) - 0.2 * np.array(out))
     assert inside
     assert abs(depth - 0.2) <= IDENTITY
-    assert np.allclose(out, np.array([0.6, 0.8]) * (-1 if hollow else 1), rtol=0, atol=IDENTITY)
+    assert np.allclose(way, out, rtol=0, atol=IDENTITY)
 
 
 def test_energy_comes_back_without_dissipation():

@@ -128,6 +128,46 @@ class Polynomial(AbstractCurve):
     def __call__(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return point[1] - jnp.polyval(self.coefficients[::-1], point[0])
 
+    def distance(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        """To the foot where a point is inside; of first order outside, where that may be far."""
+        height = self(point)
+        inside = height < 0
+        # Outside, a point of the curve stands in, where Newton's method has nothing to do.
+        near = jnp.where(inside, point, point.at[1].add(-height))
+        x = self._below(near)
+        deep = self._normal(x) @ (near - self._at(x))
+        return jnp.where(inside, deep, self._normal(point[0])[1] * height)
+
+    def _below(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        """The x of the foot, by Newton's method in it alone from where the curve is above or below;
+        differentiated as `foot` is.
+        """
+
+        def nearer(x: Array, curve: "Polynomial", point: Array) -> Array:
+            def slope(x: Array) -> Array:
+                found: Array = jax.grad(lambda x: 0.5 * jnp.sum((point - curve._at(x)) ** 2))(x)
+                return found
+
+            value, bend = jax.jvp(slope, (x,), (jnp.ones_like(x),))
+            after: Array = x - value / bend
+            return after
+
+        curve, still = jax.lax.stop_gradient((self, point))
+        free = _STEPS - _DIFFERENTIATED
+        x, _ = jax.lax.scan(
+            lambda x, _: (nearer(x, curve, still), None), still[0], None, length=free
+        )
+        for _ in range(_DIFFERENTIATED):
+            x = nearer(x, self, point)
+        return x
+
+    def _normal(self, x: Float[Array, ""]) -> Float[Array, "2"]:
+        slope = jax.grad(lambda x: self._at(x)[1])(x)
+        return jnp.stack([-slope, jnp.ones_like(slope)]) / jnp.sqrt(1 + slope**2)
+
+    def _at(self, x: Float[Array, ""]) -> Float[Array, "2"]:
+        return jnp.stack([x, jnp.polyval(self.coefficients[::-1], x)])
+
     def check(self, owner: str) -> None:
         check_numbers(owner, self, "coefficients", shape=(None,), prefix="Polynomial.")
 

@@ -102,8 +102,9 @@ class AbstractContact(AbstractMarkerEffect):
         """How far `a`, at a point in the frame of `b`, is outside [m]; negative inside."""
 
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
-        """⅖ k δ^(5/2) of the depth: that of the normal force where δ is a distance, as for lines,
-        circles and surfaces. On other curves it is none, and what remains counts as power.
+        """⅖ k δ^(5/2) of the depth: that of the normal force where δ is a distance, as for all
+        curves and surfaces of romjax. On curved ones of your own that say none it is an estimate,
+        and what remains counts as power.
         """
         del t
         depth, inside, _ = self.depth(local_point(*poses))
