@@ -118,6 +118,7 @@ def _modes(
     shapes = tangent.basis.astype(right.dtype) @ right[:d, chosen]
     sizes = jnp.sqrt(jnp.sum(jnp.abs(right[:d, chosen]) ** 2, axis=0))
     shapes = shapes / jnp.where(sizes > 0, sizes, 1)[None]
+    # Free motions have eigenvalues of zero, which rounding makes a little positive.
     growth = jnp.max(values.real, initial=-jnp.inf)
     is_stable = growth <= _ROUNDED * jnp.max(jnp.abs(values), initial=1.0)
     return Modes(frequencies, damping, values, shapes, is_stable, q)

@@ -75,6 +75,7 @@ def oriented(
     number = {edge: at for at, edge in enumerate(edges)}
     number |= {(j, i): len(edges) + at for at, (i, j) in enumerate(edges)}
     nodes, none = schedule.nodes, len(both)
+    # One beyond the last is no block; what is taken there is zero.
     table = np.full((len(nodes), schedule.degree), none, np.uint32)
     for i, row, own in zip(nodes, table, schedule.later, strict=True):
         row[: len(own)] = [number.get((i, nodes[j]), none) for j in own]

@@ -63,6 +63,8 @@ Outcome = tuple[Progress, dict[str, Any]]
 
 def differentiable_run(march: March, start: Progress, most: int) -> Outcome:
     """`March.run` of at most `most` steps, differentiable in reverse mode."""
+    # At least the square root of the largest number of steps, so that the states between two
+    # checkpoints need no more room than these.
     slots = _power_of_two(max(min(_CHECKPOINTS, most), math.sqrt(most)))
     longest = _power_of_two(most / slots)
     # The numbers that these functions close over, which may be the user's, become arguments, since
@@ -177,6 +179,7 @@ def _transpose(
     _, first = jax.lax.while_loop(
         lambda carry: unvmap_any(carry[0] >= 0), segment, ((accepted - 1) // stride, end)
     )
+    # Of outputs that the run did not get to, nobody knows derivatives.
     nan = jnp.where(missing & _uses_later(by_rows[0], saved), jnp.nan, 0.0)
     for name in choice[2].keys() - {OUTPUTS, EVENTS, DENSE}:
         if _differentiable(cotangents[1][name]):

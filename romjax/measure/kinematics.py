@@ -200,6 +200,7 @@ def relative_rate(markers: Markers, q: Float[Array, " own"], v: Float[Array, " o
     """The rate of `relative` where `q` changes with the rate `v`."""
     rate: Pose
     pose, rate = jax.jvp(lambda q: relative(markers, q), (q,), (v,))
+    # Rates of turns are angular velocities, by whatever numbers turns are described.
     return Pose(*pose.twist(rate))
 
 

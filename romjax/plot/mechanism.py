@@ -127,6 +127,8 @@ def stage(axes: Axes, box: np.ndarray, view: View | None = None) -> None:
     axes.set_ylim(box[0, 1], box[1, 1])
     if view is None:
         return
+    # In space the axes in the corner stand for the frame, whose numbers would be those of no
+    # direction.
     axes.set_axis_off()
     length = 0.06 * float(np.max(box[1] - box[0]))
     foot = box[0] + 1.6 * length

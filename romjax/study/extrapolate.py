@@ -39,6 +39,7 @@ def extrapolate(
     if known is not None and not known > 1:
         raise InputError(f"extrapolate: ratio = {float(known):g} must be above 1.")
     full = system.full
+    # How far both caps are apart, in the metric of the mechanism.
     difference = compare(fine, coarse, full.mass(full.q0))
     # Errors of a cap are as the inverse square of its frequency: Richardson's extrapolation of
     # second order.

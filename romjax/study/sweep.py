@@ -155,6 +155,7 @@ def sweep(
             return _form(function, parameters)
         return _run.compiled(function, used, lanes_of(0)).out_info
 
+    # Results of other numbers in the function are other results: the store is told them.
     held = [np.asarray(x) for x in jax.tree.leaves(function) if isinstance(x, _ARRAYS)]
     given = (parameters, held) if held else parameters
     store, tree = Chunks.open(path, given, lanes, chunk, form)

@@ -152,6 +152,7 @@ def _by_share(name: str, make: Callable[[float], Candidate]) -> Family:
 
 
 def _of_modes(name: str, formulation: AbstractFormulation) -> Family:
+    # The share decides how many modes a basis has.
     return _by_share(name, lambda share: Candidate(formulation, POD(tol=share), level=share))
 
 

@@ -176,6 +176,7 @@ class Joints:
 
     def _cylinder(self, link: int, slide: int, hinge: int) -> None:
         """A hinge and a slide along one axis, in any order."""
+        # Both axes are parallel: one cylindrical joint stands for the two.
         point, axis = self._arrays.jnt_pos[hinge], self._axis(hinge)
         turn, sign = _toward(axis), float(np.sign(axis @ self._axis(slide)))
         turned = self._reference(hinge)

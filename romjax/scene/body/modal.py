@@ -141,6 +141,7 @@ class AbstractModalBody(AbstractBody):
         return self.inertia.first_moment_at(q)
 
     def mode_shapes(self, point: Float[Array, " d"]) -> Float[Array, "motions modes"]:
+        # The nearest point is the marker's own, as `check_marker` has seen.
         return self.shapes[jnp.argmin(jnp.sum((self.points - point[None]) ** 2, axis=1))]
 
     def outline(self) -> Float[Array, "points d"]:
@@ -153,6 +154,7 @@ class AbstractModalBody(AbstractBody):
             return
         distances, size = np.linalg.norm(points - point, axis=1), np.max(np.ptp(points, axis=0))
         away, nearest = np.min(distances), int(np.argmin(distances))
+        # Modes are known at the points alone, and nothing lies between two of them.
         if away > 1e-6 * size:
             raise SceneError(
                 f"{owner}: its marker on '{self.name}' is at {point}, {away:g} m from the nearest "

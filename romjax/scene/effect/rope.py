@@ -98,5 +98,6 @@ def _along(poses: Poses) -> Poses:
 
 def _length(*poses: Pose) -> Float[Array, ""]:
     """The length of the straight pieces from point to point [m]."""
+    # Pulleys are points: the rope does not wind around them.
     pieces = [moved("distance", *pair) for pair in itertools.pairwise(_along(poses))]
     return jnp.sum(jnp.stack(pieces))

@@ -53,6 +53,7 @@ class RollingWheel(AbstractSlipJoint):
         (a, b), (of_a, of_b) = poses, twists
         foot, normal = self._foot(b.local(a.position))
         touching = b.position + b.turned(foot)
+        # The direction of rolling: the tangent of the curve.
         along = b.turned(jnp.stack([normal[1], -normal[0]]))
         # The velocities of both bodies at the point where they touch: v + ω × r.
         own, other = (
