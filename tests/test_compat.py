@@ -1,6 +1,7 @@
 """What romjax uses of other packages that is not public: each test fails where that has changed."""
 
 import functools
+import math
 import sys
 
 import diffrax
@@ -12,7 +13,7 @@ from jax.experimental.compilation_cache import compilation_cache
 from processes import KEPT
 
 from romjax.common import compat
-from romjax.compiling import jaxprs
+from romjax.compiling import functions, jaxprs
 from romjax.integrate.adjoint import _forwards as forwards
 
 
@@ -244,20 +245,47 @@ def test_equal_quantities_are_computed_once():
     assert jaxprs.evaluate(merged, [1.5]) == jaxprs.evaluate(closed, [1.5])
 
 
+def written_out(equation):
+    return all(map(jaxprs.is_written_out, jaxprs.equations_of(equation)))
+
+
+RULE = functions.Rule(
+    fits=lambda jaxpr, repeated: all(map(written_out, jaxpr.eqns)),
+    size=lambda equation: 1 if written_out(equation) else math.inf,
+    few=2,
+    together=3,
+    large=99,
+)
+
+
 def test_functions_of_a_program_carry_the_attribute():
     """It is one of the call alone, that of the loop; the compiler keeps that call."""
     whole = jax.make_jaxpr(nested)(jnp.ones(3))
 
-    def fits(jaxpr, repeated):
-        return all(map(jaxprs.is_written_out, jaxprs.equations(jaxpr)))
-
-    closed = jaxprs.as_functions(whole, fits, 2)
+    closed = functions.as_functions(whole, RULE)
     evaluate = lambda x: jaxprs.evaluate(closed, [x])  # noqa: E731
     lowered = jax.jit(evaluate, compiler_options=compat.compiler_options()).lower(jnp.ones(3))
     marked = [line for line in lowered.as_text().splitlines() if "xla_cpu_small_call" in line]
     assert any("call @" in line for line in marked)
     assert "xla_cpu_small_call" in lowered.compile().as_text()
     assert jnp.allclose(lowered.compile()(jnp.ones(3))[0], nested(jnp.ones(3)))
+
+
+def test_groups_of_equations_are_functions():
+    """Of a few equations each; none is handed an array of many numbers, which it would copy."""
+
+    def f(x, rows):
+        y = jnp.sin(jnp.cos(jnp.tan(jnp.exp(x))))
+        return jnp.linalg.cholesky(jnp.diag(y))[0], rows.at[0].set(y[0] - 1), y[3:]
+
+    given = jnp.ones(3), jnp.ones(99)
+    closed = functions.as_functions(jax.make_jaxpr(f)(*given), RULE)
+    names = [[e.primitive.name for e in jaxprs.equations_of(each)] for each in closed.jaxpr.eqns]
+    assert {"exp", "tan", "cos"} <= set(names[0])
+    assert "sin" in names[1]
+    assert ["scatter"] in names
+    for mine, plain in zip(jaxprs.evaluate(closed, given), f(*given), strict=True):
+        assert mine.tolist() == plain.tolist()
 
 
 class Part(eqx.Module):
@@ -335,7 +363,8 @@ def test_loops_that_repeat_a_function_are_told():
         return jax.lax.fori_loop(0, 2, lambda i, z: filled(z, y), x)
 
     shapes = [jax.ShapeDtypeStruct((9,), float)] * 2
-    jaxprs.as_functions(jax.make_jaxpr(repeat)(*shapes), fits, 1)
+    rule = RULE._replace(fits=fits, size=lambda equation: 1, few=1, together=0)
+    functions.as_functions(jax.make_jaxpr(repeat)(*shapes), rule)
     # The whole and the loop around it once, and again the loop inside.
     assert told[:2] == [(True, False)] * 2
     assert (True, True) in told[2:]

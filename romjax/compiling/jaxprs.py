@@ -1,19 +1,16 @@
-"""Jaxprs, JAX's traced functions: what they compute, and which parts are one function to XLA.
+"""Jaxprs, JAX's traced functions: what they compute, and with which operations.
 
 Of JAX's interface this uses what is not public; tests/test_compat.py fails when it changes.
 """
 
-import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax._src import core
 from jax._src.interpreters import partial_eval
 from jax._src.lax import lax
-from jax.experimental.xla_metadata import set_xla_metadata
 from jax.extend.core import ClosedJaxpr
 
 from ..common import compat
@@ -36,8 +33,8 @@ _NAMES = (
 )
 _WRITTEN_OUT = frozenset(_NAMES.split())
 # Loops, branches and calls, in which there is something to change.
-_LOOPS = frozenset(("while", "scan"))
-_WITH_INNER = _LOOPS | {"cond", "jit", "pjit", "custom_jvp_call", "custom_vjp_call"}
+LOOPS = frozenset(("while", "scan"))
+_WITH_INNER = LOOPS | {"cond", "jit", "pjit", "custom_jvp_call", "custom_vjp_call"}
 # What changes a part of an array, or fills one.
 _CHANGES = frozenset(("dynamic_update_slice", "scatter", "scatter-add"))
 _IN_PLACE = _CHANGES | {"broadcast_in_dim"}
@@ -46,9 +43,14 @@ _IN_PLACE = _CHANGES | {"broadcast_in_dim"}
 def equations(jaxpr: Any) -> Iterator[Any]:
     """All equations of a jaxpr, those inside of others too."""
     for equation in jaxpr.eqns:
-        yield equation
-        for inner in core.jaxprs_in_params(equation.params):
-            yield from equations(inner)
+        yield from equations_of(equation)
+
+
+def equations_of(equation: Any) -> Iterator[Any]:
+    """An equation, and all that are inside of it."""
+    yield equation
+    for inner in core.jaxprs_in_params(equation.params):
+        yield from equations(inner)
 
 
 def is_written_out(equation: Any) -> bool:
@@ -76,7 +78,7 @@ def product_terms(equation: Any) -> int:
 
 def largest_copy(jaxpr: Any) -> int:
     """The bytes of the largest argument that a loop or an operation changes, and so copies."""
-    return max((_bytes(x) for x in _changed(jaxpr)), default=0)
+    return max((size_in_bytes(x) for x in _changed(jaxpr)), default=0)
 
 
 def _changed(jaxpr: Any) -> set[Any]:
@@ -103,10 +105,11 @@ def _changed(jaxpr: Any) -> set[Any]:
 def largest_work(equations: Iterable[Any]) -> int:
     """The bytes of the largest array that one of these operations computes as a whole."""
     parts = (e for e in equations if e.primitive.name not in _WITH_INNER | _IN_PLACE)
-    return max((_bytes(x) for e in parts for x in e.outvars), default=0)
+    return max((size_in_bytes(x) for e in parts for x in e.outvars), default=0)
 
 
-def _bytes(x: Any) -> int:
+def size_in_bytes(x: Any) -> int:
+    """The bytes of a variable's or a number's array."""
     aval: Any = x.aval
     return int(aval.size) * int(aval.dtype.itemsize)
 
@@ -132,7 +135,7 @@ def _merged(closed: Any, done: dict[int, tuple[Any, Any]]) -> Any:
 
     for equation in jaxpr.eqns:
         equation = equation.replace(invars=[original(x) for x in equation.invars])
-        equation = _with_inner(equation, lambda inner: _merged(inner, done))
+        equation = with_inner(equation, lambda inner: _merged(inner, done))
         operands = (_literal(x) if isinstance(x, core.Literal) else x for x in equation.invars)
         try:
             key = (equation.primitive, *operands, frozenset(equation.params.items()))
@@ -154,7 +157,7 @@ def _literal(x: Any) -> tuple[Any, ...]:
     return x.aval, np.asarray(x.val).tobytes()
 
 
-def _with_inner(equation: Any, change: Callable[[Any], Any]) -> Any:
+def with_inner(equation: Any, change: Callable[[Any], Any]) -> Any:
     """A loop, branch or call with its jaxprs changed; any other equation as it is."""
     if equation.primitive.name not in _WITH_INNER:
         return equation
@@ -168,100 +171,9 @@ def _with_inner(equation: Any, change: Callable[[Any], Any]) -> Any:
     return equation.replace(params=params)
 
 
-def as_functions(
-    closed: Any, fits: Callable[[Any, bool], bool], few: int, repeated: bool = False
-) -> Any:
-    """A closed jaxpr, in which all that `fits` is a function of its own to XLA's CPU backend.
-
-    All of it, else each loop or call in it, else what is inside of these; but for those of `few`
-    equations. Compiled with the older emitter of fusions only. `fits` is told whether a loop around
-    it repeats the function: `repeated` says so of all.
-    """
-    jaxpr = closed.jaxpr
-    results: list[Any] = jaxpr.outvars
-    live = [i for i, x in enumerate(results) if x.aval.size]
-    if live and fits(jaxpr, repeated):
-        return _one_function(closed, live)
-
-    # Arrays of one number, which nothing else holds: a loop may change them without a copy.
-    filled = {
-        e.outvars[0]: e
-        for e in jaxpr.eqns
-        if e.primitive.name == "broadcast_in_dim" and isinstance(e.invars[0], core.Literal)
-    }
-    asked = {x for e in jaxpr.eqns for x in e.invars if not isinstance(x, core.Literal)}
-    asked |= {x for x in jaxpr.outvars if not isinstance(x, core.Literal)}
-
-    def replaced(equation: Any) -> Any:
-        inside = (y for x in core.jaxprs_in_params(equation.params) for y in equations(x))
-        if len(list(itertools.islice(inside, few))) < few:
-            return equation
-        read = {x: None for x in equation.invars if not isinstance(x, core.Literal)}
-        # Filled within the function, they are its own, and changed in place.
-        fills = [filled[x] for x in read if x in filled]
-        read = {x: None for x in read if x not in filled}
-        alone = jaxpr.replace(
-            constvars=[],
-            invars=list(read),
-            outvars=equation.outvars,
-            eqns=[*fills, equation],
-            debug_info=jaxpr.debug_info.with_unknown_names(),
-        )
-        live = [i for i, x in enumerate(equation.outvars) if x in asked and x.aval.size]
-        if live and fits(alone, repeated):
-            (call,) = _one_function(ClosedJaxpr(alone, ()), live).jaxpr.eqns
-            return call.replace(invars=[x for x in read if x.aval.size], outvars=equation.outvars)
-        again = repeated or equation.primitive.name in _LOOPS
-        return _with_inner(equation, lambda inner: as_functions(inner, fits, few, again))
-
-    split = jaxpr.replace(eqns=[replaced(equation) for equation in jaxpr.eqns])
-    return ClosedJaxpr(split, closed.consts)
-
-
-def _one_function(closed: Any, live: Sequence[int]) -> Any:
-    """A closed jaxpr of one call, that of the given one as a function of its own.
-
-    `live`: those of its results, with entries, that are asked for; JAX leaves out the others.
-    """
-
-    def inside(*given: Any) -> list[Any]:
-        left, avals = iter(given), closed.in_avals
-        arrays = [next(left) if x.size else jnp.zeros(x.shape, x.dtype) for x in avals]
-        # The attribute is of the call alone: calls inside would inherit it without another value.
-        with set_xla_metadata(xla_cpu_small_call="false", inlineable="true"):
-            results: list[Any] = core.eval_jaxpr(closed.jaxpr, closed.consts, *arrays)
-            i = min(live, key=lambda i: np.size(results[i]))
-            results[i] = _as_if_it_used(results[i], arrays)
-            return results
-
-    @jax.jit
-    def call(*given: Any) -> list[Any]:
-        # What is constant would be put into the function, which then does not use the argument.
-        given = jax.lax.optimization_barrier(given)
-        with set_xla_metadata(xla_cpu_small_call="true", inlineable="false"):
-            results: list[Any] = jax.jit(inside)(*given)
-            return results
-
-    return jax.make_jaxpr(lambda *arrays: call(*(x for x in arrays if x.size)))(*closed.in_avals)
-
-
-def _as_if_it_used(result: Any, arrays: Sequence[Any]) -> Any:
-    """The result, by an expression of all arrays, of which the compiler cannot take any out.
-
-    XLA ends the process at a function that does not use one of its arguments.
-    """
-    first = [x.ravel()[0] if x.ndim else x for x in arrays if x.size]
-    numbers = [x for x in first if jnp.issubdtype(x.dtype, jnp.floating)]
-    others = [x.astype(jnp.float32) for x in first if not jnp.issubdtype(x.dtype, jnp.floating)]
-    # Weights, since the compiler knows that no truth value, as a number, is the one compared with.
-    total = sum(x * np.float32(0.7391 + 0.01 * i) for i, x in enumerate(others))
-    never = sum(numbers, total) == np.float32(1.2345678e-30)
-    # Of the first number alone: XLA would split a sum over all of a large array over threads.
-    start = (0,) * result.ndim
-    one = jax.lax.dynamic_slice(result, start, (1,) * result.ndim)
-    # Nothing is added otherwise, which would take the sign of a zero.
-    one = one ^ never if result.dtype == bool else jnp.where(never, one + 1, one)
-    return jax.lax.dynamic_update_slice(result, one, start)
+def variables(given: Iterable[Any]) -> dict[Any, None]:
+    """The variables among these, each once, in their order."""
+    return {x: None for x in given if not isinstance(x, core.Literal)}
 
 
 def evaluate(closed: Any, arrays: Sequence[Any]) -> list[Any]:

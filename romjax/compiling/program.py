@@ -92,12 +92,13 @@ class Program:
         if stored is not None:
             return stored
         if self._runs == "one":
-            return _read_or_compile(flat, forms, options | compat.QUICK, key)
+            merged = functools.partial(functions.merge, flat)
+            return _read_or_compile(merged, forms, options | compat.QUICK, key)
         if not compat.compiles_functions():
             return _read_or_compile(flat, forms, options, key)
         try:
             most = functions.MOST if self._runs == "some" else functions.MOST_OFTEN
-            split = functools.partial(functions.split, flat, most)
+            split = functools.partial(functions.split, flat, most, functions.TOGETHER)
             return _read_or_compile(split, forms, options, key)
         except jax.errors.JaxRuntimeError:
             # Not all that consists of known primitives can be compiled as a function.

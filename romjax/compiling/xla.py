@@ -92,7 +92,8 @@ def _split(function: Callable[..., Any]) -> Callable[..., Any]:
             return results
 
         arrays = [x for x in leaves if isinstance(x, jax.core.Tracer)]
-        return eqx.combine(functions.split(flat, functions.MOST, *arrays), static)
+        limits = functions.MOST, functions.TOGETHER_IN_JIT
+        return eqx.combine(functions.split(flat, *limits, *arrays), static)
 
     return split
 
