@@ -159,7 +159,6 @@ def test_the_kind_of_loop_over_stages():
         assert set(seen) == {kind}
 
 
-@pytest.mark.instant
 def unused(t, y, args):
     raise AssertionError("its shape is known")
 
@@ -173,6 +172,7 @@ def test_methods_start_without_the_vector_field(solver):
     assert eqx.tree_equal(found, wanted, typematch=True)
 
 
+@pytest.mark.instant
 def test_what_solvers_pass_on_to_controls():
     """One dict for each term; empty, but for methods that need areas of Brownian motion."""
     assert compat.control_arguments(diffrax.Tsit5()) == {}
