@@ -92,6 +92,32 @@ def test_impossible_lanes_leave_the_others_as_they_are(whole):
     assert np.array_equal(*steps)
 
 
+def test_negative_masses_and_inertias_are_no_success():
+    """Scenes refuse numbers alone. A constant force moves a negative mass smoothly, backwards."""
+
+    def pushed(p):
+        body = rj.RigidBody("body", *p)
+        push = rj.Force(body.at(), (1.0, 0.0), rj.Constant(1.0))
+        made = run(rj.assemble(rj.Scene([body], effects=[push])), TS, throw=False)
+        return {"end": made.q[-1, 0], "status": made.status}
+
+    found = rj.sweep(pushed, np.array([[1.0, 1.0], [-1.0, 1.0], [1.0, -1.0]]))
+    assert_close(found.values["end"][0], 0.5 * TS[-1] ** 2, IDENTITY)
+    assert np.all(np.isnan(found.values["end"][1:]))
+    assert_equal(found.status, [rj.Status.SUCCESS] + 2 * [rj.Status.NEGATIVE_MASS])
+
+
+def test_negative_inertias_in_space_are_seen_in_any_orientation():
+    def has_mass(inertia):
+        turn = rj.spatial.euler("XYZ", (0.3, 0.5, 0.7))
+        body = rj.spatial.RigidBody("body", 1.0, inertia, orientation=turn)
+        system = rj.assemble(rj.Scene([body]))
+        return system.state(0.0, system.q0, system.v0).has_mass()
+
+    inertias = jnp.array([[1.0, 1.0, 1.0], [-0.1, 1.0, 1.0], [1.0, 1.0, -0.01]])
+    assert_equal(np.asarray(jax.jit(jax.vmap(has_mass))(inertias)), [True, False, False])
+
+
 def test_any_function_and_any_trajectory():
     """Without a status, NaNs say it, and not what never comes; a Trajectory brings its own."""
     found = rj.sweep(jnp.log, np.array([1.0, -1.0, 0.0]))

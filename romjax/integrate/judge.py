@@ -65,6 +65,25 @@ def judge(
     return Judgement(end.steps, end.accepted, start, status, flags, atol, used)
 
 
+def with_mass(
+    system: AbstractSystem, run: Integrated, judgement: Judgement
+) -> tuple[Integrated, Judgement]:
+    """A run whose masses were tracers when its scene was made, which refuses only numbers: failed,
+    and its motion NaN, where they are negative.
+    """
+    outputs = run.outputs
+    q = outputs.q[0]
+    has_mass = system.full.state(run.ts[0], q, 0 * q).has_mass()
+    if has_mass is None:
+        return run, judgement
+    # Masses that are zero or NaN leave no finite motion, and are told so.
+    lacking = jnp.all(jnp.isfinite(q)) & ~has_mass
+    status = jnp.where(lacking, int(Status.NEGATIVE_MASS), judgement.status)
+    q, v = (jnp.where(lacking, jnp.nan, x) for x in (outputs.q, outputs.v))
+    run = run._replace(outputs=outputs._replace(q=q, v=v))
+    return run, judgement._replace(status=status)
+
+
 def _status(
     system: AbstractSystem,
     run: Integrated,

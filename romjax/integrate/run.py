@@ -21,7 +21,7 @@ from .default import default_stabilization
 from .dense import DenseOutput
 from .derived import EagerQuantities, LazyQuantities, metric_of, multipliers_along
 from .integration import AUDIT, MONITORS, STATES, Integrated, integrate
-from .judge import Judgement, judge
+from .judge import Judgement, judge, with_mass
 from .outputs import capacity, cut, with_room
 from .settings import Settings
 from .statistics import Statistics
@@ -102,6 +102,7 @@ def _differentiable(
     settings: Settings,
 ) -> tuple[Integrated, Judgement, EagerQuantities]:
     run, judgement = _integrated(system, ts, None, q0, v0, settings)
+    run, judgement = with_mass(system, run, judgement)
     used = _baumgarte(judgement.stabilization)
     own = run.outputs.in_system()
     # XLA leaves out what nobody uses.

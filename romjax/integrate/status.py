@@ -15,6 +15,7 @@ class Status(enum.IntEnum):
     CONSTRAINTS_VIOLATED = 6
     MAX_EVENTS = 7
     CONTACT_LASTS = 8
+    NEGATIVE_MASS = 9
 
 
 REMEDIES = {
@@ -36,5 +37,7 @@ REMEDIES = {
     Status.CONTACT_LASTS: "bodies overlap at the start or stay in contact after an impact, or "
     "impacts follow one another without end; end the run there by a romjax.Stop, or use a "
     "romjax.Contact instead",
+    Status.NEGATIVE_MASS: "a mass or a moment of inertia is negative at the start; bound the "
+    "numbers that are tried, or try logarithms of them",
     Status.SOLVER_FAILED: "the solver failed inside a step; try another solver",
 }

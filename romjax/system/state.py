@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..linalg.dense import multiply
 from ..linalg.implicit import Slopes
@@ -115,6 +115,10 @@ class AbstractState(abc.ABC):
         """
         return None
 
+    def has_mass(self) -> Bool[Array, ""] | None:
+        """Return whether M is positive definite; None where nobody asks."""
+        return None
+
     @abc.abstractmethod
     def residual(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
         """M a − Q."""
@@ -214,6 +218,13 @@ class FullState(AbstractState):
 
     def limits(self) -> Float[Array, " effects"] | None:
         return self.effect_limits()
+
+    def has_mass(self) -> Bool[Array, ""]:
+        blocks = jax.lax.stop_gradient(self._mass)
+        if blocks.ndim == 2:
+            return jnp.all(blocks > 0)
+        # Of what is not positive definite the factor has NaN.
+        return jnp.all(jnp.isfinite(jnp.linalg.cholesky(blocks)))
 
     def residual(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
         return self.apply_mass(a) - self.force()
