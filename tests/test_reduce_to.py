@@ -39,6 +39,22 @@ def others():
     return [(system, moved(system)) for system in (varied(**numbers) for numbers in VARIATIONS)]
 
 
+class Elsewhere(rj.AbstractFormulation):
+    """One of which no more is known."""
+
+    name = "elsewhere"
+
+    def reduce(self, system, basis):
+        raise NotImplementedError
+
+
+@pytest.mark.instant
+def test_what_a_basis_may_miss():
+    """Nothing follows from it unless the formulation says so."""
+    kinds = rj.Galerkin(), rj.Minimal(), rj.Local(), Elsewhere()
+    assert [kind.most_missed for kind in kinds] == [0.2, 2.0, np.inf, np.inf]
+
+
 SLOW = [("galerkin", 1e-6)]
 
 

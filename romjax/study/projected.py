@@ -36,6 +36,7 @@ class Projected(AbstractFormulation):
     """
 
     name: ClassVar[str] = "projected"
+    most_missed: ClassVar[float] = 0.2
     for_reference: ClassVar[bool] = True
 
     stabilization: Baumgarte | None = None

@@ -18,10 +18,9 @@ class AbstractFormulation(eqx.Module):
     """A way to reduce a system; one of one's own is a subclass with a `name` and `reduce`."""
 
     name: ClassVar[str]
-    # Whether q stays in the affine subspace of the basis.
-    in_subspace: ClassVar[bool] = True
+    in_subspace: ClassVar[bool] = True  # whether q stays in the affine subspace of the basis
     # What a basis may miss of its snapshots, over the error asked for; inf where that says nothing.
-    most_missed: ClassVar[float] = 0.2
+    most_missed: ClassVar[float] = float("inf")
     # Whether it takes mechanisms of many kinds, so that refusals of others name it.
     is_general: ClassVar[bool] = False
     # Whether its models err on other motions as on their training, which then confines none.

@@ -36,6 +36,7 @@ class Galerkin(AbstractFormulation):
     """
 
     name: ClassVar[str] = "galerkin"
+    most_missed: ClassVar[float] = 0.2
     is_general: ClassVar[bool] = True
 
     constraints: int | None = eqx.field(static=True, default=None)

@@ -1,7 +1,6 @@
 """Hyper-reduction: steps whose cost does not grow with the number of bodies."""
 
 import dataclasses
-import math
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -63,7 +62,6 @@ class HyperReduced(AbstractFormulation):
 
     name: ClassVar[str] = "hyper"
     in_subspace: ClassVar[bool] = False
-    most_missed: ClassVar[float] = math.inf
 
     tol: float = eqx.field(static=True, default=1e-5)
 

@@ -1,7 +1,6 @@
 """Joint coordinates: the exact motion of a mechanism by the coordinates of its joints."""
 
 import dataclasses
-import math
 from collections.abc import Iterator
 from typing import ClassVar
 
@@ -48,7 +47,6 @@ class JointCoordinates(AbstractFormulation):
     name: ClassVar[str] = "joint"
     keeps_states: ClassVar[bool] = True
     in_subspace: ClassVar[bool] = False
-    most_missed: ClassVar[float] = math.inf
 
     def basis(
         self, system: AbstractSystem, motion: Motions, decomposition: AbstractDecomposition

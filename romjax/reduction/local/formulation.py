@@ -1,6 +1,5 @@
 """Local bases: few modes for each flexible body, from its own amplitudes."""
 
-import math
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -53,7 +52,6 @@ class Local(AbstractFormulation):
 
     name: ClassVar[str] = "local"
     in_subspace: ClassVar[bool] = False
-    most_missed: ClassVar[float] = math.inf
     is_general: ClassVar[bool] = True
     is_predictive: ClassVar[bool] = True
     keeps_states: ClassVar[bool] = True

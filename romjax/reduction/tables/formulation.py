@@ -1,6 +1,5 @@
 """Tables: mechanisms with one or two freedoms whose configurations are looked up."""
 
-import math
 from typing import ClassVar
 
 import equinox as eqx
@@ -61,7 +60,6 @@ class Tabulated(AbstractFormulation):
 
     name: ClassVar[str] = "table"
     in_subspace: ClassVar[bool] = False
-    most_missed: ClassVar[float] = math.inf
     is_predictive: ClassVar[bool] = True
 
     tol: float | None = eqx.field(static=True, default=None)
