@@ -12,6 +12,7 @@ from tolerances import DIFFERENCED, IDENTITY, SOLVED
 from zoo import run
 
 import romjax as rj
+from romjax.study.boxes.full_runs import FullRuns
 
 
 class Motion(NamedTuple):
@@ -118,6 +119,20 @@ def test_full_runs_of_a_fit_in_a_folder(box, truth, tmp_path):
     assert made == {file: file.stat().st_mtime_ns for file in tmp_path.glob("*/chunk-*.npz")}
     with pytest.raises(ValueError, match="holds another sweep, which differs in its parameters"):
         rj.fit_over(box, 2 * TS, angle_and_amplitudes, measured, path=tmp_path, **given)
+
+
+def test_a_full_run_of_other_ranges_is_another_one(box):
+    """Its derivatives are times half of them; in what order they are given is all the same."""
+
+    def name(box, where):
+        return FullRuns(box, jnp.asarray(TS), angle_and_amplitudes, {}).name(where)
+
+    ranges, turned = box.ranges, dict(reversed(TRUE.items()))
+    same = rj.Box(hanging, **dict(reversed(ranges.items())))
+    assert name(same, turned) == name(box, TRUE)
+    others = {"mass": rj.Range(0.1, 2.0)}, {"mass": (0.5, 4.0)}, {"f1": rj.Range(12.0, 30.0)}
+    names = {name(rj.Box(hanging, **(ranges | other)), TRUE) for other in others}
+    assert len(names | {name(box, TRUE), name(box, TRUE | {"mass": 1.0})}) == 5
 
 
 @pytest.mark.slow

@@ -81,8 +81,9 @@ def fit_over(
     - `tol`: change of the parameters, in ranges of the box, that ends the search.
     - `path`: a folder for the full runs, by which a fit that was interrupted goes on, and processes
       that fit other measurements of the same times, or begin elsewhere, share those at the same
-      parameters, as of `sweep`. Each run follows from the one before: more processes make one fit
-      no faster.
+      parameters and ranges, as of `sweep`. What the box and `see` do is not compared: another
+      function needs another folder. Each run follows from the one before: more processes make one
+      fit no faster.
 
     Warns if the full run at the best parameters is doubtful.
     Raises InputError for a start outside of the box, or a shape that differs; SimulationError if

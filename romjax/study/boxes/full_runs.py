@@ -1,5 +1,6 @@
 """Full runs of a box with their sensitivities, in memory or in a folder that processes share."""
 
+import dataclasses
 import hashlib
 import os
 from collections.abc import Callable
@@ -29,7 +30,8 @@ class FullRuns(eqx.Module):
     """The full runs of a `box` at some `times` [s], what they `see`, and the derivatives by each
     parameter, times half of its range.
 
-    `settings`: of `simulate`. `path`: a folder with one sweep of one lane for each run.
+    `settings`: of `simulate`. `path`: a folder with one sweep of one lane for each run, of the
+    same function of the box and the same `see`, which are not compared.
     """
 
     box: Box = eqx.field(static=True)
@@ -45,12 +47,18 @@ class FullRuns(eqx.Module):
             if self.path is None:
                 return _made(one, where)
             lane = {name: np.asarray(x)[None] for name, x in where.items()}
-            # Of the same point, so that processes share it whatever led them there.
-            words = " ".join(f"{name} {float(x)!r}" for name, x in sorted(where.items()))
-            name = f"run-{hashlib.sha256(words.encode()).hexdigest()[:16]}"
-            found = sweep(one, lane, chunk=1, path=Path(self.path) / name).values
+            found = sweep(one, lane, chunk=1, path=Path(self.path) / self.name(where)).values
         made: Seen = jax.tree.map(lambda x: pick(jnp.asarray(x), 0), found)
         return made
+
+    def name(self, where: Numbers) -> str:
+        """The folder of a run: of the same point, so that processes share it whatever led there,
+        and of the same ranges, with which its derivatives are scaled.
+        """
+        ranges = self.box.ranges
+        numbers = {name: (x, *dataclasses.astuple(ranges[name])) for name, x in where.items()}
+        words = " ".join(f"{name} {[float(x) for x in numbers[name]]}" for name in sorted(numbers))
+        return f"run-{hashlib.sha256(words.encode()).hexdigest()[:16]}"
 
     def numbers(self, point: dict[str, float]) -> Numbers:
         return {name: as_number(x, self.times.dtype) for name, x in point.items()}
