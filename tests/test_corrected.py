@@ -10,8 +10,10 @@ import zoo
 from groups import in_groups
 
 import romjax as rj
+from romjax.common.partition import Partitioned
 from romjax.integrate.error_bar import ErrorBar
 from romjax.reduction.formulation.parse import as_formulation
+from romjax.study import richer_run
 from romjax.study.richer import finer_of
 from romjax.system.training import with_error
 
@@ -178,6 +180,27 @@ def test_the_error_of_the_largest_joint_force(make, formulation, rank, spin):
     told = rj.corrected(own, run)
     assert "(the full model)" in told.summary()
     assert near_in_force((system, truth), (own, run), (system, told))
+
+
+@pytest.mark.parametrize(("rtol", "sharper"), [(1e-8, 1e-10), (1e-13, 1e-13)])
+def test_a_method_that_fails_leaves_its_task_to_the_other(rtol, sharper, monkeypatch):
+    """An explicit one where stiffness comes after the start; no tolerance is below rounding."""
+    motion, asked = zoo.motion(zoo.bars), []
+    stats, method = dataclasses.replace(motion.stats, rtol=rtol), Partitioned.of(zoo.RODAS5P)
+    motion = dataclasses.replace(motion, stats=stats, solver_parts=method)
+
+    def simulated(model, run, rtol=None, solver=None):
+        asked.append((rtol, solver))
+        failed = jnp.full_like(run.status, rj.Status.MAX_STEPS)
+        return run if solver is None else dataclasses.replace(run, status=failed)
+
+    monkeypatch.setattr(richer_run, "simulated", simulated)
+    monkeypatch.setattr(richer_run, "_can_follow", lambda *_: True)
+    told = richer_run.told_by(motion.system, motion, "the full model")
+    assert [one for one, _ in asked] == [1e-6, pytest.approx(sharper), None]
+    assert [solver is None for _, solver in asked] == [True, False, True]
+    assert told.bar.error == 0.0
+    assert told.success
 
 
 @pytest.mark.slow

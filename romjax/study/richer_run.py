@@ -28,6 +28,8 @@ _USUAL = 1e-6
 _ENOUGH, _STEPPED_OVER = 20.0, 1e3
 # Where these vibrations are followed, forces have the share of accelerations in their tolerance.
 _SHARPER = 1e-2
+# No tolerance is below, in units in the last place: rounding errors of some steps.
+_DIGITS = 500
 # Steps of Dopri8 up to which that costs no more than Rodas5P at the tolerance of the run does where
 # they are excited (measured: 1800 steps and 2250), and how long they are, over the frequency.
 _FOLLOWED, _STABLE = 3000.0, 4.0
@@ -49,10 +51,12 @@ def told_by(model: AbstractSystem, run: Trajectory, name: str) -> Trajectory:
     if error is None or _USUAL * (_STEPPED_OVER if stiff else _ENOUGH) <= error < np.inf:
         return first
     if stiff and _can_follow(model, run):
-        other = simulated(model, run, _SHARPER * float(rtol), diffrax.Dopri8())
-    else:
-        other = simulated(model, run)
-    return told(run, other, name)
+        sharper = min(float(rtol), max(_SHARPER * float(rtol), _DIGITS * np.finfo(run.q.dtype).eps))
+        other = simulated(model, run, sharper, diffrax.Dopri8())
+        # What is stiff may come after the start, where that it is affordable was seen.
+        if other.success:
+            return told(run, other, name)
+    return told(run, simulated(model, run), name)
 
 
 def _can_follow(model: AbstractSystem, run: Trajectory) -> bool:
