@@ -13,6 +13,9 @@ from tolerances import IDENTITY
 from romjax.study import timing
 
 pytestmark = pytest.mark.instant
+# Of two calls in turn, twice for their least times and then in eight rounds, of which the first
+# five seem to agree.
+NEAR_BY_CHANCE = tuple(np.repeat([1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 2.0, 2.0, 0.5, 2.0], 2))
 
 
 class Machine:
@@ -43,12 +46,10 @@ class Machine:
 
 
 @pytest.mark.parametrize("share", [1.0, 0.1])
-@pytest.mark.parametrize(
-    ("paces", "rounds"), [((1.0,), 5), ((1.0, 1.0, 2.0, 1.0, 1.0, 0.5, 2.0), 8)]
-)
+@pytest.mark.parametrize(("paces", "rounds"), [((1.0,), 6), (NEAR_BY_CHANCE, 8)])
 def test_as_many_rounds_on_a_busy_machine(share, paces, rounds, monkeypatch):
     """What is spent is work: two calls for the least of once, and rounds of turns, eight by their
-    least times, or as many as agree.
+    least times, or as many as agree twice.
     """
     machine = Machine(share, paces)
     monkeypatch.setattr(timing, "time", machine.clocks())
@@ -65,7 +66,7 @@ def test_short_calls_are_repeated(monkeypatch):
     monkeypatch.setattr(timing, "time", machine.clocks())
     calls = [machine.call(0.1), machine.call(0.001)]
     found = timing.alternating(calls, 1.25)
-    assert [call.count for call in calls] == [2 + 5, 2 + 5 * 20]
+    assert [call.count for call in calls] == [2 + 6, 2 + 6 * 20]
     assert_close(found.times, np.array([0.1, 0.001]), IDENTITY)
     assert_close(found.speed_ups, np.array([1.0, 100.0]), IDENTITY)
 

@@ -12,8 +12,9 @@ T = TypeVar("T")
 # machine blur less; more rounds of short turns tell more than longer turns.
 _SHORTEST = 0.02
 _ROUNDS = 3, 40
-# No more rounds are needed after so many, once the standard errors of the medians are at most this
-# share of them.
+# No more rounds are needed after more than so many, once the standard errors of the medians are at
+# most this share of them, and were a round before: a few values are near each other by chance, five
+# with noise of a tenth in one case of five.
 _ENOUGH, _KNOWN = 5, 0.02
 
 
@@ -55,17 +56,18 @@ def alternating(calls: Sequence[Callable[[], Any]], spend: float) -> Alternating
     for _ in range(int(np.clip(spend / total, *_ROUNDS))):
         turns = [_own_time(call, count) for call, count in zip(calls, counts, strict=True)]
         times = np.append(times, [turns], axis=0)
-        if len(times) >= _ENOUGH and _are_known(times) and _are_known(times[:, :1] / times):
+        if len(times) > _ENOUGH and _are_known(times) and _are_known(times[:-1]):
             break
     return Alternating(np.median(times, axis=0), np.median(times[:, :1] / times, axis=0))
 
 
-def _are_known(values: np.ndarray) -> bool:
-    """Whether the medians of `values` (rounds, calls) have small standard errors.
+def _are_known(times: np.ndarray) -> bool:
+    """Whether medians of `times` (rounds, calls) and of their ratios have small standard errors.
 
     They are those of normally distributed values, whose spread their quartiles tell, so that one
     round that was disturbed counts little.
     """
+    values = np.concatenate([times, times[:, :1] / times], axis=1)
     low, median, high = np.percentile(values, [25, 50, 75], axis=0)
     deviation = (high - low) / 1.349
     errors = np.sqrt(np.pi / 2 / len(values)) * deviation
