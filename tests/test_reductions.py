@@ -82,6 +82,8 @@ def test_the_structure_in_words():
     assert driven.describe() == "1 freedom, 1 drive, closed loops, contacts"
     whip = Facts(bodies=1, modes=5, freedoms=5, loops=True, tree=True, drives=1)
     assert whip.describe() == "5 freedoms, 5 modes of flexible bodies, 1 drive"
+    bent = Facts(bodies=1, modes=1, freedoms=2)
+    assert bent.describe() == "2 freedoms, 1 mode of flexible bodies"
 
 
 @pytest.mark.instant

@@ -85,7 +85,8 @@ class Facts:
     def describe(self) -> str:
         """The structure in a few words."""
         words = [f"{self.freedoms} freedom{'s' * (self.freedoms != 1)}"]
-        words += [f"{self.modes} modes of flexible bodies"] * (self.modes > 0)
+        modes = f"{self.modes} mode{'s' * (self.modes != 1)} of flexible bodies"
+        words += [modes] * (self.modes > 0)
         words += [f"{self.drives} drive{'s' * (self.drives != 1)}"] * (self.drives > 0)
         # A drive beside its joint closes no loop to speak of.
         words += ["closed loops"] * (self.loops and not self.tree) + ["contacts"] * self.contacts

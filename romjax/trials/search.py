@@ -119,7 +119,7 @@ class Search:
         times = as_array(ts).astype(system.q0.dtype)
         facts = Facts.of(scene, system)
         kinds = ", ".join(family.name for family in families(facts))
-        progress.tell(f"{facts.describe()}; models to try: {kinds}")
+        progress.tell(f"{facts.describe()}; models to try, in some order: {kinds}")
         progress.doing("full model")
         rtol, solver = settings.rtol, settings.solver
 
