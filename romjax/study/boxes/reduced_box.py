@@ -84,6 +84,10 @@ class ReducedBox:
         that it covers, by the held-out runs: the least of these factors that covers 19 of 20, or
         the largest one, which covers n of n + 1, where there are fewer than 19 (Wilks 1941).
 
+        Estimates are those by `finer`, as in `sweep_over` without a flow. `corrected` judges by a
+        flow, or by one more mode in each body for joint forces; for an estimate that this factor
+        covers give `by=ReducedBox.finer[0].model` to `romjax.corrected`.
+
         Infinite, and zero, without held-out runs or where nothing was estimated.
         """
         return covering(self.errors, self.guesses if self.finer else np.zeros(0))
