@@ -35,9 +35,9 @@ class Animation:
     - `deformation`: modal deformations are drawn as many times as large; a slider changes it.
     - `alternatives`: whether one model is shown at a time.
     - `outputs`: what the page plots under the motion.
-    - `colours`: what colours along bodies stand for, if there are any.
     - `title`: of the page.
     - `view`: azimuth against the x axis and elevation of the view of space at first [rad].
+    - `colours`: what colours along bodies stand for, if there are any.
     """
 
     t: Float[np.ndarray, " frames"]
@@ -46,9 +46,9 @@ class Animation:
     deformation: float = 1.0
     alternatives: bool = False
     outputs: Sequence[Output] = ()
-    colours: Colours | None = None
     title: str = "romjax"
     view: View = VIEW
+    colours: Colours | None = None
 
     def html(self, *, playing: bool = False) -> str:
         """The page; `playing`: whether it begins by itself."""
