@@ -70,12 +70,13 @@ def write(
     for name, content in pictures.items():
         written.append(folder / f"{name}.png")
         writing.write(written[-1], content)
-    if moving is not None:
-        written.append(filmed())
     for name, trajectory in {"full": truth, **approx}.items():
         words = name.replace("=", " ").replace(",", "").replace(" ", "_").lower()
         path = folder / f"trajectory_{words}.csv"
         written.append(_write_csv(path, trajectory, trajectory is truth))
+    # The last, so that all else is there should the other process have been ended.
+    if moving is not None:
+        written.append(filmed())
     return written
 
 
