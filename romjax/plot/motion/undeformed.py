@@ -15,8 +15,9 @@ from ...system.structure import without_names
 
 # Newton's steps: deflections are small, and the second step is for their squares.
 _STEPS = 2
-# Frames at once, so that any number of them is one program.
-_FRAMES = 64
+# Frames at once, so that any number of them is one program; fewer where their Jacobians have more
+# numbers than this.
+_FRAMES, _NUMBERS = 64, 2**24
 # Of what the rows are weighed by, so that joints that repeat others do no harm.
 _LEAST = 1e-12
 
@@ -48,14 +49,15 @@ def undeformed(
     scale = np.where(lengths, float(np.ptp(np.asarray(system.q0)[lengths])) or 1.0, 1.0)
     scale[modal] = 0.0
     bare = without_names(system)
-    for first in range(0, len(q), _FRAMES):
-        some = np.arange(first, first + _FRAMES).clip(max=len(q) - 1)
+    at_once = int(np.clip(_NUMBERS // (system.m * system.n), 1, _FRAMES))
+    for first in range(0, len(q), at_once):
+        some = np.arange(first, first + at_once).clip(max=len(q) - 1)
         at, own = as_jax(t[some]), moved[some]
         wanted, _ = jax.device_get(_joined(bare, at, as_jax(bent[some])))
         for _ in range(_STEPS):
             violation, rows = jax.device_get(_joined(bare, at, as_jax(own)))
             rows = rows * scale
-            weights = np.einsum("fij,fkj->fik", rows, rows)
+            weights = rows @ rows.swapaxes(1, 2)
             weights += _LEAST * np.trace(weights[0]) * np.eye(len(weights[0]))
             multipliers = np.linalg.solve(weights, (violation - wanted)[..., None])[..., 0]
             own = own - scale * np.einsum("fij,fi->fj", rows, multipliers)
