@@ -143,9 +143,14 @@ def test_work_on_another_core():
         os.kill(child.pid, signal.SIGINT)
         assert (result(), begin_there(os.getpid)()) == (5.0, child.pid)
     begin = time.monotonic()
-    with contextlib.suppress(KeyError), beside() as begin_there:
-        begin_there(time.sleep, 1000.0)
-        raise KeyError("meanwhile")
+
+    def fails():
+        with beside() as begin_there:
+            begin_there(time.sleep, 1000.0)
+            raise KeyError("meanwhile")
+
+    with pytest.raises(KeyError, match="meanwhile"):
+        fails()
     with beside() as begin_there:
         begin_there(time.sleep, 1000.0)
     assert time.monotonic() - begin < 500.0
