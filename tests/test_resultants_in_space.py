@@ -71,6 +71,34 @@ def test_bending_in_a_plane_is_that_of_a_beam_in_the_plane():
         assert_close(none, 0.0, IDENTITY, 1.0)
 
 
+def test_a_beam_without_modes_is_a_rigid_bar():
+    """Turning about z, under a force and a torque at a point: by the accelerations of a thin bar
+    and of sections that turn about it.
+    """
+    body = beam(bending=0, torsion=0, extension=0, angular_velocity=(0.0, 0.0, 3.0))
+    place, force, twist = 0.2, np.array([1.0, 2.0, -1.5]), 0.7
+    at = body.at((place, 0.0, 0.0))
+    loads = [
+        rj.Force(at, force, rj.Constant(np.linalg.norm(force))),
+        rj.spatial.Torque(at, (1.0, 0.0, 0.0), rj.Constant(twist)),
+    ]
+    system = rj.assemble(rj.Scene([body], [], loads))
+    cuts = np.array([-0.3, 0.0, 0.25])
+    found = rj.resultants(system, through(system), "beam", cuts)
+    # Across, of the point at x: F / m + x · (place F) / I.
+    rest, end, before = LENGTH / 2 - cuts, LENGTH / 2, cuts < place
+    share = rest / LENGTH
+    turning = MASS / (2 * LENGTH) * 3.0**2 * (end**2 - cuts**2)
+    assert_close(found.axial[0], force[0] * (before - share) + turning, IDENTITY, 10.0)
+    slope = MASS * place / (ACROSS * LENGTH)
+    across = before - share - slope * (end**2 - cuts**2) / 2
+    arm = before * (place - cuts) - share * rest / 2
+    arm -= slope * ((end**3 - cuts**3) / 3 - cuts * (end**2 - cuts**2) / 2)
+    assert_close(found.shear[0], across[:, None] * force[1:], IDENTITY, 10.0)
+    assert_close(found.moment[0, :, 0], twist * (before - share), IDENTITY)
+    assert_close(found.moment[0, :, 1:], arm[:, None] * [-force[2], force[1]], IDENTITY)
+
+
 def test_torsion_of_a_natural_mode():
     """The first mode of a free beam twists by cos π ξ, and its torque is GJ θ′: that of
     twelve polynomials converges to it.
