@@ -5,6 +5,7 @@ import gc
 import html
 import re
 import sys
+import types
 from importlib import resources
 
 import jax
@@ -20,6 +21,7 @@ from tolerances import IDENTITY
 
 import romjax as rj
 from romjax.assembly.outlines import MovingOutline, outlines
+from romjax.pages import report
 from romjax.plot.motion.arrows import arrow
 from romjax.plot.motion.designs import course
 from romjax.plot.motion.frames import Clock, Model, exaggeration, playing_rate
@@ -239,10 +241,14 @@ def test_resultants_are_colours(tmp_path):
     beams = zoo.system(zoo.falling_beams)
     falling = zoo.run(beams, np.linspace(0.0, 0.3, 31))
     name, half = "beam1", float(zoo.falling_beams().bodies[0].length) / 2
+
+    def along(animation):
+        outlines = animation.models[0].actual
+        return next(o.values for o in outlines if (o.part, o.style) == (name, "body"))
+
     shown = rj.animate(beams, falling, resultant="moment", deformation=2.0)
-    (line,) = (o for o in shown.models[0].actual if (o.part, o.style) == (name, "body"))
     wanted = rj.resultants(beams, falling, name, np.linspace(-half, half, 41)).moment
-    np.testing.assert_array_equal(line.values, wanted)
+    np.testing.assert_array_equal(along(shown), wanted)
     told = data(shown.html())
     (part,) = (x for x in told["models"][0]["parts"] if x["name"] == name)
     size = told["colours"]["largest"]
@@ -251,9 +257,17 @@ def test_resultants_are_colours(tmp_path):
     np.testing.assert_allclose(decode(part["values"], 31), wanted, atol=size / 500)
     assert [o["coloured"] for o in part["outlines"]] == [True]
     assert apart(decoded(told, 0, 2.0), shown.models[0].deformed(2.0)) <= PIXELS
-    with Image.open(shown.save(tmp_path / "x.gif", fps=10, seconds=0.1)) as picture:
-        colours = np.asarray(picture.convert("RGB")).reshape(-1, 3).astype(int)
-    assert np.max(np.ptp(colours, axis=1)) > 100  # not all grey
+    with Image.open(shown.save(tmp_path / "x.gif", fps=10, seconds=0.2)) as picture:
+        picture.seek(1)
+        colours = np.asarray(picture.convert("RGB")).astype(int)
+    # Not all grey, above the scale of colours.
+    assert np.max(np.ptp(colours[: len(colours) // 2], axis=2)) > 100
+    # As the positions of a run that has failed, those of its last output stay.
+    q, v = np.array(falling.q), np.array(falling.v)
+    q[20:], v[20:] = np.nan, np.nan
+    broken = dataclasses.replace(falling, q=jnp.asarray(q), v=jnp.asarray(v))
+    last = np.asarray(wanted)[np.minimum(np.arange(31), 19)]
+    np.testing.assert_array_equal(along(rj.animate(beams, broken, resultant="moment")), last)
 
 
 @pytest.mark.instant
@@ -457,6 +471,24 @@ def test_a_film_names_what_it_needs(moving, tmp_path, monkeypatch):
     assert not (tmp_path / "x.mp4").exists()
 
 
+def test_a_report_has_its_tables_where_its_film_fails(falling, tmp_path, monkeypatch):
+    """As where the process that makes the film is ended."""
+
+    def begin(*_, **__):
+        def film():
+            raise ChildProcessError("ended")
+
+        return film
+
+    monkeypatch.setattr(report, "_page", lambda *_: "")
+    result = types.SimpleNamespace(truth=falling, rows=[], runs=[])
+    study, example = types.SimpleNamespace(bases={}), types.SimpleNamespace(name="bars")
+    with pytest.raises(ChildProcessError, match="ended"):
+        report.write(result, study, zoo.bars(), example, tmp_path, True, {}, begin)
+    found = {path.name for path in tmp_path.iterdir()}
+    assert found == {"report.html", "responses.png", "trajectory_full.csv"}
+
+
 # What does not fit.
 
 
@@ -490,6 +522,8 @@ def test_runs_refuse(scene, run, hanging, falling):
         rj.animate(scene, run, labels=["a", "b"])
     with pytest.raises(rj.InputError, match="resultant is 'torque', but in the plane must be one"):
         rj.animate(hanging, falling, resultant="torque")
+    with pytest.raises(rj.InputError, match="resultant is 'moment'.* bodies are of RigidBody"):
+        rj.animate(hanging, falling, resultant="moment")
     with pytest.raises(rj.InputError, match="resultants are those of runs"):
         rj.animate(hanging, rj.modes(hanging), resultant="moment")
     with pytest.raises(rj.InputError, match="deformation is -1"):

@@ -73,6 +73,12 @@ def loads(
     values = _of_bodies(along_bodies(system, run, scene, quantity), bodies)
     arrows = _arrows(system, scene, run) if forces or not values else []
     index = _index(run, t, values, arrows)
+    for body, rows in values.items():
+        if not np.all(np.isfinite(rows[index])):
+            raise InputError(
+                f"loads: the {name} of '{body}' is not finite at t = {float(run.t[index]):.4g} s; "
+                "take another t, and see the run's summary()."
+            )
     (model,) = models(
         scene,
         np.asarray(run.t)[[index]],
@@ -82,7 +88,7 @@ def loads(
     scale = exaggeration([model]) if deformation is None else float(deformation)
     title = f"t = {float(run.t[index]):.4g} s"
     title += "" if scale == 1 else f", deformation × {scale:g}"
-    at = {body: np.nan_to_num(rows[[index]]) for body, rows in values.items()}
+    at = {body: rows[[index]] for body, rows in values.items()}
     shown = [a._replace(force=a.force[index]) for a in arrows] if forces else []
     return _drawn(model, scale, at, shown, name, title)
 

@@ -6,11 +6,13 @@ import numpy as np
 from jaxtyping import Int
 
 from ...assembly.outlines import MovingOutline
+from ...common.errors import InputError
 from ...integrate.trajectory import Trajectory
 from ...scene.scene import Scene
 from ..resultants import Quantity, along_bodies, at_cuts, largest, name_of
 from .arrows import check_mechanism
 from .frames import Model
+from .outputs import held
 
 
 class Colours(NamedTuple):
@@ -33,12 +35,20 @@ def with_resultants(
     """A model whose beams and rods have a stress resultant at their points, at the outputs `chosen`
     of its run; and what the colours stand for.
 
-    Raises InputError for a quantity that is not known, or a run that does not know its mechanism.
+    Where a run has ended they stay, as its positions do. Raises InputError for a quantity that is
+    not known, a run that does not know its mechanism, or one of a mechanism without beams and rods.
     """
     name = name_of("animate: resultant", quantity, scene.dimension)
     check_mechanism("resultants", run)
     values = along_bodies(run.system, run, scene, quantity)
-    shown = {body: np.nan_to_num(rows[chosen]) for body, rows in values.items()}
+    if not values:
+        kinds = sorted({type(body).__name__ for body in scene.bodies})
+        raise InputError(
+            f"animate: resultant is '{quantity}', but only a Beam or a Rod has it, and the bodies "
+            f"are of {', '.join(kinds)}; leave resultant out, or animate a run of the mechanism "
+            "with its beams as they are."
+        )
+    shown = {body: held(f"{name} of {body}", rows[chosen]) for body, rows in values.items()}
 
     def coloured(outline: MovingOutline) -> MovingOutline:
         if outline.style != "body" or outline.part not in shown:

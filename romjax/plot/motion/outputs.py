@@ -55,8 +55,9 @@ def outputs_of(
                 raise unknown_name("animate: outputs", "coordinate", name, labels)
         columns = [labels.index(name) for name in names]
     return [
-        Output(_named(runs[0], column), _held(np.stack([q[:, column] for q in courses], axis=1)))
+        Output(name, held(name, np.stack([q[:, column] for q in courses], axis=1)))
         for column in columns
+        for name in [_named(runs[0], column)]
     ]
 
 
@@ -81,14 +82,20 @@ def _given(
         columns.append(np.interp(t, times, numbers, right=numbers[-1]))
     if len(several) > len(runs):
         raise InputError(f"animate: '{name}' has {len(several)} curves for {len(runs)} runs.")
-    return Output(name, _held(np.stack(columns, axis=1)))
+    return Output(name, held(name, np.stack(columns, axis=1)))
 
 
-def _held(values: Float[np.ndarray, "frames curves"]) -> Float[np.ndarray, "frames curves"]:
-    """Repeat the last row where a run has ended, or has no number; before its start, the first."""
+def held(
+    name: str, values: Float[np.ndarray, "frames columns"]
+) -> Float[np.ndarray, "frames columns"]:
+    """Repeat the last number of each column where a run has ended, or has none; before its start,
+    the first.
+
+    Raises InputError for a column without any.
+    """
     known = np.isfinite(values)
     if not np.all(np.any(known, axis=0)):
-        raise InputError("animate: an output has no finite number.")
+        raise InputError(f"animate: '{name}' has no finite number; see the run's summary().")
     first = np.argmax(known, axis=0)
     count = np.arange(len(values))[:, None]
     # The number of the last row up to each that has a number.
