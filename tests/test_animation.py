@@ -66,6 +66,13 @@ def falling(hanging) -> rj.Trajectory:
     return zoo.run(hanging, np.linspace(0.0, 0.3, 31))
 
 
+def broken(run: rj.Trajectory) -> rj.Trajectory:
+    """A run that got to its first twenty outputs."""
+    q, v = np.array(run.q), np.array(run.v)
+    q[20:], v[20:] = np.nan, np.nan
+    return dataclasses.replace(run, q=jnp.asarray(q), v=jnp.asarray(v))
+
+
 # The page.
 
 
@@ -234,6 +241,9 @@ def test_forces_of_joints_are_arrows(hanging, falling):
     np.testing.assert_allclose(ways, scale * np.array(forces), atol=IDENTITY)
     np.testing.assert_allclose(arrows[0][:, 0], 0.0, atol=1e-6)
     assert apart(decoded(data(shown.html()), 0), shown.models[0].actual) <= PIXELS
+    shown = rj.animate(hanging, broken(falling), forces=True)
+    held = [o.points[19:] for o in shown.models[0].actual if o.part.startswith("force of ")]
+    np.testing.assert_array_equal(held, np.repeat(np.array(held)[:, :1], 12, axis=1))
 
 
 def test_resultants_are_colours(tmp_path):
@@ -262,12 +272,9 @@ def test_resultants_are_colours(tmp_path):
         colours = np.asarray(picture.convert("RGB")).astype(int)
     # Not all grey, above the scale of colours.
     assert np.max(np.ptp(colours[: len(colours) // 2], axis=2)) > 100
-    # As the positions of a run that has failed, those of its last output stay.
-    q, v = np.array(falling.q), np.array(falling.v)
-    q[20:], v[20:] = np.nan, np.nan
-    broken = dataclasses.replace(falling, q=jnp.asarray(q), v=jnp.asarray(v))
     last = np.asarray(wanted)[np.minimum(np.arange(31), 19)]
-    np.testing.assert_array_equal(along(rj.animate(beams, broken, resultant="moment")), last)
+    shown = rj.animate(beams, broken(falling), resultant="moment")
+    np.testing.assert_array_equal(along(shown), last)
 
 
 @pytest.mark.instant

@@ -70,7 +70,7 @@ def animate(
     - `view`: azimuth against the x axis and elevation of the view of space [rad]; the page's can be
       turned.
 
-    Raises InputError if runs and mechanism do not fit.
+    Raises InputError if runs and mechanism do not fit, or no body has the `resultant`.
     """
     traced = [trace] if isinstance(trace, Marker) else list(trace)
     given = 1.0 if deformation is None else float(deformation)

@@ -1,5 +1,7 @@
 """Forces of joints as arrows of a moving picture."""
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -8,31 +10,34 @@ from ...common.errors import InputError
 from ...integrate.trajectory import Trajectory
 from ...measure.forces import joint_forces
 from .frames import Model
+from .outputs import held
 
 LONGEST, HEAD = 0.15, 0.25  # of the picture's diagonal, and of an arrow
 
 
 def with_forces(model: Model, run: Trajectory, chosen: Int[np.ndarray, " frames"]) -> Model:
     """A model with the forces of its joints on the bodies of their first markers, at the outputs
-    `chosen` of its run. The longest arrow of all frames is a share of the picture.
+    `chosen` of its run. The longest arrow of all frames is a share of the picture; where a run has
+    ended, arrows stay as its positions do.
 
     Raises InputError for a run that does not know its mechanism.
     """
     check_mechanism("forces", run)
     table = joint_forces(run.system, run)
-    feet = {key: np.asarray(own.poses[0].position)[chosen] for key, own in table.items()}
-    forces = {key: np.asarray(own.force)[chosen] for key, own in table.items()}
+
+    def over_frames(what: str, values: dict[str, Any]) -> dict[str, np.ndarray]:
+        return {k: held(f"{what} of {k}", np.asarray(x)[chosen]) for k, x in values.items()}
+
+    feet = over_frames("place", {key: own.poses[0].position for key, own in table.items()})
+    forces = over_frames("force", {key: own.force for key, own in table.items()})
     places = np.concatenate(
         [o.points.reshape(-1, o.points.shape[2]) for o in model.actual if not o.endless]
     )
-    largest = max(
-        (float(np.nanmax(np.linalg.norm(x, axis=1))) for x in forces.values()), default=0.0
-    )
+    sizes = (float(np.max(np.linalg.norm(x, axis=1))) for x in forces.values())
+    largest = max(sizes, default=0.0)
     scale = LONGEST * float(np.linalg.norm(np.ptp(places, axis=0))) / (largest or 1.0)
     arrows = [
-        MovingOutline(
-            f"force of {key}", arrow(feet[key], scale * np.nan_to_num(force)), "load", False
-        )
+        MovingOutline(f"force of {key}", arrow(feet[key], scale * force), "load", False)
         for key, force in forces.items()
     ]
     undeformed = [*model.undeformed, *arrows] if model.undeformed else []
