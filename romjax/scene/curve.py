@@ -18,6 +18,10 @@ from .fields import Converted, check_numbers, number
 _STEPS = 12
 # Those among them that derivatives pass through: k of them give derivatives of the order 2ᵏ − 1.
 _DIFFERENTIATED = 2
+# To each side of a point, over which the nearest point of a polynomial is sought.
+_CHORDS = 24
+# A lower bound, a number and an upper bound.
+_Bracket = tuple[Array, Array, Array]
 
 
 class AbstractTrack(eqx.Module):
@@ -132,41 +136,76 @@ class Polynomial(AbstractCurve):
         """To the foot where a point is inside; of first order outside, where that may be far."""
         height = self(point)
         inside = height < 0
-        # Outside, a point of the curve stands in, where Newton's method has nothing to do.
+        # Outside, a point of the curve stands in, which is its own foot.
         near = jnp.where(inside, point, point.at[1].add(-height))
-        x = self._below(near)
-        deep = self._normal(x) @ (near - self._at(x))
-        return jnp.where(inside, deep, self._normal(point[0])[1] * height)
+        x = self._nearest(near)
+        y, slope, _ = self._rise(x)
+        deep = (near[1] - y - slope * (near[0] - x)) / jnp.sqrt(1 + slope**2)
+        # Between a point and the nearest one of all is nothing of the curve; one that is only the
+        # nearest of its neighbourhood may be seen from the other side.
+        deep = jnp.where(deep > 0, -deep, deep)
+        return jnp.where(inside, deep, height / jnp.sqrt(1 + self._rise(point[0])[1] ** 2))
 
-    def _below(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        """The x of the foot, by Newton's method in it alone from where the curve is above or below;
-        differentiated as `foot` is.
+    def _nearest(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        """The x of the foot, by Newton's method over each of some chords, the nearest of what it
+        finds; differentiated as `foot` is.
+
+        The foot is no farther than the curve is above or below the point. Chords are the shorter
+        the nearer, as steep curves have their feet at a small share of that.
         """
-
-        def nearer(x: Array, curve: "Polynomial", point: Array) -> Array:
-            def slope(x: Array) -> Array:
-                found: Array = jax.grad(lambda x: 0.5 * jnp.sum((point - curve._at(x)) ** 2))(x)
-                return found
-
-            value, bend = jax.jvp(slope, (x,), (jnp.ones_like(x),))
-            after: Array = x - value / bend
-            return after
-
         curve, still = jax.lax.stop_gradient((self, point))
-        free = _STEPS - _DIFFERENTIATED
-        x, _ = jax.lax.scan(
-            lambda x, _: (nearer(x, curve, still), None), still[0], None, length=free
-        )
+        shares = np.geomspace(1e-4, 1.0, _CHORDS)
+        ends = still[0] + jnp.abs(curve(still)) * np.concatenate([-shares[::-1], [0.0], shares])
+        tops = curve._rise(ends)[0]
+        wide, high = jnp.diff(ends), jnp.diff(tops)
+        # Chords have no length where the point is on the curve.
+        squares = jnp.maximum(wide**2 + high**2, jnp.finfo(ends.dtype).tiny)
+        along = (still[0] - ends[:-1]) * wide + (still[1] - tops[:-1]) * high
+        start = ends[:-1] + jnp.clip(along / squares, 0.0, 1.0) * wide
+
+        def nearer(bracket: _Bracket, _: None) -> tuple[_Bracket, None]:
+            low, x, high = bracket
+            slope, bend = curve._away(still, x)
+            low, high = jnp.where(slope < 0, x, low), jnp.where(slope > 0, x, high)
+            after = x - slope / bend
+            within = (low <= after) & (after <= high)
+            return (low, jnp.where(within, after, (low + high) / 2), high), None
+
+        bracket = ends[:-1], start, ends[1:]
+        found = jax.lax.scan(nearer, bracket, None, length=_STEPS)[0][1]
+        squares = (found - still[0]) ** 2 + (curve._rise(found)[0] - still[1]) ** 2
+        x = found[jnp.argmin(squares)]
         for _ in range(_DIFFERENTIATED):
-            x = nearer(x, self, point)
+            slope, bend = self._away(point, x)
+            x = x - slope / bend
         return x
 
-    def _normal(self, x: Float[Array, ""]) -> Float[Array, "2"]:
-        slope = jax.grad(lambda x: self._at(x)[1])(x)
-        return jnp.stack([-slope, jnp.ones_like(slope)]) / jnp.sqrt(1 + slope**2)
+    def _away(
+        self, point: Float[Array, "2"], x: Float[Array, "*k"]
+    ) -> tuple[Float[Array, "*k"], Float[Array, "*k"]]:
+        """The first two derivatives by x of half of the squared distance of a point.
 
-    def _at(self, x: Float[Array, ""]) -> Float[Array, "2"]:
-        return jnp.stack([x, jnp.polyval(self.coefficients[::-1], x)])
+        The second is zero where the point is the centre of curvature, so that the foot has no
+        derivative: there it is a little of what it would be on a straight line.
+        """
+        y, slope, bend = self._rise(x)
+        straight = 1 + slope**2
+        second = straight + (y - point[1]) * bend
+        least = np.cbrt(jnp.finfo(x.dtype).eps) * straight
+        return x - point[0] + (y - point[1]) * slope, jnp.maximum(second, least)
+
+    def _rise(self, x: Float[Array, "*k"]) -> tuple[Float[Array, "*k"], ...]:
+        """The height of the curve at x, and its first two derivatives."""
+
+        def height(x: Array) -> Array:
+            return jnp.polyval(self.coefficients[::-1], x)
+
+        def slope(x: Array) -> tuple[Array, Array]:
+            both: tuple[Array, Array] = jax.jvp(height, (x,), (jnp.ones_like(x),))
+            return both
+
+        (y, first), (_, second) = jax.jvp(slope, (x,), (jnp.ones_like(x),))
+        return y, first, second
 
     def check(self, owner: str) -> None:
         check_numbers(owner, self, "coefficients", shape=(None,), prefix="Polynomial.")
