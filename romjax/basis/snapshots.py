@@ -251,9 +251,7 @@ def _weigh(
 
 @program
 def time_weights(t: Float[Array, " h"]) -> Float[Array, " h"]:
-    """√w of the trapezoidal rule."""
-    # The square root of the trapezoidal rule: sums of squares of weighted snapshots are integrals
-    # over time.
+    """√w of the trapezoidal rule, by which sums of squares are integrals over time."""
     step, none = jnp.diff(t), jnp.zeros(1, t.dtype)
     return jnp.sqrt(0.5 * (jnp.append(step, none) + jnp.append(none, step)))
 

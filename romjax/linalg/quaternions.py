@@ -67,7 +67,6 @@ def cross(a: Triple, b: Triple) -> Triple:
 
 def rotate(p: Quaternion, x: Triple) -> Triple:
     """A(p) x = E Gᵀ x / s, which takes half as many operations as cross products with the axis."""
-    # A = E Gᵀ / |p|²: two thin products take half of the operations of the matrix.
     turned = apply(space_matrix(p), apply_transposed(body_matrix(p), x))
     return turned / squared(p)[..., None]
 
@@ -113,8 +112,7 @@ def body_angular_velocity(p: Quaternion, rate: Quaternion) -> Triple:
 
 
 def derivative(p: Quaternion, angular_velocity: Triple) -> Quaternion:
-    """ṗ = ½ Eᵀ ω of an angular velocity by the axes of space [rad/s]; it keeps the length."""
-    # ṗ = ½ Eᵀ ω keeps |p|, since E p = 0.
+    """ṗ = ½ Eᵀ ω of an angular velocity by the axes of space [rad/s]; as E p = 0, it keeps |p|."""
     return 0.5 * apply_transposed(space_matrix(p), angular_velocity)
 
 

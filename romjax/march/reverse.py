@@ -216,7 +216,7 @@ def _differentiable(tree: PyTree) -> list[Array]:
 
 
 def _counting(cotangents: dict[str, Any], seen: dict[str, PyTree]) -> dict[str, PyTree]:
-    """Return the cotangents of what followers have `seen` whom something depends on; zeros where
+    """Return the cotangents of what followers have `seen` on which something depends; zeros where
     they are missing.
     """
     moving = {name: eqx.filter(each, eqx.is_inexact_array) for name, each in seen.items()}

@@ -62,8 +62,7 @@ def moved(motion: str, *poses: Pose) -> Float[Array, ""]:
 
 def _turned(motion: str, r: Float[Array, "3 3"]) -> Float[Array, ""]:
     """An angle of the rotation R = X(θ₁) Y(θ₂), or X(θ₁) Y(θ₂) Z(θ₃) of three."""
-    # Cardan angles of R = R_x(α) R_y(β) R_z(γ), from those entries that do not mix them; with two,
-    # γ = 0.
+    # By those entries that do not mix the angles.
     if motion == "1 of 2":
         return jnp.arctan2(r[2, 1], r[1, 1])
     if motion == "2 of 2":

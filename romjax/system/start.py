@@ -85,8 +85,7 @@ class Start(NamedTuple):
 
 
 def _worst(values: Float[Array, " m"], allowed: Float[Array, " m"]) -> int:
-    """The first of those that are largest but for rounding."""
-    # The first of those that are equally bad but for rounding, whatever the machine.
+    """The first of those that are largest but for rounding, whatever the machine."""
     share = np.abs(np.asarray(values)) / np.maximum(np.asarray(allowed), 1e-300)
     return int(np.argmax(~(share < (1 - 1e-6) * np.max(share))))
 

@@ -62,7 +62,7 @@ def page(
     - `title`: of the document.
     - `t`, `models`, `clock`: what it shows.
     - `deformation`, `view`: at first.
-    - `outputs`: what is plotted under the motion. `colours`: what they stand for.
+    - `outputs`: what is plotted under the motion. `colours`: the colours of loads, and their scale.
     - `alternatives`: whether one model is shown at a time, not all over each other.
     - `playing`: whether it begins by itself.
     """

@@ -78,8 +78,6 @@ class Rectangle(AbstractSection):
         """Saint-Venant's series (Timoshenko and Goodier, "Theory of Elasticity", section 109), of
         which the terms fall as n⁻⁵, to 1e-8 for any ratio of the sides.
         """
-        # Saint-Venant's series (Timoshenko and Goodier, "Theory of Elasticity", section 109), which
-        # falls with the fifth power.
         odd = np.arange(1, 40, 2)
         thin, long = jnp.minimum(self.width, self.height), jnp.maximum(self.width, self.height)
         series = jnp.sum(jnp.tanh(odd * np.pi / 2 * long / thin) / odd**5)

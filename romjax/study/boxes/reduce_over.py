@@ -96,7 +96,6 @@ def _points(box: Box, candidates: int, held_out: int, seed: int) -> dict[str, np
     Errors are largest, and motions reach farthest, in corners of the box as a rule: these come
     first, unless they are more than half of the candidates.
     """
-    # Extremes of a box are often its corners, as long as these are few.
     corners = 2 ** len(box.ranges)
     corners = corners if 2 * corners <= candidates else 0
     within = box.sample(candidates - corners + held_out, seed)

@@ -102,7 +102,6 @@ def _of_sections(
     linear = each(lambda j: np.einsum("kiab,bc->iack", tilde, j))
 
     def square(j: np.ndarray) -> np.ndarray:
-        # Sections turn by R = 1 + θ̃ + ½ θ̃²: of R J Rᵀ this is what is of second order.
         outer = 0.5 * np.einsum("kiab,libc,cd->iadkl", tilde, tilde, j)
         total = outer + outer.transpose(0, 2, 1, 3, 4)
         total -= np.einsum("kiab,bc,licd->iadkl", tilde, j, tilde)
