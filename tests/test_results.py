@@ -16,6 +16,7 @@ import romjax as rj
 from romjax.common import compat
 from romjax.common.partition import Partitioned
 from romjax.integrate.derived import LazyQuantities
+from romjax.integrate.error_bar import ErrorBar
 from romjax.integrate.status import REMEDIES, Status
 from romjax.plot.motion.designs import course
 
@@ -94,8 +95,13 @@ def test_a_summary_says_how_it_went(pendulum, swung):
     assert f"{float(np.max(swung.violation)):.1e}; energy balances to " in words
     doubtful = dataclasses.replace(swung, flags=np.asarray(int(rj.Flag.CAPPED)))
     assert doubtful.summary().startswith(words + "; modes above the cap vibrate")
+    wrong = ErrorBar(np.asarray(0.06), "local, 8 modes")
+    told = dataclasses.replace(swung, flags=wrong.flags, bar=wrong).summary()
+    assert told == f"{words}; {wrong.describe()}"
     both = dataclasses.replace(swung, status=np.array([0, int(rj.Status.MAX_STEPS)]))
     assert both.summary().startswith("1 of 2 runs succeeded; lane 1: MAX_STEPS: ")
+    nested = dataclasses.replace(swung, status=int(rj.Status.MAX_STEPS) * np.eye(2, 3, 2, int))
+    assert nested.summary().startswith("5 of 6 runs succeeded; lane 0, 2: MAX_STEPS: ")
 
 
 def test_a_run_that_stopped_is_kept_and_drawn(pendulum, tmp_path):
@@ -218,7 +224,8 @@ def test_failed_runs_events_and_dense_output(pendulum, swung, tmp_path):
     failed = swing(pendulum, max_steps=3)
     assert failed.status == Status.MAX_STEPS
     assert int(failed.flags) == 0  # what it has not got to is no motion below its tolerances
-    assert np.array_equal(np.all(np.isnan(failed.q), axis=1), np.arange(5) > 0)
+    for seen in (failed.q, failed.imbalance[:, None]):
+        assert np.array_equal(np.all(np.isnan(seen), axis=1), np.arange(5) > 0)
     failed.save(path)
     check_same_run(rj.load(path), failed)
     assert REMEDIES[Status.MAX_STEPS] in xarray.open_dataset(path).status_words

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..system.flags import WORDS
+from ..system.flags import WORDS, Flag
 from .status import REMEDIES, Status
 
 
@@ -13,13 +13,15 @@ def summary(run: Any) -> str:
     well its constraints and its energy hold, what its flags say, and the error that a corrected run
     tells. Of several, how many succeeded, and the first that did not.
     """
-    statuses = np.atleast_1d(np.asarray(run.status))
-    failed = [i for i, status in enumerate(statuses.tolist()) if status != Status.SUCCESS]
-    if run.status.ndim:
-        count = f"{len(statuses) - len(failed)} of {len(statuses)} runs succeeded"
-        return count + "".join(f"; lane {i}: {_failure(statuses[i])}" for i in failed[:1])
-    if failed:
-        return _failure(statuses[0])
+    status = np.asarray(run.status)
+    failed = np.argwhere(status != Status.SUCCESS)
+    if status.ndim:
+        count = f"{status.size - len(failed)} of {status.size} runs succeeded"
+        for lane in failed[:1].tolist():
+            count += f"; lane {', '.join(map(str, lane))}: {_failure(status[tuple(lane)])}"
+        return count
+    if len(failed):
+        return _failure(status)
     steps, method = int(run.stats.num_steps), run.solver_name
     words = [f"success: {steps} steps of {method} to t = {float(run.t[-1]):.4g} s"]
     violation = float(np.max(np.asarray(run.violation), initial=0.0))
@@ -29,7 +31,10 @@ def summary(run: Any) -> str:
     if balance is not None and float(balance.extent) > 0:
         share = float(balance.largest) / float(balance.extent)
         words.append(f"energy balances to {share:.1e} of what moves")
-    words += [words_of for flag, words_of in WORDS.items() if int(run.flags) & flag]
+    flags = int(run.flags)
+    if run.bar is not None:
+        flags &= ~Flag.ESTIMATE  # which its own words say
+    words += [words_of for flag, words_of in WORDS.items() if flags & flag]
     if run.bar is not None:
         words.append(run.bar.describe())
     return "; ".join(words)

@@ -80,4 +80,5 @@ class Outputs(AbstractFollower):
             late = missing.reshape(-1, *[1] * (rows.ndim - 1))
             return jnp.where(late, unknown.astype(rows.dtype), rows)
 
-        return seen._replace(rows=jax.tree.map(put, seen.rows))
+        rows, beside = jax.tree.map(put, (seen.rows, seen.beside))
+        return seen._replace(rows=rows, beside=beside)
