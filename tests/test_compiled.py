@@ -54,7 +54,7 @@ def compared(system, ts=TS, **settings):
     for name in ("q", "v", "violation"):
         one, other = getattr(native, name), np.asarray(getattr(usual, name))
         reached = np.isfinite(other)
-        np.testing.assert_array_equal(np.isfinite(one), reached)
+        np.testing.assert_array_equal(np.isnan(one), ~reached)
         largest = 1 + np.max(np.abs(other[reached]))
         assert_close(one[reached], other[reached], ALIKE * settings.get("rtol", 1e-6), largest)
     return native, usual
@@ -122,6 +122,11 @@ def test_what_fails_says_so():
     model = rj.compile(zoo.system(zoo.bar))
     with pytest.raises(rj.SimulationError, match="Dopri8 took 3 steps"):
         model.simulate(TS, max_steps=3)
+    failed = model.simulate(TS, max_steps=3, throw=False)
+    for rows in (failed.q, failed.v, failed.violation[:, None]):
+        assert np.array_equal(np.all(np.isnan(rows), axis=1), np.any(np.isnan(rows), axis=1))
+        assert np.isnan(rows[-1, 0])
+        assert np.isfinite(rows[0, 0])
     with pytest.raises(ValueError, match="the start violates"):
         model.simulate(TS, q0=np.array([0.5, 0.3, 0.0]))
     falling = rj.CustomSystem(

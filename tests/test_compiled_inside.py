@@ -147,8 +147,14 @@ def test_fits_sweeps_and_likelihoods_take_it(model):
 
 @pytest.mark.slow
 def test_failures_are_told(model):
-    run = jax.jit(lambda p: moved(model, p, max_steps=3, throw=False))(jnp.array([1.0, 1.0]))
-    assert int(run.status) == rj.Status.MAX_STEPS
+    def failed(p):
+        run = moved(model, p, max_steps=3, throw=False)
+        return run.q, run.status
+
+    point = jnp.array([1.0, 1.0])
+    (q, status), (slope, _) = jax.jit(lambda p: jax.jvp(failed, (p,), (p,)))(point)
+    assert int(status) == rj.Status.MAX_STEPS
+    assert np.all(np.isnan([q[-1], slope[-1]]))
     with pytest.raises(rj.SimulationError, match="took 3 steps"):
         moved(model, (1.0, 1.0), max_steps=3)
     with pytest.raises(ValueError, match="the start violates"):

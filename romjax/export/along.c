@@ -120,8 +120,8 @@ static void accept_along(const directions *along, const settings *s, tangent *d)
 /* Rows that the run does not get to. */
 static void end_along(const directions *along, int64_t row, int64_t rows) {
   for (int64_t c = 0; c < along->count; c++) {
-    for (int64_t i = row * FULL; i < rows * FULL; i++) along->q[c][i] = along->v[c][i] = 0;
-    for (int64_t i = row * X; i < rows * X; i++) along->x[c][i] = 0;
+    for (int64_t i = row * FULL; i < rows * FULL; i++) along->q[c][i] = along->v[c][i] = NAN;
+    for (int64_t i = row * X; i < rows * X; i++) along->x[c][i] = NAN;
   }
 }
 #endif

@@ -127,7 +127,7 @@ static void begin_run(const double *x0, const settings *s, int own, double *y) {
 /* One run. `given`: alpha, beta, parameters; `numbers`: rtol, atol, dt (0: step size control);
  * `counts`: method, whether tolerances follow the motion, most steps, and whether the positions (1)
  * and velocities (2) at the start are those of the parameters; `told`: steps, accepted ones,
- * status, flags. Rows that the run does not get to are infinite. Libraries with derivatives always
+ * status, flags. Rows that the run does not get to are NaN. Libraries with derivatives always
  * get directions; others get NULL. */
 void model_run(const double *x0, const double *given, const double *ts, int64_t rows,
                const double *numbers, const int64_t *counts, double *q, double *v, double *x,
@@ -186,9 +186,9 @@ void model_run(const double *x0, const double *given, const double *ts, int64_t 
   end_along(along, row, rows);
 #endif
   for (; row < rows; row++) {
-    for (int i = 0; i < FULL; i++) q[row * FULL + i] = v[row * FULL + i] = INFINITY;
-    for (int i = 0; i < X; i++) x[row * X + i] = INFINITY;
-    violation[row] = INFINITY;
+    for (int i = 0; i < FULL; i++) q[row * FULL + i] = v[row * FULL + i] = NAN;
+    for (int i = 0; i < X; i++) x[row * X + i] = NAN;
+    violation[row] = NAN;
     out.finite = 0;
   }
   if (status == SUCCESS && !out.finite) status = NOT_FINITE;
