@@ -8,6 +8,7 @@ import pytest
 from tolerances import IDENTITY
 
 import romjax as rj
+from romjax.assembly.disassemble import disassemble
 
 r = rj.spatial
 MASS, INERTIA, LENGTH, ANGLE, SPIN, GRAVITY = 2.0, 0.1, 0.3, 0.4, 0.7, 9.81
@@ -88,3 +89,23 @@ def test_files_and_other_bodies_keep_markers(tmp_path):
         np.testing.assert_allclose(effect.a.point, body.named_points()["tip"], atol=IDENTITY)
     first, second = (accelerations(x) for x in (scene, scene.replace("body", plain)))
     np.testing.assert_allclose(first, second, atol=10 * IDENTITY)
+
+
+def test_a_system_gives_its_scene_back():
+    """Markers of joints and effects are where they were, in the plane and in space."""
+    body = moving((0.1, 0.2, -0.3))
+    ends = body.at("tip", axis=(0.0, 1.0, 0.0)), rj.ground.at((0.0, 0.0, 0.0))
+    spring = rj.Spring(body.at((0.3, 0.1, 0.2)), ends[1], 100.0)
+    for scene in (
+        pendulum(jnp.array([0.2, -LENGTH])),
+        rj.Scene([body], [r.Spherical(*ends, name="ball")], [spring]),
+    ):
+        found = disassemble(rj.assemble(scene))
+        assert [m.body for m in markers(found)] == [m.body for m in markers(scene)]
+        for marker, wanted in zip(markers(found), markers(scene), strict=True):
+            np.testing.assert_allclose(marker.point, wanted.point, atol=IDENTITY)
+            np.testing.assert_allclose(marker.turn, wanted.turn, atol=IDENTITY)
+
+
+def markers(scene: rj.Scene):
+    return [marker for part in (*scene.joints, *scene.effects) for marker in part.markers]

@@ -8,6 +8,7 @@ import jax.tree_util as jtu
 
 from ..common.arrays import as_array, pick
 from ..scene.marker import GROUND, Marker
+from ..scene.placing import from_centre
 from ..scene.scene import Scene
 from .assembled import AssembledSystem
 from .counting import without_counters
@@ -22,24 +23,23 @@ def disassemble(system: AssembledSystem) -> Scene:
     `assemble` makes the same system of them, but for a start (`q0`, `v0`) that was set since.
     """
     labels = [coordinate.owner for coordinate in system.structure.coordinates]
-    bodies, owners = {}, [GROUND] * (system.n + 1)
+    bodies = {}
     for group in without_counters(system.bodies):
         for row, columns in enumerate(group.coordinates.rows):
             # Inside compiled programs nothing has a name.
             name = labels[columns[0]] or f"body {columns[0]}"
             bodies[columns[0]] = with_name(member(group.bodies, row), name)
-            owners[columns[0]] = name
 
     # Joints and effects are named in the order of their groups.
     joints, effects = {}, list[Any](system.fields)
     names = itertools.chain(system.structure.joints, itertools.repeat(""))
     for joined in without_counters(system.joints):
-        mark = _marking(joined, system.joint_markers, owners)
+        mark = _marking(joined, system.joint_markers, bodies)
         for row, rows in enumerate(joined.rows.rows):
             joints[rows[0]] = _named(mark(member(joined.joints, row), row), next(names))
     names = itertools.chain(system.structure.effects, itertools.repeat(""))
     for acting in system.effects:
-        mark = _marking(acting, system.effect_markers, owners)
+        mark = _marking(acting, system.effect_markers, bodies)
         for row in range(acting.markers.count):
             effects.append(_named(mark(member(acting.effects, row), row), next(names)))
     effects += [controller.sampled for controller in system.controllers]
@@ -53,9 +53,11 @@ def _in_order(parts: dict[int, Any]) -> list[Any]:
 
 
 def _marking(
-    group: JointGroup | EffectGroup, markers: Markers | None, owners: list[str]
+    group: JointGroup | EffectGroup, markers: Markers | None, bodies: dict[int, Any]
 ) -> Callable[[Any, int], Any]:
-    """Return a function that puts the markers of an element of a group on their bodies."""
+    """Return a function that puts the markers of an element of a group on their `bodies`, which are
+    by their first coordinates.
+    """
     assert markers is not None
     blocks, known = group.markers, markers
 
@@ -66,8 +68,12 @@ def _marking(
             if not isinstance(leaf, Marker):
                 return leaf
             number = next(numbers)
-            owner = owners[known.frames.rows[number][0]]
-            return Marker(owner, pick(known.points, number), pick(known.turns, number))
+            body = bodies.get(known.frames.rows[number][0])
+            point, turn = pick(known.points, number), pick(known.turns, number)
+            # Points are kept from the origin of the coordinates, markers give them in the frame.
+            if body is not None and body.centre is not None:
+                point = from_centre(point, body.centre, sign=-1)
+            return Marker(GROUND if body is None else body.name, point, turn)
 
         return jtu.tree_map(put, element, is_leaf=lambda x: isinstance(x, Marker))
 

@@ -120,10 +120,12 @@ def _local(body: Any, q: Array, point: Vector) -> Pose:
     return Pose(as_array(arm), as_array(turn))
 
 
-def from_centre(points: Any, centre: Any) -> Any:
-    """Points of a body (…, d) from the origin of its coordinates, which is at `centre` [m]."""
+def from_centre(points: Any, centre: Any, sign: int = 1) -> Any:
+    """Points of a body (…, d) from the origin of its coordinates, which is at `centre` [m]; or back
+    in its frame, by a negative `sign`.
+    """
     points, centre = untraced(points, centre)
-    return as_jax(points - namespace(points).broadcast_to(centre, points.shape))
+    return as_jax(points - sign * namespace(points).broadcast_to(centre, points.shape))
 
 
 def apart(
