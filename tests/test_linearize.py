@@ -132,6 +132,34 @@ def test_an_input_of_a_signal_that_changes_is_refused(system):
     assert_close(one, np.eye(system.n)[along], IDENTITY)
 
 
+def test_inputs_that_count_turns_in_space():
+    """Strength times speed is their power; they have no counter in the system."""
+    angle, spin = 0.4, 0.7
+    axis = {"axis": (1.0, 2.0, 2.0)}
+    body = rj.spatial.RigidBody(
+        "body",
+        2.0,
+        (0.3, 0.2, 0.1),
+        orientation=rj.spatial.rotation(axis["axis"], angle),
+        angular_velocity=spin * np.array([1.0, 2.0, 2.0]) / 3,
+    )
+    ends = body.at((0.0, 0.0, 0.0), **axis), rj.ground.at((0.0, 0.0, 0.0), **axis)
+    system = rj.assemble(rj.Scene([body], [rj.Revolute(*ends)]))
+    servo = {"proportional": 5.0, "derivative": 2.0}
+    inputs = [
+        rj.Actuator(*ends, rj.Constant(1.0), gain=3.0, **servo),
+        rj.Motor(*ends, rj.Constant(1.0), **servo),
+        rj.JointSpring(*ends, 6.0),
+        rj.TorsionSpring(*ends, 7.0),
+    ]
+    forces = jax.jit(
+        lambda: [force_of("linearize", system, x, 0.0, system.q0, system.v0) for x in inputs]
+    )()
+    powers = np.array(forces) @ np.asarray(system.v0)
+    strengths = np.array([3.0, 5.0, -6.0 * angle, -7.0 * angle])
+    assert_close(powers, spin * strengths, IDENTITY, scale=10.0)
+
+
 def test_frequency_response(model):
     omega = np.array([0.0, 3.0, 20.0])
     found = np.asarray(model.frequency_response(omega))

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float
 
+from ..assembly.counting import counters_at_zero
 from ..assembly.linear_bodies import warn_of_linear_bodies
 from ..assembly.locate import locate
 from ..common.arrays import Vector, as_array
@@ -75,7 +76,8 @@ def linearize(
     - `inputs`: by name, effects as they act with unit strength, such as
       `{"push": rj.Force(cart.at(), (1, 0), rj.Constant(1.0))}`, or functions (t, q, v) of physical
       coordinates that return generalized forces (n,). Of an effect with a signal it is what the
-      signal changes, such as the gain of a servo, whose feedback is a part of the scene.
+      signal changes, such as the gain of a servo, whose feedback is a part of the scene. Of an
+      angle that counts full turns in space, no turn is counted.
     - `outputs`: labels of physical coordinates, "cart.x", and of their rates, "cart.x'"; or by
       name, such labels, quantities of `romjax.quantity`, or functions (t, q, v) of physical
       coordinates that return a number.
@@ -178,10 +180,12 @@ def force_of(
     each, twists = [
         [jax.tree.map(lambda x, i=i: x[i], stacked) for i in range(count)] for stacked in motion
     ]
+    counters = counters_at_zero(what, q.dtype)
+    sides, rates = (*each, *counters[0]), (*twists, *counters[1])
 
     def wrenches(what: AbstractMarkerEffect) -> Any:
-        each_wrench = what.wrenches(t, tuple(each), tuple(twists) if what.needs_twists else ())
-        return jax.tree.map(lambda *x: jnp.stack(x), *each_wrench)
+        every = what.wrenches(t, sides, rates if what.needs_twists else ())
+        return jax.tree.map(lambda *x: jnp.stack(x), *every[:count])
 
     acting = wrenches(what)
     if without is not None:

@@ -15,7 +15,7 @@ from ..compiling.program import program_once
 from ..linalg.indexing import take
 from ..linalg.inverse_mass import InverseMass
 from ..scene.effect.joint_inertia import JointInertia
-from ..scene.marker import Marker
+from ..scene.marker import Marker, Pose, Twist
 from ..scene.state_carrier import StateCarrier
 from ..scene.turn_counter import CounterJoint, TurnCounter
 from ..system.structure import COUNTER_INERTIA
@@ -49,6 +49,13 @@ def counters_of(
             markers = (*markers, marker)
         sides.append(markers)
     return counters, holding, sides
+
+
+def counters_at_zero(part: Any, dtype: Any) -> tuple[list[Pose], list[Twist]]:
+    """The poses and twists of the counters of a part that no system has: no turn is counted."""
+    count, none = len(part.counted) if _in_space(part) else 0, jnp.zeros(3, dtype)
+    pose = Pose(none, jnp.array([1, 0, 0, 0], dtype))
+    return [pose] * count, [Twist(none, none)] * count
 
 
 def carriers_of(
