@@ -20,4 +20,4 @@ if __name__ == "__main__":
         scene, full, reduced, labels=["full: 8 coordinates", "reduced: 3 coordinates"]
     )
     target = sys.argv[1] if sys.argv[1:] else Path(__file__).with_suffix(".gif")
-    moving.save(target, fps=12, seconds=4)
+    moving.save(target, fps=10, seconds=4)
