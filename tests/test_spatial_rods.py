@@ -16,6 +16,8 @@ from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
 from romjax import spatial as r
+from romjax.compiling import jaxprs
+from romjax.events.passage import Passage
 from romjax.linalg import quaternions
 from romjax.scene.body.strains import legendre
 from romjax.scene.fields import number
@@ -321,3 +323,23 @@ def test_rooms_that_take_shapes_for_linear_refuse_rods():
     beyond = r.Weld(one.at((1.0, 0.0, 0.0)), rj.ground.at((0.0, 0.0, 0.0)))
     with pytest.raises(rj.SceneError, match=r"'rod' is 0\.35 m beyond its end.*y and z"):
         rj.assemble(rj.Scene([one], [beyond]))
+
+
+def test_a_contact_adds_no_second_kinematics_to_programs():
+    """What two ask for of a rod is computed once, and the equations of motion near a surface."""
+    body = rod(3)
+    contact = r.Contact(body.at("end"), rj.ground.at((0.0, 0.0, -1.0)), r.Plane(), 1e3)
+    system = rj.assemble(rj.Scene([body], effects=[contact]))
+    q, v, markers = system.q0, system.v0, system.effect_markers
+
+    def size(function):
+        return len(list(jaxprs.equations(jaxprs.merged(jax.make_jaxpr(function)(q, v)).jaxpr)))
+
+    one = size(lambda q, v: markers.jacobian(q))
+    assert size(lambda q, v: [markers.jacobian(q), markers.jacobian(q)]) == one
+    assert size(lambda q, v: [markers.poses(q), markers.jacobian(q)]) < 1.1 * one
+    passage = Passage(system, None, None, np.asarray(1e-6))
+    time = np.ones(())
+    ends = jax.make_jaxpr(lambda t, q, v: passage.next_end(t, (q, v), 2.0 * t, t > 0))(time, q, v)
+    names = [e.params.get("name") for e in jaxprs.equations(ends.jaxpr)]
+    assert names.count("solve") == 1

@@ -102,9 +102,10 @@ class Passage(AbstractPassage):
         κ (u T)^(3/2) T = u.
         """
         y = jax.lax.stop_gradient(y)
-        near = self._noise + _NOW * (planned - t) * jnp.abs(self._rates(t, y))
+        gaps, rates = self._gaps_and_rates(t, y)
+        near = self._noise + _NOW * (planned - t) * jnp.abs(rates)
         end: Array = jax.lax.cond(
-            keep & jnp.any(self._gaps(t, y) > -near),
+            keep & jnp.any(gaps > -near),
             lambda: self._to_contact(t, y, planned),
             lambda: planned,
         )
@@ -113,7 +114,15 @@ class Passage(AbstractPassage):
     def _to_contact(self, t: Array, y: Any, planned: Array) -> Array:
         q, v, *chart = y
         h, noise, system = planned - t, self._noise, local_system(self.system, self.post_step, y)
-        a = solve(system, t, q, v, self.stabilization).acceleration
+        tried = 2 * _NOW * h
+
+        def accelerate(at: tuple[Array, Array]) -> Array:
+            return solve(system, *at, v, self.stabilization).acceleration
+
+        # The accelerations now and a little later, when a point that touches is inside: in a loop,
+        # by one program.
+        times, places = jnp.stack([t, t + tried]), jnp.stack([q, q + tried * v])
+        a, there = jax.lax.map(accelerate, (times, places))
 
         def gaps(s: Array) -> Array:
             return self._gaps(t + s, (q + s * v + 0.5 * s**2 * a, v, *chart))
@@ -135,10 +144,7 @@ class Passage(AbstractPassage):
         soon = (gap > noise) & (below > 0) & (lands > _NOW * h)
         begins = (jnp.abs(gap) <= noise - _NOW * h * rate) & (-rate * h > noise)
 
-        tried = 2 * _NOW * h
-        # The acceleration a little later, when the point is inside by then: what it has more than
-        # now is the push of the contact.
-        there = solve(system, t + tried, q + tried * v, v, self.stabilization).acceleration
+        # What the acceleration inside has more than now is the push of the contact.
         _, push = jax.jvp(lambda q: self._gaps(t, (q, v, *chart)), (q,), (there - a,))
         begins &= push > 0
         speed, depth = jnp.where(begins, -rate, 1), jnp.where(begins, -rate * tried - gap, 1)
@@ -155,13 +161,13 @@ class Passage(AbstractPassage):
         q = self.system.full.structure.without_states(self.system.full.q0)
         return _ROUNDING * jnp.finfo(q.dtype).eps * jnp.maximum(1.0, jnp.max(jnp.abs(q)))
 
-    def _rates(self, t: Array, y: Any) -> Float[Array, " contacts"]:
-        """Return the time derivatives of the gaps of all contacts."""
+    def _gaps_and_rates(self, t: Array, y: Any) -> tuple[Array, Array]:
+        """Return the gaps of all contacts and their time derivatives, (contacts,) each."""
         q, v, *chart = y
         one = jnp.ones_like(t)
-        rates: Array
-        _, rates = jax.jvp(lambda t, q: self._gaps(t, (q, v, *chart)), (t, q), (one, v))
-        return rates
+        found: tuple[Array, Array]
+        found = jax.jvp(lambda t, q: self._gaps(t, (q, v, *chart)), (t, q), (one, v))
+        return found
 
     def _gaps(self, t: Array, y: Any) -> Float[Array, " contacts"]:
         state = local_system(self.system, self.post_step, y).state(t, *y[:2])
