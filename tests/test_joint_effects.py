@@ -233,6 +233,25 @@ def test_the_energies_of_the_parts_are_all_there_is():
     assert swung.warnings() == ""
 
 
+def test_steps_end_where_stops_begin():
+    """Between two stops without losses: at a steady rate, and half an oscillation at each end.
+
+    Steps that pass a kink may take their error for none, so that what is known to `rtol` a step is
+    asked for at ten times of it, after five stops.
+    """
+    rtol, largest, rate, stiffness, inertia = 1e-6, 0.4, 3.0, 500.0, 0.27
+    wheel = rj.RigidBody("wheel", 1.0, inertia, angular_velocity=rate)
+    ends = wheel.at(), rj.ground.at()
+    stop = rj.JointStop(*ends, -largest, largest, stiffness)
+    system = rj.assemble(rj.Scene([wheel], [rj.Revolute(*ends)], [stop]))
+    ts, fast = np.linspace(0.0, 2.0, 41), np.sqrt(stiffness / inertia)
+    free, pushed = largest / rate, np.pi / fast
+    half, after = np.divmod(ts + free, 2 * free + pushed)
+    beyond = largest + rate / fast * np.sin(fast * (after - 2 * free))
+    angle = (-1) ** half * np.where(after < 2 * free, rate * after - largest, beyond)
+    assert_close(run(system, ts, rtol=rtol).q[:, 2], angle, 10 * rtol)
+
+
 @pytest.mark.instant
 def test_motions_and_stops_that_make_no_sense():
     hinge = pendulum(0.0, 0.0, 0.0).joints[0]

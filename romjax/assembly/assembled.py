@@ -17,7 +17,6 @@ from ..linalg.inverse_mass import InverseMass
 from ..linalg.pattern import Pattern
 from ..scene.body.capped import CappedBody
 from ..scene.effect.base import AbstractField
-from ..scene.effect.contact import AbstractContact
 from ..system.base import AbstractSystem
 from ..system.state import FullState, Power
 from ..system.structure import Structure
@@ -117,8 +116,8 @@ class AssembledSystem(AbstractSystem):
         return Power(_total(taken, zero), _total(given, zero))
 
     def gaps(self, q: Float[Array, " n"]) -> Float[Array, " contacts"] | None:
-        """How far the points of all contacts are outside [m]; None without contacts."""
-        groups = [x for x in self.effects if isinstance(x.effects, AbstractContact)]
+        """How far all effects that may begin are from that; None where none may."""
+        groups = [group for group in self.effects if group.effects.begins]
         if self.effect_markers is None or not groups:
             return None
         poses = self.effect_markers.poses(q)

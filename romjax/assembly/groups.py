@@ -3,7 +3,6 @@
 import functools
 import operator
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -17,7 +16,6 @@ from ..linalg.indexing import Index
 from ..linalg.inverse_mass import AbstractBodyInverse
 from ..scene.body.base import AbstractBody
 from ..scene.effect.base import AbstractField, AbstractMarkerEffect
-from ..scene.effect.contact import local_point
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import Pose, Poses, Twist, Wrench, Wrenches
 from ..system.dynamics import quadratic_velocity_force
@@ -270,10 +268,9 @@ class EffectGroup(AbstractStack):
         return each
 
     def gaps(self, poses: Pose) -> Float[Array, " count"]:
-        """How far the point of each contact is outside [m]."""
-        contacts: Any = self.effects
-        each: Array = jax.vmap(lambda contact, sides: contact.gap(local_point(*sides)))(
-            contacts, self.markers.take(poses)
+        """How far each is from where it begins."""
+        each: Array = jax.vmap(lambda effect, sides: effect.room(*sides))(
+            self.effects, self.markers.take(poses)
         )
         return each
 

@@ -1,8 +1,10 @@
 """Contacts that begin or end within a step: surfaces that a point passes, inwards or outwards."""
 
+from collections.abc import Callable
 from typing import Any
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -10,6 +12,7 @@ from jaxtyping import Array, Bool, Float
 from ..march.cuts import AbstractPassage
 from ..system.base import AbstractSystem
 from ..system.dynamics import solve
+from ..system.frequencies import with_all_acting
 from ..system.local import local_system
 from ..system.stabilization import Baumgarte
 from .search import first_crossing
@@ -20,6 +23,8 @@ _START = 1e-3
 # A step that crosses in this last share of its length counts as ending at the surface; and no step
 # is cut to less than so many units in the last place of the time.
 _END, _SHORTEST = 1e-6, 100
+# How often a step that passes a stop is looked at: at both ends, and by bisections.
+_LOOKS = 26
 # A point this deep inside still counts as outside, in units in the last place of the largest
 # coordinate.
 _ROUNDING = 100
@@ -36,7 +41,7 @@ _FIRST = 0.1
 
 
 class Passage(AbstractPassage):
-    """Finds the steps that pass the surface of a contact, where its force has a kink.
+    """Finds the steps that pass the surface of a contact, or a stop, where its force has a kink.
 
     What a step across a kink estimates of its error may be zero by chance, and a step through a
     contact that is outside at both ends has seen no force at all. Such a step is repeated so that
@@ -44,22 +49,27 @@ class Passage(AbstractPassage):
     know of the force is then a fixed share of what it estimates, as long as it is short.
 
     - `stabilization`: of the accelerations. `rtol`: of the run.
+    - `hard`: whether forces grow otherwise than in proportion, as those of contacts, which may also
+      begin and end within a step. Stops of joints, whose motion goes on beyond them, are looked at
+      where steps end.
     """
 
     system: AbstractSystem
     post_step: Any
     stabilization: Baumgarte | None
     rtol: Float[Array, ""]
+    hard: bool = eqx.field(static=True)
 
     @classmethod
     def of(
         cls, system: AbstractSystem, post_step: Any, stabilization: Baumgarte | None, rtol: Any
     ) -> "Passage | None":
-        """Return the object for a system, or None if it has no contacts."""
+        """Return the object for a system, or None if none of its effects may begin."""
         full = system.full
         if full.state(jnp.zeros(()), full.q0, full.v0).gaps() is None:
             return None
-        return cls(system, post_step, stabilization, jnp.asarray(rtol))
+        hard = with_all_acting(full) is None
+        return cls(system, post_step, stabilization, jnp.asarray(rtol), hard)
 
     def passed(
         self,
@@ -74,6 +84,8 @@ class Passage(AbstractPassage):
             t = t0 + share * span
             return self._gaps(t, between.evaluate(t))
 
+        if not self.hard:
+            return self._cut(t0, t1, *self._first_end(gaps, t0.dtype))
         one, yes = jnp.ones_like(t0), jnp.ones(1, bool)
         # A contact that is closed at the start opens by a crossing too: each gap counts by the side
         # that it starts on.
@@ -85,11 +97,48 @@ class Passage(AbstractPassage):
 
         noise = self._noise[None]
         crossing = first_crossing(nearest, one[None], nearest(one), noise, yes, ~yes)
+        return self._cut(t0, t1, crossing.exists, crossing.share)
+
+    def _cut(
+        self, t0: Array, t1: Array, exists: Array, share: Array
+    ) -> tuple[Bool[Array, ""], Float[Array, ""]]:
+        """Whether to end a step at a share of it where it crosses a surface, and when that is."""
+        span = t1 - t0
         shortest = _SHORTEST * jnp.finfo(t0.dtype).eps * jnp.maximum(jnp.abs(t0), jnp.abs(t1))
         # A cut at either end would leave a step of nothing but rounding.
-        is_within = (crossing.share > _START) & (crossing.share < 1 - _END)
-        is_within &= (crossing.share * span > shortest) & ((1 - crossing.share) * span > shortest)
-        return crossing.exists & is_within, t0 + crossing.share * span
+        is_within = (share > _START) & (share < 1 - _END)
+        is_within &= (share * span > shortest) & ((1 - share) * span > shortest)
+        return exists & is_within, t0 + share * span
+
+    def _first_end(
+        self, gaps: Callable[[Array], Float[Array, " contacts"]], dtype: Any
+    ) -> tuple[Bool[Array, ""], Float[Array, ""]]:
+        """Whether a gap changes its sign from the start to the end of a step, and at which share of
+        it the first one does, by bisection.
+
+        Start, end and middles are looked at by one loop, so that the gaps are compiled once.
+        """
+        start, one = jnp.asarray(_START, dtype), jnp.ones((), dtype)
+        side = jnp.zeros(jax.eval_shape(gaps, one).shape, dtype)
+
+        def look(carry: Any) -> Any:
+            count, at, low, high, side, exists = carry
+            values = gaps(at)
+            side = jnp.where(count == 0, jnp.sign(values), side)
+            before = ~jnp.any(side * values < -self._noise)
+            exists = jnp.where(count == 1, ~before, exists)
+            low, high = jnp.where(before, at, low), jnp.where(before, high, at)
+            at = jnp.where(count == 0, one, 0.5 * (low + high))
+            return count + 1, at, low, high, side, exists
+
+        def goes_on(carry: Any) -> Array:
+            count, *_, exists = carry
+            more: Array = (count < 2) | (exists & (count < _LOOKS))
+            return more
+
+        first = (jnp.zeros((), int), start, start, one, side, jnp.zeros((), bool))
+        _, _, _, share, _, exists = jax.lax.while_loop(goes_on, look, first)
+        return exists, share
 
     def next_end(
         self, t: Float[Array, ""], y: Any, planned: Float[Array, ""], keep: Bool[Array, ""]
@@ -101,6 +150,8 @@ class Passage(AbstractPassage):
         speed u of approach: with the force κ d^(3/2) at a depth d, for a unit of mass,
         κ (u T)^(3/2) T = u.
         """
+        if not self.hard:
+            return planned
         y = jax.lax.stop_gradient(y)
         gaps, rates = self._gaps_and_rates(t, y)
         near = self._noise + _NOW * (planned - t) * jnp.abs(rates)

@@ -105,7 +105,7 @@ class AbstractState(abc.ABC):
         """
 
     def gaps(self) -> Float[Array, " contacts"] | None:
-        """Return how far the points of contacts are outside [m]; None where there are none."""
+        """Return how far effects that may begin are from that; None where there are none."""
         return None
 
     def limits(self) -> Float[Array, " effects"] | None:

@@ -110,6 +110,10 @@ class AbstractMarkerEffect(AbstractEffect):
         del acts
         return None
 
+    def room(self, *poses: Pose) -> Float[Array, ""]:
+        """Return how far an effect that `begins` is from that, negative where it acts."""
+        return jnp.ones((), poses[0].position.dtype)
+
     @abc.abstractmethod
     def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         """Force [N] and torque [N m] on each marker, in their order."""

@@ -101,6 +101,9 @@ class AbstractContact(AbstractMarkerEffect):
     def gap(self, point: Float[Array, " d"]) -> Float[Array, ""]:
         """How far `a`, at a point in the frame of `b`, is outside [m]; negative inside."""
 
+    def room(self, *poses: Pose) -> Float[Array, ""]:
+        return self.gap(local_point(*poses))
+
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         """⅖ k δ^(5/2) of the depth: that of the normal force where δ is a distance, as for all
         curves and surfaces of romjax. On curved ones of your own that say none it is an estimate,

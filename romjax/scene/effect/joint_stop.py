@@ -62,6 +62,12 @@ class JointStop(AbstractMotionEffect):
         del t
         return 0.5 * self.stiffness * self._beyond(moved(self.motion, *poses)) ** 2
 
+    def room(self, *poses: Pose) -> Float[Array, ""]:
+        value = moved(self.motion, *poses)
+        sides = [] if self.upper is None else [self.upper - value]
+        sides += [] if self.lower is None else [value - self.lower]
+        return jnp.minimum(sides[0], sides[-1])
+
     def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         value, rate, wrenches = self.displacement(poses, twists)
         return wrenches(self.along(t, value, rate))

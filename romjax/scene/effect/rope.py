@@ -71,6 +71,9 @@ class Rope(AbstractMarkerEffect):
         del t
         return 0.5 * self.stiffness * jnp.maximum(_length(*poses) - self.length, 0) ** 2
 
+    def room(self, *poses: Pose) -> Float[Array, ""]:
+        return self.length - _length(*poses)
+
     def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         del t
         length, rate, wrenches = displacement(_length, poses, twists)
