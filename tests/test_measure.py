@@ -16,6 +16,7 @@ from tolerances import DIFFERENCED, IDENTITY
 
 import romjax as rj
 from romjax import spatial
+from romjax.events.check import check_quantities
 
 SMOOTH = {"dt": 1e-3, "rtol": None}  # fixed steps: errors without jumps
 # Central differences of order six, on seven points.
@@ -256,6 +257,27 @@ def test_quantities(swinging):
     values = jax.jit(lambda *state: [of(system, *state) for of, _ in pairs])(*state)
     for value, (_, wanted) in zip(values, pairs, strict=True):
         assert_close(value, np.asarray(wanted)[7], IDENTITY)
+
+
+@pytest.mark.parametrize("angle", [0.4, np.pi])
+def test_turn_in_space(angle):
+    """About the z axis of the second marker; at a half turn the rate is as anywhere."""
+    axis, spin = np.array([1.0, 2.0, 2.0]) / 3, 0.7
+    turn = spatial.rotation(axis, angle)
+    body = spatial.RigidBody(
+        "body", 2.0, (0.3, 0.2, 0.1), orientation=turn, angular_velocity=spin * axis
+    )
+    ends = body.at((0.0, 0.0, 0.0), axis=axis), rj.ground.at((0.0, 0.0, 0.0), axis=axis)
+    system, quantity = rj.assemble(rj.Scene([body])), rj.quantity.Turn(*ends)
+    values = jax.jit(
+        lambda q, v: [of(system, 0.0, q, v) for of in (quantity, rj.quantity.Rate(quantity))]
+    )(system.q0, system.v0)
+    # Of minus a half turn it is the same.
+    assert_close(np.cos(values[0]), np.cos(angle), IDENTITY)
+    assert_close(np.sin(values[0]), np.sin(angle), IDENTITY, scale=1.0)
+    assert_close(values[1], spin, IDENTITY)
+    with pytest.raises(rj.InputError, match=r"events\[0\] watches a Turn.*the sine"):
+        check_quantities(system, [rj.Crossing(quantity)])
 
 
 # Wrong input.

@@ -29,8 +29,8 @@ def check_events(events: Sequence[AbstractEvent], most: int) -> tuple[AbstractEv
 
 
 def check_quantities(system: AbstractSystem, events: Sequence[AbstractEvent]) -> None:
-    """Raise InputError for an event that gives no number of this system, or an impact whose gap
-    depends on velocities.
+    """Raise InputError for an event that gives no number of this system or jumps, or an impact
+    whose gap depends on velocities.
     """
     # Velocities of reduced coordinates would be used for those of the physical ones in any case.
     full = system.full
@@ -40,6 +40,12 @@ def check_quantities(system: AbstractSystem, events: Sequence[AbstractEvent]) ->
         def value(v: Array, t: Array, q: Array, event: AbstractEvent = event) -> Array:
             return event.value(full, t, q, v)
 
+        if getattr(event.of, "jumps", False):
+            raise InputError(
+                f"simulate: events[{i}] watches a {type(event.of).__name__}, which jumps by a full "
+                "turn in space, as if it crossed its level; watch what does not, such as the sine "
+                "of what the angle is above the level, a function of (system, t, q, v)."
+            )
         shape = jax.eval_shape(value, v, t, q).shape
         if shape != ():
             raise InputError(

@@ -28,6 +28,11 @@ __all__ = ["AbstractQuantity", "Coordinate", "Gap", "Rate", "Travel", "Turn"]
 class AbstractQuantity(eqx.Module):
     """One number of the state of a mechanism; subclass it with `value`."""
 
+    @property
+    def jumps(self) -> bool:
+        """Whether the value jumps where the mechanism does not, so that events cannot watch it."""
+        return False
+
     def __call__(
         self, system: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
     ) -> Float[Array, ""]:
@@ -100,14 +105,24 @@ class Travel(AbstractMarkerQuantity):
 class Turn(AbstractMarkerQuantity):
     """The angle of the marker `a` against the marker `b` [rad], full turns counted.
 
-    Raises InputError in space, where there is no one angle.
+    In space it is that about the z axis of `b`, between −π and π: no pose knows how often it has
+    turned. There it jumps at a half turn, but its rate does not.
     """
 
     a: Marker
     b: Marker
 
+    @property
+    def jumps(self) -> bool:
+        return self.b.dimension == 3
+
     def of_pose(self, pose: Pose) -> Float[Array, ""]:
-        return pose.angle
+        if pose.dimension == 2:
+            return pose.angle
+        own = Pose(jnp.zeros_like(pose.position), jnp.array([1, 0, 0, 0], pose.turn.dtype))
+        # Turned back by its own value it has its derivatives at a half turn too.
+        near = jax.lax.stop_gradient(pose.angle_against(own))
+        return near + pose.angle_against(own, near)
 
 
 class Rate(AbstractQuantity):
