@@ -296,6 +296,19 @@ def test_derivatives_after_impacts_and_at_a_stop():
     assert_close(slope, differences, DIFFERENCED, scale=1 + jnp.abs(differences))
 
 
+@pytest.mark.slow
+def test_derivatives_where_a_contact_lasts():
+    """Of the fall, and none of outputs after it, since the ball stays on the ground."""
+
+    def heights(g):
+        made = thrown(rj.Impact(height, restitution=0.0), g=g, throw=False)
+        return made.q[jnp.array([2, -1]), 0]
+
+    found = jax.jit(jax.jacrev(heights))(G)
+    assert_close(found[0], -0.5 * TS[2] ** 2, SOLVED)
+    assert np.isnan(found[1])
+
+
 # What is refused, and how runs with events fail.
 
 
@@ -344,6 +357,7 @@ def test_a_contact_that_lasts_is_refused(restitution):
     assert "use a romjax.Contact instead" in made.summary()
     heights = np.asarray(made.q)[:, 0]
     assert not np.any(heights[np.isfinite(heights)] < -SOLVED)
+    assert np.array_equal(np.isnan(heights), np.max(made.events.times()) < TS)
     below = thrown(rj.Impact(height, restitution, level=2 * HEIGHT), throw=False)
     assert below.status == rj.Status.CONTACT_LASTS
     assert "bodies overlap at the start" in below.summary()

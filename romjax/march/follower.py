@@ -59,6 +59,6 @@ class AbstractFollower(eqx.Module):
         """Return `seen` with a step added; the step says whether it was accepted."""
 
     def end(self, end: Progress, stopped: Bool[Array, ""], seen: PyTree) -> PyTree:
-        """Return `seen` after the last step; `stopped`: whether an event has ended the run."""
+        """Return `seen` after the last step; `stopped`: whether a `Stop` has ended it."""
         del end, stopped
         return seen

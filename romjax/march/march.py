@@ -64,7 +64,8 @@ class March(NamedTuple):
         exhausted = ~((end.t >= self.steps.t1) | stopped) & diffrax.is_successful(end.result)
         result = diffrax.RESULTS.where(exhausted, diffrax.RESULTS.max_steps_reached, end.result)
         followers = {**self.others, OUTPUTS: self.outputs}
-        seen = {name: f.end(end, stopped, seen[name]) for name, f in followers.items()}
+        held = self.steps.is_held(end)
+        seen = {name: f.end(end, held, seen[name]) for name, f in followers.items()}
         none: Any = None
         end = end._replace(result=result, y=none, solver_state=none, controller_state=none)
         return end, seen

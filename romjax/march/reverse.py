@@ -132,7 +132,7 @@ def _run_with_checkpoints(
     march = march._replace(others={**march.others, _CHECKPOINTED: checkpoints})
     end, seen = march.run(start, {**seen, _CHECKPOINTED: checkpoints.start(start)})
     number, record = seen[OUTPUTS].number, seen.get(EVENTS)
-    missing = (number < march.outputs.asked) & ~march.steps.is_stopped(end)
+    missing = (number < march.outputs.asked) & ~march.steps.is_held(end)
     happened = jnp.zeros((), int) if record is None else record.number
     kept = seen.pop(_CHECKPOINTED)
     return (end, seen), (kept, end.accepted, end.t, number, happened, missing)

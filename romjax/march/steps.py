@@ -98,6 +98,10 @@ class Steps(NamedTuple):
             return jnp.zeros((), bool)
         return self.watch.is_stopped(now.watching)
 
+    def is_held(self, now: Progress) -> Bool[Array, ""]:
+        """Whether a `Stop` has ended the run, so that later outputs repeat the state there."""
+        return jnp.zeros((), bool) if now.watching is None else now.watching.stopped
+
     def trial(
         self, y: PyTree, solver_state: PyTree, watching: Watching | None, t0: Array, t1: Array
     ) -> Trial:
