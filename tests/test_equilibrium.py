@@ -73,6 +73,33 @@ def test_a_loaded_beam():
     assert_close(q, [0.5, 0.2, 0.0, *bent], EXACT)
 
 
+def car(gap=0.0) -> rj.AbstractSystem:
+    """The half of a car whose tyres are contacts on the road, `gap` above where they touch it."""
+    up, tyre = np.pi / 2, 2e6
+    body = rj.RigidBody("body", 600.0, 800.0, position=(0.0, 1.0 + gap))
+    bodies, effects = [body], [rj.Gravity((0.0, -GRAVITY))]
+    joints = [rj.PointOnLine(body.at(), rj.ground.at(angle=up))]
+    for name, x in (("front", 1.2), ("rear", -1.4)):
+        wheel = rj.RigidBody(name, 40.0, 1.0, position=(x, 0.3 + gap))
+        bodies.append(wheel)
+        joints.append(rj.Prismatic(wheel.at(angle=up), rj.ground.at((x, 0.0), angle=up)))
+        leg = rj.Spring(body.at((x, -0.2)), wheel.at(), stiffness=2e4, rest_length=0.65)
+        touch = rj.Contact(wheel.at((0.0, -0.3)), rj.ground.at(), rj.Line(), stiffness=tyre)
+        effects += [leg, touch]
+    return rj.assemble(rj.Scene(bodies, joints, effects))
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.003, -0.003])
+def test_tyres_that_just_touch(gap):
+    """Where no contact is stiff yet, an equilibrium near the start is found, not a car on its
+    roof.
+    """
+    system = car(gap)
+    q = np.asarray(rj.equilibrium(system))
+    assert np.max(np.abs(q - np.asarray(system.q0))) < 0.03
+    assert_close(2e6 * np.sum((0.3 - q[[4, 7]]) ** 1.5) / (680.0 * GRAVITY), 1.0, EXACT)
+
+
 def test_no_equilibrium_is_told():
     springs = [((x, 1.0), 0.0, 0.0) for x in (-1.0, 1.0)]
     falling = on_springs(0.0, 1.0, springs, (1.0, 0.0), 0.0, GRAVITY)

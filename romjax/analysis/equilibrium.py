@@ -22,7 +22,10 @@ from .statics import Linear, Statics
 from .tangent import refuse_clocks
 
 # Newton steps for one load, and load steps in all.
-_STEPS, _LOADS = 12, 200
+_STEPS, _LOADS = 12, 1000
+# How far a load step may move bodies, and how far a Newton step does, in lengths of the mechanism
+# and radians.
+_FAR, _STRIDE = 0.5, 0.1
 # The least step of the load.
 _LEAST = 1e-6
 _SINGLE = (
@@ -39,6 +42,7 @@ class _Reached(NamedTuple):
     load: Float[Array, ""]  # the share of it
     step: Float[Array, ""]
     count: Any
+    far: Float[Array, ""]  # how far the last step went that was refused for it, or zero
 
 
 def equilibrium(
@@ -48,8 +52,10 @@ def equilibrium(
 
     Newton's method in (q, λ) with continuation: forces that balance the start are taken away step
     by step, so that the solution follows from the start, and steps are shorter where Newton's
-    method does not converge. States of effects are found with it, and are in their places in q, so
-    that `linearize` and `simulate` begin there with them. Neutral motions, which no force resists,
+    method does not converge, or moves bodies by more than half of the mechanism's length or half a
+    radian. What forces push and nothing resists yet, as a contact that just touches, moves along
+    them. States of effects are found with it, and are in their places in q, so that `linearize` and
+    `simulate` begin there with them. Neutral motions, which no force resists,
     stay as they are at the start, as do lengths of quaternions; joints may repeat each other.
     Moments of inertia play no part. Whether the equilibrium is stable says
     `modes(system, q).is_stable`.
@@ -77,14 +83,7 @@ def equilibrium(
             reached.q, reached.load < 1, "equilibrium: the continuation ended before the full load."
         )
     elif load < 1:
-        residual = np.asarray(_unbalanced(system, time, q, reached))
-        worst = int(np.argmax(np.abs(residual)))
-        raise SimulationError(
-            f"equilibrium: from the start the solution was followed to {float(load):.4g} of the "
-            f"load, and no further: {system.structure.labels[worst]} is unbalanced by "
-            f"{residual[worst]:.3g}. The mechanism snaps through there, or has no equilibrium; "
-            f"start from another q0.{_SINGLE if q.dtype == jnp.float32 else ''}"
-        )
+        raise SimulationError(_ended(system, time, q, reached))
     else:
         solution = reached.q
     position: Float[Array, " n"] = solution
@@ -93,6 +92,25 @@ def equilibrium(
     still = jnp.zeros_like(position)
     warn_of_linear_bodies("equilibrium", system, time, position, still)
     return position
+
+
+def _ended(
+    system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"], reached: _Reached
+) -> str:
+    """Return the words for a continuation that has ended too early."""
+    residual = np.asarray(_unbalanced(system, t, q0, reached))
+    worst = int(np.argmax(np.abs(residual)))
+    away = (
+        f"The next equilibrium found is {float(reached.far):.3g} rad or lengths of the mechanism "
+        "away. "
+    )
+    return (
+        f"equilibrium: from the start the solution was followed to {float(reached.load):.4g} of "
+        f"the load, and no further: {system.structure.labels[worst]} is unbalanced by "
+        f"{residual[worst]:.3g}. {away if reached.far else ''}The mechanism snaps through there, "
+        "or has no equilibrium; start from another q0."
+        f"{_SINGLE if q0.dtype == jnp.float32 else ''}"
+    )
 
 
 @program_once
@@ -106,6 +124,7 @@ def _solve(system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]) 
     forces = jnp.concatenate([needed, jnp.zeros_like(multipliers)])
     terms = jnp.stack([needed, given])
     largest = jnp.max(jnp.abs(terms) * sizes[None], initial=0.0)
+    zero, one = jnp.zeros_like(t), jnp.ones_like(t)
 
     def newton(q: Array, multipliers: Array, load: Array) -> tuple[Array, Array, Array]:
         # The matrix at the last point only tells what rounding leaves. It is that of one step more,
@@ -116,6 +135,8 @@ def _solve(system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]) 
             linear, unbalanced = Linear.of(matrix, sizes), residual - (1 - load) * forces
             change = linear.solve(unbalanced)
             balanced = linear.balances(unbalanced, *at, largest)
+            free = jnp.where(balanced, 0, linear.unresisted(unbalanced, change))
+            change = _strode(system, change, free, sizes)
             return (at[0] - change[:n], at[1] - change[n:], *at, balanced), None
 
         begin = q, multipliers, q, multipliers, jnp.zeros((), bool)
@@ -123,7 +144,9 @@ def _solve(system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]) 
 
     def advance(now: _Reached) -> _Reached:
         load = jnp.minimum(now.load + now.step, 1.0)
-        q, multipliers, good = newton(now.q, now.multipliers, load)
+        q, multipliers, balanced = newton(now.q, now.multipliers, load)
+        far = _moved(system, q - now.q, sizes)
+        good = balanced & (far <= _FAR)
         return _Reached(
             jnp.where(good, q, now.q),
             jnp.where(good, multipliers, now.multipliers),
@@ -132,17 +155,42 @@ def _solve(system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]) 
             # equilibrium.
             jnp.where(good, 2 * now.step, 0.25 * now.step),
             now.count + 1,
+            jnp.where(balanced & ~good, far, zero),
         )
 
     def unfinished(now: _Reached) -> Array:
         going: Array = (now.load < 1) & (now.step > _LEAST) & (now.count < _LOADS)
         return going
 
-    zero, one = jnp.zeros_like(t), jnp.ones_like(t)
     # A start off its constraints is put on them by the first steps.
-    begin = _Reached(q0, multipliers, zero, one, jnp.zeros((), int))
+    begin = _Reached(q0, multipliers, zero, one, jnp.zeros((), int), zero)
     end: _Reached = jax.lax.while_loop(unfinished, advance, begin)
     return end
+
+
+def _moved(
+    system: AbstractSystem, change: Float[Array, " n"], sizes: Float[Array, " n"]
+) -> Float[Array, ""]:
+    """How far a change of q moves bodies, in lengths of the mechanism and radians."""
+    frames = system.structure.positions, system.structure.turns
+    moved = np.concatenate([np.ravel(x) for x in frames]).astype(int)
+    return jnp.max(jnp.abs(change[moved] / sizes[moved]), initial=0.0)
+
+
+def _strode(
+    system: AbstractSystem,
+    change: Float[Array, " n_plus_M"],
+    free: Float[Array, " n_plus_M"],
+    sizes: Float[Array, " n"],
+) -> Float[Array, " n_plus_M"]:
+    """A Newton step, of at most one stride, with one stride along what is `free`.
+
+    Where a contact just touches, nothing is stiff, or nearly nothing, and the step is none, or out
+    of all proportion: from within the contact Newton's method comes back.
+    """
+    longest = jnp.max(jnp.abs(free[: len(sizes)] / sizes))
+    change += jnp.where(longest > 0, _STRIDE / jnp.where(longest > 0, longest, 1), 0) * free
+    return change * _STRIDE / jnp.maximum(_moved(system, change[: len(sizes)], sizes), _STRIDE)
 
 
 @program_once

@@ -16,6 +16,8 @@ _BALANCED, _CLOSED = 1e-11, 1e-12
 # Times the relative rounding: what rounding leaves of terms of some size; and the share of the
 # largest singular value of the stiffness below which are those of neutral motions.
 _LEFT, _NEUTRAL = 16, 500
+# The share of the forces below which nobody asks whether anything resists them.
+_RESISTED = 1e-3
 
 
 class Statics(NamedTuple):
@@ -92,12 +94,29 @@ class Linear(NamedTuple):
         Displacements are as large as the mechanism, and joints as stiff as the stiffest part, so
         that a singular value is the stiffness of a motion relative to that.
         """
-        root = jnp.sqrt(self.energy)
-        scale = jnp.concatenate([self.displacements / root, root / self.rows])
+        scale = self._scale
         rounded = _NEUTRAL * float(jnp.finfo(right.dtype).eps)
         scaled = scale[:, None] * self.matrix * scale[None]
         solution: Array = jnp.linalg.lstsq(scaled, scale * right, rcond=rounded)[0]
         return scale * solution
+
+    def unresisted(
+        self, right: Float[Array, " n_plus_M"], solution: Float[Array, " n_plus_M"]
+    ) -> Float[Array, " n_plus_M"]:
+        """The motion along forces that nothing resists, of any length: in the metric of `solve`,
+        what its solution leaves of the equations is in the null space of the matrix.
+
+        Zero where it leaves next to nothing.
+        """
+        scale = self._scale
+        left = scale * (right - multiply(self.matrix, solution))
+        counts = jnp.linalg.norm(left) > _RESISTED * jnp.linalg.norm(scale * right)
+        return jnp.where(counts, scale * left, 0)
+
+    @property
+    def _scale(self) -> Float[Array, " n_plus_M"]:
+        root = jnp.sqrt(self.energy)
+        return jnp.concatenate([self.displacements / root, root / self.rows])
 
     def balances(
         self,
