@@ -54,7 +54,8 @@ class AbstractPrescribed(AbstractJoint):
         if not self.signal.smooth:
             raise SceneError(
                 f"{owner}: signal is a {type(self.signal).__name__}, whose kinks no finite force "
-                "can follow; give a smooth one, such as a Sine, a Step or a Sum of them.",
+                "can follow; give a smooth one, such as a Sine, a Step or a Sum of them, or "
+                "through measured data a spline as a signal of your own (AbstractSignal).",
                 field="signal",
             )
 
