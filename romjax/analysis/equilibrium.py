@@ -53,9 +53,10 @@ def equilibrium(
     Newton's method in (q, λ) with continuation: forces that balance the start are taken away step
     by step, so that the solution follows from the start, and steps are shorter where Newton's
     method does not converge, or moves bodies by more than half of the mechanism's length or half a
-    radian. What forces push and nothing resists yet, as a contact that just touches, moves along
-    them. States of effects are found with it, and are in their places in q, so that `linearize` and
-    `simulate` begin there with them. Neutral motions, which no force resists,
+    radian; steps of any length are the last resort. What forces push and nothing resists yet, as a
+    contact that just touches, moves along them. States of effects are found with it, and are in
+    their places in q, so that `linearize` and `simulate` begin there with them. Neutral motions,
+    which no force resists,
     stay as they are at the start, as do lengths of quaternions; joints may repeat each other.
     Moments of inertia play no part. Whether the equilibrium is stable says
     `modes(system, q).is_stable`.
@@ -126,7 +127,7 @@ def _solve(system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]) 
     largest = jnp.max(jnp.abs(terms) * sizes[None], initial=0.0)
     zero, one = jnp.zeros_like(t), jnp.ones_like(t)
 
-    def newton(q: Array, multipliers: Array, load: Array) -> tuple[Array, Array, Array]:
+    def newton(q: Array, multipliers: Array, load: Array, far: Array) -> tuple[Array, Array, Array]:
         # The matrix at the last point only tells what rounding leaves. It is that of one step more,
         # whose result nobody takes, so that the program contains it once.
         def step(x: tuple[Array, Array, Array, Array, Array], _: None) -> tuple[Any, None]:
@@ -135,18 +136,18 @@ def _solve(system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]) 
             linear, unbalanced = Linear.of(matrix, sizes), residual - (1 - load) * forces
             change = linear.solve(unbalanced)
             balanced = linear.balances(unbalanced, *at, largest)
-            free = jnp.where(balanced, 0, linear.unresisted(unbalanced, change))
-            change = _strode(system, change, free, sizes)
+            free = jnp.where(balanced, 0, linear.unresisted(unbalanced, change, forces))
+            change = jnp.where(far < jnp.inf, _strode(system, change, free, sizes), change)
             return (at[0] - change[:n], at[1] - change[n:], *at, balanced), None
 
         begin = q, multipliers, q, multipliers, jnp.zeros((), bool)
         return jax.lax.scan(step, begin, None, length=_STEPS + 1)[0][2:]
 
-    def advance(now: _Reached) -> _Reached:
+    def advance(now: _Reached, most: Array) -> _Reached:
         load = jnp.minimum(now.load + now.step, 1.0)
-        q, multipliers, balanced = newton(now.q, now.multipliers, load)
+        q, multipliers, balanced = newton(now.q, now.multipliers, load, most)
         far = _moved(system, q - now.q, sizes)
-        good = balanced & (far <= _FAR)
+        good = balanced & (far <= most)
         return _Reached(
             jnp.where(good, q, now.q),
             jnp.where(good, multipliers, now.multipliers),
@@ -164,7 +165,14 @@ def _solve(system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]) 
 
     # A start off its constraints is put on them by the first steps.
     begin = _Reached(q0, multipliers, zero, one, jnp.zeros((), int), zero)
-    end: _Reached = jax.lax.while_loop(unfinished, advance, begin)
+
+    # Where short steps do not get there, as of shapes whose stiffness differs by many orders of
+    # magnitude, steps of any length may.
+    def follow(now: _Reached, most: Array) -> tuple[_Reached, None]:
+        now = jax.tree.map(lambda x, y: jnp.where(now.load < 1, x, y), begin, now)
+        return jax.lax.while_loop(unfinished, lambda now: advance(now, most), now), None
+
+    end: _Reached = jax.lax.scan(follow, begin, jnp.array([_FAR, jnp.inf], q0.dtype))[0]
     return end
 
 

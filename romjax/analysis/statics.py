@@ -101,16 +101,21 @@ class Linear(NamedTuple):
         return scale * solution
 
     def unresisted(
-        self, right: Float[Array, " n_plus_M"], solution: Float[Array, " n_plus_M"]
+        self,
+        right: Float[Array, " n_plus_M"],
+        solution: Float[Array, " n_plus_M"],
+        forces: Float[Array, " n_plus_M"],
     ) -> Float[Array, " n_plus_M"]:
         """The motion along forces that nothing resists, of any length: in the metric of `solve`,
         what its solution leaves of the equations is in the null space of the matrix.
 
-        Zero where it leaves next to nothing.
+        Zero where it leaves next to nothing of them, or of the `forces` of the whole load.
         """
         scale = self._scale
         left = scale * (right - multiply(self.matrix, solution))
-        counts = jnp.linalg.norm(left) > _RESISTED * jnp.linalg.norm(scale * right)
+        counts = jnp.linalg.norm(left) > _RESISTED * jnp.linalg.norm(
+            scale * jnp.maximum(jnp.abs(right), jnp.abs(forces))
+        )
         return jnp.where(counts, scale * left, 0)
 
     @property
