@@ -42,7 +42,6 @@ class _Reached(NamedTuple):
     load: Float[Array, ""]  # the share of it
     step: Float[Array, ""]
     count: Any
-    far: Float[Array, ""]  # how far the last step went that was refused for it, or zero
 
 
 def equilibrium(
@@ -101,14 +100,10 @@ def _ended(
     """Return the words for a continuation that has ended too early."""
     residual = np.asarray(_unbalanced(system, t, q0, reached))
     worst = int(np.argmax(np.abs(residual)))
-    away = (
-        f"The next equilibrium found is {float(reached.far):.3g} rad or lengths of the mechanism "
-        "away. "
-    )
     return (
         f"equilibrium: from the start the solution was followed to {float(reached.load):.4g} of "
         f"the load, and no further: {system.structure.labels[worst]} is unbalanced by "
-        f"{residual[worst]:.3g}. {away if reached.far else ''}The mechanism snaps through there, "
+        f"{residual[worst]:.3g}. The mechanism snaps through there, "
         "or has no equilibrium; start from another q0."
         f"{_SINGLE if q0.dtype == jnp.float32 else ''}"
     )
@@ -156,7 +151,6 @@ def _solve(system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]) 
             # equilibrium.
             jnp.where(good, 2 * now.step, 0.25 * now.step),
             now.count + 1,
-            jnp.where(balanced & ~good, far, zero),
         )
 
     def unfinished(now: _Reached) -> Array:
@@ -164,7 +158,7 @@ def _solve(system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]) 
         return going
 
     # A start off its constraints is put on them by the first steps.
-    begin = _Reached(q0, multipliers, zero, one, jnp.zeros((), int), zero)
+    begin = _Reached(q0, multipliers, zero, one, jnp.zeros((), int))
 
     # Where short steps do not get there, as of shapes whose stiffness differs by many orders of
     # magnitude, steps of any length may.
