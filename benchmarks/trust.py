@@ -151,6 +151,8 @@ def counted(found: Sequence[Outcome], way: str) -> record.Section:
 def listed(found: Sequence[Outcome], verdict: str) -> record.Section:
     """The scenes of one verdict, of the largest errors first."""
     cases = sorted((one for one in found if one.verdict == verdict), key=lambda one: -one.error)
+    if not cases:
+        return record.Section(f"No scene is {verdict}.")
     rows = [["kind", "seed", "way", "error", "sensitivity", "told"]]
     for one in cases[:SHOWN]:
         words = one.told if len(one.told) < 60 else one.told[:57] + "..."
@@ -164,9 +166,9 @@ def origins(commits: Sequence[str], found: Sequence[Outcome]) -> record.Section:
     scenes = len({(one.kind, one.seed) for one in found})
     kinds = len({one.kind for one in found})
     text = (
-        f"{scenes} scenes of {kinds} of {len(KINDS)} kinds, seeds from zero on, where kinds have"
-        "\nunequal numbers the run was ended before all were done. Outcomes by the commit of the"
-        "\nlibrary that they were found with:"
+        f"{scenes} scenes of {kinds} of {len(KINDS)} kinds, seeds from zero on; where kinds have"
+        "\nunequal numbers the campaign was ended before all were done. Outcomes by the commit of"
+        "\nthe library that they were found with:"
     )
     return record.Section(text, [["commit", "outcomes"], *Counter(commits).items()])
 

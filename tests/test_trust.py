@@ -53,6 +53,7 @@ def test_counts(trust):
     assert [str(x) for x in section.rows[1][1:7]] == ["3", "1", "0", "1", "0", "1"]
     assert list(section.ratios.values()) == [pytest.approx(2 / 3), 0.5]
     assert len(trust.listed(found, "silent").rows) == 2
+    assert str(trust.listed(found, "told")) == "No scene is told."
     assert not np.any(np.isfinite(list(trust.counted(found, "jit").ratios.values())))
 
 
