@@ -55,9 +55,8 @@ def equilibrium(
     radian; steps of any length are the last resort. What forces push and nothing resists yet, as a
     contact that just touches, moves along them. States of effects are found with it, and are in
     their places in q, so that `linearize` and `simulate` begin there with them. Neutral motions,
-    which no force resists,
-    stay as they are at the start, as do lengths of quaternions; joints may repeat each other.
-    Moments of inertia play no part. Whether the equilibrium is stable says
+    which no force resists, stay as they are at the start, as do lengths of quaternions; joints may
+    repeat each other. Moments of inertia play no part. Whether the equilibrium is stable says
     `modes(system, q).is_stable`.
 
     Differentiable with respect to all numbers of the system, by the implicit function theorem, and

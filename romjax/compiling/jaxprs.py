@@ -188,7 +188,8 @@ def _handed(equation: Any) -> dict[str, Sequence[Any]]:
         case "cond":
             handed["branches"] = equation.invars[1:]
         case "scan":
-            handed["jaxpr"] = equation.invars[: params["num_consts"]]
+            fixed, _ = compat.scan_counts(params)
+            handed["jaxpr"] = equation.invars[:fixed]
         case "while":
             of_condition, of_body = params["cond_nconsts"], params["body_nconsts"]
             handed["cond_jaxpr"] = equation.invars[:of_condition]
