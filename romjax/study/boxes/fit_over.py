@@ -90,8 +90,8 @@ def fit_over(
     the full run at the start fails; ValueError for a folder that holds other runs.
     """
     settings = {"rtol": as_number(rtol, float), "solver": solver}
-    runner = FullRuns(box, as_array(ts), see, settings, path)
-    search = _Search(runner, np.asarray(measured, float), noise)
+    runner = FullRuns(box, as_array(ts), see, settings)
+    search = _Search(runner, np.asarray(measured, float), noise, path)
     box.system(**(start or {}))
     best = search.full(box.center | (start or {}))
     if not np.isfinite(best.misfit):
@@ -135,6 +135,7 @@ class _Search:
     runs: FullRuns
     measured: np.ndarray
     noise: ArrayLike | None
+    path: str | os.PathLike[str] | None
 
     @property
     def box(self) -> Box:
@@ -142,7 +143,7 @@ class _Search:
 
     def full(self, point: dict[str, float]) -> _Point:
         """The full run at a point, with its sensitivities."""
-        run, seen, (q, v, slope) = self.runs.at(point)
+        run, seen, (q, v, slope) = self.runs.at(point, self.path)
         if seen.shape != self.measured.shape:
             raise InputError(
                 f"fit_over: see returns the shape {seen.shape}, but measured has "

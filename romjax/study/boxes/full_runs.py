@@ -28,44 +28,10 @@ Seen = tuple[Trajectory, Array, tuple[Numbers, Numbers, Numbers]]
 
 class FullRuns(eqx.Module):
     """The full runs of a `box` at some `times` [s], what they `see`, and the derivatives by each
-    parameter, times half of its range.
+    parameter, times half of its range: a function of the parameters.
 
-    `settings`: of `simulate`. `path`: a folder with one sweep of one lane for each run, of the
-    same function of the box and the same `see`, which are not compared.
+    `settings`: of `simulate`.
     """
-
-    box: Box = eqx.field(static=True)
-    times: Float[Array, " k"]
-    see: Callable[[Trajectory], Array] = eqx.field(static=True)
-    settings: dict[str, Any]
-    path: str | os.PathLike[str] | None = eqx.field(static=True, default=None)
-
-    def at(self, point: dict[str, float]) -> Seen:
-        """The run at a point. Raises ValueError where the folder has another one in its place."""
-        where, one = self.numbers(point), _Run(self.box, self.times, self.see, self.settings)
-        with forward_mode():
-            if self.path is None:
-                return _made(one, where)
-            lane = {name: np.asarray(x)[None] for name, x in where.items()}
-            found = sweep(one, lane, chunk=1, path=Path(self.path) / self.name(where)).values
-        made: Seen = jax.tree.map(lambda x: pick(jnp.asarray(x), 0), found)
-        return made
-
-    def name(self, where: Numbers) -> str:
-        """The folder of a run: of the same point, so that processes share it whatever led there,
-        and of the same ranges, with which its derivatives are scaled.
-        """
-        ranges = self.box.ranges
-        numbers = {name: (x, *dataclasses.astuple(ranges[name])) for name, x in where.items()}
-        words = " ".join(f"{name} {[float(x) for x in numbers[name]]}" for name in sorted(numbers))
-        return f"run-{hashlib.sha256(words.encode()).hexdigest()[:16]}"
-
-    def numbers(self, point: dict[str, float]) -> Numbers:
-        return {name: as_number(x, self.times.dtype) for name, x in point.items()}
-
-
-class _Run(eqx.Module):
-    """A function of the parameters that returns the run, and all else that is known of it."""
 
     box: Box = eqx.field(static=True)
     times: Float[Array, " k"]
@@ -82,10 +48,37 @@ class _Run(eqx.Module):
         derivatives, (run, seen) = jax.jacfwd(motion, has_aux=True)(still(self.box))
         return run, seen, derivatives
 
+    def at(self, point: dict[str, float], path: str | os.PathLike[str] | None = None) -> Seen:
+        """The run at a point, from a folder `path` if it is there: one sweep of one lane for each
+        run, of the same function of the box and the same `see`, which are not compared.
+
+        Raises ValueError where the folder has another run in its place.
+        """
+        where = self.numbers(point)
+        with forward_mode():
+            if path is None:
+                return _made(self, where)
+            lane = {name: np.asarray(x)[None] for name, x in where.items()}
+            found = sweep(self, lane, chunk=1, path=Path(path) / self.name(where)).values
+        made: Seen = jax.tree.map(lambda x: pick(jnp.asarray(x), 0), found)
+        return made
+
+    def name(self, where: Numbers) -> str:
+        """The folder of a run: of the same point, so that processes share it whatever led there,
+        and of the same ranges, with which its derivatives are scaled.
+        """
+        ranges = self.box.ranges
+        numbers = {name: (x, *dataclasses.astuple(ranges[name])) for name, x in where.items()}
+        words = " ".join(f"{name} {[float(x) for x in numbers[name]]}" for name in sorted(numbers))
+        return f"run-{hashlib.sha256(words.encode()).hexdigest()[:16]}"
+
+    def numbers(self, point: dict[str, float]) -> Numbers:
+        return {name: as_number(x, self.times.dtype) for name, x in point.items()}
+
 
 @program
-def _made(one: _Run, point: Numbers) -> Seen:
-    return one(point)
+def _made(runs: FullRuns, point: Numbers) -> Seen:
+    return runs(point)
 
 
 def still(box: Box) -> Numbers:
