@@ -3,7 +3,7 @@ own, so that they are arguments of a march that is differentiated.
 """
 
 from collections.abc import Callable
-from typing import Any, Self
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -48,7 +48,7 @@ class Transposable(AbstractFollower):
     function: Callable[[Array, PyTree, Array, PyTree, Any, PyTree], PyTree]
 
     @classmethod
-    def of(cls, follower: AbstractFollower, step: Step, seen: PyTree) -> Self:
+    def of(cls, follower: AbstractFollower, step: Step, seen: PyTree) -> AbstractFollower:
         """The follower, for steps and findings of these shapes."""
 
         def function(t0: Array, y0: PyTree, t1: Array, y1: PyTree, between: Any, seen: Any) -> Any:
