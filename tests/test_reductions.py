@@ -147,6 +147,11 @@ def test_the_model_that_pays_comes_first():
         alone, FULL, RIGID, 1e-3, judged=False
     )
     assert "on its training, the only run" in advice(alone, FULL, RIGID, 1e-3)
+    bent = row("minimal r=3", speed_up=20.0, hidden="deflection of rod is wrong by 84 %")
+    words = advice([bent, row()], FULL, RIGID, 1e-3)
+    assert "But the deflection of rod is wrong by 84 %, which matters for stresses" in words
+    assert words.endswith("joint forces: local r=7, 10.0 times as fast, has it right.")
+    assert "has it right" not in advice([bent], FULL, RIGID, 1e-3)
 
 
 @pytest.mark.instant
@@ -251,6 +256,8 @@ def test_no_large_error_without_a_word(errors, word):
     said = remark(*errors, "")
     assert word in said
     assert bool(said) == bool(word)
+    bent = remark(*errors, "", "deflection of rod is wrong by 84 %")
+    assert bent.startswith("deflection of rod") == (not word)
 
 
 @pytest.fixture(scope="module")

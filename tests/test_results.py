@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 import xarray
 import zoo
+from comparison import assert_close
+from tolerances import IDENTITY
 
 import romjax as rj
 from romjax.common import compat
@@ -111,6 +113,32 @@ def test_a_run_that_stopped_is_kept_and_drawn(pendulum, tmp_path):
     stopped.save(tmp_path / "run.nc")
     check_same_run(rj.load(tmp_path / "run.nc"), stopped)
     same(course(stopped, np.asarray(stopped.t)), np.asarray(stopped.q))
+
+
+def test_what_the_norm_of_errors_hides(run):
+    """A deflection that is small beside the motion, and wrong; not one below the tolerance."""
+    q, start = np.asarray(run.q), np.asarray(run.q[0])
+    bends = np.array([label.startswith("pendulum.q") for label in run.labels])
+    small, large = (start + np.where(bends, size, 1.0) * (q - start) for size in (1e-3, 1.3e-3))
+    truth, wrong = (dataclasses.replace(run, q=x) for x in (small, large))
+    report = rj.compare(truth, wrong)
+    assert report.groups == (
+        *("position of cart", "angle of cart"),
+        *("position of pendulum", "angle of pendulum", "deflection of pendulum"),
+    )
+    assert report.error <= 1e-3
+    assert_close(report.per_group, [0.0, 0.0, 0.0, 0.0, 0.3], IDENTITY)
+    assert report.hidden() == "deflection of pendulum is wrong by 30 %"
+    assert not rj.compare(truth, truth).hidden()
+    loose = dataclasses.replace(wrong, stats=dataclasses.replace(run.stats, rtol=1e-4))
+    assert rj.compare(truth, loose).per_group[-1] <= 0.1
+    # As the estimate of a corrected run.
+    bar = ErrorBar(report.error, "local, 2 modes", report.per_group, report.groups)
+    corrected = dataclasses.replace(run, bar=bar)
+    assert corrected.summary().endswith(f"(local, 2 modes), but {report.hidden()}")
+    assert report.hidden() in corrected.warnings()
+    turned = ErrorBar(report.error, "local, 2 modes", np.array([5.0]), ("angle of rod",))
+    assert turned.hidden() == "angle of rod is wrong by 5 times its motion"
 
 
 @pytest.mark.slow

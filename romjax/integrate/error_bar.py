@@ -1,5 +1,8 @@
 """How wrong a run is, as far as another one tells."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -9,16 +12,24 @@ from ..system.flags import Flag
 
 # Beyond it an estimate says no more than that a run is wrong.
 _USABLE = 0.05
+# A group of coordinates that errs by more is named, where the norm does not say so itself.
+_MUCH = 0.1
+# From here on percents are hard to read.
+_TIMES = 2.0
 
 
 class ErrorBar(eqx.Module):
     """The estimated error of a reduced run, which the run that it belongs to has corrected.
 
     - `error`: of the reduced run, as `Comparison.error`. `by`: what estimates it, in words.
+    - `per_group` (g,), `groups`: the errors of each body's position, angle and deflection, as
+      `Comparison.per_group`; none where nobody has asked for them.
     """
 
     error: Float[Array, ""]
     by: str = eqx.field(static=True)
+    per_group: Float[Array, " g"] | tuple[()] = ()
+    groups: tuple[str, ...] = eqx.field(static=True, default=())
 
     @property
     def flags(self) -> Array:
@@ -26,8 +37,26 @@ class ErrorBar(eqx.Module):
         return jnp.where(self.error <= _USABLE, 0, int(Flag.ESTIMATE))
 
     def describe(self) -> str:
-        """The estimate in words, such as "5.2e-3 estimated (local, 8 modes)"."""
+        """The estimate in words, such as "5.2e-3 estimated (local, 8 modes)"; and what it hides."""
         if not np.all(np.asarray(self.error) <= _USABLE):
             return f"more than {_USABLE:.0%}: not to be used ({self.by})".replace("%", " %")
         digits, power = f"{float(self.error):.1e}".split("e")
-        return f"{digits}e{int(power)} estimated ({self.by})"
+        words = f"{digits}e{int(power)} estimated ({self.by})"
+        hidden = self.hidden()
+        return f"{words}, but {hidden}" if hidden else words
+
+    def hidden(self) -> str:
+        """What the norm hides, in words; "" where it hides nothing, or the run is of no use."""
+        return hidden(self.error, self.per_group, self.groups)
+
+
+def hidden(error: Any, per_group: Any, groups: Sequence[str]) -> str:
+    """The group of coordinates that errs most, such as "deflection of rod is wrong by 84 %", if by
+    more than a tenth of its own motion, while the `error` of the whole is below; else "".
+    """
+    errors = np.asarray(per_group)
+    if not errors.size or not np.max(errors) > _MUCH or not float(error) <= _MUCH:
+        return ""
+    largest = float(np.max(errors))
+    share = f"{100 * largest:.0f} %" if largest < _TIMES else f"{largest:.0f} times its motion"
+    return f"{groups[int(np.argmax(errors))]} is wrong by {share}"

@@ -195,7 +195,7 @@ class Trajectory(eqx.Module):
             training = None if parts is None else training_of(self.system)
             span = float(self.t[-1] - self.t[0])
             words[Flag.LEFT_OUT] += f" ({describe_errors(training, span)})"
-        others = []
+        others = [] if self.bar is None else [self.bar.hidden()]
         if parts is not None:
             system = parts.combine()
             states = system.full, self.t, self.q, self.v

@@ -58,7 +58,8 @@ def _notes(study: ReductionStudy, example: Example) -> list[str]:
     for run in study.runs[1:]:
         failed = not bool(run.trajectory.success)
         error = math.inf if failed else float(run.comparison.error)
-        said = remark(error, math.nan, 0.0, run.trajectory.warnings())
+        hidden = run.comparison.hidden()
+        said = remark(error, math.nan, 0.0, run.trajectory.warnings(), hidden)
         notes += [f"{run.name}: {said}"] * bool(said)
     return notes + [f"{name}: refused. {reason}" for name, reason in study.refused.items()]
 

@@ -1,5 +1,6 @@
 """Generalized coordinates, as pictures and reports name them."""
 
+import functools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -58,6 +59,35 @@ def quaternions_of(coordinates: Sequence[Coordinate]) -> tuple[int, ...]:
         for i in starts
         if tuple(coordinates[i : i + 4]) == frame_coordinates(coordinates[i].owner, 3)[3:]
     )
+
+
+@functools.lru_cache(maxsize=64)
+def groups_of(coordinates: tuple[Coordinate, ...]) -> tuple[tuple[str, ...], tuple[int, ...]]:
+    """The groups of coordinates of one kind and one owner, in words such as "deflection of beam",
+    and of each coordinate the number of its group: a body's position, its angle or quaternion, and
+    its modes. Others are groups of their own, by their labels; states of effects, whose integrals
+    mean nothing, are in none, -1.
+    """
+    kinds = dict[Coordinate, str]()
+    for owner in {coordinate.owner for coordinate in coordinates}:
+        for dimension in (2, 3):
+            frame = frame_coordinates(owner, dimension)
+            if owner and set(frame) <= set(coordinates):
+                kinds |= dict.fromkeys(frame, "angle") | dict.fromkeys(
+                    frame[:dimension], "position"
+                )
+    bodies = {coordinate.owner for coordinate in kinds}
+    names = dict[str, int]()
+    numbers = []
+    for coordinate in coordinates:
+        if coordinate.name.startswith(INTEGRAL):
+            numbers.append(-1)
+            continue
+        name = coordinate.label
+        if coordinate.owner in bodies:
+            name = f"{kinds.get(coordinate, 'deflection')} of {coordinate.owner}"
+        numbers.append(names.setdefault(name, len(names)))
+    return tuple(names), tuple(numbers)
 
 
 def find(label: str, labels: Sequence[str]) -> tuple[int, bool] | None:

@@ -1,6 +1,7 @@
 """How far an approximate motion is from the true one."""
 
 import dataclasses
+import functools
 import weakref
 from collections.abc import Sequence
 from typing import Any
@@ -10,14 +11,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ..common.arrays import concrete
+from ..common.arrays import as_number, concrete
 from ..common.checks import check_kind
+from ..common.compat import is_traced
 from ..common.extras import data_frame
 from ..common.identity_cache import IdentityCache
 from ..common.pictures import inline, picture_of
 from ..compiling.program import program
+from ..integrate.error_bar import hidden
 from ..integrate.trajectory import Trajectory
 from ..linalg.quaternions import columns as quaternion_columns
+from ..scene.coordinate import Coordinate, groups_of
 
 
 class Comparison(eqx.Module):
@@ -32,6 +36,11 @@ class Comparison(eqx.Module):
     - `per_coordinate` (n,): its largest magnitude in time.
     - `moving` (n,): which coordinates move at all; where one rests, the two above hold the
       absolute error, since a relative one has no meaning.
+    - `per_group` (g,): of each of `groups`, the coordinates of one kind of one body (its position,
+      its angle or quaternion, its modes), ‖Δq‖ / ‖q − q₀‖ in the norm of the diagonal of M₀. The
+      norm of all is that of what moves most: where a mechanism turns, these tell of its bending.
+      Of a group that moves by less than a hundred tolerances, relative to the whole motion, over
+      that much motion.
     - `drift`: largest |C| of the approximate motion.
     - `steps`: steps of the true and of the approximate run.
     - `labels`: of the coordinates.
@@ -43,7 +52,15 @@ class Comparison(eqx.Module):
     moving: Bool[Array, " n"]
     drift: Float[Array, ""]
     steps: tuple[Int[Array, ""], Int[Array, ""]]
+    per_group: Float[Array, " g"]
     labels: tuple[str, ...] = eqx.field(static=True, default=())
+    groups: tuple[str, ...] = eqx.field(static=True, default=())
+
+    def hidden(self) -> str:
+        """What the norm hides, in words: the group that errs most, such as "deflection of rod is
+        wrong by 84 %", if by more than 10 % of its own motion while `error` is not; else "".
+        """
+        return hidden(self.error, self.per_group, self.groups)
 
     def table(self) -> Any:
         """The error of each coordinate as a pandas data frame (extra `study`), largest first:
@@ -65,6 +82,8 @@ class Comparison(eqx.Module):
 
 # Coordinates about zero round as the deflections, of some centimetres, that balance the forces.
 _BALANCED = 0.01
+# A group of coordinates that moves by fewer tolerances than these has no motion to be relative to.
+_RESOLVED = 100.0
 # Not to hold motions that nobody else needs any more.
 _motions = IdentityCache()
 
@@ -90,10 +109,12 @@ def compare(
         raise ValueError("compare: the motions have different times; simulate both at the same.")
     steps = truth.stats.num_steps, approx.stats.num_steps
     metric = truth.metric if metric is None else metric
-    given = truth.q, metric, approx.q, approx.violation, steps, truth.quaternions
-    comparison = _compare(*given)
+    groups, members = groups_with_members(truth.coordinates, truth.q.dtype)
+    resolved = resolution(truth, approx)
+    given = truth.q, metric, approx.q, approx.violation, steps, members, resolved
+    comparison = _compare(*given, truth.quaternions)
     # Outside of the program, which does not depend on names.
-    comparison = dataclasses.replace(comparison, labels=truth.labels)
+    comparison = dataclasses.replace(comparison, labels=truth.labels, groups=groups)
     _motions.put(comparison, (weakref.ref(truth), weakref.ref(approx)))
     return comparison
 
@@ -105,6 +126,8 @@ def _compare(
     approx: Float[Array, "k n"],
     violation: Float[Array, " k"],
     steps: tuple[Int[Array, ""], Int[Array, ""]],
+    members: Float[Array | np.ndarray, "n g"],
+    resolved: Float[Array | np.ndarray, ""],
     quaternions: tuple[int, ...],
 ) -> Comparison:
     difference, motion = apart(q, approx, quaternions), apart(q, q[:1], quaternions)
@@ -113,26 +136,52 @@ def _compare(
     # Equation 39.17 of the chapter: relative to the largest displacement of each coordinate; of one
     # that rests, absolute.
     history = own / jnp.where(moving, jnp.max(jnp.abs(moved), axis=0), 1)[None]
+    error, size = _relative(q, difference, motion, metric, moving)
     return Comparison(
-        error=_relative(q, difference, motion, metric, moving),
+        error=error,
         history=history,
         per_coordinate=jnp.max(jnp.abs(history), axis=0),
         moving=moving,
         drift=jnp.max(violation),
         steps=steps,
+        per_group=_of_groups(difference, motion, metric, members, resolved, size),
     )
 
 
-def error_between(
+@functools.lru_cache(maxsize=64)
+def groups_with_members(
+    coordinates: tuple[Coordinate, ...], dtype: Any
+) -> tuple[tuple[str, ...], Float[np.ndarray, "n g"]]:
+    """The groups of coordinates by name, and one for each coordinate that is in a group."""
+    groups, numbers = groups_of(coordinates)
+    members = np.asarray(numbers)[:, None] == np.arange(len(groups))[None]
+    return groups, members.astype(dtype)
+
+
+def resolution(*runs: Trajectory) -> Float[Array | np.ndarray, ""]:
+    """The motion, relative to that of all coordinates, which the tolerances of runs resolve."""
+    given = [run.stats.rtol for run in runs if run.stats.rtol is not None]
+    # By NumPy unless JAX traces, since an operation of its own would be compiled.
+    xp: Any = jnp if any(is_traced(rtol) for rtol in given) else np
+    largest = functools.reduce(xp.maximum, given, 0.0)
+    return as_number(_RESOLVED * largest, runs[0].q.dtype)
+
+
+def errors_between(
     q: Float[Array, "k n"],
     approx: Float[Array, "k n"],
     metric: Float[Array, "n n"],
+    members: Float[Array | np.ndarray, "n g"],
+    resolved: Float[Array | np.ndarray, ""],
     quaternions: Sequence[int],
-) -> Float[Array, ""]:
-    """`Comparison.error` alone, of a motion `approx` against the true one, as part of a program."""
+) -> tuple[Float[Array, ""], Float[Array, " g"]]:
+    """`Comparison.error` and `Comparison.per_group` alone, of a motion `approx` against the true
+    one, as part of a program.
+    """
     difference, motion = apart(q, approx, quaternions), apart(q, q[:1], quaternions)
     moving = _moving(q, _single(motion, quaternions))
-    return _relative(q, difference, motion, metric, moving)
+    error, size = _relative(q, difference, motion, metric, moving)
+    return error, _of_groups(difference, motion, metric, members, resolved, size)
 
 
 def _moving(q: Float[Array, "k n"], moved: Float[Array, "k n"]) -> Bool[Array, " n"]:
@@ -152,9 +201,10 @@ def _relative(
     motion: Float[Array, "k n"],
     metric: Float[Array, "n n"],
     moving: Bool[Array, " n"],
-) -> Float[Array, ""]:
-    """The norm of a difference over that of the motion; the absolute one of a motion that rests,
-    whose coordinates, and whose norm, do not differ from the start by more than rounding.
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """The norm of a difference over that of the motion, and that of the motion; the absolute one,
+    and 0, of a motion that rests, whose coordinates, and whose norm, do not differ from the start
+    by more than rounding.
     """
     root = jnp.linalg.cholesky(metric)
     # |x|² = xᵀ M x of all rows together, by the factor of M.
@@ -162,7 +212,25 @@ def _relative(
     # In single precision small motions are less than rounding of order one, but not of their own.
     own = jnp.maximum(_BALANCED, jnp.abs(q)) * jnp.sqrt(jnp.diagonal(metric))[None]
     moves = jnp.any(moving) | (size > _rounding(q) * _norm(own))
-    return _norm(difference @ root) / jnp.where(moves & (size > 0), size, 1)
+    moves &= size > 0
+    return _norm(difference @ root) / jnp.where(moves, size, 1), jnp.where(moves, size, 0)
+
+
+def _of_groups(
+    difference: Float[Array, "k n"],
+    motion: Float[Array, "k n"],
+    metric: Float[Array, "n n"],
+    members: Float[Array | np.ndarray, "n g"],
+    resolved: Float[Array | np.ndarray, ""],
+    size: Float[Array, ""],
+) -> Float[Array, " g"]:
+    """The errors of groups of coordinates, relative to their own motions where these are resolved;
+    absolute where nothing moves.
+    """
+    weights = jnp.diagonal(metric)[:, None] * members
+    apart, moved = (_root(jnp.sum(x**2, axis=0) @ weights) for x in (difference, motion))
+    least = jnp.maximum(resolved, _rounding(difference)) * size
+    return apart / jnp.where(size > 0, jnp.maximum(moved, least), 1)
 
 
 def apart(
@@ -196,6 +264,9 @@ def _single(difference: Float[Array, "k n"], quaternions: Sequence[int]) -> Floa
 
 def _norm(x: Float[Array, "..."], axis: int | None = None, keepdims: bool = False) -> Array:
     """Euclidean norm whose gradient is zero, not NaN, where x vanishes; NaN where x is."""
-    squared = jnp.sum(x**2, axis=axis, keepdims=keepdims)
+    return _root(jnp.sum(x**2, axis=axis, keepdims=keepdims))
+
+
+def _root(squared: Float[Array, "..."]) -> Array:
     nothing = squared == 0
     return jnp.where(nothing, 0, jnp.sqrt(jnp.where(nothing, 1, squared)))

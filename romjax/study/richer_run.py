@@ -18,7 +18,7 @@ from ..integrate.simulate import simulate
 from ..integrate.status import Status
 from ..integrate.trajectory import Trajectory
 from ..system.base import AbstractSystem
-from .compare import error_between
+from .compare import errors_between, groups_with_members, resolution
 
 # The tolerance of a richer run beside one in fixed steps, and of a first one beside others: the
 # error of most models is far larger, and steps are half as many as at 1e-8.
@@ -90,8 +90,12 @@ def told(run: Trajectory, other: Trajectory, name: str) -> Trajectory:
     """The other run, and what it tells of the first one."""
     statuses = run.status, other.status
     motions = other.q, run.q, other.metric
-    error, flags = _judged(*motions, statuses, other.flags, other.quaternions)
-    return dataclasses.replace(other, bar=ErrorBar(error, name), flags=flags)
+    groups, members = groups_with_members(other.coordinates, other.q.dtype)
+    by_groups = members, resolution(other, run)
+    errors, flags = _judged(*motions, statuses, other.flags, *by_groups, other.quaternions)
+    error, per_group = errors
+    bar = ErrorBar(error, name, per_group, groups)
+    return dataclasses.replace(other, bar=bar, flags=flags)
 
 
 @program
@@ -101,12 +105,14 @@ def _judged(
     metric: Float[Array, "n n"],
     statuses: tuple[Array, Array],
     flags: Array,
+    members: Float[Array | np.ndarray, "n g"],
+    resolved: Float[Array | np.ndarray, ""],
     quaternions: tuple[int, ...],
-) -> tuple[Array, Array]:
-    """The error of a motion and the flags of the other one, which tells it; infinite where one of
-    both has failed.
+) -> tuple[tuple[Array, Array], Array]:
+    """The error of a motion and of its groups of coordinates, and the flags of the other one, which
+    tells it; infinite where one of both has failed.
     """
-    error = error_between(other, own, metric, quaternions)
+    error, per_group = errors_between(other, own, metric, members, resolved, quaternions)
     ended = (statuses[0] == Status.SUCCESS) & (statuses[1] == Status.SUCCESS)
     error = jnp.where(ended, error, jnp.inf)
-    return error, flags | ErrorBar(error, "").flags
+    return (error, per_group), flags | ErrorBar(error, "").flags

@@ -34,14 +34,15 @@ def in_order(rows: Sequence[ReductionRow], tol: float) -> list[ReductionRow]:
     return [*best, *accurate, *sorted(rest, key=lambda row: row.error)]
 
 
-def remark(trained: float, unseen: float, own: float, said: str) -> str:
+def remark(trained: float, unseen: float, own: float, said: str, hidden: str = "") -> str:
     """Say what speaks against a model.
 
-    It may be its errors, the error of the full model at the same tolerance, or flags of its run.
+    It may be its errors, what they hide, the error of the full model at the same tolerance, or
+    flags of its run.
     """
     error = max(trained, 0.0 if math.isnan(unseen) else unseen)
     if error <= WRONG:
-        return ""
+        return f"{hidden}, which is little beside the motion." if hidden else ""
     if math.isinf(trained):
         words = "its run fails"
     elif own > _CHAOTIC * error:
@@ -96,8 +97,20 @@ def advice(
     more = f" Others may gain more: {untried}." if untried and best.speed_up < _LITTLE else ""
     return (
         f"Take {best.name}: {best.speed_up:.1f} times as fast as the full model, and right to "
-        f"{best.error:.0e} {where}; {kind} It pays after {pays}.{more}"
+        f"{best.error:.0e} {where}; {kind} It pays after {pays}.{_hidden(good)}{more}"
     )
+
+
+def _hidden(good: Sequence[ReductionRow]) -> str:
+    """Say what the error of the best model hides, and which other model hides nothing."""
+    best, *others = good
+    if not best.hidden:
+        return ""
+    other = next((row for row in others if not row.hidden), None)
+    instead = (
+        "" if other is None else f": {other.name}, {other.speed_up:.1f} times as fast, has it right"
+    )
+    return f" But the {best.hidden}, which matters for stresses and joint forces{instead}."
 
 
 _KINEMATICS = "drives prescribe the motion, so that positions follow without any integration."

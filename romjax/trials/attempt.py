@@ -62,7 +62,8 @@ class Attempt:
 
     - `runs`: how many it was trained with. `made`, `compiled`, `work` [s]: of the processor, to
       train and make it, to compile, and on one run.
-    - `trained`, `unseen`: the largest errors of the runs that it was made of, and of others.
+    - `trained`, `unseen`: the largest errors of the runs that it was made of, and of others;
+      `hidden`: what these errors hide, in words, "" where nothing.
     """
 
     name: str
@@ -74,6 +75,7 @@ class Attempt:
     work: float
     trained: float
     unseen: float
+    hidden: str
 
     @property
     def error(self) -> float:
@@ -147,14 +149,15 @@ def attempt(
     run, with_compiling = worked(lambda: simulated(model.system, first.run.t, *method))
     # The second run, since the first compiles: what it takes more is the price of compiling.
     _, work = worked(lambda: simulated(model.system, first.run.t, *method))
-    trained = max([error(first.run, run), *(error_of(model, x, settings) for x in others)])
+    known = [judged(first.run, run), *(judgement_of(model, x, settings) for x in others)]
+    trained = max(one.error for one in known)
     # Long runs are not worth their time for a model that is wrong on its training, or slow.
     paying = trained <= settings.tol and work < full
     if not paying and len(unseen) * work > _LONG:
         unseen = []
     # A cap needs no training; all other models need its full runs.
     needs = 0.0 if model.cap is not None else sum(truth.work for truth in training)
-    beyond = [error_of(model, truth, settings) for truth in unseen]
+    beyond = [judgement_of(model, truth, settings) for truth in unseen]
     return Attempt(
         name=named(model, len(training)),
         model=model,
@@ -164,20 +167,35 @@ def attempt(
         compiled=max(0.0, with_compiling - work),
         work=work,
         trained=trained,
-        unseen=max(beyond, default=np.nan),
+        unseen=max((one.error for one in beyond), default=np.nan),
+        hidden=next((one.hidden for one in [*beyond, *known] if one.hidden), ""),
     )
 
 
-def error_of(model: Model, truth: Truth, settings: Settings) -> float:
-    """The error on a run of another system; infinite where the model cannot start or fails."""
+class Judgement(NamedTuple):
+    """The error of a run, and what it hides in words; see `Comparison.hidden`."""
+
+    error: float
+    hidden: str
+
+
+def judgement_of(model: Model, truth: Truth, settings: Settings) -> Judgement:
+    """The judgement of a run of another system; infinite where the model cannot start or fails."""
     try:
         other = model.of(truth.system, truth.run.t[0])
-        return error(truth.run, simulated(other, truth.run.t, settings.rtol, settings.solver))
+        return judged(truth.run, simulated(other, truth.run.t, settings.rtol, settings.solver))
     except (ReductionError, InputError):
-        return np.inf
+        return Judgement(np.inf, "")
+
+
+def judged(truth: Trajectory, run: Trajectory) -> Judgement:
+    """The error of a run, infinite if it has failed, and what it hides."""
+    comparison = compare(truth, run)
+    value = float(comparison.error)
+    failed = not np.isfinite(value) or not bool(run.success)
+    return Judgement(np.inf, "") if failed else Judgement(value, comparison.hidden())
 
 
 def error(truth: Trajectory, run: Trajectory) -> float:
     """Return the error of a run, infinite if it has failed."""
-    value = float(compare(truth, run).error)
-    return value if np.isfinite(value) and bool(run.success) else np.inf
+    return judged(truth, run).error

@@ -176,5 +176,6 @@ def _row(tried: Attempt, taken: float, ratio: float, full: ReductionRow) -> Redu
         made=tried.made,
         compiled=tried.compiled,
         pays_after=cost / (full.time - taken) if ratio > 1 and full.time > taken else float("inf"),
-        remark=remark(tried.trained, tried.unseen, full.error, tried.run.warnings()),
+        remark=remark(tried.trained, tried.unseen, full.error, tried.run.warnings(), tried.hidden),
+        hidden=tried.hidden,
     )

@@ -15,7 +15,8 @@ class ReductionRow(NamedTuple):
       was not. Infinite where a run fails, NaN where none could be made.
     - `made`, `compiled` [s]: the time of the processor that it took, training runs included.
       `pays_after`: runs until both are paid for; infinite where it is not faster.
-    - `remark`: what speaks against it, in words.
+    - `remark`: what speaks against it, in words; `hidden`: of that what its errors hide, a body's
+      position, angle or deflection that is wrong, as `Comparison.hidden` says it.
     """
 
     name: str
@@ -31,6 +32,7 @@ class ReductionRow(NamedTuple):
     compiled: float
     pays_after: float
     remark: str
+    hidden: str = ""
 
     @property
     def error(self) -> float:
