@@ -48,7 +48,7 @@ class Transposable(AbstractFollower):
     function: Callable[[Array, PyTree, Array, PyTree, Any, PyTree], PyTree]
 
     @classmethod
-    def of(cls, follower: AbstractFollower, step: Step, seen: PyTree) -> AbstractFollower:
+    def of(cls, follower: AbstractFollower, step: Step, seen: PyTree) -> "Transposable":
         """The follower, for steps and findings of these shapes."""
 
         def function(t0: Array, y0: PyTree, t1: Array, y1: PyTree, between: Any, seen: Any) -> Any:
