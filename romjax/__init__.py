@@ -14,6 +14,8 @@ from .assembly.capping import cap as cap
 from .assembly.closing import consistent_scene as consistent_scene
 from .basis.basis import AbstractDecomposition as AbstractDecomposition
 from .basis.basis import Basis as Basis
+from .basis.decomposition.naive import NaiveSod as NaiveSod
+from .basis.decomposition.naive import naive_sod as naive_sod
 from .basis.decomposition.pod import POD as POD
 from .basis.decomposition.pod import pod as pod
 from .basis.decomposition.sod import SOD as SOD

@@ -149,6 +149,30 @@ KINDS = {
         lambda: rj.energy(rj.assemble(rj.Scene([bar()], [], [])), _motion([0.0, 1.0])),
         r"energy: the run has the coordinates .*, but the system bar\.x",
     ),
+    "system that is capped": (
+        lambda: rj.cap(oscillator(), 10.0),
+        r"cap: the scene is of type CustomSystem; give the romjax\.Scene that a system is",
+    ),
+    "system in words": (lambda: rj.describe(oscillator()), "describe: the basis is .*CustomSystem"),
+    "scene as the times": (
+        lambda: rj.simulate(oscillator(), rj.Scene([bar()], [], [])),
+        r"ts is of type Scene and no array of times; give .* jax\.numpy\.linspace",
+    ),
+    "list of runs where one is": (
+        lambda: rj.measure(
+            rj.assemble(rj.Scene([bar()], [], [])), [_motion([0.0, 1.0])], bar().at()
+        ),
+        "measure: the run is of type list, and not of numbers; give one run",
+    ),
+    "numbers that predict": (lambda: rj.fit(1.0, 1.0, [1.0]), "predict is of type float; .*funct"),
+    "scene that loses rank": (
+        lambda: rj.singular_position(rj.Scene([bar()], [], []), _motion([0.0, 1.0])),
+        "singular_position: the system is of type Scene",
+    ),
+    "scene that is extrapolated": (
+        lambda: rj.extrapolate(rj.Scene([bar()], [], []), *[_motion([0.0, 1.0])] * 2),
+        "extrapolate: the system is of type Scene",
+    ),
     "name as a marker": (
         lambda: locate("measure", rj.assemble(rj.Scene([bar()], [], [])), ["bar"]),
         r"measure: the marker is of type str; give .* body\.at\(point\)",

@@ -242,6 +242,38 @@ def test_figures_refuse_what_does_not_fit(scene, truth, approx):
         plot.modes(scene, basis, rj.assemble(scene))
 
 
+def test_figures_refuse_what_is_of_another_kind(scene, truth):
+    given = {
+        "response": (scene,),
+        "errors": (truth, truth),
+        "values": (truth,),
+        "modes": (truth, rj.Basis.from_modes(np.eye(3), np.zeros(3))),
+        "loads": (rj.assemble(scene), [truth]),
+        "configuration": (truth,),
+        "reduction": (truth,),
+        "reductions": (truth,),
+        "accuracy": (truth,),
+        "tuning": (truth,),
+    }
+    for name, arguments in given.items():
+        words = f"{name}: .* is of type (Scene|Trajectory|list); give "
+        with pytest.raises(rj.InputError, match=words):
+            getattr(plot, name)(*arguments)
+
+
+def test_a_configuration_is_where_its_coordinates_are(scene):
+    """Of a cart and a beam: at the start, and moved by as much as the coordinates say."""
+    system = rj.assemble(scene)
+    moved = np.asarray(system.q0) + np.array([0.5, 0.25, *[0.0] * (system.n - 2)])
+    first, second = (
+        panels(plot.configuration(system, q))[0].lines[0].get_xydata() for q in (None, moved)
+    )
+    cart = slice(0, 5)
+    np.testing.assert_allclose(second[cart] - first[cart], [[0.5, 0.25]] * 5, atol=IDENTITY)
+    with pytest.raises(rj.InputError, match="configuration: q is .*finite"):
+        plot.configuration(scene, np.nan * moved)
+
+
 @pytest.mark.instant
 def test_the_package_of_figures_hands_out_functions_only():
     assert all(callable(getattr(plot, name)) for name in plot._FIGURES)

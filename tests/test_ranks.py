@@ -10,7 +10,6 @@ from groups import in_groups
 from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
-from romjax.basis.decomposition.naive import naive_sod
 
 # Sample rates 3 kHz and 100 Hz, as every so many-th of the finest.
 STRIDES = (1, 30)
@@ -77,7 +76,7 @@ def test_the_naive_rank_is_decided_by_rounding():
         system = rj.assemble(rj.gallery.cart_pendulum(f2=f2))
         motion = zoo.run(system, np.linspace(0.0, 1.0, 101), rtol=1e-8, solver=zoo.RODAS5P)
         assert np.max(np.abs(np.asarray(motion.q)[:, 7])) <= 2e-15
-        naive = naive_sod(motion)
+        naive = rj.naive_sod(motion)
         assert np.all(np.diff(naive.values) <= 0)
         shares, *_ = np.linalg.lstsq(naive.modes, motion.q.T, rcond=1e-14)  # the modes span it
         assert np.max(np.abs(naive.modes @ shares - motion.q.T)) <= IDENTITY

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.arrays import Number
+from ..common.checks import check_kind
 from ..compiling.program import program_once
 from ..scene.body.capped import CappedBody, with_caps
 from ..scene.scene import Scene
@@ -36,9 +37,11 @@ def cap(scene: Scene, hertz: Number) -> Scene:
 
     **Arguments:** a `scene` with bodies that deform; `hertz`, one cap for all.
 
-    Raises InputError for a scene without modes, and SceneError for a cap that is not positive or a
-    body whose modes are not orthonormal, and as `assemble` does.
+    Raises InputError for what is no scene and for one without modes, and SceneError for a cap that
+    is not positive or a body whose modes are not orthonormal, and as `assemble` does.
     """
+    remedy = "the romjax.Scene that a system is assembled from"
+    check_kind("cap", "the scene", scene, Scene, remedy)
     slow = with_caps(scene, hertz)
     system = following(assemble(slow))
     return started(slow, system.q0, system.v0)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..common.checks import check_kind
 from .basis import Basis
 
 # A coordinate of whose motion more than this share is missed is dropped.
@@ -14,6 +15,7 @@ def describe(basis: Basis) -> str:
     """One paragraph on a `basis`: the rank and what decided it, what the modes hold, what they drop
     and why. Coordinates are called by their descriptions, such as "bending mode 2 of beam".
     """
+    check_kind("describe", "the basis", basis, Basis, "what romjax.pod or romjax.sod returns")
     if basis.decomposition is None:
         return f"{basis.rank} given modes; no snapshots to judge them by."
     snapshots = basis.snapshots

@@ -175,7 +175,13 @@ _increasing = IdentityCache()  # of arrays of JAX, which never change
 
 def check_times(ts: Vector, dtype: Any) -> Float[Array, " k"]:
     """The output times as an array; raise ValueError unless they are finite and increase."""
-    times = as_array(ts)
+    try:
+        times = as_array(ts)
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"simulate: ts is of type {type(ts).__name__} and no array of times; give the times of "
+            "the outputs, such as jax.numpy.linspace(0.0, 1.0, 101)."
+        ) from error
     times = times if times.dtype == dtype else times.astype(dtype)
     if _increasing.get(times):
         return times

@@ -7,8 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..common.checks import check_kind
 from ..compiling.program import program_once
-from ..system.base import AbstractSystem
+from ..system.base import AbstractSystem, check_system
 from .trajectory import Trajectory
 
 # Singular values below this share of the largest are those of constraints that repeat others.
@@ -50,8 +51,11 @@ def singular_position(system: AbstractSystem, run: Trajectory) -> SingularPositi
     several branches. Constraints that repeat others in all positions are no singular position.
 
     **Arguments:** the `system`, full or reduced; one `run` of it. Looks at the output times only,
-    of a run that failed at those before.
+    of a run that failed at those before. Raises InputError for what is no system or no run.
     """
+    check_system("singular_position", system)
+    remedy = "what romjax.simulate(system, ts) returns"
+    check_kind("singular_position", "the run", run, Trajectory, remedy)
     full = system.full
     if full.m == 0:
         return None

@@ -82,7 +82,13 @@ def run_or_rest(owner: str, system: AbstractSystem, run: Trajectory | Vector) ->
         check_run(owner, system, moved)
         return moved
     _check_mechanism(owner, system)
-    q = as_array(run)
+    try:
+        q = as_array(run)
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"{owner}: the run is of type {type(run).__name__}, and not of numbers; give one run, "
+            "or coordinates (n,) of a position at rest."
+        ) from error
     check_shape(owner, "q", q, (system.n,))
     check_finite(owner, "q", q)
     return Rest(*_at_rest(without_names(system), q))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .figures.accuracy import accuracy as accuracy
     from .figures.bode import bode as bode
+    from .figures.configuration import configuration as configuration
     from .figures.errors import errors as errors
     from .figures.loads import loads as loads
     from .figures.modes import modes as modes
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 _FIGURES = {
     "accuracy": "accuracy",
     "bode": "bode",
+    "configuration": "configuration",
     "errors": "errors",
     "loads": "loads",
     "modes": "modes",

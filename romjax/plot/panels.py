@@ -4,12 +4,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ..common.checks import check_kind
 from ..integrate.trajectory import Trajectory
 from .style import SMALL, DisplayedFigure
 
 
 def check_motion(owner: str, motion: Trajectory) -> None:
-    """Raise ValueError unless `motion` is a single motion, not a batch."""
+    """Raise ValueError unless `motion` is a single motion: a run, and not a batch."""
+    check_kind(owner, "the motion", motion, Trajectory, "what romjax.simulate(system, ts) returns")
     shape, count = np.shape(motion.q), len(motion.coordinates)
     if len(shape) != 2 or shape[1] != count:
         raise ValueError(

@@ -10,7 +10,7 @@ from ..common.arrays import concrete
 from ..common.errors import InputError
 from ..integrate.derived import LazyQuantities
 from ..integrate.trajectory import Trajectory
-from ..system.base import AbstractSystem
+from ..system.base import AbstractSystem, check_system
 from .compare import Comparison, compare
 
 
@@ -32,9 +32,10 @@ def extrapolate(
     - `system`: without a cap; errors are measured by its mass.
     - `coarse`, `fine`: runs at the same times from the same start. `ratio`: r, of their caps.
 
-    Raises InputError for a ratio that is not above 1; ValueError if times or coordinates do not
-    fit.
+    Raises InputError for what is no system, and a ratio that is not above 1; ValueError if times or
+    coordinates do not fit.
     """
+    check_system("extrapolate", system)
     known = concrete(ratio)
     if known is not None and not known > 1:
         raise InputError(f"extrapolate: ratio = {float(known):g} must be above 1.")

@@ -15,6 +15,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float
 from tqdm import tqdm
 
+from ..common.checks import check_kind
 from ..compiling.xla import filter_jit
 from ..integrate.adjoint import forward_mode
 from ..integrate.doubt import telling
@@ -78,6 +79,7 @@ def fit(
     Raises ValueError for measurements of which none is finite, a start outside the bounds, a
     prediction of another shape, or one that is not finite at the start.
     """
+    check_kind("fit", "predict", predict, Callable, "a function from parameters to an array")
     origin, unravel = ravel_pytree(jax.tree.map(lambda x: jnp.asarray(x, float), start))
     data = np.asarray(measured, float)
     spread = np.broadcast_to(1.0 if noise is None else np.asarray(noise, float), data.shape)

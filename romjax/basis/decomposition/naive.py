@@ -8,18 +8,28 @@ from ..snapshots import Motion
 
 
 class NaiveSod(NamedTuple):
-    """The result of standard tools for SOD on raw, uncentred, unweighted snapshots."""
+    """The result of standard tools for SOD on raw, uncentred, unweighted snapshots.
 
-    values: np.ndarray  # smooth orthogonal values, infinite where a direction rests; largest first
-    modes: np.ndarray  # smooth orthogonal modes, columns (n, n): neither of a length nor orthogonal
-    rank: int  # numerical rank of the matrix of modes
+    - `values` (n,): smooth orthogonal values [s²], infinite where a direction rests; largest first.
+    - `modes` (n, n): smooth orthogonal modes, its columns: neither of a length nor orthogonal.
+    - `rank`: numerical rank of the matrix of modes.
+    """
+
+    values: np.ndarray
+    modes: np.ndarray
+    rank: int
 
 
 def naive_sod(motion: Motion) -> NaiveSod:
-    """The chapter's generalised SVD (equation 39.13) by QR and CS decomposition.
+    """The book chapter's generalised SVD of raw snapshots (equation 39.13), by QR and CS
+    decomposition: to compare with; `romjax.sod` is what reductions take.
 
     Its rank is decided at the level of rounding errors of the largest coordinate: it may count a
     mode that moves by 4e-16 m, and leave it out at 3e-16 m.
+
+    **Arguments:**
+
+    - `motion`: such as a run, with q and v (k, n).
     """
     x, v = np.asarray(motion.q), np.asarray(motion.v)
     joint, triangle = np.linalg.qr(np.vstack([x, v]))

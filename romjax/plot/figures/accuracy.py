@@ -5,6 +5,7 @@ from typing import TypedDict
 import numpy as np
 from matplotlib.axes import Axes
 
+from ...common.checks import check_kind
 from ...study.accuracy.result import Accuracy
 from ...study.accuracy.row import SINGLE_RUN, Condition, Row
 from ..style import COLOURS, DASHES, MARKERS, SMALL, DisplayedFigure
@@ -27,6 +28,7 @@ def accuracy(result: Accuracy) -> DisplayedFigure:
     model included, against that of the full model at the same error, with the number of runs from
     which on reduction pays.
     """
+    check_kind("accuracy", "the result", result, Accuracy, "what romjax.accuracy returns")
     figure = DisplayedFigure(figsize=(12, 8.5))
     figure.set_layout_engine("constrained")
     top, below = np.ravel(figure.subfigures(2, 1, squeeze=False, height_ratios=(1.25, 1)))

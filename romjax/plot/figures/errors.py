@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from ...common.checks import check_kind
 from ...integrate.trajectory import Trajectory
 from ...study.compare import compare
 from ..choice import choose
@@ -32,6 +33,8 @@ def errors(
 
     Raises ValueError if times or coordinates do not fit.
     """
+    remedy = "motions by name, {'name': trajectory}"
+    check_kind("errors", "approx", approx, Mapping, remedy)
     if not approx:
         raise ValueError("errors: there are no motions to compare; give {'name': trajectory}.")
     for name, motion in approx.items():

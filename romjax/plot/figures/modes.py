@@ -7,6 +7,7 @@ from matplotlib.transforms import Bbox
 
 from ...assembly.outlines import outlines
 from ...basis.basis import Basis
+from ...common.checks import check_kind
 from ...scene.coordinate import Coordinate
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem
@@ -39,6 +40,8 @@ def modes(
 
     Raises ValueError if scene and basis do not fit.
     """
+    check_kind("modes", "the scene", scene, Scene, "a romjax.Scene")
+    check_kind("modes", "the basis", basis, Basis, "what romjax.pod or romjax.sod returns")
     vectors = np.asarray(basis.modes)
     reference = np.asarray(basis.offset if system is None else system.q0)
     if reference.shape != vectors.shape[:1]:

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
 
+from ...common.checks import check_kind
 from ...study.ranks.rank_study import RankStudy
 from ..labels import Label, place
 from ..style import COLOURS, MARKERS, SMALL, DisplayedFigure
@@ -21,6 +22,7 @@ def reduction(study: RankStudy) -> DisplayedFigure:
     reproduces its training but does not predict. The ring is around the rank whose modes pay for
     their steps (`RankStudy.best`); the dashed line is the time of the full model.
     """
+    check_kind("reduction", "the study", study, RankStudy, "what romjax.rank_study returns")
     figure, axes = blank()
     labels = list[Label]()
     for index, name in enumerate(dict.fromkeys(row.formulation for row in study.rows), start=1):

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...common.checks import check_kind
 from ...trials.result import Reductions
 from ...trials.row import ReductionRow
 from ..labels import Label, place
@@ -29,6 +30,7 @@ def reductions(result: Reductions) -> DisplayedFigure:
 
     **Arguments:** `result`: what `romjax.reductions` has found.
     """
+    check_kind("reductions", "the result", result, Reductions, "what romjax.reductions returns")
     figure, axes = blank()
     # By hand: the limits of one point alone are equal for a moment, which matplotlib warns of.
     times = [1e3 * row.time for row in (result.full, *result.rows)]

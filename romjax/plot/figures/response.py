@@ -35,6 +35,7 @@ def response(
 
     Raises ValueError if coordinates or names do not fit.
     """
+    check_motion("response: the truth", truth)
     motions = (truth, *approx)
     names = _default(truth, len(approx)) if labels is None else [str(name) for name in labels]
     if len(names) != len(motions):
@@ -42,7 +43,6 @@ def response(
             f"response: {len(names)} labels for {len(motions)} motions; give one for each, that "
             "of the truth first."
         )
-    check_motion("response: the truth", truth)
     for name, motion in zip(names[1:], approx, strict=True):
         check_coordinates("response", truth, name, motion)
     columns, note = choose("response", truth, coordinates)

@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from ...common.checks import check_kind
 from ...study.tune import Tuning
 from ..style import COLOURS, SMALL, DisplayedFigure
 
@@ -15,6 +16,7 @@ def tuning(result: Tuning, *, count: int = 25) -> Figure:
     figure, as one batch for each row. Of parameters per constraint, their means are drawn and the
     landscape is left out.
     """
+    check_kind("tuning", "the result", result, Tuning, "what romjax.tune_baumgarte returns")
     figure = DisplayedFigure(figsize=(9.5, 4))
     figure.set_layout_engine("constrained")
     plane, progress = figure.subplots(1, 2)

@@ -10,6 +10,7 @@ from matplotlib.text import Annotation
 from matplotlib.ticker import MaxNLocator
 
 from ...basis.basis import Basis
+from ...common.checks import check_kind
 from ..style import COLOURS, DASHES, MARKERS, SMALL, DisplayedFigure
 
 # Decades between two lines whose names do not touch.
@@ -29,6 +30,8 @@ def values(*bases: Basis) -> Figure:
     """
     if not bases:
         raise ValueError("values: no basis given; pass some, such as values(romjax.pod(truth)).")
+    for basis in bases:
+        check_kind("values", "a basis", basis, Basis, "what romjax.pod or romjax.sod returns")
     names = _names(bases)
     made_by = [basis.decomposition for basis in bases]
     labels = [None if made is None else made.value_label for made in made_by]
