@@ -8,13 +8,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..basis.turns import Turns, by_turn
-from ..common.arrays import Time, Vector, as_array
+from ..common.arrays import Time
 from ..compiling.program import program_once
 from ..linalg.dense import multiply
 from ..linalg.kkt import KKT
 from ..scene.coordinate import Coordinate
 from ..system.base import AbstractSystem, AbstractValidity
-from ..system.reduced import AbstractReducedSystem, check_alike, start_of
+from ..system.reduced import AbstractReducedSystem, check_alike, started
 from ..system.state import AbstractState, Energy, Power
 from ..system.structure import Structure
 from .lift.atlas import AtlasLift
@@ -72,7 +72,7 @@ class ReducedSystem(AbstractReducedSystem):
             contacts=full.structure.contacts,
         )
         held, known = combinations if m else None, (turns, validity, structure, summary)
-        return cls(full, lift, held, z, w, time, *known)._starting_at(z, w, time)
+        return started(cls(full, lift, held, z, w, time, *known), z, w, time)
 
     def mass(self, q: Reduced) -> Float[Array, "r r"]:
         return self.state(self.time, q, jnp.zeros_like(q)).mass()
@@ -103,20 +103,10 @@ class ReducedSystem(AbstractReducedSystem):
         lift = eqx.tree_at(lambda atlas: atlas.current, self.lift, self.lift.number(q))
         return dataclasses.replace(self, lift=lift)
 
-    def starting_at(self, q: Vector, v: Vector, t: Vector | None = None) -> "ReducedSystem":
-        q, v = as_array(q), as_array(v)
-        rom = self.in_chart_of(q)
-        return rom._starting_at(*rom.restrict(q, v), self.time if t is None else as_array(t))
-
     def with_full(self, full: AbstractSystem) -> "ReducedSystem":
         check_alike(self.full, full)
         rom = dataclasses.replace(self, full=full, lift=self.lift.with_full(full))
-        return rom._starting_at(self.q0, self.v0, self.time)
-
-    def _starting_at(self, z: Reduced, w: Reduced, time: Float[Array, ""]) -> "ReducedSystem":
-        rom = dataclasses.replace(self, q0=z, v0=w, time=jnp.asarray(time, z.dtype))
-        q0, v0 = start_of(rom, z, w, rom.time)
-        return dataclasses.replace(rom, q0=q0, v0=v0)
+        return started(rom, self.q0, self.v0, self.time)
 
 
 def has_charts(system: AbstractSystem) -> bool:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..basis.basis import Basis
-from ..common.arrays import Time, Vector, as_array
+from ..common.arrays import Time
 from ..integrate.default import start_frequencies
 from ..linalg.dense import multiply
 from ..linalg.kkt import KKT
@@ -84,11 +84,6 @@ class ProjectedSystem(AbstractReducedSystem):
     def with_full(self, full: AbstractSystem) -> "ProjectedSystem":
         return dataclasses.replace(self, full=full)
 
-    def starting_at(self, q: Vector, v: Vector, t: Vector | None = None) -> "ProjectedSystem":
-        z, w = self.restrict(as_array(q), as_array(v))
-        time = self.time if t is None else as_array(t)
-        return dataclasses.replace(self, q0=z, v0=w, time=time)
-
     def reconstruct(self, t: Time, q: Reduced, v: Reduced) -> tuple[Physical, Physical]:
         del t
         return self.offset + multiply(self.modes, q), multiply(self.modes, v)
@@ -96,10 +91,6 @@ class ProjectedSystem(AbstractReducedSystem):
     def restrict(self, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
         """The nearest ones in the Euclidean norm."""
         return multiply(self.modes.T, q - self.offset), multiply(self.modes.T, v)
-
-    def in_chart_of(self, q: Physical) -> "ProjectedSystem":
-        del q
-        return self
 
     def mass(self, q: Float[Array, " r"]) -> Float[Array, "r r"]:
         return jnp.eye(self.n, dtype=q.dtype)
@@ -141,9 +132,6 @@ class ProjectedState(AbstractState):
 
     def force(self) -> Float[Array, " r"]:
         return self.system.force(self.t, self.z, self.w)
-
-    def residual(self, a: Float[Array, " r"]) -> Float[Array, " r"]:
-        return a - self.force()
 
     def kkt(self) -> KKT:
         return KKT.dense(self.jacobian(), jnp.ones(self.system.n, self.z.dtype))

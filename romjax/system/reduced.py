@@ -1,7 +1,8 @@
 """The base of reduced systems, which stand for another one with more coordinates."""
 
 import abc
-from typing import TYPE_CHECKING, ClassVar, cast
+import dataclasses
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
 import equinox as eqx
 import jax
@@ -9,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..common import precision
-from ..common.arrays import Time, Vector, concrete
+from ..common.arrays import Time, Vector, as_array, concrete
 from ..common.errors import InputError, ReductionError
 from ..compiling.program import program_once
 from .base import AbstractSystem
@@ -19,6 +20,7 @@ from .constraints import differentiate
 # Shapes of signatures: coordinates of the full system, and of the reduced one.
 Physical = Float[Array, " n"]
 Reduced = Float[Array, " r"]
+R = TypeVar("R", bound="AbstractReducedSystem")
 
 
 class AbstractReducedSystem(AbstractSystem):
@@ -61,16 +63,19 @@ class AbstractReducedSystem(AbstractSystem):
     def restrict(self, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
         """The reduced coordinates and velocities nearest to physical ones, in the start's chart."""
 
-    @abc.abstractmethod
-    def in_chart_of(self, q: Physical) -> "AbstractReducedSystem":
+    def in_chart_of(self: R, q: Physical) -> R:
         """The system in the coordinates that suit a configuration: itself, unless it has charts."""
+        del q
+        return self
 
-    @abc.abstractmethod
-    def starting_at(self, q: Vector, v: Vector, t: Vector | None = None) -> "AbstractReducedSystem":
+    def starting_at(self: R, q: Vector, v: Vector, t: Vector | None = None) -> R:
         """The system with the start nearest to physical q, v (n,) at t [s], on its constraints.
 
         Raises ReductionError if these cannot be satisfied there.
         """
+        q, v = as_array(q), as_array(v)
+        own = self.in_chart_of(q)
+        return started(own, *own.restrict(q, v), self.time if t is None else t)
 
     @abc.abstractmethod
     def with_full(self, full: AbstractSystem) -> "AbstractReducedSystem":
@@ -103,6 +108,16 @@ def check_alike(full: AbstractSystem, other: AbstractSystem) -> None:
             f"with_full: a system of {other.n} coordinates and {other.m} constraints cannot take "
             f"the place of one of {full.n} and {full.m}; reduce it by itself."
         )
+
+
+def started(system: R, z: Reduced, w: Reduced, t: Vector) -> R:
+    """The system with the start z, w at t [s], put on its constraints; raises ReductionError if it
+    cannot be.
+    """
+    begun: Any = dataclasses.replace(cast(Any, system), q0=z, v0=w, time=jnp.asarray(t, z.dtype))
+    q0, v0 = start_of(begun, z, w, begun.time)
+    both: R = dataclasses.replace(begun, q0=q0, v0=v0)
+    return both
 
 
 def start_of(

@@ -119,9 +119,9 @@ class AbstractState(abc.ABC):
         """Return whether M is positive definite; None where nobody asks."""
         return None
 
-    @abc.abstractmethod
     def residual(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
         """M a − Q."""
+        return self.apply_mass(a) - self.force()
 
     def slopes(
         self,
@@ -225,9 +225,6 @@ class FullState(AbstractState):
             return jnp.all(blocks > 0)
         # Of what is not positive definite the factor has NaN.
         return jnp.all(jnp.isfinite(jnp.linalg.cholesky(blocks)))
-
-    def residual(self, a: Float[Array, " n"]) -> Float[Array, " n"]:
-        return self.apply_mass(a) - self.force()
 
     def slopes(
         self,

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from ...assembly.assembled import AssembledSystem
 from ...assembly.locate import assembled
 from ...assembly.part import part
-from ...common.arrays import Time, Vector, as_array
+from ...common.arrays import Time
 from ...linalg.dense import multiply
 from ...linalg.kkt import KKT
 from ...system.base import AbstractSystem, AbstractValidity
@@ -109,15 +109,6 @@ class HyperReducedSystem(AbstractReducedSystem):
     def restrict(self, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
         return self.lift.restrict(self.full, q, v)
 
-    def in_chart_of(self, q: Physical) -> "HyperReducedSystem":
-        del q
-        return self
-
-    def starting_at(self, q: Vector, v: Vector, t: Vector | None = None) -> "HyperReducedSystem":
-        z, w = self.restrict(as_array(q), as_array(v))
-        time = self.time if t is None else jnp.asarray(t, z.dtype)
-        return dataclasses.replace(self, q0=z, v0=w, time=time)
-
     def with_full(self, full: AbstractSystem) -> "HyperReducedSystem":
         check_alike(self.full, full)
         full = assembled("with_full", full)
@@ -178,9 +169,6 @@ class HyperReducedState(AbstractState):
             powers.append(self.system.loads.power(self.w))
         given = [power for power in powers if power is not None]
         return Power(*(sum(x) for x in zip(*given, strict=True))) if given else None
-
-    def residual(self, a: Reduced) -> Reduced:
-        return self.apply_mass(a) - self.force()
 
     def kkt(self) -> KKT:
         return KKT.dense(self.jacobian(), self.inner.mass())

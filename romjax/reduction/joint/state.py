@@ -260,9 +260,6 @@ class JointState(AbstractState):
     def limits(self) -> Float[Array, " effects"] | None:
         return self.system.full.limits(self.q)
 
-    def residual(self, a: Reduced) -> Reduced:
-        return self.apply_mass(a) - self.force()
-
     def mass(self) -> Float[Array, "r r"]:
         """M, from the motions that unit rates give the bodies."""
         tree, dtype = self.system.tree, self.z.dtype

@@ -116,10 +116,6 @@ class JointSubspace(AbstractReducedSystem):
         z, w = self.joint.restrict(q, v)
         return multiply(self.dual, z - self.offset), multiply(self.dual, w)
 
-    def in_chart_of(self, q: Physical) -> "JointSubspace":
-        del q
-        return self
-
     def starting_at(self, q: Vector, v: Vector, t: Vector | None = None) -> "JointSubspace":
         return self._starting_at(self.joint.starting_at(q, v, t))
 

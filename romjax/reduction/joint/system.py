@@ -15,7 +15,7 @@ from ...common.arrays import Time, Vector, as_array
 from ...common.compat import is_traced
 from ...compiling.program import program_once
 from ...system.base import AbstractSystem, AbstractValidity
-from ...system.reduced import AbstractReducedSystem, Physical, Reduced, check_alike, start_of
+from ...system.reduced import AbstractReducedSystem, Physical, Reduced, check_alike, started
 from ...system.structure import Structure
 from .along import AlongJoints
 from .counters import check_rotors, counters_of
@@ -94,16 +94,12 @@ class JointSystem(AbstractReducedSystem):
         z, w = _restricted(self.lift, q, v)
         return z, w
 
-    def in_chart_of(self, q: Physical) -> "JointSystem":
-        del q
-        return self
-
     def starting_at(self, q: Vector, v: Vector, t: Vector | None = None) -> "JointSystem":
         q, v = as_array(q), as_array(v)
         lift = _signed(self.lift, q)
         z, w = _restricted(lift, q, v)
         rom = dataclasses.replace(self, lift=lift)
-        return rom._starting_at(z, w, self.time if t is None else as_array(t))
+        return started(rom, z, w, self.time if t is None else t)
 
     def with_full(self, full: AbstractSystem) -> "JointSystem":
         check_alike(self.full, full)
@@ -112,7 +108,7 @@ class JointSystem(AbstractReducedSystem):
         # While JAX traces, as many rows repeat others as before.
         cut = dataclasses.replace(cut, rank=self.cut.rank)
         rom = dataclasses.replace(self, full=other, lift=lift, cut=cut, along=along)
-        rom = rom._starting_at(self.q0, self.v0, self.time)
+        rom = started(rom, self.q0, self.v0, self.time)
         if is_traced(rom.q0):
             return rom
         check_rotors(other, rom.lift, rom.q0)
@@ -122,11 +118,6 @@ class JointSystem(AbstractReducedSystem):
         """The system that knows how many rows of cut joints repeat others."""
         rank = rank_of_rows(self)
         return dataclasses.replace(self, cut=dataclasses.replace(self.cut, rank=rank))
-
-    def _starting_at(self, z: Reduced, w: Reduced, time: Float[Array, ""]) -> "JointSystem":
-        rom = dataclasses.replace(self, q0=z, v0=w, time=jnp.asarray(time, z.dtype))
-        q0, v0 = start_of(rom, z, w, rom.time)
-        return dataclasses.replace(rom, q0=q0, v0=v0)
 
 
 def _parts(

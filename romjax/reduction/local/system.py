@@ -101,10 +101,6 @@ class LocalSystem(AbstractReducedSystem):
         z, w = _projected(self.bases, q, v)
         return z, w
 
-    def in_chart_of(self, q: Physical) -> "LocalSystem":
-        del q
-        return self
-
     def starting_at(self, q: Vector, v: Vector, t: Vector | None = None) -> "LocalSystem":
         return self._starting_at(*self.restrict(as_array(q), as_array(v)), t)
 
