@@ -1,5 +1,6 @@
 """The ready scenes: each is what its file says, runs, keeps its energy, and shows its fact."""
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -110,3 +111,11 @@ def test_every_file_says_how_its_scene_runs():
         assert file["title"] == example.title
         assert (settings.end, settings.rate) == (example.end, example.rate)
         assert (settings.pod_rank, settings.sod_rank) == (example.pod_rank, example.sod_rank)
+
+
+@pytest.mark.instant
+def test_numbers_of_files_are_not_those_of_rounding():
+    """None is a short decimal but for rounding, such as 0.30000000000000004."""
+    for path in FILES.glob("*.toml"):
+        noisy = re.findall(r"\b\d+\.\d*?(?:0{7,}|9{7,})\d{1,2}\b", path.read_text("utf-8"))
+        assert not noisy, (path.name, noisy)

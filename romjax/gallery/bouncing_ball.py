@@ -7,6 +7,7 @@ from ..scene.effect.contact import Contact, Friction
 from ..scene.effect.gravity import Gravity
 from ..scene.marker import ground
 from ..scene.scene import Scene
+from .digits import decimal
 
 
 def bouncing_ball(
@@ -42,4 +43,4 @@ def bouncing_ball(
         dissipation=dissipation,
         friction=Friction(friction, creep=0.01),
     )
-    return Scene(bodies=[ball], effects=[Gravity(), floor])
+    return decimal(Scene(bodies=[ball], effects=[Gravity(), floor]))

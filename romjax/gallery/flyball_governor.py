@@ -14,6 +14,7 @@ from ..scene.joint.prismatic import Prismatic
 from ..scene.joint.revolute import Revolute
 from ..scene.marker import ground
 from ..scene.scene import Scene
+from .digits import decimal, drawn
 from .rods import rod, towards
 
 _DENSITY, _EDGE = 3000.0, 0.01  # of the rods [kg/m³], [m]
@@ -60,14 +61,16 @@ def flyball_governor(
     ]
     guide = Prismatic(slider.at(origin), shaft.at(origin), name="guide")
     couplers = [(arm.at("middle"), slider.at(origin)) for arm in arms]
-    return Scene(
-        bodies=[shaft, slider, *arms],
-        joints=[*joints, guide],
-        effects=[
-            Gravity((0.0, 0.0, -9.81)),
-            *[Spring(a, b, stiffness, rest_length=0.5) for a, b in couplers],
-            *[Damper(a, b, damping, along_line=True) for a, b in couplers],
-        ],
+    return decimal(
+        Scene(
+            bodies=[shaft, slider, *arms],
+            joints=[*joints, guide],
+            effects=[
+                Gravity((0.0, 0.0, -9.81)),
+                *[Spring(a, b, stiffness, rest_length=0.5) for a, b in couplers],
+                *[Damper(a, b, damping, along_line=True) for a, b in couplers],
+            ],
+        )
     )
 
 
@@ -99,5 +102,5 @@ def _with_ball(line: Float[Array, "2 3"], radius: float) -> Float[Array, "points
     angle = np.linspace(0.0, 2 * np.pi, 25)
     around = radius * np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
     parts = [line, line[1:] + around, line[1:] + around[:, [1, 0, 2]], line[1:]]
-    outline: Array = namespace(line).concatenate(parts)
+    outline: Array = drawn(namespace(line).concatenate(parts))
     return outline

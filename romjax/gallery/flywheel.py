@@ -13,6 +13,7 @@ from ..scene.joint.weld import Weld
 from ..scene.marker import ground
 from ..scene.scene import Scene
 from ..scene.signal import Step, Sum
+from .digits import decimal
 
 
 def flywheel(
@@ -35,7 +36,10 @@ def flywheel(
     """
     angles = [2 * math.pi * i / spokes for i in range(spokes)]
     feet = {
-        f"foot{i + 1}": (hub * math.cos(angle), hub * math.sin(angle))
+        f"foot{i + 1}": (
+            round(hub * math.cos(angle), 12) + 0.0,
+            round(hub * math.sin(angle), 12) + 0.0,
+        )
         for i, angle in enumerate(angles)
     }
     core = RigidBody("hub", hub_mass, hub_mass * hub**2 / 2, extent=2 * hub, points=feet)
@@ -46,7 +50,7 @@ def flywheel(
         beam = Beam(
             f"spoke{i + 1}",
             spoke_mass,
-            rim - hub,
+            round(rim - hub, 12),  # as one writes it
             EI=EI,
             modes=3,
             shapes="clamped-free",
@@ -59,4 +63,6 @@ def flywheel(
         ]
         beams.append(beam)
     push = Sum((Step(torque, 0.0, 0.01), Step(-1.0 * torque, 0.2, 0.01)))
-    return Scene(bodies=[core, ring, *beams], joints=joints, effects=[Torque(core.at(), push)])
+    return decimal(
+        Scene(bodies=[core, ring, *beams], joints=joints, effects=[Torque(core.at(), push)])
+    )

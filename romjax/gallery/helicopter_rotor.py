@@ -13,6 +13,7 @@ from ..scene.marker import ground
 from ..scene.orientation import rotation
 from ..scene.scene import Scene
 from ..scene.signal import Step, Sum
+from .digits import decimal
 
 
 def helicopter_rotor(
@@ -60,4 +61,4 @@ def helicopter_rotor(
         joints.append(Weld(blade.at("start"), root, name=f"root{i + 1}"))
         gusts.append(Force(blade.at("end"), z, push))
         bodies.append(blade)
-    return Scene(bodies=[hub, *bodies], joints=joints, effects=gusts)
+    return decimal(Scene(bodies=[hub, *bodies], joints=joints, effects=gusts))

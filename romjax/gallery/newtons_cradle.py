@@ -3,6 +3,8 @@
 import itertools
 import math
 
+import numpy as np
+
 from ..common.arrays import Number
 from ..scene.body.rigid import RigidBody
 from ..scene.curve import Circle
@@ -11,6 +13,7 @@ from ..scene.effect.gravity import Gravity
 from ..scene.joint.revolute import Revolute
 from ..scene.marker import ground
 from ..scene.scene import Scene
+from .digits import decimal, drawn
 
 
 def newtons_cradle(
@@ -34,7 +37,7 @@ def newtons_cradle(
     pitch = 2 * radius + clearance
     # A string from the hook, and once around.
     around = [2 * math.pi * i / 24 for i in range(25)]
-    circle = [(radius * math.sin(x), radius * math.cos(x)) for x in around]
+    circle = drawn(np.array([(radius * math.sin(x), radius * math.cos(x)) for x in around]))
     row = [
         RigidBody(
             f"ball{i + 1}",
@@ -51,4 +54,4 @@ def newtons_cradle(
         Contact(b.at(), a.at(), Circle(2 * radius), stiffness=stiffness)
         for a, b in itertools.pairwise(row)
     ]
-    return Scene(bodies=row, joints=strings, effects=[Gravity(), *contacts])
+    return decimal(Scene(bodies=row, joints=strings, effects=[Gravity(), *contacts]))

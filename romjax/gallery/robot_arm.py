@@ -13,6 +13,7 @@ from ..scene.joint.weld import Weld
 from ..scene.marker import ground
 from ..scene.scene import Scene
 from ..scene.signal import Step
+from .digits import decimal
 
 
 def robot_arm(
@@ -54,4 +55,4 @@ def robot_arm(
     grip = RigidBody("load", load, 1e-3, angle=-math.pi / 2, extent=0.08)
     grip = grip.placed((0.0, 0.0), reached)
     joints.append(Weld(grip.at(), wrist, name="grip"))
-    return Scene(bodies=[*links, grip], joints=joints, effects=[Gravity(), *drives])
+    return decimal(Scene(bodies=[*links, grip], joints=joints, effects=[Gravity(), *drives]))

@@ -8,6 +8,7 @@ from ..scene.body.spatial.rigid import RigidBody
 from ..scene.effect.spring import Spring
 from ..scene.marker import ground
 from ..scene.scene import Scene
+from .digits import decimal, drawn
 
 
 def rotor(
@@ -51,13 +52,13 @@ def rotor(
         Spring(body.at(side), ground.at((0.0, 0.0, z)), stiffness)
         for side, z in (("lower", -span / 2), ("upper", span / 2))
     ]
-    return Scene(bodies=[body], effects=bearings)
+    return decimal(Scene(bodies=[body], effects=bearings))
 
 
 def _disc(span: float, radius: float, unbalance: float) -> np.ndarray:
     """The shaft, and around it the rim with its spokes."""
     angle = np.linspace(0.0, 2 * np.pi, 33)
-    rim = radius * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    rim = drawn(radius * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1))
     centre = np.zeros((1, 3))
     spokes = [np.concatenate([centre, rim[k : k + 9], centre]) for k in (0, 8, 16, 24)]
     shaft = np.array([[0.0, 0.0, -span / 2], [0.0, 0.0, span / 2], [0.0, 0.0, 0.0]])

@@ -16,6 +16,7 @@ from ..scene.joint.revolute import Revolute
 from ..scene.marker import ground
 from ..scene.scene import Scene
 from ..scene.signal import Ramp
+from .digits import decimal
 
 PI = 3.1415927  # as published: the exact one changes the seventh digit of the first mode
 
@@ -67,15 +68,17 @@ def slider_crank(
         velocity=(body.rates[3], 0.0),
         extent=(0.06, 0.04),
     )
-    return Scene(
-        bodies=[shaft, body, slider],
-        joints=[
-            Revolute(shaft.at(), ground.at(), name="bearing"),
-            PrescribedAngle(shaft.at(), ground.at(), Ramp(speed), name="drive"),
-            Revolute(body.at("crank"), shaft.at("pin"), name="pin"),
-            Revolute(body.at("slider"), slider.at(), name="wrist"),
-            Prismatic(slider.at(), ground.at(), name="guide"),
-        ],
+    return decimal(
+        Scene(
+            bodies=[shaft, body, slider],
+            joints=[
+                Revolute(shaft.at(), ground.at(), name="bearing"),
+                PrescribedAngle(shaft.at(), ground.at(), Ramp(speed), name="drive"),
+                Revolute(body.at("crank"), shaft.at("pin"), name="pin"),
+                Revolute(body.at("slider"), slider.at(), name="wrist"),
+                Prismatic(slider.at(), ground.at(), name="guide"),
+            ],
+        )
     )
 
 

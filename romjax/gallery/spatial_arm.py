@@ -12,6 +12,7 @@ from ..scene.joint.weld import Weld
 from ..scene.marker import ground
 from ..scene.scene import Scene
 from ..scene.signal import Step
+from .digits import decimal
 
 _UP, _LIFT = (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)  # axes of the drives
 
@@ -60,4 +61,4 @@ def spatial_arm(
     grip = RigidBody("load", load, (2e-3,) * 3, extent=(0.1,) * 3).placed((0.0, 0.0, 0.0), reached)
     joints.append(Weld(grip.at((0.0, 0.0, 0.0), axis=_LIFT), wrist, name="grip"))
     effects = [Gravity((0.0, 0.0, -9.81)), *drives]
-    return Scene(bodies=[*bodies, grip], joints=joints, effects=effects)
+    return decimal(Scene(bodies=[*bodies, grip], joints=joints, effects=effects))

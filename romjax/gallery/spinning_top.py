@@ -8,6 +8,7 @@ from ..scene.effect.gravity import Gravity
 from ..scene.joint.spatial.spherical import Spherical
 from ..scene.marker import ground
 from ..scene.scene import Scene
+from .digits import decimal, drawn
 
 
 def spinning_top(
@@ -37,7 +38,7 @@ def spinning_top(
         points={"tip": (0.0, -arm, 0.0)},
     )
     pivot = Spherical(body.at("tip"), ground.at((0.0, 0.0, 0.0)), name="pivot")
-    return Scene(bodies=[body], joints=[pivot], effects=[Gravity((0.0, 0.0, -9.81))])
+    return decimal(Scene(bodies=[body], joints=[pivot], effects=[Gravity((0.0, 0.0, -9.81))]))
 
 
 def _cone(arm: float, radius: float) -> np.ndarray:
@@ -46,4 +47,5 @@ def _cone(arm: float, radius: float) -> np.ndarray:
     rim = np.stack([radius * np.cos(angle), 0.3 * arm + 0 * angle, radius * np.sin(angle)], axis=1)
     tip = np.array([[0.0, -arm, 0.0]])
     quarters = [np.concatenate([tip, rim[k : k + 7], tip]) for k in range(0, 24, 6)]
-    return np.concatenate(quarters)[:-1]
+    outline: np.ndarray = drawn(np.concatenate(quarters)[:-1])
+    return outline

@@ -16,6 +16,7 @@ from ..scene.joint.prismatic import Prismatic
 from ..scene.marker import ground
 from ..scene.scene import Scene
 from ..scene.signal import Step, Sum
+from .digits import decimal
 
 GRAVITY = 9.81  # [m/s²]
 # What pictures show: a box with a bracket for the rod, and a bar between two wheels.
@@ -82,4 +83,4 @@ def vehicle_axle(
             Spring(lower, upper, stiffness=stiffness, rest_length=length),
             Damper(lower, upper, damping=damping, along_line=True),
         ]
-    return Scene(bodies=[body, axle, left, right], joints=joints, effects=effects)
+    return decimal(Scene(bodies=[body, axle, left, right], joints=joints, effects=effects))

@@ -5,6 +5,7 @@ import numpy as np
 from ..common.arrays import Number, Vector
 from ..scene.body.spatial.rigid import RigidBody
 from ..scene.scene import Scene
+from .digits import decimal, drawn
 
 
 def wing_nut(
@@ -25,13 +26,13 @@ def wing_nut(
     where L² > 2 T B; else A and C change places. Here it is 8.811 s.
     """
     nut = RigidBody("nut", mass, moments, angular_velocity=rates, extent=_nut())
-    return Scene(bodies=[nut])
+    return decimal(Scene(bodies=[nut]))
 
 
 def _nut() -> np.ndarray:
     """A sleeve along the axis of the spin, y, with a wing to both sides."""
     angle = np.linspace(0.0, 2 * np.pi, 25)
-    ring = 0.25 * np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=1)
+    ring = drawn(0.25 * np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=1))
     wing = np.array([(0.25, 0.0), (0.7, 0.25), (1.0, 0.6), (0.95, 0.8), (0.7, 0.75), (0.25, 0.4)])
     wing = np.pad(wing, ((0, 0), (0, 1)))
     top, left = np.array([0.0, 0.4, 0.0]), np.array([-1.0, 1.0, 1.0])
