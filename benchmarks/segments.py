@@ -70,7 +70,7 @@ def evaluated(rom: Any) -> Any:
 
 def least_eigenvalue(rom: Any) -> float:
     """The least of the reduced mass matrices at random states."""
-    lower, upper = rom.validity.lower, rom.validity.upper
+    lower, upper = rom.validity.box.lower, rom.validity.box.upper
     shares = np.random.default_rng(0).uniform(-1, 1, (STATES, rom.n))
     z = (lower + upper) / 2 + WIDER / 2 * (upper - lower) * shares
     return float(jnp.min(jnp.linalg.eigvalsh(jax.jit(jax.vmap(rom.mass))(z))))
