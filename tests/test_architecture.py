@@ -5,8 +5,12 @@ import importlib
 import inspect
 import pkgutil
 import sys
+import types
+from collections.abc import Hashable
 from pathlib import Path
 
+import beartype
+import beartype.roar
 import jax
 import numpy as np
 import pytest
@@ -175,6 +179,44 @@ def test_classes_are_abstract_or_final():
         if not (base.__name__.startswith("Abstract") or base in EXTENDED)
     ]
     assert wrong == []
+
+
+# Types.
+
+
+def functions() -> list[types.FunctionType]:
+    """All functions that the modules of the package define, methods too."""
+    found = []
+    for module in pkgutil.walk_packages(rj.__path__, "romjax."):
+        members = list(vars(importlib.import_module(module.name)).values())
+        owned = [x for x in members if getattr(x, "__module__", "") == module.name]
+        owned += [x for cls in filter(inspect.isclass, owned) for x in vars(cls).values()]
+        plain = [getattr(x, "__func__", getattr(x, "fget", x)) for x in owned]
+        found += [x for x in plain if inspect.isfunction(x) and x.__module__ == module.name]
+    return found
+
+
+@pytest.mark.instant
+def test_types_can_be_checked():
+    """By beartype, which reads those of each function alone when its module is imported; what it
+    cannot read there, such as `Self`, would be seen only where the shapes of arrays are checked.
+    """
+    kinds, unreadable = {}, []
+    for function in functions():
+        for name, kind in function.__annotations__.items():
+            if isinstance(kind, Hashable):  # not the arguments of a ParamSpec
+                kinds.setdefault(kind, (function, name))
+    for kind, (function, name) in kinds.items():
+
+        def returns():
+            pass
+
+        returns.__annotations__["return"] = kind
+        try:
+            beartype.beartype(returns)
+        except beartype.roar.BeartypeDecorHintException as error:
+            unreadable.append(f"{function.__module__}.{function.__qualname__}, {name}: {error}")
+    assert unreadable == []
 
 
 # Sizes.
