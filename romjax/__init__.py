@@ -89,6 +89,7 @@ from .scene.body.capped import CappedBody as CappedBody
 from .scene.body.component_modes import craig_bampton as craig_bampton
 from .scene.body.component_modes import free_interface as free_interface
 from .scene.body.inertia import Inertia as Inertia
+from .scene.body.mesh_modes import mesh_modes as mesh_modes
 from .scene.body.modal import ModalBody as ModalBody
 from .scene.body.reduced import ReducedBody as ReducedBody
 from .scene.body.rigid import RigidBody as RigidBody

@@ -239,6 +239,7 @@ def test_angles_count_turns_without_coordinates_of_their_own():
     rom = in_joint_coordinates(rj.assemble(rj.Scene([first, second], [hinge, screw], effects)))
     assert (rom.n, rom.m) == (2, 0)
     assert rom.structure.labels == ("hinge.angle", "screw.angle")
+    assert rom.structure.coordinates[0].description == "angle of hinge"
     z, w = state_of(rom, 0)
     agree(rom, z + jnp.array([20.0, -30.0]), w)
 

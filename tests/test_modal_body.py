@@ -1,5 +1,7 @@
 """Bodies from finite-element matrices: modes, inertia invariants, ports."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import meshes
@@ -258,3 +260,30 @@ def test_a_port_of_one_point_needs_rotations():
     stiffness, mass, nodes, rows = meshes.plate(0.5, 0.2, 2, 1)
     with pytest.raises(rj.SceneError, match="'tip' is one point.*rim or an edge"):
         rj.ModalBody.of_mesh("plate", stiffness, mass, nodes, {"tip": 0}, modes=1, dofs=rows)
+
+
+@pytest.mark.parametrize("interface", ["fixed", "free"])
+def test_modes_at_all_nodes_of_a_mesh(interface):
+    """Their strain energy is the body's, and they move its ports as its shapes do, of whatever sign
+    those are.
+    """
+    stiffness, mass, nodes = meshes.beam(6, 1.3, 0.7, 1e5, 3.0)
+    given = {"modes": 3, "interface": interface}
+    mesh = stiffness, mass, nodes, {"start": 0, "end": 6}
+    body = rj.ModalBody.of_mesh("beam", *mesh, **given)
+    signs = np.resize([1.0, -1.0], body.modes)
+    turned = dataclasses.replace(body, shapes=jnp.asarray(np.asarray(body.shapes) * signs))
+    q = np.random.default_rng(5).standard_normal(body.modes)
+    for kind, sign in ((body, 1.0), (turned, signs)):
+        modes = rj.mesh_modes(kind, *mesh, **given)
+        u = modes @ (sign * q)
+        energy = float(np.sum(np.asarray(body.stiffness) * q**2))
+        assert u @ (stiffness @ u) == pytest.approx(energy, rel=1e-8)
+        ends = modes.reshape(7, 3, -1)[[0, 6]]
+        np.testing.assert_allclose(ends, np.asarray(kind.shapes[:2]), atol=1e-9 * np.ptp(ends))
+    for other in ({"modes": 2}, {"modes": 3, "interface": "free"}):
+        if other | given != given:
+            with pytest.raises(rj.SceneError, match="modes of body 'beam' are not those of this"):
+                rj.mesh_modes(body, *mesh, **(given | other))
+    with pytest.raises(rj.SceneError, match="the body is of type Beam; give a body that"):
+        rj.mesh_modes(rj.Beam("b", 1.0, 1.0), *mesh, **given)

@@ -175,7 +175,8 @@ def _structure(full: AssembledSystem, tree: Tree, spanning: Spanning) -> Structu
             if branch.link is not None:
                 label = _label(full, branch.link.group, branch.link.row)
             for column, (name, unit) in zip(columns, link.joints.freedoms, strict=True):
-                coordinates[column] = Coordinate(label, name, unit)
+                words = f"{name} of {label}"
+                coordinates[column] = Coordinate(label, name, unit, description=words)
     for own, columns in zip(tree.columns.rows, tree.amplitudes.rows, strict=True):
         for given, column in zip(own[tree.size :], columns, strict=True):
             if column < tree.n:

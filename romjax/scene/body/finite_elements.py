@@ -41,6 +41,7 @@ class ReducedMesh(NamedTuple):
     points: np.ndarray  # of the ports, then of the outline, (points, d)
     shapes: np.ndarray  # (points, 3 | 6, modes)
     unturned: tuple[str, ...]  # the ports whose rotation nothing says
+    elastic: np.ndarray  # the modes by the rows of K, (n, modes)
 
 
 def reduce_mesh(
@@ -106,6 +107,7 @@ def reduce_mesh(
         np.concatenate([*(port.centre[None] for port in pins), positions[hull]]),
         np.concatenate([*(port.follow(elastic)[None] for port in pins), drawn]),
         tuple(port.name for port in pins if not port.turns),
+        elastic,
     )
 
 
