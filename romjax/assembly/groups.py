@@ -262,30 +262,24 @@ class EffectGroup(AbstractStack):
 
     def energy(self, t: Time, poses: Pose) -> Float[Array, " count"]:
         """The potential energy of each."""
-        each: Array = jax.vmap(lambda effect, poses: effect.energy(t, *poses))(
-            self.effects, self.markers.take(poses)
-        )
-        return each
+        return self._each(lambda effect, sides: effect.energy(t, *sides), poses)
 
     def gaps(self, poses: Pose) -> Float[Array, " count"]:
         """How far each is from where it begins."""
-        each: Array = jax.vmap(lambda effect, sides: effect.room(*sides))(
-            self.effects, self.markers.take(poses)
-        )
-        return each
+        return self._each(lambda effect, sides: effect.room(*sides), poses)
 
     def limits(self, poses: Pose) -> Float[Array, " count"]:
         """The limit of each."""
-        each: Array = jax.vmap(lambda effect, sides: effect.limit(*sides))(
-            self.effects, self.markers.take(poses)
-        )
-        return each
+        return self._each(lambda effect, sides: effect.limit(*sides), poses)
 
     def power(self, t: Time, poses: Pose, twists: Twist) -> Float[Array, " count"]:
         """The power of the forces of each that have no potential energy."""
-        each: Array = jax.vmap(lambda effect, poses, twists: effect.power(t, poses, twists))(
-            self.effects, self.markers.take(poses), self.markers.take(twists)
-        )
+        return self._each(lambda effect, *sides: effect.power(t, *sides), poses, twists)
+
+    def _each(self, number: Callable[..., Array], *motions: Pose | Twist) -> Float[Array, " count"]:
+        """A `number` of each effect, by the poses, and perhaps the twists, of its markers."""
+        sides = [self.markers.take(motion) for motion in motions]
+        each: Array = jax.vmap(number)(self.effects, *sides)
         return each
 
     def works(self, poses: Pose) -> bool:

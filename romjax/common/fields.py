@@ -12,12 +12,24 @@ from jaxtyping import Array
 
 from .arrays import Number, as_array
 
-__all__ = ["ANGLE", "ROTATION", "UNIT", "Converted", "number", "parts", "radians"]
+__all__ = [
+    "ANGLE",
+    "ROTATION",
+    "UNIT",
+    "AbstractClassVar",
+    "Converted",
+    "number",
+    "parts",
+    "radians",
+]
 
 # What marks a field as an angle, as a rotation in space, or as a signal in a unit that is no angle.
 ANGLE, ROTATION, UNIT = "angle", "rotation", "unit"
 
 if TYPE_CHECKING:
+    # A class variable that subclasses have to set, which checkers take for a plain one.
+    from typing import ClassVar as AbstractClassVar
+
     # Checkers know a field, and whether it has a default, by the function that declares it, here
     # that of equinox by other names. They do not see its converter: the annotation decides.
     from equinox import field as number
@@ -39,6 +51,7 @@ if TYPE_CHECKING:
         def __set__(self, instance: object, value: Kept | Given) -> None: ...
 
 else:
+    from equinox import AbstractClassVar
 
     class Converted:
         """`Converted[held, given]` is `held`: the annotation that is checked at run time."""

@@ -80,28 +80,19 @@ class Choices:
         own = q0 is None and v0 is None and (solver is None)
         if own and given and key in self._choices:
             return self._choices[key]
-        choice: Choice = outside_of_traces(
-            lambda: self._made(ts, q0, v0, dt, solver, stabilization)
-        )
+
+        def choose() -> Choice:
+            start = check_start_shapes(self.system, q0, v0)
+            at_start = self.beginning.at(ts, np.concatenate(start), dt)
+            step = None if dt is None else as_number(dt, ts.dtype)
+            method = solver or default_method(self.system, ts, step, at_start.frequencies).solver
+            held = stabilization
+            if given:
+                terms = at_start.controlled if dt is None else at_start.fixed
+                held = Baumgarte(*terms) if self.system.m else None
+            return Choice.of(method, held, at_start.frequencies.fastest)
+
+        choice: Choice = outside_of_traces(choose)
         if own and given:
             self._choices[key] = choice
         return choice
-
-    def _made(
-        self,
-        ts: Any,
-        q0: Any,
-        v0: Any,
-        dt: float | None,
-        solver: diffrax.AbstractSolver[Any] | None,
-        stabilization: Any,
-    ) -> Choice:
-        start = check_start_shapes(self.system, q0, v0)
-        at_start = self.beginning.at(ts, np.concatenate(start), dt)
-        step = None if dt is None else as_number(dt, ts.dtype)
-        method = solver or default_method(self.system, ts, step, at_start.frequencies).solver
-        held = stabilization
-        if stabilization == "default":
-            terms = at_start.controlled if dt is None else at_start.fixed
-            held = Baumgarte(*terms) if self.system.m else None
-        return Choice.of(method, held, at_start.frequencies.fastest)

@@ -14,7 +14,19 @@ from .follower import AbstractFollower, Step
 from .steps import Progress, Trial, chosen
 
 
-class Closed(AbstractFollower):
+class AbstractClosed(AbstractFollower):
+    """A follower with a `function` in place of its `follow`."""
+
+    follower: eqx.AbstractVar[AbstractFollower]
+
+    def start(self, start: Progress) -> PyTree:
+        return self.follower.start(start)
+
+    def end(self, end: Progress, stopped: Array, seen: PyTree) -> PyTree:
+        return self.follower.end(end, stopped, seen)
+
+
+class Closed(AbstractClosed):
     """A follower whose derivatives in reverse mode nobody may ask for."""
 
     follower: AbstractFollower
@@ -27,17 +39,11 @@ class Closed(AbstractFollower):
             return follower
         return cls(follower, eqx.filter_closure_convert(follower.follow, step, seen))
 
-    def start(self, start: Progress) -> PyTree:
-        return self.follower.start(start)
-
     def follow(self, step: Step, seen: PyTree) -> PyTree:
         return self.function(step._replace(seen={}), seen)
 
-    def end(self, end: Progress, stopped: Array, seen: PyTree) -> PyTree:
-        return self.follower.end(end, stopped, seen)
 
-
-class Transposable(AbstractFollower):
+class Transposable(AbstractClosed):
     """A follower that reverse mode passes through.
 
     - `function`: of the times and states at both ends of an accepted step, of the motion between
@@ -63,17 +69,11 @@ class Transposable(AbstractFollower):
         ends = step.before.t, step.before.y, step.after.t, step.after.y
         return cls(follower, eqx.filter_closure_convert(function, *ends, step.tried.between, seen))
 
-    def start(self, start: Progress) -> PyTree:
-        return self.follower.start(start)
-
     def follow(self, step: Step, seen: PyTree) -> PyTree:
         before, after, between = step.before, step.after, step.tried.between
         # The same function as in reverse mode, so that both see the same step.
         new = self.function(before.t, before.y, after.t, after.y, between, seen)
         return chosen(step.kept, new, seen)
-
-    def end(self, end: Progress, stopped: Array, seen: PyTree) -> PyTree:
-        return self.follower.end(end, stopped, seen)
 
 
 class ClosedWatch(AbstractWatch):

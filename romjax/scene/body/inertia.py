@@ -1,5 +1,7 @@
 """The inertia of a flexible body in a floating frame, by integrals that are taken once."""
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -90,25 +92,13 @@ class Inertia(eqx.Module):
 
         `basis` Φ (modes, k): orthonormal where `modal` is the identity.
         """
-
-        def both(matrix: Array | None) -> Array | None:
-            return None if matrix is None else basis.T @ matrix @ basis
-
-        def one(vector: Array | None) -> Array | None:
-            return None if vector is None else vector @ basis
-
-        return Inertia(
-            self.mass,
-            self.moment,
-            both(self.modal),
-            self.first_moment,
-            one(self.shift),
-            one(self.swing),
-            one(self.stretch),
-            both(self.gyration),
-            both(self.foreshortening),
-            both(self.spin),
-        )
+        linear = "shift", "swing", "stretch"
+        quadratic = "modal", "gyration", "foreshortening", "spin"
+        changed = {name: x @ basis for name in linear if (x := getattr(self, name)) is not None}
+        for name in quadratic:
+            if (x := getattr(self, name)) is not None:
+                changed[name] = basis.T @ x @ basis
+        return dataclasses.replace(self, **changed)
 
     def check(self, owner: str, modes: int) -> None:
         """Raise a SceneError that names owner, field, value and remedy."""

@@ -191,14 +191,6 @@ class Rod(AbstractRod):
         return first_moment_slope(self._line, self.mass, q)
 
     @property
-    def _damping(self) -> tuple[Float[Array, ""] | None, Float[Array, " natural"] | None]:
-        return self.retardation, self.damping
-
-    @property
-    def _named(self) -> NamedPoints:
-        return self.points
-
-    @property
     def _unit_stiffness(self) -> Float[Array, ""]:
         return self.EI
 

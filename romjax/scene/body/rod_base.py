@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Mapping
-from typing import Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import equinox as eqx
 import jax
@@ -32,23 +32,24 @@ class AbstractRod(AbstractBendingBody):
     mass: eqx.AbstractVar[Float[Array, ""]]
     length: eqx.AbstractVar[Float[Array, ""]]
     strains: eqx.AbstractVar[Any]
+    if TYPE_CHECKING:
+        # As fields of this class they would come before those of the rods to type checkers.
+        @property
+        def retardation(self) -> Float[Array, ""] | None: ...
+        @property
+        def damping(self) -> Float[Array, " natural"] | None: ...
+        @property
+        def points(self) -> NamedPoints: ...
+    else:
+        retardation: eqx.AbstractVar[Float[Array, ""] | None]
+        damping: eqx.AbstractVar[Float[Array, " natural"] | None]
+        points: eqx.AbstractVar[NamedPoints]
     mode_kind: ClassVar[str] = "strain shape"
     mode_unit: ClassVar[str] = "rad"
 
     @property
     def damped(self) -> bool:
-        retardation, damping = self._damping
-        return self.modes > 0 and not (retardation is None and damping is None)
-
-    @property
-    @abc.abstractmethod
-    def _damping(self) -> tuple[Float[Array, ""] | None, Float[Array, " natural"] | None]:
-        """The time of its material, and the ratios of its modes."""
-
-    @property
-    @abc.abstractmethod
-    def _named(self) -> NamedPoints:
-        """The points that are named, besides both ends."""
+        return self.modes > 0 and not (self.retardation is None and self.damping is None)
 
     @property
     @abc.abstractmethod
@@ -85,12 +86,11 @@ class AbstractRod(AbstractBendingBody):
     def damping_force(self, v: Float[Array, " size"]) -> Float[Array, " size"]:
         frame = self.frame_size
         own, rates, force = self.strains, v[frame:], jnp.zeros_like(v[frame:])
-        retardation, damping = self._damping
-        if retardation is not None:
-            force -= retardation * self._elastic(rates)
-        if damping is not None:
+        if self.retardation is not None:
+            force -= self.retardation * self._elastic(rates)
+        if self.damping is not None:
             squares = own.squares * self._unit_stiffness / (self.mass * self.length**3)
-            factors = 2 * damping * jnp.sqrt(squares) * self.mass * self.length**2
+            factors = 2 * self.damping * jnp.sqrt(squares) * self.mass * self.length**2
             if own.mixing is None:
                 force -= factors * rates
             else:
@@ -99,7 +99,7 @@ class AbstractRod(AbstractBendingBody):
 
     def named_points(self) -> Mapping[str, Float[Array, " d"]]:
         half = untraced(self.length)[0] * np.array([0.5, 0.0, 0.0])[: self.dimension]
-        return {"start": as_jax(-half), "end": as_jax(half), **self._named.mapping()}
+        return {"start": as_jax(-half), "end": as_jax(half), **self.points.mapping()}
 
     def outline(self) -> Float[Array, "points d"]:
         along = self.length * jnp.linspace(-0.5, 0.5, 41)
@@ -120,6 +120,6 @@ class AbstractRod(AbstractBendingBody):
     def check(self) -> None:
         check_name(self.name)
         owner = f"body '{self.name}'"
-        self._named.check(owner, ("start", "end"), dimension=self.dimension)
+        self.points.check(owner, ("start", "end"), dimension=self.dimension)
         check_numbers(owner, self, "amplitudes", "rates", shape=(self.modes,))
         check_start(owner, self)

@@ -4,7 +4,7 @@ import abc
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -14,16 +14,12 @@ from jaxtyping import Array, Bool, Float
 
 from ...common.arrays import Time, concrete
 from ...common.errors import SceneError
+from ...common.fields import AbstractClassVar
 from .. import marker
 from ..body.base import AbstractBody
 from ..fields import check_choice, check_numbers
 from ..marker import Marker, Pose, Poses, Twists, Wrench, Wrenches
 from ..outline import Outlines, linked
-
-if TYPE_CHECKING:
-    from typing import ClassVar as AbstractClassVar
-else:
-    from equinox import AbstractClassVar
 
 
 class AbstractEffect(eqx.Module):

@@ -1,20 +1,16 @@
 """Effects with first-order states of their own: controllers, filters, actuators that lag."""
 
 import abc
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ...common.arrays import Time, as_jax
+from ...common.fields import AbstractClassVar
 from ..marker import Poses, Twists, Wrench, Wrenches
 from .base import AbstractMarkerEffect
-
-if TYPE_CHECKING:
-    from typing import ClassVar as AbstractClassVar
-else:
-    from equinox import AbstractClassVar
 
 
 class AbstractStateEffect(AbstractMarkerEffect):

@@ -10,14 +10,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...common.arrays import Time
+from ...common.fields import AbstractClassVar
 from ...linalg import quaternions
 from ..marker import Marker, Pose, Poses, check_distinct, check_markers
 from ..outline import Outlines, linked
-
-if TYPE_CHECKING:
-    from typing import ClassVar as AbstractClassVar
-else:
-    from equinox import AbstractClassVar
 
 # Of joints that turn in any direction.
 QUATERNION = (("w", ""), ("x", ""), ("y", ""), ("z", ""))

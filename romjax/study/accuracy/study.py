@@ -10,10 +10,13 @@ from tqdm import tqdm
 
 from ...assembly.assemble import assemble
 from ...basis.basis import AbstractDecomposition
+from ...basis.decomposition.parse import as_decomposition
 from ...basis.rank import Rank
 from ...common.arrays import Vector
 from ...common.errors import InputError
+from ...integrate.rodas5p import Rodas5P
 from ...reduction.formulation.base import AbstractFormulation
+from ...reduction.formulation.parse import as_formulation
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem
 from .result import Accuracy
@@ -63,8 +66,14 @@ def accuracy(
     Raises InputError or ReductionError for a name or a number that makes no sense, SimulationError
     if the training run fails: the full model at the tightest tolerance.
     """
-    runs = (tolerances, steps, precisions, lanes, repeats, budget)
-    settings = Settings.of(formulations, bases, ranks, caps, solvers, *runs)
+    settings = Settings(
+        [as_formulation(one) for one in formulations],
+        [as_decomposition(one) for one in bases],
+        ranks,
+        caps,
+        [Rodas5P(), diffrax.Dopri8()] if solvers is None else list(solvers),
+        *(tolerances, steps, precisions, lanes, repeats, budget),
+    )
     begin = time.perf_counter()
     system = _in_double_precision(assemble(what) if isinstance(what, Scene) else what)
     layout = "{desc:48} {n_fmt} runs, {elapsed}"

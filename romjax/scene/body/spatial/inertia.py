@@ -1,5 +1,7 @@
 """The inertia of a flexible body in space, by integrals that are taken once."""
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -200,27 +202,13 @@ class SpatialInertia(eqx.Module):
 
         `basis` Φ (modes, k): orthonormal where `modal` is the identity.
         """
-
-        def one(x: Array | None) -> Array | None:
-            return None if x is None else x @ basis
-
-        def both(x: Array | None) -> Array | None:
-            return (
-                None if x is None else jnp.swapaxes(jnp.swapaxes(x @ basis, -1, -2) @ basis, -1, -2)
-            )
-
-        return SpatialInertia(
-            self.mass,
-            self.moment,
-            both(self.modal),
-            self.first_moment,
-            one(self.shift),
-            one(self.swing),
-            one(self.stretch),
-            both(self.spread),
-            both(self.gyration),
-            both(self.foreshortening),
-        )
+        linear = "shift", "swing", "stretch"
+        quadratic = "modal", "spread", "gyration", "foreshortening"
+        changed = {name: x @ basis for name in linear if (x := getattr(self, name)) is not None}
+        for name in quadratic:
+            if (x := getattr(self, name)) is not None:
+                changed[name] = jnp.swapaxes(jnp.swapaxes(x @ basis, -1, -2) @ basis, -1, -2)
+        return dataclasses.replace(self, **changed)
 
     def check(self, owner: str, modes: int) -> None:
         """Raise a SceneError that names owner, field, value and remedy."""

@@ -213,14 +213,6 @@ class Rod(AbstractRod):
         return Line(self.strains, self.length, curvature.reshape(3, -1) * length)
 
     @property
-    def _damping(self) -> tuple[Float[Array, ""] | None, Float[Array, " natural"] | None]:
-        return self.retardation, self.damping
-
-    @property
-    def _named(self) -> NamedPoints:
-        return self.points
-
-    @property
     def _unit_stiffness(self) -> Float[Array, ""]:
         return self.EI[1]
 
