@@ -8,10 +8,23 @@ import numpy as np
 
 from .arithmetic import Arithmetic
 from .refuse import refuse
-from .terms import Term, is_known
+from .terms import TYPES, Term, is_known
 
 Cells = np.ndarray  # of numbers of Python, and of terms
 Operands = list[Cells]
+
+
+def kind_of(aval: Any) -> str:
+    """The kind of the numbers of an array, one of `TYPES`."""
+    dtype: Any = np.dtype(aval.dtype)
+    if dtype.kind == "f" and dtype != np.float64:
+        refuse(
+            f"numbers of type {dtype}, since C is made in double precision",
+            'call jax.config.update("jax_enable_x64", True) before making any array',
+        )
+    if dtype.kind not in TYPES:
+        refuse(f"numbers of type {dtype}", "use real numbers")
+    return str(dtype.kind)
 
 
 def cells(x: Any) -> Cells:

@@ -8,12 +8,12 @@ import jax
 import numpy as np
 from jax.extend import core
 
-from ..common import compat
 from .arithmetic import Arithmetic
-from .arrays import Arrays, Cells, cells, over
+from .arrays import Arrays, Cells, cells, kind_of, over
 from .factors import Factors
+from .iteration import Iteration
 from .refuse import refuse
-from .terms import TYPES, Term, Writer, distinct, is_known, literal, uses_of
+from .terms import Writer, distinct, is_known
 
 # What these hold is evaluated as it is: their derivatives were taken before, if any were.
 _PLAIN = {
@@ -38,7 +38,18 @@ class Control:
 
     def __init__(self, writer: Writer, arithmetic: Arithmetic, arrays: Arrays) -> None:
         self.writer, self.arithmetic = writer, arithmetic
-        self.operations = arrays.operations | Factors(arithmetic).operations
+        self.operations = {
+            **arrays.operations,
+            **Factors(arithmetic).operations,
+            **Iteration(writer, self.run).operations,
+            "integer_pow": self._integer_pow,
+            "convert_element_type": self._convert_element_type,
+            "select_n": self._select_n,
+            "clamp": self._clamp,
+            "custom_linear_solve": self._custom_linear_solve,
+            "cond": self._cond,
+            "platform_index": self._platform_index,
+        }
 
     def run(self, jaxpr: Any, consts: Sequence[Any], args: Sequence[Cells]) -> list[Cells]:
         """Evaluate a program at numbers, known or not."""
@@ -74,15 +85,12 @@ class Control:
             return over(lambda *numbers: function(*numbers, kind=kind), x)
         if name in self.arithmetic.sums:
             return self._sum(name, x[0], p, kind)
-        if name in self.operations:
-            return self.operations[name](x, p, kinds)
-        held = getattr(self, f"_{name.replace('-', '_')}", None)
-        if held is None:
+        if name not in self.operations:
             refuse(
                 f"the operation `{name}` of JAX, for which there is no C",
                 "write the part that needs it with other functions, or leave it to romjax.simulate",
             )
-        return held(x, p, kinds)
+        return self.operations[name](x, p, kinds)
 
     def _sum(self, name: str, x: Cells, p: Any, kind: str) -> Cells:
         function = self.arithmetic.sums[name]
@@ -130,8 +138,8 @@ class Control:
         lengths, solve = p["const_lengths"], p["jaxprs"].solve
         before = lengths.matvec + lengths.vecmat
         after = before + lengths.solve
-        rest = x[after + lengths.transpose_solve :]
-        return self.run(solve.jaxpr, solve.consts, x[before:after] + rest)
+        right = x[after + lengths.transpose_solve :]
+        return self.run(solve.jaxpr, solve.consts, x[before:after] + right)
 
     def _cond(self, x: list[Cells], p: Any, kinds: list[str]) -> list[Cells]:
         """All branches, of which the results are chosen: none has an effect."""
@@ -155,146 +163,3 @@ class Control:
         del x, kinds
         taken = [each is None or "cpu" in each for each in p["platforms"]]
         return cells(taken.index(True))
-
-    # Loops.
-
-    def _scan(self, x: list[Cells], p: Any, kinds: list[str]) -> list[Cells]:
-        del kinds
-        fixed, carried = compat.scan_counts(p)
-        consts, carry, rows = x[:fixed], x[fixed : fixed + carried], x[fixed + carried :]
-        length, inner = p["length"], p["jaxpr"]
-        if not self.writer.unrolled:
-            return self._scan_loop(p, consts, carry, rows)
-        order = list(range(length))[:: -1 if p["reverse"] else 1]
-        mark, start, seen = self.writer.mark(), carry, []
-        first = self.writer.written
-        for i in order:
-            out = self.run(inner.jaxpr, inner.consts, [*consts, *carry, *(row[i] for row in rows)])
-            carry, written = out[:carried], self.writer.written - first
-            seen.append(out[carried:])
-            if written * length > self.writer.unrolled * (len(seen)):
-                self.writer.forget(mark)
-                return self._scan_loop(p, consts, start, rows)
-        self.writer.keep()
-        if p["reverse"]:
-            seen.reverse()
-        shapes = [v.aval.shape for v in inner.jaxpr.outvars[carried:]]
-        columns = [np.empty((length, *shape), object) for shape in shapes]
-        for i, row in enumerate(seen):
-            for column, value in zip(columns, row, strict=True):
-                column[i] = value if value.ndim else value.item()
-        return [*carry, *columns]
-
-    def _scan_loop(
-        self, p: Any, consts: list[Cells], start: list[Cells], rows: list[Cells]
-    ) -> list[Cells]:
-        """A scan as a loop of C, whose rows are in arrays."""
-        inner, length, (fixed, carried) = p["jaxpr"], p["length"], compat.scan_counts(p)
-        atoms = inner.jaxpr.invars[fixed:]
-        types = [kind_of(v.aval) for v in atoms]
-        names = [
-            self.writer.array(k, list(row.flat))
-            for k, row in zip(types[carried:], rows, strict=True)
-        ]
-        state = self._variables(start, types[:carried])
-        outs = inner.jaxpr.outvars[carried:]
-        places = [
-            self.writer.room(kind_of(v.aval), max(1, length * int(np.prod(v.aval.shape))))
-            for v in outs
-        ]
-        i = self.writer.name("i")
-        forth = f"for (int {i} = 0; {i} < {length}; {i}++)"
-        back = f"for (int {i} = {length - 1}; {i} >= 0; {i}--)"
-        changed = tuple(t.text for each in state for t in each.flat)
-        with self.writer.loop(back if p["reverse"] else forth, (*changed, *places)):
-            now = [
-                _entries(name, v.aval.shape, i)
-                for name, v in zip(names, atoms[carried:], strict=True)
-            ]
-            out = self.run(inner.jaxpr, inner.consts, [*consts, *state, *now])
-            for name, value in zip(places, out[carried:], strict=True):
-                for k, each in enumerate(value.flat):
-                    text = f"{name}[{i}*{value.size} + {k}] = {literal(each)};"
-                    self.writer.line(text, (name,), uses_of([each]), 1)
-            self._assign(state, out[:carried], types[:carried])
-        each = zip(places, outs, strict=True)
-        columns = [_entries(name, (length, *v.aval.shape), None) for name, v in each]
-        return self._named([*state, *columns], types[:carried] + [kind_of(v.aval) for v in outs])
-
-    def _while(self, x: list[Cells], p: Any, kinds: list[str]) -> list[Cells]:
-        condition, body = p["cond_jaxpr"], p["body_jaxpr"]
-        a, b = p["cond_nconsts"], p["body_nconsts"]
-        fixed, given, start = x[:a], x[a : a + b], x[a + b :]
-        types = kinds[a + b :]
-        mark, first, state = self.writer.mark(), self.writer.written, start
-        while True:
-            here = self.writer.mark()
-            goes = self.run(condition.jaxpr, condition.consts, [*fixed, *state])[0].item()
-            self.writer.forget(here)
-            if not is_known(goes) or self.writer.written - first > self.writer.unrolled:
-                break
-            if not goes:
-                self.writer.keep()
-                return state
-            state = self.run(body.jaxpr, body.consts, [*given, *state])
-        self.writer.forget(mark)
-        state = self._variables(start, types)
-        names = tuple(t.text for each in state for t in each.flat)
-        with self.writer.loop("for (;;)", names):
-            goes = self.run(condition.jaxpr, condition.consts, [*fixed, *state])[0].item()
-            self.writer.line(f"if (!({literal(goes)})) break;", (), uses_of([goes]), 1)
-            out = self.run(body.jaxpr, body.consts, [*given, *state])
-            self._assign(state, out, types)
-        return self._named(state, types)
-
-    def _named(self, values: list[Cells], types: list[str]) -> list[Cells]:
-        """Variables that change no more as numbers with names of their own."""
-        write, each = self.writer.compute, zip(values, types, strict=True)
-        return [over(lambda x, k=kind: write(k, "{}", x), [value]) for value, kind in each]
-
-    def _variables(self, values: list[Cells], types: list[str]) -> list[Cells]:
-        """Variables that start with values."""
-        state = []
-        for value, kind in zip(values, types, strict=True):
-            out = np.empty(value.shape, object)
-            for at in np.ndindex(value.shape):
-                out[at] = self.writer.variable(kind, value[at])
-            state.append(out)
-        return state
-
-    def _assign(self, state: list[Cells], values: list[Cells], types: list[str]) -> None:
-        """Change variables to values, all at once: some may need the old ones of others."""
-        changes = []
-        for old, new, kind in zip(state, values, types, strict=True):
-            for variable, value in zip(old.flat, new.flat, strict=True):
-                if isinstance(value, Term) and value.text == variable.text:
-                    continue
-                held = self.writer.name("n")
-                text = f"const {TYPES[kind]} {held} = {literal(value)};"
-                self.writer.line(text, (held,), uses_of([value]))
-                changes.append((variable, held))
-        for variable, held in changes:
-            self.writer.line(f"{variable} = {held};", variable.uses, (held,))
-
-
-def kind_of(aval: Any) -> str:
-    """The kind of the numbers of an array, one of `TYPES`."""
-    dtype: Any = np.dtype(aval.dtype)
-    if dtype.kind == "f" and dtype != np.float64:
-        refuse(
-            f"numbers of type {dtype}, since C is made in double precision",
-            'call jax.config.update("jax_enable_x64", True) before making any array',
-        )
-    if dtype.kind not in TYPES:
-        refuse(f"numbers of type {dtype}", "use real numbers")
-    return str(dtype.kind)
-
-
-def _entries(name: str, shape: tuple[int, ...], index: str | None) -> Cells:
-    """The entries of an array in C, or of its row of some `index`."""
-    size = int(np.prod(shape))
-    base = "" if index is None else f"{index}*{size} + "
-    out = np.empty(size, object)
-    for k in range(size):
-        out[k] = Term(f"{name}[{base}{k}]", (name,))
-    return out.reshape(shape)
