@@ -23,6 +23,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from .checkpoints import Checkpoint, CheckpointFollower
 from .closed import Closed, ClosedWatch, Transposable
+from .cotangents import differentiable, is_used, of_followers, of_rows, uses_later
 from .follower import Step
 from .march import DENSE, EVENTS, OUTPUTS, March
 from .outputs import Outputs
@@ -90,12 +91,12 @@ def differentiable_run(march: March, start: Progress, most: int) -> Outcome:
         solver_state=start.solver_state,
         seen={name: seen.pop(name) for name in transposed},
     )
-    # The rest chooses the steps or only follows them: it is not differentiated.
+    # What chooses the steps, or only follows them, is not differentiated.
     nothing: Any = None
     steps = march.steps._replace(watch=ClosedWatch.of(march.steps.watch, step))
-    rest = March(steps, nothing, nothing, others)
+    undifferentiated = March(steps, nothing, nothing, others)
     asked = march.outputs.asked, march.outputs.beside
-    choice = rest, start._replace(y=None, solver_state=None), seen, asked
+    choice = undifferentiated, start._replace(y=None, solver_state=None), seen, asked
     arrays, static = eqx.partition(choice, eqx.is_array)
     choice = eqx.combine(jax.lax.stop_gradient(arrays), static)
     outcome: Outcome = _run(by, choice, slots, longest)
@@ -134,8 +135,8 @@ def _run_with_checkpoints(
     number, record = seen[OUTPUTS].number, seen.get(EVENTS)
     missing = (number < march.outputs.asked) & ~march.steps.is_held(end)
     happened = jnp.zeros((), int) if record is None else record.number
-    kept = seen.pop(_CHECKPOINTED)
-    return (end, seen), (kept, end.accepted, end.t, number, happened, missing)
+    states = seen.pop(_CHECKPOINTED)
+    return (end, seen), (states, end.accepted, end.t, number, happened, missing)
 
 
 def _transpose(
@@ -150,8 +151,8 @@ def _transpose(
     del slots
     checkpoints, accepted, t, saved, happened, missing = residuals
     march, stride = _joined(by, choice)[0], checkpoints.stride
-    by_rows = _filled(cotangents[1], choice[2])
-    by_seen = _counting(cotangents[1], by.seen)
+    by_rows = of_rows(cotangents[1], choice[2])
+    by_seen = of_followers(cotangents[1], by.seen)
     # Followers that nothing depends on are no part of the transposed program.
     used, is_perturbed = (
         (*each[:3], {name: each.followers[name] for name in by_seen}) for each in (by, perturbed)
@@ -180,10 +181,10 @@ def _transpose(
         lambda carry: unvmap_any(carry[0] >= 0), segment, ((accepted - 1) // stride, end)
     )
     # Of outputs that the run did not get to, nobody knows derivatives.
-    nan = jnp.where(missing & _uses_later(by_rows[0], saved), jnp.nan, 0.0)
+    nan = jnp.where(missing & uses_later(by_rows[0], saved), jnp.nan, 0.0)
     for name in choice[2].keys() - {OUTPUTS, EVENTS, DENSE}:
-        if _differentiable(cotangents[1][name]):
-            nan = eqx.error_if(nan, _counts(cotangents[1][name]), _REFUSED.format(name))
+        if differentiable(cotangents[1][name]):
+            nan = eqx.error_if(nan, is_used(cotangents[1][name]), _REFUSED.format(name))
     numbers, y, solver_state, at_start = jax.tree.map(lambda x: x + nan.astype(x.dtype), first[:4])
     trial, output, ts, followers = numbers
     none = jax.tree.map(lambda _: None, (by.followers, by.seen))
@@ -192,60 +193,8 @@ def _transpose(
     )
 
 
-def _uses_later(cotangents: PyTree, number: Int[Array, ""]) -> Array:
-    """Whether outputs after the first `number` of them count: where the run did not get there, they
-    are no numbers, and neither are their derivatives.
-    """
-
-    def counts(x: Array) -> Array:
-        late = jnp.arange(len(x)) >= number
-        return jnp.any((x != 0) & late.reshape(-1, *[1] * (x.ndim - 1)))
-
-    leaves = jax.tree.leaves(eqx.filter(cotangents, eqx.is_inexact_array))
-    return jnp.any(jnp.array([counts(x) for x in leaves], bool))
-
-
-def _counts(cotangents: PyTree) -> Array:
-    """Whether something depends on what has these cotangents."""
-    return jnp.any(jnp.array([jnp.any(x != 0) for x in _differentiable(cotangents)]))
-
-
-def _differentiable(tree: PyTree) -> list[Array]:
-    leaves: list[Array] = jax.tree.leaves(eqx.filter(tree, eqx.is_inexact_array))
-    return leaves
-
-
-def _counting(cotangents: dict[str, Any], seen: dict[str, PyTree]) -> dict[str, PyTree]:
-    """Return the cotangents of what followers have `seen` on which something depends; zeros where
-    they are missing.
-    """
-    moving = {name: eqx.filter(each, eqx.is_inexact_array) for name, each in seen.items()}
-    return {
-        name: jax.tree.map(
-            lambda x, bar: jnp.zeros_like(x) if bar is None else bar, each, cotangents[name]
-        )
-        for name, each in moving.items()
-        if _differentiable(cotangents[name])
-    }
-
-
 _run.def_fwd(_run_with_checkpoints)  # type: ignore[no-untyped-call]
 _run.def_bwd(_transpose)  # type: ignore[no-untyped-call]
-
-
-def _filled(cotangents: dict[str, Any], seen: dict[str, Any]) -> tuple[PyTree, PyTree, PyTree]:
-    """Return the cotangents of outputs, events and dense output, zeros where they are missing."""
-
-    def filled(name: str, part: Callable[[Any], Any] = lambda rows: rows) -> PyTree:
-        if name not in seen:
-            return None
-        return jax.tree.map(
-            lambda x, bar: jnp.zeros(x.shape, x.dtype) if bar is None else bar,
-            part(seen[name]),
-            part(cotangents[name]),
-        )
-
-    return filled(OUTPUTS, lambda saved: saved.rows), filled(EVENTS), filled(DENSE)
 
 
 def _starts(
