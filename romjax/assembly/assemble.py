@@ -21,10 +21,11 @@ from ..scene.state_carrier import StateCarrier
 from ..system.mobility import check_mobility
 from ..system.structure import Structure
 from .assembled import AssembledSystem
+from .body_group import BodyGroup
 from .controllers import Controller, check_held, check_measured
 from .counting import carriers_of, counters_of, with_counter_starts
 from .grouping import group
-from .groups import BodyGroup, EffectGroup, JointGroup
+from .groups import EffectGroup, JointGroup
 from .kinematics import arrange, columns_of
 from .names import unique
 

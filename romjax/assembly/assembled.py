@@ -20,8 +20,9 @@ from ..scene.effect.base import AbstractField
 from ..system.base import AbstractSystem
 from ..system.state import FullState, Power
 from ..system.structure import Structure
+from .body_group import BodyGroup
 from .controllers import Controller, told
-from .groups import BodyGroup, EffectGroup, JointGroup
+from .groups import EffectGroup, JointGroup
 from .kinematics import Markers
 from .slopes import slopes
 from .slow_modes import SlowModes

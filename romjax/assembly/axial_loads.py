@@ -20,7 +20,7 @@ from ..system.base import AbstractSystem
 from ..system.dynamics import solve
 from ..system.structure import without_names
 from .assembled import AssembledSystem, groups_of, mechanism_of
-from .groups import BodyGroup
+from .body_group import BodyGroup
 from .kinematics import Markers
 from .wrenches import effect_wrenches, joint_wrenches
 

@@ -17,7 +17,7 @@ from ..system.base import AbstractSystem
 from ..system.structure import without_names
 from .assembled import groups_of
 from .axial_loads import axial_warning, spread
-from .groups import BodyGroup
+from .body_group import BodyGroup
 
 # [rad] against the frame. A plate that is clamped at one end and bends so far errs by a fiftieth of
 # its deflection, of which it leaves out the second order; at 0.5 rad by a fifteenth.

@@ -14,7 +14,8 @@ from ..linalg.pattern import Pattern
 from ..scene.turn_counter import TurnCounter
 from ..system.structure import Structure
 from .assembled import AssembledSystem
-from .groups import BodyGroup, EffectGroup
+from .body_group import BodyGroup
+from .groups import EffectGroup
 from .kinematics import MarkerBlocks, Markers
 
 

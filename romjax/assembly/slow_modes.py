@@ -9,8 +9,8 @@ from jaxtyping import Array, Float, Int
 from ..scene.body.capped import CappedBody
 from ..system.base import AbstractSystem, AbstractValidity, Run
 from ..system.flags import Flag
+from .body_group import BodyGroup
 from .counting import without_states
-from .groups import BodyGroup
 
 # Kinetic energy of the added mass that is too much, as a share of all: 1 % of the motion.
 _SHARE = 1e-4

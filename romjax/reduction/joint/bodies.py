@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...assembly.assembled import AssembledSystem
-from ...assembly.groups import BodyGroup
+from ...assembly.body_group import BodyGroup
 from ...linalg import quaternions
 from ...linalg.dense import multiply
 from ...linalg.indexing import take

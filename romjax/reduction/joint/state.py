@@ -2,14 +2,12 @@
 
 import dataclasses
 import functools
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...assembly.assembled import AssembledSystem
 from ...common.arrays import Time
 from ...linalg.dense import multiply
 from ...linalg.indexing import take
@@ -17,56 +15,14 @@ from ...linalg.kkt import KKT
 from ...system.constraints import ConstraintState
 from ...system.reduced import Physical, Reduced
 from ...system.state import AbstractState, Energy, Power, Solved
-from ...system.structure import Structure
 from . import rates
-from .along import AlongJoints
 from .bodies import biases, inertias, other_forces
-from .cuts import Cut
 from .inertias import Inertias
 from .kinematics import TreeMotion, along, tree_motion
-from .lift import TreeLift
+from .later import Later, TreeSystem
 from .recursion import accelerations
 from .redundant import independent_rows
 from .screws import of_parents
-from .tree import Tree
-
-
-@runtime_checkable
-class TreeSystem(Protocol):
-    """The methods of a `JointSystem` that its states call."""
-
-    @property
-    def full(self) -> AssembledSystem: ...
-    @property
-    def tree(self) -> Tree: ...
-    @property
-    def lift(self) -> TreeLift: ...
-    @property
-    def cut(self) -> Cut: ...
-    @property
-    def along(self) -> AlongJoints: ...
-    @property
-    def structure(self) -> Structure: ...
-    @property
-    def n(self) -> int: ...
-    @property
-    def m(self) -> int: ...
-    def state(self, t: Time, q: Reduced, v: Reduced) -> AbstractState: ...
-
-
-class Later(eqx.Module):
-    """The extended mass matrix of a state, made where more right-hand sides are solved with it."""
-
-    system: TreeSystem
-    t: Float[Array, ""]
-    z: Reduced
-    w: Reduced
-
-    def solve(
-        self, force: Float[Array, "r *k"], gamma: Float[Array, "m *k"]
-    ) -> tuple[Float[Array, "r *k"], Float[Array, "m *k"]]:
-        """Return what `KKT.solve` does."""
-        return self.system.state(self.t, self.z, self.w).kkt().solve(force, gamma)
 
 
 @dataclasses.dataclass(frozen=True)
