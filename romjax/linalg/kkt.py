@@ -13,10 +13,10 @@ from jaxtyping import Array, Float
 
 from ..common import precision
 from .block_cholesky import Factor
-from .dense import multiply, multiply_transposed
+from .dense import multiply
 from .indexing import take
 from .inverse_mass import InverseMass
-from .pattern import Pattern
+from .pattern import Blocks, Pattern
 
 # Two are the rule, a mass ratio of 1e8 takes a few. One that does not halve the residual is the
 # last: what it leaves cannot be reached, or is rounding.
@@ -24,7 +24,6 @@ _SWEEPS = 20
 # The second removes from the null space what rounding leaves there after the first.
 _NULL_SWEEPS = 2
 
-Blocks = Float[Array, "_ _ _"]
 # Of the iteration: multipliers, accelerations by rates, the residual, its size one sweep before,
 # and the count of sweeps.
 Carry = tuple[Blocks, Blocks, Blocks, Float[Array, " k"], Array | int]
@@ -162,8 +161,8 @@ class KKT(eqx.Module):
         if not isinstance(mass, SymbolicZero):
             forces += _apply(mass, blocks)
         if not isinstance(sides, SymbolicZero):
-            forces += self._apply_jacobian_transpose(sides, rows)
-            along = self._apply_jacobian(sides, blocks)
+            forces += self.pattern.apply_jacobian_transpose(sides, rows)
+            along = self.pattern.apply_jacobian(sides, blocks)
         return layout.join(forces), layout.join_rows(along)
 
     def _solve_linear(
@@ -196,7 +195,7 @@ class KKT(eqx.Module):
         force, gamma = layout.split(force), layout.split_rows(gamma)
         gamma = self.scale[:, :, None] * gamma
         free = self._weighed(self._by_rows(self.inverse_mass.to_rates, force))
-        rows = self._apply_jacobian(self.scaled, free)  # B M⁻¹ f
+        rows = self.pattern.apply_jacobian(self.scaled, free)  # B M⁻¹ f
         # S λ = C_q M⁻¹ f − γ by Schur's complement, then a = M⁻¹ (f − C_qᵀ λ).
         target = rows - gamma
         if project:
@@ -216,8 +215,10 @@ class KKT(eqx.Module):
             # Iterative refinement, which is also the proximal point method on redundant rows: each
             # sweep shrinks the error there by ε / (σ + ε).
             multipliers += factor.solve(residual)
-            reaction = self._weighed(self._apply_jacobian_transpose(self.scaled, multipliers))
-            remaining = target - self._apply_jacobian(self.scaled, reaction)
+            reaction = self._weighed(
+                self.pattern.apply_jacobian_transpose(self.scaled, multipliers)
+            )
+            remaining = target - self.pattern.apply_jacobian(self.scaled, reaction)
             return multipliers, free - reaction, remaining, _largest(residual), count + 1
 
         start: Carry = (jnp.zeros_like(target), free, target, jnp.full_like(terms, jnp.inf), 0)
@@ -256,18 +257,6 @@ class KKT(eqx.Module):
             return x - null, None
 
         return jax.lax.scan(sweep, x, None, length=_NULL_SWEEPS)[0]
-
-    def _apply_jacobian(self, sides: Float[Array, "sides height size"], a: Blocks) -> Blocks:
-        """C a."""
-        each = multiply(sides, take(a, self.pattern.bodies))
-        return jnp.sum(take(each, self.pattern.sides_of_nodes), axis=1)
-
-    def _apply_jacobian_transpose(
-        self, sides: Float[Array, "sides height size"], multipliers: Blocks
-    ) -> Blocks:
-        """Cᵀ λ."""
-        each = multiply_transposed(sides, take(multipliers, self.pattern.nodes))
-        return jnp.sum(take(each, self.pattern.sides_of_bodies), axis=1)
 
 
 @jax.custom_jvp

@@ -5,12 +5,15 @@ import functools
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .dense import multiply
+from .dense import multiply, multiply_transposed
 from .indexing import Index, spread, take
 from .ordering import Edge
+
+Blocks = Float[Array, "_ _ _"]
 
 
 class Pairs(NamedTuple):
@@ -132,6 +135,18 @@ class Pattern:
             return self.join(blocks.reshape(blocks.shape + (1,) * (x.ndim - 1)) * parts)
         columns = parts.reshape(*parts.shape[:2], -1)
         return self.join(multiply(blocks, columns).reshape(parts.shape))
+
+    def apply_jacobian(self, sides: Float[Array, "sides height size"], a: Blocks) -> Blocks:
+        """C a, of blocks: from the `sides` of C and the columns of all bodies."""
+        each = multiply(sides, take(a, self.bodies))
+        return jnp.sum(take(each, self.sides_of_nodes), axis=1)
+
+    def apply_jacobian_transpose(
+        self, sides: Float[Array, "sides height size"], multipliers: Blocks
+    ) -> Blocks:
+        """Cᵀ λ, of blocks: those of all nodes."""
+        each = multiply_transposed(sides, take(multipliers, self.nodes))
+        return jnp.sum(take(each, self.sides_of_bodies), axis=1)
 
     def dense_jacobian(self, sides: Float[Array, "sides height size"]) -> Float[Array, "m n"]:
         """C_q from its blocks."""
