@@ -66,7 +66,7 @@ def test_short_calls_are_repeated(monkeypatch):
     monkeypatch.setattr(timing, "time", machine.clocks())
     calls = [machine.call(0.1), machine.call(0.001)]
     found = timing.alternating(calls, 1.25)
-    assert [call.count for call in calls] == [2 + 6, 2 + 6 * 20]
+    assert [call.count for call in calls] == [2 + 6, 2 + 6 * 10]
     assert_close(found.times, np.array([0.1, 0.001]), IDENTITY)
     assert_close(found.speed_ups, np.array([1.0, 100.0]), IDENTITY)
 

@@ -10,12 +10,13 @@ import numpy as np
 T = TypeVar("T")
 # [s] What takes shorter is repeated until it takes as long, which clocks and other work of the
 # machine blur less; more rounds of short turns tell more than longer turns.
-_SHORTEST = 0.02
+_SHORTEST = 0.01
 _ROUNDS = 3, 40
 # No more rounds are needed after more than so many, once the standard errors of the medians are at
 # most this share of them, and were a round before: a few values are near each other by chance, five
-# with noise of a tenth in one case of five.
-_ENOUGH, _KNOWN = 5, 0.02
+# with noise of a tenth in one case of five. The worst of a dozen models then differs by a seventh
+# between two tables, two and a half times the standard error of a difference.
+_ENOUGH, _KNOWN = 5, 0.04
 
 
 def timed(call: Callable[[], T]) -> tuple[T, float]:
