@@ -54,6 +54,11 @@ def line(index: int) -> dict[str, Any]:
     }
 
 
+def width(points: float, dimension: int) -> float:
+    """The width of lines of bodies [pt]: in space half, where they are the edges of boxes."""
+    return points if dimension == 2 else 0.5 * points
+
+
 def marks(index: int, models: int, points: int) -> dict[str, Any]:
     """Sparse markers, staggered between the models, so that even coincident lines differ."""
     step = max(1, points // 8)

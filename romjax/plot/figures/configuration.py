@@ -16,7 +16,7 @@ from ...scene.scene import Scene
 from ...system.base import AbstractSystem
 from ..mechanism import Picture, bounds, framed, projected, stage
 from ..palette import VIEW, View
-from ..style import COLOURS, DisplayedFigure
+from ..style import COLOURS, DisplayedFigure, width
 
 
 def configuration(
@@ -53,12 +53,13 @@ def configuration(
     drawn = projected(outlines(mechanism, 0.0, jnp.asarray(q)[None]), view)
     box = framed(bounds(drawn))
     if axes is None:
-        width, height = box[1] - box[0]
-        tall = float(np.clip(6.0 * height / width, 2.0, 6.0))
-        figure = DisplayedFigure(figsize=(max(tall * width / height, 3.0), tall))
+        across, up = box[1] - box[0]
+        tall = float(np.clip(6.0 * up / across, 2.0, 6.0))
+        figure = DisplayedFigure(figsize=(max(tall * across / up, 3.0), tall))
         figure.set_layout_engine("constrained")
         axes = figure.add_subplot()
     stage(axes, box, view if mechanism.dimension == 3 else None)
-    Picture(axes, drawn, **{"color": COLOURS[0], "linewidth": 2.0, **body})
+    thick = width(2.0, mechanism.dimension)
+    Picture(axes, drawn, **{"color": COLOURS[0], "linewidth": thick, **body})
     axes.set_axis_off()
     return cast(Figure, axes.figure)

@@ -14,7 +14,7 @@ from ...system.base import AbstractSystem
 from ..mechanism import Picture, bounds, framed, projected, stage
 from ..palette import VIEW, View
 from ..shapes import amplitudes
-from ..style import COLOURS, GREY, SMALL, DisplayedFigure, symbol
+from ..style import COLOURS, GREY, SMALL, DisplayedFigure, symbol, width
 
 MOST = 8  # modes
 ROWS = 24  # of the table
@@ -56,13 +56,14 @@ def modes(
     )
     drawn = projected([outline for outline in drawn if outline.style != "load"], view)  # no time
     frame = framed(bounds(drawn))
-    width, height = frame[1] - frame[0]
+    wide, height = frame[1] - frame[0]
+    thick = width(2.2, scene.dimension)
 
     # As many pictures side by side as suit their shape.
-    columns = min(r, 6 if height > 1.3 * width else 4 if height > 0.5 * width else 2)
+    columns = min(r, 6 if height > 1.3 * wide else 4 if height > 0.5 * wide else 2)
     rows = -(-r // columns)
     across = 9.0
-    tall = rows * (min(across / columns * height / width, 4.0) + 0.5)
+    tall = rows * (min(across / columns * height / wide, 4.0) + 0.5)
     low = 0.3 + 0.2 * (n + 1) if n <= ROWS else 0.0
     figure = DisplayedFigure(figsize=(across, tall + low + 0.5))
     figure.set_layout_engine("constrained")
@@ -71,8 +72,8 @@ def modes(
     for j in range(r):
         axes = figure.add_subplot(pictures[j // columns, j % columns])
         stage(axes, frame)
-        Picture(axes, drawn, color=GREY, linewidth=2.2)
-        Picture(axes, drawn, details=False, color=COLOURS[5], linewidth=1.6).show(j + 1)
+        Picture(axes, drawn, color=GREY, linewidth=thick)
+        Picture(axes, drawn, details=False, color=COLOURS[5], linewidth=0.7 * thick).show(j + 1)
         axes.set_axis_off()
         axes.set_title(_title(basis, j), fontsize=SMALL + 1)
     if low:

@@ -21,7 +21,7 @@ from ...common.errors import InputError
 from ...common.writing import replacing
 from ..mechanism import Picture, bounds, framed, projected, stage
 from ..palette import View
-from ..style import GREY, SMALL, line
+from ..style import GREY, SMALL, line, width
 from .colours import Colours
 from .frames import Clock, Model
 
@@ -142,10 +142,22 @@ def _frames(
     # Beneath exaggerated deformations, the shape of the first model without them.
     bare = models[0].deformed(0.0) if animation.deformation > 1 else []
     still = projected([o for o in bare if o.style == "body"], animation.view) if bare else []
+    dimension = 2 if view is None else 3
+    styles = [line(index) for index in range(len(drawn))]
     pictures = [
-        Picture(axes, parts, details=index == 0, **line(index)) for index, parts in enumerate(drawn)
+        Picture(
+            axes,
+            parts,
+            details=index == 0,
+            **style | {"linewidth": width(style["linewidth"], dimension)},
+        )
+        for index, (parts, style) in enumerate(zip(drawn, styles, strict=True))
     ]
-    beneath = [Picture(axes, still, color=GREY, linewidth=1.2, zorder=1)] if still else []
+    beneath = (
+        [Picture(axes, still, color=GREY, linewidth=width(1.2, dimension), zorder=1)]
+        if still
+        else []
+    )
     box = framed(bounds([part for parts in drawn for part in parts]))
     stage(axes, box, view)
     _lay_out(figure, axes, box, pictures, [model.name for model in models], animation.colours)
