@@ -123,10 +123,10 @@ def simulate(
     watched, monitors = check_events(events, max_events), check_monitors(follow)
     bare = system if watched or monitors or ticks(system) else without_names(system)
     again = partial(_training, solver, stabilization, audit)
-    step, found = None if dt is None else as_number(dt, q.dtype), None
+    step, known_start = None if dt is None else as_number(dt, q.dtype), None
     if solver is None or stabilization == "default":
-        found = at_start(bare, times, q, v)
-        solver = solver or default_method(system, times, step, found.frequencies).solver
+        known_start = at_start(bare, times, q, v)
+        solver = solver or default_method(system, times, step, known_start.frequencies).solver
     settings = Settings(
         solver=solver,
         rtol=as_number(rtol, q.dtype),
@@ -135,7 +135,7 @@ def simulate(
         dt=step,
         stabilization=_stabilization(system, stabilization),
         projects_start=isinstance(stabilization, Projection),
-        at_start=found,
+        at_start=known_start,
         forward=is_forward(adjoint),
         max_steps=max_steps,
         meter=progress_meter(progress),

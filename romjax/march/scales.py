@@ -66,5 +66,5 @@ class Scales(NamedTuple):
         """Return the scales after a step from the state `y0` to `y1`, if it was kept."""
         reach = tolerances.after(self.reach, y0, y1)
         later = Scales.of(tolerances, reach, y1, (self.by_q, self.by_v), span)
-        kept: Scales = jax.tree.map(lambda a, b: jnp.where(keep, a, b), later, self)
-        return kept
+        scales: Scales = jax.tree.map(lambda a, b: jnp.where(keep, a, b), later, self)
+        return scales

@@ -183,17 +183,17 @@ class Steps(NamedTuple):
             return keep, after
         arrival, planned = tried.arrival, now.watching.planned
         cut = self.watch.cut(now.watching, now.t, tried.between, arrival)
-        is_cut, kept = keep & cut.is_due, keep & ~cut.is_due & ~cut.lasting
-        t = jnp.where(kept & arrival.happens, arrival.t, after.t)
+        is_cut, accepted = keep & cut.is_due, keep & ~cut.is_due & ~cut.lasting
+        t = jnp.where(accepted & arrival.happens, arrival.t, after.t)
         # Beyond the event, the run goes on as if the step had not been cut.
-        resumes = kept & (planned > t)
-        return kept, after._replace(
-            t=jnp.where(kept | ~keep, t, now.t),
+        resumes = accepted & (planned > t)
+        return accepted, after._replace(
+            t=jnp.where(accepted | ~keep, t, now.t),
             next_t=jnp.where(is_cut, cut.at, jnp.where(resumes, planned, after.next_t)),
             controller_state=chosen(is_cut | resumes, now.controller_state, after.controller_state),
             watching=self.watch.follow(
                 now.watching,
-                kept,
+                accepted,
                 Cut(is_cut, cut.at, keep & cut.lasting),
                 now.y,
                 now.next_t,

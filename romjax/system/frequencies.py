@@ -80,9 +80,10 @@ def with_all_acting(system: AbstractSystem) -> _Acting | None:
         other: AbstractSystem = jax.tree.map(change, system, is_leaf=_is_effect)
         return other
 
-    found = [x for x in jax.tree.leaves(system, is_leaf=_is_effect) if _is_effect(x) and x.begins]
-    known = all(x.acting(jnp.zeros((), bool)) is not None for x in found)
-    return changed if found and known else None
+    effects = [x for x in jax.tree.leaves(system, is_leaf=_is_effect) if _is_effect(x)]
+    beginning = [x for x in effects if x.begins]
+    known = all(x.acting(jnp.zeros((), bool)) is not None for x in beginning)
+    return changed if beginning and known else None
 
 
 def _is_effect(x: Any) -> bool:

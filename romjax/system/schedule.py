@@ -103,13 +103,13 @@ class Schedule(eqx.Module):
             """Least and largest values between two outputs, and by how much they are not told."""
             begin, end = ends
             values = jax.vmap(self._unknown)(begin + (end - begin) * jnp.asarray(shares, ts.dtype))
-            rest = jnp.abs(values - jnp.asarray(told, ts.dtype) @ values[::4])
-            return values.min(axis=0), values.max(axis=0), rest.max(axis=0)
+            missed = jnp.abs(values - jnp.asarray(told, ts.dtype) @ values[::4])
+            return values.min(axis=0), values.max(axis=0), missed.max(axis=0)
 
-        least, largest, rest = jax.lax.map(part, (ts[:-1], ts[1:]), batch_size=_AT_ONCE)
+        least, largest, missed = jax.lax.map(part, (ts[:-1], ts[1:]), batch_size=_AT_ONCE)
         least, largest = least.min(axis=0), largest.max(axis=0)
         rounding = 100 * jnp.finfo(ts.dtype).eps * jnp.maximum(jnp.abs(least), jnp.abs(largest))
-        short = jnp.any(rest > (_SEEN * (largest - least) + rounding)[None], axis=1)
+        short = jnp.any(missed > (_SEEN * (largest - least) + rounding)[None], axis=1)
         # Both neighbours of such an interval take short steps too: the change may reach into them.
         hidden = short.at[1:].max(short[:-1]).at[:-1].max(short[1:])
         return Schedule(self.stacked, self.single, self.changing, ts, hidden)

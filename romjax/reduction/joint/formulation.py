@@ -55,9 +55,9 @@ class JointCoordinates(AbstractFormulation):
         snapshots = SnapshotSet.of(motion)
         # Snapshots with the other coordinates set to zero: their decomposition has modes of
         # amplitudes alone.
-        kept = np.zeros(system.n, np.asarray(snapshots.q).dtype)
-        kept[_amplitudes(system)] = 1
-        basis = decomposition(snapshots.mapped(as_jax(np.diag(kept))))
+        mask = np.zeros(system.n, np.asarray(snapshots.q).dtype)
+        mask[_amplitudes(system)] = 1
+        basis = decomposition(snapshots.mapped(as_jax(np.diag(mask))))
         # The snapshots themselves stay whole: errors of models are measured on the entire motion.
         return dataclasses.replace(basis, snapshots=snapshots)
 
@@ -138,10 +138,10 @@ def _check_start(full: AssembledSystem) -> None:
     """Raise ReductionError unless the joints hold at the start, as joint coordinates always do."""
     if full.m == 0:
         return
-    held, fits, worst = (concrete(x) for x in _start(without_names(full)))
-    if held is None or fits is None or worst is None or (held and fits):
+    closed, fits, worst = (concrete(x) for x in _start(without_names(full)))
+    if closed is None or fits is None or worst is None or (closed and fits):
         return
-    what = "apart" if not held else "moving apart"
+    what = "apart" if not closed else "moving apart"
     raise ReductionError(
         f"reduce: at the start {full.structure.constraints[int(worst)]} is {what}; joint "
         "coordinates begin where all joints hold. Put the scene together by "
@@ -212,9 +212,9 @@ def _cut_rows(full: AssembledSystem, spanning: Spanning) -> Iterator[int]:
 
 
 def _summary(full: AssembledSystem, tree: Tree, spanning: Spanning) -> str:
-    held = sum(branch.link is not None for branch in spanning.branches)
-    words = [f"{held} joint{'s' * (held != 1)} of a tree of {tree.count} bodies"]
-    free = tree.count - held
+    joined = sum(branch.link is not None for branch in spanning.branches)
+    words = [f"{joined} joint{'s' * (joined != 1)} of a tree of {tree.count} bodies"]
+    free = tree.count - joined
     if free:
         words.append(f"{free} free")
     if spanning.cut:

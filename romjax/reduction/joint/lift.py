@@ -53,8 +53,8 @@ class Counters(eqx.Module):
         columns = np.array(self.columns)
         # The residual of a counter is how far it is from its angle, between −π and π: near the
         # angle it is exact, and one step of Newton's method is the solution.
-        near = q.at[columns].set(jax.lax.stop_gradient(self.about(z)))
-        return near.at[columns].add(self.joints.residual(jnp.zeros((), q.dtype), near))
+        guess = q.at[columns].set(jax.lax.stop_gradient(self.about(z)))
+        return guess.at[columns].add(self.joints.residual(jnp.zeros((), q.dtype), guess))
 
     def starting_at(self, lift: "TreeLift", z: Float[Array, " n"], q: Array) -> "Counters":
         """The counters with the signs and offsets that suit a configuration z, at which they are
@@ -69,8 +69,8 @@ class Counters(eqx.Module):
 
     def residual(self, lift: "TreeLift", z: Float[Array, " n"]) -> Float[Array, " counters"]:
         """The motions of the bodies that are counted, where the counters are at zero."""
-        rest = dataclasses.replace(lift, counters=None)
-        return self.joints.residual(jnp.zeros((), z.dtype), rest.position(z))
+        uncounted = dataclasses.replace(lift, counters=None)
+        return self.joints.residual(jnp.zeros((), z.dtype), uncounted.position(z))
 
 
 class TreeLift(eqx.Module):
@@ -87,18 +87,18 @@ class TreeLift(eqx.Module):
 
     def position(self, z: Float[Array, " n"]) -> Float[Array, " N"]:
         """The coordinates of the system."""
-        place = frames(self.tree, edges(self.tree, z))
-        return self.at_frames(z, place)
+        poses = frames(self.tree, edges(self.tree, z))
+        return self.at_frames(z, poses)
 
-    def at_frames(self, z: Float[Array, " n"], place: Pose | Frames) -> Float[Array, " N"]:
+    def at_frames(self, z: Float[Array, " n"], poses: Pose | Frames) -> Float[Array, " N"]:
         """The same, from the frames of the bodies."""
-        turn = self.turns(place)
-        q = self._spread(place.position, turn, self.tree.amplitudes.take(z), z)
+        turn = self.turns(poses)
+        q = self._spread(poses.position, turn, self.tree.amplitudes.take(z), z)
         return q if self.counters is None else self.counters.added(z, q)
 
-    def turns(self, place: Pose | Frames) -> Float[Array, "bodies *turn"]:
+    def turns(self, poses: Pose | Frames) -> Float[Array, "bodies *turn"]:
         """The turns of the bodies in q."""
-        return place.turn if self.lengths is None else place.turn * self.lengths[:, None]
+        return poses.turn if self.lengths is None else poses.turn * self.lengths[:, None]
 
     def velocity(
         self, z: Float[Array, " n"], motion: TreeMotion, moved: Array, bending: Array, w: Array
@@ -162,7 +162,7 @@ class TreeLift(eqx.Module):
         count = self.counters
         # Several may count the turns of one joint.
         each = zip(count.followed, count.turning, strict=True)
-        own = {place: i for i, (place, turns) in enumerate(each) if turns}
+        own = {coordinate: i for i, (coordinate, turns) in enumerate(each) if turns}
         if not own:
             return z
         turns = jnp.round((q[np.array(count.columns)] - count.about(z)) / (2 * np.pi))

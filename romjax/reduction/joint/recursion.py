@@ -44,10 +44,10 @@ def accelerations(
     columns = (motion.own, motion.outer, motion.bias)
     unit = np.eye(motion.own.shape[1], dtype=dtype)
 
-    def fold(held: Carry, at: Any) -> tuple[Carry, Any]:
+    def fold(descendants: Carry, at: Any) -> tuple[Carry, Any]:
         """Join a body, with all that it holds, to its parent."""
         (own, outer, drift), inertia, bias, pad, force = at
-        inertia, bias = inertia + held[0], bias + held[1]
+        inertia, bias = inertia + descendants[0], bias + descendants[1]
         # b + M c: what the body asks for while no rate changes and its port does not accelerate.
         bias = bias + multiply(inertia[:, :d], drift)
         moved = multiply(own, inertia[:d])
@@ -67,11 +67,11 @@ def accelerations(
         follow, freely = multiply(inverse, moved[:, :d]), -multiply(inverse, forced)
         # K and k: the Schur complement of the rates.
         stiff = inertia[:d, :d] - multiply(moved[:, :d].T, follow)
-        rest = bias[:d] + multiply(moved[:, :d].T, freely)
+        offset = bias[:d] + multiply(moved[:, :d].T, freely)
         if tree.modes:
             across = jnp.concatenate([jnp.eye(d, dtype=dtype), outer])
-            stiff, rest = multiply(multiply(across, stiff), across.T), multiply(across, rest)
-        return (stiff, rest), (follow, freely)
+            stiff, offset = multiply(multiply(across, stiff), across.T), multiply(across, offset)
+        return (stiff, offset), (follow, freely)
 
     size = inertia.shape[1]
     none = (jnp.zeros((size, size), dtype), jnp.zeros(size, dtype))
@@ -120,10 +120,10 @@ def _to_ground(tree: Tree, fold: Any, none: Carry, rows: Any) -> Any:
 
     # Of a tree with branches the parent is not the body before: it gathers from a table. The ground
     # has the last row.
-    def step(held: Carry, at: Any) -> tuple[Carry, Any]:
+    def step(articulated: Carry, at: Any) -> tuple[Carry, Any]:
         i, parent, own = at
-        given, result = fold(jax.tree.map(lambda x: x[i], held), own)
-        return jax.tree.map(lambda x, more: x.at[parent].add(more), held, given), result
+        given, result = fold(jax.tree.map(lambda x: x[i], articulated), own)
+        return jax.tree.map(lambda x, more: x.at[parent].add(more), articulated, given), result
 
     empty = jax.tree.map(lambda x: jnp.zeros((tree.count + 1, *x.shape), x.dtype), none)
     return jax.lax.scan(step, empty, (*_numbers(tree), rows), reverse=True)[1]

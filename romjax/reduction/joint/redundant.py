@@ -31,14 +31,14 @@ def independent_rows(rows: Float[Array, "m r"], rank: int) -> Bool[Array, " m"]:
     lengths = jnp.sqrt(jnp.sum(rows**2, axis=1, keepdims=True))
     left = jax.lax.stop_gradient(rows / jnp.where(lengths > 0, lengths, 1))
     favour = np.linspace(1, 1 - _PREFERRED, len(rows)).astype(rows.dtype)
-    kept = jnp.zeros(len(rows), bool)
+    chosen = jnp.zeros(len(rows), bool)
     for _ in range(rank):
         sizes = jnp.sum(left**2, axis=1)
-        best = jnp.argmax(jnp.where(kept, -1, favour * sizes))
-        kept = kept | (np.arange(len(rows)) == best)
+        best = jnp.argmax(jnp.where(chosen, -1, favour * sizes))
+        chosen = chosen | (np.arange(len(rows)) == best)
         along = left[best] / jnp.sqrt(jnp.maximum(sizes[best], jnp.finfo(rows.dtype).tiny))
         left = left - jnp.sum(left * along[None], axis=1, keepdims=True) * along[None]
-    return kept
+    return chosen
 
 
 def rank_of_rows(system: Any) -> int | None:

@@ -81,29 +81,29 @@ def spanning_tree(system: AssembledSystem) -> Spanning:
     depth, waiting = {GROUND: 0}, set(range(len(bodies)))
     branches = list[Branch]()
     used = set[tuple[int, int]]()
-    held_by = [sum(body in (link.a, link.b) for link in links) for body in range(len(bodies))]
+    degrees = [sum(body in (link.a, link.b) for link in links) for body in range(len(bodies))]
     while waiting:
         reachable = [
             # The smallest key wins: most constraints, then nearest to the ground, then the order of
             # the scene, so that equal mechanisms have equal trees.
-            (-link.rows, depth[near], number, near)
+            (-link.rows, depth[end], number, end)
             for number, link in enumerate(links)
-            for near in (link.a, link.b)
-            if near in depth and link.other(near) in waiting
+            for end in (link.a, link.b)
+            if end in depth and link.other(end) in waiting
         ]
         if reachable:
             _, _, number, parent = min(reachable)
             link = links[number]
-            body, held = link.other(parent), Branch(link.other(parent), parent, link)
+            body, branch = link.other(parent), Branch(link.other(parent), parent, link)
             used.add((link.group, link.row))
         else:
             # No joint reaches what is left. Six or three coordinates of a free body are spent where
             # they serve most joints.
-            body = max(waiting, key=lambda i: (held_by[i], -i))
-            held, parent = Branch(body, GROUND, None), GROUND
+            body = max(waiting, key=lambda i: (degrees[i], -i))
+            branch, parent = Branch(body, GROUND, None), GROUND
         depth[body] = depth[parent] + 1
         waiting.remove(body)
-        branches.append(held)
+        branches.append(branch)
     every = [
         (g, row)
         for g, group in enumerate(system.joints)
@@ -116,15 +116,15 @@ def spanning_tree(system: AssembledSystem) -> Spanning:
 
 def _along_branches(branches: list[Branch]) -> tuple[Branch, ...]:
     """Return the branches in such an order that a chain comes one by one."""
-    held: dict[int, list[Branch]] = {}
+    children: dict[int, list[Branch]] = {}
     for branch in branches:
-        held.setdefault(branch.parent, []).append(branch)
-    ordered, waiting = list[Branch](), held.get(GROUND, [])[::-1]
+        children.setdefault(branch.parent, []).append(branch)
+    ordered, waiting = list[Branch](), children.get(GROUND, [])[::-1]
     while waiting:
         branch = waiting.pop()
         # Depth first: the branches of a chain get neighbouring numbers, and its coordinates too.
         ordered.append(branch)
-        waiting += held.get(branch.body, [])[::-1]
+        waiting += children.get(branch.body, [])[::-1]
     return tuple(ordered)
 
 

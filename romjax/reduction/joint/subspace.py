@@ -56,28 +56,29 @@ class JointSubspace(AbstractReducedSystem):
             for c, a in zip(row[tree.size :], to, strict=True)
             if a < tree.n
         ]
-        columns, places = (np.array(x, int) for x in zip(*own, strict=True))
+        columns, amplitudes = (np.array(x, int) for x in zip(*own, strict=True))
         metric = np.asarray(basis.snapshots.metric)[np.ix_(columns, columns)]
         shapes = np.asarray(orthonormalize(as_jax(given[columns]), as_jax(metric)))
-        kept = np.setdiff1d(np.arange(tree.n), places)
-        r = len(kept) + shapes.shape[1]
+        retained = np.setdiff1d(np.arange(tree.n), amplitudes)
+        first = len(retained)  # of the new amplitudes
+        r = first + shapes.shape[1]
         modes, dual = np.zeros((tree.n, r), given.dtype), np.zeros((r, tree.n), given.dtype)
-        modes[kept, np.arange(len(kept))] = dual[np.arange(len(kept)), kept] = 1
-        modes[places, len(kept) :], dual[len(kept) :, places] = shapes, shapes.T @ metric
+        modes[retained, np.arange(first)] = dual[np.arange(first), retained] = 1
+        modes[amplitudes, first:], dual[first:, amplitudes] = shapes, shapes.T @ metric
         offset = np.zeros(tree.n, given.dtype)
-        offset[places] = np.asarray(basis.offset)[columns]
+        offset[amplitudes] = np.asarray(basis.offset)[columns]
         known = joint.structure
-        names = [known.coordinates[i] for i in kept]
+        names = [known.coordinates[i] for i in retained]
         names += [Coordinate("", f"amplitudes {i + 1}") for i in range(shapes.shape[1])]
-        firsts = {int(z): i for i, z in enumerate(kept)}
+        firsts = {int(z): i for i, z in enumerate(retained)}
         structure = dataclasses.replace(
             known,
             coordinates=tuple(names),
-            rigid=(True,) * len(kept) + (False,) * shapes.shape[1],
+            rigid=(True,) * first + (False,) * shapes.shape[1],
             quaternions=tuple(firsts[first] for first in known.quaternions),
             states=tuple(firsts[state] for state in known.states),
         )
-        summary = f"{joint.summary}, {shapes.shape[1]} modes of {len(places)} amplitudes"
+        summary = f"{joint.summary}, {shapes.shape[1]} modes of {len(amplitudes)} amplitudes"
         none = jnp.zeros(r, given.dtype)
         validity = None
         if basis.decomposition is not None:
