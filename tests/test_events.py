@@ -1,5 +1,7 @@
 """Events: when quantities pass their levels, and the derivatives of these times."""
 
+import functools
+
 import diffrax
 import equinox as eqx
 import jax
@@ -99,21 +101,25 @@ def test_a_bouncing_ball_by_implicit_methods(solver):
     bouncing(thrown(rj.Impact(height, restitution=0.8), solver=solver), 0)
 
 
-def watched(level, stop):
-    """A ball that bounces, the levels that are watched, and where the run ends."""
+NEVER = -1e3  # [m, m/s]
+
+
+def watched(level=NEVER, stop=NEVER, turn=NEVER, impact=(0.9, 0.0), **settings):
+    """A ball that bounces with a restitution at a level, what is watched, and where it ends."""
     return thrown(
-        rj.Impact(height, restitution=0.9),
+        rj.Impact(height, *impact),
         rj.Crossing(height, level=level),
         rj.Crossing(height, level=level, direction="rising"),
-        rj.Crossing(speed, direction="falling"),
+        rj.Crossing(speed, level=turn, direction="falling"),
         rj.Crossing(height, level=2.0),
         rj.Stop(height, level=stop),
+        **settings,
     )
 
 
 def test_directions_and_levels():
     """On its way a ball rises and falls through one height, and turns where its speed is zero."""
-    made = watched(level=0.3, stop=-1.0)
+    made = watched(level=0.3, turn=0.0)
     events = made.events
     assert [len(events.times(i)) for i in range(6)] == [4, 8, 4, 4, 0, 0]
     assert np.all(np.diff(np.asarray(events.time)[: int(events.count)]) > 0)
@@ -127,7 +133,7 @@ def test_directions_and_levels():
 
 def test_a_stop():
     """The run ends there, and so do its outputs."""
-    made = watched(level=0.5, stop=0.3)
+    made = watched(level=0.5, stop=0.3, turn=0.0)
     time = np.sqrt(2 * 0.7 / G)
     later = time < TS
     assert_close(made.t, np.where(later, time, TS), SOLVED)
@@ -220,19 +226,12 @@ def test_all_events_of_a_chaotic_motion():
     assert_close(made.at(made.events.time[:total]).q, made.events.q[:total], 10 * SOLVED)
 
 
-def test_fixed_steps_end_at_events():
-    """And go on in their grid."""
-    made = thrown(rj.Impact(height, restitution=0.8), dt=0.05)
-    assert_close(made.events.times(), [bounces(k + 1) for k in range(6)], SOLVED)
-    assert int(made.stats.num_accepted_steps) == 60 + 6
-
-
 # Derivatives.
 
 
-def fifth(g, restitution):
+def fifth(g, restitution, **settings):
     """The time of the fifth impact, and the run."""
-    made = thrown(rj.Impact(height, restitution), g=g)
+    made = thrown(rj.Impact(height, restitution), g=g, **settings)
     return made.events.time[4], made
 
 
@@ -243,10 +242,21 @@ def slopes(numbers):
     return bounces(5, *numbers)
 
 
+@pytest.mark.slow
 def test_derivatives_of_the_fifth_impact_in_forward_mode():
     with rj.forward_mode():
         found = jax.jit(jax.jacfwd(lambda *x: fifth(*x)[0], (0, 1)))(G, 0.8)
     assert_close(found, slopes((G, 0.8)), SOLVED)
+
+
+def test_fixed_steps_end_at_events():
+    """And go on in their grid; with derivatives in forward mode."""
+    with rj.forward_mode():
+        by = jax.jacfwd(functools.partial(fifth, dt=0.05), (0, 1), has_aux=True)
+        found, made = jax.jit(by)(G, 0.8)
+    assert_close(found, slopes((G, 0.8)), SOLVED)
+    assert_close(made.events.times(), [bounces(k + 1) for k in range(6)], SOLVED)
+    assert int(made.stats.num_accepted_steps) == 60 + 6
 
 
 @pytest.mark.slow
@@ -346,18 +356,18 @@ def test_wrong_settings():
 def test_more_events_than_there_is_room_for():
     """There is room for 256; from a low height a ball bounces 26 times a second, and more."""
     with pytest.raises(rj.SimulationError, match="MAX_EVENTS: more happened than there is room"):
-        thrown(rj.Impact(height, restitution=1.0, level=HEIGHT - 1e-4))
+        watched(impact=(1.0, HEIGHT - 1e-4))
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_a_contact_that_lasts_is_refused(restitution):
     """A ball that rests on the ground, at once or after infinitely many impacts in finite time."""
-    made = thrown(rj.Impact(height, restitution), throw=False)
+    made = watched(impact=(restitution, 0.0), throw=False)
     assert made.status == rj.Status.CONTACT_LASTS
     assert "use a romjax.Contact instead" in made.summary()
     heights = np.asarray(made.q)[:, 0]
     assert not np.any(heights[np.isfinite(heights)] < -SOLVED)
     assert np.array_equal(np.isnan(heights), np.max(made.events.times()) < TS)
-    below = thrown(rj.Impact(height, restitution, level=2 * HEIGHT), throw=False)
+    below = watched(impact=(restitution, 2 * HEIGHT), throw=False)
     assert below.status == rj.Status.CONTACT_LASTS
     assert "bodies overlap at the start" in below.summary()

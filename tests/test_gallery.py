@@ -33,12 +33,12 @@ AUDITED = (
     "trebuchet",
     "uncoiling-strip",
 )
-# Those that other tests move too, by one program each, and its method.
-FAST = {"cart-pendulum": zoo.RODAS5P, "four-bar": zoo.DOPRI8, "spinning-top": zoo.DOPRI8}
+# What other tests move too, by one program, and is in space.
+FAST = "spinning-top"
 
 FACTS = {fact.__name__.replace("_", "-"): fact for fact in (*IN_THE_PLANE, *IN_SPACE)}
 # The scenes that no fast test runs, each with its balance of energy or without.
-FEW = [(name, name in AUDITED) for name in FACTS if name not in FAST]
+FEW = [(name, name in AUDITED) for name in FACTS if name != FAST]
 BY_DEFAULT = [*FEW, *((name, True) for name in FACTS if (name, True) not in FEW)]
 # Rows that repeat others.
 REPEATED = {"bricard": 1}
@@ -57,10 +57,9 @@ def test_a_scene_in_space_is_made_without_compiling(name):
     assert find(name).make().bodies
 
 
-@pytest.mark.parametrize("name", FAST)
-def test_scene(name):
+def test_scene():
     """Tightly, and without the balance of energy."""
-    run_and_show(find(name), lambda system, ts: zoo.run(system, ts, solver=FAST[name]))
+    run_and_show(find(FAST), zoo.run)
 
 
 @pytest.mark.parametrize(("name", "audit"), in_groups(BY_DEFAULT, slow=FEW))
@@ -92,7 +91,7 @@ def run_and_show(example, simulated):
     keep(example, scene, run)
 
 
-@pytest.mark.parametrize("name", in_groups(FACTS, fast=FAST, slow=FACTS))
+@pytest.mark.parametrize("name", in_groups(FACTS, fast=[FAST], slow=FACTS))
 def test_file(name):
     """From Python and from its file a scene is the same, to the bit."""
     a, b = find(name).make(), rj.load_scene(FILES / f"{name}.toml")

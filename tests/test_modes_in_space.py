@@ -30,10 +30,12 @@ def hinged(height, *effects, **pose) -> rj.AbstractSystem:
 
 
 def test_a_floating_platform():
-    """Six modes, by 6 × 6 matrices, and none that grows."""
-    found, wanted = rj.modes(rj.assemble(platform())), platform_right()
-    assert_close(found.frequencies, wanted, EXACT, scale=wanted[-1])
-    assert found.is_stable
+    """Six modes, by 6 × 6 matrices; under a transformation, where no singular value is known and
+    the count of modes is that of the structure.
+    """
+    wanted = platform_right()
+    found = jax.jit(lambda scene: rj.modes(rj.assemble(scene)).frequencies)(platform())
+    assert_close(found, wanted, EXACT, scale=wanted[-1])
 
 
 @pytest.mark.slow
@@ -67,18 +69,6 @@ def test_a_pendulum_has_one_mode():
         found = rj.modes(system, q)
         assert_close(found.frequencies, [np.sqrt(GRAVITY / 1.2)], EXACT)
     assert_close(found.shapes[3:, 0] @ at[3:], 0.0, EXACT)
-
-
-def test_a_traced_count_is_the_same():
-    """Under a transformation, where no singular value is known."""
-
-    @jax.jit
-    def frequencies(mass):
-        body = spatial.RigidBody("body", mass, (0.1, 0.2, 0.3))
-        held = rj.Spring(body.at(), rj.ground.at((0.0, 0.0, 1.0)), 50.0)
-        return rj.modes(rj.assemble(rj.Scene([body], [], [held]))).frequencies
-
-    assert_close(frequencies(2.0), [0.0, 0.0, 0.0, 5.0, 5.0, 5.0], EXACT)
 
 
 MIDDLE = rj.Marker("top", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))

@@ -106,19 +106,24 @@ def test_under_jit_and_vmap():
     assert_close(seen, ACTION * np.asarray(starts) ** 2, DIFFERENCED)
 
 
+def motion_and_action(x):
+    """Of a run with a loop beside it that reverse mode does not transpose."""
+    run = swing(x, Action(), Halvings(), dt=1e-3, audit=False)
+    return jnp.stack([run.q[-1, 0], run.followed[0]["action"]])
+
+
+SLOPES = [np.cos(2 * END), 2 * ACTION]
+
+
 def test_derivatives():
-    """Of the motion and of what a monitor has seen, by both modes, with a loop beside it that
-    reverse mode does not transpose.
-    """
+    """Of the motion and of what a monitor has seen."""
+    assert_close(rj.jit(jax.jacrev(motion_and_action))(jnp.ones(())), SLOPES, SOLVED)
 
-    def motion(x):
-        run = swing(x, Action(), Halvings(), dt=1e-3, audit=False)
-        return jnp.stack([run.q[-1, 0], run.followed[0]["action"]])
 
-    one, exact = jnp.ones(()), [np.cos(2 * END), 2 * ACTION]
-    assert_close(rj.jit(jax.jacrev(motion))(one), exact, SOLVED)
+@pytest.mark.slow
+def test_derivatives_in_forward_mode():
     with rj.forward_mode():
-        assert_close(rj.jit(jax.jacfwd(motion))(one), exact, SOLVED)
+        assert_close(rj.jit(jax.jacfwd(motion_and_action))(jnp.ones(())), SLOPES, SOLVED)
 
 
 def test_refused_derivatives():
@@ -127,28 +132,42 @@ def test_refused_derivatives():
         halvings(jnp.ones(()))
 
 
+class Rebounds(rj.AbstractMonitor):
+    """How often a body is thrown back, and how fast."""
+
+    def start(self, system, start):
+        return jnp.zeros((), int), start.t
+
+    def follow(self, step, seen):
+        count, speed = seen
+        turned = (step.at(step.after.t).v[0] < -0.1) & (step.after.v[0] > 0.1)
+        return count + jnp.where(turned, 1, 0), speed + jnp.where(turned, step.after.v[0], 0.0)
+
+
+def rebounds(wall):
+    """From a wall at a place: how fast, and the run."""
+    impact = rj.Impact(place, restitution=0.5, level=wall)
+    run = swing(jnp.ones(()), Rebounds(), events=[impact], audit=False)
+    return run.followed[0][1], run
+
+
+# Half of √(4 − 4 x²), where x is the place of the wall, and its slope.
+WALL, REBOUND = -0.6, [0.8, 0.75]
+
+
 def test_with_events():
     """Of a step to an impact, the end is after it; derivatives by where the wall is."""
+    with rj.forward_mode():
+        slope, run = rj.jit(jax.jacfwd(rebounds, has_aux=True))(jnp.asarray(WALL))
+    count, speed = run.followed[0]
+    assert_close([speed, slope], REBOUND, SOLVED)
+    assert count == run.events.count == 1
 
-    class Rebounds(rj.AbstractMonitor):
-        def start(self, system, start):
-            return jnp.zeros((), int), start.t
 
-        def follow(self, step, seen):
-            count, speed = seen
-            turned = (step.at(step.after.t).v[0] < -0.1) & (step.after.v[0] > 0.1)
-            return count + jnp.where(turned, 1, 0), speed + jnp.where(turned, step.after.v[0], 0.0)
-
-    def rebounds(place):
-        wall = rj.Impact(lambda system, t, q, v: q[0] - place, restitution=0.5)
-        run = swing(jnp.ones(()), Rebounds(), events=[wall], solver=METHODS["Tsit5"], audit=False)
-        return run.followed[0][1], run
-
-    at = jnp.asarray(-0.6)
-    (speed, run), slope = rj.jit(jax.value_and_grad(rebounds, has_aux=True))(at)
-    # Half of √(4 − 4 x²), where x is the place of the wall.
-    assert_close([speed, slope], [0.8, 0.75], SOLVED)
-    assert run.followed[0][0] == run.events.count == 1
+@pytest.mark.slow
+def test_derivatives_with_events_in_reverse_mode():
+    speed, slope = rj.jit(jax.value_and_grad(lambda x: rebounds(x)[0]))(jnp.asarray(WALL))
+    assert_close([speed, slope], REBOUND, SOLVED)
 
 
 def test_of_reduced_systems_the_physical_state_is_seen():
