@@ -21,7 +21,7 @@ from .post_step import PostStep
 _ROOM = 2**16
 # Calls after which a program that takes rows, compiled in 60 ms and faster by 0.1 ms, is worth its
 # time: more than a table of reduced models takes.
-_OFTEN = 100
+_OFTEN = 200
 
 
 class SystemOutput(NamedTuple):

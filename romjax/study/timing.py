@@ -11,7 +11,9 @@ T = TypeVar("T")
 # [s] What takes shorter is repeated until it takes as long, which clocks and other work of the
 # machine blur less; more rounds of short turns tell more than longer turns.
 _SHORTEST = 0.01
-_ROUNDS = 3, 40
+# With sixteen other programs on two cores, the worst of a dozen ratios comes again within a quarter
+# from twenty rounds.
+_ROUNDS = 3, 20
 # No more rounds are needed after more than so many, once the standard errors of the medians are at
 # most this share of them, and were a round before: a few values are near each other by chance, five
 # with noise of a tenth in one case of five. The worst of a dozen models then differs by a seventh
