@@ -53,6 +53,8 @@ def spun(system, spin):
 def test_an_error_in_words(error, words, flag):
     bar = ErrorBar(np.asarray(error), "local, 8 modes")
     assert bar.describe() == words
+    blind = ErrorBar(np.asarray(error), "local, 8 modes", blind="joint forces")
+    assert blind.describe() == words + "; not of joint forces" * (not flag)
     assert bar.flags == flag
 
 
@@ -90,6 +92,8 @@ SPARE = [
     (zoo.falling_beams, "minimal", 2, ["local, 6 modes"]),
     (zoo.falling_beams, "local", 3, []),
     (zoo.cart_pendulum, "minimal", 2, []),
+    # Two more of them than twice the rank, if there are.
+    (zoo.bars, "hyper", 1, ["minimal, 2 modes"]),
 ]
 
 
@@ -139,7 +143,7 @@ def test_the_error_of_a_cap():
     corrected = rj.corrected(system, run)
     effectivity = float(corrected.bar.error / rj.compare(truth, run).error)
     assert CAPPED <= effectivity <= 1.0
-    assert "(twice the cap)" in corrected.summary()
+    assert "(twice the cap); not of joint forces, of which by=full" in corrected.summary()
     full = zoo.system(zoo.cart_pendulum)
     exact = rj.corrected(system, run, by=full)
     assert LEAST <= float(exact.bar.error / rj.compare(truth, run).error) <= MOST

@@ -24,12 +24,14 @@ class ErrorBar(eqx.Module):
     - `error`: of the reduced run, as `Comparison.error`. `by`: what estimates it, in words.
     - `per_group` (g,), `groups`: the errors of each body's position, angle and deflection, as
       `Comparison.per_group`; none where nobody has asked for them.
+    - `blind`: the answers that it is known not to hold for, in words; "" where there are none.
     """
 
     error: Float[Array, ""]
     by: str = eqx.field(static=True)
     per_group: Float[Array, " g"] | tuple[()] = ()
     groups: tuple[str, ...] = eqx.field(static=True, default=())
+    blind: str = eqx.field(static=True, default="")
 
     @property
     def flags(self) -> Array:
@@ -37,13 +39,16 @@ class ErrorBar(eqx.Module):
         return jnp.where(self.error <= _USABLE, 0, int(Flag.ESTIMATE))
 
     def describe(self) -> str:
-        """The estimate in words, such as "5.2e-3 estimated (local, 8 modes)"; and what it hides."""
+        """The estimate in words, such as "5.2e-3 estimated (local, 8 modes)"; what it hides, and
+        what it does not tell.
+        """
         if not np.all(np.asarray(self.error) <= _USABLE):
             return f"more than {_USABLE:.0%}: not to be used ({self.by})".replace("%", " %")
         digits, power = f"{float(self.error):.1e}".split("e")
         words = f"{digits}e{int(power)} estimated ({self.by})"
         hidden = self.hidden()
-        return f"{words}, but {hidden}" if hidden else words
+        words += f", but {hidden}" if hidden else ""
+        return f"{words}; not of {self.blind}" if self.blind else words
 
     def hidden(self) -> str:
         """What the norm hides, in words; "" where it hides nothing, or the run is of no use."""

@@ -41,9 +41,10 @@ def finer_of(rom: AbstractSystem, spare: int = 0) -> tuple[Finer, ...]:
     such bodies twice the rank. Where that has no more freedoms, the next rank stands beside it:
     whoever asks for the error takes the larger change.
 
-    `spare`: so many more modes in each body, of which joint forces need one: the vibrations that
-    both models leave out carry these as much as the first one that the model leaves out does. With
-    all modes in all bodies it is the full system that tells, (): it is compiled for others too.
+    `spare`: so many more modes in each body, or twice as many more of mechanisms without flexible
+    ones. Joint forces need one: the vibrations that both models leave out carry these as much as
+    the first one that the model leaves out does. With all modes in all bodies it is the full system
+    that tells, (): it is compiled for others too.
 
     Models are made once, also where JAX traces, and kept with the reduced one as it was made.
     """
@@ -61,7 +62,7 @@ def _finer(rom: AbstractReducedSystem, recipe: Recipe, spare: int) -> Iterator[F
     ranks = _ranks(rom, recipe, spare)
     if spare and ranks and ranks == tuple(_modes(rom.full)):
         return
-    formulation, richer = recipe.formulation, _richer_kind(rom, recipe, ranks)
+    formulation, richer = recipe.formulation, _richer_kind(rom, recipe, ranks, spare)
     if richer is not None:
         yield richer
     if richer is None or _freedoms(richer.model) <= _freedoms(rom):
@@ -71,15 +72,17 @@ def _finer(rom: AbstractReducedSystem, recipe: Recipe, spare: int) -> Iterator[F
 
 
 def _richer_kind(
-    rom: AbstractReducedSystem, recipe: Recipe, ranks: tuple[int, ...]
+    rom: AbstractReducedSystem, recipe: Recipe, ranks: tuple[int, ...], spare: int
 ) -> Finer | None:
     formulation, r = recipe.formulation, rom.n
+    # Twice the rank tells motions; forces of segments at rank 4 it tells up to 25 times too large.
+    twice = dict.fromkeys([2 * r + 2 * spare, 2 * r])
     if ranks:
         return _of_rank(rom, recipe, Local(ranks=ranks), [sum(ranks)])
     if formulation.is_general:
-        return _of_rank(rom, recipe, formulation, dict.fromkeys([2 * r, r + (r + 1) // 2]))
+        return _of_rank(rom, recipe, formulation, [*twice, r + (r + 1) // 2])
     # What stands for minimal coordinates is judged by these themselves.
-    return _of_rank(rom, recipe, Minimal(), [2 * r, r + 1, r])
+    return _of_rank(rom, recipe, Minimal(), [*twice, r + 1, r])
 
 
 def _ranks(rom: AbstractReducedSystem, recipe: Recipe, spare: int) -> tuple[int, ...]:

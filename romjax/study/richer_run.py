@@ -86,15 +86,15 @@ def simulated(
     return simulate(model, run.t, rtol=tolerance, solver=solver, throw=False, audit=audit)
 
 
-def told(run: Trajectory, other: Trajectory, name: str) -> Trajectory:
-    """The other run, and what it tells of the first one."""
+def told(run: Trajectory, other: Trajectory, name: str, blind: str = "") -> Trajectory:
+    """The other run, and what it tells of the first one; `blind`: what it is known not to tell."""
     statuses = run.status, other.status
     motions = other.q, run.q, other.metric
     groups, members = groups_with_members(other.coordinates, other.q.dtype)
     by_groups = members, resolution(other, run)
     errors, flags = _judged(*motions, statuses, other.flags, *by_groups, other.quaternions)
     error, per_group = errors
-    bar = ErrorBar(error, name, per_group, groups)
+    bar = ErrorBar(error, name, per_group, groups, blind)
     return dataclasses.replace(other, bar=bar, flags=flags)
 
 
