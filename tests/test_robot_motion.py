@@ -41,7 +41,7 @@ FILES = [
     *(f"loop of {count}" for count in (5, 8, 12, 20, 30)),
 ]
 # A branched tree and three kinds of loops, one of a file that says which joint follows another.
-SLOW = ["leg.xml", "delta.xml", "stewart.xml", "gripper.urdf"]
+SLOW = ["tree of 4", "leg.xml", "delta.xml", "stewart.xml", "gripper.urdf"]
 
 
 def written(folder: Path, name: str) -> Path:
@@ -125,7 +125,7 @@ def of_body(q, v, rates):
     return np.concatenate([rates[:3], turning])
 
 
-@pytest.mark.parametrize("name", in_groups(FILES, fast=["tree of 4"], slow=SLOW))
+@pytest.mark.parametrize("name", in_groups(FILES, fast=["tree of 2"], slow=SLOW))
 def test_files_move_as_by_mujoco(name, tmp_path):
     compare_with_mujoco(written(tmp_path, name), FAR if name.startswith("tree") else NEAR)
 
