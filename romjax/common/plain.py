@@ -32,7 +32,7 @@ def table(header: list[str], rows: list[list[str]]) -> str:
 
 def plain(part: Any) -> str:
     """The fields of a tuple or dataclass with their numbers; while JAX traces, with their types."""
-    names = getattr(part, "_fields", None) or [x.name for x in dataclasses.fields(part)]
+    names = getattr(part, "_fields", None) or [x.name for x in dataclasses.fields(part) if x.repr]
     words = ", ".join(f"{name}={_value(getattr(part, name))}" for name in names)
     return f"{type(part).__name__}({words})"
 

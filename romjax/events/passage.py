@@ -13,13 +13,15 @@ from ..march.cuts import AbstractPassage
 from ..system.base import AbstractSystem
 from ..system.dynamics import solve
 from ..system.frequencies import with_all_acting
+from ..system.held import can_hold, hold
 from ..system.local import local_system
 from ..system.stabilization import Baumgarte
 from .search import first_crossing
 
 # The side of a surface on which a step starts is judged after this share of the step, since a step
-# that follows a cut starts on the surface itself.
-_START = 1e-3
+# that follows a cut starts on the surface itself. A law that is held acts as much too early or late
+# as that is wrong, which derivatives see: sooner there.
+_START, _START_HELD = 1e-3, 1e-4
 # A step that crosses in this last share of its length counts as ending at the surface; and no step
 # is cut to less than so many units in the last place of the time.
 _END, _SHORTEST = 1e-6, 100
@@ -48,10 +50,15 @@ class Passage(AbstractPassage):
     it ends at the surface that it passes first. The next one starts there, and what it does not
     know of the force is then a fixed share of what it estimates, as long as it is short.
 
+    The force itself is small at a kink, and its derivative is not: stages there, which rounding
+    puts on either side, would give derivatives of motions that err by percents. So effects that can
+    be `held` have one law in all of a step, that of the side on which it starts.
+
     - `stabilization`: of the accelerations. `rtol`: of the run.
     - `hard`: whether forces grow otherwise than in proportion, as those of contacts, which may also
       begin and end within a step. Stops of joints, whose motion goes on beyond them, are looked at
       where steps end.
+    - `holds` (contacts,): which of them can be held.
     """
 
     system: AbstractSystem
@@ -59,6 +66,7 @@ class Passage(AbstractPassage):
     stabilization: Baumgarte | None
     rtol: Float[Array, ""]
     hard: bool = eqx.field(static=True)
+    holds: tuple[bool, ...] = eqx.field(static=True)
 
     @classmethod
     def of(
@@ -66,30 +74,62 @@ class Passage(AbstractPassage):
     ) -> "Passage | None":
         """Return the object for a system, or None if none of its effects may begin."""
         full = system.full
-        if full.state(jnp.zeros(()), full.q0, full.v0).gaps() is None:
+        gaps = full.state(jnp.zeros(()), full.q0, full.v0).gaps()
+        if gaps is None:
             return None
-        hard = with_all_acting(full) is None
-        return cls(system, post_step, stabilization, jnp.asarray(rtol), hard)
+        hard, holds = with_all_acting(full) is None, can_hold(system)
+        # A system that has its effects twice does not say whose gaps these are.
+        holds = holds if len(holds) == len(gaps) else (False,) * len(gaps)
+        return cls(system, post_step, stabilization, jnp.asarray(rtol), hard, holds)
+
+    def held(
+        self, term: Any, t0: Float[Array, ""], t1: Float[Array, ""], y: Any
+    ) -> tuple[Any, Any]:
+        """Return the term of a step from `y`, whose effects are held on the side on which they
+        start, and whether one of them starts where it begins or ends.
+        """
+        if not any(self.holds):
+            return term, False
+        sides, begins = self._sides(t0, t1, y)
+        return hold(term, sides), begins
+
+    def _sides(self, t0: Array, t1: Array, y: Any) -> tuple[Float[Array, " contacts"], Array]:
+        """The sides on which effects are held in a step, 0 where they are not; and whether one of
+        them changes its side at the start.
+        """
+        gaps, rates = jax.lax.stop_gradient(self._gaps_and_rates(t0, y))
+        t0, t1 = jax.lax.stop_gradient((t0, t1))
+        after = gaps + _START_HELD * (t1 - t0) * rates
+        told = jnp.array(self.holds) & (jnp.abs(after) > self._noise)
+        near = jnp.abs(gaps) <= 2 * _START_HELD * (t1 - t0) * jnp.abs(rates) + self._noise
+        return jnp.where(told, jnp.sign(after), 0.0), jnp.any(told & near)
 
     def passed(
         self,
         t0: Float[Array, ""],
         t1: Float[Array, ""],
+        y: Any,
         between: diffrax.AbstractLocalInterpolation,
     ) -> tuple[Bool[Array, ""], Float[Array, ""]]:
-        """Whether a step passes a surface, and where it has to end instead [s]."""
+        """Whether a step from `y` passes a surface, and where it has to end instead [s]."""
         span = t1 - t0
 
         def gaps(share: Array) -> Array:
             t = t0 + share * span
             return self._gaps(t, between.evaluate(t))
 
+        held = self._sides(t0, t1, y)[0] if any(self.holds) else None
+
+        def side_of(values: Array) -> Array:
+            side = jnp.sign(values)
+            return side if held is None else jnp.where(held != 0, held, side)
+
         if not self.hard:
-            return self._cut(t0, t1, *self._first_end(gaps, t0.dtype))
+            return self._cut(t0, t1, *self._first_end(gaps, side_of, t0.dtype))
         one, yes = jnp.ones_like(t0), jnp.ones(1, bool)
         # A contact that is closed at the start opens by a crossing too: each gap counts by the side
         # that it starts on.
-        side = jnp.sign(gaps(_START * one))
+        side = side_of(gaps(_START * one))
 
         def nearest(share: Array) -> Array:
             """How far the first one to pass its surface is from it, on the side of its start."""
@@ -106,12 +146,19 @@ class Passage(AbstractPassage):
         span = t1 - t0
         shortest = _SHORTEST * jnp.finfo(t0.dtype).eps * jnp.maximum(jnp.abs(t0), jnp.abs(t1))
         # A cut at either end would leave a step of nothing but rounding.
-        is_within = (share > _START) & (share < 1 - _END)
-        is_within &= (share * span > shortest) & ((1 - share) * span > shortest)
-        return exists & is_within, t0 + share * span
+        is_within = (share < 1 - _END) & ((1 - share) * span > shortest)
+        if not any(self.holds):
+            is_within &= (share > _START) & (share * span > shortest)
+            return exists & is_within, t0 + share * span
+        # A law that was held on the wrong side from the start ends as soon as it may.
+        later = jnp.maximum(share * span, 2 * shortest)
+        return exists & is_within & (span > 4 * shortest), t0 + later
 
     def _first_end(
-        self, gaps: Callable[[Array], Float[Array, " contacts"]], dtype: Any
+        self,
+        gaps: Callable[[Array], Float[Array, " contacts"]],
+        side_of: Callable[[Array], Float[Array, " contacts"]],
+        dtype: Any,
     ) -> tuple[Bool[Array, ""], Float[Array, ""]]:
         """Whether a gap changes its sign from the start to the end of a step, and at which share of
         it the first one does, by bisection.
@@ -124,7 +171,7 @@ class Passage(AbstractPassage):
         def look(carry: Any) -> Any:
             count, at, low, high, side, exists = carry
             values = gaps(at)
-            side = jnp.where(count == 0, jnp.sign(values), side)
+            side = jnp.where(count == 0, side_of(values), side)
             before = ~jnp.any(side * values < -self._noise)
             exists = jnp.where(count == 1, ~before, exists)
             low, high = jnp.where(before, at, low), jnp.where(before, high, at)
@@ -136,7 +183,8 @@ class Passage(AbstractPassage):
             more: Array = (count < 2) | (exists & (count < _LOOKS))
             return more
 
-        first = (jnp.zeros((), int), start, start, one, side, jnp.zeros((), bool))
+        low = 0 * start if any(self.holds) else start
+        first = (jnp.zeros((), int), start, low, one, side, jnp.zeros((), bool))
         _, _, _, share, _, exists = jax.lax.while_loop(goes_on, look, first)
         return exists, share
 
@@ -150,7 +198,7 @@ class Passage(AbstractPassage):
         speed u of approach: with the force κ d^(3/2) at a depth d, for a unit of mass,
         κ (u T)^(3/2) T = u.
         """
-        if not self.hard:
+        if not self.hard or all(self.holds):
             return planned
         y = jax.lax.stop_gradient(y)
         gaps, rates = self._gaps_and_rates(t, y)

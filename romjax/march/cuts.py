@@ -116,10 +116,19 @@ class AbstractPassage(eqx.Module):
     """Places that steps must not pass, but end at: the surfaces of contacts."""
 
     @abc.abstractmethod
+    def held(
+        self, term: Any, t0: Float[Array, ""], t1: Float[Array, ""], y: Any
+    ) -> tuple[Any, Any]:
+        """Return the term of a step from `y`, with laws that hold on the side on which it starts,
+        and whether another law may have held in the step before.
+        """
+
+    @abc.abstractmethod
     def passed(
         self,
         t0: Float[Array, ""],
         t1: Float[Array, ""],
+        y: Any,
         between: diffrax.AbstractLocalInterpolation,
     ) -> tuple[Bool[Array, ""], Float[Array, ""]]:
         """Whether a step passes something, and where it has to end instead."""

@@ -107,7 +107,10 @@ class Steps(NamedTuple):
     ) -> Trial:
         """A step of the method from t0 to t1."""
         jumped: Any = False if watching is None else watching.jumped
-        start, end = t0, t1
+        start, end, term = t0, t1, self.term
+        if self.passage is not None:
+            term, other = self.passage.held(term, t0, t1, y)
+            jumped = jumped | other
         if self.corners is not None:
             # A signal that bends at a corner has two derivatives by the time of it, of which a step
             # needs the one on its own side: it begins and ends beside it, by rounding alone.
@@ -116,7 +119,7 @@ class Steps(NamedTuple):
             start, end = jnp.where(begins, t0 + aside, t0), jnp.where(ends, t1 - aside, t1)
             jumped = jumped | begins
         y1, error, dense, solver_state, result = self.solver.step(
-            self.term, start, end, y, None, solver_state, made_jump=jumped
+            term, start, end, y, None, solver_state, made_jump=jumped
         )
         between = self.solver.interpolation_cls(t0=t0, t1=t1, **dense)
         arrival = None
@@ -166,7 +169,7 @@ class Steps(NamedTuple):
         """Whether a step is kept, and what follows, where it may pass through a contact."""
         if self.passage is None:
             return keep, after
-        passes, end = self.passage.passed(now.t, now.next_t, tried.between)
+        passes, end = self.passage.passed(now.t, now.next_t, now.y, tried.between)
         cut = keep & passes
         next_end = self.passage.next_end(after.t, tried.y, after.next_t, keep & ~cut)
         return keep & ~cut, after._replace(

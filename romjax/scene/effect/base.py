@@ -106,6 +106,15 @@ class AbstractMarkerEffect(AbstractEffect):
         del acts
         return None
 
+    def held(self, side: Float[Array, ""]) -> "AbstractMarkerEffect | None":
+        """Return an effect that `begins` with one law on both sides of where it does: with `side` 1
+        it does not act, with −1 it acts before too, with 0 it is as it was.
+
+        None where its law goes no further, as that of contacts.
+        """
+        del side
+        return None
+
     def room(self, *poses: Pose) -> Float[Array, ""]:
         """Return how far an effect that `begins` is from that, negative where it acts."""
         return jnp.ones((), poses[0].position.dtype)

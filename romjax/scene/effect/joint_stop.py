@@ -46,6 +46,7 @@ class JointStop(AbstractMotionEffect):
     stiffness: Converted[Float[Array, ""]] = number(default=1e4)
     dissipation: Converted[Float[Array, ""] | None] = number(default=None)
     motion: str = eqx.field(static=True, default="angle")
+    side: Float[Array, ""] | None = eqx.field(default_factory=lambda: None, init=False, repr=False)
     stores: ClassVar[bool] = True
     supplies: ClassVar[bool] = False
     begins: ClassVar[bool] = True
@@ -60,7 +61,8 @@ class JointStop(AbstractMotionEffect):
 
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         del t
-        return 0.5 * self.stiffness * self._beyond(moved(self.motion, *poses)) ** 2
+        beyond, _ = self._beyond(moved(self.motion, *poses))
+        return 0.5 * self.stiffness * beyond**2
 
     def room(self, *poses: Pose) -> Float[Array, ""]:
         value = moved(self.motion, *poses)
@@ -76,10 +78,10 @@ class JointStop(AbstractMotionEffect):
         self, t: Time, value: Float[Array, ""], rate: Callable[[], Float[Array, ""]]
     ) -> Float[Array, ""]:
         del t
-        beyond = self._beyond(value)
+        beyond, sign = self._beyond(value)
         push = -self.stiffness * beyond
         if self.dissipation is not None:
-            push *= jnp.maximum(1 + self.dissipation * jnp.sign(beyond) * rate(), 0)
+            push *= jnp.maximum(1 + self.dissipation * sign * rate(), 0)
         return push
 
     def acting(self, acts: Bool[Array, ""]) -> "JointStop":
@@ -95,14 +97,28 @@ class JointStop(AbstractMotionEffect):
         )
         return other
 
-    def _beyond(self, value: Float[Array, ""]) -> Float[Array, ""]:
-        """How far a motion is beyond its stops, negative below the lower one."""
-        beyond = jnp.zeros_like(value)
-        if self.upper is not None:
-            beyond += jnp.maximum(value - self.upper, 0)
-        if self.lower is not None:
-            beyond += jnp.minimum(value - self.lower, 0)
-        return beyond
+    def held(self, side: Float[Array, ""]) -> "JointStop":
+        """Return the stops with the spring of the nearer one on both sides of it, or on none."""
+        held: JointStop = eqx.tree_at(lambda x: x.side, self, side, is_leaf=lambda x: x is None)
+        return held
+
+    def _beyond(self, value: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """How far a motion is beyond its stops, negative below the lower one, and the sign of
+        motions beyond the stop that acts.
+        """
+        if self.side is None:
+            beyond = jnp.zeros_like(value)
+            if self.upper is not None:
+                beyond += jnp.maximum(value - self.upper, 0)
+            if self.lower is not None:
+                beyond += jnp.minimum(value - self.lower, 0)
+            return beyond, jnp.sign(beyond)
+        over = jnp.full_like(value, -jnp.inf) if self.upper is None else value - self.upper
+        under = jnp.full_like(value, -jnp.inf) if self.lower is None else self.lower - value
+        deep = jnp.maximum(over, under)
+        acts = jnp.where(self.side == 0, deep > 0, self.side < 0)
+        sign = jnp.where(acts, jnp.where(over > under, 1.0, -1.0), 0.0)
+        return jnp.where(acts, sign * deep, 0.0), sign
 
     def check(self) -> None:
         owner = check_markers(self)

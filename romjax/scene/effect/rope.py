@@ -45,6 +45,7 @@ class Rope(AbstractMarkerEffect):
     via: Converted[tuple[Marker, ...], Iterable[Marker]] = eqx.field(converter=tuple, default=())
     dissipation: Converted[Float[Array, ""] | None] = number(default=None)
     name: str = eqx.field(static=True, default="")
+    side: Float[Array, ""] | None = eqx.field(default_factory=lambda: None, init=False, repr=False)
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
     hatched: ClassVar[bool] = True
     stores: ClassVar[bool] = True
@@ -69,7 +70,7 @@ class Rope(AbstractMarkerEffect):
 
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         del t
-        return 0.5 * self.stiffness * jnp.maximum(_length(*poses) - self.length, 0) ** 2
+        return 0.5 * self.stiffness * self._stretch(_length(*poses)) ** 2
 
     def room(self, *poses: Pose) -> Float[Array, ""]:
         return self.length - _length(*poses)
@@ -77,11 +78,23 @@ class Rope(AbstractMarkerEffect):
     def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         del t
         length, rate, wrenches = displacement(_length, poses, twists)
-        tension = self.stiffness * jnp.maximum(length - self.length, 0)
+        tension = self.stiffness * self._stretch(length)
         if self.dissipation is not None:
             # Never a push: a rope that shortens faster than the damping allows is slack.
             tension *= jnp.maximum(1 + self.dissipation * rate(), 0)
         return wrenches(-tension)
+
+    def held(self, side: Float[Array, ""]) -> "Rope":
+        """Return the rope as a spring on both sides of its length, or as none."""
+        held: Rope = eqx.tree_at(lambda x: x.side, self, side, is_leaf=lambda x: x is None)
+        return held
+
+    def _stretch(self, length: Float[Array, ""]) -> Float[Array, ""]:
+        """How much longer the rope is than when it is slack [m]."""
+        stretch = length - self.length
+        if self.side is None:
+            return jnp.maximum(stretch, 0)
+        return jnp.where(jnp.where(self.side == 0, stretch > 0, self.side < 0), stretch, 0)
 
     def outline(self, t: Time, poses: Poses, size: Float[Array, ""]) -> Outlines:
         del t, size

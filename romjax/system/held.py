@@ -1,0 +1,43 @@
+"""Effects whose law is held on one side of where they begin."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..scene.effect.base import AbstractMarkerEffect
+
+
+def can_hold(tree: Any) -> tuple[bool, ...]:
+    """Whether each effect of a pytree that may begin has a law to be held, in their order."""
+    found = [x for x in jax.tree.leaves(tree, is_leaf=_begins) if _begins(x)]
+    return tuple(np.repeat([_holds(x) for x in found], [_count(x) for x in found]).tolist())
+
+
+def hold(tree: Any, sides: Float[Array, " effects"]) -> Any:
+    """Return a pytree with its effects that may begin held on their `sides`."""
+    first = 0
+
+    def change(x: Any) -> Any:
+        nonlocal first
+        if not _begins(x):
+            return x
+        own, first = sides[first : first + _count(x)], first + _count(x)
+        return x.held(own) if _holds(x) else x
+
+    return jax.tree.map(change, tree, is_leaf=_begins)
+
+
+def _begins(x: Any) -> bool:
+    return isinstance(x, AbstractMarkerEffect) and x.begins
+
+
+def _holds(effect: AbstractMarkerEffect) -> bool:
+    return effect.held(jnp.zeros(())) is not None
+
+
+def _count(effect: AbstractMarkerEffect) -> int:
+    """How many effects of equal structure are stacked."""
+    return len(jax.tree.leaves(effect)[0])
