@@ -233,23 +233,46 @@ def test_the_energies_of_the_parts_are_all_there_is():
     assert swung.warnings() == ""
 
 
+def wheel(rate, largest, stiffness, torque):
+    """A wheel of the inertia 0.27 between two stops."""
+    body = rj.RigidBody("wheel", 1.0, 0.27, angular_velocity=rate)
+    ends = body.at(), rj.ground.at()
+    effects = [
+        rj.JointStop(*ends, -largest, largest, stiffness),
+        rj.Torque(body.at(), rj.Constant(torque)),
+    ]
+    return rj.assemble(rj.Scene([body], [rj.Revolute(*ends)], effects))
+
+
 def test_steps_end_where_stops_begin():
     """Between two stops without losses: at a steady rate, and half an oscillation at each end.
 
     Steps that pass a kink may take their error for none, so that what is known to `rtol` a step is
     asked for at ten times of it, after five stops.
     """
-    rtol, largest, rate, stiffness, inertia = 1e-6, 0.4, 3.0, 500.0, 0.27
-    wheel = rj.RigidBody("wheel", 1.0, inertia, angular_velocity=rate)
-    ends = wheel.at(), rj.ground.at()
-    stop = rj.JointStop(*ends, -largest, largest, stiffness)
-    system = rj.assemble(rj.Scene([wheel], [rj.Revolute(*ends)], [stop]))
-    ts, fast = np.linspace(0.0, 2.0, 41), np.sqrt(stiffness / inertia)
+    rtol, largest, rate, stiffness = 1e-6, 0.4, 3.0, 500.0
+    system = wheel(rate, largest, stiffness, 0.0)
+    ts, fast = np.linspace(0.0, 2.0, 41), np.sqrt(stiffness / 0.27)
     free, pushed = largest / rate, np.pi / fast
     half, after = np.divmod(ts + free, 2 * free + pushed)
     beyond = largest + rate / fast * np.sin(fast * (after - 2 * free))
     angle = (-1) ** half * np.where(after < 2 * free, rate * after - largest, beyond)
     assert_close(run(system, ts, rtol=rtol).q[:, 2], angle, 10 * rtol)
+
+
+@pytest.mark.parametrize("over", [1e-4, 1e-3, 1e-2])
+def test_steps_do_not_leap_over_a_stop(over):
+    """A torque turns a wheel back where it is `over` beyond a stop, if there is none: within a
+    step, before and after which it is free.
+    """
+    rtol, largest, rate, stiffness = 1e-6, 0.4, 3.0, 5e3
+    slowing = 0.5 * rate**2 / (largest + over)
+    fast, left = np.sqrt(stiffness / 0.27), np.sqrt(2 * slowing * over)
+    back = (rate - left) / slowing + 2 * np.arctan(left * fast / slowing) / fast
+    after = np.linspace(0.0, 0.2, 40)
+    system = wheel(rate, largest, stiffness, -0.27 * slowing)
+    angle = largest - left * after - 0.5 * slowing * after**2
+    assert_close(run(system, [0.0, *(back + after)], rtol=rtol).q[1:, 2], angle, 10 * rtol)
 
 
 @pytest.mark.instant

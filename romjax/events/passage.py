@@ -1,6 +1,5 @@
 """Contacts that begin or end within a step: surfaces that a point passes, inwards or outwards."""
 
-from collections.abc import Callable
 from typing import Any
 
 import diffrax
@@ -25,8 +24,6 @@ _START, _START_HELD = 1e-3, 1e-4
 # A step that crosses in this last share of its length counts as ending at the surface; and no step
 # is cut to less than so many units in the last place of the time.
 _END, _SHORTEST = 1e-6, 100
-# How often a step that passes a stop is looked at: at both ends, and by bisections.
-_LOOKS = 26
 # A point this deep inside still counts as outside, in units in the last place of the largest
 # coordinate.
 _ROUNDING = 100
@@ -52,12 +49,11 @@ class Passage(AbstractPassage):
 
     The force itself is small at a kink, and its derivative is not: stages there, which rounding
     puts on either side, would give derivatives of motions that err by percents. So effects that can
-    be `held` have one law in all of a step, that of the side on which it starts.
+    be `held` have one law in all of a step, that of the side on which it starts. As its stages do
+    not feel the other law, what begins and ends within a step is looked for by dense output.
 
     - `stabilization`: of the accelerations. `rtol`: of the run.
-    - `hard`: whether forces grow otherwise than in proportion, as those of contacts, which may also
-      begin and end within a step. Stops of joints, whose motion goes on beyond them, are looked at
-      where steps end.
+    - `hard`: whether forces grow otherwise than in proportion, as those of contacts.
     - `holds` (contacts,): which of them can be held.
     """
 
@@ -124,8 +120,6 @@ class Passage(AbstractPassage):
             side = jnp.sign(values)
             return side if held is None else jnp.where(held != 0, held, side)
 
-        if not self.hard:
-            return self._cut(t0, t1, *self._first_end(gaps, side_of, t0.dtype))
         one, yes = jnp.ones_like(t0), jnp.ones(1, bool)
         # A contact that is closed at the start opens by a crossing too: each gap counts by the side
         # that it starts on.
@@ -153,40 +147,6 @@ class Passage(AbstractPassage):
         # A law that was held on the wrong side from the start ends as soon as it may.
         later = jnp.maximum(share * span, 2 * shortest)
         return exists & is_within & (span > 4 * shortest), t0 + later
-
-    def _first_end(
-        self,
-        gaps: Callable[[Array], Float[Array, " contacts"]],
-        side_of: Callable[[Array], Float[Array, " contacts"]],
-        dtype: Any,
-    ) -> tuple[Bool[Array, ""], Float[Array, ""]]:
-        """Whether a gap changes its sign from the start to the end of a step, and at which share of
-        it the first one does, by bisection.
-
-        Start, end and middles are looked at by one loop, so that the gaps are compiled once.
-        """
-        start, one = jnp.asarray(_START, dtype), jnp.ones((), dtype)
-        side = jnp.zeros(jax.eval_shape(gaps, one).shape, dtype)
-
-        def look(carry: Any) -> Any:
-            count, at, low, high, side, exists = carry
-            values = gaps(at)
-            side = jnp.where(count == 0, side_of(values), side)
-            before = ~jnp.any(side * values < -self._noise)
-            exists = jnp.where(count == 1, ~before, exists)
-            low, high = jnp.where(before, at, low), jnp.where(before, high, at)
-            at = jnp.where(count == 0, one, 0.5 * (low + high))
-            return count + 1, at, low, high, side, exists
-
-        def goes_on(carry: Any) -> Array:
-            count, *_, exists = carry
-            more: Array = (count < 2) | (exists & (count < _LOOKS))
-            return more
-
-        low = 0 * start if any(self.holds) else start
-        first = (jnp.zeros((), int), start, low, one, side, jnp.zeros((), bool))
-        _, _, _, share, _, exists = jax.lax.while_loop(goes_on, look, first)
-        return exists, share
 
     def next_end(
         self, t: Float[Array, ""], y: Any, planned: Float[Array, ""], keep: Bool[Array, ""]
