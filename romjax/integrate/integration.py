@@ -30,6 +30,7 @@ from ..march.tolerances import Tolerances
 from ..system.base import AbstractSystem
 from ..system.schedule import Schedule
 from .amplitudes import amplitude_shares
+from .between import interpolation_of
 from .dense import output_of, post_step_of
 from .follow.audit import Audit, Findings
 from .follow.monitor import AbstractMonitor, MonitorFollower
@@ -86,18 +87,14 @@ def integrate(
     tolerances = Tolerances.of(structure.is_position, *given, structure.is_state, shares)
     controller, first = _step_size_control(ts, settings, tolerances)
     watch = _watch(system, post_step, ts, settings, tolerances)
-    corners, longest, passage = None, None, None
-    if settings.dt is None:  # nothing limits fixed steps but the ticks of controllers
-        schedule = Schedule.of(system).seeing(ts)
-        corners = schedule.corners(ts)
-        longest = schedule.longest_step if schedule.limits_steps else None
-        passage = Passage.of(system, post_step, settings.baumgarte, settings.rtol)
+    corners, longest, passage = _limits(system, post_step, ts, settings)
     most = jnp.asarray(settings.max_steps)
     # The end of the run is a constant: outputs there have derivatives by its time through the
     # motion within the last step.
     steps = Steps(
         term=term,
         solver=solver,
+        interpolation=interpolation_of(solver),
         controller=controller,
         t0=ts[0],
         t1=jax.lax.stop_gradient(ts[-1]),
@@ -107,7 +104,7 @@ def integrate(
         watch=watch,
         passage=passage,
         longest=UntilTick.of(system, longest),
-        corners=None if corners is None or not len(corners) else corners,
+        corners=corners,
     )
     # If the largest number of steps is known, reverse mode can reserve room for their states.
     known = settings.max_steps if isinstance(settings.max_steps, int) else None
@@ -131,6 +128,28 @@ def integrate(
     held = end.watching.stopped & (jnp.arange(len(ts)) >= saved.number)
     events = watch.describe(seen[EVENTS], end.watching)
     return _hold_after_stop(run._replace(events=events), held, output), end
+
+
+def _limits(
+    system: AbstractSystem,
+    post_step: PostStep | None,
+    ts: Float[Array, " k"],
+    settings: Settings,
+) -> tuple[
+    Float[Array, " c"] | None, Callable[[Float[Array, ""]], Float[Array, ""]] | None, Passage | None
+]:
+    """Return the corners of loads, the longest step, and what steps must not pass; None for each
+    that there is not.
+    """
+    if settings.dt is not None:  # nothing limits fixed steps but the ticks of controllers
+        return None, None, None
+    schedule = Schedule.of(system).seeing(ts)
+    corners = schedule.corners(ts)
+    return (
+        corners if len(corners) else None,
+        schedule.longest_step if schedule.limits_steps else None,
+        Passage.of(system, post_step, settings.baumgarte, settings.rtol),
+    )
 
 
 def _followers(

@@ -14,6 +14,7 @@ from ..common import compat
 from ..common.arrays import Time
 from ..system.base import AbstractSystem
 from ..system.consistent import project
+from .between import interpolation_of
 from .term import ChartedMotionTerm, MotionTerm
 
 Chart = Float[Array, ""] | None
@@ -114,7 +115,7 @@ class PostStepSolver(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrappe
 
     @property
     def interpolation_cls(self) -> Any:  # type: ignore[override]
-        return _Interpolate(self.solver.interpolation_cls)
+        return _Interpolate(interpolation_of(self.solver))
 
     @property
     def term_compatible_contr_kwargs(self) -> Any:

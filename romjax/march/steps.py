@@ -48,7 +48,8 @@ class Steps(NamedTuple):
     """The rules by which steps are taken: method, step size control, and what ends steps.
 
     `attempt` computes a step by the function `trial`, which is that of the method unless another
-    one takes its part. What ends steps but for the errors in them, each None where nothing does:
+    one takes its part, and `interpolation` makes dense output of its stages. What ends steps but
+    for the errors in them, each None where nothing does:
 
     - `watch`: events. `passage`: what steps must not pass.
     - `longest`: how long a step from a time may be; `corners`: times at which steps end.
@@ -56,6 +57,7 @@ class Steps(NamedTuple):
 
     term: diffrax.AbstractTerm[Any, Any]
     solver: diffrax.AbstractSolver[Any]
+    interpolation: Callable[..., diffrax.AbstractLocalInterpolation]
     controller: diffrax.AbstractStepSizeController[Any, Any]
     t0: Float[Array, ""]
     t1: Float[Array, ""]
@@ -121,7 +123,7 @@ class Steps(NamedTuple):
         y1, error, dense, solver_state, result = self.solver.step(
             term, start, end, y, None, solver_state, made_jump=jumped
         )
-        between = self.solver.interpolation_cls(t0=t0, t1=t1, **dense)
+        between = self.interpolation(t0=t0, t1=t1, **dense)
         arrival = None
         if self.watch is not None and watching is not None:
             arrival = self.watch.arrive(watching, t0, t1, y1)
