@@ -168,6 +168,30 @@ def test_weights_for_other_masses_are_flagged(rom):
     assert "weights are for other masses" in run.warnings()
 
 
+def test_what_no_snapshot_shows_is_not_linear():
+    """A stop that none touches, and friction that is saturated in all."""
+    bar = rj.RigidBody("bar", 1.0, 1.0, angle=1.0, angular_velocity=1.0)
+    ends = bar.at(), rj.ground.at()
+    effects = [
+        rj.JointSpring(*ends, stiffness=2.0),
+        rj.JointStop(*ends, None, 1.6, 100.0),
+        rj.JointDamper(*ends, friction=rj.Friction(0.3, 1e-3)),
+    ]
+    full = rj.assemble(rj.Scene([bar], [rj.Revolute(*ends)], effects))
+    turn = np.array([0.0, 0.0, 1.0])
+    run = through(full, TS, np.outer(1 + TS, turn), np.outer(np.ones_like(TS), turn))
+    rom, exact = (rj.reduce(full, rj.pod(run, rank=1), kind) for kind in ("hyper", "minimal"))
+    assert (rom.sample.linear, rom.sample.others) == ((0,), (1, 2))
+
+    @jax.jit
+    def force(z, w):
+        return [model.state(0.0, z, w).force() for model in (rom, exact)]
+
+    found, right = force(*exact.restrict(2 * turn, 1e-3 * turn))
+    assert_close(found, right, IDENTITY)
+    assert abs(float(right[0])) > 10
+
+
 def test_its_runs_are_functions_without_calls_of_a_library(rom):
     """Each call would cost as much as a right-hand side."""
     with rj.forward_mode():

@@ -61,14 +61,19 @@ class LinearLoads(eqx.Module):
 def linear_effects(
     system: AssembledSystem, lift: ClosedFormLift, z: Float[Array, "K r"]
 ) -> tuple[int, ...]:
-    """Numbers of the groups of effects that are linear, judged at several z."""
+    """Numbers of the groups of effects that are linear, judged at zero and at several other z.
+
+    Effects that may begin are not, since those z may all lie where they do not act.
+    """
+    # At zero they are linearized; friction that is saturated at all others is not linear there.
+    z = jnp.concatenate([jnp.zeros_like(z[:1]), z])
     return tuple(i for i in range(len(system.effects)) if _is_linear(system, lift, i, z))
 
 
 def _is_linear(system: AssembledSystem, lift: ClosedFormLift, number: int, z: Array) -> bool:
     effects, loads = system.effects[number].effects, _alone(system, (number,))
     q, v = system.q0, system.v0
-    if effects.supplies or effects.stores == effects.dissipates:
+    if effects.begins or effects.supplies or effects.stores == effects.dissipates:
         return False
     if compat.depends_on_first(loads.force, jnp.zeros((), q.dtype), q, v):
         return False
