@@ -285,5 +285,7 @@ def test_modes_at_all_nodes_of_a_mesh(interface):
         if other | given != given:
             with pytest.raises(rj.SceneError, match="modes of body 'beam' are not those of this"):
                 rj.mesh_modes(body, *mesh, **(given | other))
+    with pytest.raises(rj.SceneError, match="modes of body 'beam' are not those of this"):
+        rj.mesh_modes(body, 1.001 * stiffness, *mesh[1:], **given)
     with pytest.raises(rj.SceneError, match="the body is of type Beam; give a body that"):
         rj.mesh_modes(rj.Beam("b", 1.0, 1.0), *mesh, **given)
