@@ -138,6 +138,12 @@ def test_what_the_norm_of_errors_hides(run):
     assert report.hidden() in corrected.warnings()
     turned = ErrorBar(report.error, "local, 2 modes", np.array([5.0]), ("angle of rod",))
     assert turned.hidden() == "angle of rod is wrong by 5 times its motion"
+    # Of several runs at once.
+    two = jax.tree.map(lambda *x: np.stack(x), rj.compare(truth, truth), report)
+    assert two.hidden() == f"lane 1: {report.hidden()}"
+    lanes = ErrorBar(two.error, "local, 2 modes", two.per_group, two.groups)
+    assert lanes.hidden() == two.hidden()
+    assert lanes.describe().endswith(f"; lane 1: {bar.describe()}")
 
 
 @pytest.mark.slow

@@ -1,9 +1,10 @@
 """How wrong a run is, as far as another one tells."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -40,8 +41,11 @@ class ErrorBar(eqx.Module):
 
     def describe(self) -> str:
         """The estimate in words, such as "5.2e-3 estimated (local, 8 modes)"; what it hides, and
-        what it does not tell.
+        what it does not tell. Of several runs, those of each lane.
         """
+        if np.ndim(self.error):
+            lanes = (jax.tree.map(lambda x, i=i: x[i], self) for i in range(len(self.error)))
+            return lane_by_lane(lane.describe() for lane in lanes)
         if not np.all(np.asarray(self.error) <= _USABLE):
             return f"more than {_USABLE:.0%}: not to be used ({self.by})".replace("%", " %")
         digits, power = f"{float(self.error):.1e}".split("e")
@@ -51,17 +55,28 @@ class ErrorBar(eqx.Module):
         return f"{words}; not of {self.blind}" if self.blind else words
 
     def hidden(self) -> str:
-        """What the norm hides, in words; "" where it hides nothing, or the run is of no use."""
+        """What the norm hides, in words; "" where it hides nothing, or the run is of no use. Of
+        several runs, that of each lane that hides any.
+        """
         return hidden(self.error, self.per_group, self.groups)
 
 
 def hidden(error: Any, per_group: Any, groups: Sequence[str]) -> str:
     """The group of coordinates that errs most, such as "deflection of rod is wrong by 84 %", if by
-    more than a tenth of its own motion, while the `error` of the whole is below; else "".
+    more than a tenth of its own motion, while the `error` of the whole is below; else "". Of
+    several runs, those of each lane that has any.
     """
     errors = np.asarray(per_group)
+    if np.ndim(error) and errors.size:
+        pairs = zip(np.asarray(error), errors, strict=True)
+        return lane_by_lane(hidden(*pair, groups) for pair in pairs)
     if not errors.size or not np.max(errors) > _MUCH or not float(error) <= _MUCH:
         return ""
     largest = float(np.max(errors))
     share = f"{100 * largest:.0f} %" if largest < _TIMES else f"{largest:.0f} times its motion"
     return f"{groups[int(np.argmax(errors))]} is wrong by {share}"
+
+
+def lane_by_lane(said: Iterable[str]) -> str:
+    """What is said of each lane of a batch, but for those of which nothing is."""
+    return "; ".join(f"lane {i}: {words}" for i, words in enumerate(said) if words)

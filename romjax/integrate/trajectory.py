@@ -29,7 +29,7 @@ from ..system.training import describe_errors, training_of
 from .allowed_errors import allowed_errors
 from .dense import DenseOutput
 from .derived import EagerQuantities, LazyQuantities
-from .error_bar import ErrorBar
+from .error_bar import ErrorBar, lane_by_lane
 from .follow.branching import Branching
 from .follow.energy_balance import EnergyBalance
 from .statistics import Statistics
@@ -180,9 +180,8 @@ class Trajectory(eqx.Module):
         forces of the joints shows. Of several runs, those of each lane that has any.
         """
         if self.status.ndim:
-            lanes = [jax.tree.map(lambda x, i=i: x[i], self) for i in range(len(self.status))]
-            said = [(i, lane.warnings()) for i, lane in enumerate(lanes)]
-            return "; ".join(f"lane {i}: {words}" for i, words in said if words)
+            lanes = (jax.tree.map(lambda x, i=i: x[i], self) for i in range(len(self.status)))
+            return lane_by_lane(lane.warnings() for lane in lanes)
         flags = Flag(int(self.flags))
         words = {flag: WORDS[flag] for flag in WORDS if flag in flags}
         if Flag.ENERGY in flags and self.balance is not None:

@@ -40,7 +40,8 @@ class Comparison(eqx.Module):
       its angle or quaternion, its modes), ‖Δq‖ / ‖q − q₀‖ in the norm of the diagonal of M₀. The
       norm of all is that of what moves most: where a mechanism turns, these tell of its bending.
       Of a group that moves by less than a hundred tolerances, relative to the whole motion, over
-      that much motion.
+      that much motion. Runs in fixed steps have no tolerance: between these, a group that only
+      the errors of the steps move errs relative to what they move it.
     - `drift`: largest |C| of the approximate motion.
     - `steps`: steps of the true and of the approximate run.
     - `labels`: of the coordinates.
@@ -58,7 +59,8 @@ class Comparison(eqx.Module):
 
     def hidden(self) -> str:
         """What the norm hides, in words: the group that errs most, such as "deflection of rod is
-        wrong by 84 %", if by more than 10 % of its own motion while `error` is not; else "".
+        wrong by 84 %", if by more than 10 % of its own motion while `error` is not; else "". Of
+        several motions, those of each lane that has any.
         """
         return hidden(self.error, self.per_group, self.groups)
 
