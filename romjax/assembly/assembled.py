@@ -173,7 +173,7 @@ class AssembledSystem(AbstractSystem):
         return total if self.effect_markers is None else total + self.effect_force(t, q, v)
 
     def body_force(
-        self, own: Sequence[Float[Array, "count size"] | None], q: Float[Array, " n"]
+        self, own: Sequence[Float[Array, "_ _"] | None], q: Float[Array, " n"]
     ) -> Float[Array, " n"]:
         """Q of the forces on the bodies of each group."""
         acting = [(g, x) for g, x in zip(self.bodies, own, strict=True) if x is not None]

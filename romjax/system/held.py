@@ -25,7 +25,7 @@ def hold(tree: Any, sides: Float[Array, " effects"]) -> Any:
         if not _begins(x):
             return x
         own, first = sides[first : first + _count(x)], first + _count(x)
-        return x.held(own) if _holds(x) else x
+        return jax.vmap(lambda one, side: one.held(side))(x, own) if _holds(x) else x
 
     return jax.tree.map(change, tree, is_leaf=_begins)
 

@@ -212,14 +212,14 @@ class AbstractField(AbstractEffect):
 
 # The value, its rate, and the wrenches of a force along it.
 Displacement = tuple[
-    Float[Array, " k"],
-    Callable[[], Float[Array, " k"]],
-    Callable[[Float[Array, " k"]], Wrenches],
+    Float[Array, "*k"],
+    Callable[[], Float[Array, "*k"]],
+    Callable[[Float[Array, "*k"]], Wrenches],
 ]
 
 
 def displacement(
-    measure: Callable[..., Float[Array, " k"]], poses: Poses, twists: Twists
+    measure: Callable[..., Float[Array, "*k"]], poses: Poses, twists: Twists
 ) -> Displacement:
     """A displacement between poses: its value, its rate and the wrenches of a force along it.
 
@@ -229,13 +229,13 @@ def displacement(
     value, pull_back = jax.vjp(measure, *poses)
 
     @functools.cache
-    def rate() -> Float[Array, " k"]:
+    def rate() -> Float[Array, "*k"]:
         rates = tuple(pose.rate(twist) for pose, twist in zip(poses, twists, strict=True))
-        change: Float[Array, " k"]
+        change: Float[Array, "*k"]
         _, change = jax.jvp(measure, poses, rates)
         return change
 
-    def wrenches(force: Float[Array, " k"]) -> Wrenches:
+    def wrenches(force: Float[Array, "*k"]) -> Wrenches:
         return tuple(p.wrench(slope) for p, slope in zip(poses, pull_back(force), strict=True))
 
     return value, rate, wrenches
