@@ -262,8 +262,10 @@ def test_figures_refuse_what_is_of_another_kind(scene, truth):
             getattr(plot, name)(*arguments)
 
 
-def test_a_configuration_is_where_its_coordinates_are(scene):
-    """Of a cart and a beam: at the start, and moved by as much as the coordinates say."""
+def test_a_configuration_is_where_its_coordinates_are(scene, truth):
+    """Of a cart and a beam: at the start, and moved by as much as the coordinates say, or the start
+    of the system, whose coordinates may be fewer.
+    """
     system = rj.assemble(scene)
     moved = np.asarray(system.q0) + np.array([0.5, 0.25, *[0.0] * (system.n - 2)])
     first, second = (
@@ -271,8 +273,33 @@ def test_a_configuration_is_where_its_coordinates_are(scene):
     )
     cart = slice(0, 5)
     np.testing.assert_allclose(second[cart] - first[cart], [[0.5, 0.25]] * 5, atol=IDENTITY)
+    begun = dataclasses.replace(system, q0=jnp.asarray(moved))
+    one = plot.configuration(begun).axes[0].lines[0].get_xydata()
+    np.testing.assert_array_equal(one, second)
     with pytest.raises(rj.InputError, match="configuration: q is .*finite"):
         plot.configuration(scene, np.nan * moved)
+    for wrong, words in (
+        ("here", "is of type str; give the coordinates of one"),
+        (truth, "is of type Trajectory; give the coordinates of one"),
+        (moved[:3], rf"has shape \(3,\), but .* have \({system.n},\); give one position"),
+    ):
+        with pytest.raises(rj.InputError, match=f"configuration: q {words}"):
+            plot.configuration(scene, wrong)
+
+
+def test_a_configuration_of_a_reduced_system():
+    """Its start, or its own coordinates as given: the first is the travel along the rail."""
+    rom = rj.reduce(rj.assemble(rj.gallery.cart_pendulum()), formulation="joint")
+    at, shift = np.asarray(rom.q0), np.eye(rom.n)[0]
+    begun = dataclasses.replace(rom, q0=jnp.asarray(at + 0.1 * shift))
+    first, *others = (
+        panels(plot.configuration(system, q))[0].lines[0].get_xydata()
+        for system, q in ((rom, rom.full.q0), (begun, None), (begun, at + 0.3 * shift))
+    )
+    for moved, by in zip(others, (0.1, 0.3), strict=True):
+        np.testing.assert_allclose(np.linalg.norm(moved - first, axis=1), by, atol=IDENTITY)
+    with pytest.raises(rj.InputError, match=r"\(1,\), but .*, and those of the reduced system \("):
+        plot.configuration(rom, np.zeros(1))
 
 
 @pytest.mark.instant
