@@ -112,6 +112,17 @@ def test_every_file_says_how_its_scene_runs():
         assert (settings.pod_rank, settings.sod_rank) == (example.pod_rank, example.sod_rank)
 
 
+def test_numbers_of_scenes_keep_their_derivatives():
+    """Written as decimal numbers, lengths would have none."""
+    flywheel = find("flywheel").make
+
+    def length(hub, rim):
+        scene = flywheel(hub=hub, rim=rim)
+        return scene.bodies[-1].length + 2 * scene.bodies[0].at("foot1").point[0]
+
+    assert jax.jit(jax.grad(length, argnums=(0, 1)))(0.1, 0.3) == (1.0, 1.0)
+
+
 @pytest.mark.instant
 def test_numbers_of_files_are_not_those_of_rounding():
     """None is a short decimal but for rounding, such as 0.30000000000000004."""

@@ -1,24 +1,25 @@
 """Numbers of scenes as one writes them."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 import jax.tree_util as jtu
 import numpy as np
 
 from ..common.arrays import as_jax, concrete, namespace
-from ..scene.scene import Scene
+
+T = TypeVar("T")
 
 # Sums and products of a few decimal numbers err by some units in the last place.
 _UNITS = 8
 _DIGITS = 12
 
 
-def decimal(scene: Scene) -> Scene:
-    """The scene with numbers that are a short decimal but for rounding as that: 0.1 + 0.2 is 0.3.
+def decimal(tree: T) -> T:
+    """A scene, or a number, with numbers that are a short decimal but for rounding as that.
 
-    Nothing else changes, nor what JAX traces.
+    So 0.1 + 0.2 is 0.3. Nothing else changes, nor what JAX traces.
     """
-    shorter: Scene = jtu.tree_map(_decimal, scene)
+    shorter: T = jtu.tree_map(_decimal, tree)
     return shorter
 
 

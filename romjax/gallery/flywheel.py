@@ -36,10 +36,8 @@ def flywheel(
     """
     angles = [2 * math.pi * i / spokes for i in range(spokes)]
     feet = {
-        f"foot{i + 1}": (
-            round(hub * math.cos(angle), 12) + 0.0,
-            round(hub * math.sin(angle), 12) + 0.0,
-        )
+        # Zeros of right angles, without a sign.
+        f"foot{i + 1}": tuple(hub * (round(f(angle), 15) + 0.0) for f in (math.cos, math.sin))
         for i, angle in enumerate(angles)
     }
     core = RigidBody("hub", hub_mass, hub_mass * hub**2 / 2, extent=2 * hub, points=feet)
@@ -50,7 +48,7 @@ def flywheel(
         beam = Beam(
             f"spoke{i + 1}",
             spoke_mass,
-            round(rim - hub, 12),  # as one writes it
+            decimal(rim - hub),
             EI=EI,
             modes=3,
             shapes="clamped-free",
