@@ -1,12 +1,16 @@
-"""Derivatives of motions through kinks of forces, where stops begin and ropes get taut."""
+"""Motions through kinks of forces, where stops begin and ropes get taut, and their derivatives."""
+
+import itertools
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
+from tolerances import IDENTITY
 
 import romjax as rj
+from romjax.system.held import hold
 
 GRAVITY, END, RTOL = 9.81, 0.9, 1e-6
 
@@ -70,3 +74,64 @@ def test_gradients_through_kinks_are_as_accurate_as_the_motion(case):
         steps = np.diag(1e-5 * numbers)
         right = [(closed(*(numbers + d)) - closed(*(numbers - d))) / (2 * np.sum(d)) for d in steps]
         assert_close(slope * numbers, right * numbers, 100 * RTOL, np.max(np.abs(right * numbers)))
+
+
+# Of stops on both sides, which take energy, and of a rope that does.
+LOWER, UPPER, LENGTH, STIFFNESS, DISSIPATION = -0.2, 0.6, 0.5, 300.0, 0.4
+
+
+def pushed_by_stops(angle, rate, side):
+    """The torque and the energy of the nearer stop, by what its law is held on."""
+    edge, sign = (UPPER, 1) if angle > (LOWER + UPPER) / 2 else (LOWER, -1)
+    return law(angle - edge, rate, sign, side)
+
+
+def law(beyond, rate, sign, side):
+    """A force and its energy beyond an edge in the direction of a sign: alike before it if held on
+    the side -1, and none beyond it if held on the side 1.
+    """
+    acts = float(side < 0 or (side == 0 and sign * beyond > 0))
+    factor = max(1 + DISSIPATION * sign * rate, 0)
+    return -acts * STIFFNESS * beyond * factor, acts * STIFFNESS * beyond**2 / 2
+
+
+def test_a_law_that_is_held_is_one_on_both_sides():
+    """Of each of several effects by itself: two stops, of one structure, and a rope between."""
+    wheels = [rj.RigidBody(name, 1.0, 0.27) for name in ("wheel", "other")]
+    ball = rj.RigidBody("ball", 1.0, 0.1, position=(0.0, -0.3))
+    numbers = {"stiffness": STIFFNESS, "dissipation": DISSIPATION}
+    first, last = (rj.JointStop(b.at(), rj.ground.at(), LOWER, UPPER, **numbers) for b in wheels)
+    rope = rj.Rope(ball.at(), rj.ground.at(), LENGTH, **numbers)
+    hinges = [rj.Revolute(b.at(), rj.ground.at()) for b in wheels]
+    system = rj.assemble(rj.Scene([wheels[0], ball, wheels[1]], hinges, [first, rope, last]))
+
+    @jax.jit
+    @jax.vmap
+    def found(q, v, sides):
+        state = hold(system, sides).state(0.0, q, v)
+        return state.gaps(), state.force(), state.energy().potential
+
+    lot = np.random.default_rng(5)
+    q, v = lot.uniform(-0.9, 0.9, (8, 9)), lot.normal(size=(8, 9))
+    rooms = [np.minimum(UPPER - q[:, i], q[:, i] - LOWER) for i in (2, 8)]
+    rooms.insert(1, LENGTH - np.hypot(q[:, 3], q[:, 4]))
+    assert all(np.ptp(np.sign(room)) == 2 for room in rooms)
+    # The sides are in the order of the gaps.
+    gaps = np.asarray(found(q, v, np.zeros((8, 3)))[0])
+    order = [int(np.argmin(np.abs(gaps[0] - room[0]))) for room in rooms]
+    assert_close(gaps[:, order].T, rooms, IDENTITY)
+    for sides in itertools.product((-1.0, 0.0, 1.0), repeat=3):
+        given = np.empty((8, 3))
+        given[:, order] = sides
+        _, forces, energies = found(q, v, given)
+        for place, rate, force, energy in zip(q, v, forces, energies, strict=True):
+            length = np.hypot(place[3], place[4])
+            way = place[3:5] / length
+            pull, stored = law(length - LENGTH, way @ rate[3:5], 1, sides[1])
+            right = np.zeros(9)
+            right[3:5] = pull * way
+            for i, side in ((2, sides[0]), (8, sides[2])):
+                right[i], one = pushed_by_stops(place[i], rate[i], side)
+                stored += one
+            assert_close(force, right, IDENTITY, STIFFNESS)
+            assert_close(energy, stored, IDENTITY, STIFFNESS)

@@ -7,7 +7,7 @@ import pytest
 from mutations import ROOT, mutations
 
 MUTATIONS = mutations()
-COUNT = 60
+COUNT = 62
 KINDS = {"sign", "factor", "index", "term", "argument"}
 # The folders of the package that compute, and the one that reads matrices.
 ROOMS = {
