@@ -293,7 +293,7 @@ def test_a_configuration_of_a_reduced_system():
     at, shift = np.asarray(rom.q0), np.eye(rom.n)[0]
     begun = dataclasses.replace(rom, q0=jnp.asarray(at + 0.1 * shift))
     first, *others = (
-        panels(plot.configuration(system, q))[0].lines[0].get_xydata()
+        panels(plot.configuration(system, q))[0].lines[0].get_xydata()[:5]
         for system, q in ((rom, rom.full.q0), (begun, None), (begun, at + 0.3 * shift))
     )
     for moved, by in zip(others, (0.1, 0.3), strict=True):

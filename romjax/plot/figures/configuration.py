@@ -49,11 +49,13 @@ def configuration(
     Raises InputError for what is no mechanism, and for a q that is no coordinates, that has another
     length, or that is not finite.
     """
-    scene, system = mechanism, None
-    if not isinstance(scene, Scene):
+    system = None
+    if isinstance(mechanism, Scene):
+        scene = mechanism
+    else:
         remedy = "a Scene, or a system that was assembled from one"
         check_kind("configuration", "the mechanism", mechanism, AbstractSystem, remedy)
-        system = cast(AbstractSystem, mechanism)
+        system = mechanism
         scene = disassemble(assembled("configuration", system))
     scene.check()
     drawn = projected(outlines(scene, 0.0, _coordinates(scene, system, q)), view)
