@@ -1,6 +1,7 @@
 """Results that travel: runs and sweeps as datasets and netCDF files, tables as data frames."""
 
 import dataclasses
+import subprocess
 import sys
 
 import diffrax
@@ -181,8 +182,8 @@ def test_a_scene_that_cannot_be_made_leaves_the_numbers(run, tmp_path):
             ask()
 
 
-def test_a_file_says_what_it_is_without_romjax(run, tmp_path):
-    """Read by xarray alone."""
+def test_a_file_says_what_it_is_by_functions_of_xarray(run, tmp_path):
+    """Dimensions, units, names and words."""
     run.save(tmp_path / "run.nc", tip=(np.zeros((11, 2)), "m"))
     with xarray.open_dataset(tmp_path / "run.nc") as d:
         assert d["q"].dims == ("time", "coordinate")
@@ -197,6 +198,21 @@ def test_a_file_says_what_it_is_without_romjax(run, tmp_path):
         assert (d.solver, d.warnings) == (run.solver_name, "none")
         assert d["status"].flag_meanings.split()[int(d["status"])] == "success"
         assert (d["tip"].dims, d.romjax_version) == (("time", "tip_1"), rj.__version__)
+
+
+@pytest.mark.slow
+def test_a_file_is_read_without_romjax(run, tmp_path):
+    """In a process that does not import it."""
+    run.save(tmp_path / "run.nc")
+    code = "import sys, xarray; d = xarray.load_dataset('run.nc'); print('romjax' in sys.modules)"
+    code += "; print(*d['q'].dims, d['q'].shape, d.solver, sep=', ')"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines() == [
+        "False",
+        f"time, coordinate, {run.q.shape}, {run.solver_name}",
+    ]
 
 
 def test_values_are_found_by_name(run):
