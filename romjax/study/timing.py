@@ -11,8 +11,8 @@ T = TypeVar("T")
 # [s] What takes shorter is repeated until it takes as long, which clocks and other work of the
 # machine blur less; more rounds of short turns tell more than longer turns.
 _SHORTEST = 0.01
-# With sixteen other programs on two cores, the worst of a dozen ratios comes again within a quarter
-# from twenty rounds.
+# On a machine with many more programs than cores, the worst of a dozen ratios comes again within a
+# quarter from twenty rounds.
 _ROUNDS = 3, 20
 # No more rounds are needed after more than so many, once the standard errors of the medians are at
 # most this share of them, and were a round before: a few values are near each other by chance, five
@@ -48,9 +48,9 @@ def alternating(calls: Sequence[Callable[[], Any]], spend: float) -> Alternating
 
     A busy machine slows down a whole round, and not the ratios within it. On a CPU the time is that
     of the processor, since what else it does may take it away for longer than a short call lasts;
-    `spend` is too, so that there are as many rounds when it is busy. With ten other programs on
-    two cores, medians of 30 rounds come again within a tenth on average, and least times do not. A
-    quiet machine needs a few rounds for as much: less is spent where they agree.
+    `spend` is too, so that there are as many rounds when it is busy. Medians of 20 rounds
+    come again within a quarter there, and least times do not. A quiet machine needs a few rounds
+    for as much: less is spent where they agree.
     """
     once = [min(_own_time(call, 1), _own_time(call, 1)) for call in calls]
     counts = [max(1, round(_SHORTEST / taken)) for taken in once]
