@@ -143,7 +143,7 @@ def test_the_error_of_a_cap():
     corrected = rj.corrected(system, run)
     effectivity = float(corrected.bar.error / rj.compare(truth, run).error)
     assert CAPPED <= effectivity <= 1.0
-    assert "(twice the cap); not of joint forces, of which by=full" in corrected.summary()
+    assert "(twice the cap); not of joint forces: for these take by=full" in corrected.summary()
     full = zoo.system(zoo.cart_pendulum)
     exact = rj.corrected(system, run, by=full)
     assert LEAST <= float(exact.bar.error / rj.compare(truth, run).error) <= MOST

@@ -27,7 +27,7 @@ _SAME = 1e-9
 
 # Vibrations of capped modes carry joint forces, and a cap leaves their start out. So does any other
 # cap, and so does the system without one from that start (measured: 0.00 to 0.15 of the error).
-_BLIND = "joint forces, of which by=full, the full system from its own start, tells"
+_BLIND = "joint forces: for these take by=full, the full system from its own start"
 
 Physical = Float[Array, " n"]
 Start = tuple[Physical, Physical]
