@@ -192,6 +192,20 @@ def test_what_no_snapshot_shows_is_not_linear():
     assert abs(float(right[0])) > 10
 
 
+@pytest.mark.slow
+def test_runs_stop_where_those_of_the_minimal_model_do():
+    """By all of its one body, which no flag calls another one for rounding."""
+    bar = rj.RigidBody("bar", 1.0, 1.0, angular_velocity=1.0)
+    ends = bar.at(), rj.ground.at()
+    effects = [rj.JointSpring(*ends, stiffness=1.0), rj.JointStop(*ends, None, 0.7, 100.0)]
+    full = rj.assemble(rj.Scene([bar], [rj.Revolute(*ends)], effects))
+    ts = np.linspace(0.0, 20.0, 41)
+    basis = rj.pod(rj.simulate(full, ts), rank=1)
+    found, right = (rj.simulate(rj.reduce(full, basis, kind), ts) for kind in ("hyper", "minimal"))
+    assert rj.compare(right, found).error <= ERROR
+    assert found.flags == right.flags == rj.Flag.NONE
+
+
 def test_its_runs_are_functions_without_calls_of_a_library(rom):
     """Each call would cost as much as a right-hand side."""
     with rj.forward_mode():

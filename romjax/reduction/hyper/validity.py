@@ -13,6 +13,8 @@ from ...system.validity import TrainingBox
 
 # How many times the training's difference of energies is too much.
 _TIMES = 10.0
+# Where all bodies are sampled, energies differ by rounding: so many units of it are none.
+_ROUNDING = 1e3
 
 
 class SampledBox(AbstractValidity):
@@ -43,7 +45,9 @@ class SampledBox(AbstractValidity):
     def flags(self, system: AbstractSystem, run: Run) -> Int[Array, ""]:
         rom = reduced_of(system)
         assert rom is not None
-        worse = _difference(rom, run.t, run.q, run.v) > _TIMES * self.difference
+        least = _ROUNDING * jnp.finfo(run.q.dtype).eps
+        allowed = jnp.maximum(_TIMES * self.difference, least)
+        worse = _difference(rom, run.t, run.q, run.v) > allowed
         return self.box.flags(system, run) + worse * int(Flag.WEIGHTS)
 
 
