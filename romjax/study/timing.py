@@ -48,9 +48,9 @@ def alternating(calls: Sequence[Callable[[], Any]], spend: float) -> Alternating
 
     A busy machine slows down a whole round, and not the ratios within it. On a CPU the time is that
     of the processor, since what else it does may take it away for longer than a short call lasts;
-    `spend` is too, so that there are as many rounds when it is busy. Medians of 20 rounds come again
-    within a quarter there, and least times do not. A quiet machine needs a few rounds for as much:
-    less is spent where they agree.
+    `spend` is too, so that there are as many rounds when it is busy. Medians of 20 rounds come
+    again within a quarter there, and least times do not. A quiet machine needs a few rounds for as
+    much: less is spent where they agree.
     """
     once = [min(_own_time(call, 1), _own_time(call, 1)) for call in calls]
     counts = [max(1, round(_SHORTEST / taken)) for taken in once]
