@@ -37,6 +37,7 @@ from trust_kinds import (
     sizes,
     spatial,
     states,
+    stops,
     top,
 )
 from trust_kinds.kind import (
@@ -62,7 +63,7 @@ VERDICTS = ("right", "told", "false", "apart", "silent")
 SHOWN = 60  # cases that are listed
 FAMILIES = (
     *(planar, driven, flexible, spatial, top, bent, loads, events, contacts, scales, reduced),
-    *(sizes, rods, states, rolling, joints),
+    *(sizes, rods, states, rolling, joints, stops),
 )
 KINDS: dict[str, Kind] = {name: kind for family in FAMILIES for name, kind in family.KINDS.items()}
 
