@@ -331,7 +331,7 @@ def test_a_contact_adds_no_second_kinematics_to_programs():
     contact = r.Contact(body.at("end"), rj.ground.at((0.0, 0.0, -1.0)), r.Plane(), 1e3)
     system = rj.assemble(rj.Scene([body], effects=[contact]))
     q, v = system.q0, system.v0
-    passage = Passage(system, None, None, np.asarray(1e-6), hard=True)
+    passage = Passage(system, None, None, np.asarray(1e-6), hard=True, holds=(False,))
     time = np.ones(())
     ends = jax.make_jaxpr(lambda t, q, v: passage.next_end(t, (q, v), 2.0 * t, t > 0))(time, q, v)
     names = [e.params.get("name") for e in jaxprs.equations(ends.jaxpr)]
