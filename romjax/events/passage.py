@@ -80,50 +80,43 @@ class Passage(AbstractPassage):
 
     def held(
         self, term: Any, t0: Float[Array, ""], t1: Float[Array, ""], y: Any
-    ) -> tuple[Any, Any]:
+    ) -> tuple[Any, Float[Array, " contacts"] | None, Any]:
         """Return the term of a step from `y`, whose effects are held on the side on which they
-        start, and whether one of them starts where it begins or ends.
+        start; these sides, 0 where they are not held, or None; and whether one of them starts where
+        it begins or ends.
         """
         if not any(self.holds):
-            return term, False
-        sides, begins = self._sides(t0, t1, y)
-        return hold(term, sides), begins
-
-    def _sides(self, t0: Array, t1: Array, y: Any) -> tuple[Float[Array, " contacts"], Array]:
-        """The sides on which effects are held in a step, 0 where they are not; and whether one of
-        them changes its side at the start.
-        """
+            return term, None, False
         gaps, rates = jax.lax.stop_gradient(self._gaps_and_rates(t0, y))
         t0, t1 = jax.lax.stop_gradient((t0, t1))
         after = gaps + _START_HELD * (t1 - t0) * rates
         told = jnp.array(self.holds) & (jnp.abs(after) > self._noise)
         near = jnp.abs(gaps) <= 2 * _START_HELD * (t1 - t0) * jnp.abs(rates) + self._noise
-        return jnp.where(told, jnp.sign(after), 0.0), jnp.any(told & near)
+        sides = jnp.where(told, jnp.sign(after), 0.0)
+        return hold(term, sides), sides, jnp.any(told & near)
 
     def passed(
         self,
         t0: Float[Array, ""],
         t1: Float[Array, ""],
-        y: Any,
+        sides: Float[Array, " contacts"] | None,
         between: diffrax.AbstractLocalInterpolation,
     ) -> tuple[Bool[Array, ""], Float[Array, ""]]:
-        """Whether a step from `y` passes a surface, and where it has to end instead [s]."""
+        """Whether a step with effects held on `sides` passes a surface, and where it has to end
+        instead [s].
+        """
         span = t1 - t0
 
         def gaps(share: Array) -> Array:
             t = t0 + share * span
             return self._gaps(t, between.evaluate(t))
 
-        held = self._sides(t0, t1, y)[0] if any(self.holds) else None
-
-        def side_of(values: Array) -> Array:
-            side = jnp.sign(values)
-            return side if held is None else jnp.where(held != 0, held, side)
-
         one, yes = jnp.ones_like(t0), jnp.ones(1, bool)
         # A contact that is closed at the start opens by a crossing too: each gap counts by the side
         # that it starts on.
-        side = side_of(gaps(_START * one))
+        side = jnp.sign(gaps(_START * one))
+        if sides is not None:
+            side = jnp.where(sides != 0, sides, side)
 
         def nearest(share: Array) -> Array:
             """How far the first one to pass its surface is from it, on the side of its start."""

@@ -1,6 +1,6 @@
 """How wrong a run is, as far as another one tells."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -44,8 +44,7 @@ class ErrorBar(eqx.Module):
         what it does not tell. Of several runs, those of each lane.
         """
         if np.ndim(self.error):
-            lanes = (jax.tree.map(lambda x, i=i: x[i], self) for i in range(len(self.error)))
-            return lane_by_lane(lane.describe() for lane in lanes)
+            return lane_by_lane(ErrorBar.describe, self)
         if not np.all(np.asarray(self.error) <= _USABLE):
             return f"more than {_USABLE:.0%}: not to be used ({self.by})".replace("%", " %")
         digits, power = f"{float(self.error):.1e}".split("e")
@@ -68,8 +67,9 @@ def hidden(error: Any, per_group: Any, groups: Sequence[str]) -> str:
     """
     errors = np.asarray(per_group)
     if np.ndim(error) and errors.size:
-        pairs = zip(np.asarray(error), errors, strict=True)
-        return lane_by_lane(hidden(*pair, groups) for pair in pairs)
+        return lane_by_lane(
+            lambda lane: hidden(lane[0], lane[1], groups), (np.asarray(error), errors)
+        )
     if not errors.size or not np.max(errors) > _MUCH or not float(error) <= _MUCH:
         return ""
     largest = float(np.max(errors))
@@ -77,6 +77,9 @@ def hidden(error: Any, per_group: Any, groups: Sequence[str]) -> str:
     return f"{groups[int(np.argmax(errors))]} is wrong by {share}"
 
 
-def lane_by_lane(said: Iterable[str]) -> str:
+def lane_by_lane(describe: Callable[[Any], str], batch: Any) -> str:
     """What is said of each lane of a batch, but for those of which nothing is."""
-    return "; ".join(f"lane {i}: {words}" for i, words in enumerate(said) if words)
+    count = len(jax.tree.leaves(batch)[0])
+    lanes = (jax.tree.map(lambda x, i=i: x[i], batch) for i in range(count))
+    said = ((i, describe(lane)) for i, lane in enumerate(lanes))
+    return "; ".join(f"lane {i}: {words}" for i, words in said if words)

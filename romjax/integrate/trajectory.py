@@ -6,7 +6,6 @@ from typing import Any
 
 import diffrax
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
@@ -180,8 +179,7 @@ class Trajectory(eqx.Module):
         forces of the joints shows. Of several runs, those of each lane that has any.
         """
         if self.status.ndim:
-            lanes = (jax.tree.map(lambda x, i=i: x[i], self) for i in range(len(self.status)))
-            return lane_by_lane(lane.warnings() for lane in lanes)
+            return lane_by_lane(Trajectory.warnings, self)
         flags = Flag(int(self.flags))
         words = {flag: WORDS[flag] for flag in WORDS if flag in flags}
         if Flag.ENERGY in flags and self.balance is not None:

@@ -20,8 +20,7 @@ def uses_later(cotangents: PyTree, number: Int[Array, ""]) -> Array:
         late = jnp.arange(len(x)) >= number
         return jnp.any((x != 0) & late.reshape(-1, *[1] * (x.ndim - 1)))
 
-    leaves = jax.tree.leaves(eqx.filter(cotangents, eqx.is_inexact_array))
-    return jnp.any(jnp.array([counts(x) for x in leaves], bool))
+    return jnp.any(jnp.array([counts(x) for x in differentiable(cotangents)], bool))
 
 
 def is_used(cotangents: PyTree) -> Array:
@@ -40,9 +39,7 @@ def of_followers(cotangents: dict[str, Any], seen: dict[str, PyTree]) -> dict[st
     """
     moving = {name: eqx.filter(each, eqx.is_inexact_array) for name, each in seen.items()}
     return {
-        name: jax.tree.map(
-            lambda x, bar: jnp.zeros_like(x) if bar is None else bar, each, cotangents[name]
-        )
+        name: jax.tree.map(_or_zeros, each, cotangents[name])
         for name, each in moving.items()
         if differentiable(cotangents[name])
     }
@@ -54,10 +51,10 @@ def of_rows(cotangents: dict[str, Any], seen: dict[str, Any]) -> tuple[PyTree, P
     def filled(name: str, part: Callable[[Any], Any] = lambda rows: rows) -> PyTree:
         if name not in seen:
             return None
-        return jax.tree.map(
-            lambda x, bar: jnp.zeros(x.shape, x.dtype) if bar is None else bar,
-            part(seen[name]),
-            part(cotangents[name]),
-        )
+        return jax.tree.map(_or_zeros, part(seen[name]), part(cotangents[name]))
 
     return filled(OUTPUTS, lambda saved: saved.rows), filled(EVENTS), filled(DENSE)
+
+
+def _or_zeros(x: Any, cotangent: Array | None) -> Array:
+    return jnp.zeros(x.shape, x.dtype) if cotangent is None else cotangent

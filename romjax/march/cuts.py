@@ -118,9 +118,9 @@ class AbstractPassage(eqx.Module):
     @abc.abstractmethod
     def held(
         self, term: Any, t0: Float[Array, ""], t1: Float[Array, ""], y: Any
-    ) -> tuple[Any, Any]:
+    ) -> tuple[Any, Any, Any]:
         """Return the term of a step from `y`, with laws that hold on the side on which it starts,
-        and whether another law may have held in the step before.
+        these sides, and whether another law may have held in the step before.
         """
 
     @abc.abstractmethod
@@ -128,10 +128,10 @@ class AbstractPassage(eqx.Module):
         self,
         t0: Float[Array, ""],
         t1: Float[Array, ""],
-        y: Any,
+        sides: Any,
         between: diffrax.AbstractLocalInterpolation,
     ) -> tuple[Bool[Array, ""], Float[Array, ""]]:
-        """Whether a step passes something, and where it has to end instead."""
+        """Whether a step, its laws held on `sides`, passes something, and where it ends instead."""
 
     @abc.abstractmethod
     def next_end(

@@ -34,7 +34,9 @@ class Progress(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """The result of one step of a method, with the event at its end if events are watched."""
+    """The result of one step of a method, with the event at its end if events are watched, and the
+    sides on which laws were held in it if there is something that it must not pass.
+    """
 
     y: PyTree
     solver_state: PyTree
@@ -42,6 +44,7 @@ class Trial(NamedTuple):
     arrival: Arrival | None
     error: PyTree
     result: diffrax.RESULTS
+    sides: Any = None
 
 
 class Steps(NamedTuple):
@@ -109,9 +112,9 @@ class Steps(NamedTuple):
     ) -> Trial:
         """A step of the method from t0 to t1."""
         jumped: Any = False if watching is None else watching.jumped
-        start, end, term = t0, t1, self.term
+        start, end, term, sides = t0, t1, self.term, None
         if self.passage is not None:
-            term, other = self.passage.held(term, t0, t1, y)
+            term, sides, other = self.passage.held(term, t0, t1, y)
             jumped = jumped | other
         if self.corners is not None:
             # A signal that bends at a corner has two derivatives by the time of it, of which a step
@@ -128,7 +131,7 @@ class Steps(NamedTuple):
         if self.watch is not None and watching is not None:
             arrival = self.watch.arrive(watching, t0, t1, y1)
             y1 = arrival.after
-        return Trial(y1, solver_state, between, arrival, error, result)
+        return Trial(y1, solver_state, between, arrival, error, result, sides)
 
     def attempt(
         self, now: Progress, trial: Callable[[PyTree, PyTree, Any, Array, Array], Trial]
@@ -171,7 +174,7 @@ class Steps(NamedTuple):
         """Whether a step is kept, and what follows, where it may pass through a contact."""
         if self.passage is None:
             return keep, after
-        passes, end = self.passage.passed(now.t, now.next_t, now.y, tried.between)
+        passes, end = self.passage.passed(now.t, now.next_t, tried.sides, tried.between)
         cut = keep & passes
         next_end = self.passage.next_end(after.t, tried.y, after.next_t, keep & ~cut)
         return keep & ~cut, after._replace(

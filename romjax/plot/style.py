@@ -45,12 +45,15 @@ class DisplayedFigure(Figure):
         return content.getvalue()
 
 
-def line(index: int) -> dict[str, Any]:
-    """Colour and dashes of the model number `index`; 0 is the reference, a wide solid line."""
+def line(index: int, dimension: int = 2) -> dict[str, Any]:
+    """Colour, dashes and width of the model number `index`; 0 is the reference, a wide solid line.
+
+    `dimension`: of the mechanism, where lines are those of its bodies.
+    """
     return {
         "color": COLOURS[index % len(COLOURS)],
         "linestyle": DASHES[index % len(DASHES)],
-        "linewidth": WIDTHS[index > 0],
+        "linewidth": width(WIDTHS[index > 0], dimension),
     }
 
 

@@ -6,7 +6,7 @@ import itertools
 import subprocess
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -143,21 +143,12 @@ def _frames(
     bare = models[0].deformed(0.0) if animation.deformation > 1 else []
     still = projected([o for o in bare if o.style == "body"], animation.view) if bare else []
     dimension = 2 if view is None else 3
-    styles = [line(index) for index in range(len(drawn))]
     pictures = [
-        Picture(
-            axes,
-            parts,
-            details=index == 0,
-            **style | {"linewidth": width(style["linewidth"], dimension)},
-        )
-        for index, (parts, style) in enumerate(zip(drawn, styles, strict=True))
+        Picture(axes, parts, details=index == 0, **line(index, dimension))
+        for index, parts in enumerate(drawn)
     ]
-    beneath = (
-        [Picture(axes, still, color=GREY, linewidth=width(1.2, dimension), zorder=1)]
-        if still
-        else []
-    )
+    thin: dict[str, Any] = {"color": GREY, "linewidth": width(1.2, dimension), "zorder": 1}
+    beneath = [Picture(axes, still, **thin)] if still else []
     box = framed(bounds([part for parts in drawn for part in parts]))
     stage(axes, box, view)
     _lay_out(figure, axes, box, pictures, [model.name for model in models], animation.colours)
