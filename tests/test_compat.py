@@ -8,6 +8,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 from jax.experimental.compilation_cache import compilation_cache
 from processes import KEPT
@@ -243,6 +244,26 @@ def test_equal_quantities_are_computed_once():
     calls = [e for e in merged.jaxpr.eqns if "cos" in str(e)]
     assert len({id(e.params["jaxpr"]) for e in calls}) == 1
     assert jaxprs.evaluate(merged, [1.5]) == jaxprs.evaluate(closed, [1.5])
+
+
+def test_equal_constants_and_calls_with_derivatives_of_their_own_are_one():
+    """Each trace has constants and rules of its own, and calls are handed a constant twice."""
+
+    def ruled(x):
+        own = jax.custom_jvp(lambda x: jnp.sin(x * np.array([1.0, 2.0, 3.0])))
+        own.defjvp(lambda x, rate: (own(*x), rate[0]))
+        return own(x)
+
+    def function(x):
+        return ruled(x) + ruled(x) * jax.jit(lambda x: ruled(x) * ruled(x))(x)
+
+    closed = jax.make_jaxpr(function)(1.5)
+    merged = jaxprs.merged(closed)
+    names = [e.primitive.name for e in jaxprs.equations(merged.jaxpr)]
+    assert names.count("sin") == 2  # one in the call
+    assert "custom_jvp_call" not in names
+    ((mine,), (plain,)) = (jaxprs.evaluate(x, [1.5]) for x in (merged, closed))
+    assert mine.tolist() == plain.tolist()
 
 
 def written_out(equation):

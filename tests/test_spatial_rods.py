@@ -326,11 +326,18 @@ def test_rooms_that_take_shapes_for_linear_refuse_rods():
 
 
 def test_a_contact_adds_no_second_kinematics_to_programs():
-    """Near a surface the equations of motion are computed once."""
+    """What two ask for of a rod is computed once, and the equations of motion near a surface."""
     body = rod(3)
     contact = r.Contact(body.at("end"), rj.ground.at((0.0, 0.0, -1.0)), r.Plane(), 1e3)
     system = rj.assemble(rj.Scene([body], effects=[contact]))
-    q, v = system.q0, system.v0
+    q, v, markers = system.q0, system.v0, system.effect_markers
+
+    def size(function):
+        return len(list(jaxprs.equations(jaxprs.merged(jax.make_jaxpr(function)(q, v)).jaxpr)))
+
+    one = size(lambda q, v: markers.jacobian(q))
+    assert size(lambda q, v: [markers.jacobian(q), markers.jacobian(q)]) == one
+    assert size(lambda q, v: [markers.poses(q), markers.jacobian(q)]) < 1.1 * one
     passage = Passage(system, None, None, np.asarray(1e-6), hard=True, holds=(False,))
     time = np.ones(())
     ends = jax.make_jaxpr(lambda t, q, v: passage.next_end(t, (q, v), 2.0 * t, t > 0))(time, q, v)

@@ -3,6 +3,8 @@
 Of JAX's interface this uses what is not public; tests/test_compat.py fails when it changes.
 """
 
+import collections
+import functools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
@@ -119,38 +121,111 @@ def merged(closed: Any) -> Any:
 
     XLA merges equal operations too, but late: until then it takes time for each of them.
     """
-    return _merged(closed, {})
+    return _merged(closed, (), {})
 
 
-def _merged(closed: Any, done: dict[int, tuple[Any, Any]]) -> Any:
-    """`done`: jaxprs before and after, by identity, so that what is called twice stays one."""
-    if id(closed) in done:
-        return done[id(closed)][1]
+def _merged(closed: Any, given: Sequence[Any], done: dict[Any, tuple[Any, Any]]) -> Any:
+    """`given`: to the first arguments, the same to some of them. `done`: jaxprs before and after,
+    by identity, so that what is called twice stays one.
+    """
+    first_of = dict[Any, int]()
+    same = [
+        i if isinstance(x, core.Literal) else first_of.setdefault(x, i) for i, x in enumerate(given)
+    ]
+    called = id(closed), tuple(same)
+    if called in done:
+        return done[called][1]
+    jaxpr = _without_rules(closed.jaxpr)
     # What nobody uses first: it may be all that tells two equations apart.
-    jaxpr, _ = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(closed.out_avals), True)
-    equal, first, different = dict[Any, Any](), dict[Any, Any](), []
+    jaxpr, _ = partial_eval.dce_jaxpr(jaxpr, [True] * len(closed.out_avals), True)
+    first, different = dict[Any, Any](), list[Any]()
+    equal = {x: jaxpr.invars[i] for x, i in zip(jaxpr.invars, same, strict=False)}
+    # Each trace of one function brings constants of its own, which are alike.
+    values = dict[Any, Any]()
+    for x, value in zip(jaxpr.constvars, closed.consts, strict=True):
+        aval: Any = x.aval
+        # Keys of random numbers have no bytes.
+        if not compat.is_traced(value) and isinstance(aval.dtype, np.dtype):
+            equal[x] = values.setdefault((aval, np.asarray(value).tobytes()), x)
 
     def original(x: Any) -> Any:
         return x if isinstance(x, core.Literal) else equal.get(x, x)
 
     for equation in jaxpr.eqns:
         equation = equation.replace(invars=[original(x) for x in equation.invars])
-        equation = with_inner(equation, lambda inner: _merged(inner, done))
+        equation = _with_named(equation, functools.partial(_merged_with, _handed(equation), done))
         operands = (_literal(x) if isinstance(x, core.Literal) else x for x in equation.invars)
         try:
             key = (equation.primitive, *operands, frozenset(equation.params.items()))
             # Equations with effects are not merged: each of them happens.
-            same = equation if equation.effects else first.setdefault(key, equation)
+            before = equation if equation.effects else first.setdefault(key, equation)
         except TypeError:  # of parameters that cannot be compared
-            same = equation
-        if same is equation:
+            before = equation
+        if before is equation:
             different.append(equation)
         else:
-            equal.update(zip(equation.outvars, same.outvars, strict=True))
+            equal.update(zip(equation.outvars, before.outvars, strict=True))
     jaxpr = jaxpr.replace(eqns=different, outvars=[original(x) for x in jaxpr.outvars])
     new = ClosedJaxpr(jaxpr, closed.consts)
-    done[id(closed)] = closed, new
+    done[called] = closed, new
     return new
+
+
+def _merged_with(
+    handed: dict[str, Sequence[Any]], done: dict[Any, tuple[Any, Any]], closed: Any, name: str
+) -> Any:
+    return _merged(closed, handed[name], done)
+
+
+def _handed(equation: Any) -> dict[str, Sequence[Any]]:
+    """What an equation hands to the first arguments of its inner jaxprs, by their names, as long as
+    no loop changes it.
+    """
+    handed, params = collections.defaultdict[str, Sequence[Any]](tuple), equation.params
+    match equation.primitive.name:
+        case "jit" | "pjit":
+            handed["jaxpr"] = equation.invars
+        case "cond":
+            handed["branches"] = equation.invars[1:]
+        case "scan":
+            fixed, _ = compat.scan_counts(params)
+            handed["jaxpr"] = equation.invars[:fixed]
+        case "while":
+            of_condition, of_body = params["cond_nconsts"], params["body_nconsts"]
+            handed["cond_jaxpr"] = equation.invars[:of_condition]
+            handed["body_jaxpr"] = equation.invars[of_condition : of_condition + of_body]
+    return handed
+
+
+def _without_rules(jaxpr: Any) -> Any:
+    """A jaxpr with the equations of functions that have a derivative of their own in the places of
+    their calls.
+
+    Of what is compiled no derivative is taken any more, and two calls of one function are never
+    equal, since each has its own rule.
+    """
+    if all(e.primitive.name != "custom_jvp_call" for e in jaxpr.eqns):
+        return jaxpr
+    new, equations, known = core.gensym(), list[Any](), dict[Any, Any]()
+
+    def read(x: Any) -> Any:
+        return x if isinstance(x, core.Literal) else known.get(x, x)
+
+    for equation in jaxpr.eqns:
+        equation = equation.replace(invars=[read(x) for x in equation.invars])
+        called = equation.params.get("call_jaxpr")
+        if equation.primitive.name != "custom_jvp_call" or called.consts:
+            equations.append(equation)
+            continue
+        inner = _without_rules(called.jaxpr)
+        known.update(zip(inner.invars, equation.invars, strict=True))
+        for each in inner.eqns:
+            # One function may be called twice, but a variable has one value.
+            results = [new(x.aval) for x in each.outvars]
+            equations.append(each.replace(invars=[read(x) for x in each.invars], outvars=results))
+            known.update(zip(each.outvars, results, strict=True))
+        known.update(zip(equation.outvars, map(read, inner.outvars), strict=True))
+    return jaxpr.replace(eqns=equations, outvars=[read(x) for x in jaxpr.outvars])
 
 
 def _literal(x: Any) -> tuple[Any, ...]:
@@ -159,15 +234,20 @@ def _literal(x: Any) -> tuple[Any, ...]:
 
 def with_inner(equation: Any, change: Callable[[Any], Any]) -> Any:
     """A loop, branch or call with its jaxprs changed; any other equation as it is."""
+    return _with_named(equation, lambda inner, name: change(inner))
+
+
+def _with_named(equation: Any, change: Callable[[Any, str], Any]) -> Any:
+    """The same for a change that depends on the name of each jaxpr in the equation."""
     if equation.primitive.name not in _WITH_INNER:
         return equation
 
-    def inside(x: Any) -> Any:
+    def inside(x: Any, name: str) -> Any:
         if isinstance(x, tuple):
-            return tuple(inside(each) for each in x)
-        return change(x) if isinstance(x, ClosedJaxpr) else x
+            return tuple(inside(each, name) for each in x)
+        return change(x, name) if isinstance(x, ClosedJaxpr) else x
 
-    params = {name: inside(value) for name, value in equation.params.items()}
+    params = {name: inside(value, name) for name, value in equation.params.items()}
     return equation.replace(params=params)
 
 
