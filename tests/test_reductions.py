@@ -19,7 +19,7 @@ from romjax.trials.advice import advice, in_order, remark
 from romjax.trials.attempt import Settings, Truth
 from romjax.trials.candidates import families
 from romjax.trials.clock import Clock
-from romjax.trials.facts import Facts, freedoms
+from romjax.trials.facts import Facts, beginning, freedoms
 from romjax.trials.progress import Progress
 from romjax.trials.reductions import INTERRUPTED, _untried
 from romjax.trials.row import ReductionRow
@@ -73,6 +73,14 @@ def test_facts_know_where_joint_coordinates_are_faster():
     assert facts.jointed
     assert faster_size(four_bar) is None
     assert faster_size(bars) == (2, 0)
+
+
+def test_what_is_known_before_the_first_run():
+    """The method with its reason, long before its program is compiled."""
+    system, ts = zoo.system(zoo.bars), np.linspace(0.0, 1.0, 101)
+    words = beginning(system, ts, None)
+    assert words.endswith("at its start; Dopri8, since the outputs can show the fastest frequency")
+    assert beginning(system, ts, zoo.RODAS5P).endswith("start; Rodas5P was asked for")
 
 
 @pytest.mark.instant
@@ -299,6 +307,22 @@ def test_a_summary_has_all_in_80_columns(found):
         "Not tried: galerkin, hyper; no time left in the budget.",
     ):
         assert said in lines
+
+
+def test_what_holds_of_several_models_is_said_once(found):
+    """With the names of all, and each reason with its own."""
+    *good, wrong = found.rows
+    rows = (*good, wrong, wrong._replace(name="minimal r=2"))
+    skipped = {"galerkin": NO_TIME, "hyper": NO_TIME, "the rest": INTERRUPTED}
+    notes = dataclasses.replace(found, rows=rows, skipped=skipped).notes()
+    for said in (
+        "minimal r=3, 3 runs; minimal r=2: wrong elsewhere.",
+        f"Not tried: galerkin, hyper; {NO_TIME}.",
+        f"Not tried: the rest; {INTERRUPTED}.",
+    ):
+        assert said in notes
+    many = dataclasses.replace(found, rows=rows + rows[:3]).notes()
+    assert "1 more model is slower or less accurate." in many
 
 
 def test_a_summary_of_models_that_were_not_run_unseen(found):

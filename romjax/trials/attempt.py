@@ -82,6 +82,14 @@ class Attempt:
         """The larger one."""
         return max(self.trained, 0.0 if np.isnan(self.unseen) else self.unseen)
 
+    def describe(self, full: float) -> str:
+        """A line on the model, beside the `full` one's work on a run [s]."""
+        beyond = "" if np.isnan(self.unseen) else f", unseen {self.unseen:.1e}"
+        return (
+            f"{self.name}: {int(self.run.stats.num_steps)} steps in {1e3 * self.work:.1f} ms, "
+            f"{full / self.work:.1f} times as fast, error {self.trained:.1e}{beyond}"
+        )
+
 
 def simulated(
     system: AbstractSystem,

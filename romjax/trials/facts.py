@@ -1,14 +1,16 @@
 """Facts about a mechanism that decide which reductions are worth trying."""
 
 import dataclasses
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import diffrax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..assembly.assembled import AssembledSystem
 from ..compiling.program import program_once
+from ..integrate.default import default_method, start_frequencies
 from ..integrate.rodas5p import Rodas5P
 from ..integrate.trajectory import Trajectory
 from ..reduction.joint.formulation import faster_size, size_in_joint_coordinates
@@ -106,6 +108,22 @@ class Facts:
     def rigid(self) -> int:
         """The freedoms of the bodies' frames."""
         return self.freedoms - self.modes
+
+
+def beginning(
+    system: AssembledSystem,
+    ts: Float[Array, " k"],
+    solver: diffrax.AbstractSolver[Any] | None,
+) -> str:
+    """The fastest frequency at the start and the method of the full model, in words, before it has
+    run.
+    """
+    start = start_frequencies(without_names(system), ts, system.q0, system.v0)
+    words = f"fastest {float(start.fastest) / (2 * np.pi):.3g} Hz at its start"
+    if solver is not None:
+        return f"{words}; {type(solver).__name__} was asked for"
+    method = default_method(system, ts, None, start)
+    return f"{words}; {type(method.solver).__name__}, since {method.reason}"
 
 
 def drives(scene: Scene) -> list[int]:

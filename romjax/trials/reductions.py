@@ -104,7 +104,8 @@ def _result(search: Search, spend: float) -> Reductions:
         made=0.0,
         compiled=search.compiled,
         pays_after=float("nan"),
-        remark=search.full.warnings(),
+        remark=remark(trained, unseen, max(trained, unseen), search.full.warnings())
+        or search.full.warnings(),
     )
     rows = [
         _row(tried, float(taken), float(ratio), full)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import textwrap
+from collections.abc import Mapping
 from typing import Any
 
 from ..common.errors import InputError
@@ -90,15 +91,17 @@ class Reductions:
             "pays after: runs."
         ]
         notes += [self.bar] * bool(self.bar)
-        notes += [f"{row.name}: {row.remark}" for row in rows if row.remark]
+        remarks = _names_by_words({row.name: row.remark for row in rows if row.remark})
+        notes += [f"{'; '.join(names)}: {words}" for words, names in remarks.items()]
         if every:
             notes += [f"{name}: refused. {why}" for name, why in self.refused.items()]
         else:
             notes += [f"{name}: refused, {_first(why)}" for name, why in self.refused.items()]
             hidden = len(self.rows) - len(self.shown())
-            notes += [f"{hidden} more models are slower or less accurate."] * (hidden > 0)
-        if self.skipped:
-            notes.append(f"Not tried: {', '.join(self.skipped)}; {min(self.skipped.values())}.")
+            more = "model is" if hidden == 1 else "models are"
+            notes += [f"{hidden} more {more} slower or less accurate."] * (hidden > 0)
+        left = _names_by_words(self.skipped)
+        notes += [f"Not tried: {', '.join(names)}; {why}." for why, names in left.items()]
         return notes
 
     def summary(self, every: bool = False) -> str:
@@ -107,6 +110,14 @@ class Reductions:
         return "\n".join(
             [textwrap.fill(self.advice, _WIDTH), "", table(*self.cells(every)), "", *notes]
         )
+
+
+def _names_by_words(said: Mapping[str, str]) -> dict[str, list[str]]:
+    """What is said of some names, each once, with the names that it is said of."""
+    return {
+        words: [name for name, other in said.items() if other == words]
+        for words in dict.fromkeys(said.values())
+    }
 
 
 def _first(text: str) -> str:

@@ -18,7 +18,7 @@ from ..study.timing import worked
 from .attempt import Attempt, Settings, Truth, attempt, error, made, named, simulated
 from .candidates import Candidate, Family, families
 from .clock import Clock
-from .facts import Facts
+from .facts import Facts, beginning
 from .progress import Progress
 from .variants import TRAINING, UNSEEN, Change, variants
 
@@ -120,8 +120,10 @@ class Search:
         facts = Facts.of(scene, system)
         kinds = ", ".join(family.name for family in families(facts))
         progress.tell(f"{facts.describe()}; models to try, in some order: {kinds}")
-        progress.doing("full model")
         rtol, solver = settings.rtol, settings.solver
+        # Long before the first run has compiled; it needs them too.
+        progress.tell(f"full: {beginning(system, times, solver)} ...")
+        progress.doing("full model")
 
         def call() -> Trajectory:
             return simulate(system, times, rtol=rtol, solver=solver, audit=False)
@@ -247,7 +249,7 @@ class Search:
         self.refused.pop(family.name, None)
         one.models += 1
         self.attempts.append(tried)
-        self.progress.tell(_line(tried, self.once), models=1)
+        self.progress.tell(tried.describe(self.once), models=1)
         self.judge(one, tried)
 
     def judge(self, one: Try, tried: Attempt) -> None:
@@ -289,12 +291,3 @@ def _sharp(rtol: float) -> float:
 
 def _steps(run: Trajectory) -> int:
     return int(run.stats.num_steps)
-
-
-def _line(tried: Attempt, full: float) -> str:
-    """Return a line about a model that was tried."""
-    beyond = "" if np.isnan(tried.unseen) else f", unseen {tried.unseen:.1e}"
-    return (
-        f"{tried.name}: {_steps(tried.run)} steps in {1e3 * tried.work:.1f} ms, "
-        f"{full / tried.work:.1f} times as fast, error {tried.trained:.1e}{beyond}"
-    )
