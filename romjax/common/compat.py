@@ -6,6 +6,7 @@ The upper bound of jax in pyproject.toml stands for the newest version these tes
 
 import contextlib
 import math
+import os
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NoReturn, TypeVar
 
@@ -13,11 +14,12 @@ import diffrax
 import jax
 from diffrax._term import AdjointTerm, WrapTerm
 from equinox._module._flatten import MISSING
-from jax._src import config, core, xla_bridge
+from jax._src import config, core, logging_config, xla_bridge
 from jax._src.interpreters import ad, partial_eval
 from jax.experimental import serialize_executable
 from jax.extend.core import Primitive
 from jax.interpreters import batching, mlir
+from jaxlib import utils
 from jaxlib.cpu import _lapack
 
 from .errors import InputError
@@ -28,6 +30,9 @@ M = TypeVar("M")
 # that has lost the older way of compiling fusions.
 _FIRST, _AFTER = (0, 9), (0, 13)
 _NEWER_FUSIONS = (0, 11)
+# The first one that reads programs in silence. Those before write kilobytes for each, on hints that
+# every program has for how fast instructions are, as if it might not run where it was compiled.
+_SILENT = (0, 10, 2)
 
 # For a program that runs once or twice: it compiles in a third of the time.
 QUICK: dict[str, Any] = {
@@ -131,12 +136,30 @@ def name_of_missing(value: Any) -> str | None:
 def load_executable(binary: bytes, count: int, example: Any) -> Any:
     """A compiled program of `count` arrays, from what `dump_executable` returns."""
     _lapack.initialize()  # as tracing a call of it would
-    return serialize_executable.deserialize_and_load(
-        binary,
-        jax.tree.structure(((0,) * count, {})),
-        jax.tree.structure(example),
-        execution_devices=jax.local_devices()[:1],
-    )
+    with _without_messages():
+        return serialize_executable.deserialize_and_load(
+            binary,
+            jax.tree.structure(((0,) * count, {})),
+            jax.tree.structure(example),
+            execution_devices=jax.local_devices()[:1],
+        )
+
+
+@contextlib.contextmanager
+def _without_messages() -> Iterator[None]:
+    """XLA writes nothing to the terminal inside: what it refuses, it raises."""
+    if jax.__version_info__ >= _SILENT:
+        yield
+        return
+    levels = logging_config._tf_cpp_map  # of messages that are shown, by the names of JAX
+    utils.absl_set_min_log_level(levels["CRITICAL"])
+    try:
+        yield
+    finally:
+        # As before: by JAX's own setting, or the variable that XLA reads when it begins.
+        given = os.environ.get("TF_CPP_MIN_LOG_LEVEL", "")
+        level = int(given) if given.isdecimal() else levels["INFO"]
+        utils.absl_set_min_log_level(levels.get(jax.config.values["jax_logging_level"], level))
 
 
 def depends_on_first(function: Callable[..., Any], *args: Any) -> bool:
