@@ -39,7 +39,7 @@ def test_what_is_wrong_is_found(name):
     made, settings = PLANTED[name]
     motion = run(made(), **settings)
     assert not motion.is_valid
-    words = motion.warnings()
+    words = "; ".join(motion.warnings())
     assert "energy" in words or "CONSTRAINTS_VIOLATED" in words
 
 
@@ -145,8 +145,9 @@ def test_a_batch_is_doubted_lane_by_lane():
 
     batch = motion(np.array([1e-8, 0.3]))
     assert batch.is_valid.tolist() == [True, False]
-    assert batch.warnings().startswith("lane 1: its energy changes")
-    assert "lane 0" not in batch.warnings()
+    first, *others = batch.warnings()
+    assert first.startswith("lane 1: its energy changes")
+    assert all(words.startswith("lane 1: ") for words in others)
 
 
 def test_the_words_name_time_joints_and_remedy():

@@ -285,6 +285,8 @@ def test_a_configuration_is_where_its_coordinates_are(scene, truth):
     ):
         with pytest.raises(rj.InputError, match=f"configuration: q {words}"):
             plot.configuration(scene, wrong)
+    with pytest.raises(rj.InputError, match=r"axes is of type int; give axes of matplotlib"):
+        plot.configuration(scene, axes=3)
 
 
 def test_a_configuration_of_a_reduced_system():

@@ -15,6 +15,7 @@ from comparison import assert_close
 from tolerances import IDENTITY
 
 import romjax as rj
+from romjax.assembly.disassemble import disassemble
 from romjax.common import compat
 from romjax.common.partition import Partitioned
 from romjax.integrate.derived import LazyQuantities
@@ -115,7 +116,7 @@ def test_a_run_that_stopped_is_kept_and_drawn(pendulum, tmp_path):
     same(course(stopped, np.asarray(stopped.t)), np.asarray(stopped.q))
 
 
-def test_what_the_norm_of_errors_hides(run):
+def test_what_the_norm_of_errors_hides(run, tmp_path):
     """A deflection that is small beside the motion, and wrong; not one below the tolerance."""
     q, start = np.asarray(run.q), np.asarray(run.q[0])
     bends = np.array([label.startswith("pendulum.q") for label in run.labels])
@@ -137,6 +138,8 @@ def test_what_the_norm_of_errors_hides(run):
     corrected = dataclasses.replace(run, bar=bar)
     assert corrected.summary().endswith(f"(local, 2 modes), but {report.hidden()}")
     assert report.hidden() in corrected.warnings()
+    corrected.save(tmp_path / "run.nc")
+    assert rj.load(tmp_path / "run.nc").summary() == corrected.summary()
     turned = ErrorBar(report.error, "local, 2 modes", np.array([5.0]), ("angle of rod",))
     assert turned.hidden() == "angle of rod is wrong by 5 times its motion"
     # Of several runs at once.
@@ -145,6 +148,14 @@ def test_what_the_norm_of_errors_hides(run):
     lanes = ErrorBar(two.error, "local, 2 modes", two.per_group, two.groups)
     assert lanes.hidden() == two.hidden()
     assert lanes.describe().endswith(f"; lane 1: {bar.describe()}")
+
+
+def test_the_names_of_points_stay():
+    """In the scene of a system, as runs and files have it, each at its own body."""
+    bar = rj.RigidBody("bar", 1.0, 0.1, points={"pin": (0.2, 0.1)})
+    scene = rj.Scene([rj.RigidBody("block", 1.0, 0.1), bar], [], [rj.Gravity()])
+    again = disassemble(rj.assemble(scene))
+    same(again.bodies[1].at("pin"), bar.at("pin"))
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from ..scene.effect.sampled import Sampled
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import GROUND
 from ..scene.placing import marker_start
+from ..scene.points import NamedPoints
 from ..scene.scene import Scene
 from ..scene.state_carrier import StateCarrier
 from ..system.mobility import check_mobility
@@ -24,7 +25,7 @@ from .assembled import AssembledSystem
 from .body_group import BodyGroup
 from .controllers import Controller, check_held, check_measured
 from .counting import carriers_of, counters_of, with_counter_starts
-from .grouping import group
+from .grouping import group, points_of
 from .groups import EffectGroup, JointGroup
 from .kinematics import arrange, columns_of
 from .names import unique
@@ -44,8 +45,7 @@ def assemble(scene: Scene) -> AssembledSystem:
     Raises SceneError, naming the part and the remedy, for an empty scene, duplicate names, a
     marker on an unknown body, impossible numbers, or joints that leave no motion.
     """
-    remedy = "a romjax.Scene of bodies, joints and effects"
-    check_kind("assemble", "the scene", scene, Scene, remedy)
+    check_kind("assemble", "the scene", scene, Scene, "a Scene of bodies, joints and effects")
     scene.check()
     check_held(scene)
     # A Python number that was put in by hand would be static and recompile at every change.
@@ -98,6 +98,7 @@ def assemble(scene: Scene) -> AssembledSystem:
         ),
         pattern=Pattern.of([columns[name] for name in order], joined),
         controllers=_controllers(clocks, carriers, columns),
+        points=_points(scene.bodies),
     )
     check_measured(system.controllers, system.structure.labels)
     system = with_counter_starts(system) if counters else system
@@ -115,6 +116,12 @@ def _groups(
         groups.append(BodyGroup(stacked, Index.of([columns[name] for name in names])))
         order += names
     return groups, order
+
+
+def _points(bodies: Sequence[AbstractBody]) -> tuple[NamedPoints, ...]:
+    """The named points of all bodies; none where no body has any."""
+    points = tuple(points_of(body) for body in bodies)
+    return points if any(each.names for each in points) else ()
 
 
 def _controllers(

@@ -17,6 +17,7 @@ from ..linalg.inverse_mass import InverseMass
 from ..linalg.pattern import Pattern
 from ..scene.body.capped import CappedBody
 from ..scene.effect.base import AbstractField
+from ..scene.points import NamedPoints
 from ..system.base import AbstractSystem
 from ..system.state import FullState, Power
 from ..system.structure import Structure
@@ -43,6 +44,7 @@ class AssembledSystem(AbstractSystem):
     structure: Structure = eqx.field(static=True)
     pattern: Pattern = eqx.field(static=True)
     controllers: tuple[Controller, ...] = ()
+    points: tuple[NamedPoints, ...] = ()  # of the bodies of the scene, in its order
 
     @property
     def full(self) -> AbstractSystem:

@@ -12,7 +12,7 @@ from ..scene.placing import from_centre
 from ..scene.scene import Scene
 from .assembled import AssembledSystem
 from .counting import without_counters
-from .grouping import member, with_name
+from .grouping import member, with_name, with_points
 from .groups import EffectGroup, JointGroup
 from .kinematics import Markers
 
@@ -29,6 +29,9 @@ def disassemble(system: AssembledSystem) -> Scene:
             # Inside compiled programs nothing has a name.
             name = labels[columns[0]] or f"body {columns[0]}"
             bodies[columns[0]] = with_name(member(group.bodies, row), name)
+
+    for key, points in zip(sorted(bodies), system.points, strict=False):
+        bodies[key] = with_points(bodies[key], points)
 
     # Joints and effects are named in the order of their groups.
     joints, effects = {}, list[Any](system.fields)

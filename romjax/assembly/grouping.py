@@ -66,6 +66,22 @@ def anonymous(element: T) -> T:
     return blank
 
 
+def points_of(body: Any) -> NamedPoints:
+    """The named points of a body, of one within another too; none of a body without any."""
+    leaves = jtu.tree_leaves(body, is_leaf=_is_points)
+    return next((leaf for leaf in leaves if _is_points(leaf)), NamedPoints((), ()))
+
+
+def with_points(body: T, points: NamedPoints) -> T:
+    """A copy of a body with other named points."""
+    copy: T = jtu.tree_map(lambda x: points if _is_points(x) else x, body, is_leaf=_is_points)
+    return copy
+
+
+def _is_points(x: Any) -> bool:
+    return isinstance(x, NamedPoints)
+
+
 def with_name(element: T, name: str) -> T:
     """A copy with another static name, without passing through the checks of its constructor."""
     children, structure = jtu.tree_flatten(element, is_leaf=lambda x: x is not element)

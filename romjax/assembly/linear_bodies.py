@@ -25,17 +25,17 @@ FAR = 0.2
 _STATES = 16
 
 
-def linear_warning(
+def linear_warnings(
     system: AbstractSystem,
     t: Float[Array, " k"],
     q: Float[Array, "k n"],
     v: Float[Array, "k n"],
-) -> str:
-    """Say what linear bodies leave out at states of a full or reduced `system`; "" if that is
+) -> tuple[str, ...]:
+    """What linear bodies leave out at states of a full or reduced `system`; none where that is
     little, or while JAX traces.
     """
     found = axial_warning(system, t, q, v), turning_warning(system, t, q, v)
-    return "; ".join(filter(None, found))
+    return tuple(filter(None, found))
 
 
 def warn_of_linear_bodies(
@@ -45,10 +45,10 @@ def warn_of_linear_bodies(
     q: Float[Array, " n"],
     v: Float[Array, " n"],
 ) -> None:
-    """Warn, in the name of `owner`, of what `linear_warning` says of one state."""
-    words = linear_warning(system, *(x[None] for x in (t, q, v)))
-    if words:
-        warnings.warn(f"{owner}: {words}.", stacklevel=3)
+    """Warn, in the name of `owner`, of what `linear_warnings` says of one state."""
+    found = linear_warnings(system, *(x[None] for x in (t, q, v)))
+    if found:
+        warnings.warn(f"{owner}: {'; '.join(found)}.", stacklevel=3)
 
 
 def turning_warning(

@@ -1,6 +1,6 @@
 """How wrong a run is, as far as another one tells."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -79,7 +79,12 @@ def hidden(error: Any, per_group: Any, groups: Sequence[str]) -> str:
 
 def lane_by_lane(describe: Callable[[Any], str], batch: Any) -> str:
     """What is said of each lane of a batch, but for those of which nothing is."""
+    return "; ".join(of_lanes(lambda lane: [describe(lane)], batch))
+
+
+def of_lanes(describe: Callable[[Any], Iterable[str]], batch: Any) -> tuple[str, ...]:
+    """All that is said of the lanes of a batch, each with the number of its lane before it."""
     count = len(jax.tree.leaves(batch)[0])
     lanes = (jax.tree.map(lambda x, i=i: x[i], batch) for i in range(count))
-    said = ((i, describe(lane)) for i, lane in enumerate(lanes))
-    return "; ".join(f"lane {i}: {words}" for i, words in said if words)
+    said = ((i, words) for i, lane in enumerate(lanes) for words in describe(lane))
+    return tuple(f"lane {i}: {words}" for i, words in said if words)

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..assembly.conditioning import conditioning_warning
 from ..assembly.disassemble import disassemble
-from ..assembly.linear_bodies import linear_warning
+from ..assembly.linear_bodies import linear_warnings
 from ..assembly.locate import assembled
 from ..common.arrays import Vector, as_number
 from ..common.checks import unknown_name
@@ -28,7 +28,7 @@ from ..system.training import describe_errors, training_of
 from .allowed_errors import allowed_errors
 from .dense import DenseOutput
 from .derived import EagerQuantities, LazyQuantities
-from .error_bar import ErrorBar, lane_by_lane
+from .error_bar import ErrorBar, of_lanes
 from .follow.branching import Branching
 from .follow.energy_balance import EnergyBalance
 from .statistics import Statistics
@@ -170,8 +170,8 @@ class Trajectory(eqx.Module):
         """Whether it reached its end and has no flag; only `warnings()` looks at the parts."""
         return self.success & (self.flags == Flag.NONE)
 
-    def warnings(self) -> str:
-        """Say in words what speaks against this run; empty if nothing does.
+    def warnings(self) -> tuple[str, ...]:
+        """What speaks against this run, each in words of its own; none if nothing does.
 
         That it failed, that its energy does not balance, what is wrong with a reduced model's
         motion, and of its parts, which are evaluated here, that beams without stiffening carry
@@ -179,7 +179,7 @@ class Trajectory(eqx.Module):
         forces of the joints shows. Of several runs, those of each lane that has any.
         """
         if self.status.ndim:
-            return lane_by_lane(Trajectory.warnings, self)
+            return of_lanes(Trajectory.warnings, self)
         flags = Flag(int(self.flags))
         words = {flag: WORDS[flag] for flag in WORDS if flag in flags}
         if Flag.ENERGY in flags and self.balance is not None:
@@ -196,10 +196,10 @@ class Trajectory(eqx.Module):
         if parts is not None:
             system = parts.combine()
             states = system.full, self.t, self.q, self.v
-            others.append(linear_warning(*states))
+            others += linear_warnings(*states)
             if system.m and self.stats.rtol is not None:
                 others.append(conditioning_warning(*states, float(self.stats.rtol)))
-        return "; ".join([*failure, *words.values(), *filter(None, others)])
+        return (*failure, *words.values(), *filter(None, others))
 
     def summary(self) -> str:
         """The status in words, with the remedy; of success, its steps, how well constraints and

@@ -21,6 +21,7 @@ table {{ border-collapse: collapse; font-size: 0.85rem; font-variant-numeric: ta
 th, td {{ padding: 0.2rem 0.7rem; border-bottom: 1px solid var(--line); text-align: right; }}
 td {{ white-space: nowrap; }}
 .wide {{ overflow-x: auto; }}
+@media (max-width: 48em) {{ .wide img {{ max-width: none; width: 38rem; }} }}
 th:nth-child(-n+{left}), td:nth-child(-n+{left}) {{ text-align: left; }}
 tr.front td {{ font-weight: 600; }}
 </style></head><body>
@@ -63,9 +64,12 @@ def table(
 
 
 def picture(png: bytes, words: str) -> str:
-    """A picture, and the `words` for those who cannot see it."""
+    """A picture, and the `words` for those who cannot see it. On a narrow screen it scrolls rather
+    than shrinks.
+    """
     content = base64.b64encode(png).decode()
-    return f'<img alt="{html.escape(words)}"\n  src="data:image/png;base64,{content}">'
+    image = f'<img alt="{html.escape(words)}"\n  src="data:image/png;base64,{content}">'
+    return f'<div class="wide">{image}</div>'
 
 
 def png(figure: Any, dpi: int) -> bytes:

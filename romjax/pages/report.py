@@ -116,7 +116,8 @@ def _page(
     system, (motion, modes) = result.system, moving
     body = [
         document.paragraph(
-            f"{example.title}: {system.n} coordinates, {system.m} constraints, "
+            f"{example.title[:1].upper()}{example.title[1:]}: {system.n} coordinates, "
+            f"{system.m} constraints, "
             f"{float(result.truth.t[-1]):g} s."
         ),
         "" if motion is None else motion.embedded(),

@@ -11,6 +11,7 @@ from jaxtyping import Array
 
 from ..common.identity_cache import IdentityCache
 from ..scene.coordinate import Coordinate
+from ..scene.points import NamedPoints
 
 # So small that a counter adds nothing to what it counts.
 COUNTER_INERTIA = 1e-12
@@ -144,8 +145,9 @@ _nameless = IdentityCache()
 
 
 def without_names(system: Any) -> Any:
-    """A system without the names of its coordinates and constraints, of which no number depends, so
-    that systems that differ in names only share their compiled programs.
+    """A system without the names of its coordinates and constraints, and without its named points,
+    on which no number depends, so that systems that differ in these only share their compiled
+    programs.
     """
     return _nameless.get(system) or _nameless.put(system, _anonymous(system))
 
@@ -157,6 +159,8 @@ def _anonymous(system: Any) -> Any:
         value = getattr(system, field.name)
         if isinstance(value, Structure):
             object.__setattr__(copy, field.name, value.nameless)
+        elif isinstance(value, tuple) and any(isinstance(each, NamedPoints) for each in value):
+            object.__setattr__(copy, field.name, ())
         elif isinstance(value, str):  # a summary
             object.__setattr__(copy, field.name, "")
         elif hasattr(value, "structure"):  # the system that a reduced one is made from

@@ -8,7 +8,8 @@ from .row import ReductionRow
 
 # A model counts as faster if its runs are so many times as fast as those of the full one.
 _FASTER = 1.25
-# So many times as fast is a little, beside what kinds that there was no time for may gain.
+# So many times as fast is a little, beside what kinds that there was no time for may gain, or one
+# that is wrong in what its error hides.
 _LITTLE = 2.0
 # The power of the error in the rank of a model, speed-up over that: a model that is ten times as
 # accurate may be slower by a quarter.
@@ -20,9 +21,15 @@ _CHAOTIC = 0.1
 
 
 def paying(rows: Sequence[ReductionRow], tol: float) -> list[ReductionRow]:
-    """Rows of models that are faster, and right on unseen starts, the best first."""
+    """Rows of models that are faster, and right on unseen starts, the best first; those whose
+    errors hide what is wrong come last, since who takes the first one may ask it for anything.
+    """
     good = [row for row in rows if row.error <= tol and row.speed_up >= _FASTER]
-    return sorted(good, key=lambda row: -math.log(row.speed_up) + _WORTH * math.log(row.error))
+
+    def price(row: ReductionRow) -> tuple[bool, float]:
+        return bool(row.hidden), -math.log(row.speed_up) + _WORTH * math.log(row.error)
+
+    return sorted(good, key=price)
 
 
 def in_order(rows: Sequence[ReductionRow], tol: float) -> list[ReductionRow]:
@@ -34,7 +41,7 @@ def in_order(rows: Sequence[ReductionRow], tol: float) -> list[ReductionRow]:
     return [*best, *accurate, *sorted(rest, key=lambda row: row.error)]
 
 
-def remark(trained: float, unseen: float, own: float, said: str, hidden: str = "") -> str:
+def remark(trained: float, unseen: float, own: float, said: Sequence[str], hidden: str = "") -> str:
     """Say what speaks against a model.
 
     It may be its errors, what they hide, the error of the full model at the same tolerance, or
@@ -53,7 +60,7 @@ def remark(trained: float, unseen: float, own: float, said: str, hidden: str = "
         words = "cannot start, or fails, where it was not trained"
     else:
         words = "repeats its training, and is wrong elsewhere"
-    told = said.partition("; ")[0].partition(". ")[0].rstrip(".")
+    told = "".join(said[:1]).partition("; ")[0].partition(". ")[0].rstrip(".")
     return f"{words}. {told[0].upper()}{told[1:]}." if told else f"{words}."
 
 
@@ -102,15 +109,20 @@ def advice(
 
 
 def _hidden(good: Sequence[ReductionRow]) -> str:
-    """Say what the error of the best model hides, and which other model hides nothing."""
+    """Say what the error of the best model hides; or which much faster one will do where what its
+    error hides does not matter.
+    """
     best, *others = good
-    if not best.hidden:
+    if best.hidden:
+        return f" But the {best.hidden}, which matters for stresses and joint forces."
+    least = _LITTLE * best.speed_up
+    other = next((row for row in others if row.hidden and row.speed_up >= least), None)
+    if other is None:
         return ""
-    other = next((row for row in others if not row.hidden), None)
-    instead = (
-        "" if other is None else f": {other.name}, {other.speed_up:.1f} times as fast, has it right"
+    return (
+        f" Where stresses and joint forces do not matter, {other.name} is "
+        f"{other.speed_up:.1f} times as fast: its {other.hidden}."
     )
-    return f" But the {best.hidden}, which matters for stresses and joint forces{instead}."
 
 
 _KINEMATICS = "drives prescribe the motion, so that positions follow without any integration."

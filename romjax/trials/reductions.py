@@ -91,6 +91,7 @@ def _result(search: Search, spend: float) -> Reductions:
     calls = [call(system) for system in systems]
     timed = alternating(calls, spend)
     full_time, (trained, unseen) = float(timed.times[0]), search.own()
+    said = search.full.warnings()
     full = ReductionRow(
         name="full",
         formulation="full",
@@ -104,8 +105,7 @@ def _result(search: Search, spend: float) -> Reductions:
         made=0.0,
         compiled=search.compiled,
         pays_after=float("nan"),
-        remark=remark(trained, unseen, max(trained, unseen), search.full.warnings())
-        or search.full.warnings(),
+        remark=remark(trained, unseen, max(trained, unseen), said) or "; ".join(said),
     )
     rows = [
         _row(tried, float(taken), float(ratio), full)

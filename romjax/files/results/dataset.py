@@ -72,10 +72,12 @@ def attributes_of(run: Trajectory, scene: Scene | None) -> dict[str, Any]:
         "solver": run.solver_name,
         "solver_settings": " ".join(repr(run.solver).split()),
         "stabilization": "none" if held is None else type(held).__name__,
-        "warnings": run.warnings() or "none",
+        "warnings": "; ".join(run.warnings()) or "none",
         "model": _kind(system),
         **scene_words(run, scene),
     }
+    if run.bar is not None:
+        words |= {"estimate_by": run.bar.by, "estimate_blind": run.bar.blind}
     if run.t.ndim == 1:
         words["status_words"] = run.summary()
         words["balance_words"] = "" if run.balance is None else run.balance.describe()

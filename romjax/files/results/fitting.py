@@ -111,7 +111,9 @@ def _dimensions(lanes: tuple[str, ...]) -> dict[str, list[tuple[str, ...]]]:
     return {
         "time": [("time",)],
         **{name: [(*lanes, *described.axes)] for name, described in arrays.items()},
-        **{name: [lanes] for name in ("status", "flags")},
+        **{name: [lanes] for name in ("status", "flags", "estimate")},
+        "estimate_per_group": [(*lanes, "group")],
+        "group": [("group",)],
         **{f"coordinate_{field}": [("coordinate",)] for field in Coordinate._fields},
         **{name: [lanes, (*lanes, "constraint")] for name in terms},
         "projection_sweeps": [()],
@@ -120,7 +122,7 @@ def _dimensions(lanes: tuple[str, ...]) -> dict[str, list[tuple[str, ...]]]:
 
 def _kinds(name: str) -> tuple[str, str]:
     """The kinds of types that a variable may have, and what to call them."""
-    if name.startswith("coordinate_"):
+    if name.startswith("coordinate_") or name == "group":
         return "OUT", "text"
     if name in _TRUTHS:
         return "bi", "a truth value"

@@ -11,6 +11,7 @@ from jaxtyping import Array
 from ...common.errors import InputError
 from ...common.partition import Partitioned
 from ...integrate.derived import EagerQuantities
+from ...integrate.error_bar import ErrorBar
 from ...integrate.rodas5p import Rodas5P
 from ...integrate.statistics import Statistics
 from ...integrate.trajectory import Trajectory
@@ -69,6 +70,20 @@ def trajectory_of(dataset: Any, solver: diffrax.AbstractSolver[Any]) -> Trajecto
         imbalance=optional("imbalance"),
         states=record("states"),
         events=record("events", count=jnp.asarray(np.int64(dataset.sizes.get("occurrence", 0)))),
+        bar=_bar(dataset),
+    )
+
+
+def _bar(dataset: Any) -> ErrorBar | None:
+    if "estimate" not in dataset:
+        return None
+    grouped = "estimate_per_group" in dataset
+    return ErrorBar(
+        jnp.asarray(dataset["estimate"].values),
+        str(dataset.attrs["estimate_by"]),
+        jnp.asarray(dataset["estimate_per_group"].values) if grouped else (),
+        tuple(map(str, dataset["group"].values)) if grouped else (),
+        str(dataset.attrs.get("estimate_blind", "")),
     )
 
 

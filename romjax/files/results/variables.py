@@ -74,6 +74,10 @@ def variables_of(run: Trajectory) -> dict[str, Variable]:
         if record is not None:
             record = _of_one_run(record) if kind is Events else record
             put_record(record, kind.arrays(), prefix)
+    if run.bar is not None:
+        put("estimate", (), run.bar.error, "1", "estimated error of the run that it corrects")
+        if run.bar.groups:
+            put("estimate_per_group", ("group",), run.bar.per_group, "1", "that of each group")
     # One number for all constraints, or one for each.
     used = run.stats.stabilization
     if isinstance(used, Baumgarte):
@@ -132,6 +136,9 @@ def names_of(run: Trajectory) -> dict[str, Variable]:
     for field in ("owner", "name", "unit", "symbol", "description"):
         values = _texts([getattr(column, field) for column in columns])
         named[f"coordinate_{field}"] = (("coordinate",), values, {"long_name": field})
+    if run.bar is not None and run.bar.groups:
+        words = {"long_name": "position, angle or deflection of a body"}
+        named["group"] = (("group",), _texts(run.bar.groups), words)
     if run.t.ndim > 1:
         named["lane"] = (("lane",), np.arange(len(run.t)), {"long_name": "one run of a batch"})
     return named

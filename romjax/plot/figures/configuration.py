@@ -46,9 +46,12 @@ def configuration(
     - `view`: azimuth against the x axis and elevation of a view of space [rad].
     - `body`: how matplotlib draws the lines of bodies, such as `color`.
 
-    Raises InputError for what is no mechanism, and for a q that is no coordinates, that has another
-    length, or that is not finite.
+    Raises InputError for what is no mechanism, for `axes` of another kind, and for a q that is no
+    coordinates, that has another length, or that is not finite.
     """
+    if axes is not None:
+        remedy = "axes of matplotlib, such as plt.figure().gca()"
+        check_kind("configuration", "axes", axes, Axes, remedy)
     system = None
     if isinstance(mechanism, Scene):
         scene = mechanism
