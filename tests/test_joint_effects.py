@@ -222,6 +222,18 @@ def test_effects_act_on_coordinates_that_are_their_motions_alone():
         assert_close(angle, 3.0 * 0.2 / (INERTIA + MASS * ARM**2), IDENTITY)
 
 
+def test_a_turned_slider_knows_both_ways_of_its_travel():
+    """Against the slider the rail is along x of the slider, not along the rail: v cos α."""
+    turn, damping, speed = 1.0, 3.0, 0.7
+    slider = rj.RigidBody("slider", MASS, INERTIA, angle=turn, velocity=(speed, 0.0))
+    ends = slider.at(), rj.ground.at()
+    for one, share in ((ends, 1.0), (ends[::-1], np.cos(turn) ** 2)):
+        damper = rj.JointDamper(*one, damping, motion="travel")
+        scene = rj.Scene([slider], [rj.Prismatic(*ends, turn)], [damper])
+        joint = rj.reduce(rj.assemble(scene), formulation=rj.JointCoordinates())
+        assert_close(rates(joint)[0], -damping * share * speed / MASS, IDENTITY)
+
+
 @pytest.mark.slow
 def test_the_energies_of_the_parts_are_all_there_is():
     """That of the rotor among them; nothing is lost but to what damps, rubs and drives."""

@@ -142,7 +142,8 @@ def _coordinates(
         joints: Any = link.joints
         if not joints.motions or not goes_with(joints, "motions", "read"):
             continue
-        for place, row in zip(link.bodies, link.coordinates.rows, strict=True):
+        straight = _straight(joints, len(link.bodies))
+        for i, (place, row) in enumerate(zip(link.bodies, link.coordinates.rows, strict=True)):
             held = spanning.branches[place].link
             assert held is not None
             blocks = full.joints[held.group].markers
@@ -152,7 +153,19 @@ def _coordinates(
                 continue
             for name, column in zip(joints.motions, row, strict=True):
                 yield (a, b, name), (column, 1)
-                yield (b, a, name), (column, -1)
+                if name != "travel" or straight[i]:
+                    yield (b, a, name), (column, -1)
+
+
+def _straight(joints: Any, count: int) -> np.ndarray:
+    """Whether each joint has both x axes in one direction, so that the travel of `b` against `a` is
+    that of `a` against `b` backwards. In space they slide along their common z axis.
+    """
+    angle = getattr(joints, "value", None)
+    if angle is None:
+        return np.ones(count, bool)
+    known = concrete(angle)
+    return np.zeros(count, bool) if known is None else np.equal(known, 0)
 
 
 def _rows(group: EffectGroup) -> list[list[int]]:
