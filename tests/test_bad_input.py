@@ -267,6 +267,8 @@ def test_inconsistent_start():
         zoo.run(pendulum, ts, q0=[0.51, 0.0, 0.0])
     with pytest.raises(ValueError, match=words.format("its rate", "0.3")):
         zoo.run(pendulum, ts, v0=[0.3, 0.0, 0.0])
+    with pytest.raises(ValueError, match=words.format("C", "0.01") + r".*t=2\)"):
+        zoo.run(pendulum, [2.0, 2.1], q0=[0.51, 0.0, 0.0])
     marked = zoo.run(pendulum, ts, q0=[0.51, 0.0, 0.0], throw=False)
     assert marked.status == rj.Status.INCONSISTENT_START
     assert "romjax.consistent" in marked.summary()

@@ -42,7 +42,7 @@ def raise_failure(system: AbstractSystem, trajectory: Trajectory, start: Start) 
     if status == int(Status.SUCCESS):
         return trajectory
     if status == Status.INCONSISTENT_START:
-        raise ValueError(_describe_start(system, start))
+        raise ValueError(_describe_start(system, start, float(trajectory.t[0])))
     steps = int(trajectory.stats.num_steps)
     raise SimulationError(
         f"simulate: {trajectory.solver_name} took {steps} steps towards "
@@ -62,17 +62,26 @@ def _describe_times(t: np.ndarray) -> str:
     )
 
 
-def _describe_start(system: AbstractSystem, start: Start) -> str:
-    """The constraint that a start violates most, for what is allowed, and by how much."""
+def _describe_start(system: AbstractSystem, start: Start, t: float) -> str:
+    """The constraint that a start at `t` violates most, for what is allowed, and by how much."""
     row, fastest = start.worst()
     which, value, unit = "C", start.violation[row], "m or rad"
     if start.closed:
         row = fastest
         which, value, unit = "its rate", start.rate[row], "m/s or rad/s"
-    remedy = "q0, v0 = romjax.consistent(system, q0, v0)"
-    if system.structure.frames:
-        remedy = f"romjax.consistent_scene(scene), which keeps the speeds that are set, or {remedy}"
+    remedy = "Use q0, v0 = romjax.consistent(system, q0, v0)"
+    if t:
+        # Scenes are made consistent at zero, where drives without an offset begin.
+        remedy = (
+            f"The run begins at t = {t:g} s and scenes at 0: let it begin there too, or use q0, v0 "
+            f"= romjax.consistent(system, q0, v0, t={t:g})"
+        )
+    elif system.structure.frames:
+        remedy = (
+            "Use romjax.consistent_scene(scene), which keeps the speeds that are set, or q0, v0 = "
+            "romjax.consistent(system, q0, v0)"
+        )
     return (
         f"simulate: the start violates {system.structure.constraints[row]}: {which} = "
-        f"{float(value):.6g} {unit}. Use {remedy}."
+        f"{float(value):.6g} {unit}. {remedy}."
     )

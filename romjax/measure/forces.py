@@ -1,6 +1,7 @@
 """Forces of joints and of effects along a run."""
 
 import functools
+import string
 from collections.abc import Iterator
 from typing import Any, Literal
 
@@ -21,7 +22,7 @@ from ..system.base import AbstractSystem
 from ..system.structure import without_names
 from .states import along, check_run, solved
 
-_SIDES = "abcdefgh"
+_SIDES = string.ascii_lowercase
 
 
 class Forces(eqx.Module):
