@@ -194,7 +194,7 @@ def test_what_no_snapshot_shows_is_not_linear():
 
 @pytest.mark.slow
 def test_runs_stop_where_those_of_the_minimal_model_do():
-    """And are flagged alike."""
+    """And are flagged alike, in the same steps: both hold laws to one side of a stop."""
     bar = rj.RigidBody("bar", 1.0, 1.0, angular_velocity=1.0)
     ends = bar.at(), rj.ground.at()
     effects = [rj.JointSpring(*ends, stiffness=1.0), rj.JointStop(*ends, None, 0.7, 100.0)]
@@ -205,6 +205,7 @@ def test_runs_stop_where_those_of_the_minimal_model_do():
     found, right = (rj.simulate(model, ts, audit=False) for model in models)
     assert rj.compare(right, found).error <= ERROR
     assert found.flags == right.flags == rj.Flag.NONE
+    assert int(found.stats.num_steps) == int(right.stats.num_steps)
 
 
 def test_its_runs_are_functions_without_calls_of_a_library(rom):

@@ -1,4 +1,6 @@
-"""Motions through kinks of forces, where stops begin and ropes get taut, and their derivatives."""
+"""Motions through kinks of forces, where stops begin, ropes get taut and points touch, and their
+derivatives.
+"""
 
 import itertools
 
@@ -7,12 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
+from scipy.special import beta
 from tolerances import IDENTITY
 
 import romjax as rj
 from romjax.system.held import hold
 
-GRAVITY, END, RTOL = 9.81, 0.9, 1e-6
+GRAVITY, MASS, END, RTOL = 9.81, 0.4, 0.9, 1e-6
 
 
 def wheel(numbers):
@@ -51,8 +54,24 @@ def caught(mass, slack, stiffness):
     return -slack + speed * flown - 0.5 * GRAVITY * flown**2
 
 
+def thrown(numbers):
+    """What is thrown at a floor, by its speed, its height and the floor's stiffness."""
+    speed, height, stiffness = numbers
+    body = rj.RigidBody("ball", MASS, 0.1, position=(0.0, height), velocity=(0.0, -speed))
+    floor = rj.Contact(body.at(), rj.ground.at(), rj.Line(), stiffness)
+    return rj.Scene([body], [], [floor]), "ball.y"
+
+
+def returned(speed, height, stiffness):
+    """Its height at the end: it has been thrown back as fast, by a force κ δ^(3/2) per mass."""
+    deepest = (1.25 * MASS * speed**2 / stiffness) ** 0.4
+    pushed = 2 * deepest / speed * 0.4 * beta(0.4, 0.5)
+    return speed * (END - pushed) - height
+
+
 CASES = {
     "stop": (wheel, turned, [(3.0, 0.4, 500.0), (4.1, 0.4, 500.0), (2.6, 0.3, 900.0)]),
+    "contact": (thrown, returned, [(2.0, 0.5, 4e3), (3.0, 0.3, 1e3), (1.0, 0.3, 1e5)]),
     "rope": (ball, caught, [(2.0, 0.5, 4e3), (1.0, 0.4, 500.0), (3.0, 0.5, 9e3)]),
 }
 

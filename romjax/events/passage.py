@@ -34,9 +34,14 @@ _AWAY = 4.0
 # evaluated after twice that time.
 _NOW = 1e-5
 # The length of the first step within a contact, in units of rtol^(1/5) times the time in which the
-# force reverses the motion. The error of the motion would allow five times as much, but the error
+# force reverses the motion. The error of the motion would allow 20 times as much, but the error
 # of its derivatives, which is larger, would not.
-_FIRST = 0.1
+_FIRST = 0.03
+# Steps towards the end of a contact go so far of the way there, until its force changes the speed
+# by less than this from there on, in units of rtol. The derivative of the force by the depth is no
+# smooth function of time there: one step to the end, as long as the motion allows, would give
+# derivatives of the motion that err by percents.
+_LEFT, _FAINT = 0.5, 1e-2
 
 
 class Passage(AbstractPassage):
@@ -74,8 +79,10 @@ class Passage(AbstractPassage):
         if gaps is None:
             return None
         hard, holds = with_all_acting(full) is None, can_hold(system)
-        # A system that has its effects twice does not say whose gaps these are.
-        holds = holds if len(holds) == len(gaps) else (False,) * len(gaps)
+        # A system of samples has the effects of the full one once more, in the same order.
+        own = holds[: len(gaps)]
+        again = holds == own * (len(holds) // len(gaps))
+        holds = own if again else (False,) * len(gaps)
         return cls(system, post_step, stabilization, jnp.asarray(rtol), hard, holds)
 
     def held(
@@ -146,18 +153,21 @@ class Passage(AbstractPassage):
     ) -> Float[Array, ""]:
         """Return the time at which the next step from `y` has to end, at most the `planned` one.
 
-        Before a contact it ends where its stages do not touch yet. In one that begins now, whose
-        force no derivative tells, it is a fraction of the time T in which Hertz's force stops the
-        speed u of approach: with the force κ d^(3/2) at a depth d, for a unit of mass,
-        κ (u T)^(3/2) T = u.
+        Before a contact whose law cannot be held it ends where its stages do not touch yet. In one
+        that begins now, whose force no derivative tells, it is a fraction of the time T in which
+        Hertz's force stops the speed u of approach: with the force κ d^(3/2) at a depth d, for a
+        unit of mass, κ (u T)^(3/2) T = u. In one that ends, it is a share of what is left of it.
         """
-        if not self.hard or all(self.holds):
+        if not self.hard:
             return planned
         y = jax.lax.stop_gradient(y)
         gaps, rates = self._gaps_and_rates(t, y)
-        near = self._noise + _NOW * (planned - t) * jnp.abs(rates)
+        way = (planned - t) * jnp.abs(rates)
+        near = self._noise + _NOW * way
+        comes = (gaps > -near) & ~(jnp.array(self.holds) & (gaps > near))
+        leaves = (gaps < -near) & (rates > 0) & (-gaps < 4 * way)
         end: Array = jax.lax.cond(
-            keep & jnp.any(gaps > -near),
+            keep & jnp.any(comes | leaves),
             lambda: self._to_contact(t, y, planned),
             lambda: planned,
         )
@@ -166,15 +176,21 @@ class Passage(AbstractPassage):
     def _to_contact(self, t: Array, y: Any, planned: Array) -> Array:
         q, v, *chart = y
         h, noise, system = planned - t, self._noise, local_system(self.system, self.post_step, y)
-        tried = 2 * _NOW * h
+        holds, tried = jnp.array(self.holds), 2 * _NOW * h
 
-        def accelerate(at: tuple[Array, Array]) -> Array:
-            return solve(system, *at, v, self.stabilization).acceleration
+        def accelerate(at: tuple[Array, Array, Array]) -> Array:
+            time, place, sides = at
+            return solve(hold(system, sides), time, place, v, self.stabilization).acceleration
 
-        # The accelerations now and a little later, when a point that touches is inside: in a loop,
-        # by one program.
-        times, places = jnp.stack([t, t + tried]), jnp.stack([q, q + tried * v])
-        a, there = jax.lax.map(accelerate, (times, places))
+        # The accelerations now, a little later, when a point that touches is inside, and now
+        # without contacts: in a loop, by one program.
+        none = jnp.zeros_like(self._gaps(t, y))
+        points = (
+            jnp.stack([t, t + tried, t]),
+            jnp.stack([q, q + tried * v, q]),
+            jnp.stack([none, none, none + holds]),
+        )
+        a, there, free = jax.lax.map(accelerate, points)
 
         def gaps(s: Array) -> Array:
             return self._gaps(t + s, (q + s * v + 0.5 * s**2 * a, v, *chart))
@@ -182,6 +198,9 @@ class Passage(AbstractPassage):
         def rates(s: Array) -> tuple[Array, Array]:
             gap, rate = jax.jvp(gaps, (s,), (jnp.ones_like(s),))
             return rate, gap
+
+        def push(change: Array) -> Array:
+            return jnp.asarray(jax.jvp(lambda q: self._gaps(t, (q, v, *chart)), (q,), (change,))[1])
 
         zero = jnp.zeros_like(t)
         rate, bend, gap = jax.jvp(rates, (zero,), (jnp.ones_like(t),), has_aux=True)
@@ -193,19 +212,26 @@ class Passage(AbstractPassage):
             jnp.where(rate > 0, curvature, root - rate),
         )
         lands = above / jnp.where(below > 0, below, 1)
-        soon = (gap > noise) & (below > 0) & (lands > _NOW * h)
+        soon = (gap > noise) & (below > 0) & (lands > _NOW * h) & ~holds
         begins = (jnp.abs(gap) <= noise - _NOW * h * rate) & (-rate * h > noise)
 
         # What the acceleration inside has more than now is the push of the contact.
-        _, push = jax.jvp(lambda q: self._gaps(t, (q, v, *chart)), (q,), (there - a,))
-        begins &= push > 0
+        pushes = push(there - a)
+        begins &= pushes > 0
         speed, depth = jnp.where(begins, -rate, 1), jnp.where(begins, -rate * tried - gap, 1)
         # Hertz's law in accelerations, δ'' = −k δ^(3/2): its time is (k √v)^(−2/5).
-        stiffness = jnp.where(begins, push, 1) / depth**1.5
+        stiffness = jnp.where(begins, pushes, 1) / depth**1.5
         turns = (stiffness * jnp.sqrt(speed)) ** -0.4
         first = jnp.where(begins, _FIRST * self.rtol**0.2 * turns, jnp.inf)
-        longest = jnp.minimum(jnp.min(first), jnp.min(jnp.where(soon, lands, jnp.inf)))
-        return jnp.minimum(planned, t + longest)
+
+        # The speed at the end of a contact and the time to it, if it pushed on as it does now.
+        pushes = jnp.maximum(push(a - free), 0)
+        leaves = (gap < -noise) & (rate > 0)
+        speed = jnp.sqrt(rate**2 + 2 * jnp.abs(gap) * pushes)
+        leaves &= speed - rate > _FAINT * self.rtol * speed
+        left = 2 * jnp.abs(gap) / jnp.where(leaves, speed + rate, 1)
+        nexts = [jnp.where(soon, lands, jnp.inf), first, jnp.where(leaves, _LEFT * left, jnp.inf)]
+        return jnp.minimum(planned, t + jnp.min(jnp.stack(nexts)))
 
     @property
     def _noise(self) -> Float[Array, ""]:

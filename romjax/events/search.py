@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 _NODES = 8
 # Bisections of the part of a step in which an event lies; more would be finer than the errors of
 # dense output.
-_BISECTIONS = 24
+_BISECTIONS = 30
 
 
 class Crossings(NamedTuple):

@@ -17,14 +17,17 @@ def can_hold(tree: Any) -> tuple[bool, ...]:
 
 
 def hold(tree: Any, sides: Float[Array, " effects"]) -> Any:
-    """Return a pytree with its effects that may begin held on their `sides`."""
+    """Return a pytree with its effects that may begin held on their `sides`; several times over
+    where it has them several times.
+    """
     first = 0
 
     def change(x: Any) -> Any:
         nonlocal first
         if not _begins(x):
             return x
-        own, first = sides[first : first + _count(x)], first + _count(x)
+        own = sides[first : first + _count(x)]
+        first = (first + _count(x)) % len(sides)
         return jax.vmap(lambda one, side: one.held(side))(x, own) if _holds(x) else x
 
     return jax.tree.map(change, tree, is_leaf=_begins)

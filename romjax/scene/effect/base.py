@@ -108,9 +108,10 @@ class AbstractMarkerEffect(AbstractEffect):
 
     def held(self, side: Float[Array, ""]) -> "AbstractMarkerEffect | None":
         """Return an effect that `begins` with one law on both sides of where it does: with `side` 1
-        it does not act, with −1 it acts before too, with 0 it is as it was.
+        it does not act, with −1 it acts before too, if its law goes on smoothly there, and with 0
+        it is as it was.
 
-        None where its law goes no further, as that of contacts.
+        None where nobody knows, unless an effect says more.
         """
         del side
         return None

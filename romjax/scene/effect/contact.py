@@ -104,6 +104,13 @@ class AbstractContact(AbstractMarkerEffect):
     def room(self, *poses: Pose) -> Float[Array, ""]:
         return self.gap(local_point(*poses))
 
+    def held(self, side: Float[Array, ""]) -> "AbstractContact":
+        """Return the contact without its force, or as it is: no law goes on smoothly outside."""
+        held: AbstractContact = eqx.tree_at(
+            lambda x: x.stiffness, self, jnp.where(side > 0, 0.0, self.stiffness)
+        )
+        return held
+
     def energy(self, t: Time, *poses: Pose) -> Float[Array, ""]:
         """⅖ k δ^(5/2) of the depth: that of the normal force where δ is a distance, as for all
         curves and surfaces of romjax. On curved ones of your own that say none it is an estimate,
