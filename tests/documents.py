@@ -2,14 +2,35 @@
 
 import argparse
 import ast
+import functools
 import inspect
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import nbformat
 
 from romjax.command_parser import parser
+
+
+class Read(Mapping[str, Any]):
+    """A mapping that is made when somebody looks into it: all processes import this module, and one
+    of them runs the tests that read it.
+    """
+
+    def __init__(self, make: Callable[[], Mapping[str, Any]]):
+        self._made = functools.cache(make)
+
+    def __getitem__(self, name):
+        return self._made()[name]
+
+    def __iter__(self):
+        return iter(self._made())
+
+    def __len__(self):
+        return len(self._made())
+
 
 ROOT = Path(__file__).parent.parent
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
@@ -31,7 +52,7 @@ PAGES = {
 # The sources of the package, by their paths in it, parsed once for all who look at them.
 PACKAGE = ROOT / "romjax"
 FILES = {path.relative_to(PACKAGE).as_posix(): path for path in sorted(PACKAGE.rglob("*.py"))}
-TREES = {name: ast.parse(path.read_text()) for name, path in FILES.items()}
+TREES = Read(lambda: {name: ast.parse(path.read_text()) for name, path in FILES.items()})
 
 BLOCK = re.compile(r"^```([^`\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)  # language, content
 SPAN = re.compile(r"`([^`]+)`")
@@ -110,10 +131,9 @@ def _help_texts() -> dict[str, str]:
     return found
 
 
-DOCSTRINGS = _docstrings()
-DOCUMENTS = {
-    **PAGES,
-    **{str(path.relative_to(ROOT)): _markdown(path) for path in NOTEBOOKS},
-    **DOCSTRINGS,
-    **_help_texts(),
-}
+def _documents() -> dict[str, str]:
+    notebooks = {str(path.relative_to(ROOT)): _markdown(path) for path in NOTEBOOKS}
+    return {**PAGES, **notebooks, **DOCSTRINGS, **_help_texts()}
+
+
+DOCSTRINGS, DOCUMENTS = Read(_docstrings), Read(_documents)

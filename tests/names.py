@@ -13,7 +13,6 @@ import diffrax
 import jax
 import jax.numpy as jnp
 import optax
-import xarray
 
 import romjax as rj
 from romjax.common import arrays
@@ -35,7 +34,6 @@ PARTS = {
 } | {name: part for name, part in vars(rj).items() if not name.startswith("_")}
 
 ROOTS = {"rj": rj, "romjax": rj, "diffrax": diffrax, "jax": jax, "jnp": jnp, "optax": optax}
-ROOTS |= {"xarray": xarray}
 # What documents call an instance of a class.
 INSTANCES = {
     "arm": rj.Scene,
@@ -99,7 +97,8 @@ def find(node: ast.expr) -> Any:
     Raises AttributeError for one that does not exist.
     """
     if isinstance(node, ast.Name):
-        return KNOWN.get(node.id)
+        # It takes long to import, which each process of the tests would do.
+        return importlib.import_module("xarray") if node.id == "xarray" else KNOWN.get(node.id)
     if not isinstance(node, ast.Attribute):
         return None
     owner = find(node.value)

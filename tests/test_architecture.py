@@ -9,8 +9,6 @@ import types
 from collections.abc import Hashable
 from pathlib import Path
 
-import beartype
-import beartype.roar
 import jax
 import numpy as np
 import pytest
@@ -201,6 +199,9 @@ def test_types_can_be_checked():
     """By beartype, which reads those of each function alone when its module is imported; what it
     cannot read there, such as `Self`, would be seen only where the shapes of arrays are checked.
     """
+    import beartype  # here, since it takes long to import
+    import beartype.roar
+
     kinds, unreadable = {}, []
     for function in functions():
         for name, kind in function.__annotations__.items():

@@ -1,6 +1,5 @@
 """A regulator that is designed with a linear model balances the mechanism itself."""
 
-import control
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -57,6 +56,8 @@ def trolley_with_pole(tilts, gain) -> rj.Scene:
 @pytest.mark.slow
 def test_a_pole_in_space_is_balanced():
     """From 20 and −15 degrees about its two axes, by a quadratic regulator of the upright pole."""
+    import control  # here, since it takes long to import
+
     scene = trolley_with_pole((0.0, 0.0), np.zeros((2, 8)))
     upright, middle = rj.assemble(scene), scene.bodies[0].at((0, 0, 0))
     pushes = {"along": (1, 0, 0), "across": (0, 1, 0)}

@@ -9,7 +9,6 @@ import jax
 import motions
 import numpy as np
 import pytest
-import xarray
 import zoo
 from comparison import assert_close
 from tolerances import IDENTITY
@@ -31,6 +30,13 @@ def same(one, other):
     for a, b in zip(map(np.asarray, ours), map(np.asarray, theirs), strict=True):
         assert a.dtype == b.dtype
         np.testing.assert_array_equal(a, b)
+
+
+def opened(path):
+    """A file as xarray reads it, which takes long to import: each process of the tests would."""
+    import xarray
+
+    return xarray.open_dataset(path)
 
 
 def check_same_run(found, run):
@@ -175,7 +181,7 @@ def test_a_file_simulates_the_same_scene_to_the_bit(swung, tmp_path):
     check_same_run(again, swung)
     assert again.scene == found.scene
     found.save(tmp_path / "again.nc")
-    assert xarray.open_dataset(tmp_path / "again.nc").scene == found.to_xarray().scene
+    assert opened(tmp_path / "again.nc").scene == found.to_xarray().scene
 
 
 def test_a_scene_that_cannot_be_made_leaves_the_numbers(run, tmp_path):
@@ -196,7 +202,7 @@ def test_a_scene_that_cannot_be_made_leaves_the_numbers(run, tmp_path):
 def test_a_file_says_what_it_is_by_functions_of_xarray(run, tmp_path):
     """Dimensions, units, names and words."""
     run.save(tmp_path / "run.nc", tip=(np.zeros((11, 2)), "m"))
-    with xarray.open_dataset(tmp_path / "run.nc") as d:
+    with opened(tmp_path / "run.nc") as d:
         assert d["q"].dims == ("time", "coordinate")
         units = [d[name].units for name in ("q", "v", "time", "tip")]
         assert units == ["m or rad or kg^1/2 m", "m/s or rad/s or kg^1/2 m/s", "s", "m"]
@@ -256,7 +262,7 @@ def test_reduced_runs_say_so(pendulum, tmp_path):
     approx.save(tmp_path / "rom.nc")
     found = rj.load(tmp_path / "rom.nc")
     check_same_run(found, approx)
-    assert xarray.open_dataset(tmp_path / "rom.nc").model == f"reduced: {rom.summary}"
+    assert opened(tmp_path / "rom.nc").model == f"reduced: {rom.summary}"
     assert approx.system.summary == rom.summary
     assert rj.assemble(approx.scene).structure == found.system.structure == pendulum.structure
 
@@ -278,7 +284,7 @@ def test_failed_runs_events_and_dense_output(pendulum, swung, tmp_path):
         assert np.array_equal(np.all(np.isnan(seen), axis=1), np.arange(5) > 0)
     failed.save(path)
     check_same_run(rj.load(path), failed)
-    assert REMEDIES[Status.MAX_STEPS] in xarray.open_dataset(path).status_words
+    assert REMEDIES[Status.MAX_STEPS] in opened(path).status_words
 
 
 def test_a_method_with_settings_of_its_own_is_asked_for(run, tmp_path):
@@ -300,6 +306,8 @@ def test_a_method_with_settings_of_its_own_is_asked_for(run, tmp_path):
     ],
 )
 def test_other_files_are_refused(attributes, words, tmp_path):
+    import xarray
+
     xarray.Dataset({"time": ("time", [0.0])}, attrs=attributes).to_netcdf(tmp_path / "other.nc")
     with pytest.raises(rj.InputError, match=f"other.nc.*{words}"):
         rj.load(tmp_path / "other.nc")
@@ -316,7 +324,7 @@ def test_what_is_no_file_is_refused(run, tmp_path, monkeypatch):
     with pytest.raises(rj.InputError, match="no netCDF file.*Trajectory.save"):
         rj.load(tmp_path / "run.nc")
     with monkeypatch.context() as patched:
-        patched.setattr(xarray, "load_dataset", unreadable)  # as HDF5 does, where a bit has turned
+        patched.setattr("xarray.load_dataset", unreadable)  # as HDF5 does, where a bit has turned
         with pytest.raises(rj.InputError, match="a damaged one.*Trajectory.save"):
             rj.load(tmp_path / "run.nc")
     run.to_xarray().drop_vars("violation").to_netcdf(tmp_path / "part.nc")
@@ -433,7 +441,8 @@ def test_a_run_of_a_transformation_knows_no_system(swept):
 
 def test_a_sweep_has_its_parameters_as_coordinates(swept, tmp_path):
     swept.save(tmp_path / "sweep.nc")
-    data = xarray.load_dataset(tmp_path / "sweep.nc")
+    with opened(tmp_path / "sweep.nc") as stored:
+        data = stored.load()
     assert data["q"].dims == ("lane", "time", "coordinate")
     np.testing.assert_array_equal(data.coords["speed"], [1.0, 2.0, np.nan])
     np.testing.assert_array_equal(data["q"], swept.values["run"].q)

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray
 from groups import in_groups
 from motions import motion
 from zoo import bar
@@ -41,6 +40,8 @@ def full_disk():
 
 
 def dataset():
+    import xarray  # here, since it takes long to import
+
     return xarray.Dataset({"x": ("time", np.random.default_rng(0).normal(size=5000))})
 
 

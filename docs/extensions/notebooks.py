@@ -5,12 +5,10 @@ import shutil
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import executed
 import nbformat
-from jupyter_cache import get_cache
-from jupyter_cache.base import CacheBundleIn, JupyterCacheAbstract
-from nbclient import NotebookClient
 
 CACHE = executed.FOLDER / "notebooks"
 TIMEOUT = 400  # [s] of a cell
@@ -34,6 +32,9 @@ def execute(path: Path, folder: Path) -> None:
 
     Raises nbclient's CellExecutionError at a cell that fails.
     """
+    from jupyter_cache.base import CacheBundleIn
+    from nbclient import NotebookClient
+
     notebook = nbformat.read(path, as_version=4)
     resources = {"metadata": {"path": str(folder)}}
     # Without times in the cells: the cache would take them for another notebook.
@@ -74,5 +75,8 @@ def executed_one(path: Path) -> nbformat.NotebookNode:
     return cache.get_cache_bundle(found.pk).nb
 
 
-def _cache() -> JupyterCacheAbstract:
+def _cache() -> Any:
+    # Here, since it takes long to import: fast tests ask for no notebook.
+    from jupyter_cache import get_cache
+
     return get_cache(CACHE)
