@@ -33,11 +33,11 @@ AUDITED = (
     "trebuchet",
     "uncoiling-strip",
 )
-# What other tests move too, by one program, and is in space.
+# What other tests move too, by one program, and is in space: in fast tests its file alone.
 FAST = "spinning-top"
 
 FACTS = {fact.__name__.replace("_", "-"): fact for fact in (*IN_THE_PLANE, *IN_SPACE)}
-# The scenes that no fast test runs, each with its balance of energy or without.
+# All other scenes, each with its balance of energy or without.
 FEW = [(name, name in AUDITED) for name in FACTS if name != FAST]
 BY_DEFAULT = [*FEW, *((name, True) for name in FACTS if (name, True) not in FEW)]
 # Rows that repeat others.
@@ -57,6 +57,7 @@ def test_a_scene_in_space_is_made_without_compiling(name):
     assert find(name).make().bodies
 
 
+@pytest.mark.slow
 def test_scene():
     """Tightly, and without the balance of energy."""
     run_and_show(find(FAST), zoo.run)

@@ -13,7 +13,7 @@ from mechanisms import turned_about_the_origin
 from motions import motion as made_up
 from random_scenes import random_scene
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
-from zoo import RODAS5P, TIGHT, bars, falling_beams, motion, run, system
+from zoo import TIGHT, bars, falling_beams, motion, run, system
 
 import romjax as rj
 from romjax.assembly.disassemble import disassemble
@@ -147,7 +147,7 @@ def beams():
 
 
 def moved(rom, ts=TS[:31], **settings):
-    return run(rom, ts, solver=RODAS5P, **settings)
+    return run(rom, ts, **settings)
 
 
 @pytest.fixture(scope="module")

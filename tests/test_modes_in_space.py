@@ -29,6 +29,7 @@ def hinged(height, *effects, **pose) -> rj.AbstractSystem:
     return rj.assemble(rj.Scene([body], [hinge], [rj.Gravity((0.0, 0.0, -GRAVITY)), *effects]))
 
 
+@pytest.mark.slow
 def test_a_floating_platform():
     """Six modes, by 6 × 6 matrices; under a transformation, where no singular value is known and
     the count of modes is that of the structure.

@@ -5,6 +5,7 @@ import itertools
 
 import numpy as np
 import pytest
+from motions import through
 from tolerances import IDENTITY
 from zoo import run
 
@@ -59,9 +60,10 @@ def study(training):
 
 
 @pytest.mark.parametrize("wrong", [{"ranks": [0, 1]}, {"ranks": []}, {"repeats": 0}])
-def test_wrong_numbers(training, wrong):
+def test_wrong_numbers(wrong):
+    bars = system()
     with pytest.raises(rj.InputError, match="give positive numbers of both"):
-        rj.rank_study(system(), training, **wrong)
+        rj.rank_study(bars, through(bars), **wrong)
 
 
 @pytest.mark.slow

@@ -13,6 +13,8 @@ import romjax as rj
 
 # Sample rates 3 kHz and 100 Hz, as every so many-th of the finest.
 STRIDES = (1, 30)
+# In fast tests 500 Hz, with the program of other runs, and 100 Hz.
+QUICK, QUICK_STRIDES = 500, (1, 5)
 TOLERANCES = (1e-3, 1e-5, 1e-6, 1e-8)
 # Of the smooth orthogonal decomposition of exact snapshots.
 EXACT = [3, 4, 5, 6]
@@ -23,9 +25,9 @@ SAMPLED = 2e-3
 
 
 @functools.cache
-def second(rtol) -> rj.Trajectory:
-    """The chapter's second at 3 kHz."""
-    ts = np.linspace(0.0, 1.0, 3_001)
+def second(rtol, hertz=3_000) -> rj.Trajectory:
+    """The chapter's second at a sample rate."""
+    ts = np.linspace(0.0, 1.0, hertz + 1)
     return zoo.run(zoo.system(zoo.cart_pendulum), ts, rtol=rtol, solver=zoo.RODAS5P)
 
 
@@ -46,7 +48,7 @@ def test_no_rank_moves_with_the_sample_rate(decompose, rtol):
 
 @pytest.mark.parametrize("rtol", in_groups(CERTAIN, fast=(1e-8,), slow=(1e-5, 1e-12)))
 def test_what_the_integration_hides_does_not_count(rtol):
-    assert ranks(rj.sod, second(rtol)) == CERTAIN[rtol]
+    assert ranks(rj.sod, second(rtol, QUICK)) == CERTAIN[rtol]
 
 
 @pytest.mark.slow
@@ -61,7 +63,7 @@ def test_the_values_do_not_move_either():
     """The largest value of the velocities, and the frequencies of the smooth modes. At 100 Hz the
     trapezoidal rule is 0.15 % off, but at rtol = 1e-8 the third frequency by 2 %.
     """
-    found = [rj.sod(second(1e-10).every(stride), rank=3) for stride in STRIDES]
+    found = [rj.sod(second(1e-10, QUICK).every(stride), rank=3) for stride in QUICK_STRIDES]
     assert np.ptp([basis.spectrum[0] for basis in found]) <= SAMPLED * found[0].spectrum[0]
     hertz = [1 / (2 * np.pi * np.sqrt(basis.values[2])) for basis in found]
     assert np.ptp(hertz) <= SAMPLED * hertz[0]
@@ -105,8 +107,8 @@ def test_single_precision_keeps_the_ranks():
 
 def test_the_gram_matrix_gives_the_same():
     """Chapter equations 39.9 and 39.10, with more snapshots than coordinates and with fewer."""
-    few = second(1e-8).every(500)
-    for motion, rank in ((second(1e-8).every(30), 4), (few, 4)):
+    few = second(1e-8, QUICK).every(83)
+    for motion, rank in ((second(1e-8, QUICK).every(5), 4), (few, 4)):
         direct, squared = (rj.pod(motion, rank=rank, method=m) for m in ("svd", "gram"))
         values, others = (np.asarray(x.values)[:rank] for x in (direct, squared))
         assert np.max(np.abs(values - others)) <= SOLVED / 10 * values[0]

@@ -278,7 +278,7 @@ def driven() -> rj.Scene:
 @pytest.mark.parametrize(
     ("scene", "message"),
     [
-        (lambda: rj.gallery.chain(3), "have 3 freedoms"),
+        pytest.param(lambda: rj.gallery.chain(3), "have 3 freedoms", marks=pytest.mark.slow),
         (lambda: rj.gallery.chain(2), "give a basis, whose snapshots"),
         (parallelogram, "configurations branch"),
         pytest.param(driven, "change with time", marks=pytest.mark.slow),
