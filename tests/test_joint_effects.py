@@ -184,9 +184,11 @@ def test_joint_coordinates_have_rotors_that_turn_and_slide():
 
 
 def test_stops_are_as_stiff_as_the_system_is_fast_on_them():
-    """√(k / J), with gravity, which the start between them does not show, decides on the method."""
+    """√(k / J), with gravity, which the start between them does not show; it decides on the method
+    where a rest on one would take Dopri8 ten thousand steps.
+    """
     ts = np.linspace(0.0, 1.0, 101)
-    for stiffness, solver in ((50.0, diffrax.Dopri8), (5e7, rj.Rodas5P)):
+    for stiffness, solver in ((5e7, diffrax.Dopri8), (5e10, rj.Rodas5P)):
         bar = rj.RigidBody("bar", MASS, INERTIA, position=(0.0, -ARM), angle=-np.pi / 2)
         ends = bar.at((-ARM, 0.0)), rj.ground.at((0.0, 0.0))
         stop = rj.JointStop(*ends, upper=0.0, stiffness=stiffness)

@@ -12,7 +12,7 @@ from ..march.cuts import AbstractPassage
 from ..system.base import AbstractSystem
 from ..system.dynamics import solve
 from ..system.frequencies import with_all_acting
-from ..system.held import can_hold, hold
+from ..system.held import all_go_on, can_hold, hold
 from ..system.local import local_system
 from ..system.stabilization import Baumgarte
 from .search import first_crossing
@@ -58,7 +58,8 @@ class Passage(AbstractPassage):
     not feel the other law, what begins and ends within a step is looked for by dense output.
 
     - `stabilization`: of the accelerations. `rtol`: of the run.
-    - `hard`: whether forces grow otherwise than in proportion, as those of contacts.
+    - `hard`: whether forces grow otherwise than in proportion, as those of contacts, whose law does
+      not go on smoothly.
     - `holds` (contacts,): which of them can be held.
     """
 
@@ -78,7 +79,8 @@ class Passage(AbstractPassage):
         gaps = full.state(jnp.zeros(()), full.q0, full.v0).gaps()
         if gaps is None:
             return None
-        hard, holds = with_all_acting(full) is None, can_hold(system)
+        hard = with_all_acting(full) is None and not all_go_on(full)
+        holds = can_hold(system)
         # A system of samples has the effects of the full one once more, in the same order.
         own = holds[: len(gaps)]
         again = holds == own * (len(holds) // len(gaps))

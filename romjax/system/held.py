@@ -16,6 +16,12 @@ def can_hold(tree: Any) -> tuple[bool, ...]:
     return tuple(np.repeat([_holds(x) for x in found], [_count(x) for x in found]).tolist())
 
 
+def all_go_on(tree: Any) -> bool:
+    """Whether each effect that may begin has a law to be held that is smooth on both sides."""
+    found = [x for x in jax.tree.leaves(tree, is_leaf=_begins) if _begins(x)]
+    return all(x.goes_on and _holds(x) for x in found)
+
+
 def hold(tree: Any, sides: Float[Array, " effects"]) -> Any:
     """Return a pytree with its effects that may begin held on their `sides`; several times over
     where it has them several times.

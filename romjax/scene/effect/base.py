@@ -80,6 +80,8 @@ class AbstractMarkerEffect(AbstractEffect):
     units: ClassVar[tuple[str, ...]] = ()
     # Whether it may begin on the way, as contacts do; then the start shows nothing of it.
     begins: ClassVar[bool] = False
+    # Whether the law of one that is `held` is smooth on both sides.
+    goes_on: ClassVar[bool] = True
     # Whether it is right within a `limit` only.
     limited: ClassVar[bool] = False
 
