@@ -254,6 +254,23 @@ def test_a_measurement_has_all_its_quantities(pendulum, swung):
         swung.to_xarray(half=np.zeros(3))
 
 
+@pytest.mark.instant
+def test_a_measurement_in_space_has_a_rotation_for_its_angle(run):
+    class Measured:
+        position, angular_velocity = np.zeros((11, 3)), np.ones((11, 3))
+        rotation = np.zeros((11, 3, 3))
+
+        @property
+        def angle(self):
+            raise AssertionError("in space there is none")
+
+    data = run.to_xarray(tip=Measured())
+    assert data["tip.position"].dims == data["tip.angular_velocity"].dims == ("time", "axis")
+    assert data["axis"].values.tolist() == ["x", "y", "z"]
+    assert data["tip.rotation"].shape == (11, 3, 3)
+    assert "tip.angle" not in data
+
+
 def test_reduced_runs_say_so(pendulum, tmp_path):
     """The numbers are physical, the scene is that of the full system."""
     turned = rj.Basis.from_modes(np.array([[0.0], [0.5], [1.0]]), pendulum.q0)

@@ -1,7 +1,7 @@
 """The mechanism as lines in axes; in space as it is seen from one side."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -13,6 +13,9 @@ from ..assembly.outlines import MovingOutline
 from ..scene.outline import Style
 from .palette import VIEW, View
 from .style import GREY, LINES, SIGNS, SMALL, TRACE
+
+# At how many points of a line, and in how many frames about, is looked where a corner is free.
+_PIECES, _FRAMES = 16, 24
 
 
 def projected(outlines: Sequence[MovingOutline], view: View = VIEW) -> list[MovingOutline]:
@@ -118,9 +121,14 @@ def framed(box: np.ndarray) -> np.ndarray:
     return np.stack([middle - half, middle + half])
 
 
-def stage(axes: Axes, box: np.ndarray, view: View | None = None) -> None:
+def stage(
+    axes: Axes,
+    box: np.ndarray,
+    view: View | None = None,
+    drawn: Sequence[MovingOutline] = (),
+) -> None:
     """Equal scales, and the limits of `box`; for a `view` of space no scales, since no axis is in
-    the picture, but where x, y and z point.
+    the picture, but where x, y and z point, in a corner that is free of what is `drawn`.
     """
     axes.set_aspect("equal")
     axes.set_xlim(box[0, 0], box[1, 0])
@@ -131,9 +139,34 @@ def stage(axes: Axes, box: np.ndarray, view: View | None = None) -> None:
     # direction.
     axes.set_axis_off()
     length = 0.06 * float(np.max(box[1] - box[0]))
-    foot = box[0] + 1.6 * length
+    right, above = _corner(box, 3.2 * length, drawn)
+    foot = np.array([box[right, 0], box[above, 1]])
+    foot += 1.6 * length * np.array([1 - 2 * right, 1 - 2 * above])
     for name, way in zip("xyz", picture_axes(view).T, strict=True):
         tip = foot + length * way
         axes.plot(*np.stack([foot, tip], axis=1), color=GREY, linewidth=0.8)
         x, y = foot + 1.4 * length * way
         axes.text(x, y, name, color=GREY, ha="center", va="center", fontsize=SMALL)
+
+
+def _corner(
+    box: np.ndarray, side: float, drawn: Sequence[MovingOutline]
+) -> tuple[Literal[0, 1], Literal[0, 1]]:
+    """Whether it is right, and whether it is above: the lower left corner of a box, or the first
+    other one with less drawn in a square of that `side` there.
+    """
+    lines = [_along(outline.points) for outline in drawn if not outline.endless]
+
+    def crowded(place: tuple[Literal[0, 1], Literal[0, 1]]) -> int:
+        corner = np.array([box[place[0], 0], box[place[1], 1]])
+        return sum(int(np.sum(np.all(np.abs(x - corner) < side, axis=-1))) for x in lines)
+
+    places: list[tuple[Literal[0, 1], Literal[0, 1]]] = [(0, 0), (1, 0), (0, 1), (1, 1)]
+    return min(places, key=crowded)
+
+
+def _along(points: np.ndarray) -> np.ndarray:
+    """Points all along lines (frames, points, 2), in some of the frames."""
+    some = points[:: max(1, len(points) // _FRAMES)]
+    shares = np.linspace(0.0, 1.0, _PIECES)[:, None, None, None]
+    return some[:, :-1] * (1 - shares) + some[:, 1:] * shares

@@ -34,7 +34,8 @@ def dataset_of_run(
             words |= {"units": quantity.unit} if quantity.unit else {}
             variables[quantity.name] = (("time", *quantity.axes), quantity.values, words)
             if quantity.axes == ("axis",):
-                names["axis"] = (("axis",), np.array(["x", "y"], object), {"long_name": "axis"})
+                axes = np.array([*"xyz"][: quantity.values.shape[1]], object)
+                names["axis"] = (("axis",), axes, {"long_name": "axis"})
     attributes = attributes_of(run, scene) | origin("run")
     if error:
         # The estimated error is the distance to the corrected run, in each coordinate.

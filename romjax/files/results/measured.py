@@ -13,6 +13,7 @@ UNITS = {
     "velocity": "m/s",
     "acceleration": "m/s^2",
     "angle": "rad",
+    "rotation": "",
     "angular_velocity": "rad/s",
     "angular_acceleration": "rad/s^2",
     "distance": "m",
@@ -29,8 +30,9 @@ UNITS = {
     "total": "J",
     "balance": "J",
 }
-# Those that are vectors, by the inertial axes.
+# Those that are vectors by the inertial axes, in the plane and in space or in space alone.
 VECTORS = {"position", "velocity", "acceleration", "force"}
+TURNING = {"angular_velocity", "angular_acceleration", "torque"}
 
 
 class Measured(NamedTuple):
@@ -58,6 +60,8 @@ def measured(name: str, value: Any, count: int) -> Iterator[Measured]:
     # Not `hasattr`, which would evaluate the property.
     known = set(dir(type(value))) | set(getattr(value, "__dataclass_fields__", ()))
     parts = [part for part in UNITS if part in known]
+    if "rotation" in parts:  # a point in space has no angle, and in the plane the angle says it
+        parts.remove("angle" if np.shape(value.position)[-1] == 3 else "rotation")
     if parts:
         for part in parts:
             yield from measured(f"{name}.{part}", getattr(value, part), count)
@@ -69,6 +73,7 @@ def measured(name: str, value: Any, count: int) -> Iterator[Measured]:
             f"{values.dtype}; give real numbers with one row for each of the {count} outputs."
         )
     axes = tuple(f"{name}_{axis}" for axis in range(1, values.ndim))
-    if kind in VECTORS and values.shape[1:] == (2,):
+    size = values.shape[1:]
+    if (kind in VECTORS and size in ((2,), (3,))) or (kind in TURNING and size == (3,)):
         axes = ("axis",)
     yield Measured(name, axes, values, UNITS.get(kind, "") if unit is None else unit)

@@ -69,7 +69,7 @@ def configuration(
         figure = DisplayedFigure(figsize=(max(tall * across / up, 3.0), tall))
         figure.set_layout_engine("constrained")
         axes = figure.add_subplot()
-    stage(axes, box, view if scene.dimension == 3 else None)
+    stage(axes, box, view if scene.dimension == 3 else None, drawn)
     thick = width(2.0, scene.dimension)
     Picture(axes, drawn, **{"color": COLOURS[0], "linewidth": thick, **body})
     axes.set_axis_off()

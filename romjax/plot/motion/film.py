@@ -26,7 +26,7 @@ from .colours import Colours
 from .frames import Clock, Model
 
 DPI = 160
-COLOURS = 128  # of a GIF
+COLOURS, WHITE = 128, 248  # of a GIF: how many, and from which on they count as white
 
 
 @runtime_checkable
@@ -89,6 +89,10 @@ def _write_gif(
     frames: Iterator[UInt8[np.ndarray, "height width 3"]], path: Path, fps: int | float
 ) -> None:
     first = Image.fromarray(next(frames)).quantize(COLOURS)
+    # Colours that are nearly white are taken for that of the page, which would be a little grey.
+    colours = np.array(first.getpalette()).reshape(-1, 3)
+    colours[np.all(colours >= WHITE, axis=1)] = 255
+    first.putpalette(colours.ravel().tolist())
     # All frames have the colours of the first: to choose some for each takes most of the time.
     others = [
         Image.fromarray(frame).quantize(palette=first, dither=Image.Dither.NONE) for frame in frames
@@ -150,7 +154,7 @@ def _frames(
     thin: dict[str, Any] = {"color": GREY, "linewidth": width(1.2, dimension), "zorder": 1}
     beneath = [Picture(axes, still, **thin)] if still else []
     box = framed(bounds([part for parts in drawn for part in parts]))
-    stage(axes, box, view)
+    stage(axes, box, view, [part for parts in drawn for part in parts])
     _lay_out(figure, axes, box, pictures, [model.name for model in models], animation.colours)
     # A fixed height, since matplotlib would search free space above all ticks at each frame.
     title = axes.set_title("", y=1.01)
