@@ -180,7 +180,7 @@ from .study.projected import Projected as Projected
 from .study.ranks.rank_study import RankStudy as RankStudy
 from .study.ranks.rank_study import rank_study as rank_study
 from .study.ranks.reduce_to import reduce_to as reduce_to
-from .study.sweep import sweep as sweep
+from .study.sweeps.sweep import sweep as sweep
 from .study.tune import tune_baumgarte as tune_baumgarte
 from .system.base import AbstractSystem as AbstractSystem
 from .system.consistent import consistent as consistent

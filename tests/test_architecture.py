@@ -17,7 +17,7 @@ from documents import FILES, PACKAGE, TREES
 
 import romjax as rj
 from romjax.study.fit import Fit
-from romjax.study.sweep import Sweep
+from romjax.study.sweeps.sweep import Sweep
 from romjax.system.base import AbstractSystem
 
 # Required: the largest sizes, in lines, and in members and calls.

@@ -166,7 +166,7 @@ def test_a_sweep_is_killed(kills, tmp_path):
 
 SHARING = """
 import pathlib, random, time
-from romjax.study import claims
+from romjax.study.sweeps import claims
 
 folder, result, seed = sys.argv[1], sys.argv[2], int(sys.argv[3])
 claims.BEAT, claims.VOID = 0.05, 0.5

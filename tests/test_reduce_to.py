@@ -184,7 +184,7 @@ def test_variations_are_simulated_as_the_training_was(falling, monkeypatch):
         solvers.append(solver)
         return rj.simulate(system, ts, solver=solver, **settings)
 
-    monkeypatch.setattr("romjax.study.batch.simulate", watched)
+    monkeypatch.setattr("romjax.study.sweeps.batch.simulate", watched)
     rj.reduce_to(system, training, 1e-2, variations=[system], formulation="minimal")
     assert type(solvers[0]) is rj.Rodas5P
 

@@ -20,9 +20,9 @@ from tolerances import IDENTITY, SOLVED
 from zoo import Stiffness, run, unit_circle, unit_mass
 
 import romjax as rj
-from romjax.study import claims
-from romjax.study.chunks import Chunks
-from romjax.study.sweep import _chunk
+from romjax.study.sweeps import claims
+from romjax.study.sweeps.chunks import Chunks
+from romjax.study.sweeps.sweep import _chunk
 
 TS = np.linspace(0.0, 0.5, 11)
 

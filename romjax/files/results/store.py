@@ -11,7 +11,7 @@ from ...common.errors import InputError
 from ...common.extras import extra
 from ...common.files import check_netcdf, dataset_of
 from ...integrate.trajectory import Trajectory
-from ...study.sweep import Sweep
+from ...study.sweeps.sweep import Sweep
 from .dataset import VERSION, dataset_of_run
 from .fitting import check_arrays, check_scene
 from .restore import solver_of, trajectory_of

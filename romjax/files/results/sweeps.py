@@ -10,7 +10,7 @@ import numpy as np
 from ...common.errors import InputError
 from ...common.extras import extra
 from ...integrate.trajectory import Trajectory
-from ...study.sweep import Sweep
+from ...study.sweeps.sweep import Sweep
 from .dataset import origin
 from .variables import Variable, meanings_of_flags, meanings_of_status, names_of, variables_of
 

@@ -18,7 +18,7 @@ from ...compiling.program import program
 from ...integrate.adjoint import forward_mode
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
-from ..sweep import sweep
+from ..sweeps.sweep import sweep
 from .box import Box
 
 Numbers = dict[str, Any]

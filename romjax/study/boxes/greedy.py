@@ -19,11 +19,11 @@ from ...reduction.formulation.base import AbstractFormulation
 from ...system.base import AbstractSystem, Run
 from ...system.reduced import AbstractReducedSystem
 from ...system.training import with_error
-from ..batch import Sharing, simulate_all, stacked
 from ..flow import Flows
 from ..ranks.rank_search import SAFETY, Accepted, RankSearch, held_out_error, sharper
 from ..residual import nonlinear
 from ..richer import Finer, finer_of
+from ..sweeps.batch import Sharing, simulate_all, stacked
 from .box import Box
 from .estimate import run_with_error_estimate
 from .reduced_box import ReducedBox

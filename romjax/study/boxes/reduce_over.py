@@ -10,7 +10,7 @@ from ...common.arrays import as_array
 from ...common.errors import InputError, ReductionError
 from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.formulation.parse import as_formulation
-from ..batch import Sharing
+from ..sweeps.batch import Sharing
 from .box import Box
 from .greedy import Greedy
 from .reduced_box import ReducedBox

@@ -18,7 +18,7 @@ from ...integrate.trajectory import Trajectory
 from ...system.reduced import AbstractReducedSystem
 from ..flow import Flows
 from ..ranks.rank_search import SAFETY, sharper
-from ..sweep import Sweep, sweep
+from ..sweeps.sweep import Sweep, sweep
 from .box import Box
 from .estimate import run_with_error_by_flow, run_with_error_estimate
 from .reduced_box import ReducedBox

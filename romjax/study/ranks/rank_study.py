@@ -19,8 +19,8 @@ from ...reduction.formulation.parse import as_formulation
 from ...reduction.reduce import reduce
 from ...system.base import AbstractSystem
 from ...system.reduced import AbstractReducedSystem
-from ..batch import simulate_all
 from ..compare import compare
+from ..sweeps.batch import simulate_all
 from ..timing import timed
 from .rank_search import held_out_error
 

@@ -13,7 +13,7 @@ from ...reduction.formulation.parse import as_formulation
 from ...system.base import AbstractSystem
 from ...system.reduced import AbstractReducedSystem
 from ...system.training import with_error
-from ..batch import simulate_all
+from ..sweeps.batch import simulate_all
 from .rank_search import RankSearch, held_out_error, sharper
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from ..common import writing
+from ...common import writing
 from .claims import Claims
 
 # [s] Between two looks at the chunks of other processes.

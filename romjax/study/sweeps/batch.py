@@ -8,12 +8,12 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.arrays import as_number, pick
-from ..common.errors import InputError
-from ..compiling.program import program
-from ..integrate.simulate import simulate
-from ..integrate.trajectory import Trajectory
-from ..system.base import AbstractSystem
+from ...common.arrays import as_number, pick
+from ...common.errors import InputError
+from ...compiling.program import program
+from ...integrate.simulate import simulate
+from ...integrate.trajectory import Trajectory
+from ...system.base import AbstractSystem
 from .sweep import sweep
 
 # Runs of a chunk that processes share, of which there are some ten in all.

@@ -14,13 +14,13 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from tqdm import tqdm
 
-from ..common.files import dataset_of, write_dataset
-from ..compiling.program import Program
-from ..compiling.xla import tracing_with_options
-from ..integrate.doubt import DOUBTS
-from ..integrate.status import REMEDIES, Status
-from ..integrate.trajectory import Trajectory
-from ..system.flags import WORDS
+from ...common.files import dataset_of, write_dataset
+from ...compiling.program import Program
+from ...compiling.xla import tracing_with_options
+from ...integrate.doubt import DOUBTS
+from ...integrate.status import REMEDIES, Status
+from ...integrate.trajectory import Trajectory
+from ...system.flags import WORDS
 from .chunks import Chunks
 
 # Lanes of a chunk on one device. The arrays of some hundred small mechanisms still fit into a
