@@ -28,8 +28,8 @@ from .files.summary import describe_file
 from .gallery.catalogue import EXAMPLES
 from .pages import chapter, document, page, report
 from .study.accuracy.study import accuracy
+from .study.fits.tune import tune_baumgarte
 from .study.reduction import REFINEMENT, ReductionStudy, reduction_study
-from .study.tune import tune_baumgarte
 from .trials.reductions import reductions
 
 T = TypeVar("T")

@@ -16,7 +16,7 @@ import zoo
 from documents import FILES, PACKAGE, TREES
 
 import romjax as rj
-from romjax.study.fit import Fit
+from romjax.study.fits.fit import Fit
 from romjax.study.sweeps.sweep import Sweep
 from romjax.system.base import AbstractSystem
 

@@ -11,7 +11,7 @@ from verification_problems.slopes import SPRUNG, slider_crank
 from zoo import run, unit_mass
 
 import romjax as rj
-from romjax.study.gradient import _differences
+from romjax.study.fits.gradient import _differences
 
 # Required of published gradients.
 SUNDIALS, SIMEON = 1e-6, 1e-5

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ...common.checks import check_kind
-from ...study.tune import Tuning
+from ...study.fits.tune import Tuning
 from ..style import COLOURS, SMALL, DisplayedFigure
 
 

@@ -23,8 +23,8 @@ from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.formulation.parse import as_formulation
 from ...reduction.reduce import reduce
 from ...system.reduced import AbstractReducedSystem
-from ..fit import Fit, fit
-from ..least_squares import inverse_square
+from ..fits.fit import Fit, fit
+from ..fits.least_squares import inverse_square
 from .box import Box
 from .full_runs import FullRuns, Numbers, moved, still
 from .reduced_box import reduced_as

@@ -15,10 +15,10 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float
 from tqdm import tqdm
 
-from ..common.checks import check_kind
-from ..compiling.xla import filter_jit
-from ..integrate.adjoint import forward_mode
-from ..integrate.doubt import telling
+from ...common.checks import check_kind
+from ...compiling.xla import filter_jit
+from ...integrate.adjoint import forward_mode
+from ...integrate.doubt import telling
 from .least_squares import Solution, inverse_square, least_squares
 
 Vector = Float[Array, " p"]

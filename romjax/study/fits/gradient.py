@@ -11,8 +11,8 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from tabulate import tabulate
 
-from ..compiling.xla import jit
-from ..integrate.adjoint import forward_mode
+from ...compiling.xla import jit
+from ...integrate.adjoint import forward_mode
 
 # The least step of central differences, relative to the size of the number, and how many there are,
 # each twice as long as the one before: a number that is zero changes by the step itself, too much

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..common.arrays import concrete
-from ..common.errors import InputError
-from ..integrate.doubt import telling
+from ...common.arrays import concrete
+from ...common.errors import InputError
+from ...integrate.doubt import telling
 
 
 def log_likelihood(

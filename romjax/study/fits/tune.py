@@ -12,17 +12,17 @@ import optax
 from jaxtyping import Array, ArrayLike, Float
 from tqdm import tqdm
 
-from ..common.arrays import Vector
-from ..compiling.program import program, program_often
-from ..integrate.adjoint import forward_mode
-from ..integrate.doubt import warn_of_outcome
-from ..integrate.simulate import simulate
-from ..integrate.status import Status
-from ..system.base import AbstractSystem
-from ..system.dynamics import constraint_state
-from ..system.frequencies import frequencies
-from ..system.reduced import reduced_of
-from ..system.stabilization import Baumgarte
+from ...common.arrays import Vector
+from ...compiling.program import program, program_often
+from ...integrate.adjoint import forward_mode
+from ...integrate.doubt import warn_of_outcome
+from ...integrate.simulate import simulate
+from ...integrate.status import Status
+from ...system.base import AbstractSystem
+from ...system.dynamics import constraint_state
+from ...system.frequencies import frequencies
+from ...system.reduced import reduced_of
+from ...system.stabilization import Baumgarte
 
 # A step of the search that leaves what can be simulated is taken back, and later ones are shorter.
 _SHORTER = 0.5
