@@ -19,7 +19,7 @@ from tqdm import tqdm
 import romjax as rj
 from romjax.study.boxes.estimate import run_with_error_estimate
 from romjax.study.boxes.reduced_box import covering
-from romjax.study.richer import finer_of
+from romjax.study.errors.richer import finer_of
 
 COUNT, RANK, RANGES = 6, 2, {"mass": (0.5, 2.0), "EI": (0.5, 2.0)}
 BOXES, HELD_OUT, UNSEEN, CANDIDATES = 200, 19, 50, 8

@@ -24,9 +24,9 @@ from tqdm import tqdm
 import romjax as rj
 from romjax.reduction.formulation.parse import as_formulation
 from romjax.study.accuracy.model import capped
-from romjax.study.corrected import corrected_with
-from romjax.study.flow import Flows
-from romjax.study.richer import finer_of
+from romjax.study.errors.corrected import corrected_with
+from romjax.study.errors.flow import Flows
+from romjax.study.errors.richer import finer_of
 
 RTOL = 1e-8
 REPEATS, SLOW = 10, 2.0

@@ -171,8 +171,8 @@ from .study.boxes.sweep_over import BoxSweep as BoxSweep
 from .study.boxes.sweep_over import sweep_over as sweep_over
 from .study.compare import Comparison as Comparison
 from .study.compare import compare as compare
-from .study.corrected import corrected as corrected
-from .study.extrapolate import extrapolate as extrapolate
+from .study.errors.corrected import corrected as corrected
+from .study.errors.extrapolate import extrapolate as extrapolate
 from .study.fits.fit import fit as fit
 from .study.fits.gradient import check_gradient as check_gradient
 from .study.fits.likelihood import log_likelihood as log_likelihood

@@ -80,7 +80,7 @@ ASKING = {
     "system/reduced.py": "a reduced system stands for another: all others ask here",
     "system/base.py": "type checkers do not know which fields a system has",
     "plot/motion/animate.py": "users may give anything there",
-    "study/richer.py": "the ranks of a local model, whose formulation is known",
+    "study/errors/richer.py": "the ranks of a local model, whose formulation is known",
 }
 
 

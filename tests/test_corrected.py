@@ -13,8 +13,8 @@ import romjax as rj
 from romjax.common.partition import Partitioned
 from romjax.integrate.error_bar import ErrorBar
 from romjax.reduction.formulation.parse import as_formulation
-from romjax.study import richer_run
-from romjax.study.richer import finer_of
+from romjax.study.errors import richer_run
+from romjax.study.errors.richer import finer_of
 from romjax.system.training import with_error
 
 # Required of estimates over true errors.

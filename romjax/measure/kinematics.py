@@ -12,7 +12,7 @@ from ..common.errors import InputError
 from ..integrate.trajectory import Trajectory
 from ..linalg.dense import length
 from ..scene.marker import Marker, Pose
-from ..study.corrected import corrected_with
+from ..study.errors.corrected import corrected_with
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
 from .states import Rest, accelerations, along_run, run_or_rest

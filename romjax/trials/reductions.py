@@ -10,7 +10,7 @@ from ..common.checks import check_kind
 from ..common.errors import InputError, ReductionError
 from ..integrate.trajectory import Trajectory
 from ..scene.scene import Scene
-from ..study.corrected import corrected
+from ..study.errors.corrected import corrected
 from ..study.timing import alternating
 from ..system.base import AbstractSystem
 from .advice import advice, in_order, paying, remark

@@ -11,7 +11,7 @@ import numpy as np
 from ...common.extras import extra
 from ...integrate.trajectory import Trajectory
 from ...scene.scene import Scene
-from ...study.corrected import corrected
+from ...study.errors.corrected import corrected
 from ...system.base import AbstractSystem
 from ...system.reduced import reduced_of
 from .measured import measured

@@ -12,7 +12,7 @@ from ...integrate.trajectory import Trajectory
 from ...system.base import AbstractSystem
 from ...system.reduced import AbstractReducedSystem
 from ..compare import compare
-from ..flow import Flows
+from ..errors.flow import Flows
 from .reduced_box import reduced_as
 
 
@@ -26,8 +26,8 @@ def run_with_error_estimate(
     """Run the coarse model for a system with other numbers, and estimate the error of the run.
 
     Returns that model, its run from the start of the system, and the largest error against runs of
-    the `finer` models (`romjax.study.richer`) from that start, which is infinite where one of the
-    runs failed, and zero without such models.
+    the `finer` models (`romjax.study.errors.richer`) from that start, which is infinite where one
+    of the runs failed, and zero without such models.
     """
     rom = reduced_as(coarse, system)
     run = simulate(rom, times, rtol=rtol, throw=False)

@@ -19,10 +19,10 @@ from ...reduction.formulation.base import AbstractFormulation
 from ...system.base import AbstractSystem, Run
 from ...system.reduced import AbstractReducedSystem
 from ...system.training import with_error
-from ..flow import Flows
+from ..errors.flow import Flows
+from ..errors.residual import nonlinear
+from ..errors.richer import Finer, finer_of
 from ..ranks.rank_search import SAFETY, Accepted, RankSearch, held_out_error, sharper
-from ..residual import nonlinear
-from ..richer import Finer, finer_of
 from ..sweeps.batch import Sharing, simulate_all, stacked
 from .box import Box
 from .estimate import run_with_error_estimate

@@ -10,11 +10,11 @@ from ...common.errors import InputError
 from ...integrate.trajectory import Trajectory
 from ...system.base import AbstractSystem, beginning_at
 from ...system.reduced import AbstractReducedSystem, reduced_of
-from ..corrected import corrected, true_start
-from ..flow import Flows
-from ..residual import with_motion
-from ..richer import Finer
-from ..richer_run import told
+from ..errors.corrected import corrected, true_start
+from ..errors.flow import Flows
+from ..errors.residual import with_motion
+from ..errors.richer import Finer
+from ..errors.richer_run import told
 from .box import Box
 
 # A model of a box is validated with this confidence.

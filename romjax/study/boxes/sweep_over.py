@@ -16,7 +16,7 @@ from ...common.errors import InputError, ReductionError, SimulationError
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
 from ...system.reduced import AbstractReducedSystem
-from ..flow import Flows
+from ..errors.flow import Flows
 from ..ranks.rank_search import SAFETY, sharper
 from ..sweeps.sweep import Sweep, sweep
 from .box import Box

@@ -6,20 +6,20 @@ from typing import Any, NamedTuple, cast
 
 from jaxtyping import Array, Float
 
-from ..assembly.assemble import assemble
-from ..assembly.assembled import groups_of, mechanism_of
-from ..assembly.disassemble import disassemble
-from ..basis.decomposition.pod import POD
-from ..common.errors import InputError, RankError, ReductionError
-from ..common.outside import outside_of_traces
-from ..integrate.derived import metric_of
-from ..reduction.formulation.base import AbstractFormulation
-from ..reduction.formulation.minimal import Minimal
-from ..reduction.local.formulation import Local
-from ..scene.body.capped import with_caps_times
-from ..system.base import AbstractSystem
-from ..system.reduced import AbstractReducedSystem
-from ..system.training import Recipe, training_of
+from ...assembly.assemble import assemble
+from ...assembly.assembled import groups_of, mechanism_of
+from ...assembly.disassemble import disassemble
+from ...basis.decomposition.pod import POD
+from ...common.errors import InputError, RankError, ReductionError
+from ...common.outside import outside_of_traces
+from ...integrate.derived import metric_of
+from ...reduction.formulation.base import AbstractFormulation
+from ...reduction.formulation.minimal import Minimal
+from ...reduction.local.formulation import Local
+from ...scene.body.capped import with_caps_times
+from ...system.base import AbstractSystem
+from ...system.reduced import AbstractReducedSystem
+from ...system.training import Recipe, training_of
 
 # Times the cap: above all modes.
 _ENDLESS = 1e12

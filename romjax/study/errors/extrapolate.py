@@ -6,12 +6,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ..common.arrays import concrete
-from ..common.errors import InputError
-from ..integrate.derived import LazyQuantities
-from ..integrate.trajectory import Trajectory
-from ..system.base import AbstractSystem, check_system
-from .compare import Comparison, compare
+from ...common.arrays import concrete
+from ...common.errors import InputError
+from ...integrate.derived import LazyQuantities
+from ...integrate.trajectory import Trajectory
+from ...system.base import AbstractSystem, check_system
+from ..compare import Comparison, compare
 
 
 def extrapolate(

@@ -9,15 +9,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..compiling.program import program
-from ..integrate.default import start_frequencies
-from ..integrate.simulate import simulate
-from ..integrate.trajectory import Trajectory
-from ..system.base import AbstractSystem
-from ..system.dynamics import gamma, linearize
-from ..system.reduced import AbstractReducedSystem
-from ..system.stabilization import Baumgarte
-from ..system.structure import without_names
+from ...compiling.program import program
+from ...integrate.default import start_frequencies
+from ...integrate.simulate import simulate
+from ...integrate.trajectory import Trajectory
+from ...system.base import AbstractSystem
+from ...system.dynamics import gamma, linearize
+from ...system.reduced import AbstractReducedSystem
+from ...system.stabilization import Baumgarte
+from ...system.structure import without_names
 from .residual import DECAY, residual_about
 
 # The largest angle [rad] by which the fastest mode turns in a step of the method of Runge and

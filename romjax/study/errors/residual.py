@@ -9,19 +9,19 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..common.errors import InputError
-from ..common.partition import Partitioned
-from ..integrate.derived import EagerQuantities, metric_of
-from ..integrate.simulate import simulate
-from ..integrate.trajectory import Trajectory
-from ..reduction.system import has_charts
-from ..system.base import AbstractSystem, beginning_at
-from ..system.consistent import project
-from ..system.custom import CustomSystem
-from ..system.dynamics import constraint_state, gamma, solve
-from ..system.reduced import AbstractReducedSystem
-from ..system.stabilization import Baumgarte
-from ..system.structure import without_names
+from ...common.errors import InputError
+from ...common.partition import Partitioned
+from ...integrate.derived import EagerQuantities, metric_of
+from ...integrate.simulate import simulate
+from ...integrate.trajectory import Trajectory
+from ...reduction.system import has_charts
+from ...system.base import AbstractSystem, beginning_at
+from ...system.consistent import project
+from ...system.custom import CustomSystem
+from ...system.dynamics import constraint_state, gamma, solve
+from ...system.reduced import AbstractReducedSystem
+from ...system.stabilization import Baumgarte
+from ...system.structure import without_names
 
 # Errors are integrated in this unit, so that the step size control sees them beside the motion.
 _UNIT = 1e-2

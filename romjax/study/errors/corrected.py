@@ -7,17 +7,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.arrays import concrete, pick
-from ..common.checks import check_kind, unknown_name
-from ..common.compat import is_outermost
-from ..common.errors import InputError, ReductionError
-from ..common.identity_cache import IdentityCache
-from ..compiling.program import program
-from ..integrate.derived import EagerQuantities
-from ..integrate.trajectory import Trajectory
-from ..system.base import AbstractSystem, beginning_at, check_system
-from ..system.reduced import AbstractReducedSystem, reduced_of
-from ..system.structure import without_names
+from ...common.arrays import concrete, pick
+from ...common.checks import check_kind, unknown_name
+from ...common.compat import is_outermost
+from ...common.errors import InputError, ReductionError
+from ...common.identity_cache import IdentityCache
+from ...compiling.program import program
+from ...integrate.derived import EagerQuantities
+from ...integrate.trajectory import Trajectory
+from ...system.base import AbstractSystem, beginning_at, check_system
+from ...system.reduced import AbstractReducedSystem, reduced_of
+from ...system.structure import without_names
 from .residual import by_residual
 from .richer import Finer, finer_of, twice_capped
 from .richer_run import simulated, told, told_by
