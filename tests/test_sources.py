@@ -52,7 +52,7 @@ def test_imports_are_those_that_python_sees():
 @pytest.mark.instant
 def test_an_edit_counts_where_programs_come_from(package):
     def digests():
-        return [sources.digest({f"romjax.{name}"}) for name in ("integrate.run", "study.sweeps.sweep")]
+        return [sources.digest({f"romjax.{name}"}) for name in ("integrate.run", "study.compare")]
 
     integration, study = digests()
     assert integration != study
