@@ -210,6 +210,15 @@ def test_no_verdict_where_kinds_are_left():
 
 
 @pytest.mark.instant
+def test_what_is_told_meanwhile_has_80_columns(capsys):
+    words = "closed loops, contacts; models to try, in some order: joint, capped, local, minimal"
+    Progress(True).tell(words)
+    first, second = capsys.readouterr().err.splitlines()
+    assert len(first) <= 80
+    assert second == "  minimal"
+
+
+@pytest.mark.instant
 def test_what_rests_has_nothing_to_reduce():
     facts = dataclasses.replace(RIGID, rests=True)
     assert advice([], FULL, facts, 1e-3).startswith("Nothing moves from this start")

@@ -84,10 +84,10 @@ class Attempt:
 
     def describe(self, full: float) -> str:
         """A line on the model, beside the `full` one's work on a run [s]."""
-        beyond = "" if np.isnan(self.unseen) else f", unseen {self.unseen:.1e}"
+        beyond = "" if np.isnan(self.unseen) else f", unseen {self.unseen:.0e}"
         return (
-            f"{self.name}: {int(self.run.stats.num_steps)} steps in {1e3 * self.work:.1f} ms, "
-            f"{full / self.work:.1f} times as fast, error {self.trained:.1e}{beyond}"
+            f"{self.name}: {int(self.run.stats.num_steps)} steps in {1e3 * self.work:.3g} ms, "
+            f"{full / self.work:.1f} times as fast, error {self.trained:.0e}{beyond}"
         )
 
 

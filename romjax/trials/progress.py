@@ -1,12 +1,14 @@
 """Progress messages of a study."""
 
 import sys
+import textwrap
 import threading
 
 from tqdm import tqdm
 
 # [s] A model may compile for half a minute: the time that has passed goes on meanwhile.
 _TICK = 1.0
+_WIDTH = 80  # of lines
 
 
 class Progress:
@@ -45,4 +47,4 @@ class Progress:
         """A line that stays; of so many models."""
         self.bar.update(models)
         if self.shown:
-            tqdm.write(words, file=sys.stderr)
+            tqdm.write(textwrap.fill(words, _WIDTH, subsequent_indent="  "), file=sys.stderr)

@@ -119,7 +119,8 @@ class Search:
         times = as_array(ts).astype(system.q0.dtype)
         facts = Facts.of(scene, system)
         kinds = ", ".join(family.name for family in families(facts))
-        progress.tell(f"{facts.describe()}; models to try, in some order: {kinds}")
+        progress.tell(facts.describe())
+        progress.tell(f"models to try, in some order: {kinds}")
         rtol, solver = settings.rtol, settings.solver
         # Long before the first run has compiled; it needs them too.
         progress.tell(f"full: {beginning(system, times, solver)} ...")
@@ -130,7 +131,7 @@ class Search:
 
         full, first = worked(call)
         _, once = worked(call)
-        steps = f"{_steps(full)} steps in {1e3 * once:.1f} ms"
+        steps = f"{_steps(full)} steps in {1e3 * once:.3g} ms"
         progress.tell(f"full: {system.n} coordinates, {steps}")
         progress.doing("accurate run")
         truth = Truth.of(system, full, _sharp(rtol))
