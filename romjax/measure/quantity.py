@@ -93,7 +93,11 @@ class Gap(AbstractMarkerQuantity):
 
 
 class Travel(AbstractMarkerQuantity):
-    """How far the marker `a` is along the x axis of the marker `b` [m]."""
+    """How far the marker `a` is along the x axis of the marker `b` [m].
+
+    In space too, where joints slide along z: for the travel of a slider take markers whose x axis
+    is that of the joint.
+    """
 
     a: Marker
     b: Marker
