@@ -149,6 +149,15 @@ def test_lanes_see_events_of_any_size():
 
 
 @pytest.mark.slow
+def test_a_motion_that_ends_where_it_began_is_resolved():
+    """From a level back to it, as of Poincaré's maps: the outputs show no distance."""
+    back = rj.Stop(middle, level=0.1)
+    run = rj.simulate(spring(0.1), TS[[0, -1]], v0=np.array([1.0, 0.0, 0.0]), events=[back])
+    assert run.is_valid
+    np.testing.assert_allclose(run.t[-1], np.pi / 20, atol=ERROR)
+
+
+@pytest.mark.slow
 def test_lanes_tell_where_lengths_count():
     """The root finders of implicit methods know tolerances in metres only."""
 

@@ -57,7 +57,7 @@ def judge(
         start = Start.of(system, run.ts[0], q0, v0, precision.of(q0.dtype).start_tolerance)
     status = _status(system, run, end.result, q0, start.closed & start.fits, settings)
     extent = Extent.of(run.outputs.q, run.outputs.v)
-    flags = _flags(system, run, end.accepted, extent, settings)
+    flags = _flags(system, run, end, extent, settings)
     if run.findings is not None:
         flags |= run.findings.flags
     used = settings.baumgarte or settings.projection
@@ -150,7 +150,7 @@ def drift_of(q: Float[Array, "k n"], rtol: ArrayLike) -> Float[Array, " k"]:
 def _flags(
     system: AbstractSystem,
     run: Integrated,
-    steps: Int[Array, ""],
+    end: Progress,
     extent: Extent,
     settings: Settings,
 ) -> Int[Array, ""]:
@@ -159,7 +159,9 @@ def _flags(
     flags, drift = jnp.zeros((), int), jnp.zeros_like(ts)
     if settings.dt is None:
         drift = drift_of(system.full.structure.without_states(outputs.q), settings.rtol)
-        resolved = is_resolved(system, settings, outputs.q[0], extent, steps)
+        # Steps see what lies between the outputs: after one period nothing seems to have moved.
+        reach = end.controller_state[1] if system is system.full else None
+        resolved = is_resolved(system, settings, outputs.q[0], extent, end.accepted, reach)
         flags = jnp.where(resolved, 0, int(Flag.RESOLUTION))
     full = system.full
     if full.validity is not None:

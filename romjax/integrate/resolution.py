@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..common.arrays import namespace
-from ..march.tolerances import Extent, Tolerances
+from ..march.tolerances import Extent, Reach, Tolerances
 from ..system.base import AbstractSystem
 from ..system.structure import Structure
 from .adjoint import has_root_finder
@@ -35,6 +35,7 @@ def is_resolved(
     q0: Float[Array, " n"],
     extent: Extent,
     steps: Int[Array, ""],
+    seen: Reach | None,
 ) -> Bool[Array, ""]:
     """Whether the largest motion is much larger than what the step size control tolerates in it, in
     positions and velocities, by `steps` that were accepted, of a run from q0; true at rest.
@@ -42,6 +43,7 @@ def is_resolved(
     Where tolerances follow the motion, that is but for rounding: errors R of N steps that are
     independent change the rate of a motion as a random walk does, and its phase so by R N^(3/2)
     (D. Brouwer, "On the accumulation of errors in numerical integration", Astron. J. 46, 1937).
+    There the motion is what the steps have `seen`, where that is known, and not the outputs alone.
 
     Where bodies move, their translations count alone: a wheel may turn as far as it will while its
     axle moves by less than the tolerance.
@@ -62,7 +64,8 @@ def is_resolved(
     rounding = _USUAL * tolerances.rounding(reach) * steps**1.5
     least = _DIGITS * jnp.finfo(q0.dtype).eps
     allowed = jnp.maximum(_ALLOWED * jnp.maximum(tolerances.rtol, least), _FINE)
-    followed = jnp.any(motion.counts & ~(rounding > allowed * motion.distance))
+    distance = motion.distance if seen is None else jnp.maximum(motion.distance, seen.sizes[0])
+    followed = jnp.any(motion.counts & ~(rounding > allowed * distance))
     return ~jnp.any(motion.counts) | jnp.where(follow, followed, given)
 
 

@@ -67,5 +67,5 @@ class March(NamedTuple):
         held = self.steps.is_held(end)
         seen = {name: f.end(end, held, seen[name]) for name, f in followers.items()}
         none: Any = None
-        end = end._replace(result=result, y=none, solver_state=none, controller_state=none)
+        end = end._replace(result=result, y=none, solver_state=none)
         return end, seen
