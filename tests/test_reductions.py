@@ -411,13 +411,14 @@ def test_labels_cover_neither_each_other_nor_points():
 def test_what_gains_much():
     settings = Settings(1e-3, 1e-8, None)
 
-    def gains(error, work):
-        tried = [SimpleNamespace(error=error, work=work)]
+    def gains(error, work, hidden=""):
+        tried = [SimpleNamespace(error=error, work=work, hidden=hidden)]
         return Search.gains.fget(SimpleNamespace(attempts=tried, settings=settings, once=1.0))
 
     assert gains(1e-4, 0.1)
     assert not gains(1e-4, 0.11)
     assert not gains(1e-2, 0.01)
+    assert not gains(1e-4, 0.1, "deflection of rod is wrong by 84 %")
     clock = Clock(2e6)
     clock.taken.append(3e6)
     assert clock.has_time(known=True)
@@ -441,7 +442,7 @@ def test_a_model_that_gains_much_leaves_three_kinds(monkeypatch, work, tried):
         gains, leave, try_all = Search.gains, Search.leave, Search.try_all
 
         def step(self, one):
-            model = SimpleNamespace(error=1e-4, work=work)
+            model = SimpleNamespace(error=1e-4, work=work, hidden="")
             self.attempts.append(model)
             one.right, one.candidate, one.models = (one.candidate, model), None, 1
 
@@ -450,6 +451,25 @@ def test_a_model_that_gains_much_leaves_three_kinds(monkeypatch, work, tried):
     assert len(search.attempts) == tried
     assert [*search.skipped] == [one.name for one in kinds[tried:]]
     assert coarsened == [one.name for one in kinds[:tried]]
+
+
+@pytest.mark.instant
+def test_a_kind_is_refined_until_deflections_are_right_too():
+    """The norm of a motion has little of them; stresses and joint forces have."""
+    family = {f.name: f for f in families(Facts(2, 4, 5, caps=(10.0, 80.0)))}["local"]
+    one, search = Try.of(family), SimpleNamespace(settings=Settings(1e-3, 1e-8, None), once=1.0)
+    search.facts = SimpleNamespace(quick=False)
+    tried = SimpleNamespace(error=5e-4, trained=5e-4, unseen=5e-4, work=0.1, hidden="wrong by 84 %")
+    first = one.candidate
+    Search.judge(search, one, tried)
+    assert one.right is None
+    assert one.wrong is first
+    finer = one.candidate
+    assert finer.level < first.level
+    tried.hidden = ""
+    Search.judge(search, one, tried)
+    assert one.candidate is None
+    assert one.right == (finer, tried)
 
 
 @pytest.mark.instant

@@ -45,6 +45,8 @@ _MOST, _MOST_REFUSED, _MOST_QUICK = 5, 3, 2
 _BETWEEN = 2
 # A model that fails or is refused counts as one that errs by so many times too much.
 _FAILED = 10.0
+# So does one that is right but for a body's deflection, which is little beside the motion.
+_HIDING = 10.0
 # A model whose error on unseen starts is so many times that on its training needs more training.
 _REPEATS = 5.0
 # A kind is given up if its model errs too much and takes so many times as long as the full one,
@@ -57,7 +59,8 @@ class Try:
     """The state of the search in one kind of models.
 
     It has the next candidate, None where there is none, and the number of its training runs; how
-    many models and refusals there were; the coarsest that is right, and the finest that is wrong.
+    many models and refusals there were; the coarsest that is right in all its parts, and the finest
+    that is wrong in one.
     """
 
     family: Family
@@ -200,8 +203,9 @@ class Search:
 
     @property
     def gains(self) -> bool:
-        """Whether a model is right and far faster than the full one."""
-        right = [tried.work for tried in self.attempts if tried.error <= self.settings.tol]
+        """Whether a model is right, in all its parts, and far faster than the full one."""
+        tol = self.settings.tol
+        right = [one.work for one in self.attempts if one.error <= tol and not one.hidden]
         return self.once >= _GAIN * min(right, default=np.inf)
 
     def leave(self, tries: Sequence[Try], why: str) -> None:
@@ -260,16 +264,16 @@ class Search:
         slow = _SLOW_RANK if one.family.scale is None else _SLOW
         repeats = tried.unseen > max(self.settings.tol, _REPEATS * tried.trained)
         most = _MOST_QUICK if self.facts.quick else _MOST
-        if excess > 1:
-            one.wrong = candidate
-        if excess <= 1:
+        if excess <= 1 and not tried.hidden:
             one.right, one.candidate = (candidate, tried), None
-        elif tried.work > slow * self.once or one.models >= most:
+            return
+        one.wrong = candidate
+        if tried.work > slow * self.once or one.models >= most:
             one.candidate = None
         elif one.family.trained and one.runs == 1 and repeats:
             one.runs = 1 + len(TRAINING)
         else:
-            one.next(excess)
+            one.next(max(excess, _HIDING) if tried.hidden else excess)
 
     def truths(self, changes: Sequence[Change]) -> list[Truth]:
         """Accurate runs of other starts or speeds, of those that can be simulated."""
