@@ -13,6 +13,7 @@ from tolerances import IDENTITY, SOLVED
 from zoo import run
 
 import romjax as rj
+from romjax.pages import report
 from romjax.plot.labels import Label, place
 from romjax.reduction.joint.formulation import faster_size
 from romjax.trials.advice import advice, in_order, remark
@@ -337,6 +338,14 @@ def test_what_holds_of_several_models_is_said_once(found):
         assert said in notes
     many = dataclasses.replace(found, rows=rows + rows[:3]).notes()
     assert "1 more model is slower or less accurate." in many
+
+
+def test_pages_show_what_follows_the_motion(found):
+    """Also a model whose deflections are wrong, which are little beside it."""
+    best, other, wrong = found.rows
+    hiding = best._replace(remark="deflection of rod is wrong by 84 %.")
+    shown = report.best(dataclasses.replace(found, rows=(hiding, other, wrong)))
+    assert [*shown] == [best.name, other.name]
 
 
 def test_a_summary_of_models_that_were_not_run_unseen(found):

@@ -20,6 +20,7 @@ from ..plot.motion.animate import animate
 from ..plot.motion.animation import Animation
 from ..scene.scene import Scene
 from ..study.reduction import ReductionStudy
+from ..trials.advice import WRONG
 from ..trials.result import Reductions
 from . import chapter, csv_table, document
 
@@ -89,9 +90,9 @@ def of_bases(scene: Scene, bases: Mapping[str, Basis]) -> dict[str, bytes]:
 
 
 def best(result: Reductions) -> dict[str, Trajectory]:
-    """The motions of the best models, by their names."""
+    """The motions of the best models that follow the full one, by their names."""
     pairs = zip(result.rows, result.runs, strict=True)
-    good = [(row.name, run) for row, run in pairs if not row.remark and bool(run.success)]
+    good = [(row.name, run) for row, run in pairs if row.error <= WRONG and bool(run.success)]
     return dict(good[:_SHOWN])
 
 
