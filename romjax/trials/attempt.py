@@ -86,7 +86,7 @@ class Attempt:
         """A line on the model, beside the `full` one's work on a run [s]."""
         beyond = "" if np.isnan(self.unseen) else f", unseen {self.unseen:.0e}"
         return (
-            f"{self.name}: {int(self.run.stats.num_steps)} steps in {1e3 * self.work:.3g} ms, "
+            f"{self.name}: {int(self.run.stats.num_steps)} steps, {1e3 * self.work:.3g} ms, "
             f"{full / self.work:.1f} times as fast, error {self.trained:.0e}{beyond}"
         )
 

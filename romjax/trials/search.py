@@ -134,7 +134,7 @@ class Search:
 
         full, first = worked(call)
         _, once = worked(call)
-        steps = f"{_steps(full)} steps in {1e3 * once:.3g} ms"
+        steps = f"{_steps(full)} steps, {1e3 * once:.3g} ms"
         progress.tell(f"full: {system.n} coordinates, {steps}")
         progress.doing("accurate run")
         truth = Truth.of(system, full, _sharp(rtol))
