@@ -42,6 +42,9 @@ _FIRST = 0.03
 # smooth function of time there: one step to the end, as long as the motion allows, would give
 # derivatives of the motion that err by percents.
 _LEFT, _FAINT = 0.5, 1e-2
+# Bisections of a step that passes a surface. Events take fewer: a step that ends so near to one
+# does not always tell that it has got there, and the next is as short.
+_BISECTIONS = 30
 
 
 class Passage(AbstractPassage):
@@ -132,7 +135,7 @@ class Passage(AbstractPassage):
             return jnp.min(jnp.where(side != 0, side * gaps(share), jnp.inf), keepdims=True)
 
         noise = self._noise[None]
-        crossing = first_crossing(nearest, one[None], nearest(one), noise, yes, ~yes)
+        crossing = first_crossing(nearest, one[None], nearest(one), noise, yes, ~yes, _BISECTIONS)
         return self._cut(t0, t1, crossing.exists, crossing.share)
 
     def _cut(

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 _NODES = 8
 # Bisections of the part of a step in which an event lies; more would be finer than the errors of
 # dense output.
-_BISECTIONS = 30
+_BISECTIONS = 24
 
 
 class Crossings(NamedTuple):
@@ -42,6 +42,7 @@ def first_crossing(
     noise: Float[Array, " events"],
     falling: Bool[Array, " events"],
     rising: Bool[Array, " events"],
+    bisections: int = _BISECTIONS,
 ) -> Crossings:
     """Find where in a step one of the quantities `at` a share of it first crosses zero.
 
@@ -49,9 +50,9 @@ def first_crossing(
     it is followed to where it turns.
 
     `side`: where each starts, 0 for what cannot cross. `end`: their values at the end. `noise`: of
-    the values. `falling`, `rising`: the directions that count.
+    the values. `falling`, `rising`: the directions that count. `bisections`: of the part it is in.
     """
-    points = _look(at, side, end, noise)
+    points = _look(at, side, end, noise, bisections)
 
     def crosses(before: Array, after: Array) -> Array:
         falls = falling & (before >= -noise) & (after < -noise)
@@ -68,7 +69,7 @@ def first_crossing(
         is_before = sign * _each_at(at, middle) > 0
         return jnp.where(is_before, middle, low), jnp.where(is_before, high, middle)
 
-    count = jnp.where(jnp.any(exists), _BISECTIONS, 0)
+    count = jnp.where(jnp.any(exists), bisections, 0)
     _, share = jax.lax.fori_loop(0, count, halve, (low, high))
     first = jnp.argmin(jnp.where(exists, share, jnp.inf))
     # Two points in each part.
@@ -86,6 +87,7 @@ def _look(
     side: Float[Array, " events"],
     end: Float[Array, " events"],
     noise: Float[Array, " events"],
+    bisections: int,
 ) -> _Points:
     """The quantities at the nodes of a step, and between two of them where they turn away from
     their level, or at the first of the two again.
@@ -116,7 +118,7 @@ def _look(
             )
 
         start = jnp.full_like(side, nodes[i]), jnp.full_like(side, nodes[i + 1])
-        count = jnp.where(jnp.any(turns), _BISECTIONS, 0)
+        count = jnp.where(jnp.any(turns), bisections, 0)
         *_, share, value = jax.lax.fori_loop(0, count, halve, (*start, start[0], values[i]))
         return jnp.where(turns, share, nodes[i]), jnp.where(turns, value, values[i])
 
