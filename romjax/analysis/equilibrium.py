@@ -56,8 +56,9 @@ def equilibrium(
     contact that just touches, moves along them. States of effects are found with it, and are in
     their places in q, so that `linearize` and `simulate` begin there with them. Neutral motions,
     which no force resists, stay as they are at the start, as do lengths of quaternions; joints may
-    repeat each other. Moments of inertia play no part. Whether the equilibrium is stable says
-    `modes(system, q).is_stable`.
+    repeat each other. Wheels roll there in a few steps along their tangents, so that how far they
+    have turned is known roughly, to some thousandths. Moments of inertia play no part. Whether the
+    equilibrium is stable says `modes(system, q).is_stable`.
 
     Differentiable with respect to all numbers of the system, by the implicit function theorem, and
     batchable.
