@@ -39,7 +39,7 @@ def test_what_is_wrong_is_found(name):
     made, settings = PLANTED[name]
     motion = run(made(), **settings)
     assert not motion.is_valid
-    words = "; ".join(motion.warnings())
+    words = motion.warnings()
     assert "energy" in words or "CONSTRAINTS_VIOLATED" in words
 
 
@@ -145,7 +145,7 @@ def test_a_batch_is_doubted_lane_by_lane():
 
     batch = motion(np.array([1e-8, 0.3]))
     assert batch.is_valid.tolist() == [True, False]
-    first, *others = batch.warnings()
+    first, *others = batch.each_warning()
     assert first.startswith("lane 1: its energy changes")
     assert all(words.startswith("lane 1: ") for words in others)
 

@@ -64,7 +64,7 @@ def test_mean_forces():
 def test_a_run_says_which_beam_is_compressed():
     pressed = column(0.5 * np.pi**2)
     run = zoo.run(pressed, np.linspace(0.0, 0.1, 3))
-    (words,) = run.warnings()
+    words = run.warnings()
     assert words == (
         "beam 'column' is compressed by 4.9 EI/L², which does not soften its bending without "
         "stiffening; give it stiffening=True"

@@ -162,7 +162,7 @@ def reduced(formulation, name):
     else:
         assert error <= ERROR
         words = WARNED.get((formulation.name, name), "")
-        assert words in "; ".join(run.warnings())
+        assert words in run.warnings()
         assert run.is_valid == (not words)
 
 

@@ -166,7 +166,7 @@ def test_weights_for_other_masses_are_flagged(rom):
     )
     run = zoo.run(rom.with_full(rj.assemble(heavier)), TS)
     assert run.flags == rj.Flag.WEIGHTS | rj.Flag.LEFT_OUT
-    assert "weights are for other masses" in run.warnings()[0]
+    assert "weights are for other masses" in run.warnings()
 
 
 def test_what_no_snapshot_shows_is_not_linear():

@@ -96,7 +96,7 @@ def test_a_run_beyond_the_training_is_doubted(truth, cart_pendulum):
     assert motion.is_valid
     assert not motion.warnings()
     motion = rj.simulate(rj.reduce(varied(force=200.0), basis), truth.t)
-    leaves, violates = motion.warnings()
+    leaves, violates = motion.each_warning()
     assert "leaves the box" in leaves
     assert "violates the constraints" in violates
     assert motion.flags == rj.Flag.OUTSIDE_TRAINING | rj.Flag.VIOLATION

@@ -159,7 +159,7 @@ def test_a_failed_run_is_not_valid(run):
     assert run.is_valid
     assert not run.warnings()
     assert not failed.is_valid
-    (words,) = failed.warnings()
+    words = failed.warnings()
     assert "max_steps" in words
 
 

@@ -102,7 +102,7 @@ def alone(kind: Kind, numbers: Numbers) -> Found:
             return None, f"{type(refusal).__name__}: {refusal}"
         told = [str(one.message) for one in caught]
         if run is not None:
-            told += [one for one in run.warnings() if OF_THE_SCENE not in one]
+            told += [one for one in run.each_warning() if OF_THE_SCENE not in one]
             told += [] if run.is_valid else [f"flags {rj.Flag(int(run.flags))!r}"]
         return np.asarray(values), "; ".join(told)
 

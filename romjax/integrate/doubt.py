@@ -118,7 +118,7 @@ def warn_of_doubt(system: AbstractSystem, run: Trajectory) -> None:
         )
     if status != _SUCCESS or not flags & DOUBTS:
         return
-    words = [f"simulate: the motion is doubtful: {'; '.join(run.warnings())}"]
+    words = [f"simulate: the motion is doubtful: {run.warnings()}"]
     singular = singular_position(system, run)
     if singular is not None and singular.is_passed:
         words.append(singular.describe())

@@ -170,7 +170,11 @@ class Trajectory(eqx.Module):
         """Whether it reached its end and has no flag; only `warnings()` looks at the parts."""
         return self.success & (self.flags == Flag.NONE)
 
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> str:
+        """Say in words what speaks against this run, as `each_warning`; "" if nothing does."""
+        return "; ".join(self.each_warning())
+
+    def each_warning(self) -> tuple[str, ...]:
         """What speaks against this run, each in words of its own; none if nothing does.
 
         That it failed, that its energy does not balance, what is wrong with a reduced model's
@@ -179,7 +183,7 @@ class Trajectory(eqx.Module):
         forces of the joints shows. Of several runs, those of each lane that has any.
         """
         if self.status.ndim:
-            return of_lanes(Trajectory.warnings, self)
+            return of_lanes(Trajectory.each_warning, self)
         flags = Flag(int(self.flags))
         words = {flag: WORDS[flag] for flag in WORDS if flag in flags}
         if Flag.ENERGY in flags and self.balance is not None:

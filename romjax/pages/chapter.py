@@ -59,7 +59,7 @@ def _notes(study: ReductionStudy, example: Example) -> list[str]:
         failed = not bool(run.trajectory.success)
         error = math.inf if failed else float(run.comparison.error)
         hidden = run.comparison.hidden()
-        said = remark(error, math.nan, 0.0, run.trajectory.warnings(), hidden)
+        said = remark(error, math.nan, 0.0, run.trajectory.each_warning(), hidden)
         notes += [f"{run.name}: {said}"] * bool(said)
     return notes + [f"{name}: refused. {reason}" for name, reason in study.refused.items()]
 

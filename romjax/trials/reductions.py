@@ -91,7 +91,7 @@ def _result(search: Search, spend: float) -> Reductions:
     calls = [call(system) for system in systems]
     timed = alternating(calls, spend)
     full_time, (trained, unseen) = float(timed.times[0]), search.own()
-    said = search.full.warnings()
+    said = search.full.each_warning()
     full = ReductionRow(
         name="full",
         formulation="full",
@@ -177,6 +177,8 @@ def _row(tried: Attempt, taken: float, ratio: float, full: ReductionRow) -> Redu
         made=tried.made,
         compiled=tried.compiled,
         pays_after=cost / (full.time - taken) if ratio > 1 and full.time > taken else float("inf"),
-        remark=remark(tried.trained, tried.unseen, full.error, tried.run.warnings(), tried.hidden),
+        remark=remark(
+            tried.trained, tried.unseen, full.error, tried.run.each_warning(), tried.hidden
+        ),
         hidden=tried.hidden,
     )

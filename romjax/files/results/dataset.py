@@ -73,7 +73,7 @@ def attributes_of(run: Trajectory, scene: Scene | None) -> dict[str, Any]:
         "solver": run.solver_name,
         "solver_settings": " ".join(repr(run.solver).split()),
         "stabilization": "none" if held is None else type(held).__name__,
-        "warnings": "; ".join(run.warnings()) or "none",
+        "warnings": run.warnings() or "none",
         "model": _kind(system),
         **scene_words(run, scene),
     }
