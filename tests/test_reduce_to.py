@@ -174,9 +174,11 @@ def test_a_model_that_cannot_start_is_no_model(falling, monkeypatch):
 
 
 @pytest.mark.exhaustive
-def test_variations_are_simulated_as_the_training_was(falling, monkeypatch):
+def test_variations_are_simulated_as_the_training_was(falling, monkeypatch, tmp_path):
     """By the same method, not by the default one."""
     system, _ = falling
+    # What is read from a folder is not traced.
+    monkeypatch.setenv("ROMJAX_CACHE_DIR", str(tmp_path))
     training = moved(system)
     solvers = []
 
