@@ -45,7 +45,7 @@ def assemble(scene: Scene) -> AssembledSystem:
     Raises SceneError, naming the part and the remedy, for an empty scene, duplicate names, a
     marker on an unknown body, impossible numbers, or joints that leave no motion.
     """
-    check_kind("assemble", "the scene", scene, Scene, "a Scene of bodies, joints and effects")
+    check_kind("assemble", "the scene", scene, Scene, "a romjax.Scene of bodies and joints")
     scene.check()
     check_held(scene)
     # A Python number that was put in by hand would be static and recompile at every change.

@@ -177,10 +177,9 @@ class Trajectory(eqx.Module):
     def each_warning(self) -> tuple[str, ...]:
         """What speaks against this run, each in words of its own; none if nothing does.
 
-        That it failed, that its energy does not balance, what is wrong with a reduced model's
-        motion, and of its parts, which are evaluated here, that beams without stiffening carry
-        large axial loads, that meshes bend far, or that masses differ so much that rounding in the
-        forces of the joints shows. Of several runs, those of each lane that has any.
+        That it failed, that its energy does not balance, what is wrong with a reduced motion, and
+        of its parts, evaluated here, that beams without stiffening carry large axial loads, meshes
+        bend far, or rounding in the forces of joints shows. Of several runs, those of each lane.
         """
         if self.status.ndim:
             return of_lanes(Trajectory.each_warning, self)
