@@ -282,3 +282,42 @@ def test_the_centre_of_a_circle_has_no_direction():
     contact = rj.Contact(body.at(), rj.ground.at(), rj.Circle(1.0), 100.0)
     system = rj.assemble(rj.Scene([body], [], [contact]))
     assert not np.any(jax.jit(system.force)(0.0, system.q0, system.v0))
+
+
+def on_a_floor(tip):
+    return rj.Contact(tip, rj.ground.at(), rj.Line(), 1e6)
+
+
+def on_a_rope(tip):
+    return rj.Rope(tip, rj.ground.at((0.0, 2.3)), length=1.3, stiffness=1e6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [on_a_floor, on_a_rope])
+def test_tips_of_sticks_that_tumble_pass_nothing(kind):
+    """However far they turn between two steps, which the errors of free flights do not bound: no
+    tip gets deeper than all of its energy.
+    """
+    inertia, reach, weight, chance = 1 / 12, 0.5, 1.0, np.random.default_rng(1)
+    stick = rj.RigidBody("stick", weight, inertia, position=(0.0, 2.0))
+    effects = [rj.Gravity(), kind(stick.at((reach, 0.0)))]
+    system = rj.assemble(rj.Scene([stick], effects=effects))
+    starts = {"spin": np.geomspace(20.0, 1000.0, 40), "angle": chance.uniform(0, 2 * np.pi, 40)}
+    ts = np.linspace(0.0, 0.7, 1401)
+
+    def motion(start):
+        q0, v0 = system.q0.at[2].set(start["angle"]), system.v0.at[2].set(start["spin"])
+        made = rj.simulate(system, ts, q0=q0, v0=v0, audit=False, throw=False, max_steps=None)
+        return {"q": made.q, "run": made}
+
+    swept = rj.sweep(motion, starts)
+    assert np.all(swept.success)
+    x, y, angle = np.moveaxis(np.asarray(swept.values["q"]), -1, 0)
+    tip = np.stack([x + reach * np.cos(angle), y + reach * np.sin(angle)])
+    energy = 0.5 * inertia * starts["spin"] ** 2 + weight * G * (2.0 + reach)
+    if kind is on_a_floor:
+        depth, most = -tip[1], (2.5 * energy / 1e6) ** 0.4
+    else:
+        depth, most = np.hypot(tip[0], tip[1] - 2.3) - 1.3, np.sqrt(2 * energy / 1e6)
+    assert np.all(np.max(depth, axis=1) <= most)
+    assert np.sum(np.max(depth, axis=1) > 0) > 30

@@ -12,7 +12,7 @@ import scipy.special
 from comparison import assert_close
 from groups import in_groups
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
-from zoo import RODAS5P, TIGHT, bar, bars, run, system
+from zoo import GRAVITY, RODAS5P, TIGHT, bar, bars, run, system
 
 import romjax as rj
 
@@ -371,3 +371,20 @@ def test_a_contact_that_lasts_is_refused(restitution):
     below = watched(impact=(restitution, 2 * HEIGHT), throw=False)
     assert below.status == rj.Status.CONTACT_LASTS
     assert "bodies overlap at the start" in below.summary()
+
+
+def test_events_of_a_body_that_turns_are_all_seen():
+    """A free flight has no error that bounds its steps: between two of them it turns many times."""
+    spin, high, level = 317.0, 4.0, 0.8
+    start = {"position": (0.0, high), "angular_velocity": spin}
+    stick = rj.RigidBody("stick", 1.0, 1.0, **start)
+    system = rj.assemble(rj.Scene([stick], effects=[rj.Gravity()]))
+
+    def above(system, t, q, v):
+        return q[1] + 0.5 * jnp.sin(q[2]) - level
+
+    run = rj.simulate(system, np.linspace(0.0, 1.0, 5), events=[rj.Crossing(above)], audit=False)
+    times = np.linspace(0.0, 1.0, 1_000_001)
+    heights = high - 0.5 * GRAVITY * times**2 + 0.5 * np.sin(spin * times) - level
+    (crossed,) = np.nonzero(np.diff(np.sign(heights)))
+    np.testing.assert_allclose(run.events.times(0), times[crossed], atol=DIFFERENCED)

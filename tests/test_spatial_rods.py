@@ -338,7 +338,7 @@ def test_a_contact_adds_no_second_kinematics_to_programs():
     one = size(lambda q, v: markers.jacobian(q))
     assert size(lambda q, v: [markers.jacobian(q), markers.jacobian(q)]) == one
     assert size(lambda q, v: [markers.poses(q), markers.jacobian(q)]) < 1.1 * one
-    passage = Passage(system, None, None, np.asarray(1e-6), hard=True, holds=(False,))
+    passage = Passage(system, None, None, np.asarray(1e-6), (True,), (False,), (True,))
     time = np.ones(())
     ends = jax.make_jaxpr(lambda t, q, v: passage.next_end(t, (q, v), 2.0 * t, t > 0))(time, q, v)
     names = [e.params.get("name") for e in jaxprs.equations(ends.jaxpr)]

@@ -12,7 +12,7 @@ from ..march.cuts import AbstractPassage
 from ..system.base import AbstractSystem
 from ..system.dynamics import solve
 from ..system.frequencies import with_all_acting
-from ..system.held import all_go_on, can_hold, hold
+from ..system.held import can_hold, goes_on, hold, oscillates
 from ..system.local import local_system
 from ..system.stabilization import Baumgarte
 from .search import first_crossing
@@ -30,6 +30,11 @@ _ROUNDING = 100
 # The stages of a step deviate from the motion by about its curvature. A step ends so far from a
 # surface, in multiples of that, that its stages stay outside.
 _AWAY = 4.0
+# One whose law is held goes through the surface, and is cut there: but it takes no longer than so
+# many times what it needs, so that dense output resolves how a point turns on the way.
+_THROUGH = 1.7
+# Of Newton's method for that: each squares the error, which is a factor of two at first.
+_ITERATIONS = 6
 # A contact counts as beginning if it does so within this share of the planned step. Its force is
 # evaluated after twice that time.
 _NOW = 1e-5
@@ -61,17 +66,19 @@ class Passage(AbstractPassage):
     not feel the other law, what begins and ends within a step is looked for by dense output.
 
     - `stabilization`: of the accelerations. `rtol`: of the run.
-    - `hard`: whether forces grow otherwise than in proportion, as those of contacts, whose law does
-      not go on smoothly.
-    - `holds` (contacts,): which of them can be held.
+    - `hard` (contacts,): which of them have a force that grows otherwise than in proportion, whose
+      law does not go on smoothly.
+    - `holds` (contacts,): which of them can be held. `oscillates` (contacts,): which of them a long
+      step, of bodies that just turn, might pass again and again.
     """
 
     system: AbstractSystem
     post_step: Any
     stabilization: Baumgarte | None
     rtol: Float[Array, ""]
-    hard: bool = eqx.field(static=True)
+    hard: tuple[bool, ...] = eqx.field(static=True)
     holds: tuple[bool, ...] = eqx.field(static=True)
+    oscillates: tuple[bool, ...] = eqx.field(static=True)
 
     @classmethod
     def of(
@@ -82,13 +89,15 @@ class Passage(AbstractPassage):
         gaps = full.state(jnp.zeros(()), full.q0, full.v0).gaps()
         if gaps is None:
             return None
-        hard = with_all_acting(full) is None and not all_go_on(full)
+        in_proportion = with_all_acting(full) is not None
+        hard = tuple(not (in_proportion or smooth) for smooth in goes_on(full))
         holds = can_hold(system)
         # A system of samples has the effects of the full one once more, in the same order.
         own = holds[: len(gaps)]
         again = holds == own * (len(holds) // len(gaps))
         holds = own if again else (False,) * len(gaps)
-        return cls(system, post_step, stabilization, jnp.asarray(rtol), hard, holds)
+        rtol = jnp.asarray(rtol)
+        return cls(system, post_step, stabilization, rtol, hard, holds, oscillates(full))
 
     def held(
         self, term: Any, t0: Float[Array, ""], t1: Float[Array, ""], y: Any
@@ -158,21 +167,22 @@ class Passage(AbstractPassage):
     ) -> Float[Array, ""]:
         """Return the time at which the next step from `y` has to end, at most the `planned` one.
 
-        Before a contact whose law cannot be held it ends where its stages do not touch yet. In one
+        Before a contact it ends where its stages do not touch yet, whatever its body turns. In one
         that begins now, whose force no derivative tells, it is a fraction of the time T in which
         Hertz's force stops the speed u of approach: with the force κ d^(3/2) at a depth d, for a
         unit of mass, κ (u T)^(3/2) T = u. In one that ends, it is a share of what is left of it.
         """
-        if not self.hard:
+        if not any(self.hard + self.oscillates):
             return planned
         y = jax.lax.stop_gradient(y)
         gaps, rates = self._gaps_and_rates(t, y)
         way = (planned - t) * jnp.abs(rates)
         near = self._noise + _NOW * way
-        comes = (gaps > -near) & ~(jnp.array(self.holds) & (gaps > near))
-        leaves = (gaps < -near) & (rates > 0) & (-gaps < 4 * way)
+        comes = (gaps > near) & jnp.array(self.oscillates)
+        begins = (jnp.abs(gaps) <= near) & jnp.array(self.hard)
+        leaves = (gaps < -near) & (rates > 0) & (-gaps < 4 * way) & jnp.array(self.hard)
         end: Array = jax.lax.cond(
-            keep & jnp.any(comes | leaves),
+            keep & jnp.any(comes | begins | leaves),
             lambda: self._to_contact(t, y, planned),
             lambda: planned,
         )
@@ -181,7 +191,7 @@ class Passage(AbstractPassage):
     def _to_contact(self, t: Array, y: Any, planned: Array) -> Array:
         q, v, *chart = y
         h, noise, system = planned - t, self._noise, local_system(self.system, self.post_step, y)
-        holds, tried = jnp.array(self.holds), 2 * _NOW * h
+        holds, hard, tried = jnp.array(self.holds), jnp.array(self.hard), 2 * _NOW * h
 
         def accelerate(at: tuple[Array, Array, Array]) -> Array:
             time, place, sides = at
@@ -207,22 +217,21 @@ class Passage(AbstractPassage):
         def push(change: Array) -> Array:
             return jnp.asarray(jax.jvp(lambda q: self._gaps(t, (q, v, *chart)), (q,), (change,))[1])
 
-        zero = jnp.zeros_like(t)
-        rate, bend, gap = jax.jvp(rates, (zero,), (jnp.ones_like(t),), has_aux=True)
-        # The root of g + g' s − c s²/2, in the form that is exact for each sign of the rate.
-        curvature = _AWAY * jnp.abs(bend)
-        root = jnp.sqrt(rate**2 + 2 * gap * curvature)
-        above, below = (
-            jnp.where(rate > 0, rate + root, 2 * gap),
-            jnp.where(rate > 0, curvature, root - rate),
-        )
-        lands = above / jnp.where(below > 0, below, 1)
-        soon = (gap > noise) & (below > 0) & (lands > _NOW * h) & ~holds
+        def bends(s: Array) -> tuple[Array, tuple[Array, Array]]:
+            rate, bend, gap = jax.jvp(rates, (s,), (jnp.ones_like(s),), has_aux=True)
+            return bend, (rate, gap)
+
+        zero, one = jnp.zeros_like(t), jnp.ones_like(t)
+        bend, jerk, (rate, gap) = jax.jvp(bends, (zero,), (one,), has_aux=True)
+        away = jnp.where(holds, 1.0, _AWAY)
+        lands = _reaches(gap, rate, away * jnp.abs(bend), away * jnp.abs(jerk))
+        lands *= jnp.where(holds, _THROUGH, 1.0)
+        soon = (gap > noise) & (lands > _NOW * h) & jnp.array(self.oscillates)
         begins = (jnp.abs(gap) <= noise - _NOW * h * rate) & (-rate * h > noise)
 
         # What the acceleration inside has more than now is the push of the contact.
         pushes = push(there - a)
-        begins &= pushes > 0
+        begins &= (pushes > 0) & hard
         speed, depth = jnp.where(begins, -rate, 1), jnp.where(begins, -rate * tried - gap, 1)
         # Hertz's law in accelerations, δ'' = −k δ^(3/2): its time is (k √v)^(−2/5).
         stiffness = jnp.where(begins, pushes, 1) / depth**1.5
@@ -231,7 +240,7 @@ class Passage(AbstractPassage):
 
         # The speed at the end of a contact and the time to it, if it pushed on as it does now.
         pushes = jnp.maximum(push(a - free), 0)
-        leaves = (gap < -noise) & (rate > 0)
+        leaves = (gap < -noise) & (rate > 0) & (-gap < 4 * h * rate) & hard
         speed = jnp.sqrt(rate**2 + 2 * jnp.abs(gap) * pushes)
         leaves &= speed - rate > _FAINT * self.rtol * speed
         left = 2 * jnp.abs(gap) / jnp.where(leaves, speed + rate, 1)
@@ -257,3 +266,30 @@ class Passage(AbstractPassage):
         gaps = self.system.full.state(t, state.q, state.v).gaps()
         assert gaps is not None
         return gaps
+
+
+def _reaches(gap: Array, rate: Array, bend: Array, jerk: Array) -> Array:
+    """The time at which the gap g + g' s − c s²/2 − d s³/6 is zero, infinite where it never is.
+
+    The third derivative is that of a point on a body that turns: without it, a step would be as
+    long as one likes where the point moves straight on now. Newton's method comes from above, as
+    the cubic is concave, from the root without d, in the form that is exact for each sign of the
+    rate, or from where half of d s³/6 is more than g and than g' s.
+    """
+    root = jnp.sqrt(rate**2 + 2 * gap * bend)
+    above = jnp.where(rate > 0, rate + root, 2 * gap)
+    below = jnp.where(rate > 0, bend, root - rate)
+    straight = jnp.where(below > 0, above / jnp.where(below > 0, below, 1), jnp.inf)
+    third = jnp.where(jerk > 0, jerk, 1)
+    turned = jnp.maximum(jnp.cbrt(12 * gap / third), jnp.sqrt(12 * jnp.maximum(rate, 0) / third))
+    start = jnp.minimum(straight, jnp.where(jerk > 0, turned, jnp.inf))
+
+    def nearer(_: Any, s: Array) -> Array:
+        value = gap + s * (rate - s * (bend / 2 + s * jerk / 6))
+        slope = rate - s * (bend + s * jerk / 2)
+        return s - value / jnp.where(slope < 0, slope, -jnp.inf)
+
+    finite = jnp.where(jnp.isfinite(start), start, 0)
+    return jnp.where(
+        jnp.isfinite(start), jax.lax.fori_loop(0, _ITERATIONS, nearer, finite), jnp.inf
+    )

@@ -9,6 +9,13 @@ from jaxtyping import Array, Bool, Float
 
 # Points of each step at which dense output is evaluated, for values and for rates.
 _NODES = 8
+# A quantity at this share of the way between two nodes, and a cubic through their values and rates,
+# differ by less than that share of how the values change, or it oscillates between them: not in
+# step with the nodes, as the golden section is no ratio.
+_BETWEEN = 0.381966
+_SMOOTH = 0.05
+# One that differs by so many times less than it is far from its level does not cross it.
+_MANY = 8.0
 # Bisections of the part of a step in which an event lies; more would be finer than the errors of
 # dense output.
 _BISECTIONS = 24
@@ -20,12 +27,14 @@ class Crossings(NamedTuple):
     - `exists`: whether there is one. `is_last`: whether it is that at the end of the step.
     - `share`: of the step up to the first crossing.
     - `sign` (events,): of those quantities that cross in it, before they do; 0 of others.
+    - `is_resolved`: whether no quantity oscillates so often that crossings may be missed.
     """
 
     exists: Bool[Array, ""]
     is_last: Bool[Array, ""]
     share: Float[Array, ""]
     sign: Float[Array, " events"]
+    is_resolved: Bool[Array, ""]
 
 
 class _Points(NamedTuple):
@@ -33,6 +42,7 @@ class _Points(NamedTuple):
 
     shares: Float[Array, "points events"]
     values: Float[Array, "points events"]
+    are_resolved: Bool[Array, " events"]
 
 
 def first_crossing(
@@ -79,6 +89,7 @@ def first_crossing(
         part[first] == 2 * _NODES - 1,
         share[first],
         jnp.where(together, sign, 0.0),
+        jnp.all(points.are_resolved | (side == 0)),
     )
 
 
@@ -99,10 +110,14 @@ def _look(
 
     nodes = jnp.arange(_NODES + 1, dtype=side.dtype) / _NODES
     values, rates = jax.lax.map(look, nodes)
+    between = jax.lax.map(at, nodes[:-1] + _BETWEEN / _NODES)
+    are_resolved = _are_resolved(values, rates, between, noise)
     values = values.at[0].set(side).at[-1].set(end)
 
     def turn(i: Array) -> tuple[Array, Array]:
-        sign, before, after = jnp.sign(values[i]), rates[i], rates[i + 1]
+        before, after = rates[i], rates[i + 1]
+        # One that is at its level there comes from where it does not go.
+        sign = jnp.where(jnp.abs(values[i]) > noise, jnp.sign(values[i]), -jnp.sign(before))
         turns = (sign * before < 0) & (sign * after > 0) & (sign * values[i + 1] > noise)
 
         def halve(_: Any, bracket: tuple[Array, ...]) -> tuple[Array, ...]:
@@ -124,7 +139,23 @@ def _look(
 
     shares, turned = jax.lax.map(turn, jnp.arange(_NODES))
     spread = jnp.broadcast_to(nodes[:, None], values.shape)
-    return _Points(*(_alternating(*x) for x in ((spread, shares), (values, turned))))
+    return _Points(_alternating(spread, shares), _alternating(values, turned), are_resolved)
+
+
+def _are_resolved(values: Array, rates: Array, between: Array, noise: Array) -> Array:
+    """Whether quantities (nodes, events) are what a cubic through their values and rates is between
+    nodes; or differ so little from it, even many times over, that they stay on one side.
+    """
+    before, after, s = values[:-1], values[1:], _BETWEEN
+    rates = rates / _NODES
+    cubic = before + s**2 * (3 - 2 * s) * (after - before)
+    cubic += s * (1 - s) * ((1 - s) * rates[:-1] - s * rates[1:])
+    # Two straight pieces, as of a distance, are no oscillation either.
+    left, right = before + s * rates[:-1], after - (1 - s) * rates[1:]
+    off = jnp.min(jnp.abs(between[None] - jnp.stack([cubic, left, right])), axis=0)
+    change = jnp.abs(after - before) + jnp.abs(between - before) + noise[None]
+    distance = jnp.minimum(jnp.minimum(jnp.abs(before), jnp.abs(after)), jnp.abs(between))
+    return jnp.all((off <= _SMOOTH * change) | (distance > _MANY * off), axis=0)
 
 
 def _alternating(nodes: Array, between: Array) -> Array:

@@ -32,6 +32,8 @@ _NEWTON = 0.05
 # Impacts of one gap at times closer than this share of the run would never end: a ball of which
 # the bounce is lost in rounding errors of a metre flies for 1e-7 s.
 _AT_ONCE = 1e-7
+# Steps are not halved below this share of the run, where a quantity has a kink.
+_KINK = 1e-9
 # Shortest step to an event, in units in the last place.
 _SHORTEST = 16
 
@@ -141,6 +143,10 @@ class Watch(AbstractWatch):
         shortest = _SHORTEST * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(t0), jnp.abs(t1))
         follows = is_due & (time - t0 <= shortest)
         is_due &= ~follows
+        # Half of a step in which quantities oscillate may tell; kinks of quantities end it at last.
+        halves = ~crossings.is_resolved & (span > jnp.maximum(4 * shortest, _KINK * self.span))
+        time = jnp.where(halves, t0 + span / 2, time)
+        is_due |= halves
         # A contact lasts if a closed gap is pushed through, closes again at once, or still closes.
         opened = jnp.any(arrival.hits & self._resets) & arrival.closed
         through = (watching.side == 0) & (arrival.values < -watching.scales.floor) & ~opened

@@ -133,7 +133,7 @@ def default_method(
     and flexible systems count as stiff. So do contacts, with any step size control: a long step
     from free flight may end inside, where the last stages of Dopri8 see a force that its estimate
     of the error does not. Stops of joints, whose force grows with the depth alone, count as
-    contacts nowhere. How fast the system is on them limits steps while it is there alone: pendulums
+    contacts nowhere. How fast the system is on them limits steps only while it is there: pendulums
     between stops took 2 to 4 times as many steps by Rodas5P (36 at random, up to 5000 rad a run),
     with errors up to 60 times as large. It counts where Dopri8 would take ten thousand steps of a
     run that rests on a stop. A fast spin in space is not stiff: every method has to follow it; nor

@@ -1,5 +1,6 @@
 """Effects whose law is held on one side of where they begin."""
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -12,19 +13,27 @@ from ..scene.effect.base import AbstractMarkerEffect
 
 def can_hold(tree: Any) -> tuple[bool, ...]:
     """Whether each effect of a pytree that may begin has a law to be held, in their order."""
-    found = [x for x in jax.tree.leaves(tree, is_leaf=_begins) if _begins(x)]
-    return tuple(np.repeat([_holds(x) for x in found], [_count(x) for x in found]).tolist())
+    return _of_each(tree, _holds)
 
 
-def all_go_on(tree: Any) -> bool:
-    """Whether each effect that may begin has a law to be held that is smooth on both sides."""
+def goes_on(tree: Any) -> tuple[bool, ...]:
+    """Whether each of them has one that is smooth on both sides."""
+    return _of_each(tree, lambda effect: effect.goes_on and _holds(effect))
+
+
+def oscillates(tree: Any) -> tuple[bool, ...]:
+    """Whether each of them may begin and end again and again while bodies just turn."""
+    return _of_each(tree, lambda effect: effect.oscillates)
+
+
+def _of_each(tree: Any, test: Callable[[AbstractMarkerEffect], bool]) -> tuple[bool, ...]:
     found = [x for x in jax.tree.leaves(tree, is_leaf=_begins) if _begins(x)]
-    return all(x.goes_on and _holds(x) for x in found)
+    return tuple(np.repeat([test(x) for x in found], [_count(x) for x in found]).tolist())
 
 
 def hold(tree: Any, sides: Float[Array, " effects"]) -> Any:
-    """Return a pytree with its effects that may begin held on their `sides`; several times over
-    where it has them several times.
+    """Return a pytree with its effects that may begin held on their `sides`, which are
+    repeated for each copy of them.
     """
     first = 0
 

@@ -80,8 +80,10 @@ class AbstractMarkerEffect(AbstractEffect):
     units: ClassVar[tuple[str, ...]] = ()
     # Whether it may begin on the way, as contacts do; then the start shows nothing of it.
     begins: ClassVar[bool] = False
-    # Whether the law of one that is `held` is smooth on both sides.
-    goes_on: ClassVar[bool] = True
+    # Whether the law of one that is `held` goes on smoothly where it does not act.
+    goes_on: ClassVar[bool] = False
+    # Whether its `room` comes and goes while bodies just turn, as that of a point does.
+    oscillates: ClassVar[bool] = True
     # Whether it is right within a `limit` only.
     limited: ClassVar[bool] = False
 

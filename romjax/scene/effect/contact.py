@@ -92,7 +92,6 @@ class AbstractContact(AbstractMarkerEffect):
         friction: eqx.AbstractVar[Friction | None]
     stores: ClassVar[bool] = True
     begins: ClassVar[bool] = True
-    goes_on: ClassVar[bool] = False
 
     @property
     def needs_twists(self) -> bool:  # type: ignore[override]

@@ -50,10 +50,15 @@ class JointStop(AbstractMotionEffect):
     stores: ClassVar[bool] = True
     supplies: ClassVar[bool] = False
     begins: ClassVar[bool] = True
+    goes_on: ClassVar[bool] = True
 
     @property
     def needs_twists(self) -> bool:  # type: ignore[override]
         return self.dissipation is not None
+
+    @property
+    def oscillates(self) -> bool:  # type: ignore[override]
+        return self.motion != "angle"
 
     @property
     def dissipates(self) -> bool:  # type: ignore[override]

@@ -51,6 +51,7 @@ class Rope(AbstractMarkerEffect):
     stores: ClassVar[bool] = True
     supplies: ClassVar[bool] = False
     begins: ClassVar[bool] = True
+    goes_on: ClassVar[bool] = True
 
     @property
     def markers(self) -> tuple[Marker, ...]:
