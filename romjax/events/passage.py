@@ -48,7 +48,7 @@ _FIRST = 0.03
 # derivatives of the motion that err by percents.
 _LEFT, _FAINT = 0.5, 1e-2
 # Bisections of a step that passes a surface. Events take fewer: a step that ends so near to one
-# does not always tell that it has got there, and the next is as short.
+# may not notice that it has reached it, so that the next one is just as short.
 _BISECTIONS = 30
 
 

@@ -135,9 +135,9 @@ def default_method(
     of the error does not. Stops of joints, whose force grows with the depth alone, count as
     contacts nowhere. How fast the system is on them limits steps only while it is there: pendulums
     between stops took 2 to 4 times as many steps by Rodas5P (36 at random, up to 5000 rad a run),
-    with errors up to 60 times as large. It counts where Dopri8 would take ten thousand steps of a
-    run that rests on a stop. A fast spin in space is not stiff: every method has to follow it; nor
-    are rods without damping, whose fast vibrations are in what bends far.
+    with errors up to 60 times as large. It counts where a run that rests on a stop throughout would
+    take Dopri8 more than ten thousand steps. A fast spin in space is not stiff: every method has to
+    follow it; nor are rods without damping, whose fast vibrations are in what bends far.
 
     Whether the fast vibration is excited is unknown before the run. If it is not, Rodas5P takes
     few steps; if it is, both methods follow it, and Rodas5P's steps cost c times as much: 2 where

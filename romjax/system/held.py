@@ -32,8 +32,8 @@ def _of_each(tree: Any, test: Callable[[AbstractMarkerEffect], bool]) -> tuple[b
 
 
 def hold(tree: Any, sides: Float[Array, " effects"]) -> Any:
-    """Return a pytree with its effects that may begin held on their `sides`, which are
-    repeated for each copy of them.
+    """Return a pytree with its effects that may begin held on their `sides`, which count
+    for each copy of these effects again.
     """
     first = 0
 
