@@ -254,6 +254,18 @@ def test_a_measurement_has_all_its_quantities(pendulum, swung):
         swung.to_xarray(half=np.zeros(3))
 
 
+@pytest.mark.parametrize("name", ["estimate", "group", "q", "time", "column", "event_time"])
+def test_a_measured_quantity_takes_no_name_of_the_file(run, name):
+    with pytest.raises(rj.InputError, match=f"'{name}' is what files of runs call something"):
+        run.to_xarray(**{name: np.zeros(len(run.t))})
+
+
+def test_an_older_file_with_a_measured_estimate_has_no_error_bar(run, tmp_path):
+    data = run.to_xarray().assign(estimate=("time", np.zeros(len(run.t))))
+    data.to_netcdf(tmp_path / "run.nc", engine="h5netcdf")
+    assert rj.load(tmp_path / "run.nc").bar is None
+
+
 @pytest.mark.instant
 def test_a_measurement_in_space_has_a_rotation_for_its_angle(run):
     class Measured:

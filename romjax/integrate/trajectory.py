@@ -256,8 +256,8 @@ class Trajectory(eqx.Module):
         - `measured`: further quantities by name: what `measure`, `energy`, `joint_forces` and the
           like return, an array with an axis of outputs, or a pair of one and its unit.
 
-        Raises ImportError, with what to install, without the extra; InputError for a measured array
-        that has not one row for each output, and a scene with other coordinates than the run.
+        Raises ImportError without the extra; InputError for a measured array with no row for each
+        output or a name of the dataset's own, and a scene with other coordinates than the run.
         """
         return dataset_of(self, scene, extras=measured, error=error)
 

@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from ...common.errors import InputError
 from ...common.extras import extra
 from ...integrate.trajectory import Trajectory
 from ...scene.scene import Scene
 from ...study.errors.corrected import corrected
 from ...system.base import AbstractSystem
 from ...system.reduced import reduced_of
+from .fitting import dimensions_of
 from .measured import measured
 from .scenes import scene_words
 from .variables import names_of, variables_of
@@ -28,10 +30,16 @@ def dataset_of_run(
     """The dataset that `Trajectory.to_xarray` describes."""
     xarray = extra("Trajectory.to_xarray", "xarray", "files")
     variables, names = variables_of(run), names_of(run)
+    taken = _own_names()
     for name, value in extras.items():
         for quantity in measured(name, value, len(run.t)):
             words = {"long_name": f"{quantity.name}, measured"}
             words |= {"units": quantity.unit} if quantity.unit else {}
+            if quantity.name in taken:
+                raise InputError(
+                    f"Trajectory.to_xarray: '{quantity.name}' is what files of runs call something "
+                    f"of their own; give the measured quantity another name."
+                )
             variables[quantity.name] = (("time", *quantity.axes), quantity.values, words)
             if quantity.axes == ("axis",):
                 axes = np.array([*"xyz"][: quantity.values.shape[1]], object)
@@ -47,6 +55,13 @@ def dataset_of_run(
             apart = np.abs(np.asarray(getattr(richer, name)) - values)
             variables[f"{name}_error"] = (dimensions, apart, words)
     return xarray.Dataset(variables, names, attributes)
+
+
+def _own_names() -> set[str]:
+    """The names of variables and of dimensions that a run has, or could have had."""
+    own = dimensions_of()
+    axes = {axis for shapes in own.values() for shape in shapes for axis in shape}
+    return {*own, *axes, "q_error", "v_error", "axis", "lane"}
 
 
 def origin(kind: str) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from .variables import ARRAYS, RECORDS
 _FINITE = ("time", "q", "v", "violation")
 _WHOLE = ("num_steps", "num_accepted_steps", "num_rejected_steps", "status", "flags")
 _TRUTHS = ("event_happened", "event_lasting")
+_OF_BARS = ("estimate", "estimate_per_group", "group")
 
 
 def check_arrays(dataset: Any, path: Any) -> None:
@@ -55,9 +56,9 @@ def _mistakes(dataset: Any) -> Iterator[str]:
         yield "'time' is empty"
         return
     lanes = ("lane",) if "lane" in dataset.sizes else ()
-    for name, wanted in _dimensions(lanes).items():
-        if name not in dataset:
-            continue  # optional, or missed by the reader
+    for name, wanted in dimensions_of(lanes).items():
+        if name not in dataset or (name in _OF_BARS and "estimate_by" not in dataset.attrs):
+            continue  # optional, missed by the reader, or measured and called so before it was kept
         variable = dataset[name]
         if variable.dims not in wanted:
             allowed = " or ".join(f"({', '.join(dims)})" for dims in wanted)
@@ -102,7 +103,7 @@ def _in_status(dataset: Any) -> Iterator[str]:
         yield "'time' does not increase"
 
 
-def _dimensions(lanes: tuple[str, ...]) -> dict[str, list[tuple[str, ...]]]:
+def dimensions_of(lanes: tuple[str, ...] = ()) -> dict[str, list[tuple[str, ...]]]:
     """Return the dimensions that each variable of a file of results may have."""
     arrays = dict(ARRAYS)
     for kind, prefix in RECORDS.values():

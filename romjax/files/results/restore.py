@@ -75,7 +75,7 @@ def trajectory_of(dataset: Any, solver: diffrax.AbstractSolver[Any]) -> Trajecto
 
 
 def _bar(dataset: Any) -> ErrorBar | None:
-    if "estimate" not in dataset:
+    if "estimate_by" not in dataset.attrs:
         return None
     grouped = "estimate_per_group" in dataset
     return ErrorBar(
