@@ -174,6 +174,20 @@ def test_a_joint_that_is_apart_is_refused():
         rj.reduce(rj.assemble(rj.Scene([bar], [hinge])), formulation="joint")
 
 
+def test_a_drive_may_be_elsewhere_at_zero():
+    """The start holds at the time that is given, from which runs begin."""
+    moving = {"velocity": (0.0, 1.5), "angular_velocity": 3.0}
+    bar = rj.RigidBody("bar", 1.0, 0.1, position=(0.5, 0.0), **moving)
+    ends = bar.at((-0.5, 0.0)), rj.ground.at()
+    drive = rj.PrescribedAngle(*ends, rj.Ramp(3.0, -6.0), name="drive")
+    system = rj.assemble(rj.Scene([bar], [rj.Revolute(*ends), drive]))
+    with pytest.raises(rj.ReductionError, match=r"t = 0 s, joint 'drive' is apart.*time=…"):
+        rj.reduce(system, formulation="joint")
+    rom = rj.reduce(system, formulation=rj.JointCoordinates(time=2.0))
+    start = np.array([rom.q0[0], rom.v0[0], rom.time])
+    np.testing.assert_allclose(start, [0.0, 3.0, 2.0], atol=ROUNDING)
+
+
 def test_a_mechanism_without_freedoms_is_refused():
     bar = rj.RigidBody("bar", 1.0, 0.1)
     weld = rj.Weld(bar.at(), rj.ground.at())

@@ -6,14 +6,14 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ...assembly.assembled import AssembledSystem
 from ...assembly.locate import assembled
 from ...basis.basis import AbstractDecomposition, Basis
 from ...basis.snapshots import Motions, SnapshotSet
 from ...common import precision
-from ...common.arrays import as_jax, concrete
+from ...common.arrays import Number, as_jax, concrete
 from ...common.errors import ReductionError
 from ...compiling.program import program_once
 from ...scene.coordinate import Coordinate
@@ -42,11 +42,18 @@ class JointCoordinates(AbstractFormulation):
 
     With a basis, as `JointCoordinates().basis` makes it of a run, the amplitudes of all bodies move
     in a subspace of few; the joints stay as they are, so that one run trains for other motions too.
+
+    **Arguments:**
+
+    - `time`: when the start of the system holds [s], and runs of the model begin; drives depend on
+      it.
     """
 
     name: ClassVar[str] = "joint"
     keeps_states: ClassVar[bool] = True
     in_subspace: ClassVar[bool] = False
+
+    time: Number = 0.0
 
     def basis(
         self, system: AbstractSystem, motion: Motions, decomposition: AbstractDecomposition
@@ -80,8 +87,8 @@ class JointCoordinates(AbstractFormulation):
                 "but no body of the mechanism deforms; call "
                 "romjax.reduce(system, formulation=romjax.JointCoordinates())."
             )
-        _check_start(full)
-        joint = in_joint_coordinates(full)
+        _check_start(full, self.time)
+        joint = in_joint_coordinates(full, self.time)
         check_rotors(full, joint.lift, joint.q0)
         return joint if basis is None else JointSubspace.of(joint, basis)
 
@@ -91,8 +98,8 @@ def _amplitudes(system: AbstractSystem) -> list[int]:
     return [i for i, rigid in enumerate(system.structure.rigid) if not rigid]
 
 
-def in_joint_coordinates(full: AssembledSystem) -> JointSystem:
-    """The system of a mechanism, from the start nearest to its own.
+def in_joint_coordinates(full: AssembledSystem, time: Number = 0.0) -> JointSystem:
+    """The system of a mechanism, from the start nearest to its own at `time` [s].
 
     Raises ReductionError for one without freedoms.
     """
@@ -104,7 +111,7 @@ def in_joint_coordinates(full: AssembledSystem) -> JointSystem:
             "coordinates; take out the joints that lock it."
         )
     structure = _structure(full, tree, spanning)
-    return JointSystem.of(full, spanning, structure, _summary(full, tree, spanning))
+    return JointSystem.of(full, spanning, structure, _summary(full, tree, spanning), time)
 
 
 def size_in_joint_coordinates(full: AssembledSystem) -> tuple[int, int] | None:
@@ -134,29 +141,30 @@ def faster_size(full: AssembledSystem) -> tuple[int, int] | None:
     return size if size and size[0] < full.n and (space or not size[1]) else None
 
 
-def _check_start(full: AssembledSystem) -> None:
+def _check_start(full: AssembledSystem, time: Number) -> None:
     """Raise ReductionError unless the joints hold at the start, as joint coordinates always do."""
     if full.m == 0:
         return
-    closed, fits, worst = (concrete(x) for x in _start(without_names(full)))
+    t = jnp.asarray(time, full.q0.dtype)
+    closed, fits, worst = (concrete(x) for x in _start(without_names(full), t))
     if closed is None or fits is None or worst is None or (closed and fits):
         return
     what = "apart" if not closed else "moving apart"
     raise ReductionError(
-        f"reduce: at the start {full.structure.constraints[int(worst)]} is {what}; joint "
-        "coordinates begin where all joints hold. Put the scene together by "
-        "romjax.consistent_scene(scene)."
+        f"reduce: at the start, t = {float(t):g} s, {full.structure.constraints[int(worst)]} is "
+        f"{what}; joint coordinates begin where all joints hold. Put the scene together by "
+        "romjax.consistent_scene(scene); or, where drives have it begin at another time than 0, "
+        "give that: romjax.JointCoordinates(time=…)."
     )
 
 
 @program_once
 def _start(
-    full: AssembledSystem,
+    full: AssembledSystem, t: Float[Array, ""]
 ) -> tuple[Bool[Array, ""], Bool[Array, ""], Int[Array, ""]]:
     """Whether the joints hold at the start, and their rates, and the worst of them."""
-    zero = jnp.zeros((), full.q0.dtype)
     share = precision.of(full.q0.dtype).start_tolerance
-    start = Start.of(full, zero, full.q0, full.v0, share)
+    start = Start.of(full, t, full.q0, full.v0, share)
     off = jnp.abs(start.violation) / start.allowed
     rate = jnp.abs(start.rate) / start.allowed_rate
     return start.closed, start.fits, jnp.argmax(jnp.where(start.closed, rate, off))

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from ...assembly.assembled import AssembledSystem
 from ...assembly.locate import assembled
-from ...common.arrays import Time, Vector, as_array
+from ...common.arrays import Number, Time, Vector, as_array
 from ...common.compat import is_traced
 from ...compiling.program import program_once
 from ...system.base import AbstractSystem, AbstractValidity
@@ -53,14 +53,19 @@ class JointSystem(AbstractReducedSystem):
 
     @classmethod
     def of(
-        cls, full: AssembledSystem, spanning: Spanning, structure: Structure, summary: str
+        cls,
+        full: AssembledSystem,
+        spanning: Spanning,
+        structure: Structure,
+        summary: str,
+        time: Number,
     ) -> "JointSystem":
-        """Make the system with the start of the full one.
+        """Make the system with the start of the full one, which holds at `time` [s].
 
         `full`, `spanning`, `structure` and `summary` are fields.
         """
         z = jnp.zeros(len(structure.coordinates), full.q0.dtype)
-        time = jnp.zeros((), z.dtype)
+        time = jnp.asarray(time, z.dtype)
         lift, cut, along = _parts(full, spanning, None)
         rom = cls(full, lift, cut, along, z, z, time, spanning, structure, summary)
         return rom.starting_at(full.q0, full.v0)._without_repeated_rows()
