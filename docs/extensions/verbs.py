@@ -65,13 +65,6 @@ REFUSED = {
     ("equilibrium", "ball joints"): "no equilibrium",
     **{("local", name): "no body that deforms" for name in STRUCTURES if name not in FLEXIBLE},
 }
-# Right, but the run says in these words that it may not be.
-_LEFT = "leaves the box of the snapshots"
-WARNED = {
-    ("galerkin", "friction"): _LEFT,
-    ("minimal", "friction"): _LEFT,
-    ("galerkin", "top"): "violates the constraints by more than the snapshots",
-}
 # Subspaces that miss more of the motion than a run does, by the tolerance of their rank.
 COARSE = {("galerkin", "five-bar"), ("galerkin", "beam in space"), ("minimal", "top")}
 
@@ -79,16 +72,14 @@ INTRODUCTION = """# What works on what
 
 Every verb on every kind of mechanism. A tick is a value that a test compares with a right one;
 words are those of the error by which romjax refuses what it cannot do; ≈ is a reduced model whose
-error is larger than that of the run. Words beside a tick are a warning of the run.
+error is larger than that of the run.
 """
 
 
 def _cell(verb: str, name: str) -> str:
     if words := REFUSED.get((verb, name)):
         return f"“{words}”"
-    warned = WARNED.get((verb, name))
-    sign = "≈" if (verb, name) in COARSE else "✓"
-    return f"{sign}, with “{warned}”" if warned else sign
+    return "≈" if (verb, name) in COARSE else "✓"
 
 
 def text() -> str:

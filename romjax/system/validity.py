@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..basis.basis import Basis
+from ..basis.passed import passed
 from ..compiling.program import program_once
 from .base import AbstractSystem, AbstractValidity, Run
 from .flags import Flag
@@ -14,7 +15,8 @@ from .flags import Flag
 # By how much of its width a motion may leave the training box on each side. Directions much
 # narrower than the widest one are allowed a thousandth of that.
 _MARGIN, _NARROW = 0.1, 1e-3
-# How many times the training's violation is too much, and what is never too much.
+# How many times the training's violation, or the tolerance of the steps, is too much, and what is
+# never too much. Stabilization holds constraints to a few tolerances (2.1 of a top's subspace).
 _TIMES, _ROUNDING = 10.0, 1e-7
 # Snapshots at which the constraints are evaluated.
 _SNAPSHOTS = 200
@@ -56,7 +58,7 @@ class TrainingBox(AbstractValidity):
         if basis.decomposition is None:
             return None
         t, q = basis.snapshots.t, basis.snapshots.q
-        return _in_subspace(system, t, q, basis.offset, modes, dual)
+        return _in_subspace(system, t, q, passed(basis.snapshots), basis.offset, modes, dual)
 
     def including(self, run: Run) -> "TrainingBox":
         points = self._points(run)
@@ -78,17 +80,23 @@ class TrainingBox(AbstractValidity):
         width = self.upper - self.lower
         allowed = _MARGIN * jnp.maximum(width, _NARROW * jnp.max(width))
         outside = jnp.maximum(self.lower[None] - points, points - self.upper[None])
-        limit = jnp.maximum(jnp.maximum(_TIMES * self.violation, _ROUNDING), run.drift)
+        limit = jnp.maximum(_TIMES * jnp.maximum(self.violation, run.drift), _ROUNDING)
         flags: Array = jnp.any(outside > allowed[None]) * int(Flag.OUTSIDE_TRAINING)
         return flags + jnp.any(run.violation > limit) * int(Flag.VIOLATION)
 
 
 @program_once
 def _in_subspace(
-    system: AbstractSystem, t: Array, q: Array, offset: Array, modes: Array, dual: Array
+    system: AbstractSystem,
+    t: Array,
+    q: Array,
+    passed: Array,
+    offset: Array,
+    modes: Array,
+    dual: Array,
 ) -> TrainingBox:
     z = (q - offset[None]) @ dual.T
     stride = -(-len(z) // _SNAPSHOTS)
     q = offset[None] + z[::stride] @ modes.T
     violation = jnp.abs(jax.vmap(system.constraint)(t[::stride], q))
-    return TrainingBox.of(z, jnp.max(violation, initial=0))
+    return TrainingBox.of((passed - offset[None]) @ dual.T, jnp.max(violation, initial=0))

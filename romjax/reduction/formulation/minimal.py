@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...basis.basis import AbstractDecomposition, Basis
+from ...basis.passed import passed
 from ...basis.snapshots import Motions, SnapshotSet
 from ...basis.subspace import span
 from ...common import compat
@@ -97,7 +98,7 @@ class Minimal(AbstractFormulation):
         lift = _lift(system, basis, chart, inner, metric, guesses)
         validity = None
         if basis.decomposition is not None:
-            validity = _box(snapshots.t, snapshots.q, basis.offset, lift.dual)
+            validity = _box(snapshots.t, passed(snapshots), basis.offset, lift.dual)
         r = inner.shape[1]
         summary = f"{r} modes of {len(metric)} minimal coordinates, no constraints"
         if not r:
@@ -200,7 +201,7 @@ def _lift_from(
 @program_once
 def _box(
     t: Float[Array, " h"],
-    q: Float[Array, "h n"],
+    q: Float[Array, "k n"],
     offset: Float[Array, " n"],
     dual: Float[Array, "r n"],
 ) -> TrainingBox:

@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 from ...assembly.assembled import AssembledSystem
 from ...basis.basis import Basis
 from ...basis.orthonormal import orthonormalize
+from ...basis.passed import passed
 from ...common.arrays import Time, Vector, as_jax
 from ...linalg.dense import multiply
 from ...linalg.kkt import KKT
@@ -84,7 +85,7 @@ class JointSubspace(AbstractReducedSystem):
         if basis.decomposition is not None:
             read = np.zeros((shapes.shape[1], len(given)), given.dtype)
             read[:, columns] = shapes.T @ metric
-            points = np.asarray(basis.snapshots.q) @ read.T
+            points = np.asarray(passed(basis.snapshots)) @ read.T
             validity = TrainingBox.of(as_jax(points), root=as_jax(read))
         g, onto, zero = (as_jax(x) for x in (modes, dual, offset))
         rom = cls(joint, g, onto, zero, none, none, validity, structure, summary)
