@@ -247,6 +247,10 @@ def test_motions_that_do_not_compare():
         rj.compare(one, other)
     with pytest.raises(Exception, match="different times"):
         rj.compare(one, _motion([0.0, 2.0]))
+    # Of runs that begin late, and of very short ones, differences count as much.
+    for t, other in (([1e6, 1e6 + 1.0], [1e6, 1e6 + 1.5]), ([0.0, 1e-8], [0.0, 2e-8])):
+        with pytest.raises(ValueError, match="different times"):
+            rj.compare(_motion(t), _motion(other))
 
 
 def _motion(t):

@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 
 from ..common.checks import check_kind
 from ..integrate.trajectory import Trajectory
+from ..study.compare import same_times
 from .style import SMALL, DisplayedFigure
 
 
@@ -34,7 +35,8 @@ def check_coordinates(owner: str, truth: Trajectory, name: str, approx: Trajecto
 
 def check_times(owner: str, truth: Trajectory, name: str, approx: Trajectory) -> None:
     """Raise ValueError unless both motions have the same output times."""
-    if truth.t.shape != approx.t.shape or not np.allclose(truth.t, approx.t, rtol=1e-6, atol=0):
+    t, other = np.asarray(truth.t), np.asarray(approx.t)
+    if t.shape != other.shape or not same_times(t, other):
         raise ValueError(
             f"{owner}: '{name}' has {_times(approx)}, but the truth has {_times(truth)}; "
             "simulate both with the same ts."
