@@ -139,6 +139,18 @@ def test_the_solver_is_kept(run, solver):
     assert batch.solver_name == run.solver_name
 
 
+def test_every_other_output_of_a_batch(run):
+    """All of its runs stay."""
+    batch = jax.tree.map(lambda x: np.stack([np.asarray(x)] * 3), run)
+    for one, all_of_them in zip(
+        jax.tree.leaves(run.every(2)), jax.tree.leaves(batch.every(2)), strict=True
+    ):
+        assert np.array_equal(np.stack([np.asarray(one)] * 3), all_of_them)
+    for stride in (0, -1, 1.5):
+        with pytest.raises(rj.InputError, match="whole number above zero"):
+            run.every(stride)
+
+
 def test_a_solver_with_a_traced_number():
     """It is an array of the trajectory then."""
     system = zoo.oscillator()

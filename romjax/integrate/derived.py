@@ -38,9 +38,9 @@ class EagerQuantities(NamedTuple):
     metric: Float[Array, "n n"]
     parts: Partitioned | None = None
 
-    def every(self, stride: int) -> "EagerQuantities":
-        """Return the object for every `stride`-th output time only."""
-        return self._replace(multipliers=self.multipliers[::stride])
+    def every(self, kept: tuple[slice, ...]) -> "EagerQuantities":
+        """Return the object for the output times that are `kept`, by slices of runs and times."""
+        return self._replace(multipliers=self.multipliers[kept])
 
 
 class LazyQuantities(eqx.Module):
@@ -92,10 +92,10 @@ class LazyQuantities(eqx.Module):
         known: Float[Array, "n n"] | None = _metrics.get(self.parts)
         return _metrics.put(self.parts, _metric(self.system)) if known is None else known
 
-    def every(self, stride: int) -> "LazyQuantities":
-        """Return the object for every `stride`-th output time only."""
+    def every(self, kept: tuple[slice, ...]) -> "LazyQuantities":
+        """Return the object for the output times that are `kept`, by slices of runs and times."""
         arrays = {name: getattr(self, name) for name in ("t", "q", "v", "chart")}
-        return dataclasses.replace(self, **jax.tree.map(lambda x: x[::stride], arrays))
+        return dataclasses.replace(self, **jax.tree.map(lambda x: x[kept], arrays))
 
 
 @program

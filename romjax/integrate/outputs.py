@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.compat import is_traced
+from ..common.errors import InputError
 from ..common.identity_cache import IdentityCache
 from ..system.base import AbstractSystem
 from ..system.local import local_system
@@ -75,6 +76,15 @@ def padded(x: Any, size: int) -> np.ndarray:
     """`x` with its last row repeated up to `size` rows."""
     rows = np.asarray(x)
     return np.concatenate([rows, np.broadcast_to(rows[-1:], (size - len(rows), *rows.shape[1:]))])
+
+
+def strided(owner: str, stride: int, axes: int) -> tuple[slice, ...]:
+    """Slices of runs and times, of so many `axes`, that keep every `stride`-th time; raises
+    InputError, beginning with `owner`, for a stride that is no whole number above zero.
+    """
+    if not isinstance(stride, int | np.integer) or stride < 1:
+        raise InputError(f"{owner}: stride = {stride!r} must be a whole number above zero.")
+    return (*[slice(None)] * (axes - 1), slice(None, None, int(stride)))
 
 
 _padded = IdentityCache()

@@ -6,6 +6,7 @@ from typing import Any
 
 import diffrax
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
@@ -31,6 +32,7 @@ from .derived import EagerQuantities, LazyQuantities
 from .error_bar import ErrorBar, of_lanes
 from .follow.branching import Branching
 from .follow.energy_balance import EnergyBalance
+from .outputs import strided
 from .statistics import Statistics
 from .status import Status
 from .step_states import StepStates
@@ -211,11 +213,14 @@ class Trajectory(eqx.Module):
         return summary(self)
 
     def every(self, stride: int) -> "Trajectory":
-        """The same motion at every `stride`-th output time."""
-        arrays = {name: getattr(self, name)[::stride] for name in ("t", "q", "v", "violation")}
-        if self.imbalance is not None:
-            arrays["imbalance"] = self.imbalance[::stride]
-        return dataclasses.replace(self, **arrays, derived=self.derived.every(stride))
+        """The same motion at every `stride`-th output time, of each run of a batch.
+
+        Raises InputError for a stride that is no whole number above zero.
+        """
+        kept = strided("Trajectory.every", stride, self.t.ndim)
+        names = ("t", "q", "v", "violation", "imbalance")
+        arrays = jax.tree.map(lambda x: x[kept], {name: getattr(self, name) for name in names})
+        return dataclasses.replace(self, **arrays, derived=self.derived.every(kept))
 
     def at(self, times: Vector) -> "Trajectory":
         """The same motion at other `times` (k,) [s], by the dense output of a run that was
@@ -231,15 +236,8 @@ class Trajectory(eqx.Module):
         imbalance = self.imbalance
         if imbalance is not None:
             imbalance = imbalance[jnp.searchsorted(self.t, ts, side="right") - 1]
-        return dataclasses.replace(
-            self,
-            t=ts,
-            q=outputs.q,
-            v=outputs.v,
-            violation=outputs.violation,
-            derived=derived,
-            imbalance=imbalance,
-        )
+        arrays = {"t": ts, "q": outputs.q, "v": outputs.v, "violation": outputs.violation}
+        return dataclasses.replace(self, **arrays, derived=derived, imbalance=imbalance)
 
     def to_xarray(self, scene: Scene | None = None, *, error: bool = False, **measured: Any) -> Any:
         """The run as an `xarray.Dataset` (extra `files`): dimensions `time`, `coordinate` and
