@@ -7,7 +7,8 @@ import pytest
 import zoo
 from comparison import assert_close
 from groups import in_groups
-from tolerances import SOLVED
+from mechanisms import ends
+from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
 
@@ -116,3 +117,47 @@ def test_the_rank_for_a_tolerance_holds_at_another_speed(name):
         # Of the methods that are taken by themselves. At 1e-6 it is 6 times.
         full, few = (rj.simulate(model, truth.t, rtol=1e-8) for model in (system, rom))
         assert full.stats.num_accepted_steps >= FEWER * few.stats.num_accepted_steps
+
+
+SWING, LENGTH = 0.8, 1.0  # of the arm that is swung, and of both bars
+
+
+@functools.cache
+def swung():
+    """The scene of a bar that hangs on one which a drive swings, its system, and its model."""
+    scene = zoo.bars(angles=(0.0, -1.2), spins=(SWING * np.pi, 0.0))
+    drive = rj.PrescribedAngle(scene.bodies[0].at(), rj.ground.at(), rj.Sine(SWING, 0.5))
+    system = rj.assemble(rj.Scene(scene.bodies, [*scene.joints, drive], scene.effects))
+    truth = zoo.run(system, np.linspace(0.0, 1.0, 51))
+    basis = rj.Minimal().basis(system, truth, rj.POD(1))
+    return scene, system, rj.reduce(system, basis, "minimal")
+
+
+@pytest.mark.slow
+def test_at_rest_a_drive_stands():
+    """Statics and small motions about rest know neither its speed nor its acceleration, in minimal
+    coordinates, which follow it by themselves, as little as in those of the bodies.
+    """
+    late = 0.7
+    scene, system, rom = swung()
+    angle = SWING * np.sin(np.pi * late)
+    hanging = LENGTH * np.array([np.cos(angle), np.sin(angle) - 1.0])
+    for model in (system, rom):
+        q = rj.equilibrium(model, t=late)
+        tip = rj.measure(model, q, ends(scene.bodies[1])[1], t=late)
+        assert_close(tip.position, hanging, SOLVED)
+        assert_close(tip.velocity, np.zeros(2), IDENTITY)
+        found = rj.modes(model, q, t=late)
+        assert_close(found.frequencies, [np.sqrt(1.5 * zoo.GRAVITY / LENGTH)], SOLVED)
+        linear = rj.linearize(model, {}, [], at=q, t=late)
+        assert_close(np.linalg.eigvals(linear.A).imag.max(), found.frequencies[0], SOLVED)
+
+
+@pytest.mark.slow
+def test_a_run_that_begins_later_is_judged_from_its_own_start():
+    """The drive has left the place where the full system starts."""
+    _, _, rom = swung()
+    run = zoo.run(rom, np.linspace(0.3, 0.8, 26))
+    richer = rj.corrected(rom, run)
+    assert richer.success
+    assert rj.compare(richer, run).error <= SOLVED

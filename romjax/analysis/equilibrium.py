@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from ..assembly.linear_bodies import warn_of_linear_bodies
+from ..assembly.standing import standing
 from ..common.arrays import Vector, as_array, concrete
 from ..common.checks import check_finite, check_shape
 from ..common.compat import is_outermost
@@ -64,7 +65,7 @@ def equilibrium(
     batchable.
 
     **Arguments:** the `system`, full or reduced; `q0` (n,), from where, its own start unless given;
-    time `t` [s].
+    time `t` [s], at which loads act as they do then, and drives stand where they are.
 
     Raises InputError for controllers with a clock, whose laws no equation of motion has, and
     SimulationError if the continuation ends (a snap-through, or no equilibrium at all), with
@@ -75,7 +76,7 @@ def equilibrium(
     check_shape("equilibrium", "q0", q, (system.n,))
     check_finite("equilibrium", "q0", q)
     refuse_clocks("equilibrium", system)
-    time = jnp.asarray(t, q.dtype)
+    system, time = standing(system), jnp.asarray(t, q.dtype)
     reached = _solve(*jax.lax.stop_gradient((system, time, q)))
     load = concrete(reached.load)
     if load is None:

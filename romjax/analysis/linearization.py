@@ -12,6 +12,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 from ..assembly.counting import counters_at_zero
 from ..assembly.linear_bodies import warn_of_linear_bodies
 from ..assembly.locate import locate
+from ..assembly.standing import standing
 from ..common.arrays import Vector, as_array
 from ..common.checks import check_kind, check_shape
 from ..common.errors import InputError
@@ -82,8 +83,8 @@ def linearize(
       name, such labels, quantities of `romjax.quantity`, or functions (t, q, v) of physical
       coordinates that return a number.
     - `at`, `v` (n,): the state, that of the system at rest at its start unless given, such as
-      `equilibrium(system)`. The speed of drives is left out unless `v` has it, such as
-      `v=system.v0` at the start. `t`: time [s].
+      `equilibrium(system)`. Unless `v` is given, such as `v=system.v0` at the start, drives stand
+      where they are at time `t` [s].
 
     Differentiable and batchable. Raises InputError for a wrong shape or an unknown name, for an
     input whose signal changes with time, and for controllers with a clock, whose laws no equation
@@ -92,6 +93,8 @@ def linearize(
     check_system("linearize", system)
     refuse_clocks("linearize", system)
     q = system.q0 if at is None else as_array(at)
+    if v is None:
+        system = standing(system)
     velocity = system.structure.at_rest(q) if v is None else as_array(v)
     check_shape("linearize", "at", q, (system.n,))
     check_shape("linearize", "v", velocity, (system.n,))

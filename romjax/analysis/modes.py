@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
 from ..assembly.linear_bodies import warn_of_linear_bodies
+from ..assembly.standing import standing
 from ..common.arrays import Vector, as_array
 from ..common.checks import check_shape
 from ..common.errors import InputError
@@ -70,8 +71,8 @@ def modes(
 
     - `system`: full, reduced or a `CustomSystem`.
     - `at` (n,): where, an equilibrium such as `equilibrium(system)`; the start unless given.
-    - `v` (n,): its velocity; at rest unless given. The speed of drives is left out unless `v` has
-      it, such as `v=system.v0` at the start. `t`: time [s].
+    - `v` (n,): its velocity, such as `v=system.v0` at the start; unless given, the mechanism is at
+      rest, and drives stand where they are at time `t` [s].
     - `turning`: angular velocity Ω [rad/s] at which the whole mechanism turns about the origin,
       steadily, as seen from a frame that turns with it; instead of `v`. In space about z, or a
       vector (3,). Modes are those in that frame, such as flap, lead-lag and whirl: with gyroscopic
@@ -91,6 +92,8 @@ def modes(
         if v is not None:
             raise InputError("modes: v and turning are given; turning implies the velocity.")
         generator, v = turn("modes", system, turning, t, q)
+    if v is None:
+        system = standing(system)
     velocity = jnp.zeros_like(q) if v is None else as_array(v)
     check_shape("modes", "v", velocity, (system.n,))
     refuse_slips("modes", system, v is not None)

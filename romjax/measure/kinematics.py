@@ -3,10 +3,11 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from ..assembly.kinematics import Markers
 from ..assembly.locate import Located, locate
+from ..assembly.standing import standing
 from ..common.arrays import Vector
 from ..common.errors import InputError
 from ..integrate.trajectory import Trajectory
@@ -155,6 +156,7 @@ def measure(
     marker: Marker,
     against: Marker | None = None,
     *,
+    t: ArrayLike | None = None,
     error: bool = False,
 ) -> Measurement:
     """The motion of a `marker` along a run: `.position` [m], `.velocity`, `.acceleration` (k, 2),
@@ -166,17 +168,20 @@ def measure(
 
     **Arguments:**
 
-    - `system`: full or reduced. `run`: simulated with it; or its coordinates (n,) at rest and at
-      t = 0, such as `equilibrium(system)`, for single values in place of k.
+    - `system`: full or reduced. `run`: simulated with it; or its coordinates (n,) at rest, such as
+      `equilibrium(system)`, for single values in place of k.
     - `marker`: such as `body.at((0.0, -0.4))` or `ground.at()`; `against`: another one, the
       inertial frame unless given.
+    - `t`: time of a mechanism at rest [s], at which drives stand where they are; zero unless given.
     - `error`: measure the run of `romjax.corrected` too, so that `.error.position` is the estimated
       error of `.position`, and so on of all others, of a reduced or capped model.
 
     Works under `jit`, `vmap` and derivatives of any order that the run allows. Raises InputError
     for a body that the system lacks, a run of another system, or a system that has no bodies.
     """
-    moved = run_or_rest("measure", system, run)
+    if not isinstance(run, Trajectory):
+        system = standing(system)
+    moved = run_or_rest("measure", system, run, t)
     markers = [marker] if against is None else [marker, against]
     located = locate("measure", system, markers)
     if not error:

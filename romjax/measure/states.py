@@ -6,12 +6,12 @@ from typing import Any, NamedTuple, cast
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..assembly.locate import assembled
 from ..common import compat
 from ..common.arrays import Vector, as_array
-from ..common.checks import check_finite, check_kind, check_shape
+from ..common.checks import check_finite, check_kind, check_one_run, check_shape
 from ..common.errors import InputError
 from ..compiling.program import program
 from ..integrate.outputs import capacity, cut, padded
@@ -73,13 +73,21 @@ def along_run(
     return jax.tree.map(lambda x: x[0], along(at, fixed, *(x[None] for x in states)))
 
 
-def run_or_rest(owner: str, system: AbstractSystem, run: Trajectory | Vector) -> Trajectory | Rest:
-    """The `run`, or the rest of a `system` in its coordinates (n,); raises InputError as
-    `check_run`, or for another shape or a number that is not finite.
+def run_or_rest(
+    owner: str, system: AbstractSystem, run: Trajectory | Vector, t: ArrayLike | None
+) -> Trajectory | Rest:
+    """The `run`, or the rest of a `standing` system in its coordinates (n,) at time `t` [s], zero
+    for None; raises InputError as `check_run`, for another shape, for a number that is not finite,
+    and for a run with a time of rest.
     """
     if not isinstance(run, jax.Array | np.ndarray | list | tuple):
         moved = cast(Trajectory, run)
         check_run(owner, system, moved)
+        if t is not None:
+            raise InputError(
+                f"{owner}: t is the time of a mechanism at rest, but a run has its own times; "
+                "leave it out, or give coordinates (n,) in place of the run."
+            )
         return moved
     _check_mechanism(owner, system)
     try:
@@ -91,14 +99,16 @@ def run_or_rest(owner: str, system: AbstractSystem, run: Trajectory | Vector) ->
         ) from error
     check_shape(owner, "q", q, (system.n,))
     check_finite(owner, "q", q)
-    return Rest(*_at_rest(without_names(system), q))
+    time = as_array(0.0 if t is None else t)
+    check_shape(owner, "t", time, ())
+    check_finite(owner, "t", time)
+    return Rest(*_at_rest(without_names(system), time.astype(q.dtype), q))
 
 
 @program
 def _at_rest(
-    system: AbstractSystem, q: Float[Array, " r"]
+    system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " r"]
 ) -> tuple[Float[Array, ""], Float[Array, " n"], Float[Array, " n"]]:
-    t = jnp.zeros((), q.dtype)
     state = system.state(t, q, jnp.zeros_like(q))
     return t, state.q, state.v
 
@@ -108,11 +118,6 @@ def check_run(owner: str, system: AbstractSystem, run: Trajectory) -> None:
     of this `system`.
     """
     check_origin(owner, _check_mechanism(owner, system), run)
-    if run.t.ndim != 1:
-        raise InputError(
-            f"{owner}: the run is a batch of shape {run.t.shape[:-1]}; map over it, as in "
-            f"jax.vmap(lambda run: rj.{owner}(system, run, ...))(runs)."
-        )
 
 
 def _check_mechanism(owner: str, system: AbstractSystem) -> AbstractSystem:
@@ -133,6 +138,7 @@ def check_origin(owner: str, system: AbstractSystem, run: Trajectory) -> None:
     """Raise InputError, beginning with `owner`, unless `run` is one of this `system`."""
     check_system(owner, system)
     check_kind(owner, "the run", run, Trajectory, "what romjax.simulate(system, ts) returns")
+    check_one_run(owner, run.t)
     labels = system.full.structure.labels
     if run.labels != labels:
         raise InputError(

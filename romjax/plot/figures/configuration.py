@@ -29,11 +29,12 @@ def configuration(
     mechanism: Scene | AbstractSystem,
     q: Float[Array | np.ndarray, " n"] | None = None,
     *,
+    t: float = 0.0,
     axes: Axes | None = None,
     view: View = VIEW,
     **body: Any,
 ) -> Figure:
-    """The mechanism at one position, with its joints, springs and loads at t = 0.
+    """The mechanism at one position, with its joints, springs and loads at one time.
 
     Nothing is exaggerated, and joints need not hold: where they do not, a hinge has two dots.
 
@@ -42,6 +43,7 @@ def configuration(
     - `mechanism`: a scene, or a system, full or reduced, that was assembled from one.
     - `q`: coordinates of the bodies, (n,), or of a reduced system its own, (r,) with r < n, as an
       equilibrium has them; the start of the scene or the system unless given.
+    - `t`: the time [s].
     - `axes`: of matplotlib, that are drawn into; a figure of its own unless given.
     - `view`: azimuth against the x axis and elevation of a view of space [rad].
     - `body`: how matplotlib draws the lines of bodies, such as `color`.
@@ -61,7 +63,7 @@ def configuration(
         system = mechanism
         scene = disassemble(assembled("configuration", system))
     scene.check()
-    drawn = projected(outlines(scene, 0.0, _coordinates(scene, system, q)), view)
+    drawn = projected(outlines(scene, t, _coordinates(scene, system, q, t)), view)
     box = framed(bounds(drawn))
     if axes is None:
         across, up = box[1] - box[0]
@@ -76,7 +78,9 @@ def configuration(
     return cast(Figure, axes.figure)
 
 
-def _coordinates(scene: Scene, system: AbstractSystem | None, q: Any) -> Float[np.ndarray, "1 n"]:
+def _coordinates(
+    scene: Scene, system: AbstractSystem | None, q: Any, t: float
+) -> Float[np.ndarray, "1 n"]:
     """The coordinates of the bodies for a `q` as given, of the scene of a `system` if there is one.
 
     Raises InputError for a q that is none.
@@ -90,7 +94,7 @@ def _coordinates(scene: Scene, system: AbstractSystem | None, q: Any) -> Float[n
         check_finite("configuration", "q", position)
         # As many as the bodies have are those of the bodies.
         if reduced is not None and position.shape == (reduced.n,) and reduced.n < n:
-            position = _lifted(reduced, jnp.zeros(()), as_array(position))
+            position = _lifted(reduced, jnp.asarray(t, float), as_array(position))
     found = bodies_coordinates((*scene.joints, *scene.effects), np.asarray(position)[None], n)
     if found.shape != (1, n):
         own = f", and those of the reduced system ({reduced.n},)" if reduced is not None else ""

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from ...analysis.modes import Modes
 from ...assembly.counting import bodies_coordinates
+from ...assembly.standing import standing
 from ...common.errors import InputError
 from ...scene.marker import Marker
 from ...scene.scene import Scene
@@ -57,8 +58,10 @@ def _of_modes(mechanism: Scene | AbstractSystem, motions: Sequence[Any]) -> "_Sw
         )
 
     # Displacements are as velocities: of a reduced system, in physical coordinates.
+    still = standing(mechanism)
+
     def push(w: Float[Array, " r"]) -> Float[Array, " n"]:
-        return mechanism.state(0.0, modes.at, w).v
+        return still.state(jnp.zeros(()), modes.at, w).v
 
     real, imaginary = (
         np.stack([np.asarray(push(jnp.asarray(w))) for w in part.T], axis=1)
