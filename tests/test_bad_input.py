@@ -3,6 +3,7 @@
 import functools
 
 import diffrax
+import jax
 import jax.numpy as jnp
 import jaxtyping
 import numpy as np
@@ -251,6 +252,15 @@ def test_motions_that_do_not_compare():
     for t, other in (([1e6, 1e6 + 1.0], [1e6, 1e6 + 1.5]), ([0.0, 1e-8], [0.0, 2e-8])):
         with pytest.raises(ValueError, match="different times"):
             rj.compare(_motion(t), _motion(other))
+    batch = jax.tree.map(lambda x: np.stack([np.asarray(x)] * 2), one)
+    for refused in (
+        lambda run: rj.compare(run, run),
+        rj.pod,
+        rj.naive_sod,
+        lambda run: run.noise(),
+    ):
+        with pytest.raises(rj.InputError, match=r"batch of shape \(2,\); take one out of it"):
+            refused(batch)
 
 
 def _motion(t):

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.arrays import as_jax, pick, untraced
-from ..common.checks import check_kind
+from ..common.checks import check_kind, check_one_run
 from ..common.errors import InputError
 from ..common.identity_cache import IdentityCache
 from ..compiling.program import program
@@ -108,6 +108,7 @@ class SnapshotSet(eqx.Module):
             given = list(motions)
         for one in given:
             check_kind("basis", "a motion", one, (Motion, Sensitivity), "runs of romjax.simulate")
+            check_one_run("basis", one.t)
         runs = [one for one in given if not isinstance(one, Sensitivity)]
         if not runs:
             raise InputError("basis: no motion given; simulate one.")

@@ -32,6 +32,17 @@ def check_kind(
     raise error(f"{owner}: {field} is {kind_is} {name}; give {remedy}.", field=field)
 
 
+def check_one_run(owner: str, t: Any) -> None:
+    """Raise InputError, beginning with `owner`, for output times `t` of several runs at once."""
+    shape = np.shape(t)
+    if len(shape) != 1:
+        raise InputError(
+            f"{owner}: the run is a batch of shape {shape[:-1]}; take one out of it, as by "
+            "jax.tree.map(lambda x: x[0], run), or map over it, as by jax.vmap.",
+            field="run",
+        )
+
+
 def check_choice(
     owner: str,
     field: str,

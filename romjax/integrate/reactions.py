@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..common.checks import check_one_run
 from ..system.dynamics import solve
 from ..system.reduced import AbstractReducedSystem
 from .trajectory import Trajectory
@@ -36,6 +37,7 @@ def reactions(rom: AbstractReducedSystem, trajectory: Trajectory) -> Float[Array
 
     **Arguments:** the reduced system `rom`; a `trajectory` that was simulated with it.
     """
+    check_one_run("reactions", trajectory.t)
 
     def forces(t: Array, q: Array, v: Array) -> Array:
         if rom.is_exact:

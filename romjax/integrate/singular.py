@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.checks import check_kind
+from ..common.checks import check_kind, check_one_run
 from ..compiling.program import program_once
 from ..system.base import AbstractSystem, check_system
 from .trajectory import Trajectory
@@ -56,6 +56,7 @@ def singular_position(system: AbstractSystem, run: Trajectory) -> SingularPositi
     check_system("singular_position", system)
     remedy = "what romjax.simulate(system, ts) returns"
     check_kind("singular_position", "the run", run, Trajectory, remedy)
+    check_one_run("singular_position", run.t)
     full = system.full
     if full.m == 0:
         return None

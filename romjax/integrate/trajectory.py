@@ -15,7 +15,7 @@ from ..assembly.disassemble import disassemble
 from ..assembly.linear_bodies import linear_warnings
 from ..assembly.locate import assembled
 from ..common.arrays import Vector, as_number
-from ..common.checks import unknown_name
+from ..common.checks import check_one_run, unknown_name
 from ..common.errors import InputError
 from ..common.files import dataset_of, write_dataset
 from ..common.partition import Partitioned
@@ -277,6 +277,7 @@ class Trajectory(eqx.Module):
         out of the motion's own directions oscillate with the fastest frequency ω of the system, and
         so leave 1/ω of it in the positions. Zero for a run in fixed steps, which has no tolerances.
         """
+        check_one_run("Trajectory.noise", self.t)
         stats = self.stats
         if stats.rtol is None or stats.atol is None:
             zero = jnp.zeros((), self.q.dtype)

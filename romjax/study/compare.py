@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..common.arrays import as_number, concrete
-from ..common.checks import check_kind
+from ..common.checks import check_kind, check_one_run
 from ..common.compat import is_traced
 from ..common.extras import data_frame
 from ..common.identity_cache import IdentityCache
@@ -101,6 +101,7 @@ def compare(
     """
     for run in (truth, approx):
         check_kind("compare", "a motion", run, Trajectory, "runs of romjax.simulate")
+        check_one_run("compare", run.t)
     if truth.q.shape != approx.q.shape:
         raise ValueError(
             f"compare: the motions have shapes {truth.q.shape} and {approx.q.shape} (times, "

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...common.checks import check_one_run
 from ..snapshots import Motion
 
 
@@ -31,6 +32,7 @@ def naive_sod(motion: Motion) -> NaiveSod:
 
     - `motion`: such as a run, with q and v (k, n).
     """
+    check_one_run("naive_sod", motion.t)
     x, v = np.asarray(motion.q), np.asarray(motion.v)
     joint, triangle = np.linalg.qr(np.vstack([x, v]))
     _, cosine, rotation = np.linalg.svd(joint[: len(x)])

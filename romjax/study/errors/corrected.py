@@ -7,8 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...common import precision
 from ...common.arrays import concrete, pick
-from ...common.checks import check_kind, unknown_name
+from ...common.checks import check_kind, check_one_run, unknown_name
 from ...common.compat import is_outermost
 from ...common.errors import InputError, ReductionError
 from ...common.identity_cache import IdentityCache
@@ -17,6 +18,7 @@ from ...integrate.derived import EagerQuantities
 from ...integrate.trajectory import Trajectory
 from ...system.base import AbstractSystem, beginning_at, check_system
 from ...system.reduced import AbstractReducedSystem, reduced_of
+from ...system.start import Start
 from ...system.structure import without_names
 from .residual import by_residual
 from .richer import Finer, finer_of, twice_capped
@@ -30,7 +32,7 @@ _SAME = 1e-9
 _BLIND = "joint forces: for these take by=full, the full system from its own start"
 
 Physical = Float[Array, " n"]
-Start = tuple[Physical, Physical]
+State = tuple[Physical, Physical]
 S = TypeVar("S", bound=AbstractSystem)
 
 
@@ -167,14 +169,21 @@ def _own_or_true(
     model: AbstractReducedSystem,
     t: Float[Array | np.ndarray, ""],
     start: tuple[Array, Array],
-    own: Start,
-    true: Start,
-) -> Start:
+    own: State,
+    true: State,
+) -> State:
     """The true start where a model that starts as near to it as it can starts like a run."""
-    return _true_if_alike(model.reconstruct(t, *start), own, true)
+    q, v = _true_if_alike(model.reconstruct(t, *start), own, true)
+    if model.full.m == 0:
+        return q, v
+    # Where a run begins later, drives have left the place where the full system starts.
+    limits = precision.of(q.dtype)
+    begun = Start.of(model.full, jnp.asarray(t), *true, limits.start_tolerance)
+    holds = begun.closed & begun.fits
+    return jnp.where(holds, q, own[0]), jnp.where(holds, v, own[1])
 
 
-def _true_if_alike(start: Start, own: Start, true: Start) -> Start:
+def _true_if_alike(start: State, own: State, true: State) -> State:
     """The true start where a run's own one is that which its model has for it, else the own one."""
     # Relative for large motions, absolute for small ones.
     sizes = [1 + jnp.max(jnp.abs(x)) for x in own]
@@ -185,11 +194,7 @@ def _true_if_alike(start: Start, own: Start, true: Start) -> Start:
 
 
 def _check(rom: AbstractSystem, run: Trajectory) -> None:
-    if run.t.ndim != 1:
-        raise InputError(
-            f"corrected: the run is a batch of shape {run.t.shape[:-1]}; map over it, as in "
-            "jax.vmap(lambda run: rj.corrected(rom, run))(runs)."
-        )
+    check_one_run("corrected", run.t)
     if run.labels != rom.full.structure.labels:
         raise InputError(
             f"corrected: the run has the coordinates {', '.join(run.labels)}, but the system "
