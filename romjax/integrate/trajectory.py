@@ -236,8 +236,8 @@ class Trajectory(eqx.Module):
         imbalance = self.imbalance
         if imbalance is not None:
             imbalance = imbalance[jnp.searchsorted(self.t, ts, side="right") - 1]
-        arrays = {"t": ts, "q": outputs.q, "v": outputs.v, "violation": outputs.violation}
-        return dataclasses.replace(self, **arrays, derived=derived, imbalance=imbalance)
+        moved = dataclasses.replace(self, t=ts, q=outputs.q, v=outputs.v, derived=derived)
+        return dataclasses.replace(moved, violation=outputs.violation, imbalance=imbalance)
 
     def to_xarray(self, scene: Scene | None = None, *, error: bool = False, **measured: Any) -> Any:
         """The run as an `xarray.Dataset` (extra `files`): dimensions `time`, `coordinate` and
