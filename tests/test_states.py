@@ -108,6 +108,7 @@ def test_equilibrium_finds_states_and_runs_stay_there():
     system = rj.assemble(controlled())
     q = rj.equilibrium(system)
     assert np.allclose(q, [TARGET, 0, 0, STIFFNESS * TARGET], atol=1e-9)
+    assert np.allclose(rj.measure(system, q, RAIL).acceleration, 0.0, atol=1e-9)
     moved = run(system, TIMES[:2], q0=q)
     assert np.allclose(moved["cart.x"], TARGET, atol=1e-12)
     assert np.allclose(moved["pid.integral"], STIFFNESS * TARGET)

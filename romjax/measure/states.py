@@ -109,7 +109,8 @@ def run_or_rest(
 def _at_rest(
     system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " r"]
 ) -> tuple[Float[Array, ""], Float[Array, " n"], Float[Array, " n"]]:
-    state = system.state(t, q, jnp.zeros_like(q))
+    # States of effects have places in q, and act by those in v.
+    state = system.state(t, q, system.structure.at_rest(q))
     return t, state.q, state.v
 
 
