@@ -204,7 +204,6 @@ RANKS = {
     "rank in words": (RICH, {"rank": "best"}, "rank='best'; give a whole number or \"drop\""),
     "tolerance of nothing": (RICH, {"tol": 0.0}, r"tol=0\.0, but it must lie between 0 and 1"),
     "at rest": (Recorded(np.ones((4, 2))), {}, "the snapshots do not move.*simulate a motion"),
-    "NaN snapshots": (Recorded(np.full((4, 2), NAN)), {}, "snapshots are not finite"),
 }
 
 
@@ -213,6 +212,25 @@ RANKS = {
 def test_ranks(decompose, motion, choice, words):
     with pytest.raises(ValueError, match=f"{decompose.__name__.upper()}: .*{words}"):
         decompose(motion, **choice)
+
+
+def test_snapshots_that_no_motion_has():
+    """A single number that is none, and times that go back, of motions and of blocks of one."""
+    t, q = np.arange(4.0), np.random.default_rng(0).normal(size=(4, 2))
+    holed = np.where(np.arange(8).reshape(4, 2) == 3, NAN, q)
+    stream = rj.PodStream.start(np.eye(2), np.zeros(2))
+    given = {
+        "not finite; did the simulation succeed": (t, holed, q),
+        "times of a motion go back, from 3 to 2 s; give snapshots in the order": (t[::-1], q, q),
+    }
+    for words, snapshots in given.items():
+        motion = Recorded(snapshots[1])
+        motion.t, motion.v = snapshots[0], snapshots[2]
+        for decompose in (rj.pod, rj.sod, lambda motion: stream.add(motion.t, motion.q, motion.v)):
+            with pytest.raises(rj.InputError, match=words):
+                decompose(motion)
+    with pytest.raises(rj.InputError, match=r"PodStream.add: q has shape \(4, 2\).*\(3, 2\)"):
+        stream.add(t[:3], q, q[:3])
 
 
 def test_bases_of_a_wrong_shape():

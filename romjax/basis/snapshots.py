@@ -15,6 +15,7 @@ from ..common.checks import check_kind, check_one_run
 from ..common.errors import InputError
 from ..common.identity_cache import IdentityCache
 from ..compiling.program import program
+from .snapshot_checks import check_snapshots
 from .turns import Turns, by_turn, by_turns
 
 
@@ -119,6 +120,8 @@ class SnapshotSet(eqx.Module):
                 "of one mechanism."
             )
         dtype = jnp.result_type(*(jnp.asarray(run.q) for run in runs), float)
+        for one in given:
+            check_snapshots("basis", one.t, one.q, one.v)
         noises = [_noise(run, dtype) for run in runs]
         # Where a run kept the ends of its steps, these: contacts may be shorter than the time
         # between outputs.

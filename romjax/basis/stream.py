@@ -11,11 +11,13 @@ from jaxtyping import Array, Float
 
 from ..common import precision
 from ..common.arrays import Numbers
+from ..common.checks import check_shape
 from ..common.errors import InputError
 from .basis import Basis
 from .build import modes_of
 from .decomposition.pod import POD
 from .rank import Rank, choose_rank
+from .snapshot_checks import check_snapshots
 from .snapshots import Noise, SnapshotSet, time_weights
 
 # Snapshots that are kept as they are, for a reduced model to look at.
@@ -74,11 +76,14 @@ class PodStream(eqx.Module):
         """Return the stream with the snapshots `q`, `v` (h, n) at the times `t` (h,) appended."""
         # By NumPy, which compiles nothing for blocks of another length.
         t, q = np.asarray(t, self.factor.dtype), np.asarray(q, self.factor.dtype)
+        for name, x in (("q", q), ("v", v)):
+            check_shape("PodStream.add", name, x, (len(t), len(self.offset)))
         block_t, block_q = t, q
         if self.last is not None:
             # The trapezoid between two blocks belongs to the later one.
             block_t = np.concatenate([self.last[0], t])
             block_q = np.concatenate([self.last[1], q])
+        check_snapshots("PodStream.add", block_t, block_q, v)
         factor, lost = _merge(self.factor, self.root, self.offset, block_t, block_q)
         first = -self.count % self.stride
         parts = zip(self.sample, (t, q, v), strict=True)
