@@ -15,7 +15,9 @@ def check_snapshots(owner: str, t: Any, q: Any, v: Any) -> None:
     times, *others = (concrete(x) for x in (t, q, v))
     if not all(x is None or np.all(np.isfinite(x)) for x in (times, *others)):
         raise InputError(f"{owner}: the snapshots are not finite; did the simulation succeed?")
-    back = [] if times is None else np.flatnonzero(~(np.diff(times) >= 0))
+    if times is None:
+        return
+    back = np.flatnonzero(np.diff(times) < 0)
     if len(back):
         at, after = times[back[0] : back[0] + 2]
         raise InputError(
