@@ -94,18 +94,18 @@ def _run(options: argparse.Namespace) -> int:
             progress=True,
         )
         print(result.summary(options.all), flush=True)
+        drawn = report.draw(result, scene, example, folder, not options.no_animation, begin)
         if studied is not None:
             print(
                 "POD and SOD, in the formulations of the chapter ...", file=sys.stderr, flush=True
             )
             found, status = _told(studied)
             if found is None:
-                begin = None  # that process may be no more
+                drawn = drawn._replace(filmed=None)  # that process may be no more
             else:
                 study, bases = found
                 print(f"\n{chapter.summary(study, example)}")
-        moving = not options.no_animation
-        files = report.write(result, study, scene, example, folder, moving, bases, begin)
+        files = report.write(result, study, scene, example, folder, drawn, bases)
     print(f"\nWrote {files[0]}, a page with all of it, and beside it:")
     print(textwrap.fill(", ".join(file.name for file in files[1:]), 80))
     return status

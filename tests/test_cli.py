@@ -186,12 +186,14 @@ def test_what_is_measured_is_kept_without_the_study(
         yield lambda *_: result
 
     def write(result, study, *rest):
-        assert (result, study, rest[-2:]) == (measured, None, (None, None))
+        assert (result, study, rest[-2:]) == (measured, None, (drawn._replace(filmed=None), None))
         return [tmp_path / "report.html"]
 
     measured = types.SimpleNamespace(summary=lambda every: "what pays")
     monkeypatch.setattr(cli, "beside", beside)
     monkeypatch.setattr(cli, "reductions", lambda *_, **__: measured)
+    drawn = cli.report.Drawn({}, None, lambda: None)
+    monkeypatch.setattr(cli.report, "draw", lambda *_: drawn)
     monkeypatch.setattr(cli.report, "write", write)
     assert main(["run", "cart-pendulum", "--out", str(tmp_path)]) == status
     told = capsys.readouterr()

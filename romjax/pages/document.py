@@ -74,6 +74,11 @@ def picture(png: bytes, words: str) -> str:
 
 def png(figure: Any, dpi: int) -> bytes:
     """A matplotlib figure as the content of a PNG file."""
+    # Here, since it takes long to load, and most commands draw nothing.
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
     content = io.BytesIO()
-    figure.savefig(content, format="png", dpi=dpi)
+    figure.set_dpi(dpi)
+    # `savefig` draws a figure that lays itself out twice.
+    FigureCanvasAgg(figure).print_png(content)
     return content.getvalue()

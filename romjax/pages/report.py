@@ -1,8 +1,9 @@
 """Report on the gain of reduction for a scene: one page, and the files that it is made of."""
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from ..basis.decomposition.pod import POD
 from ..basis.decomposition.sod import SOD
 from ..basis.describe import describe
 from ..common import writing
-from ..common.beside import Begin, later
+from ..common.beside import Begin
 from ..common.errors import InputError
 from ..gallery.catalogue import Example
 from ..integrate.trajectory import Trajectory
@@ -31,40 +32,63 @@ _PLOTTED = 2
 _DPI = 100  # of figures
 
 
+class Drawn(NamedTuple):
+    """The pictures of a result without its study: figures by name, and the motion, with what waits
+    for its GIF where another process makes it.
+    """
+
+    pictures: dict[str, bytes]
+    moving: Animation | None
+    filmed: Callable[[], Path] | None
+
+
+def draw(
+    result: Reductions,
+    scene: Scene,
+    example: Example,
+    folder: Path,
+    animation: bool,
+    begin: Begin | None = None,
+) -> Drawn:
+    """Draw a result, for which its study need not have ended; `begin`: begins the GIF in another
+    process.
+    """
+    truth, approx = result.truth, best(result)
+    moving = filmed = None
+    if animation:
+        runs = {"full": truth} | approx
+        moving = animate(
+            scene, *runs.values(), labels=list(runs), outputs=_PLOTTED, title=example.name
+        )
+        with contextlib.suppress(ChildProcessError):  # it will be made here
+            filmed = None if begin is None else begin(_film, moving, folder)
+    figures = {
+        **({"reductions": plot.reductions(result)} if result.rows else {}),
+        "responses": plot.response(truth, *approx.values(), labels=["full", *approx]),
+        **({"errors": plot.errors(truth, approx)} if approx else {}),
+    }
+    return Drawn(_pngs(figures), moving, filmed)
+
+
 def write(
     result: Reductions,
     study: ReductionStudy | None,
     scene: Scene,
     example: Example,
     folder: Path,
-    animation: bool,
+    drawn: Drawn,
     of_study: Mapping[str, bytes] | None = None,
-    begin: Begin | None = None,
 ) -> list[Path]:
     """Write the page, figures, the animation and the trajectories into `folder`; returns the files,
     the page first.
 
     The page holds all that can be looked at. The figures and the GIF are for papers and slides.
-    `of_study`: the pictures of the study's bases, where they are drawn already; `begin`: begins the
-    GIF in another process.
+    `of_study`: the pictures of the study's bases, where they are drawn already.
     """
-    truth, approx = result.truth, best(result)
-    moving = None
-    if animation:
-        shown = {"full": truth} | approx
-        moving = animate(
-            scene, *shown.values(), labels=list(shown), outputs=_PLOTTED, title=example.name
-        )
-        filmed = (begin or later)(moving.save, folder / "animation.gif", fps=20, progress=False)
+    truth, approx, moving = result.truth, best(result), drawn.moving
     bases = _bases(result.truth) if study is None else study.bases
-    drawn = {
-        **({"reductions": plot.reductions(result)} if result.rows else {}),
-        "responses": plot.response(truth, *approx.values(), labels=["full", *approx]),
-        **({"errors": plot.errors(truth, approx)} if approx else {}),
-    }
-    pictures = {name: document.png(figure, _DPI) for name, figure in drawn.items()}
-    pictures |= of_bases(scene, bases) if of_study is None else of_study
-    swinging = animate(scene, next(iter(bases.values()))) if animation and bases else None
+    pictures = {**drawn.pictures, **(of_bases(scene, bases) if of_study is None else of_study)}
+    swinging = animate(scene, next(iter(bases.values()))) if moving and bases else None
     page = folder / "report.html"
     writing.write(page, _page(result, study, example, bases, pictures, (moving, swinging)))
     written = [page]
@@ -77,8 +101,12 @@ def write(
         written.append(_write_csv(path, trajectory, trajectory is truth))
     # The last, so that all else is there should the other process have been ended.
     if moving is not None:
-        written.append(filmed())
+        written.append(_film(moving, folder) if drawn.filmed is None else drawn.filmed())
     return written
+
+
+def _film(moving: Animation, folder: Path) -> Path:
+    return moving.save(folder / "animation.gif", fps=20, progress=False)
 
 
 def of_bases(scene: Scene, bases: Mapping[str, Basis]) -> dict[str, bytes]:
@@ -86,7 +114,11 @@ def of_bases(scene: Scene, bases: Mapping[str, Basis]) -> dict[str, bytes]:
     drawn = {"singular_values": plot.values(*bases.values())} if bases else {}
     for name, basis in bases.items():
         drawn[f"modes_{name.lower()}"] = plot.modes(scene, basis)
-    return {name: document.png(figure, _DPI) for name, figure in drawn.items()}
+    return _pngs(drawn)
+
+
+def _pngs(figures: Mapping[str, Any]) -> dict[str, bytes]:
+    return {name: document.png(figure, _DPI) for name, figure in figures.items()}
 
 
 def best(result: Reductions) -> dict[str, Trajectory]:
@@ -141,7 +173,7 @@ def _write_csv(path: Path, trajectory: Trajectory, with_multipliers: bool) -> Pa
     which are a program for each model that takes longer to compile than all figures to draw.
     """
     labels = ["t", *trajectory.labels, *(f"d/dt {label}" for label in trajectory.labels)]
-    columns = [trajectory.t[:, None], trajectory.q, trajectory.v]
+    columns: list[Any] = [np.asarray(trajectory.t)[:, None], trajectory.q, trajectory.v]
     if with_multipliers:
         labels += [f"lambda{i + 1}" for i in range(trajectory.multipliers.shape[1])]
         columns.append(trajectory.multipliers)

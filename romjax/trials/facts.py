@@ -81,7 +81,7 @@ class Facts:
             self,
             explicit=not isinstance(run.solver, Rodas5P),
             steps=int(run.stats.num_steps),
-            rests=not np.any(compare(run, run).moving),
+            rests=not np.any(np.asarray(compare(run, run).moving)),
         )
 
     def describe(self) -> str:

@@ -54,7 +54,8 @@ def reductions(
     - `solver`: of all runs; for each the one that suits it unless given.
     - `budget`: time of a processor to spend on models [s], about, besides that of the full one, so
       that a busy machine tries as many; the most promising come first, and what there was no time
-      for is named. Once a model is right and ten times as fast, three more kinds are tried.
+      for is named. Once a model is right and ten times as fast, three more kinds are tried, and
+      coarser models only if they compile nothing.
     - `progress`: tell of each model as soon as it was tried, in a terminal with a progress bar.
       Ctrl-C ends the study with what has been measured.
 

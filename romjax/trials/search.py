@@ -90,11 +90,9 @@ class Try:
 
 @dataclasses.dataclass
 class Search:
-    """A mechanism with its accurate runs, and the models that were tried.
-
-    - `full`: its run at the tolerance of the models, the work on it `once`, and `compiled` [s] to
-      compile.
-    - `progress`: what is told meanwhile.
+    """A mechanism with its accurate runs, and the models that were tried; `full`: its run at the
+    tolerance of the models, the work on it `once`, and `compiled` [s] to compile; `progress`: what
+    is told meanwhile.
     """
 
     scene: Scene
@@ -175,8 +173,8 @@ class Search:
 
     def try_all(self, spend: float) -> None:
         """Try kinds of models, the most promising first, each until it is right or hopeless, while
-        the processor's time is within what there is to spend [s]; then, of models that are far more
-        accurate than is asked, coarser ones. None where nothing moves.
+        the processor's time is within what there is to spend [s]; then coarser ones of those that
+        are far too accurate, without compiling where one gains. None where nothing moves.
         """
         if self.facts.rests:
             return
@@ -197,9 +195,12 @@ class Search:
                     return
                 with clock:
                     self.step(one)
-        right = [(one.right[1].work, one) for one in tries if one.right is not None]
+        gains, right = self.gains, [(x.right[1].work, x) for x in tries if x.right is not None]
         for _, one in sorted(right, key=lambda pair: pair[0]):
-            self.coarsen(one, clock)
+            if not gains or one.is_compiled:
+                self.coarsen(one, clock)
+            else:
+                self.skipped[f"coarser {one.family.name}"] = GAINED
 
     @property
     def gains(self) -> bool:

@@ -89,14 +89,14 @@ def modes(
 
 
 def _title(basis: Basis, j: int) -> str:
-    value = float(basis.values[j])
+    values = np.asarray(basis.values)
     if basis.decomposition is None:
         return f"mode {j + 1}"
     label = basis.decomposition.value_label
     if label is None:  # the singular values that decided the rank
-        share = value / float(basis.values[0])
+        share = values[j] / values[0]
         return f"mode {j + 1}\n$\\sigma/\\sigma_1$ = {share:.2g}"
-    return f"mode {j + 1}\n${label.symbol}$ = {value:.2g} {label.unit}"
+    return f"mode {j + 1}\n${label.symbol}$ = {values[j]:.2g} {label.unit}"
 
 
 def _table(axes: Axes, basis: Basis, coordinates: list[Coordinate]) -> None:

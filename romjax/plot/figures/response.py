@@ -50,10 +50,10 @@ def response(
     for axes, column in zip(panels, columns, strict=True):
         for index, (name, motion) in enumerate(zip(names, motions, strict=True)):
             style = line(index) | marks(index, len(motions), len(motion.t))
-            t, q = np.asarray(motion.t), np.asarray(motion.q[:, column])
+            t, q = np.asarray(motion.t), np.asarray(motion.q)[:, column]
             axes.plot(t, q, label=name, **style)
             if index and truth.bar is not None and np.array_equal(truth.t, t):
-                bar = np.abs(np.asarray(truth.q[:, column]) - q)
+                bar = np.abs(np.asarray(truth.q)[:, column] - q)
                 axes.fill_between(t, q - bar, q + bar, color=style["color"], alpha=_BAND, lw=0)
         coordinate = truth.coordinates[column]
         name = symbol(coordinate, separator="\n")

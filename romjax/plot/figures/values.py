@@ -41,7 +41,8 @@ def values(*bases: Basis) -> Figure:
     panels = figure.subplots(1, 1 + len(kinds), squeeze=False)[0]
     axes = panels[0]
     # Bases of one's own have no floor.
-    floor = min((float(basis.floor) for basis in bases if basis.floor > 0), default=1e-12)
+    floors = [float(basis.floor) for basis in bases]
+    floor = min((value for value in floors if value > 0), default=1e-12)
     foot = min(1e-4 * floor, 1e-16)
     lowest = 1.0
     for i, (basis, name) in enumerate(zip(bases, names, strict=True)):
@@ -53,7 +54,7 @@ def values(*bases: Basis) -> Figure:
         across = basis.rank + 0.5 + 0.06 * (i - 0.5 * (len(bases) - 1))
         axes.axvline(across, color=_colour(i), linestyle=DASHES[(i + 1) % len(DASHES)], linewidth=1)
         whose = f" of {name}" if len(bases) > 1 else ""
-        if basis.floor > 0:
+        if float(basis.floor) > 0:
             _level(axes, i, float(basis.floor), f"noise floor{whose}", ":", "top")
         if basis.tol is not None:
             _level(axes, i, float(basis.tol), f"tolerance{whose}", "-.", "bottom")
