@@ -35,7 +35,7 @@ def plate():
 
 def entries(matrix, half):
     """Row, column and value of a triangle of a matrix, or of both."""
-    chosen = {"lower": sp.tril, "upper": sp.triu, "whole": sp.coo_array}[half](matrix)
+    chosen = {"lower": sp.tril, "upper": sp.triu, "whole": sp.coo_array}[half](sp.coo_array(matrix))
     found = sp.coo_array(chosen)
     return list(zip(found.row.tolist(), found.col.tolist(), found.data.tolist(), strict=True))
 

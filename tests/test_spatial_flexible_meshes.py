@@ -170,7 +170,7 @@ def test_a_mesh_with_rotations():
 
 def written(path, matrix, numbers, components):
     """A matrix as Abaqus writes it, with the number and the component of each row."""
-    lower = sp.coo_array(sp.tril(matrix))
+    lower = sp.coo_array(sp.tril(sp.coo_array(matrix)))
     rows = zip(lower.row, lower.col, lower.data, strict=True)
     path.write_text(
         "*MATRIX\n"

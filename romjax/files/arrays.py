@@ -33,7 +33,7 @@ def _read(path: Path, name: str | None) -> Any:
     if path.suffix == ".mtx":
         import scipy.io  # here, since few ask for it
 
-        return scipy.io.mmread(path)
+        return scipy.io.mmread(path, spmatrix=False)
     if path.suffix == ".npy":
         return np.load(path, allow_pickle=False)
     with np.load(path, allow_pickle=False) as arrays:

@@ -144,7 +144,9 @@ def _matrix(owner: str, given: Matrix | str | Path) -> Matrix:
     import scipy.io  # here, since few ask for it
 
     try:
-        return sp.load_npz(given) if Path(given).suffix == ".npz" else scipy.io.mmread(given)
+        if Path(given).suffix == ".npz":
+            return sp.load_npz(given)
+        return scipy.io.mmread(given, spmatrix=False)
     except (OSError, ValueError) as error:
         raise SceneError(
             f"{owner}: {given} is no Matrix Market file, and no sparse matrix of SciPy ({error}); "
