@@ -39,6 +39,7 @@ from trust_kinds import (
     states,
     stops,
     top,
+    tumbling,
 )
 from trust_kinds.kind import (
     LANES,
@@ -63,7 +64,7 @@ VERDICTS = ("right", "told", "false", "apart", "silent")
 SHOWN = 60  # cases that are listed
 FAMILIES = (
     *(planar, driven, flexible, spatial, top, bent, loads, events, contacts, scales, reduced),
-    *(sizes, rods, states, rolling, joints, stops),
+    *(sizes, rods, states, rolling, joints, stops, tumbling),
 )
 KINDS: dict[str, Kind] = {name: kind for family in FAMILIES for name, kind in family.KINDS.items()}
 

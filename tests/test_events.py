@@ -15,6 +15,7 @@ from tolerances import DIFFERENCED, IDENTITY, SOLVED
 from zoo import GRAVITY, RODAS5P, TIGHT, bar, bars, run, system
 
 import romjax as rj
+from romjax.events.search import first_crossing
 
 TS = np.linspace(0.0, 3.0, 31)
 HEIGHT, G, MASS = 1.0, 9.81, 1.3
@@ -388,3 +389,14 @@ def test_events_of_a_body_that_turns_are_all_seen():
     heights = high - 0.5 * GRAVITY * times**2 + 0.5 * np.sin(spin * times) - level
     (crossed,) = np.nonzero(np.diff(np.sign(heights)))
     np.testing.assert_allclose(run.events.times(0), times[crossed], atol=DIFFERENCED)
+
+
+def test_oscillations_in_step_with_the_nodes_are_no_rest():
+    """At equal parts of the step, 34 periods each, the quantity is the same."""
+    one, both = jnp.ones(1), jnp.ones(1, bool)
+
+    def quantity(share):
+        return 0.5 + jnp.cos(2 * jnp.pi * 8 * 34 * share)[None]
+
+    found = jax.jit(lambda: first_crossing(quantity, one, 1.5 * one, 1e-14 * one, both, both))()
+    assert not found.is_resolved

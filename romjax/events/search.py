@@ -5,15 +5,16 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
-# Points of each step at which dense output is evaluated, for values and for rates.
-_NODES = 8
+# Points of each step at which dense output is evaluated, for values and for rates; the inner ones
+# are off equal parts by up to this share of a part, so that no oscillation is in step with them all.
+_NODES, _UNEQUAL = 8, 0.25
 # A quantity at this share of the way between two nodes, and a cubic through their values and rates,
-# differ by less than that share of how the values change, or it oscillates between them: not in
-# step with the nodes, as the golden section is no ratio.
-_BETWEEN = 0.381966
-_SMOOTH = 0.05
+# differ by less than that share of how the values change, or it oscillates between them. A sine
+# does not differ by so much if a step has one period of it at most.
+_BETWEEN, _SMOOTH = 0.381966, 0.01
 # One that differs by so many times less than it is far from its level does not cross it.
 _MANY = 8.0
 # Bisections of the part of a step in which an event lies; more would be finer than the errors of
@@ -108,10 +109,11 @@ def _look(
         value, rate = jax.jvp(at, (share,), (jnp.ones_like(share),))
         return value, rate
 
-    nodes = jnp.arange(_NODES + 1, dtype=side.dtype) / _NODES
+    nodes = _nodes(side.dtype)
+    parts = jnp.diff(nodes)
     values, rates = jax.lax.map(look, nodes)
-    between = jax.lax.map(at, nodes[:-1] + _BETWEEN / _NODES)
-    are_resolved = _are_resolved(values, rates, between, noise)
+    between = jax.lax.map(at, nodes[:-1] + _BETWEEN * parts)
+    are_resolved = _are_resolved(values, rates, parts[:, None], between, noise)
     values = values.at[0].set(side).at[-1].set(end)
 
     def turn(i: Array) -> tuple[Array, Array]:
@@ -142,16 +144,24 @@ def _look(
     return _Points(_alternating(spread, shares), _alternating(values, turned), are_resolved)
 
 
-def _are_resolved(values: Array, rates: Array, between: Array, noise: Array) -> Array:
+def _nodes(dtype: Any) -> Float[Array, " nodes"]:
+    """Shares of a step, from 0 to 1."""
+    inside = np.arange(1, _NODES)
+    moved = _UNEQUAL * (2 * np.modf(_BETWEEN * inside)[0] - 1)
+    return jnp.asarray(np.concatenate([[0], inside + moved, [_NODES]]) / _NODES, dtype)
+
+
+def _are_resolved(values: Array, rates: Array, parts: Array, between: Array, noise: Array) -> Array:
     """Whether quantities (nodes, events) are what a cubic through their values and rates is between
-    nodes; or differ so little from it, even many times over, that they stay on one side.
+    nodes, `parts` of the step apart; or differ so little from it, even many times over, that they
+    stay on one side.
     """
     before, after, s = values[:-1], values[1:], _BETWEEN
-    rates = rates / _NODES
+    start, end = parts * rates[:-1], parts * rates[1:]
     cubic = before + s**2 * (3 - 2 * s) * (after - before)
-    cubic += s * (1 - s) * ((1 - s) * rates[:-1] - s * rates[1:])
+    cubic += s * (1 - s) * ((1 - s) * start - s * end)
     # Two straight pieces, as of a distance, are no oscillation either.
-    left, right = before + s * rates[:-1], after - (1 - s) * rates[1:]
+    left, right = before + s * start, after - (1 - s) * end
     off = jnp.min(jnp.abs(between[None] - jnp.stack([cubic, left, right])), axis=0)
     change = jnp.abs(after - before) + jnp.abs(between - before) + noise[None]
     distance = jnp.minimum(jnp.minimum(jnp.abs(before), jnp.abs(after)), jnp.abs(between))
