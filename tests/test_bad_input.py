@@ -1,5 +1,6 @@
 """What makes no sense is refused at once, in words that name the culprit and the remedy."""
 
+import dataclasses
 import functools
 
 import diffrax
@@ -13,6 +14,7 @@ from motions import through
 
 import romjax as rj
 from romjax.assembly.locate import locate
+from romjax.basis.snapshots import SnapshotSet
 from romjax.integrate.failures import _describe_times as describe_times
 
 
@@ -279,6 +281,23 @@ def test_motions_that_do_not_compare():
     ):
         with pytest.raises(rj.InputError, match=r"batch of shape \(2,\); take one out of it"):
             refused(batch)
+
+
+def test_bodies_in_another_order():
+    """As many coordinates of the same names: nothing else would tell."""
+    scene = zoo.bars()
+    systems = [rj.assemble(rj.Scene(b, scene.joints)) for b in (scene.bodies, scene.bodies[::-1])]
+    runs = [through(system, [0.0, 1.0]) for system in systems]
+    basis = rj.Basis.from_modes(np.eye(6)[:, :1], np.zeros(6))
+    basis = dataclasses.replace(basis, snapshots=SnapshotSet.of(runs[1]))
+    for refused in (
+        lambda: rj.compare(*runs),
+        lambda: rj.pod(runs),
+        lambda: rj.reduce(systems[0], basis),
+        lambda: rj.plot.response(*runs),
+    ):
+        with pytest.raises(ValueError, match=r"another order, 'bar2.x' in the place of 'bar1.x'"):
+            refused()
 
 
 def _motion(t):

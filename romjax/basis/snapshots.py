@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.arrays import as_jax, pick, untraced
-from ..common.checks import check_kind, check_one_run
+from ..common.checks import check_kind, check_one_run, check_order
 from ..common.errors import InputError
 from ..common.identity_cache import IdentityCache
 from ..compiling.program import program
@@ -119,6 +119,8 @@ class SnapshotSet(eqx.Module):
                 f"basis: the motions have {sorted(n for (n,) in shapes)} coordinates; give motions "
                 "of one mechanism."
             )
+        for run in runs:
+            check_order("basis", runs[0].labels, run.labels)
         dtype = jnp.result_type(*(jnp.asarray(run.q) for run in runs), float)
         for one in given:
             check_snapshots("basis", one.t, one.q, one.v)

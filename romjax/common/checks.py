@@ -1,7 +1,7 @@
 """Checks of what users pass; each raises an error that names the owner, the field and the value."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import jax
@@ -40,6 +40,23 @@ def check_one_run(owner: str, t: Any) -> None:
             f"{owner}: the run is a batch of shape {shape[:-1]}; take one out of it, as by "
             "jax.tree.map(lambda x: x[0], run), or map over it, as by jax.vmap.",
             field="run",
+        )
+
+
+def check_order(
+    owner: str,
+    labels: Sequence[str],
+    others: Sequence[str],
+    error: type[ValueError] = InputError,
+) -> None:
+    """Raise where the same coordinates are in another order; other names may be those of another
+    description of the same mechanism.
+    """
+    if tuple(labels) != tuple(others) and sorted(labels) == sorted(others):
+        at = next(i for i, pair in enumerate(zip(labels, others, strict=True)) if len({*pair}) > 1)
+        raise error(
+            f"{owner}: the same coordinates are in another order, '{others[at]}' in the place of "
+            f"'{labels[at]}'; give the bodies of both scenes in one order."
         )
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..common.checks import check_kind
+from ..common.checks import check_kind, check_order
 from ..integrate.trajectory import Trajectory
 from ..study.compare import same_times
 from .style import SMALL, DisplayedFigure
@@ -31,6 +31,7 @@ def check_coordinates(owner: str, truth: Trajectory, name: str, approx: Trajecto
             f"{owner}: '{name}' has {approx.q.shape[1]} coordinates, but the truth has "
             f"{truth.q.shape[1]}; plot models of one mechanism."
         )
+    check_order(f"{owner}: '{name}'", truth.labels, approx.labels, ValueError)
 
 
 def check_times(owner: str, truth: Trajectory, name: str, approx: Trajectory) -> None:

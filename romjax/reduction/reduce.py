@@ -3,7 +3,7 @@
 from typing import Literal, overload
 
 from ..basis.basis import Basis
-from ..common.checks import check_kind
+from ..common.checks import check_kind, check_order
 from ..common.errors import ReductionError, UnsuitedError
 from ..system.base import AbstractSystem, check_reducible, check_system
 from ..system.reduced import AbstractReducedSystem
@@ -73,6 +73,8 @@ def reduce(
             f"reduce: the basis has {basis.modes.shape[0]} coordinates and the system {system.n}; "
             "make the basis from a simulation of this system."
         )
+    labels = basis.snapshots.labels
+    check_order("reduce: of basis and system", system.structure.labels, labels, ReductionError)
     try:
         return remember_training(chosen.reduce(system, basis), basis, chosen)
     except UnsuitedError as refusal:

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..common.arrays import as_number, concrete
-from ..common.checks import check_kind, check_one_run
+from ..common.checks import check_kind, check_one_run, check_order
 from ..common.compat import is_traced
 from ..common.extras import data_frame
 from ..common.identity_cache import IdentityCache
@@ -107,6 +107,7 @@ def compare(
             f"compare: the motions have shapes {truth.q.shape} and {approx.q.shape} (times, "
             "coordinates); simulate both at the same times."
         )
+    check_order("compare", truth.labels, approx.labels, ValueError)
     t, other = concrete(truth.t), concrete(approx.t)
     if t is not None and other is not None and not same_times(t, other):
         raise ValueError("compare: the motions have different times; simulate both at the same.")
