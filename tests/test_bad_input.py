@@ -16,6 +16,7 @@ import romjax as rj
 from romjax.assembly.locate import locate
 from romjax.basis.snapshots import SnapshotSet
 from romjax.integrate.failures import _describe_times as describe_times
+from romjax.system.reduced import check_alike
 
 
 @pytest.fixture(autouse=True)
@@ -295,6 +296,7 @@ def test_bodies_in_another_order():
         lambda: rj.pod(runs),
         lambda: rj.reduce(systems[0], basis),
         lambda: rj.plot.response(*runs),
+        lambda: check_alike(*systems),
     ):
         with pytest.raises(ValueError, match=r"another order, 'bar2.x' in the place of 'bar1.x'"):
             refused()

@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..common import precision
 from ..common.arrays import Time, Vector, as_array, concrete
+from ..common.checks import check_order
 from ..common.errors import InputError, ReductionError
 from ..compiling.program import program_once
 from .base import AbstractSystem
@@ -108,6 +109,7 @@ def check_alike(full: AbstractSystem, other: AbstractSystem) -> None:
             f"with_full: a system of {other.n} coordinates and {other.m} constraints cannot take "
             f"the place of one of {full.n} and {full.m}; reduce it by itself."
         )
+    check_order("with_full", full.structure.labels, other.structure.labels, ReductionError)
 
 
 def started(system: R, z: Reduced, w: Reduced, t: Vector) -> R:
