@@ -161,3 +161,18 @@ def test_a_run_that_begins_later_is_judged_from_its_own_start():
     richer = rj.corrected(rom, run)
     assert richer.success
     assert rj.compare(richer, run).error <= SOLVED
+
+
+@pytest.mark.slow
+def test_an_impact_against_what_a_drive_moves():
+    """The energy that the drive gives in it is a part of the balance, in minimal coordinates too."""
+    scene, system, rom = swung()
+    end = ends(scene.bodies[1])[1]
+    wall = rj.Impact(rj.quantity.Travel(end, rj.ground.at((0.8, 0.0))), restitution=0.7)
+    truth, run = (
+        rj.simulate(model, np.linspace(0.0, 1.0, 51), rtol=zoo.TIGHT, events=[wall])
+        for model in (system, rom)
+    )
+    assert len(truth.events.times(0)) == 1
+    assert not run.warnings()
+    assert rj.compare(truth, run).error <= SOLVED

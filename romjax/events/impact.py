@@ -13,6 +13,8 @@ from ..common.errors import InputError
 from ..common.fields import Converted, number
 from ..linalg.dense import multiply
 from ..system.base import AbstractSystem
+from ..system.mobility import moves
+from ..system.reduced import reduced_of
 from .base import AbstractEvent, Direction, Quantity
 
 __all__ = ["Impact"]
@@ -112,4 +114,9 @@ def collide(
     if system.m:
         _, along = jax.jvp(lambda q: system.constraint(t, q), (q,), (mean,))
         work -= multiply(multiply(joints, impulses), along)
+    if reduced_of(system) is not None and moves(system.full):
+        # Coordinates in which drives are solved for leave out what these do: at v = 0 the bodies
+        # have the momentum of the drives' speed.
+        carried = system.state(t, q, jnp.zeros_like(v)).energy().momentum
+        work += multiply(carried, multiply(response, impulses))
     return Collision(after, impulses, rates, work, jnp.any(closed & (rates < -least)))

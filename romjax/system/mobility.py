@@ -35,13 +35,17 @@ def check_mobility(
     rows, driven = (concrete(x) for x in _at_start(without_names(system)))
     if rows is None or driven is None or np.linalg.matrix_rank(rows) < freedoms:
         return
-    moves = compat.depends_on_first(system.constraint, jnp.zeros((), system.q0.dtype), system.q0)
     # Of full rank, a motion is left only if the constraints move with time and C_q q̇ = −C_t has a
     # solution.
     locked = np.linalg.matrix_rank(np.column_stack([rows, driven])) > freedoms
-    if locked or not moves:
+    if locked or not moves(system):
         words = f"{system.m} constraints on {system.n} coordinates leave no motion. {remedy}"
         raise error(f"{owner}: {words}".rstrip())
+
+
+def moves(system: AbstractSystem) -> bool:
+    """Whether constraints of a system change with time, as those of drives do."""
+    return compat.depends_on_first(system.constraint, jnp.zeros((), system.q0.dtype), system.q0)
 
 
 @program_once

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ...common import compat
 from ...linalg.dense import multiply
 from ...march.follower import AbstractFollower, Step
 from ...march.steps import Progress
@@ -18,6 +17,7 @@ from ...system.base import AbstractSystem
 from ...system.dynamics import constraint_state, solve
 from ...system.flags import Flag
 from ...system.local import local_system
+from ...system.mobility import moves
 from ...system.stabilization import Baumgarte
 from ...system.state import AbstractState, Power
 from ..post_step import PostStep
@@ -145,17 +145,14 @@ class Audit(AbstractFollower):
             y = between.evaluate(t)
             system, state = self._at(t, y)
             power = state.power() or nothing
-            if not moves:
+            if not driven:
                 return power
             return power._replace(supply=power.supply + self._drive(system, state, t, y))
 
         zero = jnp.zeros_like(t0)
         nothing = Power(zero, zero)
-        q = self.system.full.q0
-        moves = self.system.full.m > 0 and compat.depends_on_first(
-            self.system.full.constraint, jnp.zeros((), q.dtype), q
-        )
-        if not moves and self._at(t0, between.evaluate(t0))[1].power() is None:
+        driven = self.system.full.m > 0 and moves(self.system.full)
+        if not driven and self._at(t0, between.evaluate(t0))[1].power() is None:
             return nothing
 
         def add(work: Power, at: tuple[Array, Array]) -> tuple[Power, None]:
