@@ -284,6 +284,23 @@ def test_motions_that_do_not_compare():
             refused(batch)
 
 
+@pytest.mark.parametrize("ts", [[1.0, 0.5], [0.0], [], [0.0, NAN], [[0.0, 1.0]], 1.0, "late"])
+def test_times_of_studies(ts):
+    """All that simulate refuse what no run has, before they begin."""
+    system, scene = rj.assemble(zoo.bars()), zoo.bars()
+    box = rj.Box(lambda mass: zoo.bars((mass, 1.0)), mass=(1.0, 2.0))
+    for refused in (
+        lambda: rj.reductions(scene, ts),
+        lambda: rj.accuracy(system, ts),
+        lambda: rj.tune_baumgarte(system, ts),
+        lambda: rj.sensitivities(box, ts),
+        lambda: rj.reduce_over(box, ts, 1e-3),
+        lambda: rj.fit_over(box, ts, lambda run: run.q, 0.0),
+    ):
+        with pytest.raises(ValueError, match="simulate: ts"):
+            refused()
+
+
 def test_bodies_in_another_order():
     """As many coordinates of the same names: nothing else would tell."""
     scene = zoo.bars()

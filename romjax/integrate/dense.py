@@ -71,6 +71,8 @@ class DenseOutput(eqx.Module):
         """
         ts = as_array(times)
         check_shape("Trajectory.at", "times", ts, (None,))
+        if not len(ts):
+            raise InputError("Trajectory.at: times has no entries; give those that are asked for.")
         check_finite("Trajectory.at", "times", ts)
         if self.start.ndim:
             raise InputError(

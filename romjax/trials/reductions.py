@@ -4,10 +4,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import diffrax
+import jax.numpy as jnp
 
 from ..common.arrays import Vector
 from ..common.checks import check_kind
 from ..common.errors import InputError, ReductionError
+from ..integrate.settings import check_times
 from ..integrate.trajectory import Trajectory
 from ..scene.scene import Scene
 from ..study.errors.corrected import corrected
@@ -67,8 +69,9 @@ def reductions(
             f"reductions: tol={tol}, rtol={rtol}, budget={budget}; both tolerances must lie "
             "between 0 and 1, and there must be time to spend."
         )
+    times = check_times(ts, jnp.result_type(float))
     with Progress(progress) as told:
-        search = Search.begun(scene, ts, Settings(tol, rtol, solver), told)
+        search = Search.begun(scene, times, Settings(tol, rtol, solver), told)
         try:
             search.try_all(_TRYING * budget)
             search.audit()

@@ -15,6 +15,7 @@ from ...basis.rank import Rank
 from ...common.arrays import Vector
 from ...common.errors import InputError
 from ...integrate.rodas5p import Rodas5P
+from ...integrate.settings import check_times
 from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.formulation.parse import as_formulation
 from ...scene.scene import Scene
@@ -76,9 +77,10 @@ def accuracy(
     )
     begin = time.perf_counter()
     system = _in_double_precision(assemble(what) if isinstance(what, Scene) else what)
+    times = check_times(ts, system.q0.dtype)
     layout = "{desc:48} {n_fmt} runs, {elapsed}"
     with tqdm(disable=None if progress else True, bar_format=layout, desc="full model") as bar:
-        return run_study(system, jnp.asarray(ts, system.q0.dtype), settings, begin, bar)
+        return run_study(system, times, settings, begin, bar)
 
 
 def _in_double_precision(system: AbstractSystem) -> AbstractSystem:

@@ -7,16 +7,18 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike
 
 from ...basis.decomposition.pod import POD
 from ...basis.snapshots import Motion, Sensitivity
-from ...common.arrays import as_array, as_number
+from ...common.arrays import as_number
 from ...common.errors import InputError, SimulationError
 from ...compiling.xla import filter_jit
 from ...integrate.adjoint import forward_mode
 from ...integrate.doubt import warn_of_outcome
+from ...integrate.settings import check_times
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
 from ...reduction.formulation.base import AbstractFormulation
@@ -90,7 +92,7 @@ def fit_over(
     the full run at the start fails; ValueError for a folder that holds other runs.
     """
     settings = {"rtol": as_number(rtol, float), "solver": solver}
-    runner = FullRuns(box, as_array(ts), see, settings)
+    runner = FullRuns(box, check_times(ts, jnp.result_type(float)), see, settings)
     search = _Search(runner, np.asarray(measured, float), noise, path)
     box.system(**(start or {}))
     best = search.full(box.center | (start or {}))

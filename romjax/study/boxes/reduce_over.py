@@ -2,12 +2,13 @@
 
 import os
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike
 from tqdm import tqdm
 
-from ...common.arrays import as_array
 from ...common.errors import InputError, ReductionError
+from ...integrate.settings import check_times
 from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.formulation.parse import as_formulation
 from ..sweeps.batch import Sharing
@@ -73,7 +74,8 @@ def reduce_over(
     points = _points(box, candidates, held_out, seed)
     chosen = as_formulation(formulation)
     sharing = Sharing(path, chunk)
-    greedy = Greedy(box, points, candidates, as_array(ts), tol, chosen, gradients, flow, sharing)
+    times = check_times(ts, jnp.result_type(float))
+    greedy = Greedy(box, points, candidates, times, tol, chosen, gradients, flow, sharing)
     with tqdm(disable=not progress, unit=" models", desc="reduce_over") as bar:
         accepted = greedy.search.smallest(1, bar)
         # Greedy sampling: the box is searched by the model's own estimate, and the full system is

@@ -7,10 +7,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from ...basis.snapshots import Sensitivity
-from ...common.arrays import as_array, as_number
+from ...common.arrays import as_number
 from ...common.errors import SimulationError
 from ...compiling.program import program
 from ...integrate.adjoint import forward_mode
+from ...integrate.settings import check_times
 from ...integrate.simulate import simulate
 from .box import Box
 
@@ -32,7 +33,7 @@ def sensitivities(
     Raises InputError outside of the box, SimulationError if the run fails.
     """
     box.system(**parameters)
-    times, where = as_array(ts), box.center | parameters
+    times, where = check_times(ts, jnp.result_type(float)), box.center | parameters
     point = {name: as_number(x, times.dtype) for name, x in where.items()}
     with forward_mode():
         q, v, success = _tangents(box, solver, point, times, as_number(rtol, times.dtype))

@@ -8,11 +8,13 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ...common.arrays import as_array, as_number
+from ...common.arrays import as_number
 from ...common.errors import InputError, ReductionError, SimulationError
+from ...integrate.settings import check_times
 from ...integrate.simulate import simulate
 from ...integrate.trajectory import Trajectory
 from ...system.reduced import AbstractReducedSystem
@@ -69,7 +71,7 @@ def sweep_over(
 
     Raises InputError for a parameter that the box does not have, or values of different counts.
     """
-    points, times = _points(reduced, parameters), as_array(ts)
+    points, times = _points(reduced, parameters), check_times(ts, jnp.result_type(float))
     lanes = _Lanes(reduced, points, times, see, {"chunk": chunk, "progress": progress}, path)
     inside = [reduced.box.ranges[name].holds(x) for name, x in points.items()]
     lanes.by_model(np.flatnonzero(np.all(inside, axis=0)))

@@ -16,6 +16,7 @@ from ...common.arrays import Vector
 from ...compiling.program import program, program_often
 from ...integrate.adjoint import forward_mode
 from ...integrate.doubt import warn_of_outcome
+from ...integrate.settings import check_times
 from ...integrate.simulate import simulate
 from ...integrate.status import Status
 from ...system.base import AbstractSystem
@@ -104,7 +105,7 @@ def tune_baumgarte(
     """
     if system.m == 0:
         raise ValueError("tune_baumgarte: the system has no constraints, so nothing drifts.")
-    ts = jnp.asarray(ts)
+    ts = check_times(ts, system.q0.dtype)
     frequency = float(frequencies(system, ts[0], system.q0, system.v0).rigid)
     # A mechanism without forces is slow: the length of the run is then its time.
     omega = max(frequency, 2 * np.pi / float(ts[-1] - ts[0]))
