@@ -196,6 +196,9 @@ def test_no_verdict_where_kinds_are_left():
     assert words.startswith("No verdict: ")
     assert "2 kinds were not tried for lack of time; give a larger `--budget`." in words
     assert "seen" not in words
+    assert "errs by 2e-03 on its training, and takes " in words
+    right = advice([row(speed_up=0.5)], FULL, facts, 1e-3, left)
+    assert right.endswith("2.0 times as long.")
     for speed_up in (1.5, 4.0):
         good = [row(speed_up=speed_up)]
         assert ("2 kinds were not tried" in advice(good, FULL, facts, 1e-3, left)) == (speed_up < 2)

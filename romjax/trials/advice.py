@@ -90,7 +90,7 @@ def advice(
         if untried and not why:
             return (
                 "No verdict: none of the models that were tried is both right and faster, but "
-                f"{untried}."
+                f"{untried}. {_nearest(rows, full, tol)}"
             )
         return f"Nothing pays here: {why or _reason(rows, full, facts, tol)}"
     best = good[0]
@@ -180,6 +180,24 @@ def _reason(rows: Sequence[ReductionRow], full: ReductionRow, facts: Facts, tol:
     return (
         f"its {count} part in the motion, and models that are right take as long as the full one, "
         f"whose {full.steps} steps follow it."
+    )
+
+
+def _nearest(rows: Sequence[ReductionRow], full: ReductionRow, tol: float) -> str:
+    """Say how near the best model comes to one that pays: the fastest of those that are right."""
+    right = [row for row in rows if row.error <= tol]
+    if right:
+        best = max(right, key=lambda row: row.speed_up)
+        return (
+            f"The fastest that is right, {best.name}, takes {best.steps} steps for the full "
+            f"model's {full.steps}, and {1 / best.speed_up:.1f} times as long."
+        )
+    best = min(rows, key=lambda row: row.error)
+    if math.isinf(best.error):
+        return "Those that were tried fail."
+    return (
+        f"The most accurate, {best.name}, errs by {best.error:.0e} {_where(best)}, and takes "
+        f"{best.steps} steps for the full model's {full.steps}."
     )
 
 
