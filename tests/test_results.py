@@ -468,6 +468,14 @@ def test_a_run_of_a_transformation_knows_no_system(swept):
     assert list(data["constraint"].values) == ["constraint 1"]
 
 
+def test_runs_that_are_stacked_have_no_scene_in_common(run):
+    """Their numbers would be lists in the text, which no file of a scene has."""
+    stacked = jax.tree.map(lambda x: np.stack([np.asarray(x)] * 2), run)
+    words = stacked.to_xarray().attrs
+    assert "batch" in words["scene_missing"]
+    assert "scene" not in words
+
+
 def test_a_sweep_has_its_parameters_as_coordinates(swept, tmp_path):
     swept.save(tmp_path / "sweep.nc")
     with opened(tmp_path / "sweep.nc") as stored:

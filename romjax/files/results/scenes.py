@@ -21,6 +21,8 @@ def scene_words(run: Trajectory, given: Scene | None) -> dict[str, str]:
     # Here, since it loads what writes TOML, which `import romjax` does without.
     from ..write import text_of
 
+    if given is None and run.t.ndim > 1:
+        return {"scene_missing": "Runs of a batch have no scene in common; give one of them."}
     try:
         scene = run.scene if given is None else given
         labels = run.labels if given is None else assemble(given).structure.labels
