@@ -513,7 +513,7 @@ def test_runs_refuse(scene, run, hanging, falling):
     wrong = {
         r"the run has other coordinates than the scene, cart.x: .*\(bar1, bar2\)": (hanging, run),
         r"take one motion out of a batch": (scene, batch),
-        r"modes are drawn by themselves": (zoo.bars(), rj.modes(hanging)),
+        r"modes are drawn by themselves": (zoo.bars(), rj.modes(hanging, v=np.zeros(6))),
         r"a basis is drawn by itself": (zoo.bars(), rj.pod(falling, rank=2), falling),
         r"the basis is of 6 coordinates, but the bodies": (scene, rj.pod(falling, rank=2)),
     }
@@ -533,7 +533,7 @@ def test_runs_refuse(scene, run, hanging, falling):
     with pytest.raises(rj.InputError, match="resultant is 'moment'.* bodies are of RigidBody"):
         rj.animate(hanging, falling, resultant="moment")
     with pytest.raises(rj.InputError, match="resultants are those of runs"):
-        rj.animate(hanging, rj.modes(hanging), resultant="moment")
+        rj.animate(hanging, rj.modes(hanging, v=np.zeros(6)), resultant="moment")
     with pytest.raises(rj.InputError, match="deformation is -1"):
         rj.animate(scene, run, deformation=-1)
     with pytest.raises(rj.InputError, match=r"no body 'bar1'. .*cart, beam"):

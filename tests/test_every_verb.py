@@ -267,7 +267,7 @@ def test_the_page_names_every_cell():
 
 
 @pytest.mark.exhaustive
-@pytest.mark.filterwarnings("ignore:.*stiffen its bending")
+@pytest.mark.filterwarnings("ignore:.*stiffen its bending", "ignore:.*not in balance")
 @pytest.mark.parametrize("name", STRUCTURES)
 @pytest.mark.parametrize("verb", VERBS)
 def test_a_verb_on_a_structure(verb, name, tmp_path, capsys):

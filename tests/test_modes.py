@@ -195,3 +195,15 @@ def test_modes_of_a_reduced_model():
 def test_a_shape_that_does_not_fit():
     with pytest.raises(rj.InputError, match=r"at.*\(2,\)"):
         rj.modes(pendulum(), at=[0.0, 0.0])
+
+
+def test_modes_of_what_is_not_in_balance_warn():
+    """Of a pendulum that hangs askew, unless by little, or where this very state is asked for."""
+    near, far = (pendulum(0.0, 0.0, angle - np.pi / 2) for angle in (0.2, 0.5))
+    with pytest.warns(UserWarning, match=r"modes: the state is not in balance.* by 1.3 %.*v=0\*q"):
+        found = rj.modes(far)
+    largest = np.sqrt(MASS * GRAVITY * ARM / (INERTIA + MASS * ARM**2))
+    assert_close(found.frequencies, [largest * np.sqrt(np.cos(0.5))], EXACT)
+    # Silent, by the filters of the tests.
+    assert_close(rj.modes(near).frequencies, [largest * np.sqrt(np.cos(0.2))], EXACT)
+    assert_close(rj.modes(far, v=jnp.zeros(far.n)).frequencies, found.frequencies, EXACT)

@@ -9,12 +9,14 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
 from ..assembly.linear_bodies import warn_of_linear_bodies
 from ..assembly.standing import standing
-from ..common.arrays import Vector, as_array
+from ..common.arrays import Vector, as_array, concrete
 from ..common.checks import check_shape
+from ..common.compat import is_outermost
 from ..common.errors import InputError
 from ..common.extras import data_frame
 from ..compiling.program import program_once
 from ..system.base import AbstractSystem, check_system, refuse_states
+from .imbalance import Imbalance, imbalance_of, is_needed, warn_of_imbalance
 from .tangent import independent_constraints, refuse_clocks, refuse_slips, tangent_of
 from .turning import turn
 
@@ -78,6 +80,7 @@ def modes(
       vector (3,). Modes are those in that frame, such as flap, lead-lag and whirl: with gyroscopic
       forces and centrifugal stiffening.
 
+    Warns where the state is not in balance and the frequencies depend on it, unless `v` is given.
     Raises InputError for a wrong shape, for effects with first-order states, or for `turning` of a
     system without bodies.
     """
@@ -96,11 +99,16 @@ def modes(
         system = standing(system)
     velocity = jnp.zeros_like(q) if v is None else as_array(v)
     check_shape("modes", "v", velocity, (system.n,))
-    refuse_slips("modes", system, v is not None)
+    known = concrete(velocity)
+    refuse_slips("modes", system, v is not None and (known is None or bool(np.any(known))))
     time = jnp.asarray(t, q.dtype)
     independent = independent_constraints("modes", system, time, q)
-    result: Modes = _modes(system, time, q, velocity, independent, generator)
+    result, imbalance = _modes(system, time, q, velocity, independent, generator)
     warn_of_linear_bodies("modes", system, time, q, velocity)
+    if v is None and is_outermost() and is_needed(imbalance):
+        nearer = q + imbalance.step
+        there, _ = _modes(system, time, nearer, velocity, independent, generator)
+        warn_of_imbalance("modes", imbalance, result.frequencies, there.frequencies)
     return result
 
 
@@ -112,7 +120,7 @@ def _modes(
     v: Float[Array, " n"],
     independent: int,
     turning: Float[Array, "n n"] | None,
-) -> Modes:
+) -> tuple[Modes, Imbalance]:
     tangent = tangent_of(system, t, q, v, independent, turning)
     values, right = eigenvalues(tangent.matrix)
     frequencies, damping, chosen = _pairs(values)
@@ -124,7 +132,8 @@ def _modes(
     # Free motions have eigenvalues of zero, which rounding makes a little positive.
     growth = jnp.max(values.real, initial=-jnp.inf)
     is_stable = growth <= _ROUNDED * jnp.max(jnp.abs(values), initial=1.0)
-    return Modes(frequencies, damping, values, shapes, is_stable, q)
+    found = Modes(frequencies, damping, values, shapes, is_stable, q)
+    return found, jax.lax.stop_gradient(imbalance_of(system, t, q, tangent))
 
 
 def eigenvalues(
