@@ -2,6 +2,7 @@
 
 import functools
 
+import jax
 import numpy as np
 import pytest
 import zoo
@@ -152,6 +153,14 @@ def test_at_rest_a_drive_stands():
         linear = rj.linearize(model, {}, [], at=q, t=late)
         assert_close(np.linalg.eigvals(linear.A).imag.max(), found.frequencies[0], SOLVED)
 
+    def height(t):
+        return rj.measure(
+            system, rj.equilibrium(system, t=t), ends(scene.bodies[1])[1], t=t
+        ).position[1]
+
+    rate = SWING * np.pi * np.cos(np.pi * late)
+    assert_close(jax.jit(jax.grad(height))(late), LENGTH * np.cos(angle) * rate, SOLVED)
+
 
 @pytest.mark.slow
 def test_a_run_that_begins_later_is_judged_from_its_own_start():
@@ -165,7 +174,7 @@ def test_a_run_that_begins_later_is_judged_from_its_own_start():
 
 @pytest.mark.slow
 def test_an_impact_against_what_a_drive_moves():
-    """The energy that the drive gives in it is a part of the balance, in minimal coordinates too."""
+    """The energy that the drive gives in it is in the balance, in minimal coordinates too."""
     scene, system, rom = swung()
     end = ends(scene.bodies[1])[1]
     wall = rj.Impact(rj.quantity.Travel(end, rj.ground.at((0.8, 0.0))), restitution=0.7)

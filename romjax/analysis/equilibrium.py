@@ -76,7 +76,8 @@ def equilibrium(
     check_shape("equilibrium", "q0", q, (system.n,))
     check_finite("equilibrium", "q0", q)
     refuse_clocks("equilibrium", system)
-    system, time = standing(system), jnp.asarray(t, q.dtype)
+    time = jnp.asarray(t, q.dtype)
+    system = standing(system, time)
     reached = _solve(*jax.lax.stop_gradient((system, time, q)))
     load = concrete(reached.load)
     if load is None:

@@ -94,7 +94,7 @@ def linearize(
     refuse_clocks("linearize", system)
     q = system.q0 if at is None else as_array(at)
     if v is None:
-        system = standing(system)
+        system = standing(system, t)
     velocity = system.structure.at_rest(q) if v is None else as_array(v)
     check_shape("linearize", "at", q, (system.n,))
     check_shape("linearize", "v", velocity, (system.n,))

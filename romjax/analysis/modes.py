@@ -96,7 +96,7 @@ def modes(
             raise InputError("modes: v and turning are given; turning implies the velocity.")
         generator, v = turn("modes", system, turning, t, q)
     if v is None:
-        system = standing(system)
+        system = standing(system, t)
     velocity = jnp.zeros_like(q) if v is None else as_array(v)
     check_shape("modes", "v", velocity, (system.n,))
     known = concrete(velocity)

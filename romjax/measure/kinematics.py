@@ -180,7 +180,7 @@ def measure(
     for a body that the system lacks, a run of another system, or a system that has no bodies.
     """
     if not isinstance(run, Trajectory):
-        system = standing(system)
+        system = standing(system, 0.0 if t is None else t)
     moved = run_or_rest("measure", system, run, t)
     markers = [marker] if against is None else [marker, against]
     located = locate("measure", system, markers)

@@ -58,7 +58,7 @@ def _of_modes(mechanism: Scene | AbstractSystem, motions: Sequence[Any]) -> "_Sw
         )
 
     # Displacements are as velocities: of a reduced system, in physical coordinates.
-    still = standing(mechanism)
+    still = standing(mechanism, 0.0)
 
     def push(w: Float[Array, " r"]) -> Float[Array, " n"]:
         return still.state(jnp.zeros(()), modes.at, w).v
