@@ -189,12 +189,14 @@ def test_why_nothing_pays(facts, full, why):
 @pytest.mark.instant
 def test_no_verdict_where_kinds_are_left():
     """Nor a cause, unless it holds whatever is tried; errors are of the runs that there were."""
-    left = _untried({"local": NO_TIME, "joint": NO_TIME, "minimal": GAINED})
+    left = _untried({"local": NO_TIME, "joint": NO_TIME, "minimal": GAINED}, [65.0], 60.0)
     facts = dataclasses.replace(RIGID, modes=2)
     rows = [row(trained=2e-3, unseen=math.nan)]
     words = advice(rows, FULL, facts, 1e-3, left)
     assert words.startswith("No verdict: ")
-    assert "2 kinds were not tried for lack of time; give a larger `--budget`." in words
+    assert (
+        "2 kinds were not tried for lack of time; give a larger `--budget`, such as 250." in words
+    )
     assert "seen" not in words
     assert "errs by 2e-03 on its training, and takes " in words
     right = advice([row(speed_up=0.5)], FULL, facts, 1e-3, left)
@@ -204,9 +206,9 @@ def test_no_verdict_where_kinds_are_left():
         assert ("2 kinds were not tried" in advice(good, FULL, facts, 1e-3, left)) == (speed_up < 2)
     chaos = advice(rows, FULL._replace(trained=0.3), facts, 1e-3, left)
     assert chaos.startswith("Nothing pays here: the motion is chaotic")
-    assert _untried({"the rest": INTERRUPTED}) == "the study was interrupted"
-    assert not _untried({"minimal": GAINED})
-    assert _untried({"finer galerkin": NO_TIME}).startswith("finer ones were not tried")
+    assert _untried({"the rest": INTERRUPTED}, [], 60.0) == "the study was interrupted"
+    assert not _untried({"minimal": GAINED}, [], 60.0)
+    assert _untried({"finer galerkin": NO_TIME}, [1.0], 60.0).endswith("`--budget`, such as 120")
     for speed_up, said in ((4.0, "the best errs by 2e-03 on its training"), (0.5, "errs by 2e-03")):
         words = advice([rows[0]._replace(speed_up=speed_up)], FULL, facts, 1e-3)
         assert said in words

@@ -1,5 +1,6 @@
 """The gain of reduction for a mechanism: the models that its structure suggests, tried."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -118,6 +119,8 @@ def _result(search: Search, spend: float) -> Reductions:
         )
     ]
     order = in_order(rows, tol)
+    costs = [row.made + row.compiled for row in rows]
+    untried = _untried(search.skipped, costs, spend / _TIMING)
     picked: Sequence[Attempt] = [search.attempts[rows.index(row)] for row in order]
     return Reductions(
         rows=tuple(order),
@@ -127,7 +130,7 @@ def _result(search: Search, spend: float) -> Reductions:
         full=full,
         system=search.system,
         truth=search.training[0].run,
-        advice=advice(rows, full, search.facts, tol, _untried(search.skipped), bool(search.unseen)),
+        advice=advice(rows, full, search.facts, tol, untried, bool(search.unseen)),
         refused=search.refused,
         skipped=search.skipped,
         pays=bool(paying(rows, tol)),
@@ -136,8 +139,10 @@ def _result(search: Search, spend: float) -> Reductions:
     )
 
 
-def _untried(skipped: Mapping[str, str]) -> str:
-    """Say what may pay, for all that is known, and how to try it."""
+def _untried(skipped: Mapping[str, str], costs: Sequence[float], budget: float) -> str:
+    """Say what may pay, for all that is known, and how to try it; `costs` of the models so far, and
+    the `budget` [s] that was too small.
+    """
     if INTERRUPTED in skipped.values():
         return "the study was interrupted"
     left = [name for name, why in skipped.items() if why == NO_TIME]
@@ -145,7 +150,10 @@ def _untried(skipped: Mapping[str, str]) -> str:
         return ""
     count = sum(not name.startswith("finer ") for name in left)
     which = {0: "finer ones were", 1: "one kind was"}.get(count, f"{count} kinds were")
-    return f"{which} not tried for lack of time; give a larger `--budget`"
+    # As if each cost as much as one so far, of which some may have come from the disk; in tens.
+    enough = sum(costs) * (1 + len(left) / max(1, len(costs))) / _TRYING
+    tens = math.ceil(max(enough, 2 * budget) / 10)
+    return f"{which} not tried for lack of time; give a larger `--budget`, such as {10 * tens}"
 
 
 def _bar(tried: Attempt, search: Search) -> str:
