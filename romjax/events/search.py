@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 # Points of each step at which dense output is evaluated, for values and for rates; the inner ones
-# are off equal parts by up to this share of a part, so that no oscillation is in step with them all.
+# are off equal parts by up to this share of a part, so that no oscillation is in step with all.
 _NODES, _UNEQUAL = 8, 0.25
 # A quantity at this share of the way between two nodes, and a cubic through their values and rates,
 # differ by less than that share of how the values change, or it oscillates between them. A sine
