@@ -99,6 +99,10 @@ BAD = {
         f'<body><joint/>\n<joint name="s" axis="1 0 0" ref="1"/>{BALL}</body>',
         ":2: joint 's': one of several hinges",
     ),
+    "a stop beyond a half turn": (
+        f'<body>\n<joint name="h" ref="401" range="390 424"/>{BALL}</body>',
+        ":2: joint 'h': it begins at 6.99877 rad, but angles count from between -π and π",
+    ),
     "four joints": (
         f'<body><joint/><joint axis="1 0 0"/><joint axis="0 1 0"/>\n<joint name="s"/>{BALL}</body>',
         ":2: joint 's': its axis is not at a right angle",

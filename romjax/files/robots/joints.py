@@ -26,6 +26,8 @@ FREE, BALL, SLIDE, HINGE = 0, 1, 2, 3
 _SAME = 1e-9
 # Between stops that are closer than this to zero, no angle passes a half turn [rad].
 _WITHIN = 3.0
+# What rounding adds to an angle that begins at a half turn [rad].
+_ROUNDING = 1e-9
 _APART = "give the link between the two joints a body of its own, with a mass"
 
 
@@ -50,8 +52,10 @@ class Joints:
     joints: list[Any]
     measured: dict[int, Measured]
 
-    def __init__(self, model: Model, tree: Tree):
+    def __init__(self, model: Model, tree: Tree, starts: Any):
+        """`starts` are the positions at which the joints of the model begin."""
         self.model, self.tree, self._arrays = model, tree, model.arrays
+        self._starts = starts
         self.joints, self.measured = [], {}
         for link in range(1, self._arrays.nbody):
             if tree.root[link] == link:
@@ -71,6 +75,9 @@ class Joints:
                 self._several(link, numbers, kinds)
         else:
             self._several(link, numbers, kinds)
+        for number, kind in zip(numbers, kinds, strict=True):
+            if kind == HINGE:
+                self._check_start(number)
 
     def _several(self, link: int, numbers: list[int], kinds: list[int]) -> None:
         """Slides, and then hinges about one point, or a ball joint."""
@@ -111,6 +118,31 @@ class Joints:
                 raise self.model.refuse(
                     "joint", i, "one of several hinges of a body has ref; take it out."
                 )
+
+    def _check_start(self, number: int) -> None:
+        """Refuse a hinge that begins beyond a half turn where its angle is read: poses do not tell
+        how often it has turned by then.
+        """
+        start = float(self._starts[self._arrays.jnt_qposadr[number]])
+        if abs(start) > np.pi + _ROUNDING and self._is_read(number):
+            raise self.model.refuse(
+                "joint",
+                number,
+                f"it begins at {start:.6g} rad, but angles count from between -π and π at the "
+                "start; take full turns off its start or its ref, its range and springref, and "
+                "the targets of its actuators.",
+            )
+
+    def _is_read(self, number: int) -> bool:
+        """Whether a spring, a stop, an actuator or an equality depends on the angle of a hinge."""
+        arrays = self._arrays
+        # Of MuJoCo's types these act on joints: 0 and 1 for actuators, 2 for equalities.
+        drives = (arrays.actuator_trntype <= 1) & (arrays.actuator_trnid[:, 0] == number)
+        feedback = np.any(arrays.actuator_biasprm[drives, 1])
+        ends = (arrays.eq_obj1id == number) | (arrays.eq_obj2id == number)
+        tied = np.any(ends & (arrays.eq_type == 2))
+        held = arrays.jnt_stiffness[number] or arrays.jnt_limited[number]
+        return bool(held or feedback or tied)
 
     # Markers.
 

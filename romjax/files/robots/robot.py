@@ -76,7 +76,7 @@ def _read(path: Path, start: str, signals: Mapping[str, AbstractSignal], touchin
     tree = Tree(model, data)
     if not tree.bodies:
         raise model.refuse("body", 0, "no body can move; give one a joint.")
-    joints = Joints(model, tree)
+    joints = Joints(model, tree, data.qpos)
     joined = [*joints.joints, *equalities(model, tree, joints.measured)]
     effects = [
         *_gravity(model),
