@@ -87,10 +87,14 @@ def warn_of_imbalance(
     # NaN, where the step leads to where no modes are, warns too.
     if change <= _CHANGED:
         return
+    # Relative changes of squares, so that a frequency of zero is off by all of the other one.
+    percent = 100 * (1 - np.sqrt(1 - np.minimum(change, 1.0)))
+    # A velocity of zero is no remedy: with one, drives move.
     warnings.warn(
-        f"{owner}: the state is not in balance, and a frequency differs by {50 * change:.2g} % "
+        f"{owner}: the state is not in balance, and a frequency differs by {percent:.2g} % "
         f"where it is {float(found.size):.2g} rad, or that share of the mechanism's length, nearer "
-        "to an equilibrium; take modes at romjax.equilibrium(system), or give v=0*q for those of "
-        "this very state.",
+        "to an equilibrium; take modes at romjax.equilibrium(system, t=t), or, if those of this "
+        "very state are meant, silence this by "
+        f"warnings.filterwarnings('ignore', '{owner}: the state is not in balance').",
         stacklevel=3,
     )

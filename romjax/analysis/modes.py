@@ -74,7 +74,8 @@ def modes(
     - `system`: full, reduced or a `CustomSystem`.
     - `at` (n,): where, an equilibrium such as `equilibrium(system)`; the start unless given.
     - `v` (n,): its velocity, such as `v=system.v0` at the start; unless given, the mechanism is at
-      rest, and drives stand where they are at time `t` [s].
+      rest, and drives stand where they are at time `t` [s]. With a velocity, of zeros too, they
+      move.
     - `turning`: angular velocity Ω [rad/s] at which the whole mechanism turns about the origin,
       steadily, as seen from a frame that turns with it; instead of `v`. In space about z, or a
       vector (3,). Modes are those in that frame, such as flap, lead-lag and whirl: with gyroscopic
