@@ -273,6 +273,10 @@ def test_motions_that_do_not_compare():
     for t, other in (([1e6, 1e6 + 1.0], [1e6, 1e6 + 1.5]), ([0.0, 1e-8], [0.0, 2e-8])):
         with pytest.raises(ValueError, match="different times"):
             rj.compare(_motion(t), _motion(other))
+    # Whole seconds are times as well.
+    with pytest.raises(ValueError, match="different times"):
+        rj.compare(one, dataclasses.replace(one, t=np.array([0, 2])))
+    assert rj.compare(one, dataclasses.replace(one, t=np.array([0, 1]))).error == 0
     batch = jax.tree.map(lambda x: np.stack([np.asarray(x)] * 2), one)
     for refused in (
         lambda run: rj.compare(run, run),

@@ -146,7 +146,9 @@ def test_every_other_output_of_a_batch(run):
         jax.tree.leaves(run.every(2)), jax.tree.leaves(batch.every(2)), strict=True
     ):
         assert np.array_equal(np.stack([np.asarray(one)] * 3), all_of_them)
-    for stride in (0, -1, 1.5):
+    for stride in (np.array(2), jax.numpy.array(2)):
+        assert np.array_equal(run.every(stride).t, run.t[::2])
+    for stride in (0, -1, 1.5, True, np.array([2])):
         with pytest.raises(rj.InputError, match="whole number above zero"):
             run.every(stride)
 

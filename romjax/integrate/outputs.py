@@ -2,8 +2,9 @@
 
 import functools
 import itertools
+import operator
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, SupportsIndex
 
 import equinox as eqx
 import jax
@@ -78,13 +79,18 @@ def padded(x: Any, size: int) -> np.ndarray:
     return np.concatenate([rows, np.broadcast_to(rows[-1:], (size - len(rows), *rows.shape[1:]))])
 
 
-def strided(owner: str, stride: int, axes: int) -> tuple[slice, ...]:
+def strided(owner: str, stride: SupportsIndex, axes: int) -> tuple[slice, ...]:
     """Slices of runs and times, of so many `axes`, that keep every `stride`-th time; raises
     InputError, beginning with `owner`, for a stride that is no whole number above zero.
     """
-    if not isinstance(stride, int | np.integer) or stride < 1:
+    try:
+        # A boolean is an index to Python.
+        number = 0 if isinstance(stride, bool) else operator.index(stride)
+    except TypeError:
+        number = 0
+    if number < 1:
         raise InputError(f"{owner}: stride = {stride!r} must be a whole number above zero.")
-    return (*[slice(None)] * (axes - 1), slice(None, None, int(stride)))
+    return (*[slice(None)] * (axes - 1), slice(None, None, number))
 
 
 _padded = IdentityCache()

@@ -2,7 +2,7 @@
 
 import dataclasses
 import os
-from typing import Any
+from typing import Any, SupportsIndex
 
 import diffrax
 import equinox as eqx
@@ -212,7 +212,7 @@ class Trajectory(eqx.Module):
         """
         return summary(self)
 
-    def every(self, stride: int) -> "Trajectory":
+    def every(self, stride: SupportsIndex) -> "Trajectory":
         """The same motion at every `stride`-th output time, of each run of a batch.
 
         Raises InputError for a stride that is no whole number above zero.
