@@ -1,12 +1,17 @@
 """States at the ends of steps: bases of motions with contacts, which outputs may miss."""
 
+from types import SimpleNamespace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import zoo
+from tolerances import IDENTITY
 
 import romjax as rj
+from romjax.basis.passed import passed
+from romjax.basis.snapshots import SnapshotSet
 from romjax.march.states import States
 
 ROWS = 9
@@ -46,6 +51,35 @@ def test_states_are_thinned_evenly():
         assert seen.y[row][:number].tolist() == [-x for x in expected]
         assert number < ROWS
         assert stride == 1 or number > ROWS // 2
+
+
+@pytest.mark.parametrize("thinned", [False, True])
+def test_what_a_bouncing_ball_passes(thinned):
+    """A flight is one step, until an impact after which the state is kept; g = 2, e = 1/2.
+
+    Of steps that were thinned to more than one flight, nothing is known but their ends.
+    """
+    t = np.array([0.0, 1.5, 2.25, 2.25] if thinned else [0.0, 1.0, 2.0, 2.25, 2.25])
+
+    def height(t):
+        return np.select([t < 1, t < 2], [1 - t**2, (t - 1) * (2 - t)], (t - 2) * (2.5 - t))
+
+    rates = np.select([t < 1, t < 2], [-2 * t, 3 - 2 * t], 4.5 - 2 * t)
+    q, v, unused = height(t)[:, None], rates[:, None], [np.inf, np.inf]
+    before, after = np.array([[-2.0], [-1.0], [0.0], [0.0]]), np.array([[1.0], [0.5], [0.0], [0.0]])
+    motion = SimpleNamespace(
+        t=t[:2],
+        q=q[:2],
+        v=v[:2],
+        metric=np.eye(1),
+        labels=(),
+        states=SimpleNamespace(t=t, q=q, v=v),
+        events=SimpleNamespace(time=np.array([1.0, 2.0, *unused]), v_before=before, v_after=after),
+    )
+    shares = np.array([] if thinned else [0.25, 0.5, 0.75])
+    within = t[:-2] + shares[:, None] * np.diff(t)[:-1]
+    found = np.asarray(passed(SnapshotSet.of(motion)))[:, 0]
+    np.testing.assert_allclose(found, height(np.append(t, within)), atol=IDENTITY)
 
 
 def test_a_basis_does_not_depend_on_the_outputs(runs):
