@@ -293,15 +293,15 @@ def test_times_of_studies(ts):
     """All that simulate refuse what no run has, before they begin."""
     system, scene = rj.assemble(zoo.bars()), zoo.bars()
     box = rj.Box(lambda mass: zoo.bars((mass, 1.0)), mass=(1.0, 2.0))
-    for refused in (
-        lambda: rj.reductions(scene, ts),
-        lambda: rj.accuracy(system, ts),
-        lambda: rj.tune_baumgarte(system, ts),
-        lambda: rj.sensitivities(box, ts),
-        lambda: rj.reduce_over(box, ts, 1e-3),
-        lambda: rj.fit_over(box, ts, lambda run: run.q, 0.0),
-    ):
-        with pytest.raises(ValueError, match="simulate: ts"):
+    for owner, refused in {
+        "reductions": lambda: rj.reductions(scene, ts),
+        "accuracy": lambda: rj.accuracy(system, ts),
+        "tune_baumgarte": lambda: rj.tune_baumgarte(system, ts),
+        "sensitivities": lambda: rj.sensitivities(box, ts),
+        "reduce_over": lambda: rj.reduce_over(box, ts, 1e-3),
+        "fit_over": lambda: rj.fit_over(box, ts, lambda run: run.q, 0.0),
+    }.items():
+        with pytest.raises(ValueError, match=f"^{owner}: ts"):
             refused()
 
 
@@ -321,6 +321,8 @@ def test_bodies_in_another_order():
     ):
         with pytest.raises(ValueError, match=r"another order, 'bar2.x' in the place of 'bar1.x'"):
             refused()
+    with pytest.raises(rj.ReductionError, match="reduce: the basis: .*; make it from a simulation"):
+        rj.reduce(systems[0], basis)
 
 
 def _motion(t):

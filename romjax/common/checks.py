@@ -48,15 +48,16 @@ def check_order(
     labels: Sequence[str],
     others: Sequence[str],
     error: type[ValueError] = InputError,
+    remedy: str = "give the bodies of both scenes in one order",
 ) -> None:
     """Raise where the same coordinates are in another order; other names may be those of another
-    description of the same mechanism.
+    description of the same mechanism. `remedy`: what to do.
     """
     if tuple(labels) != tuple(others) and sorted(labels) == sorted(others):
         at = next(i for i, pair in enumerate(zip(labels, others, strict=True)) if len({*pair}) > 1)
         raise error(
             f"{owner}: the same coordinates are in another order, '{others[at]}' in the place of "
-            f"'{labels[at]}'; give the bodies of both scenes in one order."
+            f"'{labels[at]}'; {remedy}."
         )
 
 

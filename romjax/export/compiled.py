@@ -128,7 +128,7 @@ class CompiledModel:
         if times.ndim != 1 or not (
             len(times) > 1 and (times[1:] > times[:-1]).all() and times[-1] < np.inf
         ):
-            times = np.ascontiguousarray(check_times(ts, self.system.q0.dtype), float)
+            times = np.ascontiguousarray(check_times("simulate", ts, self.system.q0.dtype), float)
         return times
 
     def _start(self, q0: Any, v0: Any) -> tuple[Any, Any] | None:

@@ -88,7 +88,7 @@ def stablehlo(
     model = model_of(_VERB, system, {}, None, parameters or {}, None, "run")
     check_numbers(max_steps, 0, rtol=rtol, atol=atol, dt=dt)
     nominal = model.nominal
-    times = check_times(ts, nominal.q0.dtype)
+    times = check_times(_VERB, ts, nominal.q0.dtype)
     solver, held = _chosen(nominal, times, dt, solver, stabilization)
     names = tuple(model.parameters)
 

@@ -173,27 +173,29 @@ def check_numbers(max_steps: int | None, dense: int, **steps: ArrayLike | None) 
 _increasing = IdentityCache()  # of arrays of JAX, which never change
 
 
-def check_times(ts: Vector, dtype: Any) -> Float[Array, " k"]:
-    """The output times as an array; raise ValueError unless they are finite and increase."""
+def check_times(owner: str, ts: Vector, dtype: Any) -> Float[Array, " k"]:
+    """The output times as an array; raise ValueError, beginning with `owner`, unless they are
+    finite and increase.
+    """
     try:
         times = as_array(ts)
     except (TypeError, ValueError) as error:
         raise InputError(
-            f"simulate: ts is of type {type(ts).__name__} and no array of times; give the times of "
+            f"{owner}: ts is of type {type(ts).__name__} and no array of times; give the times of "
             "the outputs, such as jax.numpy.linspace(0.0, 1.0, 101)."
         ) from error
     times = times if times.dtype == dtype else times.astype(dtype)
     if _increasing.get(times):
         return times
-    check_shape("simulate", "ts", times, (None,))
-    check_finite("simulate", "ts", times)
+    check_shape(owner, "ts", times, (None,))
+    check_finite(owner, "ts", times)
     if times.shape[0] < 2:
-        raise ValueError(f"simulate: ts has {times.shape[0]} entries; give the start and the end.")
+        raise ValueError(f"{owner}: ts has {times.shape[0]} entries; give the start and the end.")
     numbers = concrete(times)
     if numbers is not None and not np.all(np.diff(numbers) > 0):
         index = int(np.argmin(np.diff(numbers)))
         raise ValueError(
-            f"simulate: ts must increase, but ts[{index}] = {numbers[index]:g} is followed by "
+            f"{owner}: ts must increase, but ts[{index}] = {numbers[index]:g} is followed by "
             f"{numbers[index + 1]:g}."
         )
     if numbers is not None:

@@ -118,7 +118,7 @@ def simulate(
     check_numbers(max_steps, dense, rtol=rtol, atol=atol, dt=dt)
     tell_of_jit()
     q, v = _check_start(system, q0, v0)
-    times = check_times(ts, q.dtype)
+    times = check_times("simulate", ts, q.dtype)
     # Events, monitors and controllers ask for bodies and coordinates by their names.
     watched, monitors = check_events(events, max_events), check_monitors(follow)
     bare = system if watched or monitors or ticks(system) else without_names(system)

@@ -34,7 +34,7 @@ def check_coordinates(owner: str, truth: Trajectory, name: str, approx: Trajecto
     check_order(f"{owner}: '{name}'", truth.labels, approx.labels, ValueError)
 
 
-def check_times(owner: str, truth: Trajectory, name: str, approx: Trajectory) -> None:
+def check_same_times(owner: str, truth: Trajectory, name: str, approx: Trajectory) -> None:
     """Raise ValueError unless both motions have the same output times."""
     t, other = np.asarray(truth.t), np.asarray(approx.t)
     if t.shape != other.shape or not same_times(t, other):

@@ -74,7 +74,8 @@ def reduce(
             "make the basis from a simulation of this system."
         )
     labels = basis.snapshots.labels
-    check_order("reduce: of basis and system", system.structure.labels, labels, ReductionError)
+    remedy = "make it from a simulation of this system"
+    check_order("reduce: the basis", system.structure.labels, labels, ReductionError, remedy)
     try:
         return remember_training(chosen.reduce(system, basis), basis, chosen)
     except UnsuitedError as refusal:

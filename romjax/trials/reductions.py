@@ -70,7 +70,7 @@ def reductions(
             f"reductions: tol={tol}, rtol={rtol}, budget={budget}; both tolerances must lie "
             "between 0 and 1, and there must be time to spend."
         )
-    times = check_times(ts, jnp.result_type(float))
+    times = check_times("reductions", ts, jnp.result_type(float))
     with Progress(progress) as told:
         search = Search.begun(scene, times, Settings(tol, rtol, solver), told)
         try:

@@ -9,7 +9,7 @@ from ...common.checks import check_kind
 from ...integrate.trajectory import Trajectory
 from ...study.compare import compare
 from ..choice import choose
-from ..panels import check_coordinates, check_times, finish, grid
+from ..panels import check_coordinates, check_same_times, finish, grid
 from ..style import line, marks, symbol
 
 DECADES = 8  # shown below the largest error; a zero crossing reaches further and says nothing
@@ -39,7 +39,7 @@ def errors(
         raise ValueError("errors: there are no motions to compare; give {'name': trajectory}.")
     for name, motion in approx.items():
         check_coordinates("errors", truth, name, motion)
-        check_times("errors", truth, name, motion)
+        check_same_times("errors", truth, name, motion)
     comparisons = {name: compare(truth, motion) for name, motion in approx.items()}
     columns, note = choose("errors", truth, coordinates)
     figure, panels = grid(len(columns))

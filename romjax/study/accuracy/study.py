@@ -77,7 +77,7 @@ def accuracy(
     )
     begin = time.perf_counter()
     system = _in_double_precision(assemble(what) if isinstance(what, Scene) else what)
-    times = check_times(ts, system.q0.dtype)
+    times = check_times("accuracy", ts, system.q0.dtype)
     layout = "{desc:48} {n_fmt} runs, {elapsed}"
     with tqdm(disable=None if progress else True, bar_format=layout, desc="full model") as bar:
         return run_study(system, times, settings, begin, bar)

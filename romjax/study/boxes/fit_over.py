@@ -92,7 +92,7 @@ def fit_over(
     the full run at the start fails; ValueError for a folder that holds other runs.
     """
     settings = {"rtol": as_number(rtol, float), "solver": solver}
-    runner = FullRuns(box, check_times(ts, jnp.result_type(float)), see, settings)
+    runner = FullRuns(box, check_times("fit_over", ts, jnp.result_type(float)), see, settings)
     search = _Search(runner, np.asarray(measured, float), noise, path)
     box.system(**(start or {}))
     best = search.full(box.center | (start or {}))

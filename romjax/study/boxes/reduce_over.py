@@ -74,7 +74,7 @@ def reduce_over(
     points = _points(box, candidates, held_out, seed)
     chosen = as_formulation(formulation)
     sharing = Sharing(path, chunk)
-    times = check_times(ts, jnp.result_type(float))
+    times = check_times("reduce_over", ts, jnp.result_type(float))
     greedy = Greedy(box, points, candidates, times, tol, chosen, gradients, flow, sharing)
     with tqdm(disable=not progress, unit=" models", desc="reduce_over") as bar:
         accepted = greedy.search.smallest(1, bar)

@@ -33,7 +33,7 @@ def sensitivities(
     Raises InputError outside of the box, SimulationError if the run fails.
     """
     box.system(**parameters)
-    times, where = check_times(ts, jnp.result_type(float)), box.center | parameters
+    times, where = check_times("sensitivities", ts, jnp.result_type(float)), box.center | parameters
     point = {name: as_number(x, times.dtype) for name, x in where.items()}
     with forward_mode():
         q, v, success = _tangents(box, solver, point, times, as_number(rtol, times.dtype))

@@ -71,7 +71,8 @@ def sweep_over(
 
     Raises InputError for a parameter that the box does not have, or values of different counts.
     """
-    points, times = _points(reduced, parameters), check_times(ts, jnp.result_type(float))
+    points = _points(reduced, parameters)
+    times = check_times("sweep_over", ts, jnp.result_type(float))
     lanes = _Lanes(reduced, points, times, see, {"chunk": chunk, "progress": progress}, path)
     inside = [reduced.box.ranges[name].holds(x) for name, x in points.items()]
     lanes.by_model(np.flatnonzero(np.all(inside, axis=0)))

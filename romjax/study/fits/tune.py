@@ -105,7 +105,7 @@ def tune_baumgarte(
     """
     if system.m == 0:
         raise ValueError("tune_baumgarte: the system has no constraints, so nothing drifts.")
-    ts = check_times(ts, system.q0.dtype)
+    ts = check_times("tune_baumgarte", ts, system.q0.dtype)
     frequency = float(frequencies(system, ts[0], system.q0, system.v0).rigid)
     # A mechanism without forces is slow: the length of the run is then its time.
     omega = max(frequency, 2 * np.pi / float(ts[-1] - ts[0]))
