@@ -2,12 +2,15 @@
 
 import dataclasses
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import zoo
 from groups import in_groups
 
 import romjax as rj
+from romjax.system.base import Run
+from romjax.system.validity import TrainingBox
 
 # Required on variations of the scene: errors up to so many times what was asked, or a flag.
 HELD_OUT = 3
@@ -100,6 +103,14 @@ def test_a_run_beyond_the_training_is_doubted(truth, cart_pendulum):
     assert "leaves the box" in leaves
     assert "violates the constraints" in violates
     assert motion.flags == rj.Flag.OUTSIDE_TRAINING | rj.Flag.VIOLATION
+
+
+def test_a_subspace_that_leaves_the_constraints_is_doubted():
+    """At five tolerances of the steps; stabilization leaves two."""
+    rest, times = np.zeros((2, 1)), np.array([0.0, 1.0])
+    box, drift = TrainingBox.of(jnp.asarray(rest), 1e-12), np.full(2, 1e-3)
+    for share, flag in ((2.1, 0), (5.0, rj.Flag.VIOLATION)):
+        assert box.flags(None, Run(times, rest, rest, rest, share * drift, drift)) == flag
 
 
 @pytest.mark.slow

@@ -15,9 +15,9 @@ from .flags import Flag
 # By how much of its width a motion may leave the training box on each side. Directions much
 # narrower than the widest one are allowed a thousandth of that.
 _MARGIN, _NARROW = 0.1, 1e-3
-# How many times the training's violation, or the tolerance of the steps, is too much, and what is
-# never too much. Stabilization holds constraints to a few tolerances (2.1 of a top's subspace).
-_TIMES, _ROUNDING = 10.0, 1e-7
+# How many times the training's violation is too much, and how many tolerances of the steps: of
+# these, stabilization leaves up to 2.1, in a top's subspace. What is never too much.
+_TIMES, _DRIFTS, _ROUNDING = 10.0, 3.0, 1e-7
 # Snapshots at which the constraints are evaluated.
 _SNAPSHOTS = 200
 
@@ -80,7 +80,7 @@ class TrainingBox(AbstractValidity):
         width = self.upper - self.lower
         allowed = _MARGIN * jnp.maximum(width, _NARROW * jnp.max(width))
         outside = jnp.maximum(self.lower[None] - points, points - self.upper[None])
-        limit = jnp.maximum(_TIMES * jnp.maximum(self.violation, run.drift), _ROUNDING)
+        limit = jnp.maximum(_TIMES * self.violation, jnp.maximum(_DRIFTS * run.drift, _ROUNDING))
         flags: Array = jnp.any(outside > allowed[None]) * int(Flag.OUTSIDE_TRAINING)
         return flags + jnp.any(run.violation > limit) * int(Flag.VIOLATION)
 
