@@ -173,6 +173,21 @@ KINDS = {
         lambda: rj.singular_position(rj.Scene([bar()], [], []), _motion([0.0, 1.0])),
         "singular_position: the system is of type Scene",
     ),
+    "run of another system that loses rank": (
+        lambda: rj.singular_position(rj.assemble(rj.Scene([bar()], [], [])), _motion([0.0, 1.0])),
+        r"singular_position: the run has the coordinates .*, but the system bar\.x",
+    ),
+    "full system whose reactions follow from it": (
+        lambda: rj.reactions(_oscillator(), _motion([0.0, 1.0])),
+        r"reactions: the system is no reduced model; .* romjax\.joint_forces",
+    ),
+    "run of another system as that of a model": (
+        lambda: rj.reactions(
+            rj.reduce(rj.assemble(rj.Scene([bar()], [], [])), formulation="joint"),
+            _motion([0.0, 1.0]),
+        ),
+        r"reactions: the run has the coordinates .*, but the system bar\.x",
+    ),
     "scene that is extrapolated": (
         lambda: rj.extrapolate(rj.Scene([bar()], [], []), *[_motion([0.0, 1.0])] * 2),
         "extrapolate: the system is of type Scene",

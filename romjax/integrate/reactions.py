@@ -5,9 +5,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..common.checks import check_one_run
+from ..common.errors import InputError
 from ..system.dynamics import solve
-from ..system.reduced import AbstractReducedSystem
+from ..system.reduced import AbstractReducedSystem, reduced_of
+from .origin import check_origin
 from .trajectory import Trajectory
 
 
@@ -35,9 +36,15 @@ def reactions(rom: AbstractReducedSystem, trajectory: Trajectory) -> Float[Array
     balances the joint forces by its elastic force, of which the reduced model knows nothing. Of
     joint coordinates, which drop nothing, they are those of the full system.
 
-    **Arguments:** the reduced system `rom`; a `trajectory` that was simulated with it.
+    **Arguments:** the reduced system `rom`; a `trajectory` that was simulated with it. Raises
+    InputError for a full system, and for a run of another one.
     """
-    check_one_run("reactions", trajectory.t)
+    check_origin("reactions", rom, trajectory)
+    if reduced_of(rom) is None:
+        raise InputError(
+            "reactions: the system is no reduced model; of a full system, "
+            "romjax.joint_forces(system, run) has the forces of the joints."
+        )
 
     def forces(t: Array, q: Array, v: Array) -> Array:
         if rom.is_exact:

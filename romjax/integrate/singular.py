@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.checks import check_kind, check_one_run
 from ..compiling.program import program_once
-from ..system.base import AbstractSystem, check_system
+from ..system.base import AbstractSystem
+from .origin import check_origin
 from .trajectory import Trajectory
 
 # Singular values below this share of the largest are those of constraints that repeat others.
@@ -51,12 +51,10 @@ def singular_position(system: AbstractSystem, run: Trajectory) -> SingularPositi
     several branches. Constraints that repeat others in all positions are no singular position.
 
     **Arguments:** the `system`, full or reduced; one `run` of it. Looks at the output times only,
-    of a run that failed at those before. Raises InputError for what is no system or no run.
+    of a run that failed at those before. Raises InputError for what is no system or no run,
+    and for a run of another system.
     """
-    check_system("singular_position", system)
-    remedy = "what romjax.simulate(system, ts) returns"
-    check_kind("singular_position", "the run", run, Trajectory, remedy)
-    check_one_run("singular_position", run.t)
+    check_origin("singular_position", system, run)
     full = system.full
     if full.m == 0:
         return None

@@ -9,11 +9,12 @@ from ..assembly.counting import without_counters, without_states
 from ..assembly.locate import assembled
 from ..common.errors import InputError
 from ..compiling.program import program
+from ..integrate.origin import check_origin
 from ..integrate.trajectory import Trajectory
 from ..scene.effect.joint_inertia import JointInertia
 from ..system.base import AbstractSystem
 from ..system.structure import without_names
-from .states import along, check_origin, check_run
+from .states import along, check_run
 
 
 class EnergyHistory(NamedTuple):

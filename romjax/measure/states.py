@@ -11,13 +11,14 @@ from jaxtyping import Array, ArrayLike, Float, Int
 from ..assembly.locate import assembled
 from ..common import compat
 from ..common.arrays import Vector, as_array
-from ..common.checks import check_finite, check_kind, check_one_run, check_shape
+from ..common.checks import check_finite, check_shape
 from ..common.errors import InputError
 from ..compiling.program import program
+from ..integrate.origin import check_origin
 from ..integrate.outputs import capacity, cut, padded
 from ..integrate.reactions import balancing_multipliers, lifted_acceleration
 from ..integrate.trajectory import Trajectory
-from ..system.base import AbstractSystem, check_system
+from ..system.base import AbstractSystem
 from ..system.dynamics import solve
 from ..system.reduced import reduced_of
 from ..system.structure import without_names
@@ -133,19 +134,6 @@ def _check_mechanism(owner: str, system: AbstractSystem) -> AbstractSystem:
             "reduce by rj.Galerkin() or rj.Minimal(), or give the full system."
         )
     return full
-
-
-def check_origin(owner: str, system: AbstractSystem, run: Trajectory) -> None:
-    """Raise InputError, beginning with `owner`, unless `run` is one of this `system`."""
-    check_system(owner, system)
-    check_kind(owner, "the run", run, Trajectory, "what romjax.simulate(system, ts) returns")
-    check_one_run(owner, run.t)
-    labels = system.full.structure.labels
-    if run.labels != labels:
-        raise InputError(
-            f"{owner}: the run has the coordinates {', '.join(run.labels)}, but the system "
-            f"{', '.join(labels)}; give the system that was simulated."
-        )
 
 
 def accelerations(system: AbstractSystem, run: Trajectory | Rest) -> Float[Array, "*k n"]:
