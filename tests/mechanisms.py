@@ -1,6 +1,10 @@
 """Mechanisms with known motions, and the classical method that they are stepped with."""
 
+from typing import ClassVar
+
 import diffrax
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -20,6 +24,19 @@ class RK4(diffrax.AbstractERK):
 
     def order(self, terms):
         return 4
+
+
+class Moving(rj.AbstractJoint):
+    """A hinge whose place on `b` runs along x at a given speed [m/s]."""
+
+    a: rj.Marker
+    b: rj.Marker
+    speed: jax.Array = eqx.field(converter=jnp.asarray)
+    name: str = eqx.field(static=True, default="")
+    rows: ClassVar[int] = 2
+
+    def residual(self, t, a, b):
+        return a.position - b.position - jnp.stack([self.speed * t, jnp.zeros_like(t)])
 
 
 def bar(name, start, end, mass=1.0, velocity=(0.0, 0.0, 0.0)) -> rj.RigidBody:

@@ -4,13 +4,13 @@ import functools
 from collections import Counter
 from typing import ClassVar, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import zoo
 from groups import in_groups
+from mechanisms import Moving
 from programs import force, mass, primitives, uses_time
 
 import romjax as rj
@@ -19,19 +19,6 @@ from romjax.system import dynamics
 
 CART = rj.RigidBody("cart", 1.0, 0.1)
 ON_GROUND = rj.ground.at((0.1, 0.2), 0.3)
-
-
-class Moving(rj.AbstractJoint):
-    """A hinge whose place on `b` runs along x at a given speed [m/s]."""
-
-    a: rj.Marker
-    b: rj.Marker
-    speed: jax.Array = eqx.field(converter=jnp.asarray)
-    name: str = eqx.field(static=True, default="")
-    rows: ClassVar[int] = 2
-
-    def residual(self, t, a, b):
-        return a.position - b.position - jnp.stack([self.speed * t, jnp.zeros_like(t)])
 
 
 # Options of bodies.

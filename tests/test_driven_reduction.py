@@ -3,12 +3,13 @@
 import functools
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import zoo
 from comparison import assert_close
 from groups import in_groups
-from mechanisms import ends
+from mechanisms import Moving, ends
 from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
@@ -160,6 +161,31 @@ def test_at_rest_a_drive_stands():
 
     rate = SWING * np.pi * np.cos(np.pi * late)
     assert_close(jax.jit(jax.grad(height))(late), LENGTH * np.cos(angle) * rate, SOLVED)
+
+
+@pytest.mark.slow
+def test_at_rest_what_moves_by_its_own_law_stands():
+    """A joint without a signal and constraints of one's own, which drag something by a damper."""
+    late = 0.5
+    bar = rj.RigidBody("bar", 1.0, 0.1, position=(0.0, -0.5), velocity=(0.4, 0.0))
+    hinge = Moving(bar.at((0.0, 0.5)), rj.ground.at(), 0.4)
+    drag = rj.Damper(bar.at((0.0, -0.5)), rj.ground.at(), 3.0)
+    hanging = rj.assemble(rj.Scene([bar], [hinge], [rj.Gravity(), drag]))
+    followed = rj.CustomSystem(
+        lambda q: jnp.eye(2),
+        lambda t, q, v: (q[0] - q[1] + 3.0 * (v[0] - v[1])) * jnp.array([-1.0, 1.0]),
+        lambda t, q: jnp.sin(t)[None] - q[:1],
+        q0=[0.0, 0.0],
+        v0=[1.0, 0.0],
+    )
+    for system, rest in ((hanging, [0.4 * late, -0.5, 0.0]), (followed, [np.sin(late)] * 2)):
+        truth = rj.simulate(system, np.linspace(0.0, 1.0, 51))
+        rom = rj.reduce(system, rj.Minimal().basis(system, truth, rj.POD(1)), "minimal")
+        for model in (system, rom):
+            q = rj.equilibrium(model, t=late)
+            still = model.state(late, q, jnp.zeros_like(q))
+            assert_close(still.q, rest, SOLVED)
+            assert_close(rj.modes(model, q, t=late).at, q, IDENTITY)
 
 
 @pytest.mark.slow

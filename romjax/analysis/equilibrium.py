@@ -14,6 +14,7 @@ from ..common.arrays import Vector, as_array, concrete
 from ..common.checks import check_finite, check_shape
 from ..common.compat import is_outermost
 from ..common.errors import SimulationError
+from ..common.partition import detached
 from ..compiling.program import program_once
 from ..linalg.dense import multiply
 from ..system import unit_length
@@ -78,7 +79,7 @@ def equilibrium(
     refuse_clocks("equilibrium", system)
     time = jnp.asarray(t, q.dtype)
     system = standing(system, time)
-    reached = _solve(*jax.lax.stop_gradient((system, time, q)))
+    reached = _solve(*detached(system, time, q))
     load = concrete(reached.load)
     if load is None:
         solution = eqx.error_if(
@@ -229,7 +230,7 @@ def _differentiable(
 ) -> Float[Array, " n"]:
     """The same q, with the derivative −J⁺ ∂F of the residual F and Newton's matrix J."""
     position, held = (jnp.asarray(jax.lax.stop_gradient(x)) for x in (q, multipliers))
-    fixed: Any = jax.lax.stop_gradient(Statics(system, jnp.asarray(t), position))
+    (fixed,) = detached(Statics(system, jnp.asarray(t), position))
     matrix, _ = fixed.linearized(position, held)
     linear = Linear.of(matrix, displacements(fixed.system, fixed.t, position))
     right = Statics(system, jnp.asarray(t), position).residual(position, held)

@@ -1,5 +1,6 @@
 """Joints and effects of equal structure: stacked, and mapped over once."""
 
+import dataclasses
 from collections.abc import Callable
 
 import equinox as eqx
@@ -14,23 +15,33 @@ from ..scene.effect.base import AbstractMarkerEffect
 from ..scene.joint.base import AbstractJoint
 from ..scene.marker import Pose, Poses, Twist, Wrench, Wrenches
 from ..system.schedule import AbstractStack
+from ..system.standing import AbstractConstrained
 from .grouping import T
 from .kinematics import MarkerBlocks
 from .pose_gradient import PoseGradient
 
 
-class JointGroup(AbstractStack):
-    """Joints of equal structure."""
+class JointGroup(AbstractStack, AbstractConstrained):
+    """Joints of equal structure; those that move with time stand as at `stands_at`, unless None."""
 
     joints: AbstractJoint  # stacked
     markers: MarkerBlocks
     rows: Index = eqx.field(static=True)  # among the constraints, (count, rows)
+    stands_at: Time | None = None
 
     @property
     def kind(self) -> type:
         return type(self.joints)
 
+    def standing_at(self, t: Time) -> "JointGroup":
+        return dataclasses.replace(self, stands_at=t)
+
+    def time(self, t: Time) -> Time:
+        """The time that the residuals are taken at, when it is `t`."""
+        return t if self.stands_at is None else self.stands_at
+
     def residual(self, t: Time, poses: Pose) -> Float[Array, "count rows"]:
+        t = self.time(t)
         residuals: Float[Array, "count rows"]
         residuals = jax.vmap(lambda joint, poses: joint.residual(t, *poses))(
             self.joints, self.markers.take(poses)
@@ -41,6 +52,7 @@ class JointGroup(AbstractStack):
         self, t: Time, poses: Pose, motion: PoseGradient
     ) -> Float[Array, "side count rows size"]:
         """Derivatives with respect to the coordinates of the bodies on all sides."""
+        t = self.time(t)
 
         def slopes(joint: AbstractJoint, poses: Poses) -> Poses:
             own, counters = self.bodies_of(poses), poses[len(self.bodies_of(poses)) :]
@@ -77,6 +89,7 @@ class JointGroup(AbstractStack):
 
         The constraint forces −C_qᵀ λ, as wrenches at the poses that the residual is a function of.
         """
+        t = self.time(t)
 
         def react(joint: AbstractJoint, own: Array, poses: Poses) -> Wrenches:
             # −(∂C/∂x)ᵀ λ, by the virtual work of the constraint forces.

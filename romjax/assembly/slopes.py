@@ -118,6 +118,7 @@ def _of_bodies(
 
 def _reactions(group: JointGroup, t: Time, poses: Pose, multipliers: Float[Array, " m"]) -> _Action:
     """C_pᵀ λ of joints."""
+    t = group.time(t)
 
     def react(joint: Any, own: Array, sides: Poses) -> tuple[Array, Array]:
         counters = sides[len(joint.markers) :]

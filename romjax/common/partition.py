@@ -58,5 +58,13 @@ class Partitioned(eqx.Module):
         return jax.tree.unflatten(self.tree, leaves)
 
 
+def detached(*objects: Any) -> Any:
+    """The objects with `jax.lax.stop_gradient` of their arrays; it takes no functions, as users'
+    systems have, and refuses the whole.
+    """
+    parts = Partitioned.split(objects)
+    return Partitioned(jax.lax.stop_gradient(parts.arrays), parts.static, parts.tree).combine()
+
+
 def _restored(arrays: tuple[Any, ...], static: tuple[Any, ...], example: Any) -> Partitioned:
     return Partitioned(arrays, static, jax.tree.structure(example))

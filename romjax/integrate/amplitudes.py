@@ -5,11 +5,11 @@ gram are below 1e-5 where it bends by a tenth of its length. As an error an ampl
 turn of its body that moves as much in the mass metric, M_aa δa² = J δφ².
 """
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..common.partition import detached
 from ..system.base import AbstractSystem
 from ..system.structure import Structure
 
@@ -29,7 +29,7 @@ def amplitude_shares(system: AbstractSystem, q: Float[Array, " n"]) -> Float[Arr
     if not pairs:
         return None
     columns, numbers = np.array(pairs).T
-    system, q = jax.lax.stop_gradient((system, q))
+    system, q = detached(system, q)
     bodies, places = (system, q) if structure.frames else (system.full, system.full.q0)
     inertia = jnp.diagonal(bodies.mass(places))
     # Of each amplitude: those of the turns of its body, three of which a quaternion has in fours.

@@ -15,13 +15,14 @@ from ..common.errors import InputError
 from ..linalg.pattern import Pattern
 from .base import AbstractSystem
 from .mobility import check_mobility
+from .standing import AbstractConstrained
 from .state import FullState, Power
 from .structure import Structure
 
 Function = Callable[..., Float[Array, "..."]]
 
 
-class CustomSystem(AbstractSystem):
+class CustomSystem(AbstractSystem, AbstractConstrained):
     """A system from pure JAX functions in any coordinates.
 
     **Arguments:**
@@ -98,6 +99,13 @@ class CustomSystem(AbstractSystem):
     def validity(self) -> None:
         return None
 
+    def standing_at(self, t: Time) -> "CustomSystem":
+        if self.constraint_ is None:
+            return self
+        held: CustomSystem
+        held = eqx.tree_at(lambda x: x.constraint_, self, _Held(self.constraint_, t))
+        return held
+
     def mass(self, q: Float[Array, " n"]) -> Float[Array, "n n"]:
         return self.mass_(q)
 
@@ -141,6 +149,17 @@ class CustomSystem(AbstractSystem):
             return None
         by_time: Array = jax.jvp(lambda t: self._energy(t, q), (time,), (one,))[1]
         return Power(zero, work + by_time)
+
+
+class _Held(eqx.Module):
+    """Constraints as they are at one time."""
+
+    constraint: Function
+    at: Time
+
+    def __call__(self, t: Time, q: Float[Array, " n"]) -> Float[Array, " m"]:
+        held: Float[Array, " m"] = self.constraint(self.at, q)
+        return held
 
 
 def _length(constraint: Function, q: Float[Array, " n"]) -> int:

@@ -22,6 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..common.partition import detached
 from ..linalg import quaternions
 from .base import AbstractSystem
 from .dynamics import constraint_state
@@ -57,7 +58,7 @@ class Start(NamedTuple):
             one = jnp.ones(system.m, q.dtype)
             largest, fastest = (jnp.max(jnp.abs(x), initial=1) for x in (q, v))
             return cls(state.violation, state.rate, share * largest * one, rates * fastest * one)
-        system = jax.lax.stop_gradient(system)
+        (system,) = detached(system)
         # How much a constraint changes where each coordinate changes by what is allowed of it.
         rows = jnp.abs(system.state(t, q, v).jacobian())
         units = _Units.of(system, t, q, rows)

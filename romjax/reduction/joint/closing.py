@@ -62,7 +62,8 @@ def some_joints(system: AssembledSystem, chosen: tuple[tuple[int, int], ...]) ->
         rows = Index.of(
             np.arange(first, first + own.size * width).reshape(own.size, width).tolist()
         )
-        groups.append(JointGroup(joints, MarkerBlocks(start, own.size, blocks.sides), rows))
+        own_markers = MarkerBlocks(start, own.size, blocks.sides)
+        groups.append(JointGroup(joints, own_markers, rows, group.stands_at))
         first += own.size * width
     return SomeJoints(tuple(groups), _taken(every, np.array(taken, int)), system.n)
 

@@ -144,6 +144,7 @@ def _wrenches(
     group: JointGroup, t: Time, moving: MarkerMotion
 ) -> list[Float[Array, "count rows twist"]]:
     """The derivatives of the residuals by the twists of the markers of each side."""
+    t = group.time(t)
 
     def slopes(joint: Any, poses: tuple[Pose, ...]) -> tuple[Array, ...]:
         own, counters = group.bodies_of(poses), poses[len(group.bodies_of(poses)) :]
