@@ -74,13 +74,24 @@ def invert(a: Float[Array, "*batch b b"]) -> Float[Array, "*batch b b"]:
         determinant = a[..., 0, 0] * a[..., 1, 1] - a[..., 0, 1] ** 2
         signs = np.array([[1, -1], [-1, 1]], a.dtype).reshape(*[1] * (a.ndim - 2), 2, 2)
         return a[..., ::-1, ::-1] * signs / determinant[..., None, None]
-    if size < 2:
-        return 1 / a
+    return 1 / a if size < 2 else _eliminated(a)
+
+
+@jax.custom_jvp
+def _eliminated(a: Float[Array, "*batch b b"]) -> Float[Array, "*batch b b"]:
+    size = a.shape[-1]
     if size > _BY_ROWS:
         return _invert_by_blocks(a)
     # A loop: written out, the steps are a tenth of a mechanism's program, and no faster.
     inverse: Float[Array, "*batch b b"] = jax.lax.fori_loop(0, size, _eliminate_row, a)
     return inverse
+
+
+@_eliminated.defjvp
+def _slope_of_inverse(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    """d(A⁻¹) = −A⁻¹ dA A⁻¹; in reverse mode the loop would store all its steps."""
+    inverse = _eliminated(*primals)
+    return inverse, -multiply(multiply(inverse, *tangents), inverse)
 
 
 def _eliminate_row(i: Array, a: Float[Array, "*batch b b"]) -> Float[Array, "*batch b b"]:
