@@ -397,7 +397,8 @@ def test_a_reduced_run_knows_its_mechanism(hanging, falling):
 def test_each_mode_swings(hanging):
     """From its shape through its opposite, and back; about the place where it was taken."""
     at = np.array([0.0, -0.5, -np.pi / 2, 0.0, -1.5, -np.pi / 2])
-    modes = rj.modes(hanging, at)
+    modes = rj.modes(hanging, at, t=0.2)
+    assert modes.t == 0.2
     swinging = rj.animate(hanging, modes)
     assert len(swinging.models) == len(modes.frequencies) == 2
     hertz = np.asarray(modes.frequencies)[0] / (2 * np.pi)

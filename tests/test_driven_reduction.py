@@ -13,6 +13,7 @@ from mechanisms import Moving, ends
 from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
+from romjax.assembly.outlines import outlines
 
 # Required: of the full basis, which is the full model; of the rank for a tolerance, on the training
 # run and at a drive that is a tenth faster.
@@ -151,6 +152,11 @@ def test_at_rest_a_drive_stands():
         assert_close(tip.velocity, np.zeros(2), IDENTITY)
         found = rj.modes(model, q, t=late)
         assert_close(found.frequencies, [np.sqrt(1.5 * zoo.GRAVITY / LENGTH)], SOLVED)
+        # They are drawn where the drive stands then, which the mode does not move.
+        turned = np.array([0.5 * np.cos(angle), 0.5 * np.sin(angle), angle, *np.zeros(3)])
+        (there,) = (o for o in outlines(scene, 0.0, turned[None]) if o.part == "bar1")
+        for arm in (o for o in rj.animate(model, found).models[0].actual if o.part == "bar1"):
+            assert_close(arm.points, np.tile(there.points, (len(arm.points), 1, 1)), SOLVED)
         linear = rj.linearize(model, {}, [], at=q, t=late)
         assert_close(np.linalg.eigvals(linear.A).imag.max(), found.frequencies[0], SOLVED)
 

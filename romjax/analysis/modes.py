@@ -35,7 +35,7 @@ class Modes(NamedTuple):
     - `shapes` (n, d): displacement of the system's coordinates in each mode, complex, of unit
       length in the mass metric.
     - `is_stable`: whether no motion grows exponentially.
-    - `at` (n,): the configuration that they are motions about.
+    - `at` (n,): the configuration that they are motions about, and `t` the time of it [s].
     """
 
     frequencies: Float[Array, " d"]
@@ -44,6 +44,7 @@ class Modes(NamedTuple):
     shapes: Complex[Array, "n d"]
     is_stable: Bool[Array, ""]
     at: Float[Array, " n"]
+    t: Float[ArrayLike, ""] = 0.0
 
     def table(self) -> Any:
         """One row for each mode as a pandas data frame (extra `study`): `frequency` [Hz], the
@@ -133,7 +134,7 @@ def _modes(
     # Free motions have eigenvalues of zero, which rounding makes a little positive.
     growth = jnp.max(values.real, initial=-jnp.inf)
     is_stable = growth <= _ROUNDED * jnp.max(jnp.abs(values), initial=1.0)
-    found = Modes(frequencies, damping, values, shapes, is_stable, q)
+    found = Modes(frequencies, damping, values, shapes, is_stable, q, t)
     return found, jax.lax.stop_gradient(imbalance_of(system, t, q, tangent))
 
 

@@ -50,7 +50,7 @@ def modes(
             f"shape {vectors.shape}; give the full system that the basis was made from."
         )
     n, r = len(reference), min(basis.rank, MOST)
-    sizes = amplitudes(scene, reference, vectors[:, :r])
+    sizes = amplitudes(scene, 0.0, reference, vectors[:, :r])
     drawn = outlines(
         scene, 0.0, np.stack([reference, *(reference[:, None] + sizes * vectors[:, :r]).T])
     )

@@ -57,20 +57,21 @@ def _of_modes(mechanism: Scene | AbstractSystem, motions: Sequence[Any]) -> "_Sw
             f"{mechanism.n}; give the system that they are of."
         )
 
-    # Displacements are as velocities: of a reduced system, in physical coordinates.
-    still = standing(mechanism, 0.0)
+    # Displacements are as velocities: of a reduced system, in physical coordinates, which drives
+    # move along with the time.
+    still, t = standing(mechanism, modes.t), jnp.asarray(modes.t, modes.at.dtype)
 
     def push(w: Float[Array, " r"]) -> Float[Array, " n"]:
-        return still.state(jnp.zeros(()), modes.at, w).v
+        return still.state(t, modes.at, w).v
 
     real, imaginary = (
         np.stack([np.asarray(push(jnp.asarray(w))) for w in part.T], axis=1)
         for part in np.asarray([modes.shapes.real, modes.shapes.imag])[:, :, :MODES]
     )
-    reference = np.asarray(mechanism.state(0.0, modes.at, jnp.zeros_like(modes.at)).q)
+    reference = np.asarray(still.state(t, modes.at, jnp.zeros_like(modes.at)).q)
     hertz = np.asarray(modes.frequencies)[:MODES] / (2 * np.pi)
     names = [f"mode {k + 1}: {x:.4g} Hz" for k, x in enumerate(hertz)]
-    return _Swings(reference, real, imaginary, names)
+    return _Swings(reference, real, imaginary, names, float(t))
 
 
 def _of_basis(scene: Scene, motions: Sequence[Any]) -> "_Swings":
@@ -90,23 +91,26 @@ def _of_basis(scene: Scene, motions: Sequence[Any]) -> "_Swings":
     shares = np.asarray(basis.values) / np.asarray(basis.values)[0]
     names = [f"mode {k + 1}: {shares[k]:.2g} of the first" for k in range(vectors.shape[1])]
     names[0] = "mode 1"
-    return _Swings(reference, vectors, np.zeros_like(vectors), names)
+    return _Swings(reference, vectors, np.zeros_like(vectors), names, 0.0)
 
 
 class _Swings(NamedTuple):
-    """Modes (n, r) with their names, that swing about the configuration `reference` (n,)."""
+    """Modes (n, r) with their names, that swing about the configuration `reference` (n,) of a
+    time t [s].
+    """
 
     reference: np.ndarray
     real: np.ndarray
     imaginary: np.ndarray
     names: list[str]
+    t: float
 
     def animation(
         self, scene: Scene, traced: Sequence[Marker], deformation: float, title: str, view: View
     ) -> Animation:
         """One at a time, through a period."""
         sides = np.concatenate([self.real, self.imaginary], axis=1)
-        sizes = amplitudes(scene, self.reference, sides)
+        sizes = amplitudes(scene, self.t, self.reference, sides)
         sizes = np.where(sizes > 0, sizes, np.inf).reshape(2, -1).min(axis=0)
         phase = np.linspace(0.0, 2 * np.pi, PERIOD)
         cosine, sine = np.cos(phase)[:, None, None], np.sin(phase)[:, None, None]
@@ -114,7 +118,7 @@ class _Swings(NamedTuple):
         motion = motion * np.where(np.isfinite(sizes), sizes, 0.0)
         named = {name: self.reference + motion[:, :, k] for k, name in enumerate(self.names)}
         named[""] = np.tile(self.reference, (PERIOD, 1))
-        *moving, (_, at_rest, _) = models(scene, np.zeros(PERIOD), named, traced)
+        *moving, (_, at_rest, _) = models(scene, np.full(PERIOD, self.t), named, traced)
         # Where the bodies swing about, in grey and beneath, as surfaces are.
         beneath = [o._replace(style="surface") for o in at_rest if o.style == "body"]
         drawn = [
