@@ -127,6 +127,10 @@ def test_a_basis_is_for_amplitudes():
     basis = rj.Basis.from_modes(np.eye(full.n)[:, :2], full.q0)
     with pytest.raises(rj.ReductionError, match="no body of the mechanism deforms"):
         rj.reduce(full, basis, rj.JointCoordinates())
+    full = rj.assemble(two_beams(0.0))
+    basis = rj.Basis.from_modes(np.eye(full.n)[:, :5], full.q0)
+    with pytest.raises(rj.ReductionError, match="has 5 modes, but the bodies have 4 amplitudes"):
+        rj.reduce(full, basis, rj.JointCoordinates())
 
 
 @pytest.mark.slow

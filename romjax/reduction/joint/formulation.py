@@ -72,8 +72,9 @@ class JointCoordinates(AbstractFormulation):
         self, system: AbstractSystem, basis: Basis | None = None
     ) -> JointSystem | JointSubspace:
         """Raises ReductionError for a system that is reduced already, for a start at which joints
-        do not hold, for a mechanism without freedoms, for a basis where nothing deforms, and for
-        full turns and inertias of joints that are no coordinates of joints of the tree.
+        do not hold, for a mechanism without freedoms, for a basis where nothing deforms or with
+        more modes than bodies have amplitudes, and for full turns and inertias of joints that are
+        no coordinates of joints of the tree.
         """
         full = assembled("reduce", system)
         if full is not system:
@@ -81,16 +82,29 @@ class JointCoordinates(AbstractFormulation):
                 "reduce: JointCoordinates are those of all bodies, but the system is reduced "
                 "already; reduce what romjax.assemble(scene) returns."
             )
-        if basis is not None and not _amplitudes(full):
-            raise ReductionError(
-                "reduce: JointCoordinates() keep all joints and take a basis for amplitudes alone, "
-                "but no body of the mechanism deforms; call "
-                "romjax.reduce(system, formulation=romjax.JointCoordinates())."
-            )
+        if basis is not None:
+            _check_basis(full, basis)
         _check_start(full, self.time)
         joint = in_joint_coordinates(full, self.time)
         check_rotors(full, joint.lift, joint.q0)
         return joint if basis is None else JointSubspace.of(joint, basis)
+
+
+def _check_basis(full: AssembledSystem, basis: Basis) -> None:
+    """Refuse a basis where nothing deforms, and one that cannot be of amplitudes alone."""
+    count, modes = len(_amplitudes(full)), basis.modes.shape[1]
+    if not count:
+        raise ReductionError(
+            "reduce: JointCoordinates() keep all joints and take a basis for amplitudes alone, "
+            "but no body of the mechanism deforms; call "
+            "romjax.reduce(system, formulation=romjax.JointCoordinates())."
+        )
+    if modes > count:
+        raise ReductionError(
+            f"reduce: the basis has {modes} modes, but the bodies have {count} amplitudes in all, "
+            "and JointCoordinates() take a basis for these alone; make it by "
+            "romjax.JointCoordinates().basis(system, run, romjax.POD())."
+        )
 
 
 def _amplitudes(system: AbstractSystem) -> list[int]:
