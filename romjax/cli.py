@@ -26,7 +26,8 @@ from .files.begin import write_start
 from .files.scene_file import scene_file
 from .files.summary import describe_file
 from .gallery.catalogue import EXAMPLES
-from .pages import chapter, document, page, report
+from .pages import chapter, page, report
+from .plot.png import png
 from .study.accuracy.study import accuracy
 from .study.fits.tune import tune_baumgarte
 from .study.reduction import REFINEMENT, ReductionStudy, reduction_study
@@ -173,7 +174,7 @@ def _tune(options: argparse.Namespace) -> int:
     print(tabulate(rows, header, tablefmt="plain", disable_numparse=True))
     print(f"fastest rigid frequency: {result.frequency:.4g} rad/s")
     file = folder / "tuning.png"
-    writing.write(file, document.png(plot.tuning(result), dpi=150))
+    writing.write(file, png(plot.tuning(result), dpi=150))
     print(f"\nWrote {file}")
     return 0
 

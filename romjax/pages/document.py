@@ -2,9 +2,7 @@
 
 import base64
 import html
-import io
 from collections.abc import Sequence
-from typing import Any
 
 _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8">
@@ -70,15 +68,3 @@ def picture(png: bytes, words: str) -> str:
     content = base64.b64encode(png).decode()
     image = f'<img alt="{html.escape(words)}"\n  src="data:image/png;base64,{content}">'
     return f'<div class="wide">{image}</div>'
-
-
-def png(figure: Any, dpi: int) -> bytes:
-    """A matplotlib figure as the content of a PNG file."""
-    # Here, since it takes long to load, and most commands draw nothing.
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    content = io.BytesIO()
-    figure.set_dpi(dpi)
-    # `savefig` draws a figure that lays itself out twice.
-    FigureCanvasAgg(figure).print_png(content)
-    return content.getvalue()

@@ -12,6 +12,7 @@ from tabulate import tabulate
 
 from .. import plot
 from ..common import writing
+from ..plot.png import png
 from ..study.accuracy.recommendation import Recommendation
 from ..study.accuracy.result import Accuracy
 from ..study.accuracy.row import SINGLE_RUN, Condition, Row
@@ -68,7 +69,7 @@ def write(result: Accuracy, title: str, folder: Path) -> list[Path]:
     """Write the rows, the figure and the page into `folder`; returns the files."""
     table, figure, page = (folder / f"accuracy.{kind}" for kind in ("csv", "png", "html"))
     csv_table.write(table, Row._fields, result.rows)
-    picture = document.png(plot.accuracy(result), dpi=130)
+    picture = png(plot.accuracy(result), dpi=130)
     writing.write(figure, picture)
     writing.write(page, _page(result, title, picture))
     return [table, figure, page]

@@ -19,6 +19,7 @@ from ..gallery.catalogue import Example
 from ..integrate.trajectory import Trajectory
 from ..plot.motion.animate import animate
 from ..plot.motion.animation import Animation
+from ..plot.png import png
 from ..scene.scene import Scene
 from ..study.reduction import ReductionStudy
 from ..trials.advice import WRONG
@@ -118,7 +119,7 @@ def of_bases(scene: Scene, bases: Mapping[str, Basis]) -> dict[str, bytes]:
 
 
 def _pngs(figures: Mapping[str, Any]) -> dict[str, bytes]:
-    return {name: document.png(figure, _DPI) for name, figure in figures.items()}
+    return {name: png(figure, _DPI) for name, figure in figures.items()}
 
 
 def best(result: Reductions) -> dict[str, Trajectory]:
