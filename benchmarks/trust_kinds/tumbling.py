@@ -1,8 +1,9 @@
 """Bodies that tumble, many times within a step of free flight: contacts, ropes, events, impacts.
 
-In space the errors of a turn add up from turn to turn, most by the method that contacts and ropes
-take, so that bodies turn at most three times there before they strike. (Of 40 that turned up to 30
-times, 3 were wrong by 1e-4 to 3e-3 without a word, and right at tighter tolerances.)
+In the plane a free turn is exact; in space its speed drifts from step to step, most by the method
+that contacts and ropes take, and errors of the angle grow with the square of the turns, so that
+bodies turn at most three times there before they strike. (Of 40 that turned up to 30 times, 3 were
+wrong by 1e-4 to 3e-3 without a word, and right at tighter tolerances.)
 """
 
 from collections.abc import Callable
