@@ -195,6 +195,18 @@ def test_at_rest_what_moves_by_its_own_law_stands():
 
 
 @pytest.mark.slow
+def test_modes_of_ones_own_do_not_hide_a_drive():
+    """They show no motion of it: the constraints hold all the same, wherever it is."""
+    _, system, _ = swung()
+    turn = np.zeros((6, 1))
+    turn[3:, 0] = 0.5 * LENGTH * np.sin(1.2), 0.5 * LENGTH * np.cos(1.2), 1.0
+    rom = rj.reduce(system, rj.Basis.from_modes(turn, system.q0), "minimal")
+    run = zoo.run(rom, np.linspace(0.0, 1.0, 11))
+    assert run.violation.max() <= SOLVED
+    assert rj.compare(zoo.run(system, run.t), run).error <= SOLVED
+
+
+@pytest.mark.slow
 def test_a_run_that_begins_later_is_judged_from_its_own_start():
     """The drive has left the place where the full system starts."""
     _, _, rom = swung()

@@ -8,12 +8,14 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Float
 
+from ...common.arrays import as_jax
 from ...common.identity_cache import IdentityCache
 from ...system import unit_length
 from ...system.base import AbstractSystem
+from ...system.mobility import moves
 from .chart import Chart
 from .follow import Way, followed
-from .survey import Survey, jacobians, mass_root, survey
+from .survey import Survey, jacobians, mass_root, survey, violations
 
 # A chart whose dependent coordinates follow with a larger condition is refused.
 WORST_CONDITION = 1e4
@@ -184,7 +186,22 @@ def _fixed_coordinates(
         if fewer.size == held.size:
             break
         held = fewer
-    return held
+    return held[~_driven(system, t, q)[held]] if held.size and moves(system) else held
+
+
+def _driven(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"]) -> np.ndarray:
+    """Mark the coordinates (n,) that constraints move with time, also where no snapshot shows it,
+    as modes of one's own and runs that end before a drive begins do not.
+    """
+    # Times of all sizes, which no period has in common.
+    times = np.asarray(t)[0] + np.concatenate([np.zeros(1), 0.0137 * 2.7183 ** np.arange(12.0)])
+    first, times = np.asarray(q)[:1], times.astype(q.dtype)
+    pushed = np.asarray(violations(system, as_jax(times), as_jax(first[0])))
+    rows = np.asarray(jacobians(system, as_jax(times[:1]), as_jax(first)))[0]
+    shifts = np.abs(np.linalg.pinv(rows) @ (pushed[1:] - pushed[0]).T)
+    # Written so that NaN, of a drive that has no such times, counts as moved.
+    moved: np.ndarray = np.any(~(shifts <= _HELD * np.max(shifts, axis=0)), axis=1)
+    return moved
 
 
 def _immobile_coordinates(slopes: np.ndarray) -> np.ndarray:

@@ -89,3 +89,11 @@ def jacobians(
 ) -> Float[Array, "K m n"]:
     """C_q at several configurations, with the rows of quaternions of unit length."""
     return jax.vmap(lambda t, q: unit_length.jacobian(system, t, q))(t, q)
+
+
+@program_once
+def violations(
+    system: AbstractSystem, t: Float[Array, " K"], q: Float[Array, " n"]
+) -> Float[Array, "K m"]:
+    """C at several times in one configuration, with the lengths of quaternions."""
+    return jax.vmap(lambda t: unit_length.extended(system, t, q))(t)
