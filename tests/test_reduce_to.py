@@ -99,10 +99,9 @@ def test_a_run_beyond_the_training_is_doubted(truth, cart_pendulum):
     assert motion.is_valid
     assert not motion.warnings()
     motion = rj.simulate(rj.reduce(varied(force=200.0), basis), truth.t)
-    leaves, violates = motion.each_warning()
+    (leaves,) = motion.each_warning()
     assert "leaves the box" in leaves
-    assert "violates the constraints" in violates
-    assert motion.flags == rj.Flag.OUTSIDE_TRAINING | rj.Flag.VIOLATION
+    assert motion.flags == rj.Flag.OUTSIDE_TRAINING
 
 
 def test_a_subspace_that_leaves_the_constraints_is_doubted():
