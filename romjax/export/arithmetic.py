@@ -263,6 +263,8 @@ class Arithmetic:
             "rem": self._remainder,
             "is_finite": self._finite,
             "square": lambda a, kind: self.mul(a, a, kind),
+            # JAX 0.12 has it in derivatives of arc functions.
+            "one_minus_square": lambda a, kind: self.mul(self.sub(1.0, a), self.add(1.0, a), kind),
             "rsqrt": lambda a, kind: self.div(1.0, known["sqrt"](a), kind),
             "logistic": lambda a, kind: self.div(
                 1.0, self.add(1.0, known["exp"](self.neg(a))), kind
