@@ -168,6 +168,10 @@ KINDS = {
         ),
         "measure: the run is of type list, and not of numbers; give one run",
     ),
+    "scene that rests": (
+        lambda: rj.measure(rj.Scene([bar()], [], []), [0.0, 0.0, 0.0], bar().at()),
+        r"measure: the system is of type Scene; give what romjax\.assemble",
+    ),
     "numbers that predict": (lambda: rj.fit(1.0, 1.0, [1.0]), "predict is of type float; .*funct"),
     "scene that loses rank": (
         lambda: rj.singular_position(rj.Scene([bar()], [], []), _motion([0.0, 1.0])),

@@ -7,7 +7,6 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..assembly.kinematics import Markers
 from ..assembly.locate import Located, locate
-from ..assembly.standing import standing
 from ..common.arrays import Vector
 from ..common.errors import InputError
 from ..integrate.trajectory import Trajectory
@@ -179,9 +178,7 @@ def measure(
     Works under `jit`, `vmap` and derivatives of any order that the run allows. Raises InputError
     for a body that the system lacks, a run of another system, or a system that has no bodies.
     """
-    if not isinstance(run, Trajectory):
-        system = standing(system, 0.0 if t is None else t)
-    moved = run_or_rest("measure", system, run, t)
+    system, moved = run_or_rest("measure", system, run, t)
     markers = [marker] if against is None else [marker, against]
     located = locate("measure", system, markers)
     if not error:

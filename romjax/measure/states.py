@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..assembly.locate import assembled
+from ..assembly.standing import standing
 from ..common import compat
 from ..common.arrays import Vector, as_array
 from ..common.checks import check_finite, check_shape
@@ -76,10 +77,10 @@ def along_run(
 
 def run_or_rest(
     owner: str, system: AbstractSystem, run: Trajectory | Vector, t: ArrayLike | None
-) -> Trajectory | Rest:
-    """The `run`, or the rest of a `standing` system in its coordinates (n,) at time `t` [s], zero
-    for None; raises InputError as `check_run`, for another shape, for a number that is not finite,
-    and for a run with a time of rest.
+) -> tuple[AbstractSystem, Trajectory | Rest]:
+    """The system and its `run`, or the `standing` system and its rest in coordinates (n,) at time
+    `t` [s], zero for None; raises InputError as `check_run`, for another shape, for a number that
+    is not finite, and for a run with a time of rest.
     """
     if not isinstance(run, jax.Array | np.ndarray | list | tuple):
         moved = cast(Trajectory, run)
@@ -89,7 +90,7 @@ def run_or_rest(
                 f"{owner}: t is the time of a mechanism at rest, but a run has its own times; "
                 "leave it out, or give coordinates (n,) in place of the run."
             )
-        return moved
+        return system, moved
     _check_mechanism(owner, system)
     try:
         q = as_array(run)
@@ -103,7 +104,8 @@ def run_or_rest(
     time = as_array(0.0 if t is None else t)
     check_shape(owner, "t", time, ())
     check_finite(owner, "t", time)
-    return Rest(*_at_rest(without_names(system), time.astype(q.dtype), q))
+    still = standing(system, time)
+    return still, Rest(*_at_rest(without_names(still), time.astype(q.dtype), q))
 
 
 @program
