@@ -266,7 +266,6 @@ def test_an_older_file_with_a_measured_estimate_has_no_error_bar(run, tmp_path):
     assert rj.load(tmp_path / "run.nc").bar is None
 
 
-@pytest.mark.instant
 def test_a_measurement_in_space_has_a_rotation_for_its_angle(run):
     class Measured:
         position, angular_velocity = np.zeros((11, 3)), np.ones((11, 3))
