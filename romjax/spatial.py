@@ -1,10 +1,10 @@
 """Classes that differ in space: `romjax.spatial`, for short r = rj.spatial.
 
 Parts that the plane has too are one class: Gravity, Spring, Damper, TorsionSpring, TorsionDamper,
-Motor, Drag, Force, Bushing, Revolute, Prismatic, Weld, Gear, Distance, PointOnLine, PointOnCurve,
-FixedAngle, PrescribedAngle, PrescribedTravel, PrescribedDistance. In space their angles are those
-about the z axes of markers, and their lines and travels those along them. The dimension of a scene
-is that of its bodies.
+Motor, Drag, Force, Torque, Bushing, Revolute, Prismatic, Weld, Gear, Distance, PointOnLine,
+PointOnCurve, FixedAngle, PrescribedAngle, PrescribedTravel, PrescribedDistance. In space their
+angles are those about the z axes of markers, and their lines and travels those along them. The
+dimension of a scene is that of its bodies.
 """
 
 from .scene.body.spatial.beam import Beam as Beam
@@ -15,7 +15,7 @@ from .scene.body.spatial.rod import Rod as Rod
 from .scene.effect.bushing import Bushing as Bushing
 from .scene.effect.joint_inertia import JointInertia as JointInertia
 from .scene.effect.spatial.contact import Contact as Contact
-from .scene.effect.spatial.torque import Torque as Torque
+from .scene.effect.torque import Torque as Torque
 from .scene.joint.gear import Gear as Gear
 from .scene.joint.point_on_curve import PointOnCurve as PointOnCurve
 from .scene.joint.prismatic import Prismatic as Prismatic

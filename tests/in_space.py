@@ -252,5 +252,5 @@ EFFECTS = {
     rj.Bushing: bushing,
     rj.Contact: contact,
     rj.Force: force,
-    rj.Torque: lambda self, e: r.Torque(self.marker(e.at), (0, 0, 1), e.signal, frame="body"),
+    rj.Torque: same,
 }

@@ -185,5 +185,9 @@ def test_what_an_effect_refuses():
         rj.TorsionDamper(*ENDS, damping=-1.0)
     with pytest.raises(rj.SceneError, match="signal is 3.0; give a signal"):
         rj.Torque(ENDS[0], 3.0)
+    with pytest.raises(rj.SceneError, match=r"Torque.*direction is .* leave it out"):
+        rj.Torque(ENDS[0], SWING, (0.0, 0.0, 1.0))
+    with pytest.raises(rj.SceneError, match=r"Torque.*frame is 'local'"):
+        rj.Torque(ENDS[0], SWING, frame="local")
     with pytest.raises(rj.SceneError, match=r"Motor.*derivative is -1"):
         rj.Motor(*ENDS, SWING, proportional=1.0, derivative=-1.0)

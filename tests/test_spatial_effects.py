@@ -159,11 +159,20 @@ def test_a_ball_comes_to_roll():
         (lambda: r.Bushing(*ENDS, -STIFF), "may be negative"),
         (lambda: r.Contact(*ENDS, r.Sphere(-1.0), stiffness=1.0), "Sphere.radius"),
         (lambda: rj.Drag(ENDS[0], coefficient=-1.0, area=1.0), "coefficient"),
+        (lambda: rj.Torque(ENDS[0], rj.Constant(1.0), (0, 0, 0)), "direction is"),
     ],
 )
 def test_what_an_effect_refuses(make, words):
     with pytest.raises(rj.SceneError, match=words):
         make()
+
+
+@pytest.mark.instant
+def test_a_torque_takes_its_direction_before_its_signal_too():
+    axis, push = (0.0, 3.0, 4.0), rj.Constant(2.0)
+    for torque in (r.Torque(ENDS[0], axis, push), rj.Torque(ENDS[0], push, axis)):
+        assert torque.signal is push
+        np.testing.assert_array_equal(torque.direction, axis)
 
 
 @pytest.mark.slow

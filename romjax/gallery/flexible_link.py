@@ -5,7 +5,7 @@ import numpy as np
 from ..common.arrays import Number
 from ..scene.body.spatial.rod import Rod
 from ..scene.effect.gravity import Gravity
-from ..scene.effect.spatial.torque import Torque
+from ..scene.effect.torque import Torque
 from ..scene.joint.revolute import Revolute
 from ..scene.marker import ground
 from ..scene.orientation import euler
@@ -46,5 +46,5 @@ def flexible_link(
     return Scene(
         [link],
         [Revolute(foot, base, name="yaw")],
-        [Gravity((0.0, 0.0, -9.81)), Torque(foot, (0.0, 0.0, 1.0), drive)],
+        [Gravity((0.0, 0.0, -9.81)), Torque(foot, drive, (0.0, 0.0, 1.0))],
     )

@@ -5,7 +5,7 @@ import numpy as np
 from ..common.arrays import Number
 from ..scene.body.spatial.beam import Beam
 from ..scene.body.spatial.rigid import RigidBody
-from ..scene.effect.spatial.torque import Torque
+from ..scene.effect.torque import Torque
 from ..scene.joint.weld import Weld
 from ..scene.orientation import rotation
 from ..scene.scene import Scene
@@ -48,5 +48,5 @@ def satellite(
         joints.append(Weld(panel.at("start"), root, name=f"root{i + 1}"))
         panels.append(panel)
     push = Sum((Step(torque, 0.0, 0.2), Step(-1.0 * torque, 1.0, 0.2)))
-    thrusters = Torque(hub.at((0.0, 0.0, 0.0)), (0.0, 0.0, 1.0), push)
+    thrusters = Torque(hub.at((0.0, 0.0, 0.0)), push, (0.0, 0.0, 1.0))
     return Scene(bodies=[hub, *panels], joints=joints, effects=[thrusters])
