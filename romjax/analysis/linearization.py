@@ -192,7 +192,7 @@ def force_of(
 
     acting = wrenches(what)
     if without is not None:
-        # Of a servo the feedback acts whatever is asked of it, and is no part of the input.
+        # The feedback of a servo acts whatever is asked of it, and is no part of the input.
         acting = jax.tree.map(jnp.subtract, acting, wrenches(without))
     force: Array = located.pull_back(q, acting)
     return force

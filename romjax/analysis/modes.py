@@ -162,7 +162,7 @@ def eigenvalues(
     values, right, left = values[order], right[:, order], left[order]
     products = jnp.sum(left * right.T, axis=1)
     right, left = back.astype(right.dtype) @ right, left @ forth.astype(right.dtype)
-    # Of eigenvalues that repeat without a vector each, no derivative exists.
+    # Eigenvalues that repeat without a vector each have no derivative.
     defined = jnp.abs(products) > 0.5
     change = jnp.einsum("ij,jk,ki->i", left, (matrix - constant).astype(right.dtype), right)
     values = values + jnp.where(defined, change / jnp.where(defined, products, 1), 0)

@@ -194,7 +194,7 @@ def _null_space(
     system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"], independent: int
 ) -> Float[Array, "n d"]:
     """A basis of what C_q and lengths leave free, orthonormal in the metric of M; a constant."""
-    # Of the rows C_q L⁻ᵀ with M = L Lᵀ: vectors that are orthonormal there are so in the kinetic
+    # The rows are C_q L⁻ᵀ with M = L Lᵀ: vectors that are orthonormal there are so in the kinetic
     # energy.
     rows, half = jax.lax.stop_gradient(_scaled_rows(system, t, q))
     structure = system.structure

@@ -180,7 +180,7 @@ class AssembledSystem(AbstractSystem):
         """Q of the forces on the bodies of each group."""
         acting = [(g, x) for g, x in zip(self.bodies, own, strict=True) if x is not None]
         if not acting:
-            # Of the type and the batch of q.
+            # Zeros made from q have its type and its batch.
             return 0 * q
         columns = [group.coordinates.array for group, _ in acting]
         return spread([force for _, force in acting], columns, (self.n,))

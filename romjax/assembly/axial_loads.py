@@ -46,7 +46,7 @@ def axial_warning(
     if not is_outermost() or not any(True for _ in _beams(system)):
         return ""
     states = spread(_STATES, t, q, v)
-    # Of a run that failed, what it reached counts.
+    # A run that failed counts as far as it got.
     loads = np.nan_to_num(np.asarray(_loads(without_names(system), *states)), posinf=0, neginf=0)
     row, beam = np.unravel_index(np.argmax(np.abs(loads)), loads.shape)
     load = loads[row, beam]

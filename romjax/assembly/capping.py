@@ -18,7 +18,8 @@ from .assemble import assemble
 from .assembled import AssembledSystem
 from .closing import started
 
-# Of Newton's method with a derivative that lacks forces of inertia, which hardly matter.
+# Newton's method takes so many steps, with a derivative that lacks forces of inertia, which hardly
+# matter.
 _SWEEPS = 4
 
 

@@ -151,7 +151,8 @@ class Markers(eqx.Module):
         points = self.points + displacement[:, :d]
         if self.foreshortening is not None:
             slide = multiply(self.foreshortening, column[:, None])[..., 0]
-            # Of second order: a beam that bends pulls its points in along its axis.
+            # A beam that bends pulls its points in along its axis, which is an effect of second
+            # order.
             points -= 0.5 * multiply(slide, column)[:, :, 0]
         turns = self._space.bend(self.turns, displacement[:, d:])
         for own in self.bending:

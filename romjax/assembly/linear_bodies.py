@@ -66,7 +66,7 @@ def turning_warning(
     states = spread(_STATES, t, q, v)
     if system is not full:
         states[1] = np.asarray(_positions(without_names(system), *states))
-    # Of a run that failed, what it reached counts.
+    # A run that failed counts as far as it got.
     positions = np.nan_to_num(states[1], posinf=0.0, neginf=0.0)
     turn, name = max(_turns(full, positions))
     if turn <= FAR:

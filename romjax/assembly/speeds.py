@@ -89,7 +89,7 @@ def _nearest(
     free = half @ directions[rank:].T
     weight = np.linalg.cholesky(mass[np.ix_(held, held)]).T
     left = weight @ (given - one)[held]
-    # Of at most one: those that are rounding change nothing that is held.
+    # The shares are at most one; those that are rounding change nothing that is held.
     sides, shares, changes = np.linalg.svd(weight @ free[held], full_matrices=False)
     moves = shares > _REPEATED
     change = changes[moves].T @ ((sides[:, moves].T @ left) / shares[moves])

@@ -157,7 +157,7 @@ class SnapshotSet(eqx.Module):
         q, v = by_turns(turns, self.q, self.v)
         changes = self.changes
         if changes is not None and turns.affine:
-            # Of each turn on the way: of these directions, those that the scale leaves free.
+            # Changes of each turn on the way keep those directions that the scale leaves free.
             free = jax.vmap(turns.without_length)
             changes = Changes(free(changes.q), free(changes.v), changes.weights)
         return dataclasses.replace(self, q=q, v=v, changes=changes, turns=turns)

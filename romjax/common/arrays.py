@@ -44,7 +44,8 @@ def as_jax(array: Array | np.ndarray) -> Array:
     """
     if isinstance(array, jax.Array) or not is_outermost():
         return jnp.asarray(array)
-    # Of its own: what JAX is given may share the memory of an array that its owner changes later.
+    # It gets a copy: what JAX is given may share the memory of an array that its owner changes
+    # later.
     copied: Array = jax.device_put(np.array(array))
     return copied
 

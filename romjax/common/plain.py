@@ -10,7 +10,7 @@ from tabulate import tabulate
 
 from .arrays import concrete
 
-# Of longer arrays, the first and the last numbers are shown.
+# Longer arrays are shown by their first and last numbers.
 _MOST = 8
 
 

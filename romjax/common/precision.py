@@ -49,7 +49,7 @@ _DOUBLE = Precision(
     newton_converged=1e-15,
     # Below what the step size control resolves at rtol = 1e-8.
     newton_accepted=1e-9,
-    # Of an SVD, some thousand units in the last place.
+    # An SVD errs by some thousand units in the last place.
     singular_values=1e-12,
     # Eigenvalues are squares of singular values: half of the digits are lost.
     gram_singular_values=1e-7,

@@ -15,17 +15,17 @@ from jax.extend.core import ClosedJaxpr, Literal
 from ..common import compat
 from . import jaxprs
 
-# Of a function, in equations: LLVM's passes need more than linear time for a long one, which only
-# many runs are worth, and a short one saves nothing.
+# The length of a function, in equations: LLVM's passes need more than linear time for a long one,
+# which only many runs are worth, and a short one saves nothing.
 MOST, MOST_OFTEN, _FEWEST = 2500, 20_000, 20
-# Of equations in one function that no loop has together. A single run is faster that way; a batch
+# How many equations outside of loops are one function. More make a single run faster, but a batch
 # takes longer to compile, and a derivative of a small mechanism to run.
 TOGETHER, TOGETHER_IN_JIT = 1000, 0
 # Products of more terms take so long that what is around them does not matter.
 _LARGEST_PRODUCT = 2**16
 # XLA splits the work on a larger array, in bytes, over threads, which no function can do.
 _LARGEST = 2**19 - 1
-# Of an array that a group of equations may take or give as a function, in bytes: it is copied.
+# The largest array that a group of equations takes or gives as a function, in bytes: it is copied.
 _COPIED = 2**13
 
 
@@ -222,7 +222,8 @@ def _as_if_it_used(result: Any, arrays: Sequence[Any]) -> Any:
     # Weights, since the compiler knows that no truth value, as a number, is the one compared with.
     total = sum(x * np.float32(0.7391 + 0.01 * i) for i, x in enumerate(others))
     never = sum(numbers, total) == np.float32(1.2345678e-30)
-    # Of the first number alone: XLA would split a sum over all of a large array over threads.
+    # Only the first number is changed: XLA would split a sum over all of a large array over
+    # threads.
     one = _first(result)
     # Nothing is added otherwise, which would take the sign of a zero.
     one = one ^ never if result.dtype == bool else jnp.where(never, one + 1, one)

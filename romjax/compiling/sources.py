@@ -16,7 +16,7 @@ _PACKAGE = Path(__file__).parent.parent
 _IMPORT = re.compile(r"^[ \t]*from (\.+)([\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 _NAME = re.compile(r"(\w+)(?: as \w+)?")
 
-# Of a folder, or of a module beside the folders, the names from the package on.
+# The names of a folder from the package on, or those of a module beside the folders.
 Place = tuple[str, ...]
 
 # Modules outside of the package that define the same wherever their sources, and those of romjax,

@@ -105,7 +105,7 @@ class Jitted:
         # Its attributes stay its own: transformations of JAX copy those of what they transform.
         functools.update_wrapper(self, function, updated=())
         self._function, self._settings, self._how = function, settings, how
-        # Of a program inside of another one, the other one's options count.
+        # A program inside of another one is compiled by the options of that one.
         inside = {name: x for name, x in settings.items() if name != "compiler_options"}
         self._inside = how(function, **inside)
         # Forms of arguments for which a call failed although XLA compiles their program.

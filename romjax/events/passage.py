@@ -33,7 +33,8 @@ _AWAY = 4.0
 # One whose law is held goes through the surface, and is cut there: but it takes no longer than so
 # many times what it needs, so that dense output resolves how a point turns on the way.
 _THROUGH = 1.7
-# Of Newton's method for that: each squares the error, which is a factor of two at first.
+# Newton's method takes so many steps for that: each squares the error, which is a factor of two at
+# first.
 _ITERATIONS = 6
 # A contact counts as beginning if it does so within this share of the planned step. Its force is
 # evaluated after twice that time.

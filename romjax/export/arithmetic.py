@@ -137,7 +137,7 @@ class Arithmetic:
     def _extreme(self, sign: str, a: Any, b: Any, kind: str) -> Any:
         if is_known(a):
             a, b = b, a
-        # Of whole numbers, and of a known one, none is NaN.
+        # Whole numbers are never NaN, nor is one that is known.
         if kind != "f":
             return self.writer.compute(kind, f"{{0}} {sign} {{1}} ? {{0}} : {{1}}", a, b)
         return self.writer.compute(
@@ -229,7 +229,7 @@ class Arithmetic:
             "le": ("{} <= {}", np.less_equal),
             "eq": ("{} == {}", np.equal),
             "ne": ("{} != {}", np.not_equal),
-            # Of searches in tables, where NaN comes last.
+            # Searches in tables compare by these, where NaN comes last.
             "lt_to": ("{0} < {1} || ({1} != {1} && {0} == {0})", _before),
             "le_to": ("{0} <= {1} || {1} != {1}", lambda a, b: not _before(b, a)),
         }

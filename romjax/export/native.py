@@ -20,8 +20,8 @@ from .leaving import TIMES, Model
 from .library import FLAGS, load
 from .loops import functions_of, judges_states, source_of
 
-# Of a library that stays on this machine, since the key of the cache has what its processor can.
-# Longer vectors save a quarter of the time of 8 bars.
+# A library for this machine alone may use all that its processor can, which the key of the cache
+# has. Longer vectors save a quarter of the time of 8 bars.
 _OWN = ("-march=native",) if (platform.system(), platform.machine()) == ("Linux", "x86_64") else ()
 # Steps where there is no limit: more than any run takes.
 _UNLIMITED = 2**62

@@ -9,7 +9,7 @@ from .problems import shown
 
 # What begins the name of a parameter that stands for a number.
 PARAMETER = "="
-# Of a rotation that is no table: a quaternion, or a matrix.
+# A rotation that is no table is a quaternion or a matrix.
 ROTATION_NUMBERS = Numbers(((3, 4), None), loose=True)
 # Where arrays are that are too large for the file.
 ARRAY_KEYS = ("file", "array")

@@ -9,7 +9,7 @@ from ..common.arrays import concrete
 from .numbers import PARAMETER
 from .problems import Problems, unknown
 
-# Of parameters in a message.
+# A message names so many parameters at most.
 _SHOWN = 8
 
 

@@ -19,7 +19,7 @@ _ASSIGNMENT = re.compile(rf"\s*({_KEY}(?:\s*\.\s*{_KEY})*)\s*=")
 _HEADER = re.compile(rf"\s*(\[\[?)\s*({_KEY}(?:\s*\.\s*{_KEY})*)\s*\]\]?\s*(?:#.*)?$")
 # More would hide the first ones.
 _LISTED = 50
-# Of a value in a message.
+# A message shows so many characters of a value at most.
 _SHOWN = 60
 
 

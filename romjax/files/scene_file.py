@@ -24,7 +24,7 @@ __all__ = ["SceneFile", "load_scene", "scene_file"]
 
 # Files of robots.
 SUFFIXES = (".xml", ".mjcf", ".urdf")
-# Of a warning: more lines hide what comes before.
+# A warning has so many lines at most: more hide what comes before.
 _LISTED = 8
 
 

@@ -37,7 +37,7 @@ SECTIONS: dict[str, type] = {
     "joints": AbstractJoint,
     "effects": AbstractEffect,
 }
-# Of whole numbers, which count modes and the like: more would not fit into memory.
+# The largest whole number: they count modes and the like, of which more do not fit into memory.
 _LARGEST = 10_000
 # Keys as alike as this differ by a typo, as "lenght" from "length"; "E" and "EI" are less.
 _TYPO = 0.7

@@ -10,7 +10,7 @@ import diffrax
 from ..common.errors import InputError
 from ..integrate.rodas5p import Rodas5P
 
-# Of a run; more do not fit into memory.
+# A run has so many outputs at most: more do not fit into memory.
 _OUTPUTS = 1e6
 
 Method = Literal["Rodas5P", "Dopri8", "Dopri5", "Tsit5", "Kvaerno5"]

@@ -19,7 +19,7 @@ from ..system.start import Start, length_of
 _FAR, _TURNED = 0.1, 10.0
 # Motions of less are not told, as shares of the same.
 _NONE = 1e-8
-# Of robots, whose files do not say that bodies may move, motions of more are told.
+# Files of robots do not say that bodies may move, so that larger motions are told.
 _MUCH = 0.01
 # So many bodies are told of, those that move most.
 _MOST = 6

@@ -38,7 +38,7 @@ def blade_catapult(
         *numbers,
         shapes="clamped-free",
         loaded=True,
-        # Of the clamped end, where the blade is upright.
+        # The frame is that of the clamped end, where the blade is upright.
         position=(0.0, 0.5 * length),
         angle=0.5 * math.pi,
         amplitudes=amplitudes,

@@ -32,7 +32,7 @@ def amplitude_shares(system: AbstractSystem, q: Float[Array, " n"]) -> Float[Arr
     system, q = detached(system, q)
     bodies, places = (system, q) if structure.frames else (system.full, system.full.q0)
     inertia = jnp.diagonal(bodies.mass(places))
-    # Of each amplitude: those of the turns of its body, three of which a quaternion has in fours.
+    # Each amplitude has the turns of its body, three of which a quaternion has in four numbers.
     turns, count = _turns(bodies.structure, numbers)
     turning = jnp.sum(inertia[turns], axis=1) / count
     squares = turning / inertia[numbers]

@@ -150,7 +150,7 @@ def multipliers_along(
     return rows
 
 
-# Of runs of one system, which are compared again and again.
+# Runs of one system are compared again and again.
 _metrics = IdentityCache()
 
 

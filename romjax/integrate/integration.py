@@ -165,7 +165,7 @@ def _followers(
     if settings.audit:
         controlled = settings.dt is None
         known = settings.known_start(system)
-        # Of a system in charts it is that of the chart in which the run begins.
+        # The known energy of a system in charts is that of the chart in which the run begins.
         energy = None if known is None or post_step is not None else known.energy
         followers[AUDIT] = Audit(
             system, post_step, settings.baumgarte, tolerances, controlled, energy

@@ -26,8 +26,8 @@ from .trajectory import Trajectory
 # A model's motion may be off by so many tolerances, relative to its size, and by the second number
 # however sharply the motion is integrated.
 _ALLOWED, _LEAST = 100.0, 1e-4
-# Of a motion that it was not made of, a model that errs by such a share of this on its own promises
-# nothing; nor does one that errs by so many tolerances more than the step size control does.
+# A model that errs by such a share of a motion that it was not made of promises nothing; nor does
+# one that errs by so many tolerances more than the step size control does.
 _MARGIN, _STEPS = 0.1, 30.0
 # Numbers and starts are the training's where they are as near as rounding allows.
 _SAME = 1e-9

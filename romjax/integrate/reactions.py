@@ -70,6 +70,6 @@ def balancing_multipliers(
     # Rows of a rigid coordinate by the root of its mass: forces of heavy and of light bodies, and
     # torques, then count by the accelerations that they would make.
     weight = jnp.where(rigid, 1 / jnp.sqrt(jnp.diagonal(full.mass(q))), 0)
-    # Of constraints that repeat each other, least squares gives the shares of least norm.
+    # Least squares gives the shares of least norm to constraints that repeat each other.
     rows = state.jacobian().T * weight[:, None]
     return jnp.linalg.lstsq(rows, -weight * state.residual(a))[0]

@@ -109,7 +109,7 @@ def _step(
     unit = jax.tree.map(jnp.ones_like, control)
 
     def rate(t: Any, y: Flat) -> Flat:
-        # Of a sum of terms there is no vector field, but its product with the control.
+        # A sum of terms has no vector field, but its product with the control.
         return ravel_pytree(terms.vf_prod(t, unravel(y), args, unit))[0]
 
     point = _linearize(terms, rate, t0, t1, y0, h)

@@ -60,7 +60,7 @@ def singular_position(system: AbstractSystem, run: Trajectory) -> SingularPositi
         return None
     values, combinations = map(np.asarray, _singular_values(full, run.t, run.q))
     rank = max(int(np.max(np.sum(values > _REPEATED * values[:, :1], axis=1))), 1)
-    # Of a run that failed, up to there.
+    # A run that failed counts as far as it got.
     least = np.where(np.isfinite(values[:, rank - 1]), values[:, rank - 1], np.inf)
     at = int(np.argmin(least))
     shares = np.abs(combinations[at][:, rank - 1])

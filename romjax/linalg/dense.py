@@ -18,8 +18,8 @@ _BLOCK, _WIDE_BLOCK, _WIDE = 4, 32, 128
 # library's product is faster, since a fused one computes its factors again for each entry. The
 # limits: terms of each sum; and for a single matrix, its entries, and the products in all.
 _FUSED, _ENTRIES, _PRODUCTS = 16, 100, 600
-# Of Schulz's iteration, each of which squares the error; of refinement, which halves it at least
-# where the method of simplified Newton steps converges.
+# Steps of Schulz's iteration, each of which squares the error, and of refinement, which halves it
+# at least where the method of simplified Newton steps converges.
 _MOST_ITERATIONS, _MOST_REFINED = 8, 60
 
 

@@ -24,8 +24,8 @@ _SWEEPS = 20
 # The second removes from the null space what rounding leaves there after the first.
 _NULL_SWEEPS = 2
 
-# Of the iteration: multipliers, accelerations by rates, the residual, its size one sweep before,
-# and the count of sweeps.
+# The iteration carries multipliers, accelerations by rates, the residual, its size one sweep
+# before, and the count of sweeps.
 Carry = tuple[Blocks, Blocks, Blocks, Float[Array, " k"], Array | int]
 
 

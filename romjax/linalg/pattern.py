@@ -155,7 +155,7 @@ class Pattern:
         inside = (rows < self.m) & (columns < self.n)
         return spread([sides], [np.where(inside, rows * self.n + columns, -1)], (self.m, self.n))
 
-    # Of the sides.
+    # Properties of the sides follow.
 
     @property
     def nodes(self) -> np.ndarray:

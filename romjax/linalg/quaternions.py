@@ -21,7 +21,7 @@ from ..common.arrays import Numbers, namespace
 Quaternion = Float[Numbers, "... 4"]
 Triple = Float[Numbers, "... 3"]
 
-# Of the entries of p in the matrix of a product; its last rows are those of G and E.
+# The order of the entries of p in the matrix of a product, whose last rows are those of G and E.
 _ORDER = [[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]]
 # Their signs in the matrix of a first factor, and of a second one.
 _LEFT = [[1, -1, -1, -1], [1, 1, -1, 1], [1, 1, 1, -1], [1, -1, 1, 1]]

@@ -180,7 +180,7 @@ def _transpose(
     _, first = jax.lax.while_loop(
         lambda carry: unvmap_any(carry[0] >= 0), segment, ((accepted - 1) // stride, end)
     )
-    # Of outputs that the run did not get to, nobody knows derivatives.
+    # Outputs that the run did not get to have no derivatives.
     nan = jnp.where(missing & uses_later(by_rows[0], saved), jnp.nan, 0.0)
     for name in choice[2].keys() - {OUTPUTS, EVENTS, DENSE}:
         if differentiable(cotangents[1][name]):

@@ -46,7 +46,7 @@ def energy(system: AbstractSystem, run: Trajectory) -> EnergyHistory:
             "energy: the run has no balance of energy; simulate it with audit=True, and where the "
             "model has no freedom the full system."
         )
-    # Of the mechanism, also where a reduced model has moved: what it leaves out has energy too.
+    # Energies are those of the full mechanism: what a reduced model leaves out has energy too.
     kinetic, elastic, potential, total = _energies(system.full, run.t, run.q, run.v)
     return EnergyHistory(kinetic, elastic, potential, total, run.imbalance)
 

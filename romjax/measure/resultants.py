@@ -155,7 +155,7 @@ def _prepared(owner: str, system: AbstractSystem, beam: Slender | str, positions
     if isinstance(body, AbstractRod):
         gyration = body.rotary * body.length / body.mass
     else:
-        # Of the given inertia, what a thin rod does not have is that of the sections.
+        # The sections have that part of the given inertia that a thin rod does not have.
         thin = body.mass * body.length**2 / 12
         thin = thin * np.array([0.0, 1.0, 1.0]) if body.dimension == 3 else thin
         gyration = ((thin if body.inertia is None else body.inertia) - thin) / body.mass

@@ -16,5 +16,5 @@ STROKES: tuple[tuple[float, ...], ...] = (
 # From where space is seen at first: azimuth against the x axis, and elevation [rad].
 View = tuple[float, float]
 VIEW: View = (-0.9, 0.42)
-# Of the reference, and of what is drawn over it [pt].
+# Widths of the reference, and of what is drawn over it [pt].
 WIDTHS = (2.0, 1.4)

@@ -24,7 +24,7 @@ __all__ = [
     "radians",
 ]
 
-# Of links whose mass nobody knows, or wants to.
+# The remedy for links whose mass is not known.
 _MASSLESS = (
     "A link without mass is no body: weld it to a neighbour (put its markers there), use a joint "
     "that stands for it, such as Distance or Universal, or lump in it a small mass and a small "

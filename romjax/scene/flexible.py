@@ -19,8 +19,8 @@ from .marker import Marker, Pose
 from .orientation import quaternion_of
 from .placing import start_pose, velocity_at
 
-# Of a uniform beam, differences of its centre of mass or its inertia from those of the link that it
-# replaces, as a share of the length, or of the largest moment, of which a warning tells.
+# A warning tells of a uniform beam whose centre of mass or inertia differs from that of the link
+# that it replaces by more than this share of the length, or of the largest moment.
 _OTHER = 0.1
 # Points that are beyond an end by less than this share of the length are at it.
 _AT_END = 1e-9

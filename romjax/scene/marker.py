@@ -169,7 +169,7 @@ class Wrench(NamedTuple):
         return jnp.sum(moving, axis=-1) + (jnp.sum(turning, axis=-1) if in_space else turning)
 
 
-# Of several markers, in their order.
+# One for each of several markers, in their order.
 Poses = tuple[Pose, ...]
 Twists = tuple[Twist, ...]
 Wrenches = tuple[Wrench, ...]

@@ -31,8 +31,8 @@ Motion = Literal[
 ]
 MOTIONS: tuple[str, ...] = get_args(Motion)
 _PLANAR = MOTIONS[:4]
-# Of a ball joint: the angle of the whole rotation, from 0 to π, whose direction any may be and is
-# none at zero; of stops alone, which do not act there.
+# The motion of a ball joint is the angle of the whole rotation, from 0 to π, in any direction,
+# which is none at zero. Only stops have it, which do not act there.
 TURN = "turn"
 # Those that are lengths; the others are angles.
 LENGTHS = ("travel", "distance")

@@ -17,7 +17,7 @@ from .stabilization import Baumgarte
 
 # Makes a system whose effects that may begin act, or not.
 _Acting = Callable[[Bool[Array, ""]], AbstractSystem]
-# Of the power iteration; the estimate settles a choice, not a result.
+# Steps of the power iteration: the estimate settles a choice, not a result.
 _ITERATIONS = 12
 
 
@@ -113,7 +113,7 @@ def _estimate(
     t, state = jnp.asarray(t, q.dtype), system.state(t, q, v)
     # Zero stabilisation instead of none: the trace of the acceleration then serves the steps too.
     unstabilized = Baumgarte(jnp.zeros((), q.dtype), jnp.zeros((), q.dtype)) if system.m else None
-    # Of each acceleration: which direction, of positions or of velocities, is added to the state,
+    # For each acceleration, the direction of positions or of velocities that is added to the state,
     # −1 for none, and whether all effects act.
     moved, faster = np.array([0, 1, -1, -1, 3, -1]), np.array([-1, -1, -1, 2, -1, -1])
     acts = np.arange(6) > 3

@@ -35,7 +35,7 @@ def check_mobility(
     rows, driven = (concrete(x) for x in _at_start(without_names(system)))
     if rows is None or driven is None or np.linalg.matrix_rank(rows) < freedoms:
         return
-    # Of full rank, a motion is left only if the constraints move with time and C_q q̇ = −C_t has a
+    # Constraints of full rank leave a motion only if they move with time and C_q q̇ = −C_t has a
     # solution.
     locked = np.linalg.matrix_rank(np.column_stack([rows, driven])) > freedoms
     if locked or not moves(system):

@@ -123,7 +123,7 @@ class _Units(NamedTuple):
         sizes = jnp.ones_like(q)
         if structure.quaternions:
             table = quaternions.columns(structure.quaternions)
-            # Of a quaternion, turning by 1 rad changes half of its length.
+            # Turning by 1 rad changes a quaternion by half of its length.
             half = 0.5 * jnp.sqrt(jnp.sum(q[table] ** 2, axis=1, keepdims=True))
             sizes = sizes.at[table].set(jnp.broadcast_to(half, table.shape))
         length = _length(system, t, q, rows * jnp.where(positions, 1, sizes)[None])
@@ -178,6 +178,7 @@ def _gyration(system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]
     else:
         turning = turning.at[structure.turns].set(1)
     both = jnp.stack([jnp.asarray(moving, q.dtype), turning], axis=1)
-    # Of all bodies together, moved by 1 m and turned by 1 rad each: their mean radius of gyration.
+    # All bodies together are moved by 1 m and turned by 1 rad each, which gives their mean radius
+    # of gyration.
     mass, inertia = jnp.sum(both * system.state(t, q, 0 * q).apply_mass(both), axis=0)
     return jnp.sqrt(inertia / mass)

@@ -223,7 +223,7 @@ class FullState(AbstractState):
         blocks = jax.lax.stop_gradient(self._mass)
         if blocks.ndim == 2:
             return jnp.all(blocks > 0)
-        # Of what is not positive definite the factor has NaN.
+        # The factor of a block that is not positive definite has NaN.
         return jnp.all(jnp.isfinite(jnp.linalg.cholesky(blocks)))
 
     def slopes(

@@ -20,7 +20,7 @@ from .measured import measured
 from .scenes import scene_words
 from .variables import names_of, variables_of
 
-# Of the layout; what reads it refuses newer ones.
+# The version of the layout: what reads it refuses newer ones.
 VERSION = 1
 
 

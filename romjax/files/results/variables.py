@@ -149,7 +149,7 @@ def times_of(run: Trajectory) -> np.ndarray:
     times = np.asarray(run.t)
     if times.ndim == 1:
         return times
-    # Of lanes that failed, a sweep hides all numbers.
+    # A sweep hides all numbers of lanes that failed.
     known = times[np.all(np.isfinite(times), axis=1)]
     if len(known) == 0:
         return np.full(times.shape[1], np.nan)

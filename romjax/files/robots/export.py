@@ -101,7 +101,7 @@ class _Writer:
                     reached.add(child)
             roots = [name for name in roots if name not in reached]
             if not grown and roots:
-                # Of bodies that nothing ties to the ground one is free.
+                # Where nothing ties bodies to the ground, one of them is free.
                 reached.add(roots[0])
                 grown = True
         return parents

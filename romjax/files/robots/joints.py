@@ -136,7 +136,7 @@ class Joints:
     def _is_read(self, number: int) -> bool:
         """Whether a spring, a stop, an actuator or an equality depends on the angle of a hinge."""
         arrays = self._arrays
-        # Of MuJoCo's types these act on joints: 0 and 1 for actuators, 2 for equalities.
+        # These of MuJoCo's types act on joints: 0 and 1 for actuators, 2 for equalities.
         drives = (arrays.actuator_trntype <= 1) & (arrays.actuator_trnid[:, 0] == number)
         feedback = np.any(arrays.actuator_biasprm[drives, 1])
         ends = (arrays.eq_obj1id == number) | (arrays.eq_obj2id == number)
@@ -191,7 +191,7 @@ class Joints:
                 self._name(turns[0]), link, *pair, self._angle(turns[0])
             )
             return pair
-        # Of several hinges the axes stay at right angles in pairs: the markers have them for x, y
+        # The axes of several hinges stay at right angles in pairs: the markers have them for x, y
         # and z.
         third = np.cross(axes[0], axes[1])
         frame = np.asarray(quaternion_of("joint", given=np.stack([axes[0], axes[1], third], 1)))

@@ -8,9 +8,10 @@ from xml.parsers import expat
 from ...common.errors import SceneFileError
 
 INCLUDE = "include"
-# Of an include within an include, and so on: a file that includes itself never ends.
+# Includes may be nested so deep: a file that includes itself never ends.
 _DEEPEST = 20
-# Of elements in elements: no robot has chains of so many links, and each takes a call to be read.
+# Elements may be nested so deep: no robot has chains of so many links, and each takes a call to be
+# read.
 _NESTED = 400
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 

@@ -151,7 +151,7 @@ def _named(root: Element, text: str) -> Element | None:
     keys = ("file", "filename") if named[3] else ("name",)
     for element in root.walk():
         values = [element.attributes[key] for key in keys if key in element.attributes]
-        # Of a file the message may say the whole path.
+        # A message may say the whole path of a file.
         if name in values or (named[3] and any(name.endswith(Path(x).name) for x in values if x)):
             return element
     return None

@@ -19,8 +19,8 @@ from .impedance import reference
 from .joints import Measured
 from .model import Model
 
-# Of a stop, up to which speeds its restitution falls [s], and of friction, how fast creeps what
-# sticks [1/s]: of angles in radians, and of lengths in sizes of the robot.
+# The dissipation of a stop [s], and the creep of friction that sticks [1/s]: for angles in radians,
+# and for lengths in sizes of the robot.
 _DISSIPATION, _CREEP = 2.0, 1e-3
 
 

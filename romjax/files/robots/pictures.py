@@ -6,9 +6,9 @@ import numpy as np
 
 from ...scene.placement import Placement
 
-# Of a body without a geom and without a point beside its origin, an edge [m].
+# A body without a geom and without a point beside its origin has this edge [m].
 _SMALL = 0.05
-# Of other bodies without a geom, the smallest edge as a share of the largest.
+# Other bodies without a geom have a smallest edge of this share of the largest.
 _THIN = 0.1
 # By the numbers that MuJoCo gives to the shapes: spheres, capsules, ellipsoids, cylinders, boxes.
 _SHAPES = (2, 3, 4, 5, 6)

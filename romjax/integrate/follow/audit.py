@@ -96,7 +96,7 @@ class Audit(AbstractFollower):
             branching = branching.follow(after.t, kkt, lengths, violation, places)
         now, work = self._energies(before, after), self._work(before.t, after.t, tried.between)
         if tried.arrival is not None:
-            # Of impacts at the end of the step.
+            # Impacts at the end of the step do work too.
             work = work._replace(supply=work.supply + tried.arrival.work)
         beyond = seen.beyond
         if beyond is not None:

@@ -26,7 +26,8 @@ EXAGGERATED = 0.3
 # Between two frames points move along straight lines where these are as close, as a share of the
 # diagonal, to the path; else the picture shows nothing but its frames.
 STRAIGHT = 0.01
-# Of the script, in this order, since each uses what those before it name. [px] of one output.
+# Pieces of the script, in this order, since each uses what those before it name; and the height of
+# the chart of one output [px].
 PIECES = (
     "decode",
     "view",

@@ -19,7 +19,8 @@ from ..shapes import amplitudes
 from .animation import Animation
 from .frames import Clock, Model, models
 
-# Of one period of a mode, with the first one repeated at the end; and how fast it passes [°/s].
+# Pictures of one period of a mode, with the first repeated at the end; and how fast it passes
+# [°/s].
 PERIOD, TURNING = 61, 180.0
 MODES = 24  # the most
 

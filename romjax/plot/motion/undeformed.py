@@ -18,7 +18,7 @@ _STEPS = 2
 # Frames at once, so that any number of them is one program; fewer where their Jacobians have more
 # numbers than this.
 _FRAMES, _NUMBERS = 64, 2**24
-# Of what the rows are weighed by, so that joints that repeat others do no harm.
+# This share of the trace is added to the weights, so that joints that repeat others do no harm.
 _LEAST = 1e-12
 
 

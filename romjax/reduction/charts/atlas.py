@@ -73,7 +73,7 @@ def choose_atlas(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, 
         complete, _ = np.linalg.qr(null_spaces[centre], mode="complete")
         freedoms = null_spaces.shape[2]
         charts.append(seen.chart(null_spaces[centre], complete[:, freedoms:]))
-    # Of one length: a domain that is shorter names its snapshots again.
+    # All rows need one length: a domain that is shorter names its snapshots again.
     table = np.stack([np.resize(domain, max(map(len, domains))) for domain in domains])
     owners = np.argmax(fit, axis=0)
     return Atlas(tuple(charts), seen.snapshots[table], seen.snapshots, owners)

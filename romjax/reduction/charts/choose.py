@@ -21,7 +21,7 @@ from .survey import Survey, jacobians, mass_root, survey, violations
 WORST_CONDITION = 1e4
 # Snapshots at which charts are judged.
 _SNAPSHOTS = 100
-# Of snapshots whose allowed directions turn farther than that from one to the next (the cosine), no
+# Where allowed directions turn farther than that from one snapshot to the next (the cosine), no
 # sign tells whether a singular position lies in between.
 _RESOLVED = 0.5
 # Charts that are then tried by following them.

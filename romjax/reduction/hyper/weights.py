@@ -31,7 +31,7 @@ def body_terms(
         for group in full.bodies:
             mass, table = group.mass(q), group.coordinates.array
             mass = jax.vmap(jnp.diag)(mass) if mass.ndim == 2 else mass
-            # Of each body its own rows of G: the terms Gᵀ (M a − Q) and GᵀMG are sums over the
+            # Each body has its own rows of G: the terms Gᵀ (M a − Q) and GᵀMG are sums over the
             # bodies.
             own = tangent[table]
             force = jnp.einsum("bij,bj->bi", mass, a[table])
@@ -63,7 +63,7 @@ def sparse_weights(terms: tuple[np.ndarray, ...], tol: float) -> np.ndarray:
         own = np.moveaxis(y, 1, 2).reshape(-1, y.shape[1])
         size = np.linalg.norm(np.sum(np.abs(own), axis=1))
         if size > 0:
-            # Of one size, so that neither sort of terms drowns the other.
+            # Both sorts of terms get one size, so that neither drowns the other.
             rows.append(own / size)
     _, values, right = np.linalg.svd(np.concatenate(rows), full_matrices=False)
     # Weights are found in the few directions that the terms vary in: the fewer rows, the fewer

@@ -25,7 +25,7 @@ from .closing import SomeJoints, some_joints
 from .screws import Screws, screws_of
 from .tree import Tree
 
-# Of the sums that twists are, in the precision of numbers.
+# Twists are sums, whose rounding is so many units of the precision of numbers.
 _ROUNDING = 1e3
 
 
@@ -136,7 +136,7 @@ def _bound(
 
 
 def _lengths(x: Float[Array, "count k d"]) -> Float[Array, "count k"]:
-    # Of what is compared only, so that no derivative meets the root of zero.
+    # Lengths are only compared, and not differentiated: no derivative meets the root of zero.
     return jnp.sqrt(jnp.sum(jax.lax.stop_gradient(x) ** 2, axis=2))
 
 

@@ -118,8 +118,8 @@ def _to_ground(tree: Tree, fold: Any, none: Carry, rows: Any) -> Any:
     if tree.is_chain:
         return jax.lax.scan(fold, none, rows, reverse=True)[1]
 
-    # Of a tree with branches the parent is not the body before: it gathers from a table. The ground
-    # has the last row.
+    # In a tree with branches the parent is not the body before, and is looked up in a table. The
+    # ground has the last row.
     def step(articulated: Carry, at: Any) -> tuple[Carry, Any]:
         i, parent, own = at
         given, result = fold(jax.tree.map(lambda x: x[i], articulated), own)

@@ -22,7 +22,8 @@ _ZERO = 1e-7
 _AWAY, _DIRECTIONS, _STEPS = 0.1, 2, 30
 # Largest |C| there, as a share of that after projection: no singular value that it makes counts.
 _HELD = 1e-2
-# Of the choice among rows that are equally independent but for rounding.
+# Among rows that are equally independent but for rounding, earlier ones are preferred, by this
+# share at most.
 _PREFERRED = 0.1
 
 

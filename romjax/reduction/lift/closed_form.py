@@ -34,7 +34,7 @@ class ClosedFormLift(AbstractLift):
         return self.offset + self.chart.ordered(multiply(self.inner, z), d)
 
     def motion(self, full: AbstractSystem, t: Time, z: Reduced, w: Reduced) -> Motion:
-        # Of the tangent, only the rows of d need a derivative.
+        # Only the rows of d in the tangent need a derivative.
         slopes = jax.jacfwd(lambda z: self._violation(full, t, z))(z)
         tangent = self.chart.ordered(self.inner, -self.inverse.apply(slopes))
         return differentiate(lambda t, z: self.position(full, t, z), t, z, w, tangent)

@@ -167,7 +167,7 @@ def check(
     root = np.linalg.cholesky(np.asarray(frames.metric)[np.ix_(free, free)])
     scaled = block @ np.linalg.inv(root).T
     directions = np.swapaxes(np.asarray(along)[:, free], 1, 2) @ root
-    # Of what the directions leave, which the constraints have to determine.
+    # The constraints have to determine what the directions leave.
     complement = np.linalg.qr(np.swapaxes(directions, 1, 2), "complete")[0][:, :, along.shape[2] :]
     worst = np.max(np.linalg.cond(scaled @ complement))
     # Where two branches of configurations cross, the orientation changes.

@@ -22,7 +22,7 @@ from .inertia import Inertia
 from .spatial.inertia import SpatialInertia
 
 T = TypeVar("T", bound="AbstractBody")
-# Of a frame in space.
+# The origin of a frame in space.
 ORIGIN = (0.0, 0.0, 0.0)
 
 

@@ -93,7 +93,7 @@ def with_loads(
     k, m = checked(stiffness, mass)
     if not len(held):
         moved = m @ rigid
-        # Of a free component: the inertia of its rigid acceleration balances each load.
+        # The inertia of the rigid acceleration of a free component balances each load.
         loads = loads - moved @ np.linalg.solve(rigid.T @ moved, rigid.T @ loads)
         # Any rows that keep it from moving: loads in balance pull at none of them.
         held = scipy.linalg.qr(rigid.T, mode="r", pivoting=True)[1][: rigid.shape[1]]
@@ -142,8 +142,8 @@ def checked(stiffness: Matrix, mass: Matrix) -> tuple[Matrix, Matrix]:
 
 def _factor(matrix: Matrix, what: str) -> Any:
     try:
-        # Of symmetric definite matrices: this order of elimination fills in far less of meshes in
-        # space than one of columns, and needs no pivots.
+        # The matrix is symmetric and definite: this order of elimination fills in far less of
+        # meshes in space than one of columns, and needs no pivots.
         return scipy.sparse.linalg.splu(
             sp.csc_matrix(matrix),
             permc_spec="MMD_AT_PLUS_A",

@@ -57,7 +57,7 @@ def mesh_modes(
         for own in np.split(np.arange(len(turn)), ends):
             left, _, right = np.linalg.svd(found[:, own].T @ wanted[:, own])
             turn[np.ix_(own, own)] = left @ right
-        # Of a mesh with K times a number the shapes are the same.
+        # A mesh with K times a number has the same shapes.
         own = np.asarray(body.stiffness, float)
         own = np.diag(own) if own.ndim == 1 else own
         pairs = (found @ turn, wanted), (turn.T @ np.diag(mesh.frequencies**2) @ turn, own)

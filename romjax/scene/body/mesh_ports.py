@@ -109,7 +109,7 @@ def _port(
     own = own[own >= 0]
     if kind == "point" and len(own) == d:
         motion = motion[:, :d]
-    # Of lengths, not of their squares: by the size of the port, so that no unit matters.
+    # The rank is that of lengths over the size of the port, so that no unit matters.
     size = np.max(np.abs(motion), axis=0)
     if not np.all(size > 0) or np.linalg.matrix_rank(motion / size, FLAT) < motion.shape[1]:
         what, remedy = ("one point", "a rim or an edge, two or more")

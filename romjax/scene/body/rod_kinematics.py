@@ -112,7 +112,8 @@ def acceleration(
         if table is not None:
             straining = straining + vector * (table @ rates)[None]
     rate = (perpendicular(at.slope) * spin + straining) @ to
-    # Of r' with ä = 0: while a section turns, its strains change, and r' itself is turned.
+    # The second rate of r' with ä = 0: while a section turns, its strains change, and r' itself is
+    # turned.
     second = (2 * perpendicular(straining) * spin - at.slope * spin**2) @ to
     # And the frame turns: the terms of Coriolis and of Huygens.
     total: Array = second + 2 * v[2] * perpendicular(rate) - v[2] ** 2 * position

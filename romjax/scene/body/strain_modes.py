@@ -62,13 +62,13 @@ class Vibrations(NamedTuple):
         full, _ = xp.linalg.qr(held.T, mode="complete")
         wide = wide @ full[:, len(held) :]
         mass, stiffness = (wide.T @ x @ wide for x in (self.mass, self.stiffness))
-        # Of the inverse problem, shifted by the rigid motion, the slow modes are the accurate ones.
+        # The inverse problem, shifted by the rigid motion, gives the slow modes accurately.
         half = xp.linalg.inv(xp.linalg.cholesky(stiffness + mass))
         inverse, vectors = xp.linalg.eigh(half @ mass @ half.T)
         free = max(rigid - len(held), 0)
         chosen = np.arange(len(mass))[::-1][free : free + count]
         inverse, vectors = inverse[chosen], vectors[:, chosen]
-        # Of modal mass one: the eigenvalues are 1 / (ω² + 1).
+        # The modal mass is one, and the eigenvalues are 1 / (ω² + 1).
         strains = (wide @ half.T @ vectors)[rigid:] / xp.sqrt(inverse)[None]
         largest = xp.argmax(xp.abs(strains), 0)
         return strains * xp.sign(strains[largest, np.arange(count)])[None], 1 / inverse - 1

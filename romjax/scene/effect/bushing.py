@@ -16,7 +16,7 @@ from ..marker import Marker, Pose, Poses, Twists, Wrenches
 from ..outline import Outline, Outlines
 from .base import AbstractMarkerEffect, check_markers, displacement
 
-# Of its directions, in the plane and in space.
+# How many directions it has in the plane and in space.
 _COUNTS = {3: "three", 6: "six"}
 
 

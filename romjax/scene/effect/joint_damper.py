@@ -15,7 +15,7 @@ from .along_motion import AbstractMotionEffect
 from .base import check_markers, displacement
 from .contact import Friction
 
-# Of ball joints, in which no direction is the joint's own.
+# The motion of ball joints, in which no direction is the joint's own.
 ANY = "any turn"
 
 

@@ -15,7 +15,7 @@ from ...linalg import quaternions
 from ..marker import Marker, Pose, Poses, check_distinct, check_markers
 from ..outline import Outlines, linked
 
-# Of joints that turn in any direction.
+# The coordinates of joints that turn in any direction.
 QUATERNION = (("w", ""), ("x", ""), ("y", ""), ("z", ""))
 
 

@@ -28,8 +28,8 @@ def tilt(a: Pose, b: Pose) -> Float[Array, "2"]:
     for small angles the angles between them [rad].
     """
     relative = quaternions.product(quaternions.conjugate(b.turn), a.turn)
-    # Of the third column of its matrix, 2 (x z + w y, y z − w x) / s, alone: joints that turn are
-    # made of it, and derivatives of one rotation are half of those of two.
+    # Only the third column of its matrix, 2 (x z + w y, y z − w x) / s, is computed: joints that
+    # turn are made of it, and derivatives of one rotation are half of those of two.
     w, xy, z = relative[0], relative[1:3], relative[3]
     across = jax.lax.rev(xy, (0,)) * np.array([1, -1], xy.dtype)
     return 2 * (z * xy + w * across) / quaternions.squared(relative)

@@ -60,7 +60,7 @@ class Greedy:
         truths = simulate_all("reduce_over", unseen, first, sharing) if unseen else []
         # By the numbers of their points; what joins the training is held out no more.
         self.truths = dict(enumerate(truths, candidates))
-        # Of the model that was looked at last, and its motions.
+        # These belong to the model that was looked at last, and to its motions.
         self.estimates, self.guesses, self.errors = np.zeros(0), np.zeros(0), np.zeros(0)
         self.reached: Run | None = None
         self.rank = 1

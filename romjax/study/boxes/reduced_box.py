@@ -19,7 +19,7 @@ from .box import Box
 
 # A model of a box is validated with this confidence.
 _CONFIDENCE = 0.95
-# Of unseen runs, the share that a factor on estimates is to cover.
+# The share of unseen runs that a factor on estimates is to cover.
 _COVERED = 0.95
 
 
@@ -168,7 +168,7 @@ def covering(errors: np.ndarray, estimates: np.ndarray) -> tuple[float, float]:
         return math.inf, 0.0
     known = np.where(errors > 0, errors, 0.0) / np.maximum(estimates, np.finfo(float).tiny)
     ratios = np.sort(known)
-    # Of n + 1 ratios that are drawn alike, the last one is above the k-th with n + 1 - k in n + 1.
+    # The last of n + 1 ratios that are drawn alike is above the k-th in n + 1 - k cases of n + 1.
     k = min(math.ceil(_COVERED * (n + 1) - 1e-9), n)
     return float(ratios[k - 1]), k / (n + 1)
 

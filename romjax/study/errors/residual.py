@@ -25,9 +25,11 @@ from ...system.structure import without_names
 
 # Errors are integrated in this unit, so that the step size control sees them beside the motion.
 _UNIT = 1e-2
-# Of violated constraints [rad/s]; the true motion satisfies the stabilised equations with any.
+# The rate at which violated constraints decay [rad/s]; the true motion satisfies the stabilised
+# equations with any.
 DECAY = 20.0
-# Of the normal equations of balance, relative: joints may repeat each other.
+# The rank of the normal equations of balance is told by this relative tolerance: joints may repeat
+# each other.
 _DEPENDENT = 1e-13
 _SWEEPS = 3
 _USUAL = 1e-6

@@ -133,7 +133,7 @@ def _of_rank(
             model = formulation.reduce(rom.full, basis)
         except (RankError, ReductionError, InputError):
             continue
-        # Of more modes than there are freedoms, minimal coordinates are these.
+        # Minimal coordinates of more modes than there are freedoms are the freedoms.
         if model.n > rom.n or formulation.name != recipe.formulation.name:
             return Finer(model, f"{formulation.name}, {rank} modes")
     return None

@@ -194,7 +194,7 @@ class _Bounds(eqx.Module):
 
     def natural(self, free: Vector) -> Vector:
         low, high, lower, upper = self.low, self.high, self.lower, self.upper
-        # Of branches that are not taken, too, derivatives must be finite.
+        # Derivatives must be finite in branches that are not taken, too.
         grown = jnp.exp(jnp.where(low != high, free, 0))
         inside = lower + (upper - lower) * jax.nn.sigmoid(free)
         beyond = jnp.where(low, lower + grown, upper - grown)

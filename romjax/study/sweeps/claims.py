@@ -77,7 +77,7 @@ class Claims:
     def _taken_over(self, file: Path) -> bool:
         """Whether the claim in the place of a void one is this process's."""
         void = file.with_suffix(f".{self.owner['key']}")
-        # Of several processes one can move it; whoever comes too late finds none, or a new one.
+        # One of several processes can move it; whoever comes too late finds none, or a new one.
         with contextlib.suppress(FileNotFoundError):
             file.replace(void)
             void.unlink()

@@ -196,7 +196,7 @@ def _chunk_of_lanes(
         ended = outcome.status == Status.SUCCESS
 
         def hide(x: jax.Array) -> jax.Array:
-            # Of a lane that failed, no number is passed on as if it were one.
+            # No number of a lane that failed is passed on as if it were one.
             return jnp.where(ended, x, jnp.nan) if _is_float(x) else x
 
         return jax.tree.map(hide, values), outcome

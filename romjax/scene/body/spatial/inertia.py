@@ -124,7 +124,7 @@ class SpatialInertia(eqx.Module):
         turning -= stretching * multiply(self.turning(bent), omega)
         modal -= stretching * multiply(omega, self.spinning(bent))
         force = -quaternions.apply_transposed(onto, turning)
-        # Of the inertia along p, whose length changes only by rounding and within iterations.
+        # The inertia along p acts where its length changes, by rounding and within iterations.
         force += length_inertia(self.moment) * (2 * r**2 / s - jnp.sum(rate**2)) / s**2 * p
         if self.centred:
             return jnp.concatenate([moving, force, -modal])

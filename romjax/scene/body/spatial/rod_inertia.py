@@ -38,7 +38,7 @@ def velocity_force(
     position, moved, turned = jacobian(line, q)
     at = sections(line, q[7:])
     own = motion(line, at, v[7:])
-    # Of ω = 2 G ṗ/s, of which Ġ ṗ is zero.
+    # The rate of ω = 2 G ṗ/s, in which Ġ ṗ is zero.
     omega = quaternions.body_angular_velocity(p, rate)[None]
     alpha = -2 * r / s * omega
     acceleration = cross(alpha, position) + own.acceleration

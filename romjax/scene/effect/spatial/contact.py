@@ -56,8 +56,8 @@ class Contact(AbstractContact):
         depth, inside, normal = self.depth(local_point(a, b))
         arm = jnp.zeros_like(normal)
         if self.radius is not None:
-            # Of the ball's material point that touches, by the axes of the ball: variations of
-            # `point` leave it where it is, derivatives of the force do not.
+            # The arm of the ball's material point that touches, by the axes of the ball: variations
+            # of `point` leave it where it is, derivatives of the force do not.
             arm = quaternions.rotate(quaternions.conjugate(a.turn), b.turned(-self.radius * normal))
 
         def point(a: Pose, b: Pose) -> Float[Array, "3"]:

@@ -61,7 +61,7 @@ class RollingDisc(AbstractRolling):
 
     def touching(self, a: Pose, b: Pose) -> Float[Array, "3"]:
         normal, axle = _axis(b), _axis(a)
-        # Of the normal what lies in the plane of the disc.
+        # The part of the normal that lies in the plane of the disc.
         upward = normal - jnp.sum(normal * axle) * axle
         return -self.radius * upward / jnp.sqrt(jnp.sum(upward**2))
 
@@ -96,7 +96,7 @@ def _slipping(poses: Poses, twists: Twists, contact: Float[Array, "3"]) -> Float
     """The velocity of the point `contact` of `a`, from its position, against `b`, along x and y."""
     (a, b), (of_a, of_b) = poses, twists
     own = of_a.velocity + jnp.cross(of_a.angular_velocity, contact)
-    # Of `b` it is the point that touches too, which its own turning moves.
+    # The point of `b` that touches moves with its turning too.
     place = a.position + contact - b.position
     other = of_b.velocity + jnp.cross(of_b.angular_velocity, place)
     return quaternions.rotate(quaternions.conjugate(b.turn), own - other)[:2]
