@@ -72,7 +72,7 @@ def test_a_rod_falls_on_its_end():
     end = rod.at((length / 2, 0.0))
     gap = rj.quantity.Travel(end, rj.ground.at(angle=np.pi / 2))
     impact = rj.Impact(gap, restitution=restitution)
-    run = moved(system, np.linspace(0.0, 0.33, 31), events=[impact])
+    run = moved(system, np.linspace(0.0, 0.33, 31), events=[impact], audit=True)
     speed = np.sqrt(2 * G * height)
     impulse = (1 + restitution) * speed * mass / (1 + mass * length**2 / (4 * inertia))
     assert int(run.events.count) == 1
@@ -81,6 +81,8 @@ def test_a_rod_falls_on_its_end():
     wanted = [0.0, -speed + impulse / mass, impulse * length / 2 / inertia]
     assert_close(np.asarray(run.events.v_after)[0], wanted, SOLVED)
     assert run.is_valid
+    # The work of the impulse is what the motion loses.
+    assert_close(run.balance.largest, 0.0, SOLVED)
 
 
 @pytest.fixture(scope="module")

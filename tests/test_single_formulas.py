@@ -17,6 +17,8 @@ from romjax.analysis.statics import Statics
 from romjax.integrate.rodas5p import RodasInterpolation
 from romjax.integrate.rodas5p_tableau import DENSE, GAMMA, A, C
 from romjax.linalg import quaternions
+from romjax.march.record import Record
+from romjax.march.transpose import Transposed, TransposedSteps
 from romjax.reduction.lift.base import differentiate
 from romjax.reduction.tables.expansion import tabulate
 from romjax.reduction.tables.frames import Frames
@@ -202,3 +204,22 @@ def test_a_step_of_rodas5p_by_its_coefficients():
     h1, h2, h3 = DENSE @ k
     wanted = 0.7 * start + 0.3 * (y + k[7] + 0.7 * (h1 + 0.3 * (h2 + 0.3 * h3)))
     assert_close(between, wanted, IDENTITY)
+
+
+@jax.jit
+def by_event(happens):
+    """The number of events before a step, and the derivative by the time of that at its end, where
+    results change with the times of two events by 2 and 5, and with the start of what follows by 3.
+    """
+    none = jnp.zeros((2, 0))
+    steps = TransposedSteps(
+        None, None, None, Record(None, jnp.array([2.0, 5.0]), *4 * [none]), None
+    )
+    later = Transposed(None, None, None, None, None, jnp.asarray(3.0), None, jnp.asarray(2))
+    number, (time, *_) = steps.at_event(happens, later)
+    return number, time
+
+
+def test_what_follows_an_event_starts_at_its_time():
+    assert_close(by_event(np.asarray(True)), (1, 5.0 + 3.0), IDENTITY)
+    assert_close(by_event(np.asarray(False)), (2, 0.0), IDENTITY)
