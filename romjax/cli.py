@@ -15,7 +15,7 @@ import jax
 import numpy as np
 from tabulate import tabulate
 
-from . import plot
+from . import command_results, plot
 from .assembly.assemble import assemble
 from .command_inputs import load, writable
 from .command_parser import parser
@@ -81,19 +81,24 @@ def _run(options: argparse.Namespace) -> int:
     ranks = options.pod_rank, options.sod_rank, example.pod_rank, example.sod_rank
     asked = any(rank is not None for rank in ranks)
     of_chapter = bool(example.published_savings) or options.all or asked
-    study, bases, status = None, None, 0
+    settings: dict[str, Any] = {
+        "rtol": _given(options.rtol, example.rtol),
+        "solver": example.solver,
+        "budget": options.budget,
+    }
+    # The figures draw both over each other.
+    ts = np.linspace(0.0, end, (REFINEMENT if of_chapter else 1) * round(end * rate) + 1)
+    key = command_results.key_of(_run, scene, end, rate, settings, of_chapter and ranks)
+    known = None if options.again else command_results.load(key)
+    studied, found, status = None, None, 0
     # Most of both studies is compiling, on one core each.
     with beside() if of_chapter else contextlib.nullcontext() as begin:
-        studied = None if begin is None else begin(_of_chapter, options)
-        result = reductions(
-            scene,
-            # The figures draw both over each other.
-            np.linspace(0.0, end, (REFINEMENT if of_chapter else 1) * round(end * rate) + 1),
-            rtol=_given(options.rtol, example.rtol),
-            solver=example.solver,
-            budget=options.budget,
-            progress=True,
-        )
+        if known is None:
+            studied = None if begin is None else begin(_of_chapter, options)
+            result = reductions(scene, ts, progress=True, **settings)
+        else:
+            result, found, day = known
+            print(f"measured on {day} by the same command; --again measures anew")
         print(result.summary(options.all), flush=True)
         drawn = report.draw(result, scene, example, folder, not options.no_animation, begin)
         if studied is not None:
@@ -103,9 +108,11 @@ def _run(options: argparse.Namespace) -> int:
             found, status = _told(studied)
             if found is None:
                 drawn = drawn._replace(filmed=None)  # that process may be no more
-            else:
-                study, bases = found
-                print(f"\n{chapter.summary(study, example)}")
+        if known is None and status == 0:
+            command_results.store(key, result, found)
+        study, bases = found or (None, None)
+        if study is not None:
+            print(f"\n{chapter.summary(study, example)}")
         files = report.write(result, study, scene, example, folder, drawn, bases)
     print(f"\nWrote {files[0]}, a page with all of it, and beside it:")
     print(textwrap.fill(", ".join(file.name for file in files[1:]), 80))

@@ -31,7 +31,8 @@ def _add_run(verbs: Any) -> None:
         description="Simulate a scene, try the reductions that its structure suggests, judge them "
         "on starts that they have not seen, print the table with the recommended one first, and "
         "write a page, report.html, with the moving mechanism and all figures; beside it figures "
-        "(PNG), an animation (GIF) and the trajectories (CSV). Ctrl-C ends the trials.",
+        "(PNG), an animation (GIF) and the trajectories (CSV). Ctrl-C ends the trials. The same "
+        "command shows the same table again, with the day on which it was measured.",
     )
     _add_scene(run)
     run.add_argument("--rate", type=float, metavar="HZ", help="sample rate (that of the scene)")
@@ -51,6 +52,9 @@ def _add_run(verbs: Any) -> None:
     )
     run.add_argument(
         "--all", action="store_true", help="show all models, and POD and SOD as in the chapter"
+    )
+    run.add_argument(
+        "--again", action="store_true", help="measure anew what the same command has measured"
     )
     run.add_argument("--no-animation", action="store_true", help="leave out the animation")
 

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 import types
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -23,6 +24,19 @@ from romjax.common.beside import beside
 from romjax.gallery import EXAMPLES
 
 WIDTH = 80  # columns of a terminal
+# A scene with a class of the user's own.
+OWN = """
+import romjax as rj
+
+
+class Pull(rj.AbstractSignal):
+    def __call__(self, t):
+        return 1.0 + t
+
+
+mass = rj.RigidBody("mass", 1.0, 1.0)
+scene = rj.Scene([mass], [], [rj.Force(mass.at(), (1.0, 0.0), Pull())])
+"""
 
 
 @pytest.mark.instant
@@ -88,7 +102,7 @@ def test_run_cart_pendulum(tmp_path):
     result = subprocess.run(
         [
             *(sys.executable, "-m", "romjax", "run", "cart-pendulum"),
-            *("--budget", "15", "--out", str(tmp_path)),
+            *("--budget", "15", "--out", str(tmp_path), "--again"),
         ],
         capture_output=True,
         text=True,
@@ -120,6 +134,58 @@ def test_run_cart_pendulum(tmp_path):
         rows = list(csv.reader(file))
     assert rows[0][:2] == ["t", "cart.x"]
     assert np.array(rows[1:], float).shape == (301, 1 + 8 + 8 + 4)
+    # The same command shows the same, and says so.
+    (tmp_path / "report.html").unlink()
+    again = subprocess.run(
+        result.args[:-1], capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    assert again.pop(2).startswith("measured on ")
+    assert again == lines
+    assert (tmp_path / "report.html").read_text("utf-8").count("<img") == 6
+
+
+class Told(NamedTuple):
+    """The result of a study, as far as the command asks it."""
+
+    number: int
+    skipped: dict[str, str]
+
+    def summary(self, every):
+        return f"study {self.number}"
+
+
+@pytest.mark.instant
+def test_the_same_command_measures_once(tmp_path, capsys, monkeypatch):
+    """Unless it is told to; whatever changes the answer is another question, as are scenes with a
+    class of the user's own, and what Ctrl-C has ended is no answer.
+    """
+    numbers, skipped = iter(range(100)), {}
+
+    def shown(*arguments):
+        assert main(["run", *arguments, "--out", str(tmp_path)]) == 0
+        first, second, *_ = capsys.readouterr().out.splitlines()[2:]
+        if first.startswith("measured on "):
+            assert first.endswith(" by the same command; --again measures anew")
+            return int(second.split()[1]), True
+        assert second == ""
+        return int(first.split()[1]), False
+
+    monkeypatch.setenv("ROMJAX_CACHE_DIR", str(tmp_path / "caches"))
+    monkeypatch.setattr(cli, "assemble", lambda scene: types.SimpleNamespace(n=1, m=0))
+    monkeypatch.setattr(cli, "reductions", lambda *_, **__: Told(next(numbers), skipped))
+    monkeypatch.setattr(cli.report, "draw", lambda *_: None)
+    monkeypatch.setattr(cli.report, "write", lambda *_: [tmp_path / "report.html"])
+    assert [shown("chain"), shown("chain")] == [(0, False), (0, True)]
+    assert shown("chain", "--again") == (1, False)
+    assert shown("chain", "--no-animation") == (1, True)
+    assert shown("chain", "--budget", "3") == (2, False)
+    assert shown("four-bar") == (3, False)
+    (tmp_path / "own.py").write_text(OWN)
+    assert shown(str(tmp_path / "own.py")) == (4, False)
+    assert shown(str(tmp_path / "own.py")) == (5, False)
+    skipped["the rest"] = "interrupted"
+    assert shown("jansen") == (6, False)
+    assert shown("jansen") == (7, False)
 
 
 @pytest.mark.slow
@@ -195,7 +261,7 @@ def test_what_is_measured_is_kept_without_the_study(
     drawn = cli.report.Drawn({}, None, lambda: None)
     monkeypatch.setattr(cli.report, "draw", lambda *_: drawn)
     monkeypatch.setattr(cli.report, "write", write)
-    assert main(["run", "cart-pendulum", "--out", str(tmp_path)]) == status
+    assert main(["run", "cart-pendulum", "--out", str(tmp_path), "--again"]) == status
     told = capsys.readouterr()
     assert "what pays" in told.out
     assert "Wrote" in told.out

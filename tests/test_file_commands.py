@@ -140,4 +140,4 @@ def test_a_file_runs(crank, tmp_path, monkeypatch):
 
     monkeypatch.setattr(cli, "reductions", study)
     with pytest.raises(EnoughError):
-        main(["run", str(crank), "--out", str(tmp_path / "out"), "--no-animation"])
+        main(["run", str(crank), "--out", str(tmp_path / "out"), "--no-animation", "--again"])

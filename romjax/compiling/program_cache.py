@@ -43,9 +43,10 @@ _VERSIONED = frozenset(_PACKAGES) | sys.stdlib_module_names
 # All programs together, in bytes: some hundred structures.
 _LARGEST = 2**30
 # The files of programs, and those that say which program a call leads to; no others are touched.
-# And the libraries that models were compiled to by the user's own compiler.
-_PROGRAM, _CALL, _LIBRARY = ".program", ".call", ".library"
-_OWN = re.compile(r"[0-9a-f]{64}\.(program|call|library)")
+# And the libraries that models were compiled to by the user's own compiler, and what commands have
+# measured.
+_PROGRAM, _CALL, LIBRARY, RESULT = ".program", ".call", ".library", ".result"
+_OWN = re.compile(r"[0-9a-f]{64}\.(program|call|library|result)")
 # Counts the ways in which programs were written, of which this version reads the last.
 _WRITING = b"2"
 # Bytes since the folder was last looked through; more than any number at first.
@@ -131,14 +132,14 @@ def store(text: str, compiled: Any) -> None:
     _write(file, content)
 
 
-def load_library(key: str | None) -> bytes | None:
-    """The bytes of a shared library, by its key; None if there is none."""
-    return _read(_file(key, _LIBRARY))
+def load_content(key: str | None, ending: str) -> bytes | None:
+    """The bytes of a `LIBRARY` or a `RESULT`, by its key; None if there are none."""
+    return _read(_file(key, ending))
 
 
-def store_library(key: str | None, content: bytes) -> None:
-    """Keep the bytes of a shared library, by its key."""
-    file = _file(key, _LIBRARY)
+def store_content(key: str | None, content: bytes, ending: str) -> None:
+    """Keep the bytes of a `LIBRARY` or a `RESULT`, by its key."""
+    file = _file(key, ending)
     if file is not None:
         _write(file, content)
 

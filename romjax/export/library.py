@@ -45,10 +45,10 @@ def compiled(source: str, flags: tuple[str, ...] = FLAGS) -> bytes:
     """
     command = compiler()
     key = program_cache.key_of_text(source, command, _version(command), flags)
-    content = program_cache.load_library(key)
+    content = program_cache.load_content(key, program_cache.LIBRARY)
     if content is None:
         content = _compiled(source, (*command, *flags))
-        program_cache.store_library(key, content)
+        program_cache.store_content(key, content, program_cache.LIBRARY)
     return content
 
 
