@@ -28,7 +28,23 @@ FLOORS = record.floors()["verification"]
 # Of every kind one; what takes long, or what other tests show of a mechanism of their own, is left
 # to the program that measures all of them.
 FAST = {"cart and pendulum", "hanging bars"}
+# Of which tests of the parts that they are about have the same numbers.
+ELSEWHERE = {
+    *("damped pendulum", "upright pendulum", "disk seen turning"),  # test_modes
+    "floating platform",  # test_modes_in_space
+    "bob that is pushed",  # test_equilibrium_in_space
+    "passage through the lowest point",  # test_events, the period of a pendulum
+    "restitution of a contact",  # test_contact
+    *("heavy top", "free body"),  # test_spatial
+    "frequencies of a building",  # test_frequencies
+    "rod that is rolled up",  # test_rods
+    "cantilever of welded beams",  # test_welded_beams
+    "free beam",  # test_oracle
+    "whirl of a rigid rotor",  # test_turning_in_space
+    *("elastica at 1", "elastica at 2", "elastica at 5"),  # that at 10 here, those of test_beams
+}
 LONG = {
+    *ELSEWHERE,
     "pendulum",
     "bouncing ball",
     "two four-bars",
