@@ -172,8 +172,16 @@ def _joined(first: float, x: Triple) -> Quaternion:
 
 
 def _signed(p: Quaternion, signs: list[list[int]]) -> Float[Numbers, "... rows 4"]:
-    order = np.array(_ORDER[-len(signs) :], np.uint32)
-    return p[..., order] * _constant(signs, p)
+    if isinstance(p, np.ndarray):
+        return p[..., np.array(_ORDER[-len(signs) :])] * _constant(signs, p)
+    # In row i and column j stands entry i XOR j, so that rows are p with axes of two turned round.
+    # The transpose of an index of arrays would be a loop over all entries, a dozen times in the
+    # derivatives of a joint.
+    last = p.ndim
+    square = jax.lax.reshape(p, (*p.shape[:-1], 2, 2))
+    turned = [jax.lax.rev(square, axes) for axes in ((last,), (last - 1,), (last - 1, last))]
+    rows = jax.lax.concatenate([square, *turned][-len(signs) :], last - 1)
+    return jax.lax.reshape(rows, (*p.shape[:-1], len(signs), 4)) * _constant(signs, p)
 
 
 def _constant(values: Any, x: Float[Numbers, "... k"]) -> np.ndarray:
